@@ -6,6 +6,11 @@ import numpy as np
 import numpy.typing as npt
 from msgspec import UNSET, Struct, UnsetType
 
+from truearc.hw.fault_codes import ERROR_BITS
+from truearc.hw.reason import Code, Reason
+
+ErrorTable = tuple[tuple[int, Code], ...]         # bit of a controller's error field, and its meaning
+
 
 class MotorReading(Struct, frozen=True):
     """Newest state of one motor axis. Each group of signals has its own stamp; 0 means never heard.
@@ -58,3 +63,10 @@ class CameraFrame:
 
     t_ns: int
     image: npt.NDArray[np.uint8]      # (height, width, 3), BGR
+
+
+def errors_in(bits: int, table: ErrorTable) -> tuple[Reason, ...]:
+    """Return the errors of a bit field; the bits that the table lacks come last, as one number."""
+    unnamed = bits & ~sum(bit for bit, _ in table)
+    known = tuple(code() for bit, code in table if bits & bit)
+    return (*known, ERROR_BITS(bits=unnamed)) if unnamed else known

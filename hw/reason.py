@@ -16,6 +16,7 @@ OPTIONAL = "?"                        # at the end of a parameter's unit: it may
 LARGEST = sys.float_info.max          # what is beyond is not finite
 WITHOUT_NUMBERS = {"text", "count", "flag", "motor", "device", "texts", "counts", "reason", "reasons"}
 NESTED = "~"                          # in a template's format: stands for the parameter's text, where there is one
+LISTED = ","                          # the format of several that commas separate
 FAULT = "fault"                       # something is not as it should be
 YOU = "you"                           # it is the driver's turn
 WAIT = "wait"                         # comes by itself
@@ -69,7 +70,7 @@ class Message(Struct, frozen=True):
 
     kind: FAULT, YOU or WAIT.
     means, do: templates over the reason's parameters; `do` is "" where there is nothing to do.
-    case: only where this is the name of the reason's cause, or the single error of a motor; "": otherwise.
+    case: only where this is the code of the reason's cause, or of a motor's single error; "": otherwise.
     """
 
     code: Code
@@ -104,6 +105,11 @@ def fill(template: str, params: Mapping[str, Any], codes: Mapping[str, Code]) ->
     return template.format_map(defaultdict(lambda: _Shown(None, codes), shown))
 
 
+def listed(values: Iterable[Any], codes: Mapping[str, Code]) -> str:
+    """Texts of several, with commas between them."""
+    return ", ".join(_text(one, codes) for one in values)
+
+
 class _Shown:
     """A parameter's value under a template's format."""
 
@@ -115,6 +121,8 @@ class _Shown:
             return ""
         if isinstance(self._value, int | float) and NESTED not in form:
             return format(self._value, form)
+        if form == LISTED:
+            return listed(self._value, self._codes)
         text = _text(self._value, self._codes)
         return form.replace(NESTED, text) if NESTED in form else text
 

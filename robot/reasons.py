@@ -43,7 +43,7 @@ DEVICE_FAULTS_NEVER_RECEIVED = Code("device_faults_never_received", "{device}: n
 DEVICE_FAULTS_STALE = Code("device_faults_stale", "{device}: no fault report for {age_s:.2f} s",
                            {"device": "device", "age_s": "s"})
 MOTOR_NOT_FINITE = Code("motor_not_finite", "{motor}: non-finite reading", {"motor": "motor"})
-MOTOR_ERROR = Code("motor_error", "{motor}: {errors}", {"motor": "motor", "errors": "texts"})
+MOTOR_ERROR = Code("motor_error", "{motor}: {errors:,}", {"motor": "motor", "errors": "reasons"})
 MOTOR_NOT_DRIVEN = Code("motor_not_driven", "{motor}: not under control (state {state})",
                         {"motor": "motor", "state": "count"})
 MAGNET_LOST = Code("magnet_lost", "hood encoder: magnet out of range")

@@ -29,7 +29,8 @@ from truearc.robot import reasons as bot
 
 SILENT = says(bot.DEVICE_STALE)
 BAD_SPEED = says(bot.BAD_FRAME, cause=says(hw.FRAME_VALUE, signal="velocity_rev_s"))
-WATCHDOG, SPINOUT = (says(bot.MOTOR_ERROR, errors=(word,)) for word in ("watchdog expired", "spinout"))
+WATCHDOG, SPINOUT = (says(bot.MOTOR_ERROR, errors=(error(),))
+                     for error in (hw.ERROR_WATCHDOG_EXPIRED, hw.ERROR_SPINOUT))
 FROZEN = says(bot.CAMERA_LOST, cause=says(hw.CAMERA_FROZEN))
 NO_VISION = says(bot.CAMERA_LOST, cause=says(hw.PROCESS_KILLED, hw.PROCESS_STARTING, process="vision"))
 PRESSES_LOST = says(bot.DISARMED_BY_BOX, cause=says(hw.BOX_PRESSES_LOST))

@@ -42,5 +42,5 @@ def _fits(wanted: Any, value: Any) -> bool:
     if isinstance(wanted, tuple) and any(isinstance(one, Sign) for one in wanted):
         return isinstance(value, Reason) and find(wanted, (value,)) is not None
     if isinstance(wanted, tuple):
-        return isinstance(value, tuple | list) and set(wanted) <= set(value)
+        return isinstance(value, tuple | list) and all(one in value for one in wanted)
     return bool(value == wanted)

@@ -6,8 +6,6 @@ from benchmarks.matrix.breaking import Device, Inside, Process, Wire
 from benchmarks.matrix.row import BEAT_S, DEVICES, HUGE, ITSELF, KEEPS, NAN, REARM, STALE_S, TURNS_AT, Row, tell_wanted
 from benchmarks.matrix.signs import Signs, of, says
 from truearc.hw import fault_codes as hw
-from truearc.hw.devices.spark.frames import ERROR_WORDS, HAS_RESET
-from truearc.hw.devices.spark.frames import LOCKED as LOCKED_BIT
 from truearc.robot import reasons as bot
 
 FAULTS_S = 1.15                       # what a SPARK says of its faults may be 1 s old
@@ -18,14 +16,14 @@ STATUSES = {"STATUS_0": (says(bot.DEVICE_HEARTBEAT_STALE), BEAT_S, 0.6),
             "STATUS_1": (says(hw.SPARK_FAULTS_STALE, bot.DEVICE_FAULTS_STALE, bot.DEVICE_FAULTS_NEVER_RECEIVED),
                          FAULTS_S, 1.6),
             "STATUS_2": (SILENT, STALE_S, 0.6)}
-TROUBLES = (("flywheel_b", "too hot", "too hot", "too hot"),
-            ("hood", "gate driver fault", "gate driver", "gate driver"),
-            ("feeder", "sensor fault", "sensor", "sensor"),
-            ("flywheel_a", "a fault that came and went (sticky)", "came and went", "gate driver"))
+TROUBLES = (("flywheel_b", "too hot", "too hot", hw.ERROR_OVER_TEMPERATURE),
+            ("hood", "gate driver fault", "gate driver", hw.ERROR_GATE_DRIVER),
+            ("feeder", "sensor fault", "sensor", hw.ERROR_SENSOR),
+            ("flywheel_a", "a fault that came and went (sticky)", "came and went", hw.ERROR_GATE_DRIVER))
 
 
 WHOSE = {"motor", "device"}
-RESET, LOCKED = (says(bot.MOTOR_ERROR, errors=(word,)) for bit, word in ERROR_WORDS if bit in (HAS_RESET, LOCKED_BIT))
+RESET, LOCKED = (says(bot.MOTOR_ERROR, errors=(error(),)) for error in (hw.ERROR_HAS_RESET, hw.ERROR_LOCKED))
 
 
 def _frames(launcher: str, names: tuple[str, ...]) -> list[Row]:
@@ -53,7 +51,7 @@ def _frames(launcher: str, names: tuple[str, ...]) -> list[Row]:
 
 
 def _inside() -> list[Row]:
-    rows = [_row("spark", name, words, "fault", Inside(name, what), says(bot.MOTOR_ERROR, errors=(error,)), TOLD_S,
+    rows = [_row("spark", name, words, "fault", Inside(name, what), says(bot.MOTOR_ERROR, errors=(error(),)), TOLD_S,
                  REARM) for name, words, what, error in TROUBLES]
     rows += [_row("spark", name, "reset, its settings forgotten", "settings lost", Inside(name, "settings lost"),
                   (*SILENT, *RESET), TOLD_S, REARM) for name in ("flywheel_a", "hood")]
@@ -101,7 +99,7 @@ def _advice() -> list[Row]:
         *_frames("advisory", ("flywheel_a",)),
         _row("advisory", "hood", "no frames", "lost", Device("hood", "silent"), SILENT, STALE_S),
         _row("advisory", "feeder", "gate driver fault", "fault", Inside("feeder", "gate driver"),
-             says(bot.MOTOR_ERROR, errors=("gate driver",)),
+             says(bot.MOTOR_ERROR, errors=(hw.ERROR_GATE_DRIVER(),)),
              TOLD_S),
         _row("advisory", "hood_encoder", "no frames", "lost", Device("hood_encoder", "silent"), SILENT, STALE_S),
         Row("advice only: its own controller commands and keeps its heartbeat", "strangers",

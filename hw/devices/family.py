@@ -15,7 +15,7 @@ from truearc.hw.finding import Finding
 from truearc.hw.motor import Motor
 from truearc.hw.protocols import Frame
 from truearc.hw.readings import MotorReading
-from truearc.hw.reason import Message
+from truearc.hw.reason import Message, Reason
 
 AxisKind = TypeVar("AxisKind", bound=Axis)
 
@@ -56,12 +56,12 @@ class MotorFamily(Struct, Generic[AxisKind], frozen=True, kw_only=True, eq=False
     is_commanded: whether the robot commands its motors; if not, `make_rules` allows nothing.
     make_motors: drivers of all its axes on one bus, in their order; they may share a heartbeat.
     make_rules: from an axis, and how often within WINDOW_NS a frame may be sent that each tick sends once.
-    error_words: what the device reports as wrong with it, as text; empty when it is healthy. Called in the tick.
+    errors: what the device reports as wrong with it; empty when it is healthy. Called in the tick.
     is_driven: whether the device does as it is asked. Called in the tick.
     questions: what the doctor asks of the device; no answer may need a change of it.
     examine: the doctor's findings from what was heard on the bus.
     make_node: the emulated device.
-    messages: reasons that are its own, named "DRIVER.WHAT": their codes, and what the operator's page says of them.
+    messages: reasons and errors that are its own, named "DRIVER.WHAT": their codes, and what the operator's page says.
     """
 
     driver: str
@@ -71,7 +71,7 @@ class MotorFamily(Struct, Generic[AxisKind], frozen=True, kw_only=True, eq=False
     is_commanded: bool
     make_motors: Callable[[Sequence[AxisKind]], Sequence[Motor]]
     make_rules: Callable[[AxisKind, int], Rules]
-    error_words: Callable[[AxisKind, MotorReading], tuple[str, ...]]
+    errors: Callable[[AxisKind, MotorReading], tuple[Reason, ...]]
     is_driven: Callable[[AxisKind, MotorReading], bool]
     questions: Callable[[AxisKind, Endpoints | None], Sequence[Frame]]
     examine: Callable[[AxisKind, AxisCheck, Heard], Iterable[Finding]]

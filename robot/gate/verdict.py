@@ -86,8 +86,8 @@ def _motor(name: str, axis: Axis, motor: MotorReading, t_ns: int, gate: GateConf
     if not all(map(math.isfinite, (motor.position_rad, motor.velocity_rad_s, motor.current_a, motor.bus_v))):
         return [because.MOTOR_NOT_FINITE(motor=name)]
     family = family_of(axis)
-    if words := family.error_words(axis, motor):
-        return [because.MOTOR_ERROR(motor=name, errors=words)]
+    if errors := family.errors(axis, motor):
+        return [because.MOTOR_ERROR(motor=name, errors=errors)]
     if not family.is_driven(axis, motor):
         return [because.MOTOR_NOT_DRIVEN(motor=name, state=motor.axis_state)]
     return []

@@ -93,17 +93,19 @@ DEVICES = (
     Message(bot.MOTOR_NOT_FINITE, FAULT, "{motor}: non-finite reading",
             "switch its power off and on; if it comes back: look at its controller"),
     Message(bot.MOTOR_ERROR, FAULT, "{motor}: stopped by its watchdog (no commands received)", REARM,
-            "watchdog expired"),
-    Message(bot.MOTOR_ERROR, FAULT, "{motor}: emergency stop", f"release it, then {REARM}", "estop requested"),
-    Message(bot.MOTOR_ERROR, FAULT, "{motor}: voltage too low", "battery charged? plugs tight?", "bus under voltage"),
-    *(Message(bot.MOTOR_ERROR, FAULT, "{motor}: {errors}", "let it cool down", error)
-      for error in ("motor too hot", "inverter too hot", "too hot")),
+            hw.ERROR_WATCHDOG_EXPIRED.name),
+    Message(bot.MOTOR_ERROR, FAULT, "{motor}: emergency stop", f"release it, then {REARM}",
+            hw.ERROR_ESTOP_REQUESTED.name),
+    Message(bot.MOTOR_ERROR, FAULT, "{motor}: voltage too low", "battery charged? plugs tight?",
+            hw.ERROR_DC_BUS_UNDER_VOLTAGE.name),
+    *(Message(bot.MOTOR_ERROR, FAULT, "{motor}: {errors:,}", "let it cool down", error.name)
+      for error in (hw.ERROR_MOTOR_OVER_TEMPERATURE, hw.ERROR_INVERTER_OVER_TEMPERATURE, hw.ERROR_OVER_TEMPERATURE)),
     Message(bot.MOTOR_ERROR, FAULT, "{motor}: its controller has restarted", f"look at its power plug, then {REARM}",
-            "reset (was the supply interrupted?)"),
+            hw.ERROR_HAS_RESET.name),
     Message(bot.MOTOR_ERROR, FAULT, "{motor}: obeys a competition controller",
             "take that off the bus, then switch the motor's power off and on",
-            "locked to a competition controller until its power is cycled"),
-    Message(bot.MOTOR_ERROR, FAULT, "{motor}: its controller reports {errors}",
+            hw.ERROR_LOCKED.name),
+    Message(bot.MOTOR_ERROR, FAULT, "{motor}: its controller reports {errors:,}",
             f"{REARM}; if it comes back: look at that motor"),
     Message(hw.SPARK_FIRMWARE_UNKNOWN, FAULT, "{motor}: SPARK {spark} does not respond",
             "powered? CAN plug in? the right number?"),
@@ -199,17 +201,15 @@ def tell(reasons: Iterable[Reason]) -> tuple[Told, ...]:
 def find_message(reason: Reason) -> Message | None:
     """The message for a reason; None where there is none."""
     case = _case(reason)
+    own = find_messages(case if reason.code == bot.MOTOR_ERROR.name else reason.code)
     rank = RANKS.get((reason.code, case), RANKS.get((reason.code, "")))
-    if rank is not None:
-        return MESSAGES[rank]
-    return next((message for message in find_messages(reason.code) if message.case in ("", case)), None)
+    return next((message for message in own if message.case in ("", case)), None if rank is None else MESSAGES[rank])
 
 
 def _case(reason: Reason) -> str:
     cause, errors = reason.params.get("cause"), reason.params.get("errors", ())
-    if isinstance(cause, Reason):
-        return cause.code
-    return str(errors[0]) if isinstance(errors, tuple | list) and len(errors) == 1 else ""
+    only = errors[0] if isinstance(errors, tuple | list) and len(errors) == 1 else cause
+    return only.code if isinstance(only, Reason) else ""
 
 
 def _differing(reason: Reason) -> tuple[object, ...]:

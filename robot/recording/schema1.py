@@ -20,8 +20,6 @@ from typing import Any
 import msgspec
 
 from truearc.hw import fault_codes as hw
-from truearc.hw.devices.odrive import frames as odrive
-from truearc.hw.devices.spark import frames as spark
 from truearc.hw.reason import OPTIONAL, Code, Reason
 from truearc.robot import reasons as bot
 from truearc.robot.recording.rows import Trial
@@ -36,12 +34,7 @@ IDENTIFY = "identify: "               # before what Progress.over says
 STAND = re.compile(r"stand at (-?[\d.]+) m")
 # Faults of the button box in Inputs.missed and what follows from it
 MISSED = {hw.BOX_RESTARTED.name: "has restarted", hw.BOX_PRESSES_LOST.name: "lost presses"}
-OLD_WORDS = {
-    "reset (was the supply interrupted?)": "has reset (was the supply interrupted?)",
-    "locked to a competition controller until its power is cycled":
-    "locked to a competition controller's heartbeat: it obeys nobody else until its power is cycled"}    # prose: allow
-NEW_WORDS = {old: new for new, old in OLD_WORDS.items()}
-ERRORS = {word for _, word in (*odrive.ERROR_WORDS, *spark.ERROR_WORDS)}
+BITS = re.compile("error 0x([0-9a-f]{8})")
 
 
 @dataclass(frozen=True)
@@ -69,9 +62,18 @@ class Form:
 @cache
 def load_forms() -> tuple[Form, ...]:
     """Return the sentences in the order in which they are tried."""
-    text = (files("truearc.robot.recording") / "schema1_sentences.toml").read_text(encoding="utf-8")
     return tuple(Form(bot.BY_NAME[row["code"]], row["template"], row.get("fixed", {}), row.get("within", ""))
-                 for row in tomllib.loads(text)["sentence"])
+                 for row in tomllib.loads(_frozen())["sentence"])
+
+
+@cache
+def load_errors() -> dict[str, str]:
+    """Return the words of motors' errors, by their codes."""
+    return dict(tomllib.loads(_frozen())["errors"])
+
+
+def _frozen() -> str:
+    return (files("truearc.robot.recording") / "schema1_sentences.toml").read_text(encoding="utf-8")
 
 
 class Rows1:
@@ -135,18 +137,9 @@ def read(sentence: str, within: str = "") -> Reason:
         if form.within in ("", within) and (match := form.pattern.fullmatch(sentence)):
             params = {name: _read_value(text, form, name) for name, text in match.groupdict().items()}
             reason = Reason(form.code.name, _in_order(form.code, {**params, **form.fixed}))
-            if write(reason) == sentence and _is_known(reason):
+            if write(reason) == sentence:
                 return reason
     return bot.LEGACY_TEXT(text=sentence)
-
-
-def _is_known(reason: Reason) -> bool:
-    """An error of a motor is one of its device's own words; other sentences begin with a motor's name, too."""
-    if reason.code != bot.MOTOR_ERROR.name:
-        return True
-    errors = reason.params["errors"]
-    return isinstance(errors, tuple) and all(one in ERRORS or re.fullmatch("error 0x[0-9a-f]{8}", str(one))
-                                             for one in errors)
 
 
 def _in_order(code: Code, params: dict[str, Any]) -> dict[str, Any]:
@@ -170,9 +163,9 @@ def _read_value(text: str, form: Form, name: str) -> Any:
         case "reason":
             return _read_box(text) if spec == "box" else read(text, form.code.name)
         case "reasons":
-            return _read_several(text)
+            return _read_errors(text) if spec == "errors" else _read_several(text)
         case "texts":
-            return tuple(NEW_WORDS.get(word, word) for word in text.split(", "))
+            return tuple(text.split(", "))
         case "counts":
             return tuple(int(word) if word.isdecimal() else word for word in text.split(", "))
         case "count" | "px":
@@ -209,14 +202,28 @@ def _write_value(value: Any, spec: str) -> str:
     if isinstance(value, Reason):
         return _write_box(value) if spec == "box" else write(value)
     if isinstance(value, tuple | list):
+        if spec == "errors":
+            return ", ".join(map(_write_error, value))
         between = "; " if any(isinstance(one, Reason) for one in value) else ", "
-        return between.join(write(one) if isinstance(one, Reason) else OLD_WORDS.get(str(one), str(one))
-                            for one in value)
+        return between.join(write(one) if isinstance(one, Reason) else str(one) for one in value)
     if spec == "bytes":
         return repr(str(value).encode("latin-1", "replace"))
     if spec == "ms":
         return format(float(value) * 1e3, ".1f")
     return format(float(value), spec) if spec.endswith(FLOAT_FORMS) else str(value)
+
+
+def _read_errors(text: str) -> tuple[Reason, ...]:
+    """Errors of a motor; empty where one of the words is none, for other sentences begin with a motor's name, too."""
+    codes = {word: code for code, word in load_errors().items()}
+    words = text.split(", ")
+    if not all(word in codes or BITS.fullmatch(word) for word in words):
+        return ()
+    return tuple(Reason(codes[word]) if word in codes else hw.ERROR_BITS(bits=int(word[-8:], 16)) for word in words)
+
+
+def _write_error(error: Any) -> str:
+    return load_errors().get(error.code) or bot.text(error)
 
 
 def _write_box(reason: Reason) -> str:

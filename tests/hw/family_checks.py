@@ -8,6 +8,7 @@ import pytest
 
 from tests.hw.dbc_facts import limits, messages
 from tests.hw.spinning_plant import SpinningPlant
+from truearc.hw import fault_codes
 from truearc.hw.codec import Codec, read_codec
 from truearc.hw.devices.axis import Axis, driver_of
 from truearc.hw.devices.family import AttachedMotor, AxisCheck, MotorFamily
@@ -16,6 +17,7 @@ from truearc.hw.finding import FAILURE, OK, WARNING
 from truearc.hw.monitor import kind_of
 from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.readings import MotorReading
+from truearc.hw.reason import render
 from truearc.hw.tx_allowlist import AllowList
 from truearc.robot.config.schema import read_axis
 
@@ -148,10 +150,11 @@ def check_bus_rules(family: Family) -> None:
 
 
 def check_errors(family: Family) -> None:
-    """Bits of its errors have text; a healthy device has none."""
-    words = [family.error_words(family.example, MotorReading(axis_error=1 << bit)) for bit in range(32)]
-    assert any(words) and all(isinstance(word, str) and word for some in words for word in some)
-    assert family.error_words(family.example, MotorReading()) == ()
+    """Bits of its errors have codes, truearc's or its own, and these have text; a healthy device has none."""
+    errors = [family.errors(family.example, MotorReading(axis_error=1 << bit)) for bit in range(32)]
+    codes = fault_codes.BY_NAME | {message.code.name: message.code for message in family.messages}
+    assert any(errors) and all(render(error, codes) not in ("", error.code) for some in errors for error in some)
+    assert family.errors(family.example, MotorReading()) == ()
 
 
 def check_doctor(family: Family) -> None:

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.hw.dbc_facts import is_float, length, limits, messages
+from truearc.hw import fault_codes as hw
 from truearc.hw.codec import load_codec
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.frames import OdriveAxis
@@ -60,7 +61,7 @@ def test_each_group_has_its_own_stamp_and_leaves_the_others_alone() -> None:
     reading = odrive.parse(axis, frame(axis, 0x05, bytes([0, 0x54, 0x02, 0, 1, 0, 0, 0]), 14), reading)
     assert reading == MotorReading(heartbeat_t_ns=11, axis_state=8, axis_error=0x01000000, current_t_ns=12,
                                    current_a=-4.5, bus_t_ns=13, bus_v=12.5, endstop_t_ns=14, endstop=True)
-    assert odrive.error_words(reading.axis_error) == ("watchdog expired",)
+    assert odrive.errors_of(reading.axis_error) == (hw.ERROR_WATCHDOG_EXPIRED(),)
 
 
 def test_a_limit_switch_answer_may_be_one_byte_and_is_only_ours() -> None:
@@ -74,9 +75,10 @@ def test_a_limit_switch_answer_may_be_one_byte_and_is_only_ours() -> None:
 def test_errors_come_from_the_error_frame_too() -> None:
     axis = OdriveAxis(2, 1)
     reading = odrive.parse(axis, frame(axis, 0x03, struct.pack("<II", 0x200, 0x02000000)), MotorReading())
-    assert odrive.error_words(reading.axis_error) == ("bus under voltage", "estop requested")
-    assert odrive.error_words(0x80000000) == ("error 0x80000000",)
-    assert odrive.error_words(0) == ()
+    assert odrive.errors_of(reading.axis_error) == (hw.ERROR_DC_BUS_UNDER_VOLTAGE(),
+                                                     hw.ERROR_ESTOP_REQUESTED())
+    assert odrive.errors_of(0x80000000) == (hw.ERROR_BITS(bits=0x80000000),)
+    assert odrive.errors_of(0) == ()
 
 
 @pytest.mark.parametrize("data", [b"", bytes(7), bytes(9), struct.pack("<ff", math.nan, 0.0),

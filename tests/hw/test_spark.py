@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.hw.dbc_facts import length, messages
+from truearc.hw import fault_codes as hw
 from truearc.hw.codec import load_codec
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.frames import SparkAxis
@@ -75,8 +76,8 @@ def test_a_lock_is_an_error_until_it_is_gone_and_faults_are_kept_apart() -> None
     axis, reading = SparkAxis(5, 1), MotorReading()
     reading = spark.parse(axis, frame(0x0205B840, axis, bytes([0x10, 0, 0, 0x08, 0, 0x40, 0, 0])), reading)
     reading = spark.parse(axis, frame(0x0205B800, axis, bytes([0, 0, 0, 0, 0, 0, 0x20, 0])), reading)
-    assert [word.split(" (")[0].split(":")[0] for word in spark.error_words(reading.axis_error)] == [
-        "CAN", "too hot", "reset", "locked to a competition controller until its power is cycled"]
+    assert spark.errors_of(reading.axis_error) == (hw.ERROR_CAN(), hw.ERROR_OVER_TEMPERATURE(), hw.ERROR_HAS_RESET(),
+                                                   hw.ERROR_LOCKED())
     reading = spark.parse(axis, frame(0x0205B840, axis, bytes(8)), reading)
     assert reading.axis_error == spark.LOCKED
     assert spark.parse(axis, frame(0x0205B800, axis, bytes(8)), reading).axis_error == 0

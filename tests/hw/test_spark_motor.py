@@ -5,6 +5,7 @@ import struct
 
 import pytest
 
+from truearc.hw import fault_codes as hw
 from truearc.hw.dc_motor import DcMotor
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
@@ -220,7 +221,7 @@ def test_a_lock_is_refused_and_named(make, plant) -> None:
     armed(bench, 0.0)
     bench.near.write(Frame(0, 0x01011840, bytes(8), True))
     bench.run(40, 0.1)
-    assert "locked to a competition controller" in spark.error_words(bench.motor.reading.axis_error)[0]
+    assert spark.errors_of(bench.motor.reading.axis_error)[0] == hw.ERROR_LOCKED()
     assert bench.motor.reading.axis_state != spark.DRIVEN and bench.enabled()[-1] == 0
     assert bench.orders[0].torque_nm == 0.0
     bench.run(60)
@@ -238,7 +239,7 @@ def test_a_reset_is_noticed_set_up_again_and_stands_until_the_operator_arms_anew
     bench.run(140, 0.01)                                   # to 1.8 s: power is back
     assert bench.node.parameters[71] == 16.0 and len(bench.frames(0x3800)) > before
     assert len(bench.frames(0x400)) >= 2 and bench.faults() == ()
-    assert spark.error_words(bench.motor.reading.axis_error) == ("reset (was the supply interrupted?)",)
+    assert spark.errors_of(bench.motor.reading.axis_error) == (hw.ERROR_HAS_RESET(),)
     assert bench.enabled()[-1] == 0 and plant.velocity_rad_s["hood"] == speed
     bench.run(5)
     bench.run(80, 0.01)
@@ -300,7 +301,8 @@ def test_faults_of_the_device_keep_it_from_driving(make, plant) -> None:
     bench = make(settings=SparkSettings(faults=0x10))
     bench.run(60)
     bench.run(100, 0.1)
-    assert spark.error_words(bench.motor.reading.axis_error) == ("too hot",) and plant.velocity_rad_s["hood"] == 0.0
+    assert spark.errors_of(bench.motor.reading.axis_error) == (hw.ERROR_OVER_TEMPERATURE(),)
+    assert plant.velocity_rad_s["hood"] == 0.0
 
 
 def test_a_device_that_applies_nothing_is_deaf(make) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.hw.spinning_plant import TORQUE_NM_A
+from truearc.hw import fault_codes as hw
 from truearc.hw.devices.canandmag import frames as canandmag
 from truearc.hw.devices.canandmag.emulator import CanandmagNode
 from truearc.hw.devices.canandmag.frames import Encoder
@@ -166,7 +167,7 @@ def test_watchdog_trips_exactly_when_it_is_due(plant, watchdog_ms: int) -> None:
     # the motor has been driven from 0 to the trip: a closed form
     assert plant.velocity_rad_s["flywheel_a"] == pytest.approx(0.1 / 0.001 * (9 + watchdog_ms) * 1e-3)
     bench.run(150)
-    assert odrive.error_words(bench.readings[LEFT].axis_error) == ("watchdog expired",)
+    assert odrive.errors_of(bench.readings[LEFT].axis_error) == (hw.ERROR_WATCHDOG_EXPIRED(),)
     assert bench.readings[LEFT].axis_state == IDLE
     assert plant.velocity_rad_s["flywheel_a"] == pytest.approx(0.1 / 0.001 * (9 + watchdog_ms) * 1e-3)
     bench.bus.close()
@@ -222,7 +223,7 @@ def test_estop_takes_the_torque_away_at_once(bench, plant) -> None:
     speed = plant.velocity_rad_s["flywheel_a"]
     bench.run(30, odrive.make_estop(LEFT), odrive.make_torque(LEFT, 0.1))
     assert plant.velocity_rad_s["flywheel_a"] == speed and bench.nodes[0].state == IDLE
-    assert odrive.error_words(bench.readings[LEFT].axis_error) == ("estop requested",)
+    assert odrive.errors_of(bench.readings[LEFT].axis_error) == (hw.ERROR_ESTOP_REQUESTED(),)
 
 
 def test_idle_on_request_is_no_error(bench, plant) -> None:
@@ -251,7 +252,7 @@ def test_overspeed_disarms(bench, plant) -> None:
     bench.arm()
     plant.velocity_rad_s["flywheel_a"] = 1300.0
     bench.run(20, odrive.make_torque(LEFT, 0.0))
-    assert odrive.error_words(bench.nodes[0].errors) == ("velocity limit",) and bench.nodes[0].state == IDLE
+    assert odrive.errors_of(bench.nodes[0].errors) == (hw.ERROR_VELOCITY_LIMIT(),) and bench.nodes[0].state == IDLE
 
 
 def test_limit_switch_is_read_through_its_endpoint(bench, plant) -> None:

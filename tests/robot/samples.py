@@ -15,7 +15,7 @@ def sample(code: Code, case: str = "") -> Reason:
     """With the parameters of `code`; `case`: the code of its cause, or its only error."""
     params = {name: VALUES.get(unit.rstrip(OPTIONAL), 7.25) for name, unit in code.params.items()}
     if case and "errors" in params:
-        params["errors"] = (case,)
+        params["errors"] = (sample(BY_NAME[case]),)
     elif case:
         params["cause"] = sample(BY_NAME[case])
     return code(**params)

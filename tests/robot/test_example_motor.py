@@ -29,7 +29,7 @@ from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.estimate import estimate
 from truearc.robot.gate.verdict import judge
 from truearc.robot.operator_ui.driver_messages import Told, tell
-from truearc.robot.reasons import BAD_FRAME, IMAGE_DARK, NOT_ARMED, text
+from truearc.robot.reasons import BAD_FRAME, IMAGE_DARK, MOTOR_ERROR, NOT_ARMED, text
 from truearc.robot.recording.replay.recompute import replay
 from truearc.robot.recording.session import CAN, load_session_config
 from truearc.robot.rig import HardwareRig
@@ -194,3 +194,12 @@ def test_a_broken_distribution_is_named(points: tuple[str, ...], message: str, t
     monkeypatch.syspath_prepend(tmp_path / "site")
     with pytest.raises(InputError, match=r"launcher\.toml:\d+: " + message):
         load_config(toml)
+
+
+def test_an_error_of_its_own_has_its_text_and_message(config: Config) -> None:
+    inputs = replace(good_inputs(), feeder=replace(good_inputs().feeder, axis_error=0x2))
+    verdict = judge(inputs, estimate(inputs, good_memory(), config), good_memory().aim, good_memory(), config, None)
+    low = MOTOR_ERROR(motor="feeder motor", errors=(Reason("samplemotor.supply_low"),))
+    assert not verdict.fire and verdict.reasons == (low,)
+    shown = "feeder motor: supply low"
+    assert tell([low]) == (Told(FAULT, "Feeder motor: supply low", "battery charged?", (shown,)),)

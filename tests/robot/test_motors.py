@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, SPARK_WHEELS, only_advice
 from tests.robot.test_rig import ASKED, Blind, Stream, Time, Wire
+from truearc.hw import fault_codes as hw
 from truearc.hw.devices.advisory.family import AdvisoryConfig
 from truearc.hw.devices.axis import Axis
 from truearc.hw.devices.odrive.family import OdriveConfig
@@ -149,7 +150,7 @@ def test_advice_fires_on_what_another_controller_does() -> None:
     inputs = replace(inputs, flywheels=tuple(motors[:2]), hood_motor=motors[2], feeder=motors[3])
     assert verdict_of(config, inputs) == ()
     hot = replace(inputs, feeder=replace(inputs.feeder, axis_error=0x10))
-    assert verdict_of(config, hot) == (MOTOR_ERROR(motor="feeder motor", errors=("too hot",)),)
+    assert verdict_of(config, hot) == (MOTOR_ERROR(motor="feeder motor", errors=(hw.ERROR_OVER_TEMPERATURE(),)),)
     idle = replace(inputs, feeder=replace(inputs.feeder, axis_state=1, axis_error=0))
     assert verdict_of(only_advice("odrive"), idle)[-1] == MOTOR_NOT_DRIVEN(motor="feeder motor", state=1)
 

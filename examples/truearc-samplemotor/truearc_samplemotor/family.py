@@ -10,6 +10,7 @@ from truearc.hw.devices.listening import Heard
 from truearc.hw.finding import Finding, failure, ok, warning
 from truearc.hw.protocols import Frame
 from truearc.hw.readings import MotorReading
+from truearc.hw.reason import Reason
 from truearc.hw.tx_allowlist import allow
 from truearc_samplemotor import frames
 from truearc_samplemotor.emulator import SampleNode
@@ -43,8 +44,8 @@ def make_rules(axis: SampleAxis, each_tick: int) -> Rules:
                  {(frames.frame_id(axis, "Health"), False, False): HEALTH_NS})
 
 
-def error_words(axis: SampleAxis, motor: MotorReading) -> tuple[str, ...]:
-    return frames.error_words(motor.axis_error)
+def errors(axis: SampleAxis, motor: MotorReading) -> tuple[Reason, ...]:
+    return frames.errors_of(motor.axis_error)
 
 
 def is_driven(axis: SampleAxis, motor: MotorReading) -> bool:
@@ -65,13 +66,14 @@ def examine(axis: SampleAxis, check: AxisCheck, heard: Heard) -> Iterator[Findin
     values = frames.codec().parse("Health", answers[-1].data)
     if values["firmware"] != frames.FIRMWARE:
         yield failure(status, f"has firmware {values['firmware']:.0f}", f"update it to {frames.FIRMWARE}")
-    elif words := frames.error_words(int(values["faults"])):
-        yield warning(status, ", ".join(words), "arming clears what does not stand; what comes back has a cause")
+    elif faults := frames.errors_of(int(values["faults"])):
+        yield warning(status, ", ".join(fault.code for fault in faults),
+                      "arming clears what does not stand; what comes back has a cause")
     else:
         yield ok(status, f"firmware {frames.FIRMWARE}, no fault")
 
 
 SAMPLEMOTOR = MotorFamily(
     driver="samplemotor", axis=SampleConfig, example=SampleConfig(9, 1, 0.7, 1000.0, 12.0), dbc=DBC, is_commanded=True,
-    make_motors=make_motors, make_rules=make_rules, error_words=error_words, is_driven=is_driven, questions=questions,
+    make_motors=make_motors, make_rules=make_rules, errors=errors, is_driven=is_driven, questions=questions,
     examine=examine, make_node=SampleNode, messages=MESSAGES)

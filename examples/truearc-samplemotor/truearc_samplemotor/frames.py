@@ -11,9 +11,11 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from truearc.hw.codec import Codec, Values, read_codec
-from truearc.hw.fault_codes import FRAME_UNEXPECTED
+from truearc.hw.fault_codes import ERROR_OVER_TEMPERATURE, FRAME_UNEXPECTED
 from truearc.hw.protocols import BadFrame, Frame
-from truearc.hw.readings import MotorReading
+from truearc.hw.readings import ErrorTable, MotorReading, errors_in
+from truearc.hw.reason import Reason
+from truearc_samplemotor.reasons import SUPPLY_LOW
 
 DBC = Path(__file__).with_name("samplemotor.dbc")
 REVOLUTION_RAD = 2.0 * math.pi
@@ -21,7 +23,7 @@ WATCHDOG_MS = 100                     # without a duty for this long the output 
 FIRMWARE = 1                          # whose frames these are
 IDLE, DRIVEN = 0, 1
 READINGS = ("Motion", "Health")       # what becomes part of a MotorReading
-FAULT_WORDS = ((0x1, "too hot"), (0x2, "supply low"))
+FAULTS: ErrorTable = ((0x1, ERROR_OVER_TEMPERATURE), (0x2, SUPPLY_LOW))
 
 
 class SampleAxis(Struct, frozen=True):
@@ -84,9 +86,9 @@ def firmware_of(axis: SampleAxis, frame: Frame) -> int | None:
     return int(codec().parse("Health", frame.data)["firmware"])
 
 
-def error_words(axis_error: int) -> tuple[str, ...]:
-    """The faults in a bit field, as text."""
-    return tuple(word for bit, word in FAULT_WORDS if axis_error & bit)
+def errors_of(axis_error: int) -> tuple[Reason, ...]:
+    """The faults in a bit field."""
+    return errors_in(axis_error, FAULTS)
 
 
 def _name(axis: SampleAxis) -> str:

@@ -5,4 +5,6 @@ from truearc.hw.reason import FAULT, Code, Message
 WRONG_FIRMWARE = Code("samplemotor.wrong_firmware",
                       "{motor:~: }samplemotor node {node} has firmware {firmware}, expected {wanted}",
                       {"motor": "motor?", "node": "count", "firmware": "count", "wanted": "count"})
-MESSAGES = (Message(WRONG_FIRMWARE, FAULT, "{motor}: unsupported firmware {firmware}", "update it to {wanted}"),)
+SUPPLY_LOW = Code("samplemotor.supply_low", "supply low")
+MESSAGES = (Message(WRONG_FIRMWARE, FAULT, "{motor}: unsupported firmware {firmware}", "update it to {wanted}"),
+            Message(SUPPLY_LOW, FAULT, "{motor}: supply low", "battery charged?"))

@@ -19,6 +19,7 @@ from truearc.hw.devices.spark.family import SPARK
 from truearc.hw.emulated.nodes import Node
 from truearc.hw.finding import Finding, failure, ok
 from truearc.hw.readings import MotorReading
+from truearc.hw.reason import Reason
 
 
 class AdvisoryConfig(Struct, Axis, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="advisory"):
@@ -35,10 +36,10 @@ def make_rules(axis: AdvisoryConfig, each_tick: int) -> Rules:
     return replace(family.make_rules(theirs, each_tick), allowed=())
 
 
-def error_words(axis: AdvisoryConfig, motor: MotorReading) -> tuple[str, ...]:
+def errors(axis: AdvisoryConfig, motor: MotorReading) -> tuple[Reason, ...]:
     if axis.listens_to == "odrive":
-        return odrive.error_words(motor.axis_error)
-    return spark.error_words(motor.axis_error & spark.FAULTS)     # it obeys another, and was switched on: no errors
+        return odrive.errors_of(motor.axis_error)
+    return spark.errors_of(motor.axis_error & spark.FAULTS)     # it obeys another, and was switched on: no errors
 
 
 def is_driven(axis: AdvisoryConfig, motor: MotorReading) -> bool:
@@ -76,5 +77,5 @@ def _make_motor(axis: AdvisoryConfig) -> HeardMotor:
 ADVISORY = MotorFamily(
     driver="advisory", axis=AdvisoryConfig, example=AdvisoryConfig("spark", 11, 1, False), dbc=None,
     is_commanded=False, make_motors=lambda axes: tuple(map(_make_motor, axes)), make_rules=make_rules,
-    error_words=error_words, is_driven=is_driven, questions=lambda axis, endpoints: (), examine=examine,
+    errors=errors, is_driven=is_driven, questions=lambda axis, endpoints: (), examine=examine,
     make_node=make_node)

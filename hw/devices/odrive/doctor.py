@@ -9,9 +9,11 @@ from truearc.hw.devices.listening import Heard
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.devices.odrive.parameters import check_parameters, parameter_queries
+from truearc.hw.fault_codes import BY_NAME
 from truearc.hw.finding import Finding, failure, ok, warning
 from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.readings import MotorReading
+from truearc.hw.reason import listed
 
 FIRMWARE = (0, 6)                     # whose frames hw/dbc/odrive.dbc describes; 0.5 has other ones under the same ids
 KNOWN_REVISION = 10                   # whose parameter numbers robot/launcher.toml names
@@ -87,7 +89,7 @@ def check_errors(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
         return failure(check, f"sends what cannot be ({refused[-1]})",
                        "look at the wiring and at whether another device has its node id")
     if reading.axis_error:
-        return warning(check, ", ".join(odrive.error_words(reading.axis_error)),
+        return warning(check, listed(odrive.errors_of(reading.axis_error), BY_NAME),
                        "arming clears errors; one that comes back has a cause")
     if reading.heartbeat_t_ns == 0:
         return failure(check, "no heartbeat says how it is", "set the axis's heartbeat to 100 ms")

@@ -26,6 +26,6 @@ def make_node(axis: odrive.OdriveAxis, motor: AttachedMotor) -> OdriveNode:
 ODRIVE = MotorFamily(
     driver="odrive", axis=OdriveConfig, example=OdriveConfig(4, 1, 0), dbc=DBC / "odrive.dbc", is_commanded=True,
     make_motors=lambda axes: tuple(map(OdriveMotor, axes)), make_rules=make_rules,
-    error_words=lambda axis, motor: odrive.error_words(motor.axis_error),
+    errors=lambda axis, motor: odrive.errors_of(motor.axis_error),
     is_driven=lambda axis, motor: motor.axis_state == odrive.CLOSED_LOOP, questions=questions, examine=examine,
     make_node=make_node)

@@ -10,11 +10,12 @@ from types import MappingProxyType
 from msgspec import Struct
 from msgspec.structs import replace
 
+from truearc.hw import fault_codes as codes
 from truearc.hw.codec import Values, load_codec
 from truearc.hw.devices.axis import CanNode, Direction
 from truearc.hw.fault_codes import ENDSTOP_VALUE, FRAME_UNEXPECTED
 from truearc.hw.protocols import BadFrame, Frame
-from truearc.hw.readings import MotorReading
+from truearc.hw.readings import ErrorTable, MotorReading, errors_in
 from truearc.hw.reason import Reason
 
 # Axis states
@@ -30,14 +31,18 @@ PASSTHROUGH = 1
 WATCHDOG_EXPIRED = 0x01000000
 ESTOP_REQUESTED = 0x02000000
 VELOCITY_LIMIT = 0x00008000
-ERROR_WORDS = (
-    (0x00000001, "initializing"), (0x00000002, "system"), (0x00000004, "timing"), (0x00000008, "no encoder estimate"),
-    (0x00000010, "bad configuration"), (0x00000020, "gate driver"), (0x00000040, "no input"),
-    (0x00000100, "bus over voltage"), (0x00000200, "bus under voltage"), (0x00000400, "bus over current"),
-    (0x00000800, "bus over regeneration"), (0x00001000, "current limit"), (0x00002000, "motor too hot"),
-    (0x00004000, "inverter too hot"), (VELOCITY_LIMIT, "velocity limit"), (0x00010000, "position limit"),
-    (WATCHDOG_EXPIRED, "watchdog expired"), (ESTOP_REQUESTED, "estop requested"), (0x04000000, "spinout"),
-    (0x08000000, "brake resistor disarmed"), (0x10000000, "thermistor disconnected"), (0x40000000, "calibration"),
+ERRORS: ErrorTable = (
+    (0x00000001, codes.ERROR_INITIALIZING), (0x00000002, codes.ERROR_SYSTEM_LEVEL), (0x00000004, codes.ERROR_TIMING),
+    (0x00000008, codes.ERROR_MISSING_ESTIMATE), (0x00000010, codes.ERROR_BAD_CONFIG),
+    (0x00000020, codes.ERROR_GATE_DRIVER), (0x00000040, codes.ERROR_MISSING_INPUT),
+    (0x00000100, codes.ERROR_DC_BUS_OVER_VOLTAGE), (0x00000200, codes.ERROR_DC_BUS_UNDER_VOLTAGE),
+    (0x00000400, codes.ERROR_DC_BUS_OVER_CURRENT), (0x00000800, codes.ERROR_DC_BUS_OVER_REGEN_CURRENT),
+    (0x00001000, codes.ERROR_CURRENT_LIMIT), (0x00002000, codes.ERROR_MOTOR_OVER_TEMPERATURE),
+    (0x00004000, codes.ERROR_INVERTER_OVER_TEMPERATURE), (VELOCITY_LIMIT, codes.ERROR_VELOCITY_LIMIT),
+    (0x00010000, codes.ERROR_POSITION_LIMIT), (WATCHDOG_EXPIRED, codes.ERROR_WATCHDOG_EXPIRED),
+    (ESTOP_REQUESTED, codes.ERROR_ESTOP_REQUESTED), (0x04000000, codes.ERROR_SPINOUT),
+    (0x08000000, codes.ERROR_BRAKE_RESISTOR_DISARMED), (0x10000000, codes.ERROR_THERMISTOR_DISCONNECTED),
+    (0x40000000, codes.ERROR_CALIBRATION),
 )
 
 SDO_READ = 0
@@ -56,11 +61,9 @@ class OdriveAxis(Struct, frozen=True):
     endstop_endpoint: int = 0                     # SDO endpoint that reads the limit switch; 0 = none
 
 
-def error_words(axis_error: int) -> tuple[str, ...]:
-    """Return the names of the errors in a bit field; an unknown bit is given as its number."""
-    words = [word for bit, word in ERROR_WORDS if axis_error & bit]
-    unnamed = axis_error & ~sum(bit for bit, _ in ERROR_WORDS)
-    return (*words, f"error 0x{unnamed:08x}") if unnamed else tuple(words)
+def errors_of(axis_error: int) -> tuple[Reason, ...]:
+    """Return the errors of a reading's bit field; empty when it is healthy."""
+    return errors_in(axis_error, ERRORS)
 
 
 def name_of(axis: OdriveAxis) -> str:

@@ -7,9 +7,11 @@ from truearc.hw.devices.family import AxisCheck, Endpoints
 from truearc.hw.devices.listening import Heard
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.frames import SparkAxis
+from truearc.hw.fault_codes import BY_NAME
 from truearc.hw.finding import Finding, failure, ok, warning
 from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.readings import MotorReading
+from truearc.hw.reason import listed
 
 LOOK = "look at its power and plug, and at its CAN id in REV's hardware client"
 
@@ -54,6 +56,6 @@ def check_status(name: str, axis: SparkAxis, heard: Heard) -> Finding:
                        "look at the wiring and at whether another device has its CAN id")
     if not any(heard.of(*key) for key in keys):
         return failure(check, f"device {axis.device} is silent", LOOK)
-    if words := spark.error_words(reading.axis_error & spark.FAULTS):
-        return warning(check, ", ".join(words), "arming clears what does not stand; what comes back has a cause")
+    if errors := spark.errors_of(reading.axis_error & spark.FAULTS):
+        return warning(check, listed(errors, BY_NAME), "arming clears what does not stand; what comes back has a cause")
     return ok(check, "speaks, and has no fault that it tells of")

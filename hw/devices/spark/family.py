@@ -37,6 +37,6 @@ def make_node(axis: spark.SparkAxis, motor: AttachedMotor) -> SparkNode:
 SPARK = MotorFamily(
     driver="spark", axis=SparkConfig, example=SparkConfig(3, 1, True, 2.6, 594.0, 12.0), dbc=DBC / "spark.dbc",
     is_commanded=True, make_motors=make_motors, make_rules=make_rules,
-    error_words=lambda axis, motor: spark.error_words(motor.axis_error),
+    errors=lambda axis, motor: spark.errors_of(motor.axis_error),
     is_driven=lambda axis, motor: motor.axis_state == spark.DRIVEN, questions=questions, examine=examine,
     make_node=make_node)

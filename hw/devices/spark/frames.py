@@ -13,11 +13,12 @@ from typing import NamedTuple
 from msgspec import Struct
 from msgspec.structs import replace
 
+from truearc.hw import fault_codes as codes
 from truearc.hw.codec import Values, load_codec
 from truearc.hw.devices.axis import CanNode, Direction
 from truearc.hw.fault_codes import FRAME_UNEXPECTED, PARAMETER_VALUE
 from truearc.hw.protocols import BadFrame, Frame
-from truearc.hw.readings import MotorReading
+from truearc.hw.readings import ErrorTable, MotorReading, errors_in
 from truearc.hw.reason import Reason
 
 RPM_RAD_S = math.tau / 60.0
@@ -34,11 +35,10 @@ DRIVEN = 8                                        # set up, enabled, and applyin
 HAS_RESET = 0x100
 LOCKED = 0x200
 FAULTS = 0xFF
-ERROR_WORDS = (
-    (0x01, "unnamed fault"), (0x02, "motor type"), (0x04, "sensor"), (0x08, "CAN"), (0x10, "too hot"),
-    (0x20, "gate driver"), (0x40, "controller's memory"), (0x80, "firmware"),
-    (HAS_RESET, "reset (was the supply interrupted?)"),
-    (LOCKED, "locked to a competition controller until its power is cycled"),
+ERRORS: ErrorTable = (
+    (0x01, codes.ERROR_OTHER), (0x02, codes.ERROR_MOTOR_TYPE), (0x04, codes.ERROR_SENSOR), (0x08, codes.ERROR_CAN),
+    (0x10, codes.ERROR_OVER_TEMPERATURE), (0x20, codes.ERROR_GATE_DRIVER), (0x40, codes.ERROR_CONTROLLER_MEMORY),
+    (0x80, codes.ERROR_FIRMWARE), (HAS_RESET, codes.ERROR_HAS_RESET), (LOCKED, codes.ERROR_LOCKED),
 )
 RESET_WARNING = 0x40                              # among STATUS_1's warnings
 
@@ -90,9 +90,9 @@ class Setting(NamedTuple):
     value: float                                  # what holds now
 
 
-def error_words(axis_error: int) -> tuple[str, ...]:
-    """Return the names of the errors in `axis_error`."""
-    return tuple(word for bit, word in ERROR_WORDS if axis_error & bit)
+def errors_of(axis_error: int) -> tuple[Reason, ...]:
+    """Return the errors of a reading's bit field; empty when it is healthy."""
+    return errors_in(axis_error, ERRORS)
 
 
 def name_of(axis: SparkAxis) -> str:

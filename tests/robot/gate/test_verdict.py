@@ -9,6 +9,7 @@ from msgspec.structs import replace
 
 from tests.robot.alike import assert_alike, codes
 from tests.robot.good_tick import CONFIG, DISTANCE_M, HOOD_DEG, NOW_NS, good_inputs, good_memory, seconds
+from truearc.hw import fault_codes as hw
 from truearc.hw.fault_codes import BOX_PRESSES_LOST, CAN_BUS_OFF
 from truearc.robot import reasons as because
 from truearc.robot.estimate import estimate
@@ -125,7 +126,7 @@ WHEEL, ENCODER = "flywheel motor 2", "hood encoder"
     (spoil_motor(errors_t_ns=NOW_NS + seconds(1.01)), [because.DEVICE_FAULTS_STALE(device=WHEEL, age_s=-1.01)]),
     (spoil_motor(bus_v=math.inf), [because.MOTOR_NOT_FINITE(motor=WHEEL)]),
     (spoil_motor(axis_error=0x01000200), [
-        because.MOTOR_ERROR(motor=WHEEL, errors=("bus under voltage", "watchdog expired"))]),
+        because.MOTOR_ERROR(motor=WHEEL, errors=(hw.ERROR_DC_BUS_UNDER_VOLTAGE(), hw.ERROR_WATCHDOG_EXPIRED()))]),
     (spoil_motor(axis_state=1), [because.MOTOR_NOT_DRIVEN(motor=WHEEL, state=1)]),
     (spoil_motor(velocity_rad_s=0.0), [
         because.WHEELS_OFF_SPEED(speed_rad_s=SPEED / 2.0, wanted_rad_s=SPEED),

@@ -32,20 +32,25 @@ MODEL = replace(CONFIG, gate=replace(CONFIG.gate, policy="model"))
 MOTOR = "flywheel motor 1"
 
 
-def error(motor, *words):
-    return bot.MOTOR_ERROR(motor=motor, errors=words)
+def error(motor, *codes):
+    return bot.MOTOR_ERROR(motor=motor, errors=tuple(code() for code in codes))
 
 
-@pytest.mark.parametrize("word", [word for _, word in (*odrive.ERROR_WORDS, *spark.ERROR_WORDS)] + ["error 0x80000000"])
-def test_every_error_of_a_motor_has_a_message(word):
-    for reason in (error(MOTOR, word), error("hood motor", word, "watchdog expired")):
+@pytest.mark.parametrize("code", [code for _, code in (*odrive.ERRORS, *spark.ERRORS)], ids=lambda code: code.name)
+def test_every_error_of_a_motor_has_a_message(code):
+    for reason in (error(MOTOR, code), error("hood motor", code, hw.ERROR_WATCHDOG_EXPIRED)):
         assert find_message(reason) is not None
-    assert word in " ".join(tell([error(MOTOR, word)])[0].reasons)
+    assert code.text in " ".join(tell([error(MOTOR, code)])[0].reasons)
 
 
-def test_a_motors_own_words_are_those_of_its_family():
-    words = {word for _, word in (*odrive.ERROR_WORDS, *spark.ERROR_WORDS)}
-    assert {message.case for message in MESSAGES if message.code is bot.MOTOR_ERROR and message.case} <= words
+def test_bits_that_are_no_known_error_are_shown_as_a_number():
+    (told,) = tell([bot.MOTOR_ERROR(motor=MOTOR, errors=odrive.errors_of(0x81000000))])
+    assert told.reasons == (f"{MOTOR}: watchdog expired, error 0x80000000",)
+
+
+def test_errors_with_a_message_of_their_own_are_those_of_a_family():
+    codes = {code.name for _, code in (*odrive.ERRORS, *spark.ERRORS)}
+    assert {message.case for message in MESSAGES if message.code is bot.MOTOR_ERROR and message.case} <= codes
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EIO, errno.EDQUOT])
@@ -134,8 +139,8 @@ def test_what_vision_says_of_an_image_has_a_message_of_its_own(value, reason):
 
 def test_motors_in_the_same_trouble_are_told_as_one():
     told = tell([bot.DEVICE_STALE(device=MOTOR, age_s=0.31), bot.DEVICE_STALE(device="hood encoder", age_s=0.30),
-                 error(MOTOR, "watchdog expired"), error("hood motor", "motor too hot"),
-                 error("feeder motor", "spinout")])
+                 error(MOTOR, hw.ERROR_WATCHDOG_EXPIRED), error("hood motor", hw.ERROR_MOTOR_OVER_TEMPERATURE),
+                 error("feeder motor", hw.ERROR_SPINOUT)])
     assert [one.means for one in told] == [
         "Flywheel motor 1, hood encoder: no frames for 0.31 s",
         "Flywheel motor 1: stopped by its watchdog (no commands received)",

@@ -38,7 +38,7 @@ SENTENCES = (
     ("button box: 1 lines refused, first b'$B,7,fi\\x80e*00\\r'",
      hw.BOX_LINES_REFUSED(lines=1, first="$B,7,fi\x80e*00\r")),
     ("hood motor: has reset (was the supply interrupted?), too hot",
-     bot.MOTOR_ERROR(motor="hood motor", errors=("reset (was the supply interrupted?)", "too hot"))),
+     bot.MOTOR_ERROR(motor="hood motor", errors=(hw.ERROR_HAS_RESET(), hw.ERROR_OVER_TEMPERATURE()))),
     (STUCK, hw.ENCODER_STUCK(motor="feeder motor", controller="odrive node 4", speed_rad_s=126.0)),
     ("hood motor: spark 3 has not taken parameters 70, 53",
      hw.SPARK_SETTINGS_UNCONFIRMED(motor="hood motor", spark=3, parameters=(70, 53))),
