@@ -11,7 +11,7 @@ setup: $(VENV)/.installed
 # both distributions, editable; build/view shows static tools the import names
 $(VENV)/.installed: pyproject.toml proof/pyproject.toml constraints.txt tools/make_view.py
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[sim,test]' --editable proof
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[sim,bench,test]' --editable proof
 	$(BIN)/python tools/make_view.py
 	touch $@
 

@@ -1,0 +1,240 @@
+"""Every command that README.md, CONTRIBUTING.md and docs/ print is executed, in a quick form.
+
+A page's commands are run in their order in one folder, as a reader would, with what the reader brings (`workspace`).
+SHORTER makes long ones quick. ELSEWHERE has those that run in another test or in none, with the reason; of them the
+options are compared with the parser's. So is a command in running text that is incomplete or has a placeholder.
+"""
+
+import contextlib
+import glob
+import io
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from truearc.cli.main import main
+from truearc.cli.parsers import make_parser
+from truearc.cli.registry import find_command
+from truearc.robot.config.schema import InputError
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "ARCHITECTURE.md", *sorted((ROOT / "docs").rglob("*.md")),
+         *sorted((ROOT / "examples").glob("*/README.md"))]
+PROGRAMS = ("truearc", "make", "python", "pytest", "pip", "sudo", "systemctl")
+PLACEHOLDER = re.compile(r"\.\.\.|\||\[|\b(?:DIR|FILE|SESSION|SOURCE|DRIVER|SEED|N)\b")
+
+# pattern -> what stands there instead, so that a command takes seconds
+SHORTER = (
+    (r"^make (?!-)", "make -n "),
+    (r"^(pytest .*)", r"\1 -n 0 -q --collect-only"),
+    (r"^(truearc emulate) --trials \d+ (.* --page)$", r"\1 --trials 1 \2 127.0.0.1:0"),
+    (r"^(truearc emulate) --trials \d\d+(?! --bus)", r"\1 --trials 12"),
+    (r"^(truearc prove --worlds.*) --level L[12](?!.*--rivals)", r"\1 --level L0"),
+    (r"^(truearc identifiability rig.toml.*) --shots 300", r"\1 --shots 40"),
+    (r"^truearc prove (?:--worlds \d+)", "truearc prove --worlds 1 --processes 1"),
+    (r"^(truearc prove --worlds.*) --shots \d+", r"\1 --shots 40"),
+    (r"--seed-from-entropy", "--engines numpy --seed 3"),
+    (r"(--rivals) \S+", r"\1 argmax"),
+    (r"^(truearc prove check.*) --worlds 20", r"\1 --worlds 1"),
+    (r"^(truearc deploy \S+ --config my_launcher.toml) --wheels wheels", r"\1 --dry-run"),
+    (r" --gate gate.onnx --core 3", " --core 3"),
+    (r"(truearc doctor.*) \[--endpoints flat_endpoints.json\] \[--json\]", r"\1 --json"),
+    (r" \[--labels labels.csv\]", ""),
+)
+# pattern -> why no test runs it; its options are checked
+ELSEWHERE = {
+    r"^pip (install|wheel|download)": "fetches packages; `make setup`, which CI runs, installs both distributions",
+    r"^sudo ": "changes the machine's network or services",
+    r"^systemctl ": "asks for a service that only a robot has",
+    r"^truearc run ": "goes on until it is stopped; tests/loops runs it against emulated devices",
+    r"^truearc emulate .*--bus slcan:auto": "waits for a robot in another process; tests/loops/test_loops.py has both",
+    r"^truearc sysid --config": "drives a real launcher; `sysid --emulate` runs here",
+    r"^truearc sysid --csv": "needs a step test of a real launcher; tests/sim/sysid reads such tables",
+    r"^truearc vision": "needs photographs, a board or a person; tests/robot/test_vision*.py run it on drawn ones",
+    r"^python -m benchmarks\.(?!archives|proof|real_tables)": "test_benchmarks.py runs every benchmark",
+    r"^python -m truearc_proof.world.survey": "plays hundreds of worlds",
+    r"^(truearc prove check|python -m benchmarks.proof) .*benchmarks/results": "needs the archives of tag proof-1",
+    r"^truearc prove drive": "tests/loops/test_prove_drive.py plays a world of it",
+    r"^truearc reproduce": "tests/proof/reproduce runs it in a small form",
+    r"^(mkdir away|truearc prove solve --out away|cp -r away)": "the page's round is solved by then; tests/proof/"
+                                                                "test_round.py solves one without its keeper",
+    r"^truearc (discover (mpi|drops|two-weeks|new-and-old)|fit mpi)": "takes minutes; tests/sim/discover/test_real.py "
+                                                                      "asks it of the same files",
+}
+# Exit codes that are documented: templates not filled in, no launcher is there, six shots are too few
+EXIT = {r"^truearc check my_shots": 2, r"^truearc doctor": 1, r"^truearc discover old --belief": 2}
+
+
+class Workspace:
+    """A folder in which printed commands are run: shell variables last, and `truearc` is called in this process."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.variables: dict[str, str] = {}
+
+    def run(self, line: str) -> None:
+        """Run one printed line; AssertionError with the output where its exit code is not the documented one."""
+        loop = re.fullmatch(r"for (\w+) in ([^;]+); do (.*); done", line)
+        if loop is not None:
+            for value in loop[2].split():
+                self.run(loop[3].replace(f"${loop[1]}", value))
+            return
+        for part in _parts(line):
+            if assigned := re.fullmatch(r"([A-Z]+)=(\S+)", part):
+                self.variables[assigned[1]] = assigned[2]
+            elif part.startswith("truearc ") and not part.startswith("truearc prove"):    # that guards its own process
+                self._call(part)
+            else:
+                self._shell(part)
+
+    def _call(self, command: str) -> None:
+        for name, value in self.variables.items():
+            command = command.replace(f"${name}", value)
+        words = [one for word in shlex.split(command)[1:] for one in (sorted(glob.glob(word)) or [word])]
+        said = io.StringIO()
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+            code = main(words)
+        wanted = next((code for pattern, code in EXIT.items() if re.search(pattern, command)), 0)
+        assert code == wanted, f"{command}: exit code {code}\n{said.getvalue()[-1500:]}"
+
+    def _shell(self, command: str) -> None:
+        path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+        done = subprocess.run(["bash", "-c", command], cwd=self.folder, capture_output=True, text=True, check=False,
+                              env={**os.environ, **self.variables, "PATH": path, "PYTHONPATH": str(ROOT)})
+        assert done.returncode == 0, f"{command}: exit code {done.returncode}\n{done.stderr[-1500:]}"
+
+
+def _parts(line: str) -> list[str]:
+    """Commands of a line that `&&` or `;` separate, outside of parentheses and quotes."""
+    if "(" in line or "'" in line:
+        return [line]
+    return [part.strip() for part in re.split(r"&&|;", line) if part.strip()]
+
+
+def commands_of(page: Path) -> list[tuple[str, bool]]:
+    """Commands of a page in their order, without comments, and whether each is a line of a shell block."""
+    found: list[tuple[str, bool]] = []
+    inline = rf"`((?:{'|'.join(PROGRAMS)}) [^`]+)`"
+    for match in re.finditer(rf"^ *```(\w*)\n(.*?)^ *```|{inline}", page.read_text(encoding="utf-8"),
+                             re.DOTALL | re.MULTILINE):
+        if match[1] == "sh":
+            lines = match[2].replace("\\\n", " ").splitlines()
+            commands = (_squeezed(re.sub(r"(?:^|\s{2,})# .*", "", line)) for line in lines)
+            found += [(command, True) for command in commands if command]
+        elif match[3] is not None:
+            found.append((_squeezed(match[3]), False))
+    return list(dict.fromkeys(found))
+
+
+def _squeezed(text: str) -> str:
+    return re.sub(r"\s+", " ", text.strip())
+
+
+def shortened(command: str) -> str:
+    """The quick form of a command."""
+    for pattern, replacement in SHORTER:
+        command = re.sub(pattern, replacement, command)
+    return command
+
+
+def is_elsewhere(command: str) -> bool:
+    return any(re.search(pattern, command) for pattern in ELSEWHERE)
+
+
+def check_options(command: str) -> None:
+    """Every option that is printed is one of the command's; a truearc command or benchmark of that name is there."""
+    command, _, more = command.partition(";")
+    if more:
+        check_options(more.strip())
+    words = re.sub(r"\|\S+", "", command.replace("[", " ").replace("]", " ")).split()
+    options = {word.partition("=")[0] for word in words if re.match(r"--?[a-z]", word)}
+    if words[0] == "truearc":
+        found = find_command([word for word in words[1:] if not word.startswith("-")])
+        assert found is not None, command
+        actions = make_parser(found)._actions
+        assert options <= {option for action in actions for option in action.option_strings}, command
+    elif words[:2] == ["python", "-m"] and words[2].startswith("benchmarks."):
+        paths = [ROOT / f"{words[2].replace('.', '/')}.py", ROOT / "benchmarks" / "filling.py"]
+        said = "".join(path.read_text(encoding="utf-8") for path in paths)
+        assert {option for option in options if f'"{option}"' not in said} <= {"-m"}, command
+
+
+def is_fragment(command: str) -> bool:
+    """A command of running text that its parser refuses as incomplete: a name alone, or with some of its options."""
+    words = shlex.split(command)[1:]
+    if PLACEHOLDER.search(command) or all(re.fullmatch("[a-z][a-z-]*", word) for word in words):
+        return command.startswith(("truearc ", "python "))
+    found = find_command(words) if command.startswith("truearc ") else None
+    try:
+        if found is not None:
+            with contextlib.redirect_stderr(io.StringIO()):
+                make_parser(found).parse_args(words[len(found.name.split()):])
+    except (SystemExit, InputError):
+        return True
+    return False
+
+
+@pytest.fixture(scope="module")
+def monday(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recorded session, as `truearc emulate` makes it."""
+    session = tmp_path_factory.mktemp("recorded") / "monday"
+    assert main(["emulate", "--trials", "24", "--seed", "3", "--out", str(session), "--quiet"]) == 0
+    return session
+
+
+@pytest.fixture
+def workspace(tmp_path: Path, data_dir: Path, monday: Path, monkeypatch: pytest.MonkeyPatch) -> Workspace:
+    """What a reader of the pages brings: a clone, datasets, a recorded session, and configurations."""
+    folder = tmp_path / "clone"
+    folder.mkdir()
+    (tmp_path / "shared").symlink_to(data_dir.parent)
+    for name in ("Makefile", "pyproject.toml", "constraints.txt", "benchmarks", "tests", "tools", "robot", "hw", "sim",
+                 "model_export", "truearc", "proof"):
+        (folder / name).symlink_to(ROOT / name)
+    for name in ("docs", "examples"):
+        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("*.egg-info", "__pycache__", "*.png"))
+    for name in ("challenge", "shots", "my_dir", "home", "event"):
+        shutil.copytree(ROOT / "examples" / "spreadsheet", folder / name, ignore=shutil.ignore_patterns("README.md"))
+    shutil.copytree(monday, folder / "sessions" / "monday")
+    shutil.copy(ROOT / "examples" / "spreadsheet" / "rig.toml", folder)
+    for name in ("launcher.toml", "my_launcher.toml", "other.toml"):
+        shutil.copy(ROOT / "robot" / "launcher.toml", folder / name)
+    shutil.copy(ROOT / "examples" / "truearc-hoodflex" / "truearc_hoodflex.py", folder / "my_terms.py")
+    (folder / "truth.json").write_text('{"kind": "one", "effects": {"wheel_slip": 0.1}}', encoding="utf-8")
+    (folder / "data").mkdir()
+    monkeypatch.chdir(folder)
+    return Workspace(folder)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", [pytest.param(page, marks=pytest.mark.data if page.name == "real-data.md" else ())
+                                  for page in PAGES], ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_command_of_a_page_does_what_it_says(page: Path, workspace: Workspace) -> None:
+    if page == ROOT / "README.md":
+        (workspace.folder / "my_launcher.toml").unlink()  # the page makes it
+    failed = []
+    for command, in_block in commands_of(page):
+        began = time.monotonic()
+        try:
+            if is_elsewhere(command) or (not in_block and is_fragment(command)):
+                check_options(command)
+            else:
+                workspace.run(shortened(command))
+        except AssertionError as error:
+            failed.append(str(error))
+        if time.monotonic() - began > 2:
+            print(f"{time.monotonic() - began:6.1f} s  {command}")
+    assert not failed, "\n\n".join(failed)
+
+
+def test_no_exception_is_left_of_a_command_that_is_gone() -> None:
+    printed = [command for page in PAGES for command, _ in commands_of(page)]
+    for pattern in ELSEWHERE:
+        assert any(re.search(pattern, command) for command in printed), pattern
