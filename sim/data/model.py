@@ -1,7 +1,8 @@
 """A dataset in memory: columns, SI, one row a shot."""
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, fields, replace
+from itertools import repeat
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +27,12 @@ class Shots:
 
     def __len__(self) -> int:
         return len(self.shot_id)
+
+    @property
+    def timed(self) -> bool:
+        """Whether every shot has a time, and not all the same; otherwise the order of the shots is unknown."""
+        t_s = self.number("t_s")
+        return len(t_s) > 0 and bool(np.isfinite(t_s).all() and np.ptp(t_s) > 0.0)
 
     def number(self, name: str) -> Floats:
         """A numeric column; all nan when the dataset has none of that name."""
@@ -84,6 +91,30 @@ class Dataset(Printed):
         """The rig that the shots were made with."""
         return self.facts
 
+    def in_order(self) -> "Dataset":
+        """Return the dataset with its shots by session and time; where a time is missing, by all that is known of each.
+
+        So what is drawn at random from the shots, and which of them are held out, is the same for every order of rows.
+        """
+        shots = self.shots
+        rows = sorted(range(len(shots)), key=self._keys().__getitem__)
+        if rows == list(range(len(shots))):
+            return self
+        place = np.empty(len(rows), np.int64)
+        place[rows] = np.arange(len(rows))
+        return replace(self, shots=shots.take(rows), tracks=_moved(self.tracks, place),
+                       traces=_moved(self.traces, place))
+
+    def _keys(self) -> list[tuple[Any, ...]]:
+        """What each shot is sorted by: session and time first, if all times are known; its name last."""
+        shots = self.shots
+        numbers = [np.nan_to_num(shots.numbers[name], nan=np.inf).tolist() for name in sorted(shots.numbers)]
+        texts = [shots.texts[name] for name in sorted(shots.texts)]
+        known = [tuple(column[row] for column in (*numbers, *texts)) for row in range(len(shots))]
+        when = zip(shots.text("session"), shots.number("t_s").tolist(), strict=True) if shots.timed else repeat(())
+        samples = zip(_samples(self.tracks, len(shots)), _samples(self.traces, len(shots)), strict=True)
+        return list(zip(when, known, samples, shots.shot_id, strict=False))
+
     def lines(self) -> list[str]:
         """Return how many shots, outcomes and samples there are, which columns, and what was left out."""
         outcomes = self.shots.text("outcome")
@@ -94,3 +125,28 @@ class Dataset(Printed):
         lines += [f"{name}: {len(table.t_s)} samples" for name, table in (("tracks", self.tracks),
                                                                           ("traces", self.traces)) if table]
         return lines + [f"left out: {line}" for line in self.left_out]
+
+
+Samples = TypeVar("Samples", Tracks, Traces)
+
+
+def _moved(table: Samples | None, place: npt.NDArray[np.int64]) -> Samples | None:
+    """The samples by shot, once each shot has moved to its place."""
+    if table is None:
+        return None
+    rows = np.argsort(place[table.shot], kind="stable")
+    columns: dict[str, Any] = {one.name: np.asarray(getattr(table, one.name))[rows] for one in fields(table)}
+    columns["shot"] = place[columns["shot"]]
+    if "signal" in columns:
+        columns["signal"] = tuple(columns["signal"].tolist())
+    return replace(table, **columns)
+
+
+def _samples(table: Tracks | Traces | None, count: int) -> list[tuple[Any, ...]]:
+    """The samples of each of `count` shots, to tell shots apart of which all else is alike."""
+    found: list[list[Any]] = [[] for _ in range(count)]
+    if table is not None:
+        values = [getattr(table, one.name) for one in fields(table) if one.name != "shot"]
+        for shot, *sample in zip(table.shot.tolist(), *values, strict=True):
+            found[shot].append(tuple(sample))
+    return [tuple(one) for one in found]

@@ -27,9 +27,10 @@ def circumstances_of(dataset: Dataset) -> Circumstances:
 
     battery, density: against the median of the shots that have it. since_last_shot_s: its own column, else differences
     of t_s within the session; the first shot of a session was long after another. age: with ball_id the shots that the
-    ball has had by the most that any ball has had, else how far through its session by t_s, or by order without it.
+    ball has had by the most that any ball has had, else how far through its session by t_s.
     droop: largest dip of the wheels from their speed as the ball is fed, in shares of it, mean of the wheels, by the
-    mean over shots. hood_change: in the order of the rows within a session, or of t_s where all its shots have one.
+    mean over shots. hood_change: since the session's shot before. Where a shot has no t_s, age and hood_change are
+    unknown: the order of rows is none.
     """
     found = gather_circumstances(dataset)
     return Circumstances(**{name: np.where(known.said, known.value, getattr(ORDINARY, name))
@@ -77,11 +78,11 @@ def _filled(column: np.ndarray) -> np.ndarray:
 
 
 def _sessions(shots: Shots) -> Iterator[np.ndarray]:
-    """Rows of each session in the order in which they were shot."""
+    """Rows of each session in the order in which they were shot; none where a shot has no time."""
     names, t_s = np.array(shots.text("session")), shots.number("t_s")
-    for name in dict.fromkeys(names):
+    for name in dict.fromkeys(names) if shots.timed else ():
         rows = np.flatnonzero(names == name)
-        yield rows[np.argsort(t_s[rows], kind="stable")] if np.isfinite(t_s[rows]).all() else rows
+        yield rows[np.argsort(t_s[rows], kind="stable")]
 
 
 def _since(shots: Shots) -> Known:
@@ -95,8 +96,8 @@ def _since(shots: Shots) -> Known:
 
 
 def counts_shots(shots: Shots) -> bool:
-    """Whether `age` counts what each ball has gone through: all balls are known."""
-    return all(shots.text("ball_id"))
+    """Whether `age` counts what each ball has gone through: all balls are known, and when each was shot."""
+    return shots.timed and all(shots.text("ball_id"))
 
 
 def _age(shots: Shots) -> Known:
@@ -106,9 +107,7 @@ def _age(shots: Shots) -> Known:
         return _plain(_shots_had(shots, balls))
     for rows in _sessions(shots):
         t_s = shots.number("t_s")[rows]
-        timed = np.isfinite(t_s).all() and np.ptp(t_s) > 0.0
-        along = t_s - t_s[0] if timed else np.arange(len(rows), dtype=float)
-        value[rows] = along / along[-1] if len(rows) > 1 else np.nan
+        value[rows] = (t_s - t_s[0]) / (t_s[-1] - t_s[0]) if t_s[-1] > t_s[0] else np.nan
     return _plain(value)
 
 

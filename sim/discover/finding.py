@@ -21,6 +21,7 @@ class DataSummary(Struct, frozen=True, omit_defaults=True):
     fitted: dict[str, dict[str, float]]       # tracks | outcomes -> shared parameters
     clusters: dict[str, Any]
     accepted: tuple[str, ...] = ()    # objections to the data that the user accepted, or that only warn
+    untested: tuple[str, ...] = ()    # kinds of effects that these data have no column for
 
 
 class TestResult(Struct, frozen=True):

@@ -60,6 +60,7 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
     among = belief.catalogue if terms is None and belief is not None else as_catalogue(terms)
     names = _names(dataset, believed if belief is None else tuple(belief.coefficients), among)
     _check_measured(measured or {}, names)
+    dataset, since = dataset.in_order(), None if since is None else since.in_order()
     intake = take_in(dataset, {} if belief is None else belief.curves)
     layout = lay_out(intake, names, groups_of(dataset.shots, intake.rows), among, belief)
     layout = replace(layout, measured=measured or {})

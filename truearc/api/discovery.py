@@ -133,8 +133,8 @@ class Finding(Printed):
             belief, provenance = make_belief(self.investigation)
         except ValueError as error:
             raise InputError(f"{self.name}: {error}") from error
-        return replace(belief, provenance={"dataset": self.name, "accepted": list(self.record.data.accepted),
-                                           **provenance})
+        accepted = {"accepted": list(self.record.data.accepted)} if self.record.data.accepted else {}
+        return replace(belief, provenance={"dataset": self.name, **accepted, **provenance})
 
     def lines(self) -> list[str]:
         """Return the report: the verdict in a sentence, and a few lines below it."""

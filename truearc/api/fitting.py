@@ -90,7 +90,8 @@ class Fit(Printed):
             "method": "ml", "dataset": self.dataset.name, "dataset_sha256": hash_dataset(self.dataset),
             "truearc": version("truearc"), "shots": len(fit.gathered.rows), "terms": list(fit.model.terms),
             "log_posterior": -fit.optimum.value, "evidence": dict(fit.gathered.used),
-            "left_out": list(fit.gathered.left_out), "accepted": list(self.dataset.accepted),
+            "left_out": list(fit.gathered.left_out),
+            **({"accepted": list(self.dataset.accepted)} if self.dataset.accepted else {}),
             "interval90": {one.name: [one.low90, one.high90] for one in self.intervals}}
         held = self.holdout
         if held is not None:

@@ -156,5 +156,5 @@ def design_shots(dataset: Dataset, found: Finding, *, shots: int = PLANNED_SHOTS
     steps, record, among = found.investigation.steps, found.record, found.investigation.catalogue
     plan: dict[str, Any] = {}
     if steps and can_design(steps[0]):
-        plan = design_table(make_design(steps[0], shots, configurations, seed), dataset, steps[0], among)
+        plan = design_table(make_design(steps[0], shots, configurations, seed), dataset.in_order(), steps[0], among)
     return ShotDesign(record.sentence, record.verdict, plan, among)

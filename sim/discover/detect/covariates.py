@@ -178,12 +178,15 @@ def _alike(a: Array, b: Array) -> bool:
 
 
 def _time_columns(dataset: Dataset) -> dict[str, Array]:
-    """Order of the rows within their session, and the wait since the session's shot before."""
+    """Place of each shot in its session, and the wait since the shot before; none where a shot has no time."""
     shots = dataset.shots
+    if not shots.timed:
+        return {}
     sessions = np.array(shots.text("session"))
     order, wait = np.zeros(len(shots)), np.full(len(shots), np.nan)
     for session in np.unique(sessions):
         rows = np.flatnonzero(sessions == session)
+        rows = rows[np.argsort(shots.number("t_s")[rows], kind="stable")]
         order[rows] = np.arange(len(rows))
         wait[rows[1:]] = np.diff(shots.number("t_s")[rows])
     return {"order_in_session": order, "since_last_shot_s": wait}

@@ -58,6 +58,7 @@ def foresee_dataset(dataset: Dataset, believed: tuple[str, ...], sides: bool = F
                     progress: Progress = lambda done, note: None, among: Catalogue | None = None) -> Sight:
     """The effects that the shots of a dataset can show: with results at the coefficients fitted to them, else as aimed
     beside the centre with the usual coefficients."""
+    dataset = dataset.in_order()
     told = dataset.tracks is not None or sum(map(bool, dataset.shots.text("outcome"))) >= FEW or (
         np.isfinite(dataset.shots.number("miss_height_m")).sum() >= FEW)
     if told or dataset.facts.target is None:

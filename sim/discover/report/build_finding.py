@@ -36,10 +36,16 @@ def silent(dataset: Dataset, intake: Intake, terms: tuple[str, ...], false_alarm
            among: Catalogue | None = None) -> Finding:
     """The finding of data that carry no test."""
     data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {}, {"by": "shot", "count": 0},
-                             dataset.accepted)
+                             dataset.accepted, _untested(dataset))
     nowhere = Where(None, None, None, None, {}, None, None, (), "the data carry no test")
     return Finding(data, parts.Mismatch(False, None, false_alarm, {}, 0, {}), nowhere, "none",
                    say_none(terms, None, len(dataset.shots), false_alarm, among), None, None)
+
+
+def _untested(dataset: Dataset) -> tuple[str, ...]:
+    """Kinds of effects that need columns which the dataset lacks."""
+    return () if dataset.shots.timed else (
+        "what goes with the order of the shots, such as wear and hood backlash: not every shot has its t_s",)
 
 
 def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, asked: Asked, judged: Judged,
@@ -47,7 +53,7 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
     """Put it together; without steps nothing was found."""
     intake, among, false_alarm = fitted.intake, fitted.layout.chain.catalogue, search.false_alarm
     data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {"all": fitted.values},
-                             {"by": "shot", "count": len(dataset.shots)}, dataset.accepted)
+                             {"by": "shot", "count": len(dataset.shots)}, dataset.accepted, _untested(dataset))
     results = _results(fitted.evidence, asked, judged, false_alarm)
     mismatch = parts.Mismatch(bool(steps), judged.p_any, false_alarm, results, len(asked.tests), judged.families)
     fit = _fit(fitted, steps)

@@ -179,6 +179,7 @@ def console_lines(finding: Finding, among: Catalogue | None = None) -> list[str]
         lines.append(f"along the flight: {where.times_s[0]:.2f} to {where.times_s[1]:.2f} s")
     lines += [f"next: {say_step(step, among)}" for step in finding.next]
     lines += [f"warning: {line}" for line in data.accepted]
+    lines += [f"not tested: {line}" for line in data.untested]
     lines += [f"left out: {line}" for line in data.left_out]
     return lines
 

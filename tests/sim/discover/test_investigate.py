@@ -154,7 +154,7 @@ def test_a_rig_of_three_wheels_is_understood() -> None:
 
 @pytest.mark.filterwarnings("error")
 def test_balls_that_fall_straight_down_show_their_drag() -> None:
-    finding = discover(make_drops(14, 1), ("gravity",)).finding
+    finding = discover(make_drops(14, 2), ("gravity",)).finding
     (first, *_) = finding.what
     assert finding.mismatch.found and first.term == "drag"
     assert finding.verdict != "unknown"          # a curve fitted far from the truth must not beat the true name

@@ -66,13 +66,13 @@ def test_971s_balls_slip(data_dir: Path) -> None:
     assert finding.verdict == "named" and finding.what[0].term == "wheel_slip"
 
 
-def test_254s_tables_fit_no_name(data_dir: Path) -> None:
+def test_254s_tables_end_at_no_drag_and_rising_air_makes_up_for_it(data_dir: Path) -> None:
     dataset = import_254(data_dir / "real/frc_shot_tables.csv")
     found = discover(dataset)
-    assert found.finding.verdict == "unknown" and found.finding.where.covariate == "order_in_session"
-    # no curve that a fit ran away with is adopted: set points go on to meet the goal
+    assert found.finding.verdict == "named" and found.finding.what[0].term == "wind_z"
+    assert found.finding.data.fitted["all"]["drag.cd"] == 0.0              # the edge of what drag can be
     adopted, told = make_belief(found)
-    assert not adopted.curves and "impossible" in told["refused"]
+    assert told["adopted"] == ["wind_z"]
     met = np.asarray(predict(dataset.facts, adopted.coefficients, dataset.shots).height_m)
     assert np.all(np.abs(met - GOAL_M) < 1.0)
 
