@@ -7,16 +7,21 @@ not adopted, even if this session's balls gain by it; and one that they do not g
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from truearc.sim.discover.investigate import Investigation
+from truearc.sim.discover.model.baseline_fit import only_shared, stopped
 from truearc.sim.discover.model.belief_prior import SCATTERS, believed_name, own_slope
 from truearc.sim.discover.model.design_columns import is_tracker
+from truearc.sim.discover.model.linearization import LinearizationPoint, ParameterLayout
 from truearc.sim.discover.model.nonparametric_terms import Freed, all_freed
+from truearc.sim.discover.model.prepared_data import Intake
 from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
 from truearc.sim.discover.report.finding_text import gained_interval
+from truearc.sim.discover.select.forecast_error import track_errors
 from truearc.sim.discover.select.model_averaging import Mixed, mixed
 from truearc.sim.discover.select.refit import Refit, clustered_error, further_values, unseen_change, without
 from truearc.sim.discover.select.selection_step import Step
@@ -57,7 +62,8 @@ def make_belief(investigation: Investigation, gain: Gain = usual_gain) -> tuple[
 
     Where several names of the last effect could not be told apart, the simulation is chosen that forecasts their
     average (truearc.sim.discover.select.model_averaging). gain: bounds of the forecasts' gain where the balls are
-    others. ValueError for data that carry no test.
+    others. Where even a number that was believed before stopped at the end of its range (provenance: at_limit), the
+    belief that was started from stays. ValueError for data that carry no test.
     """
     if investigation.fitted is None:
         raise ValueError("the data carry no test, so nothing was fitted")
@@ -81,8 +87,12 @@ def make_belief(investigation: Investigation, gain: Gain = usual_gain) -> tuple[
                   "adopted": [name.partition(".")[0] for name in names] + [one.said for one in free] + _parts(several),
                   "averaged": several is not None,
                   "p_value": finding.mismatch.p_value if finding.mismatch.p_value is not None else "none"}
-    why = worse or taken.why
-    refused = {"refused": why} if why else {}
+    why, at_limit = worse or taken.why, list(stopped(evidence, among))
+    refused: dict[str, Any] = {"refused": why} if why else {}
+    if at_limit:                      # of what was believed before anything was found
+        refused["at_limit"] = at_limit
+        if investigation.belief is not None:
+            return investigation.belief, {**refused, **provenance}
     return Belief(coefficients, scatter, kept, covariance, curves, among), {**refused, **provenance}
 
 
@@ -115,15 +125,32 @@ class _Taken(NamedTuple):
 
 def _best(investigation: Investigation, gain: Gain) -> tuple[_Taken, str]:
     """All that was found; else what of it has a name; else nothing; and why not all."""
-    everything, worse = investigation.steps, ""
+    everything, worse = _best_flown(investigation)
     named = tuple(step for step in everything if not step.unknown)
     for steps in (everything, named) if len(named) < len(everything) else (everything,):
         taken = _take(investigation, steps)
-        why = _worse(investigation, taken.evidence, gain)
+        why = _worse(investigation, taken, gain)
         if not why:
             return taken, worse
         worse = worse or why
     return _take(investigation, ()), worse
+
+
+def _best_flown(investigation: Investigation) -> tuple[tuple[Step, ...], str]:
+    """(the steps up to the one whose name makes track ends forecast best, as flown; why not all). All without tracks.
+    """
+    steps, fitted = investigation.steps, investigation.fitted
+    named = [k for k, step in enumerate(steps) if not step.unknown]
+    if fitted is None or fitted.intake.samples is None or not named:
+        return steps, ""
+    errors_m = [flown_error(fitted.intake, steps[k].refit, investigation.catalogue) for k in named]
+    best = int(np.argmin(errors_m))
+    if best == len(named) - 1:
+        return steps, ""
+    last = steps[named[-1]].refit.names[0].partition(".")[0]
+    return steps[:named[best] + 1], (
+        f"with {last}, but without the tracker's own errors, hold-out tracks end {errors_m[-1]:.3f} m from where they "
+        f"are forecast to, {errors_m[best]:.3f} m without it")
 
 
 def _take(investigation: Investigation, steps: tuple[Step, ...]) -> _Taken:
@@ -136,11 +163,21 @@ def _take(investigation: Investigation, steps: tuple[Step, ...]) -> _Taken:
     return _Taken(named, free, several, evidence, why)
 
 
-def _worse(investigation: Investigation, evidence: ScoreTable, gain: Gain) -> str:
+def _worse(investigation: Investigation, taken: _Taken, gain: Gain) -> str:
     """Why the effects found are not adopted. Where a later session's balls may be others, their effects are left out.
     """
     if not investigation.steps or investigation.fitted is None:
         return ""
+    evidence = taken.evidence
+    if at_limit := stopped(evidence, investigation.catalogue):
+        return f"beside them {', '.join(at_limit)} stopped at the end of its range"
+    if taken.named and investigation.fitted.intake.samples is not None:
+        fitted, among = investigation.fitted, investigation.catalogue
+        believed = _AsFitted(only_shared(fitted.layout), fitted.spot, without(fitted.evidence))
+        before_m, after_m = (flown_error(fitted.intake, one, among) for one in (believed, taken.named[-1].refit))
+        if after_m >= before_m:
+            return (f"without the tracker's own errors hold-out tracks end {after_m:.3f} m from where they are "
+                    f"forecast to, by what is believed {before_m:.3f} m")
     before = without(investigation.fitted.evidence)
     if len(ball_effects(before)):
         high = gain(before, evidence)[1]
@@ -148,6 +185,24 @@ def _worse(investigation: Investigation, evidence: ScoreTable, gain: Gain) -> st
     fit = investigation.finding.fit
     interval = None if fit is None else gained_interval(fit)
     return "forecasts of hold-out shots are worse (90 % interval)" if interval and interval[1] < 0.0 else ""
+
+
+class _AsFitted(NamedTuple):
+    layout: ParameterLayout
+    spot: LinearizationPoint
+    evidence: ScoreTable
+
+
+def flown_error(intake: Intake, found: Refit | _AsFitted, among: Catalogue) -> float:
+    """RMS error in m of where tracks end, each shot by a fit to the other folds, flown as an adopted belief is: from
+    its settings alone, and without the errors of the tracker that were fitted beside it."""
+    layout, spot, evidence = found.layout, found.spot, found.evidence
+    tracker = np.array([is_tracker(column, among) for column in evidence.columns])
+    values, change = spot.values.copy(), unseen_change(evidence)
+    values[layout.source[tracker]] = 0.0
+    change[:, tracker] = 0.0
+    errors_m = track_errors(intake, layout, replace(spot, values=values), change, 0.0)
+    return float(np.sqrt(np.mean(np.sum(errors_m**2, axis=1))))
 
 
 def _free(investigation: Investigation, steps: tuple[Step, ...]) -> tuple[tuple[Freed, ...], str]:

@@ -127,12 +127,17 @@ class Finding(Printed):
         `provenance` of the belief says what was and why.
 
         Raises:
-            InputError: the data carry no test, so nothing was fitted.
+            InputError: the data carry no test, so nothing was fitted; or a coefficient, or an error of the tracker,
+                stopped at the end of its range, and there is no belief from before.
         """
         try:
             belief, provenance = make_belief(self.investigation)
         except ValueError as error:
             raise InputError(f"{self.name}: {error}") from error
+        if "at_limit" in provenance and self.investigation.belief is None:
+            why = f"; {provenance['refused']}" if "refused" in provenance else ""
+            raise InputError(f"{self.name}: nothing is adopted: {', '.join(provenance['at_limit'])} stopped at the end "
+                             f"of its range{why}")
         accepted = {"accepted": list(self.record.data.accepted)} if self.record.data.accepted else {}
         return replace(belief, provenance={"dataset": self.name, **accepted, **provenance})
 

@@ -32,6 +32,7 @@ from truearc.robot.recording.session import load_trials
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.data.dataset import save_dataset
 from truearc.sim.data.recordings import OUTCOMES, shots_from_sessions
+from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.report.finding_text import say_adopted
 from truearc.sim.intervals import difference
@@ -150,9 +151,9 @@ def _learn(root: Path, name: str) -> str:
     steps = found.investigation.steps
     with (folder / "steps.txt").open("w", encoding="utf-8") as said_here, contextlib.redirect_stdout(said_here):
         for side, taken in zip(SIDES, ((), steps), strict=True):
-            belief = ta.Finding(found.name, replace(found.investigation, steps=taken)).adopt()
-            belief.save(folder / f"{side}.toml")
-            print(say_adopted(found.record, belief.provenance))
+            belief, provenance = make_belief(replace(found.investigation, steps=taken))
+            replace(belief, provenance={"dataset": found.name, **provenance}).save(folder / f"{side}.toml")
+            print(say_adopted(found.record, provenance))
             _train(shots, belief, folder / f"{side}_weights", _gate(room, name, side))
     claims = {"schema": SCHEMA, "world": name, "solver": solver_id(), "data": hash_files(data),
               "finding": msgspec.json.decode(make_json(found.record)), "gates": _gate_hashes(room, name)}

@@ -25,6 +25,7 @@ import truearc.api
 import truearc.sim
 import truearc_proof
 from truearc.sim.data.dataset import join_datasets
+from truearc.sim.discover.adopt import make_belief
 from truearc.sim.infer.belief import as_table
 from truearc.sim.infer.plausibility import CHECKS
 from truearc.sim.physics.catalogue import BUILT_IN
@@ -126,8 +127,8 @@ def believed_by(found: ta.Finding) -> dict[str, Any]:
     """Return the beliefs before and after the finding, which the sealed test compares by their forecasts."""
     if not found.investigation.steps:
         return {}
-    before = replace(found, investigation=replace(found.investigation, steps=()))
-    return {"believed": {"before": as_table(before.adopt()), "after": as_table(found.adopt())}}
+    before, after = (make_belief(one)[0] for one in (replace(found.investigation, steps=()), found.investigation))
+    return {"believed": {"before": as_table(before), "after": as_table(after)}}
 
 
 def _below(folder: str, files: dict[str, str]) -> dict[str, str]:
@@ -182,7 +183,7 @@ def at_home(directory: Path) -> tuple[ta.Dataset, ta.Belief]:
     if not directory.is_dir():
         raise ta.InputError(f"{directory}: is missing: these worlds are to be compared with it")
     home = ta.load_dataset(directory)
-    return home, _ask(home, believe=AT_HOME).adopt()
+    return home, make_belief(_ask(home, believe=AT_HOME).investigation)[0]
 
 
 @cache

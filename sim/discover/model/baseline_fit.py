@@ -207,6 +207,13 @@ def out_of_range(values: Mapping[str, float], among: Catalogue) -> list[str]:
             if not least < values[".".join(slot)] < most]
 
 
+def stopped(evidence: ScoreTable, among: Catalogue) -> dict[str, float]:
+    """Fitted numbers of terms, a tracker's among them, that stopped at the end of their range, by name."""
+    values = {column.name: float(value) for column, value in zip(evidence.columns, evidence.point, strict=True)
+              if column.kind in ("shared", "term") and among.get(column.term) is not None}
+    return {name: values[name] for name in out_of_range(values, among)}
+
+
 @cache
 def _bounds(slots: tuple[tuple[str, str], ...],
             among: Catalogue) -> tuple[Float[Array, " slots"], Float[Array, " slots"]]:

@@ -13,11 +13,11 @@ from truearc.sim.discover.detect.score_test import Judged
 from truearc.sim.discover.detect.test_battery import TERMS, Asked, name_of
 from truearc.sim.discover.finding import Finding, FitSummary, Named, TestResult, Unknown, Where
 from truearc.sim.discover.model import plane_likelihood as outcomes
-from truearc.sim.discover.model.baseline_fit import BaselineFit, only_shared
+from truearc.sim.discover.model.baseline_fit import BaselineFit, only_shared, stopped
 from truearc.sim.discover.model.prepared_data import Intake
 from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.discover.plan.recommendations import next_steps
-from truearc.sim.discover.report.finding_text import NINETY, say_named, say_none, say_smallest, say_unknown
+from truearc.sim.discover.report.finding_text import NINETY, say_limits, say_named, say_none, say_smallest, say_unknown
 from truearc.sim.discover.report.formula import find_formula
 from truearc.sim.discover.select.forecast_error import end_errors
 from truearc.sim.discover.select.forward_selection import Search
@@ -53,7 +53,8 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
     """Put it together; without steps nothing was found."""
     intake, among, false_alarm = fitted.intake, fitted.layout.chain.catalogue, search.false_alarm
     data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {"all": fitted.values},
-                             {"by": "shot", "count": len(dataset.shots)}, dataset.accepted, _untested(dataset))
+                             {"by": "shot", "count": len(dataset.shots)}, dataset.accepted, _untested(dataset),
+                             stopped(without(fitted.evidence), among) | stopped(best_of(fitted, steps), among))
     results = _results(fitted.evidence, asked, judged, false_alarm)
     mismatch = parts.Mismatch(bool(steps), judged.p_any, false_alarm, results, len(asked.tests), judged.families)
     fit = _fit(fitted, steps)
@@ -61,7 +62,7 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
         where = Where(None, None, None, None, {}, None, None, (), "nothing was found")
         sentence = say_none(terms, judged.p_any, data.shots, false_alarm, among) + say_smallest(
             fitted.evidence, judged.threshold(TERMS, false_alarm), among)
-        return Finding(data, mismatch, where, "none", sentence, None, fit)
+        return Finding(data, mismatch, where, "none", sentence + say_limits(data.at_limit), None, fit)
     told = (replace(steps[0], unknown=True),) if is_stand_in(steps) else steps
     first = told[0]
     verdict = "unknown" if first.unknown else "named" if len(first.naming.chosen) == 1 else "set"
@@ -70,8 +71,15 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
     also = rest if len(told) > 1 else []
     sentence = (say_unknown(terms, judged.p_any, where, leading, rest, fit, place, among) if first.unknown else
                 say_named(terms, judged.p_any, leading, rest, fit, place, among))
+    sentence += say_limits(data.at_limit)
     return Finding(data, mismatch, where, verdict, sentence, leading.unknown, fit, what=leading.what, set=leading.set,
                    next=next_steps(dataset, first, leading.set), also=tuple(also))
+
+
+def best_of(fitted: BaselineFit, steps: Sequence[Step]) -> ScoreTable:
+    """The fit with every named effect; the baseline's shared numbers where nothing has a name."""
+    named = [step.refit.evidence for step in steps if not step.unknown]
+    return named[-1] if named else without(fitted.evidence)
 
 
 def is_stand_in(steps: Sequence[Step]) -> bool:

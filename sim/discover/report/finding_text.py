@@ -83,12 +83,22 @@ def too_little(also: Sequence[Further]) -> list[str]:
     return [further.what[0].term for further in also if further.unknown is None and not _clear(further)]
 
 
+def say_limits(at_limit: Mapping[str, float]) -> str:
+    """Return a sentence about fitted numbers that stopped at the end of their range; empty where none did."""
+    if not at_limit:
+        return ""
+    found = ", ".join(f"{name} at {value:.4g}" for name, value in at_limit.items())
+    return f" A fit stopped at the end of a range ({found}): what it stands for may be something else."
+
+
 def say_adopted(finding: Finding, provenance: Mapping[str, Any]) -> str:
     """Return which effects a belief that was adopted from the finding has, and why not all."""
     vague = too_little(finding.also)
     named = [f"{name} (as fitted, though too little to be named)" if name in vague else name
              for name in provenance["adopted"]]
     but = f" (not all: {provenance['refused']})" if "refused" in provenance else ""
+    if "at_limit" in provenance:
+        return f"adopted: nothing; {', '.join(provenance['at_limit'])} stopped at the end of its range"
     what = f"the average of {', '.join(named)}" if provenance["averaged"] else ", ".join(named)
     return f"adopted: {what or 'nothing named, the fitted coefficients alone'}{but}"
 

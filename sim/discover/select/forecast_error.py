@@ -27,8 +27,10 @@ def end_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint
     return float(np.sqrt(np.mean(errors**2)))
 
 
-def track_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, change: Array) -> Array:
-    """[k, 3] in m: each track's last sample less its forecast from the first FORECAST of its samples."""
+def track_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, change: Array,
+                 share: float = FORECAST) -> Array:
+    """[k, 3] in m: each track's last sample less its forecast from the first `share` of its samples; 0: from the
+    settings alone."""
     samples, rows, scatter = intake.samples, intake.tracked, intake.scatter
     assert samples is not None and scatter is not None
     inputs = layout.inputs
@@ -43,7 +45,7 @@ def track_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoi
     white = whiten(samples, scatter, np.concatenate([off[..., None], by_deviate * sd[:, None, None, :]], axis=3))
     errors = np.zeros((len(rows), 3))
     for k, count in enumerate(samples.real.sum(1)):
-        early = white[k, :3 * max(int(FORECAST * count), 4)]
+        early = white[k, :3 * max(int(share * count), 4 if share else 0)]
         slope = early[:, 1:]
         told = np.linalg.solve(np.eye(slope.shape[1]) + slope.T @ slope, slope.T @ early[:, 0])
         errors[k] = off[k, count - 1] - by_deviate[k, count - 1] @ (sd[k] * told)

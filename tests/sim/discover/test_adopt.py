@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from msgspec import structs
 
+import truearc as ta
+from tests.sim.discover.odd_rigs import make_drops
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.parts import take_shots
 from truearc.sim.data.shot_conditions import circumstances_of
@@ -187,3 +189,24 @@ def test_points_of_a_curve_are_felt_as_far_as_a_shot_goes_with_them() -> None:
         assert np.allclose(felt, by[:, k] * steeper, atol=1e-9)
     first = evidence.columns[evidence.index("curve.free_elevation.0")]
     assert first.kind == "shared" and first.stage == "launch" and not first.told
+
+
+def filmed(tilt_deg: float) -> Dataset:
+    """Falling balls, drag 0.5, filmed by a camera that is tilted forwards about a place 5 m up."""
+    drops = make_drops(14, 2)
+    assert drops.tracks is not None
+    x_m, z_m = drops.tracks.x_m, drops.tracks.z_m - 5.0
+    cos, sin = np.cos(np.radians(tilt_deg)), np.sin(np.radians(tilt_deg))
+    return replace(drops, tracks=replace(drops.tracks, x_m=cos * x_m - sin * z_m, z_m=5.0 + sin * x_m + cos * z_m))
+
+
+def test_nothing_is_adopted_beside_a_tracker_error_at_its_bound() -> None:
+    level = ta.discover(filmed(0.0), believe=["gravity"])
+    assert "drag" in level.adopt().coefficients and level.adopt().coefficients["drag"]["cd"] == pytest.approx(0.5, 0.1)
+    tilted = ta.discover(filmed(20.0), believe=["gravity"])               # the fit takes at most 15 degrees
+    assert tilted.record.data.at_limit["track_tilt.angle_deg"] == 15.0
+    assert "track_tilt.angle_deg at 15" in tilted.sentence
+    with pytest.raises(ta.InputError, match=r"nothing is adopted: track_tilt\.angle_deg"):
+        tilted.adopt()
+    started = level.adopt()
+    assert make_belief(replace(tilted.investigation, belief=started))[0] is started

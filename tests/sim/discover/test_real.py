@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import truearc as ta
 from tests.sim.thin import thinned
+from truearc.cli.main import main
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.importers.imported import doubts_of, only
 from truearc.sim.discover.adopt import make_belief
@@ -45,6 +47,21 @@ def test_backspin_lift_is_named_and_flights_end_where_it_says(data_dir: Path) ->
     assert finding.fit.gain_per_shot > 2.0 * finding.fit.gain_se
     assert finding.fit.height_rmse_before_m is not None and finding.fit.height_rmse_after_m is not None
     assert finding.fit.height_rmse_after_m < 0.5 * finding.fit.height_rmse_before_m
+
+
+def test_what_only_a_tilted_camera_makes_right_is_not_adopted(data_dir: Path, tmp_path: Path,
+                                                             capsys: pytest.CaptureFixture[str]) -> None:
+    """Drag of 1.09 and sinking air, with the camera at 15 degrees, the end of its range: the ball has about 0.41."""
+    real = data_dir / "real"
+    assert main(["import", "mpi", str(real / "mpi_launches.csv"), str(real / "mpi_tracks.csv"), "-o",
+                 str(tmp_path / "mpi"), "--quiet"]) == 0
+    adopt = ["--adopt", str(tmp_path / "out.toml"), "--json", str(tmp_path / "out.json"), "--quiet"]
+    assert main(["discover", str(tmp_path / "mpi"), "--believe", "gravity,drag", *adopt]) == 2
+    said = capsys.readouterr()
+    assert "nothing is adopted: track_tilt.angle_deg stopped at the end of its range" in said.err
+    assert "A fit stopped at the end of a range (track_tilt.angle_deg at 15)" in said.out
+    assert not (tmp_path / "out.toml").exists()
+    assert "track_tilt.angle_deg" in ta.load_finding(tmp_path / "out.json").data.at_limit
 
 
 def test_falling_balls_are_slower_than_gravity_has_them(data_dir: Path) -> None:

@@ -62,15 +62,21 @@ def add_baseline(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    """Return 0, whether or not something was found."""
+    """Return 0, whether or not something was found; InputError, after the report, where nothing can be adopted."""
     _, found = investigate(args, "discover", args.measured)
-    adopted = _adopt(found, args.dataset, args.adopt) if args.adopt else None
+    adopted, refused = None, None
+    try:
+        adopted = _adopt(found, args.dataset, args.adopt) if args.adopt else None
+    except ta.InputError as error:
+        refused = error
     write_out(args.json, found.to_json())
     if args.report:
         found.to_html(args.report)
     print(found)                      # last: whoever reads it may be gone
     if adopted is not None:
         print(adopted)
+    if refused is not None:
+        raise refused
     return 0
 
 
