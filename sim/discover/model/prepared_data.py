@@ -209,13 +209,18 @@ def first_guess(samples: Samples) -> tuple[Array, Array]:
 
 def _exits(part: _Part) -> tuple[Array, Array]:
     """Measured exits that are evidence about wheels and hood [n, 3], and their standard deviations."""
-    speed = np.where(part.wheels & part.launched, part.shots.number("exit_speed_m_s"), np.nan)
-    exits = np.stack([np.log(np.where(speed > 0.0, speed, np.nan)),
-                      np.radians(np.where(part.hood & part.launched, part.shots.number("exit_deg"), np.nan)),
-                      np.where(part.wheels & part.launched, part.shots.number("exit_spin_rev_s"), np.nan)], axis=1)
+    speed, deg, spin_rev_s = (_measured(part.shots.number(name), where & part.launched) for name, where in (
+        ("exit_speed_m_s", part.wheels), ("exit_deg", part.hood), ("exit_spin_rev_s", part.wheels)))
+    exits = np.stack([np.log(np.where(speed > 0.0, speed, np.nan)), np.radians(deg), spin_rev_s], axis=1)
     sd = np.stack([EXIT_SPEED_SD_M_S / np.where(speed > 0.0, speed, 1.0),
                    np.full(len(speed), np.radians(EXIT_DEG_SD)), np.full(len(speed), EXIT_SPIN_SD_REV_S)], axis=1)
     return exits, sd
+
+
+def _measured(column: Array, where: Array) -> Array:
+    """The column there; nan where it is the same for all shots: real measurements scatter."""
+    known = column[where & np.isfinite(column)]
+    return np.where(where & (len(known) > 1 and np.ptp(known) > 0.0), column, np.nan)
 
 
 def _samples(dataset: Dataset) -> tuple[Samples | None, tuple[str, ...]]:

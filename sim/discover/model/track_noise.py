@@ -17,6 +17,7 @@ SURE_NATS = 30.0                      # that stamps put right must gain,
 COMMON = 0.03                         # and share of tracks that must leap: of those with bad noise alone 2 in 300 do
 MEMORIES = np.linspace(0.0, 0.97, 50)  # correlations of neighbouring samples that are told apart
 LEAST_MEMORY = 0.03
+UNMEASURED_M = 1e6                    # noise of an axis whose samples are all alike
 PAD = 16                              # tracks are padded to a multiple of this, since each length is compiled
 
 
@@ -87,11 +88,13 @@ def measure_scatter(samples: Samples, believed_m: float) -> Scatter:
     """Noise about the smoothest flight that each track allows; the believed figure when no track is long enough.
 
     A smooth curve takes some of the noise with it, most of slow noise. Size and memory are those that would leave what
-    was found after the same curve was taken out of a typical track.
+    was found after the same curve was taken out of a typical track. An axis whose samples are all alike was not
+    measured: it gets a noise beside which nothing shows.
     """
+    unmeasured = np.ptp(samples.position_m[samples.real], axis=0) == 0.0
     long = [k for k, real in enumerate(samples.real) if real.sum() >= ENOUGH_SAMPLES]
     if not long:
-        return Scatter(np.full(3, believed_m), np.zeros(3))
+        return Scatter(np.where(unmeasured, UNMEASURED_M, believed_m), np.zeros(3))
     residuals = [_detrend(samples.time_s[k][samples.real[k]], samples.position_m[k][samples.real[k]]) for k in long]
     square = sum((r**2).sum(0) for r in residuals) / sum(len(r) for r in residuals)
     together = sum((r[1:] * r[:-1]).sum(0) for r in residuals) / sum(len(r) for r in residuals)
@@ -102,7 +105,7 @@ def measure_scatter(samples: Samples, believed_m: float) -> Scatter:
     found = np.interp(together / np.maximum(square, 1e-300), left[:, 1] / left[:, 0], MEMORIES)
     sigma_m = np.sqrt(square / np.interp(found, MEMORIES, left[:, 0]))
     memory_s = np.where(found > LEAST_MEMORY, -gap_s / np.log(np.maximum(found, 1e-12)), 0.0)
-    return Scatter(np.maximum(sigma_m, 1e-6), memory_s)
+    return Scatter(np.where(unmeasured, UNMEASURED_M, np.maximum(sigma_m, 1e-6)), np.where(unmeasured, 0.0, memory_s))
 
 
 def _left_over(time_s: Float[Array, " L"], memory: float, gap_s: float) -> tuple[float, float]:
