@@ -1,5 +1,6 @@
 """A dataset in memory: columns, SI, one row a shot."""
 
+import re
 from dataclasses import dataclass, fields, replace
 from itertools import repeat
 from typing import Any, TypeVar
@@ -111,7 +112,8 @@ class Dataset(Printed):
         numbers = [np.nan_to_num(shots.numbers[name], nan=np.inf).tolist() for name in sorted(shots.numbers)]
         texts = [shots.texts[name] for name in sorted(shots.texts)]
         known = [tuple(column[row] for column in (*numbers, *texts)) for row in range(len(shots))]
-        when = zip(shots.text("session"), shots.number("t_s").tolist(), strict=True) if shots.timed else repeat(())
+        sessions = map(_counted, shots.text("session"))
+        when = zip(sessions, shots.number("t_s").tolist(), strict=True) if shots.timed else repeat(())
         samples = zip(_samples(self.tracks, len(shots)), _samples(self.traces, len(shots)), strict=True)
         return list(zip(when, known, samples, shots.shot_id, strict=False))
 
@@ -128,6 +130,11 @@ class Dataset(Printed):
 
 
 Samples = TypeVar("Samples", Tracks, Traces)
+
+
+def _counted(name: str) -> list[tuple[int, str]]:
+    """A name to sort by, its numbers as such: day9 before day10."""
+    return [(int(part) if part.isdecimal() else -1, part) for part in re.split(r"(\d+)", name)]
 
 
 def _moved(table: Samples | None, place: npt.NDArray[np.int64]) -> Samples | None:

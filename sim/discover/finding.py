@@ -22,6 +22,7 @@ class DataSummary(Struct, frozen=True, omit_defaults=True):
     clusters: dict[str, Any]
     accepted: tuple[str, ...] = ()    # objections to the data that the user accepted, or that only warn
     untested: tuple[str, ...] = ()    # kinds of effects that these data have no column for
+    topspin: bool = False             # of most balls, by wheels or measurement
     at_limit: dict[str, float] = {}   # fitted numbers that stopped at the end of their range
 
 

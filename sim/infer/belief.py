@@ -23,6 +23,7 @@ import numpy as np
 
 from truearc.robot.config.schema import InputError
 from truearc.robot.config.toml_text import make_toml
+from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.coefficients import SCHEMA, Coefficients, coefficients_in, load_table
 from truearc.sim.infer.curve import Curve, read_curves, write_curve
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, catalogue, find_parameter
@@ -32,6 +33,15 @@ from truearc.sim.printed import Printed
 
 SCATTERS = ("speed", "elevation_deg")
 SCATTER = "scatter"
+
+
+RANGED = ("distance_m", "hood_deg", "motor_ratio", "exit_speed_m_s", "exit_deg")
+
+
+def ranges_of(shots: Shots) -> dict[str, list[float]]:
+    """Return {column: [lowest, highest]} of the settings of shots, for the provenance of what is fitted to them."""
+    known = {name: column[np.isfinite(column)] for name, column in shots.numbers.items() if name in RANGED}
+    return {name: [float(column.min()), float(column.max())] for name, column in known.items() if len(column)}
 
 
 @dataclass(frozen=True, eq=False)

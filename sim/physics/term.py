@@ -87,6 +87,7 @@ class Term(ABC):
         direction: Along, up across, or left of the flight: where a positive amplitude moves a typical shot.
         sentence: How a report says that this is at work.
         phrase: The same with its size.
+        topspin_phrase: The same of balls with topspin, where that turns its direction round.
         instrument: What settles it without a shot; None where it is `always` at work.
         label: Its name in running text; by itself the name with spaces.
         follows: The field of Circumstances that the amplitude is multiplied by.
@@ -106,6 +107,7 @@ class Term(ABC):
     direction: ClassVar[str]
     sentence: ClassVar[str]
     phrase: ClassVar[Phrase]
+    topspin_phrase: ClassVar[Phrase | None] = None
     instrument: ClassVar[Instrument | None]
     label: ClassVar[str]
     follows: ClassVar[str | None] = None

@@ -130,9 +130,9 @@ def test_predictions_equal_what_the_command_prints(folder, week, found, tmp_path
     told = ta.predict(week, found.adopt())
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].split(",") == list(told.columns) and len(lines) == len(told) + 1
-    for line, (name, height_m, deviation_m, outcome) in zip(lines[1:], told.rows, strict=True):
-        assert line == (f"{name},{height_m:.9f},{deviation_m:.9f},{outcome}" if height_m is not None
-                        else f"{name},,,{outcome}")
+    for line, (name, height_m, deviation_m, outcome, note) in zip(lines[1:], told.rows, strict=True):
+        assert line == (f"{name},{height_m:.9f},{deviation_m:.9f},{outcome},{note}" if height_m is not None
+                        else f"{name},,,{outcome},{note}")
     for arguments in ({}, {"belief": found.adopt(), "gate": "gate.onnx"}):
         with pytest.raises(ta.InputError, match="either a belief or gate"):
             ta.predict(week, **arguments)

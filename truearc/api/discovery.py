@@ -139,7 +139,8 @@ class Finding(Printed):
             raise InputError(f"{self.name}: nothing is adopted: {', '.join(provenance['at_limit'])} stopped at the end "
                              f"of its range{why}")
         accepted = {"accepted": list(self.record.data.accepted)} if self.record.data.accepted else {}
-        return replace(belief, provenance={"dataset": self.name, **accepted, **provenance})
+        return replace(belief, provenance={"dataset": self.name, **accepted, **provenance,
+                                           "range": self.investigation.ranges})
 
     def lines(self) -> list[str]:
         """Return the report: the verdict in a sentence, and a few lines below it."""

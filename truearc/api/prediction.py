@@ -1,6 +1,8 @@
 """Forecast recorded or planned shots."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +12,7 @@ from truearc.model_export.predict import HEADER as RATING_COLUMNS
 from truearc.model_export.predict import rate_shots
 from truearc.robot.config.schema import InputError
 from truearc.robot.gate.model import load_gate
-from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.discover.detect.covariates import every_column
 from truearc.sim.infer.belief import Belief
@@ -20,7 +22,8 @@ from truearc.sim.physics.simulate import classify, opening_of
 from truearc.sim.physics.simulate import predict as fly_shots
 from truearc.sim.progress import Progress
 
-COLUMNS = ("shot_id", "height_m", "deviation_m", "outcome")
+COLUMNS = ("shot_id", "height_m", "deviation_m", "outcome", "note")
+NOT_REACHED = "does not reach the target: it meets the floor or turns back first"
 
 
 def predict(dataset: Dataset, belief: Belief | None = None, *, gate: str | Path | None = None,
@@ -35,8 +38,9 @@ def predict(dataset: Dataset, belief: Belief | None = None, *, gate: str | Path 
 
     Returns:
         A row per shot. By a belief: shot_id, height_m at the target plane above the floor [m], deviation_m from the
-        target's centre [m, up positive], outcome; the heights are None where the ball meets the floor or turns back
-        first. By a gate: shot_id, p_two and p_three (probabilities), in_domain, novelty (over 1: further than that
+        target's centre [m, up positive], outcome, and a note on a setting outside the range of the shots that the
+        belief was fitted to, or on why there is no height (None: the ball meets the floor or turns back first). By a
+        gate: shot_id, p_two and p_three (probabilities), in_domain, novelty (over 1: further than that
         from all recorded shots); None where the gate gives no number.
 
     Raises:
@@ -49,8 +53,20 @@ def predict(dataset: Dataset, belief: Belief | None = None, *, gate: str | Path 
     if belief is None:
         return Table(RATING_COLUMNS, tuple(rate_shots(load_gate(str(gate)), dataset.shots, dataset.name)))
     check_kind("belief", belief, Belief, "load_belief(...)")
-    rows = zip(dataset.shots.shot_id, *_flown(dataset, belief, progress), strict=True)
+    flown = _flown(dataset, belief, progress)
+    rows = zip(dataset.shots.shot_id, *flown, _notes(dataset.shots, flown[0], belief.provenance), strict=True)
     return Table(COLUMNS, tuple(tuple(None if cell != cell else cell for cell in row) for row in rows))
+
+
+def _notes(shots: Shots, height_m: list[float], provenance: Mapping[str, Any]) -> list[str]:
+    """What to know of each forecast; "" where there is nothing."""
+    notes: list[list[str]] = [[NOT_REACHED] if height != height else [] for height in height_m]
+    fitted = provenance.get("range", {})
+    for name, (low, high) in fitted.items() if isinstance(fitted, Mapping) else ():
+        for note, value in zip(notes, shots.number(name).tolist(), strict=True):
+            if value < low or value > high:
+                note.append(f"{name} {value:.4g} is outside the fitted {low:.4g} to {high:.4g}")
+    return ["; ".join(note) for note in notes]
 
 
 def _flown(dataset: Dataset, belief: Belief, progress: Progress) -> tuple[list[float], list[float], list[str]]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover import finding as parts
-from truearc.sim.discover.detect.covariates import Covariate, carried_by, followed_column
+from truearc.sim.discover.detect.covariates import Covariate, carried_by, followed_column, number_columns
 from truearc.sim.discover.detect.localization import Place, amplitude_of, times_of
 from truearc.sim.discover.detect.score_test import Judged
 from truearc.sim.discover.detect.test_battery import TERMS, Asked, name_of
@@ -48,12 +48,19 @@ def _untested(dataset: Dataset) -> tuple[str, ...]:
         "what goes with the order of the shots, such as wear and hood backlash: not every shot has its t_s",)
 
 
+def _has_topspin(dataset: Dataset) -> bool:
+    spin_rev_s = number_columns(dataset).get("exit_spin_rev_s", np.zeros(0))
+    known = spin_rev_s[np.isfinite(spin_rev_s)]
+    return bool(len(known) and np.median(known) < 0.0)
+
+
 def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, asked: Asked, judged: Judged,
                  place: Place | None, steps: Sequence[Step], search: Search) -> Finding:
     """Put it together; without steps nothing was found."""
     intake, among, false_alarm = fitted.intake, fitted.layout.chain.catalogue, search.false_alarm
     data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {"all": fitted.values},
                              {"by": "shot", "count": len(dataset.shots)}, dataset.accepted, _untested(dataset),
+                             _has_topspin(dataset),
                              stopped(without(fitted.evidence), among) | stopped(best_of(fitted, steps), among))
     results = _results(fitted.evidence, asked, judged, false_alarm)
     mismatch = parts.Mismatch(bool(steps), judged.p_any, false_alarm, results, len(asked.tests), judged.families)
@@ -70,7 +77,7 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
     leading, *rest = (_further(step, search.seed) for step in (first, *steps[1:]))
     also = rest if len(told) > 1 else []
     sentence = (say_unknown(terms, judged.p_any, where, leading, rest, fit, place, among) if first.unknown else
-                say_named(terms, judged.p_any, leading, rest, fit, place, among))
+                say_named(terms, judged.p_any, leading, rest, fit, place, among, data.topspin))
     sentence += say_limits(data.at_limit)
     return Finding(data, mismatch, where, verdict, sentence, leading.unknown, fit, what=leading.what, set=leading.set,
                    next=next_steps(dataset, first, leading.set), also=tuple(also))

@@ -35,15 +35,21 @@ def plain(name: str, among: Catalogue | None = None) -> str:
     return name.replace("_", " ") if term is None else term.label
 
 
-def phrase_of(name: str, among: Catalogue | None = None) -> Phrase | None:
+def phrase_of(name: str, among: Catalogue | None = None, topspin: bool = False) -> Phrase | None:
     """The wording of a term's amplitude; None if the name is not a term's, or that of an unexplained effect."""
     term = as_catalogue(among).get(name.partition(".")[0])
-    return None if term is None or isinstance(term, Nameless) else term.phrase
+    if term is None or isinstance(term, Nameless):
+        return None
+    return term.topspin_phrase if topspin and term.topspin_phrase is not None else term.phrase
 
 
-def say_effect(term: str, interval: Interval, sentence: str, among: Catalogue | None = None) -> str:
-    """The effect with its size and 90 % interval, no full stop; a term that is not in the catalogue: its sentence."""
-    phrase = phrase_of(term, among)
+def say_effect(term: str, interval: Interval, sentence: str, among: Catalogue | None = None,
+               topspin: bool = False) -> str:
+    """The effect with its size and 90 % interval, no full stop; a term that is not in the catalogue: its sentence.
+
+    topspin: the balls' spin is topspin.
+    """
+    phrase = phrase_of(term, among, topspin)
     if phrase is None:
         unit = "" if interval.unit == "1" else f" {interval.unit}"
         said = sentence.rstrip(".")

@@ -28,11 +28,11 @@ THEN = ("With that put in", "And with that, too")
 
 
 def say_named(believed: tuple[str, ...], p_value: float, leading: Further, also: Sequence[Further], fit: FitSummary,
-              place: Place | None, among: Catalogue | None = None) -> str:
+              place: Place | None, among: Catalogue | None = None, topspin: bool = False) -> str:
     """One name, or those that cannot be told apart, with the size and what it gains."""
     what = leading.what
     names = leading.set or (what[0].term,)
-    likeliest = _effect(what[0], among)
+    likeliest = _effect(what[0], among, topspin)
     if len(names) == 1:
         said = f"{_missing(believed, among)}: {likeliest}."
     else:
@@ -46,7 +46,7 @@ def say_named(believed: tuple[str, ...], p_value: float, leading: Further, also:
     unexplained = 1.0 - sum(one.probability for one in what)
     if unexplained >= UNSURE:
         said += f" A free curve explains it about as well, so it may be an effect of no term ({unexplained:.0%})."
-    more = "".join(besides(further, then, among) for further, then in zip(also, THEN, strict=False))
+    more = "".join(besides(further, then, among, topspin) for further, then in zip(also, THEN, strict=False))
     return said + _since(place) + more + _gained(fit) + _chance(p_value)
 
 
@@ -63,7 +63,7 @@ def _since(place: Place | None) -> str:
     return f" It shows best as a step where {in_words(name)} is above {cut}." if name in TIMES else ""
 
 
-def besides(further: Further, then: str, among: Catalogue | None = None) -> str:
+def besides(further: Further, then: str, among: Catalogue | None = None, topspin: bool = False) -> str:
     """A further effect, after `then`: its likeliest name only, since it may well be an error of the one named first."""
     if further.unknown is not None:
         goes = f", and goes with {in_words(further.unknown.covariate)}" if further.unknown.covariate else ""
@@ -75,7 +75,7 @@ def besides(further: Further, then: str, among: Catalogue | None = None) -> str:
         return f" Something more remains, too little to be named: perhaps {either(vague)}."
     others = [plain(one.term, among) for one in in_set if one is not clear[0]][:LISTED]
     instead = f"; or {either(others)}" if others else ""
-    return f" {then}, what is left looks most as if {_effect(clear[0], among)}{instead}."
+    return f" {then}, what is left looks most as if {_effect(clear[0], among, topspin)}{instead}."
 
 
 def too_little(also: Sequence[Further]) -> list[str]:
@@ -242,9 +242,9 @@ def _gained(fit: FitSummary) -> str:
     return f" On hold-out shots the corrected simulation {said}."
 
 
-def _effect(one: Named, among: Catalogue | None) -> str:
+def _effect(one: Named, among: Catalogue | None, topspin: bool) -> str:
     interval = next(iter(one.parameters.values()))
-    said = say_effect(one.term, interval, one.sentence, among)
+    said = say_effect(one.term, interval, one.sentence, among, topspin)
     return said if one.believed is None else f"{said}, and not {size_of(one.term, one.believed, interval.unit, among)}"
 
 

@@ -183,7 +183,8 @@ def _names(finding: Finding, among: Catalogue) -> str:
     """Names with their probabilities as bars; members of the set in another colour."""
     members = set(finding.set or ())
     rows = [_bar(plain(one.term, among), one.probability, "set" if one.term in members else "", one.term in members,
-                 _capital(say_effect(one.term, next(iter(one.parameters.values())), one.sentence, among)) + ".")
+                 _capital(say_effect(one.term, next(iter(one.parameters.values())), one.sentence, among,
+                             finding.data.topspin)) + ".")
             for one in finding.what if one.probability >= 0.005 or one.term in members]
     rest = max(1.0 - sum(one.probability for one in finding.what), 0.0)
     rows.append(_bar("an unexplained effect", rest, "rest", finding.verdict == "unknown", ""))

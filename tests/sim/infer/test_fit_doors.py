@@ -29,7 +29,7 @@ def test_predict_prints_the_columns_of_formats_md(home, capsys):
     assert main(["predict", str(home), "--cd", "0.91", "--cl", "0.06"]) == 0
     printed = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
     assert [row["shot_id"] for row in printed] == ["a", "b,c", "d", "e"]
-    assert list(printed[0]) == ["shot_id", "height_m", "deviation_m", "outcome"]
+    assert list(printed[0]) == ["shot_id", "height_m", "deviation_m", "outcome", "note"]
     for row, shot in zip(printed, ROWS, strict=True):
         height_m = reference.integrate(*shot, 0.91, 0.06).height_m
         if np.isnan(height_m):

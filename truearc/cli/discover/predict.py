@@ -1,11 +1,13 @@
 """Forecast the height and outcome of each shot of a dataset by the simulation, or its probabilities by a gate.
 
-By the simulation: shot_id,height_m,deviation_m,outcome: the height at the first crossing of x = distance, and that
-minus the target's centre; both are empty where the ball meets the floor or turns back first. With --gate:
+By the simulation: shot_id,height_m,deviation_m,outcome,note: the height at the first crossing of x = distance, and that
+minus the target's centre; both are empty where the ball meets the floor or turns back first. The note says so, and
+names settings outside the range of the shots that the coefficients were fitted to. With --gate:
 shot_id,p_two,p_three,in_domain,novelty (novelty over 1: further than that from all recorded shots).
 """
 
 import argparse
+import sys
 
 import truearc as ta
 from truearc.cli.common import add_terms_from, catalogue_of, make_progress, print_or_write, refuse
@@ -42,8 +44,11 @@ def _by_simulation(args: argparse.Namespace) -> str:
     dataset = ta.load_dataset(args.dataset)
     forecast = ta.predict(dataset, belief,
                       progress=make_progress("predict", args.quiet or len(dataset.shots) < LONG))
-    rows = tuple((name, _fixed(height_m), _fixed(deviation_m), outcome)
-                 for name, height_m, deviation_m, outcome in forecast.rows)
+    rows = tuple((name, _fixed(height_m), _fixed(deviation_m), outcome, note)
+                 for name, height_m, deviation_m, outcome, note in forecast.rows)
+    if noted := sum(note != "" for *_, note in rows):
+        print(f"{noted} of {len(rows)} forecasts have a note: outside the fitted range, or without a height",
+              file=sys.stderr)
     return ta.Table(forecast.columns, rows).to_csv()
 
 

@@ -19,6 +19,8 @@ class Magnus(FlightTerm):
     label = "lift"
     sentence = "The ball's spin bends its path, in proportion to spin and speed."
     phrase = either_way("backspin <lifts the ball|presses the ball down>, with a lift coefficient of <|minus >{}")
+    topspin_phrase = either_way("topspin <presses the ball down|lifts the ball>, with a lift coefficient of "
+                                "<|minus >{}")
     instrument = Instrument("shots_without_spin", "where five shots without spin go", 0.05)
 
     def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:

@@ -1,0 +1,63 @@
+"""Forecasts say where they go beyond the shots that the coefficients were fitted to, and why a height is missing."""
+
+import csv
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import truearc as ta
+from truearc.cli.main import main
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "spreadsheet"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A dataset with three shots: as fitted, from far away, and far too slow."""
+    shutil.copytree(EXAMPLE, tmp_path / "shots")
+    (tmp_path / "shots" / "shots.csv").write_text("shot_id,distance_m,hood_deg,motor_ratio\nas_ever,3.2,47,0.58\n"
+                                                  "far,9.5,47,0.58\nslow,3.2,47,0.1\n")
+    return tmp_path
+
+
+def test_each_row_outside_the_fitted_range_is_noted(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fitted = folder / "coefficients.toml"
+    assert main(["paper", "fit", str(EXAMPLE), "-o", str(fitted), "--step", "0.5", "--quiet"]) == 0
+    capsys.readouterr()
+    assert main(["predict", str(folder / "shots"), "--coefficients", str(fitted)]) == 0
+    said = capsys.readouterr()
+    ever, far, slow = csv.DictReader(said.out.splitlines())
+    distance_m = ta.load_dataset(EXAMPLE).shots.number("distance_m")
+    assert ever["note"] == ""
+    assert f"distance_m 9.5 is outside the fitted {distance_m.min():.4g} to {distance_m.max():.4g}" in far["note"]
+    assert slow["height_m"] == "" and "meets the floor or turns back" in slow["note"]
+    assert "motor_ratio 0.1 is outside the fitted" in slow["note"] and "2 of 3 forecasts have a note" in said.err
+
+
+def test_without_a_fitted_range_only_missing_heights_are_noted(folder: Path) -> None:
+    told = ta.predict(ta.load_dataset(folder / "shots"), ta.load_belief(written(folder)))
+    assert told.column("note")[:1] == [""] and "meets the floor" in told.column("note")[2]
+    assert not any("outside" in note for note in told.column("note"))
+
+
+def written(folder: Path) -> Path:
+    path = folder / "plain.toml"
+    path.write_text('schema = "truearc.coefficients/1"\n[drag]\ncd = 0.5\n[magnus]\ncl = 0.1\n')
+    return path
+
+
+def test_topspin_presses_the_ball_down() -> None:
+    rng = np.random.default_rng(2)
+    rig = ta.load_dataset(EXAMPLE).rig
+    spin = rng.uniform(-40.0, -20.0, 60)
+    elevation, speed, distance = rng.uniform(35.0, 55.0, 60), rng.uniform(8.0, 9.0, 60), rng.uniform(2.0, 4.0, 60)
+    base = ta.dataset({"shot_id": [str(k) for k in range(60)], "distance_m": distance, "exit_deg": elevation,
+                       "exit_speed_m_s": speed, "exit_spin_rev_s": spin}, rig=rig)
+    flown = ta.predict(base, ta.load_belief(Path(__file__).parents[1] / "golden" / "inputs" / "coefficients.toml"))
+    height = np.array(flown.column("deviation_m"), float) + rng.normal(0.0, 0.02, 60)
+    shots = {"shot_id": base.shots.shot_id, **base.shots.numbers, "miss_height_m": height}
+    found = ta.discover(ta.dataset(shots, rig=rig), believe=["gravity", "drag"])
+    assert found.best is not None and found.best.term == "magnus" and found.best.value > 0.0
+    assert "topspin presses the ball down" in found.sentence and "backspin" not in found.sentence
