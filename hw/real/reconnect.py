@@ -25,18 +25,28 @@ Image = npt.NDArray[np.uint8]
 
 
 class Mended(Generic[Wire]):
-    """A wire opened by `open_wire`, and again whenever it is lost; that raises LinkLost while it cannot be opened.
+    """A wire opened by `open_wire`, and again whenever it is lost or was not there to begin with; that raises LinkLost
+    while it cannot be opened.
 
     One that is lost before it has answered anything is opened again after pauses that grow: opening does not fix it.
     """
 
     def __init__(self, open_wire: Callable[[], Wire], pause_s: float = PAUSE_S) -> None:
-        """Opens it the first time, too; LinkLost when that fails."""
-        self._wire: Wire | None = open_wire()
+        self._wire: Wire | None = None
         self._open_wire, self._first_s, self._pause_s = open_wire, pause_s, pause_s
         self._why: Reason | None = None
         self._stop = threading.Event()
         self._mender: threading.Thread | None = None
+        try:
+            self._wire = open_wire()
+        except LinkLost as error:
+            self._why = error.reason
+            self._start(None)
+
+    @property
+    def lost(self) -> Reason | None:
+        """Why it is not open; None while it is."""
+        return self._why if self._wire is None else None
 
     def ask(self, question: Callable[[Wire], Answer]) -> Answer:
         """What `question` makes of the wire; LinkLost, every time, from when it is lost until it is open again."""
@@ -48,8 +58,7 @@ class Mended(Generic[Wire]):
             answer = question(wire)
         except LinkLost as error:
             self._why, self._wire = error.reason, None
-            self._mender = threading.Thread(target=self._mend, args=(wire,), name="reopen", daemon=True)
-            self._mender.start()
+            self._start(wire)
             raise
         if answer is not None:
             self._pause_s = self._first_s
@@ -62,8 +71,13 @@ class Mended(Generic[Wire]):
         if self._wire is not None:
             self._wire.close()
 
-    def _mend(self, lost: Wire) -> None:
-        lost.close()
+    def _start(self, lost: Wire | None) -> None:
+        self._mender = threading.Thread(target=self._mend, args=(lost,), name="reopen", daemon=True)
+        self._mender.start()
+
+    def _mend(self, lost: Wire | None) -> None:
+        if lost is not None:
+            lost.close()
         pause_s, self._pause_s = self._pause_s, min(2.0 * self._pause_s, LONGEST_S)
         while not self._stop.wait(pause_s):
             try:
@@ -91,9 +105,9 @@ class MendedCamera(Mended[Camera]):
     """
 
     def __init__(self, open_camera: Callable[[], Camera], pause_s: float = PAUSE_S) -> None:
-        super().__init__(open_camera, pause_s)
         self._newest: Image | None = None
         self._stale: Image | None = None          # what it was lost with, until there is another
+        super().__init__(open_camera, pause_s)
 
     def read(self) -> CameraFrame | None:
         try:

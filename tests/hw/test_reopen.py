@@ -143,9 +143,34 @@ def test_pauses_grow_up_to_a_longest():
     assert stop.waits_s == [0.5, 1.0, 2.0, LONGEST_S, LONGEST_S, LONGEST_S]
 
 
-def test_what_is_not_there_at_the_start_is_said_at_once():
-    with pytest.raises(LinkLost, match="nowhere"):
-        MendedStream(lambda: open_serial("/dev/nowhere", 115200))
+def test_what_is_not_there_at_the_start_is_opened_when_it_comes(tmp_path):
+    PtyCable = pytest.importorskip("truearc.hw.emulated.pty_cable").PtyCable
+    stream = MendedStream(lambda: open_serial(str(tmp_path / "box"), 115200), pause_s=0.005)
+    assert stream.lost is not None
+    with pytest.raises(LinkLost, match="box"):
+        stream.read()
+    cable = PtyCable()
+    (tmp_path / "box").symlink_to(cable.port)
+    wait_for(stream.read)
+    assert stream.lost is None
+    stream.close()
+    cable.close()
+
+
+def test_a_camera_that_comes_late_gives_its_first_picture():
+    openings = [Lens([picture(1)])]
+    tries = []
+
+    def open_lens():
+        tries.append(1)
+        if len(tries) < 4:
+            raise LinkLost(CAMERA_NOT_OPENED(camera="0"))
+        return openings.pop()
+
+    camera = MendedCamera(open_lens, pause_s=0.001)
+    assert camera.lost == CAMERA_NOT_OPENED(camera="0")
+    assert wait_for(camera.read) is not None
+    camera.close()
 
 
 def test_closing_while_it_is_lost_ends_the_search():

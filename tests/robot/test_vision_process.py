@@ -3,6 +3,8 @@
 import itertools
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from contextlib import ExitStack
@@ -13,7 +15,6 @@ import pytest
 from msgspec.structs import replace
 
 from truearc import robot
-from truearc.cli.main import main
 from truearc.cli.robot.run_processes import ThreeProcesses
 from truearc.hw.emulated.imaging.picture_server import PictureServer
 from truearc.hw.fault_codes import CAMERA_SILENT, PROCESS_KILLED
@@ -23,7 +24,8 @@ from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.shared_latest import Slots
 from truearc.robot.config.schema import load_config
 from truearc.robot.processes.vision import FarEyes, make_room, watch
-from truearc.robot.reasons import IMAGE_DARK, VISION_FAILED, VISION_UNRESPONSIVE
+from truearc.robot.reasons import BOX_LOST, CAMERA_LOST, IMAGE_DARK, VISION_FAILED, VISION_UNRESPONSIVE
+from truearc.robot.recording.reader import TickReader
 from truearc.robot.types import Sighting
 from truearc.robot.vision_source import InlineEyes
 
@@ -191,14 +193,31 @@ def test_a_camera_that_stops_is_lost_in_the_cameras_words(scene):
     assert "http://" in scene.until(lambda answer: not is_seen(answer)).params["camera"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layout", ["one", "three"])
-def test_no_such_camera_is_bad_input(layout, tmp_path, capsys):
-    cable = pytest.importorskip("truearc.hw.emulated.pty_cable").PtyCable()
-    words = ["--can", "virtual:nothing", "--buttons", cable.port, "--camera", "/dev/video99", "--layout", layout]
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    assert main(["run", "--config", str(SHIPPED), "--out", str(tmp_path / "out"), *words]) == 2
-    for number, handler in before.items():
-        signal.signal(number, handler)
-    assert "cannot start: camera /dev/video99: cannot be opened" in capsys.readouterr().err
-    assert not list((tmp_path / "out").iterdir())
+def test_without_camera_and_box_it_starts_holds_and_opens_what_appears(layout, tmp_path):
+    PtyCable = pytest.importorskip("truearc.hw.emulated.pty_cable").PtyCable
+    box, out = tmp_path / "buttonbox", tmp_path / "out"
+    words = ["--can", "virtual:nothing", "--buttons", str(box), "--camera", "/dev/video99", "--layout", layout]
+    robot = subprocess.Popen([sys.executable, "-m", "truearc", "run", "--config", str(SHIPPED), "--out", str(out),
+                              "--page", "off", *words], stderr=subprocess.PIPE, text=True)
+    said = []
+    for line in robot.stderr:                     # the last of what it says before it runs
+        said.append(line)
+        if "video99" in line:
+            break
+    time.sleep(1.5)
+    cable = PtyCable()
+    box.symlink_to(cable.port)                    # plugged in
+    time.sleep(2.0)
+    robot.terminate()
+    said += robot.stderr.readlines()
+    assert robot.wait(20) == 0, said
     cable.close()
+    assert any("buttonbox" in line and "holding until it can be opened" in line for line in said), said
+    assert any("camera /dev/video99: cannot be opened: holding until" in line for line in said), said
+    session, = out.iterdir()
+    held = [{reason.code for reason in tick.verdict.reasons} for tick, _ in TickReader(session)]
+    assert all(CAMERA_LOST.name in codes for codes in held[20:]) and not any(
+        tick.verdict.fire for tick, _ in TickReader(session))
+    assert BOX_LOST.name in held[20] and BOX_LOST.name not in held[-1]

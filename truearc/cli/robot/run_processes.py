@@ -14,8 +14,7 @@ from truearc.hw.real.camera import open_camera
 from truearc.hw.real.child_process import Child, Line, make_shared
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.ipc import Inbox, Outbox
-from truearc.hw.real.reconnect import PAUSE_S, MendedCamera
-from truearc.hw.reason import Reason
+from truearc.hw.real.reconnect import MendedCamera
 from truearc.hw.shared_latest import Room, Slots
 from truearc.robot.config.schema import Config, InputError
 from truearc.robot.operator_ui.server import OperatorPage, with_page
@@ -40,7 +39,7 @@ class OneProcess:
         self._config, self._wires, self._page = config, wires, page
 
     def open_eyes(self, clock: Clock) -> Eyes:
-        """LinkLost, saying why, when there is no camera."""
+        """Eyes on the configuration's camera, which may come later."""
         cv2.setNumThreads(1)
         camera = open_mended(self._config, clock)
         self._wires.callback(camera.close)
@@ -118,22 +117,13 @@ LAYOUTS: dict[str, type[ProcessLayout]] = {"three": ThreeProcesses, "one": OnePr
 
 
 def look(line: Line, is_first: bool, config: Config, memory: object, room: Room) -> None:
-    """The vision process. The first one's camera must be there; a later one waits for it."""
+    """The vision process; its camera may come later."""
     cv2.setNumThreads(1)
     clock, slots = MonotonicClock(), Slots(memory, room)
-    told: Reason | None = None
-    while True:
-        slots.beat(clock.now_ns())
-        try:
-            camera = open_mended(config, clock)
-            break
-        except LinkLost as error:
-            if is_first:
-                return line.say(error.reason)
-            told = tell(slots, error.reason, told)
-            line.say(None)
-        if line.is_over(PAUSE_S):
-            return None
+    slots.beat(clock.now_ns())
+    camera = open_mended(config, clock)
+    if camera.lost is not None:
+        tell(slots, camera.lost, None)
     line.say(None)
     watch(camera, make_see(config), slots, clock, line.is_over)
     camera.close()
@@ -167,7 +157,7 @@ def make_show(page: OperatorPage | None) -> Callable[[list[Row]], None]:
 
 
 def open_mended(config: Config, clock: Clock) -> MendedCamera:
-    """The configuration's camera, which comes back when it was lost; LinkLost when it cannot be opened now."""
+    """The configuration's camera, which is opened as soon as it is there, and again when it was lost."""
     asked = config.camera
     return MendedCamera(lambda: open_camera(asked.device, asked.width_px, asked.height_px, asked.fps, clock,
                                             asked.exposure_s))

@@ -110,9 +110,10 @@ def make_room(out: Path, started: str) -> Path:
 
 def _open_wires(config: Config, layout: ProcessLayout, wires: ExitStack,
                 tally: Counter[str]) -> tuple[Bus, Stream, Eyes, Clock]:
-    """Every wire of the configuration, to be closed by `wires`; InputError names the one that cannot be opened.
+    """Every wire of the configuration, to be closed by `wires`; InputError names the CAN bus if it cannot be opened.
 
-    `tally` counts what happens on the CAN bus beside what should.
+    The button box and the camera may come later: until then each is a reason to hold, and is said. `tally` counts what
+    happens on the CAN bus beside what should.
     """
     clock = MonotonicClock()
     try:
@@ -122,6 +123,12 @@ def _open_wires(config: Config, layout: ProcessLayout, wires: ExitStack,
         eyes = layout.open_eyes(clock)
     except LinkLost as error:
         raise InputError(f"cannot start: {error}") from error
+    lost = [LinkLost(box.lost)] if box.lost is not None else []
+    try:
+        eyes.read()
+    except LinkLost as error:
+        lost.append(error)
+    _say(*(f"{one}: holding until it can be opened" for one in lost))
     return bus, box, eyes, clock
 
 
