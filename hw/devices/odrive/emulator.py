@@ -30,7 +30,9 @@ class OdriveSettings(Struct, frozen=True):
     velocity_limit_rad_s: float = 1000.0
     current_limit_a: float = 100.0
     torque_nm_a: float = 0.02                     # the motor's torque constant, as the device believes it
-    velocity_gain_nm_s: float = 0.02              # how torque is taken back towards the velocity limit, per rad/s
+    velocity_gain_nm_s: float = 0.02              # torque per rad/s off the set velocity, or towards the limit
+    velocity_integrator_nm: float = 0.05          # and per rad off it, in velocity control
+    temperatures_degc: tuple[float, float] = (25.0, 25.0)     # inverter, motor; the plant has no heat
     firmware: tuple[int, int, int] = (0, 6, 10)
     parameters: tuple[tuple[int, int], ...] = ()  # (endpoint, its four bytes as a number) of what else can be read
 
@@ -44,8 +46,9 @@ SETTINGS = MappingProxyType({"hood": OdriveSettings(encoder_ms=10, current_ms=10
 class OdriveNode(ReportingNode):
     """One axis, attached to one motor of the plant.
 
-    Idle at power-up. It drives only in closed loop, with torque control and passthrough input; it leaves closed loop
-    when its watchdog, its velocity limit or an estop says so, and will not return until the error has been cleared.
+    Idle at power-up. It drives only in closed loop, with torque or velocity control and passthrough input; it leaves
+    closed loop when its watchdog, its velocity limit or an estop says so, and will not return until the error has been
+    cleared.
     `endstop` reads the limit switch wired to it. All axes report at the same moments, between the robot's ticks.
     """
 
@@ -59,7 +62,8 @@ class OdriveNode(ReportingNode):
         self._handlers = {self._codec.base_id(name): (name, take) for name, take in (
             ("Estop", self._take_estop), ("RxSdo", self._take_sdo), ("Set_Axis_State", self._take_state),
             ("Set_Controller_Mode", self._take_mode), ("Set_Input_Torque", self._take_torque),
-            ("Set_Limits", self._take_limits), ("Clear_Errors", self._take_clear))}
+            ("Set_Input_Vel", self._take_velocity), ("Set_Limits", self._take_limits),
+            ("Clear_Errors", self._take_clear))}
         self.restart(0)
 
     def restart(self, t_ns: int) -> None:
@@ -69,7 +73,8 @@ class OdriveNode(ReportingNode):
         self._control_mode, self._input_mode = odrive.POSITION, odrive.PASSTHROUGH     # a new device's own
         self._velocity_limit_rad_s = self.settings.velocity_limit_rad_s
         self._current_limit_a = self.settings.current_limit_a
-        self._asked_nm = 0.0                      # the device's own sign, as the float32 that came
+        self._asked_nm = self._asked_rad_s = 0.0  # the device's own sign, as the float32 that came
+        self._sum_nm, self._driven_ns = 0.0, 0    # of the velocity controller
         self._torque_nm = 0.0                     # the robot's sign
         self._truth = self._plant.motor(self._name)
         self._start_rad = self._truth.position_rad
@@ -95,7 +100,7 @@ class OdriveNode(ReportingNode):
         if values is None:
             return []
         answers = take(values, t_ns)
-        self._drive()
+        self._drive(t_ns)
         self._due_ns = min(self._due_ns, self._expires_ns)
         return answers or []
 
@@ -105,22 +110,30 @@ class OdriveNode(ReportingNode):
         self._truth = self._plant.motor(self._name)
         if t_ns >= self._expires_ns:
             self.disarm(odrive.WATCHDOG_EXPIRED)
-        self._drive()
+        self._drive(t_ns)
         frames = take_reports(self._reports, t_ns)
         self._plan(self._expires_ns)
         return frames
 
-    def _drive(self) -> None:
+    def _drive(self, t_ns: int) -> None:
         """Work out the torque from the set point, the current limit and the velocity limit, towards which it fades."""
-        if self.state != odrive.CLOSED_LOOP or self._control_mode != odrive.TORQUE or (
-                self._input_mode != odrive.PASSTHROUGH):
-            self._torque_nm = 0.0
+        since_s, self._driven_ns = (t_ns - self._driven_ns) * 1e-9, t_ns
+        if self.state != odrive.CLOSED_LOOP or self._input_mode != odrive.PASSTHROUGH or (
+                self._control_mode not in (odrive.TORQUE, odrive.VELOCITY)):
+            self._torque_nm = self._sum_nm = 0.0
             return
         velocity, limit = self._axis.direction * self._truth.velocity_rad_s, self._velocity_limit_rad_s
         if abs(velocity) > OVERSPEED * limit:
             self.disarm(odrive.VELOCITY_LIMIT)
             return
         most, gain = self._current_limit_a * self.settings.torque_nm_a, self.settings.velocity_gain_nm_s
+        if self._control_mode == odrive.VELOCITY:
+            off_rad_s = min(max(self._asked_rad_s, -limit), limit) - velocity
+            self._sum_nm += self.settings.velocity_integrator_nm * off_rad_s * since_s
+            self._sum_nm = min(max(self._sum_nm, -most), most)
+            wanted = self._asked_nm + gain * off_rad_s + self._sum_nm
+            self._torque_nm = self._axis.direction * min(max(wanted, -most), most)
+            return
         asked = min(max(self._asked_nm, (-limit - velocity) * gain), (limit - velocity) * gain)
         self._torque_nm = self._axis.direction * min(max(asked, -most), most)
 
@@ -129,7 +142,7 @@ class OdriveNode(ReportingNode):
         self.state = odrive.IDLE
         self.errors |= error
         self.disarm_reason = error
-        self._asked_nm = self._torque_nm = 0.0
+        self._asked_nm = self._asked_rad_s = self._torque_nm = 0.0
         self._expires_ns = NEVER_NS
 
     def _take_estop(self, values: Values, t_ns: int) -> None:
@@ -138,10 +151,12 @@ class OdriveNode(ReportingNode):
     def _take_state(self, values: Values, t_ns: int) -> None:
         wanted = int(values["axis_state"])
         if wanted == odrive.IDLE:
-            self.state, self._asked_nm, self._expires_ns, self._procedure_result = odrive.IDLE, 0.0, NEVER_NS, 0
+            self.state, self._expires_ns, self._procedure_result = odrive.IDLE, NEVER_NS, 0
+            self._asked_nm = self._asked_rad_s = 0.0
         elif wanted == odrive.CLOSED_LOOP and not self.errors:
             if self.state != odrive.CLOSED_LOOP:
-                self._asked_nm, self.disarm_reason = 0.0, 0
+                self._asked_nm = self._asked_rad_s = self._sum_nm = 0.0
+                self.disarm_reason = 0
                 self._feed(t_ns)
             self.state, self._procedure_result = odrive.CLOSED_LOOP, 0
         else:
@@ -153,6 +168,11 @@ class OdriveNode(ReportingNode):
     def _take_torque(self, values: Values, t_ns: int) -> None:
         if self.state == odrive.CLOSED_LOOP:
             self._asked_nm = values["torque_nm"]
+            self._feed(t_ns)
+
+    def _take_velocity(self, values: Values, t_ns: int) -> None:
+        if self.state == odrive.CLOSED_LOOP:
+            self._asked_rad_s, self._asked_nm = values["velocity_rev_s"] * math.tau, values["torque_nm"]
             self._feed(t_ns)
 
     def _take_limits(self, values: Values, t_ns: int) -> None:
@@ -180,6 +200,7 @@ class OdriveNode(ReportingNode):
         return {"Heartbeat": (settings.heartbeat_ms, self._make_heartbeat),
                 "Get_Error": (settings.error_ms, self._make_error),
                 "Get_Encoder_Estimates": (settings.encoder_ms, self._make_estimates),
+                "Get_Temperature": (0, self._make_temperature),
                 "Get_Iq": (settings.current_ms, self._make_iq),
                 "Get_Bus_Voltage_Current": (settings.bus_ms, self._make_bus)}
 
@@ -208,6 +229,10 @@ class OdriveNode(ReportingNode):
         setpoint_a = self._asked_nm / self.settings.torque_nm_a
         measured_a = self._axis.direction * self._truth.current_a
         return odrive.make(self._axis, "Get_Iq", {"setpoint_a": setpoint_a, "measured_a": measured_a})
+
+    def _make_temperature(self) -> Frame:
+        inverter, motor = self.settings.temperatures_degc
+        return odrive.make(self._axis, "Get_Temperature", {"inverter_degc": inverter, "motor_degc": motor})
 
     def _make_bus(self) -> Frame:
         truth, bus_v = self._truth, self._plant.bus_v()

@@ -24,6 +24,7 @@ CLOSED_LOOP = 8
 
 # Controller modes
 TORQUE = 1
+VELOCITY = 2
 POSITION = 3
 PASSTHROUGH = 1
 

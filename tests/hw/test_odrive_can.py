@@ -1,0 +1,121 @@
+"""The emulated ODrive under a driver that others wrote: odrive-can, which speaks by the maker's own DBC file."""
+
+import asyncio
+import math
+import threading
+import time
+from collections.abc import Callable, Coroutine, Iterator
+from typing import Any
+
+import can
+import pytest
+from odrive_can.odrive import DriveError, HeartbeatError, ODriveCAN
+
+from tests.hw.spinning_plant import SpinningPlant
+from truearc.hw.devices.odrive.emulator import OdriveNode, OdriveSettings
+from truearc.hw.devices.odrive.frames import OdriveAxis
+from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.real.can_bus import open_can
+from truearc.hw.real.clock import MonotonicClock
+
+CHANNEL = "test_odrive_can"
+Played = Callable[[Callable[[ODriveCAN], Coroutine[Any, Any, None]]], None]
+
+
+@pytest.fixture
+def plant() -> SpinningPlant:
+    return SpinningPlant()
+
+
+@pytest.fixture
+def play(plant: SpinningPlant) -> Iterator[Played]:
+    """Runs a program of the driver's against the emulated axis 1, in real time, on a virtual bus."""
+    clock, over = MonotonicClock(), threading.Event()
+    far = open_can("virtual", CHANNEL, 1_000_000, clock)
+    node = OdriveNode(OdriveAxis(1, 1), "flywheel_a", plant, OdriveSettings(watchdog_ms=400))
+    twin, start_ns = Twin(plant, far, (node,), ()), clock.now_ns()
+
+    def turn() -> None:
+        while not over.is_set():
+            twin.advance(clock.now_ns() - start_ns + 1)
+            time.sleep(0.002)
+
+    thread = threading.Thread(target=turn)
+    thread.start()
+
+    async def program(steps: Callable[[ODriveCAN], Coroutine[Any, Any, None]]) -> None:
+        drive = ODriveCAN(1, can.Bus(interface="virtual", channel=CHANNEL))
+        try:
+            await asyncio.wait_for(drive.start(), 10.0)
+            await steps(drive)
+        finally:
+            drive.stop()
+
+    yield lambda steps: asyncio.run(program(steps))
+    over.set()
+    thread.join()
+    far.close()
+
+
+async def hold_velocity(drive: ODriveCAN, rev_s: float, seconds: float) -> None:
+    """Ask for a velocity ten times a second."""
+    for _ in range(round(10 * seconds)):
+        drive.set_input_vel(rev_s)
+        await asyncio.sleep(0.1)
+
+
+def test_its_velocity_control_turns_the_motor_and_feeds_the_watchdog(play: Played, plant: SpinningPlant) -> None:
+    async def steps(drive: ODriveCAN) -> None:
+        drive.check_alive()
+        drive.check_errors()
+        drive.set_controller_mode("VELOCITY_CONTROL", "PASSTHROUGH")
+        await drive.set_axis_state("CLOSED_LOOP_CONTROL")
+        await hold_velocity(drive, 5.0, 2.0)              # five times the watchdog's time
+        drive.check_errors()
+        told = await drive.get_encoder_estimates()
+        assert told["Vel_Estimate"] == pytest.approx(5.0, rel=0.05)
+        assert plant.velocity_rad_s["flywheel_a"] == pytest.approx(5.0 * math.tau, rel=0.05)
+        await drive.set_axis_state("IDLE")
+
+    play(steps)
+
+
+def test_its_questions_are_answered(play: Played, plant: SpinningPlant) -> None:
+    async def steps(drive: ODriveCAN) -> None:
+        await drive.wait_for_heartbeat()
+        temperature = await drive._request("Get_Temperature")
+        assert temperature == {"FET_Temperature": 25.0, "Motor_Temperature": 25.0}
+        supply = await drive.get_bus_voltage_current()
+        assert supply["Bus_Voltage"] == plant.volts
+        assert set(await drive.get_iq()) == {"Iq_Setpoint", "Iq_Measured"}
+
+    play(steps)
+
+
+def test_torque_limits_estop_and_watchdog_are_as_it_expects(play: Played, plant: SpinningPlant) -> None:
+    heard: list[float] = []
+
+    async def steps(drive: ODriveCAN) -> None:
+        drive.feedback_callback = lambda message, _: heard.append(message.data["Vel_Estimate"])
+        drive.set_limits(100.0, 10.0)
+        drive.set_controller_mode("TORQUE_CONTROL", "PASSTHROUGH")
+        await drive.set_axis_state("CLOSED_LOOP_CONTROL")
+        for _ in range(4):
+            drive.set_input_torque(0.01)
+            await asyncio.sleep(0.1)
+        assert heard[-1] > heard[0] >= 0.0 and plant.torque_nm["flywheel_a"] == pytest.approx(0.01)
+        await asyncio.sleep(1.0)                          # nothing more is sent: its watchdog bites
+        with pytest.raises(DriveError, match="WATCHDOG"):
+            drive.check_errors()
+        drive.clear_errors()
+        await asyncio.sleep(0.3)
+        drive.check_errors()
+        assert drive.axis_state == "IDLE" and plant.torque_nm["flywheel_a"] == 0.0
+
+    play(steps)
+
+
+def test_a_silent_axis_is_noticed(play: Played) -> None:
+    drive = ODriveCAN(7, can.Bus(interface="virtual", channel=CHANNEL))
+    with pytest.raises(HeartbeatError):
+        drive.check_alive()
