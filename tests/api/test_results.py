@@ -164,5 +164,5 @@ def test_since_needs_the_belief_of_the_same_rig(week, found) -> None:
         ta.discover(week, belief=found.adopt(), believe=BELIEVE)
     rig = ta.dataset({"shot_id": ["a"]}, rig={"ball": {"mass_kg": 1.0, "radius_m": 1.0}}).rig
     other = dataclasses.replace(week, facts=rig)
-    with pytest.raises(ta.InputError, match="another rig"):
+    with pytest.raises(ta.InputError, match=r"another rig: rig\.toml: ball\.mass_kg: 1\.0 there, 0\.14 in "):
         ta.discover(week, belief=found.adopt(), since=other)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from msgspec import structs
 
 from truearc.api.table import Table
 from truearc.api.terms import check_kind, names_of
@@ -199,8 +200,11 @@ def _check_since(since: Dataset, belief: Belief | None, later: Dataset) -> None:
     """InputError unless `since` goes with a belief and was recorded with the same ball and launcher as `later`."""
     if belief is None:
         raise InputError("since goes with belief, which was adopted from that dataset")
-    if (since.rig.ball, since.rig.launcher) != (later.rig.ball, later.rig.launcher):
-        raise InputError(f"since: {since.name}: was recorded with another rig ([ball] or [launcher] differs)")
+    differ = [f"rig.toml: {part}.{name}: {value} there, {getattr(getattr(later.rig, part), name)} in {later.name}"
+              for part in ("ball", "launcher") for name, value in structs.asdict(getattr(since.rig, part)).items()
+              if value != getattr(getattr(later.rig, part), name)]
+    if differ:
+        raise InputError(f"since: {since.name}: was recorded with another rig: {'; '.join(differ)}")
 
 
 def _measured(measured: Mapping[str, tuple[float, float]], among: Catalogue) -> dict[str, Measurement]:

@@ -24,6 +24,11 @@ WHEELS = (("top_left", 300.0), ("top_right", 60.0), ("bottom", 180.0))
 WHEEL_RADIUS_M = 0.04                 # assumed: with it the no-spin sets leave at the speed of wheels that do not slip
 BALL = Ball(mass_kg=0.0027, radius_m=0.02)
 TRACK_NOISE_M = 0.002                 # scatter of the samples around a smooth flight, the worst of the three axes
+RELEASE_HEIGHT_M = 1.104              # not stated; where the published flights begin, so that all imports have one rig
+RIG = Rig(ball=BALL, launcher=LauncherFacts(
+    release_height_m=RELEASE_HEIGHT_M,
+    wheel=tuple(Wheel(name, WHEEL_RADIUS_M, 1.0, clock_deg) for name, clock_deg in WHEELS)),
+    air=Air(1.2), noise=Noise(track_m=TRACK_NOISE_M), believe=Believe(("gravity", "drag", "magnus")))
 RPM = 2.0 * math.pi / 60.0
 FALL_M = 0.05                         # below the highest sample so far: the ball is on its way down
 RISE_M = 0.01                         # above the lowest one, twice running: it has bounced
@@ -57,7 +62,7 @@ def import_mpi(*files: str | Path) -> Dataset:
     session = tuple(name for some in read for name in some.session)
     shots = Shots(tuple(shot_id), numbers, {"session": session}).take(kept)
     cut = [cut[row] for row in kept]
-    return Dataset("mpi", _rig(cut), shots, _tracks(cut), None, left_out)
+    return Dataset("mpi", RIG, shots, _tracks(cut), None, left_out)
 
 
 def _tables(files: list[Path], problems: Problems) -> list[tuple[RawTable, RawTable]]:
@@ -147,12 +152,3 @@ def _tracks(cut: list[np.ndarray]) -> Tracks:
     shot = np.repeat(np.arange(len(cut)), [len(samples) for samples in cut])
     stacked = np.concatenate(cut) if cut else np.zeros((0, 4))
     return Tracks(shot, stacked[:, 0], stacked[:, 1], stacked[:, 2], stacked[:, 3])
-
-
-def _rig(cut: list[np.ndarray]) -> Rig:
-    """Return the rig as far as it is known; the first sample of a track lies near the exit of the wheels."""
-    wheels = tuple(Wheel(name, WHEEL_RADIUS_M, 1.0, clock_deg) for name, clock_deg in WHEELS)
-    first_m = [samples[np.abs(samples[:, 1]).argmin(), 3] for samples in cut]
-    height_m = round(float(np.median(first_m)), 3) if cut else 0.0
-    return Rig(ball=BALL, launcher=LauncherFacts(release_height_m=height_m, wheel=wheels), air=Air(1.2),
-                 noise=Noise(track_m=TRACK_NOISE_M), believe=Believe(("gravity", "drag", "magnus")))

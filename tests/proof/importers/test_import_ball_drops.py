@@ -74,7 +74,7 @@ def test_the_rig_has_no_wheels_and_the_ball_between_the_others(tmp_path: Path) -
     facts = import_ball_drops(write(tmp_path, good())).facts
     assert facts.launcher.wheel == ()
     assert facts.target is None
-    assert facts.launcher.release_height_m == 47.0
+    assert facts.launcher.release_height_m == 47.16        # the source's, whatever these drops are
     assert facts.ball.mass_kg == pytest.approx(0.045926, abs=1e-6)       # bowling < golf < tennis in area per mass
 
 

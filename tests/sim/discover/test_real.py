@@ -10,6 +10,7 @@ from tests.sim.thin import thinned
 from truearc.cli.main import main
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.importers.imported import doubts_of, only
+from truearc.sim.data.parts import take_shots
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.detect.localization import locate
 from truearc.sim.discover.investigate import detect, discover, make_search
@@ -62,6 +63,14 @@ def test_what_only_a_tilted_camera_makes_right_is_not_adopted(data_dir: Path, tm
     assert "A fit stopped at the end of a range (track_tilt.angle_deg at 15)" in said.out
     assert not (tmp_path / "out.toml").exists()
     assert "track_tilt.angle_deg" in ta.load_finding(tmp_path / "out.json").data.at_limit
+
+
+def test_two_imports_of_one_launcher_have_one_rig(data_dir: Path) -> None:
+    whole = import_mpi(data_dir / "real/mpi_launches.csv", data_dir / "real/mpi_tracks.csv")
+    first, other = (take_shots(whole, np.arange(start, len(whole.shots), 2)) for start in (0, 1))
+    assert first.rig == other.rig == whole.rig
+    believed = ta.fit(first, ["gravity", "drag", "magnus"]).belief
+    assert ta.discover(other, belief=believed, since=first).record.verdict      # it is compared, and not refused
 
 
 def test_falling_balls_are_slower_than_gravity_has_them(data_dir: Path) -> None:
