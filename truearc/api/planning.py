@@ -133,7 +133,11 @@ class ShotDesign(Printed):
 
     def lines(self) -> list[str]:
         """Return the report: the finding's sentence, then the shots, or that there is nothing to tell apart."""
-        told = design_lines(self.plan, self.catalogue) if self.plan else ["There are no names to tell apart by shots."]
+        told = ["There are no names to tell apart by shots."]
+        if "names" in self.plan:
+            told = design_lines(self.plan, self.catalogue)
+        elif self.plan:
+            told = [f"Measure {one['what']}: it would show {', '.join(one['shows'])}." for one in self.plan["next"]]
         return [self.sentence, *told]
 
 
@@ -157,4 +161,6 @@ def design_shots(dataset: Dataset, found: Finding, *, shots: int = PLANNED_SHOTS
     plan: dict[str, Any] = {}
     if steps and can_design(steps[0]):
         plan = design_table(make_design(steps[0], shots, configurations, seed), dataset.in_order(), steps[0], among)
+    elif record.verdict == "none" and record.next:
+        plan = {"next": [dict(step) for step in record.next]}
     return ShotDesign(record.sentence, record.verdict, plan, among)

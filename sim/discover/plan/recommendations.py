@@ -1,15 +1,21 @@
 """What to do next: a measurement that no shot can replace, and the shots of these that part the likeliest names."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtri
 
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.detect.test_battery import name_of
 from truearc.sim.discover.model.score_table import Array, ScoreTable
+from truearc.sim.discover.plan.detectability import EIGHTY, sight_of
 from truearc.sim.discover.report.effect_wording import IN_FLIGHT
+from truearc.sim.discover.report.finding_text import FOUR_IN_FIVE
 from truearc.sim.discover.select.refit import Refit
 from truearc.sim.discover.select.selection_step import Step
+from truearc.sim.physics.catalogue import Catalogue
+from truearc.sim.physics.term import Term, WatchTerm
 
 SHOTS = 20
 FEW = 3                               # measurements proposed at most
@@ -31,11 +37,36 @@ def next_steps(dataset: Dataset, step: Step, chosen: tuple[str, ...] | None) -> 
     return (*([shot] if shot else []), *steps, *_sides(dataset))
 
 
+def blind_terms(evidence: ScoreTable, threshold: float, among: Catalogue) -> list[Term]:
+    """Terms that these shots would not have shown at their usual size, four times in five, among all that was asked.
+
+    Those that move shots most come first, whether or not fitted numbers can stand in for them. threshold: the |score| that a term
+    needs, in standard deviations.
+    """
+    among_all = (threshold + ndtri(FOUR_IN_FIVE)) / np.sqrt(EIGHTY)
+    blind = [one for one in sight_of(evidence, "", ()).terms
+             if one.smallest is None or among_all * one.smallest > one.usual]
+    blind.sort(key=lambda one: -one.usual**2 * one.information / max(one.share_left, 1e-9))
+    return [term for one in blind if (term := among.get(one.term)) is not None]
+
+
+def measure_blind(blind: Sequence[Term], tracked: bool) -> tuple[dict[str, Any], ...]:
+    """The measurements for the first of these terms; none of flights that are filmed already."""
+    found: dict[str, tuple[str, list[str]]] = {}
+    for term in blind:
+        if term.instrument is not None and not (tracked and isinstance(term, WatchTerm)):
+            found.setdefault(term.instrument.id, (term.instrument.what, []))[1].append(term.name)
+    return tuple({"do": "measure", "instrument": name, "what": what, "shows": terms}
+                 for name, (what, terms) in list(found.items())[:FEW])
+
+
 def _about_unknown(step: Step) -> tuple[dict[str, Any], ...]:
     """An unexplained effect is looked for beside the covariate that it goes with."""
     place = step.place
     name = None if place is None else name_of(place.test, place.column)
     if name is None or name in IN_FLIGHT:
+        if step.fitted.intake.samples is not None:
+            return ({"do": "measure", "instrument": "anemometer", "what": "the wind with an anemometer"},)
         return ({"do": "measure", "record": "tracks", "what": "the flight with a camera from the side (tracks.csv)"},)
     return ({"do": "measure", "covariate": name, "what": f"what else changes with {name}, which it goes with"},)
 

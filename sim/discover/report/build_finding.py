@@ -16,8 +16,16 @@ from truearc.sim.discover.model import plane_likelihood as outcomes
 from truearc.sim.discover.model.baseline_fit import BaselineFit, only_shared, stopped
 from truearc.sim.discover.model.prepared_data import Intake
 from truearc.sim.discover.model.score_table import Array, ScoreTable
-from truearc.sim.discover.plan.recommendations import next_steps
-from truearc.sim.discover.report.finding_text import NINETY, say_limits, say_named, say_none, say_smallest, say_unknown
+from truearc.sim.discover.plan.recommendations import blind_terms, measure_blind, next_steps
+from truearc.sim.discover.report.finding_text import (
+    NINETY,
+    say_blind,
+    say_limits,
+    say_named,
+    say_none,
+    say_smallest,
+    say_unknown,
+)
 from truearc.sim.discover.report.formula import find_formula
 from truearc.sim.discover.select.forecast_error import end_errors
 from truearc.sim.discover.select.forward_selection import Search
@@ -67,9 +75,13 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
     fit = _fit(fitted, steps)
     if not steps:
         where = Where(None, None, None, None, {}, None, None, (), "nothing was found")
-        sentence = say_none(terms, judged.p_any, data.shots, false_alarm, among) + say_smallest(
-            fitted.evidence, judged.threshold(TERMS, false_alarm), among)
-        return Finding(data, mismatch, where, "none", sentence + say_limits(data.at_limit), None, fit)
+        threshold = judged.threshold(TERMS, false_alarm)
+        blind = blind_terms(fitted.evidence, threshold, among) if np.isfinite(threshold) else []
+        steps_to_see = measure_blind(blind, intake.samples is not None)
+        sentence = (say_none(terms, judged.p_any, data.shots, false_alarm, among)
+                    + say_blind(blind, steps_to_see, among) + say_smallest(fitted.evidence, threshold, among))
+        return Finding(data, mismatch, where, "none", sentence + say_limits(data.at_limit), None, fit,
+                       next=steps_to_see)
     told = (replace(steps[0], unknown=True),) if is_stand_in(steps) else steps
     first = told[0]
     verdict = "unknown" if first.unknown else "named" if len(first.naming.chosen) == 1 else "set"

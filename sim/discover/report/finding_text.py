@@ -14,6 +14,7 @@ from truearc.sim.discover.model.score_table import ScoreTable
 from truearc.sim.discover.plan.detectability import EIGHTY, sight_of
 from truearc.sim.discover.report.effect_wording import in_words, plain, say_effect, scale_of, size_of
 from truearc.sim.physics.catalogue import Catalogue
+from truearc.sim.physics.term import Term
 
 STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", "flight": "in flight",
                "arrival": "at the target"}
@@ -156,6 +157,17 @@ def say_none(believed: tuple[str, ...], p_value: float | None, shots: int, false
                 "outcome or height, with distance and launch, that would tell.")
     return (f"No mismatch: {shots} shots differ from the simulation ({_list(believed, among)}) by no more than chance "
             f"(p = {p_value:.2g}, alarm at {false_alarm:g}).")
+
+
+def say_blind(blind: Sequence[Term], steps: Sequence[Mapping[str, Any]], among: Catalogue | None = None) -> str:
+    """Return what could not have been seen, and what would show it; empty where everything could."""
+    if not blind:
+        return ""
+    told = [plain(term.name, among) for term in blind]
+    rest = f" and {len(told) - SHOWN} others" if len(told) > SHOWN else ""
+    shown = ", ".join(f"measure {step['what']}" for step in steps)
+    return (f" Of their usual size these shots could not have shown: {', '.join(told[:SHOWN])}{rest}."
+            + (f" To see the first of them: {shown}." if shown else ""))
 
 
 def say_smallest(evidence: ScoreTable, threshold: float, among: Catalogue | None = None) -> str:
