@@ -40,8 +40,8 @@ def next_steps(dataset: Dataset, step: Step, chosen: tuple[str, ...] | None) -> 
 def blind_terms(evidence: ScoreTable, threshold: float, among: Catalogue) -> list[Term]:
     """Terms that these shots would not have shown at their usual size, four times in five, among all that was asked.
 
-    Those that move shots most come first, whether or not fitted numbers can stand in for them. threshold: the |score| that a term
-    needs, in standard deviations.
+    Those that move shots most come first, whether or not fitted numbers can stand in for them. threshold: the |score|
+    that a term needs, in standard deviations.
     """
     among_all = (threshold + ndtri(FOUR_IN_FIVE)) / np.sqrt(EIGHTY)
     blind = [one for one in sight_of(evidence, "", ()).terms
