@@ -7,6 +7,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 from scipy.special import ndtr
 
 from truearc.robot.config.rig_spec import Target
@@ -62,7 +63,7 @@ def advise(fit: MapFit, most: int = 3) -> tuple[Proposal, ...]:
     return tuple(sorted(proposals, key=lambda one: one.sd_ratio)[:most])
 
 
-def _designs(fit: MapFit, shots: Shots, target: Target) -> tuple[Shots, np.ndarray]:
+def _designs(fit: MapFit, shots: Shots, target: Target) -> tuple[Shots, Float[np.ndarray, " n"]]:
     """Configurations over the dataset's own range, each with the motor ratio that sends the ball to its aim."""
     ends = [(np.nanmin(column), np.nanmax(column)) for column in (shots.number("distance_m"), shots.number("hood_deg"))]
     if not np.isfinite(ends).all():
@@ -79,12 +80,13 @@ def _designs(fit: MapFit, shots: Shots, target: Target) -> tuple[Shots, np.ndarr
     return _as_shots(distance_m[reaches], hood_deg[reaches], high[reaches]), aim_m[reaches]
 
 
-def _as_shots(distance_m: np.ndarray, hood_deg: np.ndarray, motor_ratio: np.ndarray) -> Shots:
+def _as_shots(distance_m: Float[np.ndarray, " n"], hood_deg: Float[np.ndarray, " n"],
+              motor_ratio: Float[np.ndarray, " n"]) -> Shots:
     return Shots(tuple(map(str, range(len(distance_m)))),
                  {"distance_m": distance_m, "hood_deg": hood_deg, "motor_ratio": motor_ratio}, {})
 
 
-def _information(fit: MapFit, designs: Shots, target: Target) -> list[np.ndarray]:
+def _information(fit: MapFit, designs: Shots, target: Target) -> list[Float[np.ndarray, "n p p"]]:
     """Expected information [n, p, p] in prior units of one shot of each kind at each design."""
     given = given_of(fit.model.facts, designs)
     u = fit.optimum.u
@@ -102,8 +104,9 @@ def _information(fit: MapFit, designs: Shots, target: Target) -> list[np.ndarray
     return kinds
 
 
-def _ordinal(edges: tuple[float, ...], mean: np.ndarray, sd: np.ndarray, by_mean: np.ndarray, by_log_sd: np.ndarray,
-             joined: bool) -> np.ndarray:
+def _ordinal(edges: tuple[float, ...], mean: Float[np.ndarray, " n"], sd: Float[np.ndarray, " n"],
+             by_mean: Float[np.ndarray, "n p"], by_log_sd: Float[np.ndarray, "n p"],
+             joined: bool) -> Float[np.ndarray, "n p p"]:
     """Information of the classes between edges; `joined`: those at equal distance from the centre are one class."""
     place = (np.array([-np.inf, *edges, np.inf])[:, None] - mean) / sd
     density = np.exp(-0.5 * np.minimum(place**2, 1e3)) / np.sqrt(2.0 * np.pi)
@@ -119,7 +122,7 @@ def _ordinal(edges: tuple[float, ...], mean: np.ndarray, sd: np.ndarray, by_mean
     return np.asarray(square.sum(0))
 
 
-def _outer(slope: np.ndarray) -> np.ndarray:
+def _outer(slope: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n p p"]:
     return np.asarray(slope[:, :, None] * slope[:, None, :])
 
 

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from truearc.robot.config.schema import InputError
 from truearc.robot.config.toml_text import make_toml
@@ -59,12 +60,12 @@ class Belief(Printed):
     coefficients: Coefficients
     scatter: dict[str, float]
     names: tuple[str, ...]
-    covariance: np.ndarray
+    covariance: Float[np.ndarray, "p p"]
     curves: dict[str, Curve] = field(default_factory=dict)
     catalogue: Catalogue = field(default_factory=catalogue)
     provenance: dict[str, Any] = field(default_factory=dict)
 
-    def values(self) -> np.ndarray:
+    def values(self) -> Float[np.ndarray, " p"]:
         """The named parameters [p] on their scales: the mean that `covariance` goes with."""
         return np.array([float(to_scale(scale_of(name, self.catalogue), self.value(name))) for name in self.names])
 
@@ -126,7 +127,7 @@ def scale_of(name: str, among: Catalogue | None = None) -> str:
     return prior.scale if prior is not None else LINEAR
 
 
-def replace_values(belief: Belief, numbers: np.ndarray) -> Belief:
+def replace_values(belief: Belief, numbers: Float[np.ndarray, " p"]) -> Belief:
     """A point belief whose named parameters have these values, given on their scales [p]."""
     coefficients = {name: dict(values) for name, values in belief.coefficients.items()}
     scatter, points = dict(belief.scatter), dict[str, float]()
@@ -205,7 +206,7 @@ def _scatter(path: str | Path, table: Any) -> dict[str, float]:
     return {name: float(value) for name, value in table.items()}
 
 
-def _covariance(path: str | Path, table: Any) -> tuple[tuple[str, ...], np.ndarray]:
+def _covariance(path: str | Path, table: Any) -> tuple[tuple[str, ...], Float[np.ndarray, "p p"]]:
     if not isinstance(table, dict):
         raise InputError(f"{path}: covariance is not a table")
     names = table.get("names", [])

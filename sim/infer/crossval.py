@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.infer.likelihood.shot_likelihood import outcome_table
@@ -55,7 +56,8 @@ def cross_validate(fit: MapFit, progress: Progress = lambda done, note: None) ->
     return _summary(outcome[usable], given_fit[usable], given_share[usable], group[:n][usable])
 
 
-def _summary(outcome: np.ndarray, by_fit: np.ndarray, by_share: np.ndarray, group: np.ndarray) -> CrossValidation:
+def _summary(outcome: Int[np.ndarray, " n"], by_fit: Float[np.ndarray, "n 3"], by_share: Float[np.ndarray, "n 3"],
+             group: Int[np.ndarray, " n"]) -> CrossValidation:
     rows = np.arange(len(outcome))
     scores = np.log(by_fit[rows, outcome]), np.log(by_share[rows, outcome])
     gain = scores[0] - scores[1]
@@ -66,7 +68,7 @@ def _summary(outcome: np.ndarray, by_fit: np.ndarray, by_share: np.ndarray, grou
                            float((by_fit.argmax(1) == outcome).mean()), float((by_share.argmax(1) == outcome).mean()))
 
 
-def _groups(fit: MapFit, n: int) -> np.ndarray:
+def _groups(fit: MapFit, n: int) -> Int[np.ndarray, " units"]:
     """Number of each unit's group [n + f]: sessions where there are five, else configurations in a mixed order."""
     shots = fit.gathered.shots.take(fit.gathered.rows)
     sessions = np.array(shots.text("session"))

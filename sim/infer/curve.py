@@ -19,6 +19,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from jaxtyping import Float
 from msgspec import Struct
 from scipy.interpolate import CubicSpline
 
@@ -44,7 +45,7 @@ class Curve(Struct, frozen=True, forbid_unknown_fields=True):
     high: float = np.inf
 
     @property
-    def points(self) -> np.ndarray:
+    def points(self) -> Float[np.ndarray, " points"]:
         """The numbers [K + 1] that it is linear in: `value`, then `otherwise`."""
         return np.array([*self.value, self.otherwise])
 
@@ -67,7 +68,7 @@ class Curve(Struct, frozen=True, forbid_unknown_fields=True):
         now = [points.get(key, value) for key, value in zip(self.keys, self.points, strict=True)]
         return msgspec.structs.replace(self, value=tuple(map(float, now[:-1])), otherwise=float(now[-1]))
 
-    def by(self, columns: Columns, n: int) -> np.ndarray:
+    def by(self, columns: Columns, n: int) -> Float[np.ndarray, "n points"]:
         """Derivatives [n, K + 1] by the points of its size at shots that have these columns."""
         by = np.zeros((n, len(self.keys)))
         column = columns.get(self.covariate) if self.covariate else None
@@ -83,7 +84,7 @@ class Curve(Struct, frozen=True, forbid_unknown_fields=True):
         return by
 
 
-def natural(knots: np.ndarray, x: np.ndarray) -> np.ndarray:
+def natural(knots: Float[np.ndarray, " K"], x: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n K"]:
     """[n, K] from values at the knots to those of their natural cubic spline at x, straight beyond the outer knots."""
     spline = CubicSpline(knots, np.eye(len(knots)), bc_type="natural")
     inside = np.clip(x, knots[0], knots[-1])

@@ -51,7 +51,7 @@ def forecast(rig: Rig, belief: Belief, shots: Shots) -> Forecast:
     return Forecast(*(np.concatenate(columns) for columns in zip(*kept, strict=True)))
 
 
-def _block(rig: Rig, belief: Belief, given: Given) -> tuple[np.ndarray, ...]:
+def _block(rig: Rig, belief: Belief, given: Given) -> tuple[Float[np.ndarray, "lanes ..."], ...]:
     inner = [index for index, name in enumerate(belief.names) if not name.startswith(SCATTER + ".")]
     numbers = tuple(_number(belief, belief.names[index]) for index in inner)
     flown = slopes_at(rig, belief.coefficients, numbers, belief.values()[inner], given, belief.catalogue)

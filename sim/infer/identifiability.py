@@ -6,6 +6,7 @@ By the covariance of the fit in units of the priors' standard deviations.
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from truearc.sim.infer.map_fit import MapFit
 
@@ -40,7 +41,7 @@ def identify(fit: MapFit) -> Identified:
     return Identified(_pairs(fit), share, tuple(name for name in names if share[name] > SILENT))
 
 
-def weakest(fit: MapFit) -> np.ndarray:
+def weakest(fit: MapFit) -> Float[np.ndarray, " p"]:
     """Unit vector [p], in prior units, of the combination of terms' parameters that is known worst."""
     inner = len(fit.model.numbers)
     _, vectors = np.linalg.eigh(fit.covariance[:inner, :inner])
@@ -65,7 +66,7 @@ def _pairs(fit: MapFit) -> tuple[AliasedPair, ...]:
     return tuple(sorted(pairs, key=lambda pair: -abs(pair.correlation)))
 
 
-def slopes(fit: MapFit) -> np.ndarray:
+def slopes(fit: MapFit) -> Float[np.ndarray, " p"]:
     """d value / d u [p] at the optimum: from units of the prior to the parameter's own."""
     step = 1e-5
     return np.array([float(one.value(u + step) - one.value(u - step)) / (2.0 * step)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from truearc.sim.infer.map_fit import MapFit
 from truearc.sim.infer.optimum import Optimum, minimise
@@ -132,7 +133,7 @@ def _next(inside: tuple[float, float], outside: tuple[float, float] | None, sign
     return float(np.clip(step, low + margin, high - margin))
 
 
-def _shifted(fit: MapFit, there: Optimum, index: int, to: float) -> np.ndarray:
+def _shifted(fit: MapFit, there: Optimum, index: int, to: float) -> Float[np.ndarray, " p"]:
     """The point on the ridge where the parameter is `to`, were the posterior normal about the last point."""
     u = there.u.copy()
     free = [other for other in range(len(u)) if other != index]

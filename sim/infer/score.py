@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Bool
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Shots
@@ -40,5 +41,5 @@ def score(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shot
                  float(np.median(deviation_m)) if is_three.any() else np.nan, len(known))
 
 
-def _share(hits: np.ndarray) -> float:
+def _share(hits: Bool[np.ndarray, " n"]) -> float:
     return float(np.mean(hits)) if hits.size else float("nan")

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.shot_conditions import counts_shots, gather_circumstances
@@ -22,13 +23,14 @@ WORN = "shots_of_ball"                # that its ball had before, by the most th
 FOLLOWED = {"battery": ("battery_v",), "since_last_shot_s": ("since_last_shot_s",), "density": ("temperature_c",),
             "closing_speed_m_s": ("robot_speed_m_s",), "hood_change": ("hood_change",), "droop": ("wheel_dip",),
             "age": (WORN, "t_s")}
+Each = Float[Array, " n"]             # a number of each shot
 
 
 @dataclass(frozen=True)
 class Covariate:
     """A number a shot, nan where unknown, under each of its names: columns so alike that the data cannot part them."""
 
-    columns: tuple[tuple[str, Array], ...]
+    columns: tuple[tuple[str, Each], ...]
 
     @property
     def name(self) -> str:
@@ -39,7 +41,7 @@ class Covariate:
         return tuple(name for name, _ in self.columns)
 
     @property
-    def values(self) -> Array:
+    def values(self) -> Each:
         return self.columns[0][1]
 
     def led_by_launch(self) -> "Covariate":
@@ -58,7 +60,7 @@ class Factor:
 
     name: str
     levels: tuple[str, ...]
-    codes: Array
+    codes: Int[Array, " n"]
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ class CovariatePair:
 
     first: Covariate
     second: Covariate
-    place: Array
+    place: Float[Array, "2 n"]
 
     @property
     def name(self) -> str:
@@ -96,7 +98,7 @@ def every_column(dataset: Dataset) -> dict[str, Any]:
     return {**{name: dataset.shots.text(name) for name in dataset.shots.texts}, **number_columns(dataset)}
 
 
-def number_columns(dataset: Dataset) -> dict[str, Array]:
+def number_columns(dataset: Dataset) -> dict[str, Each]:
     """Every number a shot, by name: as recorded, and derived."""
     columns = {"t_s": dataset.shots.number("t_s"), **dataset.shots.numbers}
     derived = launch_state(dataset.facts, dataset.shots), *(
@@ -133,7 +135,7 @@ def carried_by(covariate: Covariate, factors: tuple[Factor, ...]) -> tuple[str, 
     return tuple(held)
 
 
-def smooth_shapes(values: Array) -> Array:
+def smooth_shapes(values: Each) -> Float[Array, "n shapes"]:
     """Natural cubic spline basis [n, 4] on the quantiles of `values`: straight, and three bends; unknown = 0."""
     known = np.isfinite(values)
     middle, width = values[known].mean(), values[known].std()
@@ -148,28 +150,28 @@ def smooth_shapes(values: Array) -> Array:
     return unit
 
 
-def spline_knots(values: Array) -> Array:
+def spline_knots(values: Each) -> Float[Array, " knots"]:
     """Where the basis of `smooth_shapes` bends, ends included; two places where it does not."""
     knots = _quantiles(values)
     return knots if len(knots) >= 4 else np.array([values.min(), values.max()])
 
 
-def _quantiles(values: Array) -> Array:
+def _quantiles(values: Each) -> Float[Array, " knots"]:
     return np.unique(np.quantile(values, (0.02, 0.27, 0.5, 0.73, 0.98)))
 
 
-def _ramp(scaled: Array, knot: float, knots: Array) -> Array:
+def _ramp(scaled: Each, knot: float, knots: Float[Array, " knots"]) -> Each:
     """Truncated cubes that leave the spline straight beyond the last knot."""
     ramp: Array = (np.maximum(scaled - knot, 0.0)**3 - np.maximum(scaled - knots[-1], 0.0)**3) / (knots[-1] - knot)
     return ramp
 
 
-def varies(values: Array) -> bool:
+def varies(values: Each) -> bool:
     known = values[np.isfinite(values)]
     return len(known) >= FEWEST and bool(np.ptp(known) > 1e-9 * (1e-9 + np.abs(known).max()))
 
 
-def _alike(a: Array, b: Array) -> bool:
+def _alike(a: Each, b: Each) -> bool:
     both = np.isfinite(a) & np.isfinite(b)
     mostly = both.sum() >= 0.9 * max(np.isfinite(a).sum(), np.isfinite(b).sum())
     if not (mostly and varies(a[both]) and varies(b[both])):
@@ -177,7 +179,7 @@ def _alike(a: Array, b: Array) -> bool:
     return bool(abs(np.corrcoef(a[both], b[both])[0, 1]) >= SAME)
 
 
-def _time_columns(dataset: Dataset) -> dict[str, Array]:
+def _time_columns(dataset: Dataset) -> dict[str, Each]:
     """Place of each shot in its session, and the wait since the shot before; none where a shot has no time."""
     shots = dataset.shots
     if not shots.timed:
@@ -192,7 +194,7 @@ def _time_columns(dataset: Dataset) -> dict[str, Array]:
     return {"order_in_session": order, "since_last_shot_s": wait}
 
 
-def _circumstance_columns(dataset: Dataset) -> dict[str, Array]:
+def _circumstance_columns(dataset: Dataset) -> dict[str, Each]:
     """What terms follow and no column says as it is: the way the hood came, the wheels' dip, the ball's earlier shots.
     """
     wanted = {"hood_change": "hood_change", "droop": "wheel_dip"}
@@ -201,13 +203,13 @@ def _circumstance_columns(dataset: Dataset) -> dict[str, Array]:
     return {name: np.where(found[field].said, found[field].value, np.nan) for field, name in wanted.items()}
 
 
-def _trace_columns(dataset: Dataset) -> dict[str, Array]:
+def _trace_columns(dataset: Dataset) -> dict[str, Each]:
     """Of each telemetry signal its value when the ball is fed, and how far it dips below that; the wheels' energy."""
     if dataset.traces is None:
         return {}
     traces, n = dataset.traces, len(dataset.shots)
     signals = np.array(traces.signal)
-    columns: dict[str, Array] = {}
+    columns: dict[str, Each] = {}
     for signal in np.unique(signals):
         first, lowest = np.full(n, np.nan), np.full(n, np.nan)
         here = signals == signal
@@ -221,7 +223,7 @@ def _trace_columns(dataset: Dataset) -> dict[str, Array]:
     return columns | _energy_column(columns)
 
 
-def _energy_column(columns: dict[str, Array]) -> dict[str, Array]:
+def _energy_column(columns: dict[str, Each]) -> dict[str, Each]:
     """Energy that the wheels give the ball or lose beside it: half the drop of their squared speeds, summed, which
     is energy over the inertia that no file states. A ball that leaves slower than what it took would have it has lost
     the rest: squeezed, slipped, rubbed."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.free_curve import Correction, correct
@@ -35,10 +36,10 @@ class Place:
     times_s: tuple[float, float] | None
 
 
-def pick(tests: Sequence[Test], judged: Judged, among: Array) -> int:
+def pick(tests: Sequence[Test], judged: Judged, among: Int[Array, " k"]) -> int:
     """The test that explains most; of those nearly as good the plainest: same for all, then a number, then a group."""
     best = judged.gain[among].max()
-    good: list[int] = [k for k in among if judged.gain[k] >= AS_GOOD * best]
+    good: list[int] = [k for k in among.tolist() if judged.gain[k] >= AS_GOOD * best]
     return min(good, key=lambda k: (_plainness(tests[k]), -judged.gain[k]))
 
 
@@ -114,7 +115,7 @@ def _region(evidence: ScoreTable, correction: Correction) -> dict[str, Any]:
             "share_of_gain": float(gained[first:last + 1].sum() / gained.sum())}
 
 
-def _bin_edges(values: Array) -> Array:
+def _bin_edges(values: Float[Array, " m"]) -> Float[Array, " edges"]:
     """Quantiles, or the distinct values of a covariate with few; the last edge belongs to the last bin."""
     distinct = np.unique(values)
     if len(distinct) <= BINS:
@@ -139,14 +140,15 @@ def times_of(evidence: ScoreTable, test: Test) -> tuple[float, float] | None:
     return (first[0], last[1]) if first and last else None
 
 
-def joint_bands(evidence: ScoreTable, bands: Sequence[int], weights: Array) -> Array:
+def joint_bands(evidence: ScoreTable, bands: Sequence[int],
+                weights: Float[Array, " n"]) -> Float[Array, " bands"]:
     """Amplitude of each band when all are fitted at once to shots weighted by `weights` [n] (one for each band)."""
     info = np.einsum("n,nij->ij", weights**2, evidence.info[:, bands][:, :, bands])
     score = weights @ evidence.score[:, bands]
     return np.linalg.solve(info + 1e-9 * np.trace(info) * np.eye(len(bands)), score)
 
 
-def shortest_run(parts: Array) -> tuple[int, int] | None:
+def shortest_run(parts: Float[Array, " parts"]) -> tuple[int, int] | None:
     """(first, last) of the shortest run that holds SHARE of the sum of non-negative parts, the fullest of those."""
     total = parts.sum()
     if total <= 0.0:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float, Shaped
 
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor, varies
 from truearc.sim.discover.detect.score_test import Scores, efficient_scores
@@ -36,7 +37,7 @@ class ReferenceSession:
         rows = self.fitted.evidence.rows
         return Look(len(rows), lambda what: self.find(what)[rows])
 
-    def find(self, what: Covariate | Factor) -> Array:
+    def find(self, what: Covariate | Factor) -> Shaped[Array, " shots"]:
         """Its values, or codes, of every shot of home; nan, or -1, where home knows nothing of it."""
         names = what.names if isinstance(what, Covariate) else (what.name,)
         known = next((self.columns[name] for name in names if name in self.columns), None)
@@ -59,7 +60,7 @@ class ReferenceSession:
         return next((k for k, column in enumerate(columns) if column.name == name), None)
 
     def beside(self, scores: Scores, evidence: ScoreTable, number: int, shapes: Sequence[WeightFunction],
-               weights: Array) -> Scores:
+               weights: Float[Array, "n q"]) -> Scores:
         """The scores of `shapes` (`weights` [n, q]) on the evidence's column, less home's, whose signs follow."""
         mine = self.fitted.evidence
         column = self.index(evidence.columns[number].name)
@@ -84,15 +85,15 @@ class ReferenceSession:
             self.company[names] = replace(self, fitted=promote(self.fitted, found), company={})
         return self.company[names] if names else self
 
-    def _all(self, value: float) -> Array:
+    def _all(self, value: int | float) -> Shaped[Array, " shots"]:
         return np.full(int(self.fitted.evidence.rows.max(initial=-1)) + 1, value)
 
 
-def _said(evidence: ScoreTable, column: int, weights: Array) -> Array:
+def _said(evidence: ScoreTable, column: int, weights: Float[Array, "n q"]) -> Float[Array, " q"]:
     return np.asarray((weights**2 * evidence.info[:, column, column, None]).sum(0))
 
 
-def _joined(here: Scores, home: Scores, share: Array) -> Scores:
+def _joined(here: Scores, home: Scores, share: Float[Array, " q"]) -> Scores:
     """Scores of the difference, in units that leave amplitudes those of the change and gains what it explains."""
     mine, theirs = here.kappa.sum(0), share**2 * home.kappa.sum(0)
     part = mine / np.maximum(mine + theirs, 1e-300)

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
 from truearc.sim.discover.detect.covariates import Covariate, Factor, followed_column
 from truearc.sim.discover.detect.localization import Place
@@ -32,10 +33,10 @@ Along = Covariate | Factor
 class LinearResiduals:
     """Score and information [n] of a column."""
 
-    score: Array
-    information: Array
+    score: Float[Array, " n"]
+    information: Float[Array, " n"]
 
-    def estimate(self, chosen: Array) -> tuple[float, float]:
+    def estimate(self, chosen: Bool[Array, " n"]) -> tuple[float, float]:
         """(residual, standard error) of the chosen shots [n]: by information, or by how these differ if that is more.
 
         nan where they have no information.
@@ -55,7 +56,7 @@ class Heights:
     plane: PlaneScores
     shots: int
 
-    def estimate(self, chosen: Array) -> tuple[float, float]:
+    def estimate(self, chosen: Bool[Array, " n"]) -> tuple[float, float]:
         """(common shift of heights in m, uphill from none, its standard error by the likelihood); nan: none to be had.
 
         A miss that may have been high or low has a second summit far off, which is implausible.
@@ -75,7 +76,7 @@ class Heights:
         return float(shifts[best]), float((shifts[high] - shifts[low]) / 2.0)
 
 
-def _uphill(value: Array, start: int) -> int:
+def _uphill(value: Float[Array, " shifts"], start: int) -> int:
     """Index of the summit that one comes to from `start`."""
     here = start
     while True:
@@ -111,8 +112,8 @@ class Bins:
     """Where each shot [n] belongs (-1 nowhere), and the bins' middles [B]; labels of groups, else empty."""
 
     name: str
-    index: Array
-    middle: Array
+    index: Int[Array, " n"]
+    middle: Float[Array, " B"]
     labels: tuple[str, ...] = ()
 
 
@@ -172,7 +173,7 @@ def find_along(name: str | None, along: Sequence[Along]) -> Along | None:
     return None
 
 
-def bins_of(along: Along, rows: Array) -> Bins:
+def bins_of(along: Along, rows: Int[Array, " n"]) -> Bins:
     """Even shares of the shots, the distinct values of a covariate with few, the levels of a factor."""
     if isinstance(along, Factor):
         return Bins(along.name, along.codes[rows], np.arange(len(along.levels), dtype=float), along.levels)
@@ -189,13 +190,13 @@ def bins_of(along: Along, rows: Array) -> Bins:
     return Bins(along.name, index, middle)
 
 
-def binned(part: Part, bins: Bins) -> tuple[Array, Array]:
+def binned(part: Part, bins: Bins) -> tuple[Float[Array, " B"], Float[Array, " B"]]:
     """(residual, standard error) [B]; nan where the shots of a bin have no information on it."""
     found = np.array([part.estimate(bins.index == k) for k in range(len(bins.middle))]).reshape(-1, 2)
     return found[:, 0], found[:, 1]
 
 
-def choose(residuals: Sequence[Residual], along: Sequence[Along], rows: Array,
+def choose(residuals: Sequence[Residual], along: Sequence[Along], rows: Int[Array, " n"],
            stage: str | None = None) -> tuple[Residual, Along] | None:
     """The number and what to draw it against in which what was put in explains most.
 
@@ -263,7 +264,7 @@ def views_of(fitted: BaselineFit, asked: Asked, steps: Sequence[Step], first: st
             yield View(step, before, after, stated, *chosen)
 
 
-def halves(along: Along | None, rows: Array) -> list[tuple[str, Array]]:
+def halves(along: Along | None, rows: Int[Array, " n"]) -> list[tuple[str, Bool[Array, " n"]]]:
     """All shots (no label), or those low and high in a covariate, or by the levels of a factor of two or three."""
     if isinstance(along, Factor) and len(along.levels) <= MOST_GROUPS:
         return [(f"{along.name} {level}", along.codes[rows] == k) for k, level in enumerate(along.levels)]

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from truearc.sim.discover.detect import weight_functions as functions
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
@@ -27,7 +28,7 @@ class Test:
     column: int
     what: Covariate | Factor | CovariatePair | None
     shape: str
-    weights: Array
+    weights: Float[Array, " n"]
     form: WeightFunction = SAME                # behind `shape` and `weights`, to lay over another session
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from jaxtyping import Float, Shaped
 
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor, varies
 from truearc.sim.discover.model.score_table import Array
@@ -28,10 +29,11 @@ class Look:
     [n] of its levels, -1 where unknown."""
 
     n: int
-    at: Callable[[Covariate | Factor], Array]
+    at: Callable[[Covariate | Factor], Shaped[Array, " n"]]
 
 
-Law = Callable[[Array], Array]
+Each = Float[Array, " n"]             # a number of each shot
+Law = Callable[[Array], Each]         # by the covariate [n], or the place [2, n] of two
 
 
 @dataclass(frozen=True)
@@ -40,10 +42,10 @@ class WeightFunction:
 
     what: Covariate | Factor | CovariatePair | None
     name: str
-    weigh: Callable[[Look], Array]
+    weigh: Callable[[Look], Each]
 
 
-def _ones(look: Look) -> Array:
+def _ones(look: Look) -> Each:
     return np.ones(look.n)
 
 
@@ -94,7 +96,7 @@ def pair_shapes(covariates: Sequence[Covariate], look: Look, seed: int) -> list[
     return shapes
 
 
-def weights_of(shapes: Sequence[WeightFunction], look: Look) -> Array:
+def weights_of(shapes: Sequence[WeightFunction], look: Look) -> Float[Array, "n q"]:
     """Weights [n, q] of the shots so looked at."""
     return np.stack([shape.weigh(look) for shape in shapes], axis=1)
 
@@ -108,7 +110,7 @@ class _Plane:
     second: Covariate
     up: Law
 
-    def place(self, look: Look) -> Array:
+    def place(self, look: Look) -> Float[Array, "2 n"]:
         """[2, n] in standard deviations."""
         return np.stack([self.across(look.at(self.first)), self.up(look.at(self.second))])
 
@@ -119,53 +121,53 @@ class _Plane:
         return WeightFunction(what, name, partial(_of_pair, self, law, law(place).mean()))
 
 
-def _of_pair(plane: _Plane, law: Law, middle: float, look: Look) -> Array:
+def _of_pair(plane: _Plane, law: Law, middle: float, look: Look) -> Each:
     return law(plane.place(look)) - middle
 
 
-def _of_number(covariate: Covariate, law: Law, look: Look) -> Array:
+def _of_number(covariate: Covariate, law: Law, look: Look) -> Each:
     values = look.at(covariate)
     return np.where(np.isfinite(values), law(values), 0.0)
 
 
-def _of_group(factor: Factor, code: int, share: float, look: Look) -> Array:
+def _of_group(factor: Factor, code: int, share: float, look: Look) -> Each:
     codes = look.at(factor)
     return np.where(codes >= 0, (codes == code) - share, 0.0)
 
 
-def _straight(middle: float, width: float, x: Array) -> Array:
+def _straight(middle: float, width: float, x: Each) -> Each:
     return (x - middle) / width
 
 
-def _bent(middle: float, width: float, skew: float, x: Array) -> Array:
+def _bent(middle: float, width: float, skew: float, x: Each) -> Each:
     return ((x - middle) / width)**2 - 1.0 - (x - middle) / width * skew
 
 
-def _step(cut: float, share: float, x: Array) -> Array:
+def _step(cut: float, share: float, x: Each) -> Each:
     return (x > cut) - share
 
 
-def _product(place: Array) -> Array:
+def _product(place: Float[Array, "2 n"]) -> Each:
     product: Array = place[0] * place[1]
     return product
 
 
-def _wave(turn: Array, phase: float, place: Array) -> Array:
+def _wave(turn: Float[Array, "2"], phase: float, place: Float[Array, "2 n"]) -> Each:
     wave: Array = np.sqrt(2.0) * np.cos(turn @ place + phase)
     return wave
 
 
-def _place_in(values: Array) -> Law:
+def _place_in(values: Each) -> Law:
     """In standard deviations from the mean, no farther than FARTHEST; unknown = 0."""
     middle, width = np.nanmean(values), np.nanstd(values)
     return partial(_clipped, middle, width)
 
 
-def _clipped(middle: float, width: float, x: Array) -> Array:
+def _clipped(middle: float, width: float, x: Each) -> Each:
     return np.nan_to_num(np.clip((x - middle) / width, -FARTHEST, FARTHEST))
 
 
-def _cuts(values: Array) -> list[float]:
+def _cuts(values: Each) -> list[float]:
     """Thresholds that leave enough shots on each side, at even quantiles, none splitting as another does."""
     ordered = np.unique(values)
     if len(ordered) < 3:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Int
 from scipy.linalg import block_diag
 
 from truearc.sim.discover.model.linearization import ParameterLayout
@@ -107,6 +108,6 @@ def with_curve(layout: ParameterLayout, name: str, values: Mapping[str, float], 
         groups=groups and replace(groups, inputs=_shifted(groups.inputs, old, len(slots))))
 
 
-def _shifted(inputs: np.ndarray, first: int, by: int) -> np.ndarray:
+def _shifted(inputs: Int[np.ndarray, " k"], first: int, by: int) -> Int[np.ndarray, " k"]:
     """Numbers of the chain's inputs once `by` slots have come after the `first` ones."""
     return np.where(inputs >= first, inputs + by, inputs)

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Shots
@@ -50,7 +51,7 @@ PUSH_WORDS = {"along": ("the ball is driven along its flight", "the ball is held
 PUSH_USUAL = 1.5                      # m/s2, as of a wrong drag law or a breeze of 1 m/s
 
 
-def groups_of(shots: Shots, rows: Array) -> tuple[str, Array, int] | None:
+def groups_of(shots: Shots, rows: Int[Array, " n"]) -> tuple[str, Int[Array, " n"], int] | None:
     """(what, label [n] of these rows, how many): balls when there are at least ten, else sessions when there are.
 
     Counted as (sum of sizes)^2 / sum of squares, so that a big group and its crumbs are not many. Many groups differ at
@@ -66,7 +67,7 @@ def groups_of(shots: Shots, rows: Array) -> tuple[str, Array, int] | None:
     return None
 
 
-def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array, int] | None = None,
+def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Int[Array, " n"], int] | None = None,
             among: Catalogue | None = None, belief: Belief | None = None,
             later: ParameterLayout | None = None) -> ParameterLayout:
     """Every column that the data could speak of; InputError for a believed term that there is none of.
@@ -120,7 +121,7 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
     return layout if belief is None else inform(bent(layout, belief), belief, sure=later is None)
 
 
-def _groups(groups: tuple[str, Array, int], believed: tuple[str, ...], slots: tuple[tuple[str, str], ...],
+def _groups(groups: tuple[str, Int[Array, " n"], int], believed: tuple[str, ...], slots: tuple[tuple[str, str], ...],
             catalogue: Catalogue) -> Groups:
     """Speed, and believed numbers that each ball has its own of (Parameter.fit_each_ball)."""
     _, label, count = groups
@@ -226,7 +227,7 @@ def _scatter_place(intake: Intake, name: str, first: int, number: int) -> int:
     return first + sum(wanted[:number]) if wanted[number] else -1
 
 
-def _pushes(chain: Chain, edges: Array) -> list[tuple[int, Column]]:
+def _pushes(chain: Chain, edges: Float[Array, " edges"]) -> list[tuple[int, Column]]:
     """Throughout the flight, in each band of its time, and with the speed; outcomes see no sideways push."""
     width = chain.pushes // len(DIRECTIONS)
     found = []
@@ -247,7 +248,7 @@ def _pushes(chain: Chain, edges: Array) -> list[tuple[int, Column]]:
     return found
 
 
-def _edges(intake: Intake) -> Array:
+def _edges(intake: Intake) -> Float[Array, " edges"]:
     if intake.samples is None:
         return np.zeros(0)
     lead_s = np.asarray(intake.lanes.lead_s)[intake.tracked]

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor, spline_knots
 from truearc.sim.discover.detect.free_curve import Correction, correct
@@ -199,7 +200,7 @@ def _curve(correction: Correction) -> Curve | None:
     return _spline(what, rows, amplitude, otherwise)
 
 
-def _spline(what: Covariate, rows: Array, amplitude: Array, otherwise: float) -> Curve:
+def _spline(what: Covariate, rows: Int[Array, " n"], amplitude: Float[Array, " n"], otherwise: float) -> Curve:
     """Values at the fit's own knots: between them the fit is that very spline."""
     x = what.values[rows]
     said = np.isfinite(x)

@@ -6,6 +6,7 @@ s^2 x information is 7.85 (a chi-squared of one degree of freedom); information 
 """
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 from msgspec import Struct
 from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.spatial.distance import squareform
@@ -82,7 +83,8 @@ def sight_of(evidence: ScoreTable, level: str, believed: tuple[str, ...]) -> Sig
     return Sight(shots, level, believed, tuple(ordered), _classes(names, alike, visible), _fittable(evidence))
 
 
-def _efficient(evidence: ScoreTable, columns: Array) -> tuple[Array, Array, Array, Array]:
+def _efficient(evidence: ScoreTable, columns: Int[Array, " K"]) -> tuple[
+        Float[Array, " K"], Float[Array, "K K"], Float[Array, "K K"], Float[Array, "K p"]]:
     """(own information [K], left [K, K], left where priors of coefficients do not help [K, K], parts [K, p]).
 
     parts: of each term's score, in its own standard deviations, what each shared column absorbs by itself.
@@ -111,7 +113,7 @@ def _seen(column: Column, own: float, left: float, visible: bool, shots: int, ta
                                takers if why == TAKEN else (), *like)
 
 
-def _takers(evidence: ScoreTable, parts: Array) -> tuple[str, ...]:
+def _takers(evidence: ScoreTable, parts: Float[Array, " p"]) -> tuple[str, ...]:
     """Fitted numbers that absorb a term's information, largest part first."""
     order = [k for k in np.argsort(-parts) if parts[k] > max(ABSORBS * parts.max(initial=0.0), BUSY)]
     found = [evidence.columns[evidence.first_shared + k] for k in order]
@@ -119,13 +121,14 @@ def _takers(evidence: ScoreTable, parts: Array) -> tuple[str, ...]:
                                column.name for column in found))
 
 
-def _most_alike(names: list[str], alike: Array, index: int) -> tuple[str | None, float]:
+def _most_alike(names: list[str], alike: Float[Array, "K K"], index: int) -> tuple[str | None, float]:
     others = np.abs(alike[index]) * (np.arange(len(names)) != index)
     best = int(others.argmax()) if len(names) > 1 else 0
     return (names[best], float(alike[index, best])) if len(names) > 1 and others[best] > 0.0 else (None, 0.0)
 
 
-def _classes(names: list[str], alike: Array, visible: Array) -> tuple[tuple[str, ...], ...]:
+def _classes(names: list[str], alike: Float[Array, "K K"],
+             visible: Bool[Array, " K"]) -> tuple[tuple[str, ...], ...]:
     """Groups in which every two are more alike than ALIKE (complete linkage)."""
     kept = np.flatnonzero(visible)
     if len(kept) < 2:

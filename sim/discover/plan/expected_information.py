@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
@@ -96,9 +97,9 @@ def _as_aimed(evidence: ScoreTable, seed: int) -> ScoreTable:
 class Plan:
     """n configurations. drive: motor ratio, or speed in m/s of surfaces or balls where the rig states no motors."""
 
-    distance_m: Array
-    hood_deg: Array
-    drive: Array
+    distance_m: Float[Array, " n"]
+    hood_deg: Float[Array, " n"]
+    drive: Float[Array, " n"]
 
 
 def rehearse(rig: Rig, believed: tuple[str, ...], level: str, shots: int = SEASON_SHOTS, sides: bool = False,
@@ -148,7 +149,7 @@ def mark(shots: int, sides: bool) -> dict[str, tuple[str, ...]]:
     return {"outcome": ("miss",) * shots, **side}
 
 
-def settings(rig: Rig, plan: Plan) -> dict[str, Array]:
+def settings(rig: Rig, plan: Plan) -> dict[str, Float[Array, " n"]]:
     """The columns that say how a plan's shots are launched."""
     if not rig.launcher.wheel:
         return {"exit_speed_m_s": plan.drive, "exit_deg": plan.hood_deg,
@@ -158,13 +159,13 @@ def settings(rig: Rig, plan: Plan) -> dict[str, Array]:
     return {"hood_deg": plan.hood_deg, "motor_ratio": plan.drive}
 
 
-def _wheel_speeds(rig: Rig, plan: Plan) -> dict[str, Array]:
+def _wheel_speeds(rig: Rig, plan: Plan) -> dict[str, Float[Array, " n"]]:
     free = rig.launcher.free_speed_rad_s
     return {f"wheel_{wheel.name}_rad_s": plan.drive * (wheel.gear * free if free else 1.0 / wheel.radius_m)
             for wheel in rig.launcher.wheel}
 
 
-def _drives(rig: Rig) -> Array:
+def _drives(rig: Rig) -> Float[Array, " drives"]:
     by_ratio = rig.launcher.wheel and rig.launcher.free_speed_rad_s is not None
     return np.geomspace(*((SLOWEST, FASTEST) if by_ratio else SPEEDS_M_S), DRIVES)
 
@@ -199,8 +200,9 @@ def _aim(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: int,
     return Plan(distance_m[rows], hood_deg[rows], drive[rows])
 
 
-def _heights(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], distance_m: Array, hood_deg: Array,
-             drives: Array, among: Catalogue | None) -> Array:
+def _heights(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], distance_m: Float[Array, " n"],
+             hood_deg: Float[Array, " n"], drives: Float[Array, " drives"],
+             among: Catalogue | None) -> Float[Array, "n drives"]:
     """[n, drives] heights at the plane; nan where the ball does not get there."""
     n = len(distance_m)
     every = Plan(np.repeat(distance_m, len(drives)), np.repeat(hood_deg, len(drives)), np.tile(drives, n))
@@ -208,7 +210,8 @@ def _heights(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], distance
     return np.asarray(predict(rig, coefficients, shots, among=among).height_m).reshape(n, -1)
 
 
-def _drive_for(heights_m: Array, wanted_m: Array, drives: Array) -> tuple[Array, Array]:
+def _drive_for(heights_m: Float[Array, "n drives"], wanted_m: Float[Array, " n"],
+               drives: Float[Array, " drives"]) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
     """(slowest drive [n] that passes at wanted_m, slope of the height by its log); nan where there is none."""
     lane = np.arange(len(wanted_m))
     below, above = heights_m[:, :-1], heights_m[:, 1:]
@@ -220,7 +223,8 @@ def _drive_for(heights_m: Array, wanted_m: Array, drives: Array) -> tuple[Array,
     return drives[first] * np.exp(part * step), np.where(np.isfinite(part), (high - low) / step, np.nan)
 
 
-def _circumstances(shots: int, rng: np.random.Generator) -> tuple[dict[str, Array], dict[str, tuple[str, ...]]]:
+def _circumstances(shots: int, rng: np.random.Generator) -> tuple[dict[str, Float[Array, " n"]],
+                                                                  dict[str, tuple[str, ...]]]:
     """What telemetry and a log book say beside the launch, varying as it does in practice: (numbers, texts)."""
     session, place = np.divmod(np.arange(shots), SESSION_SHOTS)
     count = int(session.max()) + 1
@@ -238,7 +242,7 @@ def _circumstances(shots: int, rng: np.random.Generator) -> tuple[dict[str, Arra
     return numbers, {"session": tuple(f"day{k + 1}" for k in session), "ball_id": tuple(f"ball{k + 1}" for k in balls)}
 
 
-def _dips(wheels: Mapping[str, Array], shots: int, rng: np.random.Generator) -> Traces:
+def _dips(wheels: Mapping[str, Float[Array, " n"]], shots: int, rng: np.random.Generator) -> Traces:
     """Wheel speeds before and while the ball passes; harder balls take more of them."""
     dip = DIP * np.exp(rng.normal(0.0, DIP_SPREAD, shots))
     shape = np.array([1.0, 1.0, 0.0, 0.5])
@@ -248,7 +252,7 @@ def _dips(wheels: Mapping[str, Array], shots: int, rng: np.random.Generator) -> 
                   np.tile(TRACE_S, shots * len(wheels)), tuple(signals.tolist()), np.concatenate(values).ravel())
 
 
-def _watch(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots, distance_m: Array,
+def _watch(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots, distance_m: Float[Array, " n"],
            rng: np.random.Generator, among: Catalogue | None) -> Tracks:
     """Positions by a camera from just after release to the plane or the floor, with the rig's track noise."""
     values, whose = effective(coefficients, ORDINARY, among), by_robot(shots)

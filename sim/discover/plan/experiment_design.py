@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float, Int
 from scipy.special import softmax
 
 from truearc.sim.discover.model.baseline_fit import BaselineFit
@@ -30,6 +31,7 @@ MOST_NAMES = 8
 MOST_RANDOM = 64                      # times the present shots, up to which random ones are counted
 
 Option = tuple[int, float]            # row of the evidence's shots, pace
+Information = Float[Array, "P P"]
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ class Design:
     blocks. random: shots like the present ones that would part the names as well; None beyond MOST_RANDOM times."""
 
     names: tuple[str, ...]
-    probability: Array
+    probability: Float[Array, " K"]
     blocks: tuple[Block, ...]
     before: float
     after: float
@@ -67,11 +69,11 @@ class Contest:
     """K names: columns of the evidence, amplitudes, sizes, probabilities, and what refits know beyond one step."""
 
     evidence: ScoreTable
-    columns: Array
-    amplitude: Array
-    usual: Array
-    probability: Array
-    offset: Array                     # nats
+    columns: Int[Array, " K"]
+    amplitude: Float[Array, " K"]
+    usual: Float[Array, " K"]
+    probability: Float[Array, " K"]
+    offset: Float[Array, " K"]        # nats
 
 
 def make_design(step: Step, shots: int = PLANNED_SHOTS, configurations: int = CONFIGURATIONS, seed: int = 0) -> Design:
@@ -83,7 +85,7 @@ def make_design(step: Step, shots: int = PLANNED_SHOTS, configurations: int = CO
     block = max(shots // configurations, 1)
     there = at_paces(step.fitted)
 
-    def information_of(option: Option) -> Array:
+    def information_of(option: Option) -> Information:
         return there[option[1]].told_by([option[0]])
 
     chosen = choose_blocks(contest, block, within_reach(step.fitted, there), configurations, information_of)
@@ -116,14 +118,14 @@ def _contest(step: Step, names: tuple[str, ...]) -> Contest:
     return Contest(evidence, columns, amplitude, usual, softmax(nats), nats - linear)
 
 
-def separation(contest: Contest, more: Array | float) -> Array:
+def separation(contest: Contest, more: Information | float) -> Float[Array, "K K"]:
     """Delta [K, K]: how far name k, at its best, is from data that j makes, as a chi-squared; 0 on the diagonal."""
     left = efficient(contest.evidence, contest.columns, more)[1]
     own = np.maximum(np.diag(left), 1e-300)
     return contest.amplitude[:, None]**2 * np.maximum(own[:, None] - left**2 / own[None, :], 0.0)
 
 
-def worth(contest: Contest, more: Array | float) -> float:
+def worth(contest: Contest, more: Information | float) -> float:
     """Mean log separation of pairs, each as likely as its two names; what a design is chosen by."""
     weight = np.outer(contest.probability, contest.probability) * (1.0 - np.eye(len(contest.columns)))
     return float((weight * np.log1p(separation(contest, more))).sum() / weight.sum())
@@ -154,11 +156,11 @@ def within_reach(fitted: BaselineFit, paces: Iterable[float]) -> list[tuple[int,
 
 
 def choose_blocks(contest: Contest, block: int, options: Sequence[Option], count: int,
-                  information_of: Callable[[Option], Array]) -> list[Option]:
+                  information_of: Callable[[Option], Information]) -> list[Option]:
     """The options of which `block` shots each are made; one may come more than once.
 
     information_of: [P, P], of one shot of an option."""
-    total: Array | float = 0.0
+    total: Information | float = 0.0
     chosen: list[Option] = []
     left = list(options)
     for _ in range(count):
@@ -170,7 +172,7 @@ def choose_blocks(contest: Contest, block: int, options: Sequence[Option], count
     return chosen
 
 
-def chance_of_name(contest: Contest, more: Array, seed: int) -> float:
+def chance_of_name(contest: Contest, more: Information, seed: int) -> float:
     """Probability that the right name will hold SURE of the probability, were `more` information there.
 
     Truths are drawn as likely as they are now, each at its fitted amplitude; scores to come are normal.
@@ -188,12 +190,12 @@ def chance_of_name(contest: Contest, more: Array, seed: int) -> float:
     return _stands_alone(nats + contest.offset, truth)
 
 
-def _stands_alone(nats: Array, truth: Array) -> float:
+def _stands_alone(nats: Float[Array, "draws K"], truth: Int[Array, " draws"]) -> float:
     chance = softmax(nats, axis=1)
     return float(np.mean(chance[np.arange(len(truth)), truth] >= SURE))
 
 
-def _random_equal(contest: Contest, more: Array) -> int | None:
+def _random_equal(contest: Contest, more: Information) -> int | None:
     """Shots drawn like the present ones that are worth as much as `more`."""
     wanted, present = worth(contest, more), contest.evidence.information
     shots = len(contest.evidence.rows)

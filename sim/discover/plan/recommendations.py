@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 from scipy.special import ndtri
 
 from truearc.sim.data.dataset import Dataset
@@ -97,7 +98,7 @@ def parting_shot(dataset: Dataset, step: Step, pair: tuple[str, str]) -> dict[st
             "separates": [name.partition(".")[0] for name in pair]}
 
 
-def moved_by(evidence: ScoreTable, one: Refit) -> Array:
+def moved_by(evidence: ScoreTable, one: Refit) -> Float[Array, " P"]:
     """Change [P] of the evidence's columns that a refit of one name amounts to.
 
     A name that is a fitted number itself (one that has changed since the belief) stands in that number's place: it is

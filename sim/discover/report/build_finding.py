@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float
 
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover import finding as parts
@@ -251,7 +252,7 @@ def _fit(fitted: BaselineFit, steps: Sequence[Step]) -> FitSummary:
                clustered_error(gain, fitted.together), rmse, rmse_after, accuracy, accuracy_after, height_at)
 
 
-def _accuracy(evidence: ScoreTable, change: Array) -> float | None:
+def _accuracy(evidence: ScoreTable, change: Float[Array, "n P"]) -> float | None:
     """Share of recorded outcomes that were the likeliest."""
     if evidence.plane is None:
         return None

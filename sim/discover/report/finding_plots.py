@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
@@ -24,9 +25,12 @@ FEWEST_SHOTS = 4                      # of a cell that is drawn
 SURE_SD = 5.0                         # standard errors at which a cell has its full colour
 LEAST_INFORMATION = 1e-3              # of the fullest band's; less is not drawn
 Series = Sequence[tuple[str, ScoreTable, str]]
+Each = Float[Array, " n"]             # a number of each shot
+Edges = Sequence[Float[Array, " _"]]
+Cells = Float[Array, "across up"]
 
 
-def residual_figure(residual: Residual, along: Along, rows: Array, what: str) -> Figure:
+def residual_figure(residual: Residual, along: Along, rows: Int[Array, " n"], what: str) -> Figure:
     """Residual by bins of `along`, as simulated on the left, with `what` put in on the right (when something was)."""
     bins = bins_of(along, rows)
     parts = [("as simulated", residual.before, BEFORE)]
@@ -59,7 +63,7 @@ def _points(axes: Axes, bins: Bins, part: Part, factor: float, colour: str) -> N
 
 
 def flight_png(before: ScoreTable, after: ScoreTable | None, what: str,
-               groups: Sequence[tuple[str, Array]]) -> bytes | None:
+               groups: Sequence[tuple[str, Bool[Array, " n"]]]) -> bytes | None:
     """Missing acceleration by flight time, a row a group of shots (label, [n] booleans); None without bands."""
     if not any(column.times_s for column in before.columns):
         return None
@@ -89,7 +93,7 @@ def _bands(evidence: ScoreTable, direction: str) -> list[int]:
     return [k for k, each in zip(bands, size, strict=True) if each > LEAST_INFORMATION * max(size)]
 
 
-def _band_panel(axes: Axes, direction: str, series: Series, chosen: Array) -> None:
+def _band_panel(axes: Axes, direction: str, series: Series, chosen: Bool[Array, " n"]) -> None:
     axes.axhline(0.0, color=INK, lw=0.9)
     for number, (label, evidence, colour) in enumerate(series):
         bands = _bands(evidence, direction)
@@ -103,7 +107,8 @@ def _band_panel(axes: Axes, direction: str, series: Series, chosen: Array) -> No
     _clean(axes)
 
 
-def _band_errors(evidence: ScoreTable, bands: Sequence[int], chosen: Array, amplitude: Array) -> Array:
+def _band_errors(evidence: ScoreTable, bands: Sequence[int], chosen: Bool[Array, " n"],
+                 amplitude: Float[Array, " bands"]) -> Float[Array, " bands"]:
     """Standard errors from how the shots differ among themselves (sandwich)."""
     info = evidence.info[chosen][:, bands][:, :, bands]
     left = evidence.score[chosen][:, bands] - info @ amplitude
@@ -111,7 +116,7 @@ def _band_errors(evidence: ScoreTable, bands: Sequence[int], chosen: Array, ampl
     return np.sqrt(np.maximum(np.diag(bread @ (left.T @ left) @ bread), 0.0))
 
 
-def field_png(residual: Residual, across: tuple[str, Array], up: tuple[str, Array], what: str) -> bytes | None:
+def field_png(residual: Residual, across: tuple[str, Each], up: tuple[str, Each], what: str) -> bytes | None:
     """Mean residual in cells of two settings (name, [n]), before and after; None where a setting hardly varies."""
     count = int(np.clip(np.sqrt(len(across[1]) / CELL_SHOTS), FEWEST_CELLS, MOST_CELLS))
     edges = [_edges(values, count) for _, values in (across, up)]
@@ -133,12 +138,12 @@ def field_png(residual: Residual, across: tuple[str, Array], up: tuple[str, Arra
     return make_png(figure)
 
 
-def _edges(values: Array, count: int) -> Array:
+def _edges(values: Each, count: int) -> Float[Array, " edges"]:
     known = values[np.isfinite(values)]
     return np.unique(np.quantile(known, np.linspace(0.0, 1.0, count + 1))) if len(known) else np.zeros(0)
 
 
-def _cells(part: Part, settings: tuple[Array, Array], edges: Sequence[Array]) -> tuple[Array, Array]:
+def _cells(part: Part, settings: tuple[Each, Each], edges: Edges) -> tuple[Cells, Cells]:
     """(mean residual, its standard error) [across, up]; nan in cells that hardly any shot is in."""
     place = [np.clip(np.searchsorted(edge, values, side="right") - 1, 0, len(edge) - 2)
              for edge, values in zip(edges, settings, strict=True)]
@@ -150,7 +155,7 @@ def _cells(part: Part, settings: tuple[Array, Array], edges: Sequence[Array]) ->
     return value.reshape(shape), np.maximum(error, 1e-12).reshape(shape)
 
 
-def _write_cells(axes: Axes, edges: Sequence[Array], values: Array, sure: Array) -> None:
+def _write_cells(axes: Axes, edges: Edges, values: Cells, sure: Cells) -> None:
     middles = [(edge[1:] + edge[:-1]) / 2.0 for edge in edges]
     for i, j in np.argwhere(np.isfinite(values)):
         axes.text(middles[0][i], middles[1][j], _signed(values[i, j]), ha="center", va="center", fontsize=8.5,

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from truearc.sim.discover.detect.covariates import Covariate
 from truearc.sim.discover.detect.free_curve import Correction, unseen
@@ -35,7 +36,7 @@ UNITS = {"_rad_s": "rad/s", "_rev_s": "rev/s", "_m_s": "m/s", "_deg": "deg", "_p
 class Form:
     """One way an amplitude may go: `values` [n], dimensionless or in the push's unit, and how it is written."""
 
-    values: Array
+    values: Float[Array, " n"]
     written: str
 
 
@@ -61,7 +62,7 @@ def find_formula(correction: Correction, fitted: BaselineFit, seed: int) -> str 
     return _write(correction, forms[best], found[best])
 
 
-def _forms(what: Covariate, rows: Array, correction: Correction, intake: Intake) -> Iterator[Form]:
+def _forms(what: Covariate, rows: Int[Array, " n"], correction: Correction, intake: Intake) -> Iterator[Form]:
     """Powers of the covariate; of a push also in units of the air's pressure, and powers of the spin parameter."""
     ratio, unit = _ratio(what, rows)
     if not np.isfinite(ratio).all():
@@ -86,7 +87,7 @@ def _different(forms: Iterator[Form]) -> list[Form]:
     return kept
 
 
-def _ratio(what: Covariate, rows: Array) -> tuple[Array, str]:
+def _ratio(what: Covariate, rows: Int[Array, " n"]) -> tuple[Float[Array, " n"], str]:
     """(the covariate in units of about its median, that unit); temperatures from absolute zero."""
     values, unit = what.values[rows], next((unit for end, unit in UNITS.items() if what.name.endswith(end)), "")
     if unit == "degC":
@@ -96,7 +97,7 @@ def _ratio(what: Covariate, rows: Array) -> tuple[Array, str]:
     return values / (scale or 1.0), f"{scale:g} {unit}".strip()
 
 
-def _powers(ratio: Array) -> Sequence[float]:
+def _powers(ratio: Float[Array, " n"]) -> Sequence[float]:
     return POWERS if ratio.min() > LEAST_RATIO * ratio.max() else WHOLE
 
 
@@ -104,7 +105,7 @@ def _raised(power: float) -> str:
     return "" if power == 1.0 else f"^{power:g}"
 
 
-def _pressure(intake: Intake) -> Array:
+def _pressure(intake: Intake) -> Float[Array, " n"]:
     """rho A v^2 / 2 m at the exit [n], m/s2."""
     lanes = intake.lanes
     area_m2 = np.pi * np.asarray(lanes.ball_m)**2
@@ -113,14 +114,14 @@ def _pressure(intake: Intake) -> Array:
     return pull_m_s2
 
 
-def _spin_parameter(intake: Intake) -> Array | None:
+def _spin_parameter(intake: Intake) -> Float[Array, " n"] | None:
     """r w / v at the exit [n]; None where some ball has no spin."""
     lanes = intake.lanes
     spin = np.abs(2.0 * math.pi * np.asarray(lanes.rolling.spin_rev_s) * lanes.ball_m / lanes.rolling.speed_m_s)
     return spin if np.isfinite(spin).all() and spin.min() > 0.0 else None
 
 
-def _stable(scores: Sequence[Array], label: Array, best: int, seed: int) -> bool:
+def _stable(scores: Sequence[Float[Array, " n"]], label: Int[Array, " n"], best: int, seed: int) -> bool:
     """Whether the same form is the best in most resamples of the clusters."""
     totals = np.stack([np.bincount(label, score) for score in scores])
     totals = totals[:, np.unique(label)]
@@ -129,7 +130,7 @@ def _stable(scores: Sequence[Array], label: Array, best: int, seed: int) -> bool
     return bool(np.mean((weights @ totals.T).argmax(1) == best) >= STABLE)
 
 
-def _write(correction: Correction, form: Form, found: Array) -> str:
+def _write(correction: Correction, form: Form, found: Float[Array, "2"]) -> str:
     """found [2]: the constant and the form's factor."""
     column = correction.evidence.columns[0]
     constant = f"{found[0]:.2g} {'-' if found[1] < 0.0 else '+'} {abs(found[1]):.2g}"

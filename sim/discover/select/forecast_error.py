@@ -1,6 +1,7 @@
 """How far off a forecast of the height is: at the end of each track from its first part, or at the plane."""
 
 import numpy as np
+from jaxtyping import Float
 
 from truearc.sim.discover.model.linearization import LinearizationPoint, ParameterLayout, fly, variance_of
 from truearc.sim.discover.model.prepared_data import Intake
@@ -11,7 +12,7 @@ FORECAST = 0.4                        # of a track's samples: from these its end
 
 
 def end_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, evidence: ScoreTable,
-               change: Array) -> float | None:
+               change: Float[Array, "n P"]) -> float | None:
     """RMS error in m of forecast heights, columns changed by `change` [n, P]; None where no height was measured.
 
     With tracks: at each one's last sample, the shot's own deviation taken from its first FORECAST of samples. Without:
@@ -27,8 +28,8 @@ def end_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint
     return float(np.sqrt(np.mean(errors**2)))
 
 
-def track_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, change: Array,
-                 share: float = FORECAST) -> Array:
+def track_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, change: Float[Array, "n P"],
+                 share: float = FORECAST) -> Float[Array, "k 3"]:
     """[k, 3] in m: each track's last sample less its forecast from the first `share` of its samples; 0: from the
     settings alone."""
     samples, rows, scatter = intake.samples, intake.tracked, intake.scatter

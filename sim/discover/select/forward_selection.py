@@ -7,6 +7,7 @@ probation, and stand if together they beat it; where neither of two names alone 
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float
 
 from truearc.sim.discover.detect.covariates import Covariate, Factor
 from truearc.sim.discover.detect.localization import Place, locate
@@ -118,7 +119,7 @@ def or_likelier_pair(fitted: BaselineFit, steps: tuple[Step, ...], size: dict[st
 
 
 def _from_pair(fitted: BaselineFit, step: Step, pair: Refit,
-               search: Search) -> tuple[tuple[Step, ...], dict[str, float], Array]:
+               search: Search) -> tuple[tuple[Step, ...], dict[str, float], Float[Array, " n"]]:
     """(steps of the two names and of what may follow them, all names with amplitudes, log scores of unseen shots by
     all names); `step` is what was found before any term was named."""
     both, whole = unseen_score(pair.evidence), promote(fitted, pair)
@@ -166,7 +167,7 @@ def without_outrun(steps: tuple[Step, ...]) -> tuple[Step, ...]:
     return steps
 
 
-def _makes_up(step: Step, after: Array) -> bool:
+def _makes_up(step: Step, after: Float[Array, " n"]) -> bool:
     """Whether log scores [n] of several names are better than the step's name's by more than chance, and its free
     curve's not clearly better than theirs."""
     gain = after - step.after
@@ -174,7 +175,7 @@ def _makes_up(step: Step, after: Array) -> bool:
     return bool(pays) and step.free is not None and not clearly(step.free - after, step.fitted)
 
 
-def _left_to(step: Step, after: Array) -> float | None:
+def _left_to(step: Step, after: Float[Array, " n"]) -> float | None:
     """Nats that the step's free curve has over all names together."""
     return None if step.free is None else worth(step.free - after, step.fitted)
 
@@ -189,7 +190,7 @@ def _while_paying(steps: tuple[Step, ...]) -> tuple[Step, ...]:
     return kept
 
 
-def _pays(step: Step, before: Array) -> bool:
+def _pays(step: Step, before: Float[Array, " n"]) -> bool:
     gain = (step.free if step.unknown and step.free is not None else step.after) - before
     return bool(gain.mean() > CLEARLY * clustered_error(gain, step.fitted.together))
 
@@ -217,7 +218,7 @@ def _together(fitted: BaselineFit, steps: tuple[Step, ...], size: dict[str, floa
     return (*again, *(_rest(fitted, size, again[-1].after, search) if rest else ()))
 
 
-def _rest(fitted: BaselineFit, size: dict[str, float], after: Array, search: Search) -> tuple[Step, ...]:
+def _rest(fitted: BaselineFit, size: dict[str, float], after: Float[Array, " n"], search: Search) -> tuple[Step, ...]:
     """The step, if any, of the misfit beside the names as they are now, some of which may have changed.
 
     after [n]: log scores of unseen shots by these names.

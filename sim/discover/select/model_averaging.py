@@ -8,6 +8,7 @@ but there is a simulation that forecasts nearly the same.
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from truearc.sim.discover.model.baseline_fit import moved, only_shared
 from truearc.sim.discover.model.linearization import FAR_BELOW_M, LinearizationPoint, ParameterLayout, linearise
@@ -53,7 +54,8 @@ def shares(naming: Naming) -> dict[str, float]:
     return {name: value for name, value in sorted(share.items(), key=lambda item: -item[1]) if value >= LEAST}
 
 
-def _average(step: Step, layout: ParameterLayout, share: dict[str, float]) -> tuple[Array, PlaneScores | None]:
+def _average(step: Step, layout: ParameterLayout,
+             share: dict[str, float]) -> tuple[Float[Array, " P"], PlaneScores | None]:
     """(all numbers [P], each name's as far as it is likely; the average forecast, if there is one)."""
     point = (1.0 - sum(share.values())) * _point(step.fitted.evidence, layout)
     null = step.fitted.evidence.plane
@@ -68,15 +70,15 @@ def _average(step: Step, layout: ParameterLayout, share: dict[str, float]) -> tu
     return point, replace(null, mean_m=np.where(flown, mean, np.nan))
 
 
-def _point(evidence: ScoreTable, layout: ParameterLayout) -> Array:
+def _point(evidence: ScoreTable, layout: ParameterLayout) -> Float[Array, " P"]:
     """The layout's numbers [P] as that evidence has them; zero for a name that it has not put in."""
     shared = zip(evidence.columns[evidence.first_shared:], evidence.point[evidence.first_shared:], strict=True)
     known = {column.name: float(value) for column, value in shared}
     return np.array([known.get(column.name, 0.0) for column in layout.columns])
 
 
-def _come_near(step: Step, layout: ParameterLayout, spot: LinearizationPoint, start: Array,
-               wanted: PlaneScores) -> ScoreTable:
+def _come_near(step: Step, layout: ParameterLayout, spot: LinearizationPoint,
+               start: Float[Array, " P"], wanted: PlaneScores) -> ScoreTable:
     """Gauss-Newton steps of all numbers except scatters and random effects of balls, as long as they reduce the rest.
     """
     free = np.flatnonzero(layout.source >= 0)
@@ -97,7 +99,8 @@ def _come_near(step: Step, layout: ParameterLayout, spot: LinearizationPoint, st
     return evidence
 
 
-def _left(evidence: ScoreTable, wanted: PlaneScores, free: Array, start: Array) -> tuple[Array, Array, Array]:
+def _left(evidence: ScoreTable, wanted: PlaneScores, free: Int[Array, " free"], start: Float[Array, " P"]) -> tuple[
+        Float[Array, "m free"], Float[Array, " m"], Float[Array, " free"]]:
     """(slopes [m, free] and what is missing [m] of the heights that are wanted, in the launch's own scatter; how far
     the numbers are from the averaged ones [free])."""
     plane = evidence.plane

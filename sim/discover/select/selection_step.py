@@ -7,6 +7,7 @@ same shots with the same surprises, however they are spread: a name that decoys 
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float
 from scipy.special import logsumexp
 
 from truearc.sim.discover.detect.free_curve import correct
@@ -22,6 +23,7 @@ from truearc.sim.progress import Progress
 CLEARLY = 2.0                         # standard errors by which a free curve must beat the best name on unseen shots
 FALSE_NAMES = 0.1                     # share of draws of decoys that may do as well as a name
 DRAWS = 400                           # of decoys
+Each = Float[Array, " n"]             # a number of each shot
 
 
 @dataclass(frozen=True)
@@ -35,10 +37,10 @@ class Step:
 
     naming: Naming
     place: Place | None
-    before: Array
-    after: Array
-    average: Array
-    free: Array | None
+    before: Each
+    after: Each
+    average: Each
+    free: Each | None
     rival: float | None
     unknown: bool
     base: tuple[str, ...]             # names put in before
@@ -85,14 +87,14 @@ def share_above(evidence: ScoreTable, shots: int, nats: float, seed: int) -> flo
     return float(np.mean(best >= nats))
 
 
-def unseen_scores(naming: Naming, fitted: BaselineFit) -> tuple[Array, Array, Array]:
+def unseen_scores(naming: Naming, fitted: BaselineFit) -> tuple[Each, Each, Each]:
     """Log scores [n] of unseen shots (without any name, with the leading one, averaged over all refitted ones)."""
     before = unseen_score(without(fitted.evidence))
     scores = {name: unseen_score(one.evidence) for name, one in naming.refits.items()}
     return before, scores[naming.leader], averaged(naming, before, scores)
 
 
-def averaged(naming: Naming, before: Array, scores: dict[str, Array]) -> Array:
+def averaged(naming: Naming, before: Each, scores: dict[str, Each]) -> Each:
     """Log score [n] of unseen shots by all refitted names and none, each as likely as the other folds' shots make it.
 
     For forecasts: a name that is one of several likely ones forgoes what the others know (Hoeting et al. 1999).
@@ -108,8 +110,8 @@ def averaged(naming: Naming, before: Array, scores: dict[str, Array]) -> Array:
     return result
 
 
-def _rivals(naming: Naming, after: Array, place: Place | None, fitted: BaselineFit,
-            home: ReferenceSession | None) -> list[Array]:
+def _rivals(naming: Naming, after: Each, place: Place | None, fitted: BaselineFit,
+            home: ReferenceSession | None) -> list[Each]:
     """Gains [n] of the free curve on unseen shots, twice: instead of the name, and, if that is anything, on top of it.
     The former alone compares two linearisations, the latter alone would mistake a second effect for proof against the
     first."""
@@ -133,12 +135,12 @@ def _gain_at(home: ReferenceSession, place: Place) -> float:
     return max(0.0, float(correct(home.fitted.evidence, test).gain.mean()))
 
 
-def clearly(gain: Array, fitted: BaselineFit) -> bool:
+def clearly(gain: Each, fitted: BaselineFit) -> bool:
     """Whether log scores [n] of unseen shots gain more than CLEARLY standard errors, and more than CLEARLY nats."""
     return bool(gain.mean() > CLEARLY * clustered_error(gain, fitted.together) and gain.sum() > CLEARLY)
 
 
-def worth(gain: Array, fitted: BaselineFit) -> float:
+def worth(gain: Each, fitted: BaselineFit) -> float:
     """Nats that log scores [n] of unseen shots gain; no more than their own spread vouches for, since shots that lie
     far beyond their stated noise speak louder than they know."""
     error = clustered_error(gain, fitted.together)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.model.external_measurements import nats_measured
@@ -60,7 +61,7 @@ class Naming:
         return self.chosen[0]
 
 
-def one_step(evidence: ScoreTable) -> tuple[tuple[Candidate, ...], Array]:
+def one_step(evidence: ScoreTable) -> tuple[tuple[Candidate, ...], Float[Array, "K K"]]:
     """(every term after one step, correlations of their efficient slopes [K, K])."""
     columns = [k for k in range(evidence.first_shared) if evidence.columns[k].kind == "term"]
     score, left = efficient(evidence, np.array(columns, dtype=int))
@@ -68,7 +69,7 @@ def one_step(evidence: ScoreTable) -> tuple[tuple[Candidate, ...], Array]:
     found = []
     for number, column in enumerate(columns):
         own, kept = total[column, column], left[number, number]
-        visible = own > BUSY and kept > LEAST_INFORMATION * own
+        visible = bool(own > BUSY and kept > LEAST_INFORMATION * own)
         information = kept if visible else 0.0
         usual = evidence.columns[column].usual
         found.append(Candidate(evidence.columns[column].name, column,
@@ -79,7 +80,7 @@ def one_step(evidence: ScoreTable) -> tuple[tuple[Candidate, ...], Array]:
     return tuple(found), left / np.outer(size, size)
 
 
-def visible_terms(evidence: ScoreTable) -> Array:
+def visible_terms(evidence: ScoreTable) -> Int[Array, " k"]:
     """Columns of terms of which the shots say anything that the shared ones could not."""
     return np.array([one.column for one in one_step(evidence)[0] if one.visible], dtype=int)
 
@@ -178,7 +179,8 @@ def tame(candidate: Candidate, evidence: ScoreTable) -> float:
     return float(np.clip(shrunk, -3.0 * usual, 3.0 * usual))
 
 
-def efficient(evidence: ScoreTable, columns: Array, more: Array | float = 0.0) -> tuple[Array, Array]:
+def efficient(evidence: ScoreTable, columns: Int[Array, " K"],
+              more: Float[Array, "P P"] | float = 0.0) -> tuple[Float[Array, " K"], Float[Array, "K K"]]:
     """(scores [K], information [K, K]) of columns with what the shared ones could explain projected out.
 
     more [P, P]: information of shots to come, added to that of the evidence; scores are those there are.

@@ -1,5 +1,8 @@
 """Evidence made by hand: linear-Gaussian models whose answers are known in closed form, and random heights."""
 
+from typing import Any, TypeVar
+from unittest.mock import Mock
+
 import numpy as np
 
 from tests.sim.discover.worlds import FACTS
@@ -8,6 +11,13 @@ from truearc.sim.discover.model.plane_likelihood import OutcomeObservations, see
 from truearc.sim.discover.model.score_table import Column, PlaneScores, ScoreTable, make_evidence
 
 BORDERS = ("miss", "two", "three")
+Kind = TypeVar("Kind")
+
+
+def stand_in(kind: type[Kind], **fields: Any) -> Kind:
+    """Something that passes for a `kind` and has these fields."""
+    made: Kind = Mock(spec=kind, **fields)
+    return made
 
 
 def column(name: str, kind: str = "free", stage: str = "flight", usual: float = 1.0) -> Column:

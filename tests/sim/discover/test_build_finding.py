@@ -1,10 +1,11 @@
 """A name that only stands in for what is missing."""
 
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
+from tests.sim.discover.made import stand_in
 from truearc.sim.discover.detect.covariates import Covariate
 from truearc.sim.discover.report.build_finding import is_stand_in
 from truearc.sim.discover.select.selection_step import Step
@@ -15,8 +16,8 @@ def step(covariate: str | None, direction: str, unknown: bool, gain: float = 1.0
     column = SimpleNamespace(kind="free", follows="", direction=direction)
     place: Any = SimpleNamespace(test=SimpleNamespace(what=what), column=column)
     shots = np.arange(10.0)
-    return cast(Step, SimpleNamespace(place=place, unknown=unknown, before=shots, after=shots + gain,
-                                      free=shots + gain if unknown else None))
+    return stand_in(Step, place=place, unknown=unknown, before=shots, after=shots + gain,
+                    free=shots + gain if unknown else None)
 
 
 def test_a_name_stands_in_where_something_without_a_name_is_left_in_its_direction() -> None:

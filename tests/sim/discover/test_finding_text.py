@@ -1,11 +1,11 @@
 """Verdicts as text: sizes in the units of a driver coach, signs that agree with what the terms do."""
 
 import re
-from typing import cast
 
 import numpy as np
 import pytest
 
+from tests.sim.discover.made import stand_in
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Wheel
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.free_curve import Correction
@@ -188,7 +188,7 @@ def test_nothing_found_and_nothing_to_say() -> None:
     (None, "same", "by 12 %, in every shot alike")])
 def test_what_has_no_name_is_described(what: Covariate | CovariatePair | Factor | None, shape: str, said: str) -> None:
     column = Column("launch speed", "free", "launch", "along", "1", 0.2, ("the ball leaves faster", "slower"))
-    correction = cast(Correction, None)
+    correction = stand_in(Correction)
     place = Place(Test("free", 0, what, shape, np.zeros(4)), column, 0, correction, {}, {}, None)
     unknown = Unknown(None if what is None else what.name, "along", 0.12, "1", None)
     assert said in say_unknown(("gravity",), 0.01, WHERE, Further((), None, unknown), (), NO_FIT, place)
@@ -199,7 +199,7 @@ def test_a_name_that_shows_as_a_step_in_time_says_since_when() -> None:
     time = Covariate((("t_s", np.arange(4.0)),))
     leading = Further((named("ball_wear", 0.1, 0.01),), ("ball_wear",), None)
     for what, shape, told in ((time, "step at 2990", True), (time, "straight", False), (BATTERY, "step at 12", False)):
-        place = Place(Test("free", 0, what, shape, np.zeros(4)), column, 0, cast(Correction, None), {}, {}, None)
+        place = Place(Test("free", 0, what, shape, np.zeros(4)), column, 0, stand_in(Correction), {}, {}, None)
         said = say_named(("gravity",), 0.01, leading, (), NO_FIT, place)
         assert ("as a step where the time in the session is above 2990" in said) == told
 

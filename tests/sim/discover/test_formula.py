@@ -1,17 +1,17 @@
 """Formulas for curves, on evidence in which the amplitude of every shot is seen with known noise."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.sim.discover.made import column, gaussian
+from tests.sim.discover.made import column, gaussian, stand_in
 from tests.sim.discover.straight import take_straight
 from truearc.sim.discover.detect.covariates import Covariate, Factor
 from truearc.sim.discover.detect.free_curve import correct
 from truearc.sim.discover.detect.test_battery import Test
+from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.report.formula import find_formula
 from truearc.sim.physics.launch import Exit
 
@@ -30,7 +30,7 @@ def formula_of(what: Any, truth: np.ndarray, noise: float, unit: str = "1", spee
     zero = np.zeros(N)
     lanes = intake.lanes._replace(rolling=Exit(zero + speed, zero, zero + spin, zero), ball_kg=zero + BALL_KG,
                                   ball_m=zero + BALL_M)
-    fitted: Any = SimpleNamespace(intake=replace(intake, lanes=lanes), together=np.arange(N))
+    fitted = stand_in(BaselineFit, intake=replace(intake, lanes=lanes), together=np.arange(N))
     return find_formula(found, fitted, 0)
 
 

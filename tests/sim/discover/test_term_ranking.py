@@ -1,13 +1,13 @@
 """Names, where everything is linear: evidence against the exact marginal likelihood, sets, what is impossible."""
 
 from types import SimpleNamespace
-from typing import cast
 
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
 from benchmarks.suite import Job, world_of
+from tests.sim.discover.made import stand_in
 from tests.sim.discover.straight import ASKED, NAMES, SHARED, fit_straight, slopes_and_y
 from truearc.sim.discover.investigate import discover
 from truearc.sim.discover.model.baseline_fit import BaselineFit
@@ -106,10 +106,9 @@ def test_a_name_beyond_what_its_term_allows_loses() -> None:
 def test_amplitudes_of_the_wrong_sign_are_impossible_only_beyond_doubt() -> None:
     def found(value: float, wanted: float | None = None) -> Refit:
         amplitude = np.array([value])
-        one = SimpleNamespace(names=("wheel_slip.loss_per_m_s",), amplitude=amplitude, value=amplitude,
-                              wanted=amplitude if wanted is None else np.array([wanted]), sd=np.array([0.002]),
-                              layout=SimpleNamespace(chain=SimpleNamespace(catalogue=BUILT_IN)))
-        return cast(Refit, one)
+        layout = SimpleNamespace(chain=SimpleNamespace(catalogue=BUILT_IN))
+        return stand_in(Refit, names=("wheel_slip.loss_per_m_s",), amplitude=amplitude, value=amplitude,
+                        wanted=amplitude if wanted is None else np.array([wanted]), sd=np.array([0.002]), layout=layout)
 
     assert is_possible(found(0.01), 0.015) and is_possible(found(-0.003), 0.015)
     assert not is_possible(found(-0.006), 0.015)
