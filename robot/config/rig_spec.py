@@ -5,16 +5,16 @@ not know is reported by `unknown_keys` for the caller to warn about; a wrong typ
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import msgspec
 from msgspec import Struct, field
 
 POSITIVE = ("ball.mass_kg", "ball.radius_m", "launcher.free_speed_rad_s", "launcher.wheel.radius_m",
-            "target.three_half_height_m", "target.two_half_height_m")
+            "target.two_half_height_m")
 NOT_NEGATIVE = ("launcher.release_height_m", "air.density_kg_m3", "noise.distance_m", "noise.hood_deg",
-                "noise.wheel_rad_s", "noise.track_m")
+                "noise.wheel_rad_s", "noise.track_m", "target.three_half_height_m")
 
 
 class Ball(Struct, frozen=True):
@@ -41,6 +41,11 @@ class Target(Struct, frozen=True):
     centre_height_m: float
     three_half_height_m: float = 0.07     # Eq. 13 of the paper
     two_half_height_m: float = 0.35       # Eq. 14 of the paper
+
+    @property
+    def hit_or_miss(self) -> bool:
+        """Whether every hit counts alike: there is no inner opening, and hits are recorded as two."""
+        return self.three_half_height_m == 0.0
 
 
 class Air(Struct, frozen=True):
@@ -131,6 +136,20 @@ def unknown_keys(table: dict[str, Any], kind: Any = Rig, prefix: str = "") -> li
             for row in value if isinstance(value, list) else [value]:
                 if isinstance(row, dict):
                     names += unknown_keys(row, inner, f"{prefix}{key}.")
+    return names
+
+
+def missing_keys(table: Mapping[str, Any], kind: Any, prefix: str = "") -> list[str]:
+    """Dotted names of the fields of the struct `kind` without a default that a table lacks, in the struct's order."""
+    names: list[str] = []
+    for one in msgspec.structs.fields(kind):
+        value, inner = table.get(one.encode_name), _struct_in(one.type)
+        if one.encode_name not in table:
+            names += [prefix + one.encode_name] if one.required else []
+        elif inner is not None:
+            for row in value if isinstance(value, list) else [value]:
+                here = missing_keys(row, inner, f"{prefix}{one.encode_name}.") if isinstance(row, dict) else []
+                names += [name for name in here if name not in names]
     return names
 
 

@@ -12,7 +12,7 @@ import msgspec
 from msgspec import Struct
 
 from truearc.hw.devices.axis import Axis, CanNode, Direction, Positive
-from truearc.robot.config.rig_spec import Rig, rig_errors, unknown_keys
+from truearc.robot.config.rig_spec import Rig, missing_keys, rig_errors, unknown_keys
 
 Kind = TypeVar("Kind")
 Finite = Annotated[float, msgspec.Meta(gt=-1e9, lt=1e9)]
@@ -334,9 +334,13 @@ def in_words(error: Exception) -> str:
 
 def parse_toml(text: str, kind: type[Kind], name: str) -> Kind:
     """As load_toml, of text that came from somewhere called `name`."""
+    table = parse_table(text, name)
     try:
-        return msgspec.convert(parse_table(text, name), kind, dec_hook=read_axis)
+        return msgspec.convert(table, kind, dec_hook=read_axis)
     except msgspec.ValidationError as error:
+        missing = missing_keys(table, kind)
+        if len(missing) > 1:
+            raise InputError(f"{name}: keys are missing: {', '.join(missing)}") from error
         message = _INNER_PLACE.sub(r" - at `$\2\1`", str(error))
         raise InputError(f"{name}{_line_of(text, message)}: {_reworded(message)}") from error
 

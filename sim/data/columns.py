@@ -63,10 +63,11 @@ def _has_unit(name: str) -> bool:
 
 
 def need_columns(table: RawTable, names: Sequence[str]) -> None:
-    """InputError when a column is missing, naming the file and the column."""
-    for name in names:
-        if name not in table.columns:
-            raise InputError(f"{table.place(-1)}: column {name} is missing")
+    """InputError when columns are missing, naming the file and all of them."""
+    missing = [name for name in names if name not in table.columns]
+    if missing:
+        raise InputError(f"{table.place(-1)}: column{'s'[:len(missing) > 1]} {', '.join(missing)} "
+                         + ("are" if missing[1:] else "is") + " missing")
 
 
 def number_column(table: RawTable, name: str, problems: Problems, needed: bool = True) -> Floats:

@@ -12,7 +12,7 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.load import assemble
 from truearc.sim.data.model import Dataset
 from truearc.sim.data.problems import gathered
-from truearc.sim.data.rig import check_rig, load_rig
+from truearc.sim.data.rig import check_rig, load_rig, states_three
 from truearc.sim.data.table import Cell, RawTable, as_cell
 
 
@@ -51,7 +51,7 @@ def dataset(shots: Columns, *, rig: Rig | str | Path | Mapping[str, Any], tracks
     with gathered() as problems:
         tables = [None if frame is None else _table(frame, which)
                   for which, frame in (("tracks", tracks), ("traces", traces))]
-        return assemble(name, _rig(rig), problems, _table(shots, "shots"), *tables)
+        return assemble(name, _rig(rig), problems, _table(shots, "shots"), *tables, has_three=states_three(rig))
 
 
 def _rig(rig: Rig | str | Path | Mapping[str, Any]) -> Rig:

@@ -13,11 +13,12 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import WORDS, is_numeric, need_columns, number_column, text_column, text_of
 from truearc.sim.data.model import Dataset, Shots, Traces, Tracks
 from truearc.sim.data.problems import Problems, gathered
-from truearc.sim.data.rig import RIG, load_rig
+from truearc.sim.data.rig import RIG, load_rig, states_three
 from truearc.sim.data.table import RawTable, find_table, load_table
 from truearc.sim.data.units import in_read_units, is_shot_column
 
 TRACK_COLUMNS = ("shot_id", "t_s", "x_m", "y_m", "z_m")
+HIT = "hit"
 LEFT_OUT = "left_out.txt"
 
 
@@ -36,19 +37,25 @@ def load_dataset(directory: str | Path) -> Dataset:
     with gathered() as problems:
         tables = [None if path is None else load_table(path, problems)
                   for path in (find_table(home, "tracks"), find_table(home, "traces"))]
-        dataset = assemble(home.resolve().name, rig, problems, load_table(shots_path, problems), *tables)
+        dataset = assemble(home.resolve().name, rig, problems, load_table(shots_path, problems), *tables,
+                           has_three=states_three(home / RIG))
     said = home / LEFT_OUT
     lines = said.read_text(encoding="utf-8", errors="replace").splitlines() if said.is_file() else ()
     return replace(dataset, left_out=tuple(lines))
 
 
 def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: RawTable | None = None,
-             traces: RawTable | None = None) -> Dataset:
+             traces: RawTable | None = None, *, has_three: bool = True) -> Dataset:
     """Check the cells of tables and return them as a dataset; everything wrong is added to `problems`.
+
+    has_three: whether the rig's half-height of the three was stated; where it was not and shots are hits, every hit
+    counts alike.
 
     Raises:
         InputError: a column that a table must have is missing.
     """
+    shots = in_read_units(shots, is_shot_column, problems)
+    shots, rig = _settle_hits(shots, rig, has_three, problems)
     checked = _shots(shots, problems)
     row_of = {name: row for row, name in enumerate(checked.shot_id)}
     return Dataset(name, rig, checked, _tracks(tracks, row_of, problems), _traces(traces, row_of, problems))
@@ -76,7 +83,6 @@ def _feed(digest: "hashlib._Hash", table: str, columns: dict[str, Sequence[str] 
 
 
 def _shots(table: RawTable, problems: Problems) -> Shots:
-    table = in_read_units(table, is_shot_column, problems)
     need_columns(table, ("shot_id",))
     shot_id = _ids(table, problems)
     numbers, texts = {}, {}
@@ -89,6 +95,22 @@ def _shots(table: RawTable, problems: Problems) -> Shots:
             texts[name] = text_column(table, name, problems, needed=False)
     _check_sides(table, texts, problems)
     return Shots(shot_id, numbers, texts, str(table.path))
+
+
+def _settle_hits(table: RawTable, rig: Rig, has_three: bool, problems: Problems) -> tuple[RawTable, Rig]:
+    """Hits as twos of a rig without a three; a problem is each hit that could be a two or a three."""
+    outcome = [text_of(cell).strip().lower() for cell in table.columns.get("outcome", ())]
+    hits = [row for row, word in enumerate(outcome) if word == HIT]
+    if not hits or rig.target is None:
+        return table, rig
+    if rig.target.hit_or_miss or not (has_three or {"three", "3", "3.0"} & set(outcome)):
+        cells = ["two" if word == HIT else cell for word, cell in zip(outcome, table.columns["outcome"], strict=True)]
+        target = msgspec.structs.replace(rig.target, three_half_height_m=0.0)
+        return replace(table, columns=table.columns | {"outcome": cells}), msgspec.structs.replace(rig, target=target)
+    for row in hits:
+        problems.add(table.place(row), "outcome", "'hit' may be a two or a three: write which; where every hit counts "
+                     "alike, write no three, and leave target.three_half_height_m out of rig.toml")
+    return table, rig
 
 
 def _ids(table: RawTable, problems: Problems) -> tuple[str, ...]:

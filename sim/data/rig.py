@@ -1,7 +1,9 @@
 """rig.toml <-> Facts."""
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -19,6 +21,14 @@ def load_rig(path: str | Path) -> Rig:
     for key in unknown_keys(parse_table(text, str(path))):
         print(f"warning: {path}: key {key} is not known and has no effect", file=sys.stderr)
     return check_rig(rig, path)
+
+
+def states_three(rig: Rig | str | Path | Mapping[str, Any]) -> bool:
+    """Whether a rig, a rig.toml or its contents give the half-height of the three."""
+    if isinstance(rig, Rig):
+        return True
+    table = rig if isinstance(rig, Mapping) else parse_table(load_text(rig), str(rig))
+    return "three_half_height_m" in table.get("target", {})
 
 
 def check_rig(rig: Rig, path: str | Path) -> Rig:

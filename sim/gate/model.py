@@ -22,6 +22,7 @@ from truearc.sim.physics.simulate import ORDINARY, opening_of
 TYPICAL_SCATTER = {"speed": 0.02, "elevation_deg": 0.5}
 LOWEST_M = -40.0                      # where a ball that turns back before the plane is taken to pass
 STEEPEST_M = 30.0                     # per unit of log speed: beyond it a shot is far too weak to matter
+FAR = 1e3
 WIDEST_M = 1.5                        # first-order propagation of uncertainty does not hold for a larger spread
 
 
@@ -113,9 +114,13 @@ def physics_of(rig: Rig, belief: Belief, features: np.ndarray) -> Physics:
 
 
 def halves_of(rig: Rig) -> tuple[float, float]:
-    """(two, three) half-heights of rig.toml in m; InputError when it has no target."""
+    """(two, three) half-heights of rig.toml in m; InputError when it has no target.
+
+    Where every hit counts alike, hits are threes here, so that the robot's limit on p_three holds for them; three is
+    then too large to matter beside two.
+    """
     opening = opening_of(rig, {})
-    return opening.two_half_m, opening.three_half_m
+    return opening.two_half_m, opening.three_half_m or FAR * opening.two_half_m
 
 
 _residual_basis = jax.jit(residual_basis)

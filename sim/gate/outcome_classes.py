@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from truearc.robot.config.rig_spec import Target
 from truearc.sim.data.dataset import Shots
 from truearc.sim.paper.training import usable_rows
 from truearc.sim.physics.simulate import MISS, THREE, TWO
@@ -41,12 +42,15 @@ class OutcomeClasses(NamedTuple):
         return OutcomeClasses(*(column[rows] for column in self))
 
 
-def outcome_classes_of(shots: Shots, name: str) -> tuple[OutcomeClasses, list[str]]:
+def outcome_classes_of(shots: Shots, name: str,
+                       target: Target | None = None) -> tuple[OutcomeClasses, list[str]]:
     """Return the outcome classes of shots, and a sentence for each kind of shot of `name` left out.
 
-    InputError when none is left.
+    target: of the rig; where every hit counts alike, a hit is a three. InputError when no shot is left.
     """
     outcome, side, miss_m = shots.text("outcome"), shots.text("side"), shots.number("miss_height_m")
+    if target is not None and target.hit_or_miss:
+        outcome = tuple(THREE if one == TWO else one for one in outcome)
     silent = np.array([one not in LEVEL for one in outcome], bool) & np.isnan(miss_m)
     features, kept, left_out = usable_rows(shots, name, silent, "no outcome or miss_height_m")
     cells = np.array([CELLS_OF.get((outcome[row], side[row]), CELLS_OF.get((outcome[row], ""), UNKNOWN))

@@ -46,7 +46,7 @@ def train_physics_gate(rig: Rig, belief: Belief, shots: Shots, seed: int = 0, na
     Folds are of configurations, drawn by seed. The temperature is kept only when it adds to the log score of folds
     that it was not chosen on.
     """
-    marks, _ = outcome_classes_of(shots, name)
+    marks, _ = outcome_classes_of(shots, name, rig.target)
     physics = physics_of(rig, belief, marks.features)
     progress(0.3, "forecasts made")
     gate = _fit(rig, belief, marks, physics, np.ones(len(marks.level)))
@@ -124,7 +124,7 @@ def _calibrate(gate: PhysicsGate, parts: list[_Fold], alone: Figures) -> tuple[P
 def _alone(gate: PhysicsGate, physics: Physics, marks: OutcomeClasses) -> Figures:
     """The forecast with nothing learned here: spread as the belief has it, half-heights of rig.toml, judged rows."""
     two_m, three_m = halves_of(gate.rig)
-    shape = GateShape(1.0, PRIORS["floor_m"][0], two_m, three_m, PRIORS["lapse"][0])
+    shape = GateShape(1.0, PRIORS["floor_m"][0], two_m, min(three_m, two_m), PRIORS["lapse"][0])
     judged = marks.level >= 0
     cells = np.asarray(cell_probabilities(shape, physics.deviation_m, spread_m(shape, physics.sigma_m)))[judged]
     return figures_of(np.stack([cells[:, 1:4].sum(axis=1), cells[:, 2]], axis=1), marks.level[judged])

@@ -8,6 +8,7 @@ from truearc.sim.infer.advise import SHOTS, Proposal
 from truearc.sim.infer.crossval import CrossValidation
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.infer.identifiability import Identified, identify
+from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS, say_few
 from truearc.sim.infer.map_fit import MapFit
 from truearc.sim.infer.parameters import Sought
 from truearc.sim.infer.profile import ProfileInterval
@@ -38,6 +39,8 @@ def say_evidence(fit: MapFit) -> Iterable[str]:
     yield f"fitted to {len(fit.gathered.rows)} of {len(fit.gathered.shots)} shots: {used}"
     for line in fit.gathered.left_out:
         yield f"left out: {line}"
+    if len(fit.gathered.rows) < FEWEST_SHOTS:
+        yield f"warning: {say_few(len(fit.gathered.rows))}; the estimates below are mostly those believed before"
 
 
 def say_estimates(intervals: Iterable[ProfileInterval], sought: Iterable[Sought]) -> Iterable[str]:

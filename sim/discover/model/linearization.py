@@ -346,6 +346,5 @@ def _opening(intake: Intake, seen: Prediction, rows: Int[Array, " m"]) -> outcom
     """The observations, of the opening as it is at the spot: arrival terms may have moved its borders."""
     if intake.rig.target is None:
         return intake.seen
-    halves_m = np.array([intake.rig.target.three_half_height_m, intake.rig.target.two_half_height_m])
-    wider_m = float((seen.plane[rows, 2:4] - halves_m).mean())
+    wider_m = float((seen.plane[rows, 3] - intake.rig.target.two_half_height_m).mean())
     return outcomes.reopened(intake.seen, wider_m) if wider_m != 0.0 else intake.seen

@@ -18,11 +18,11 @@ from truearc.sim.discover.model.score_table import Array
 from truearc.sim.discover.model.track_noise import Samples, Scatter, gather_samples, measure_scatter
 from truearc.sim.infer.curve import Curves, along
 from truearc.sim.infer.likelihood.launch_inputs import EXIT_DEG_SD, EXIT_SPEED_SD_M_S, EXIT_SPIN_SD_REV_S, given_of
+from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS, say_few
 from truearc.sim.physics.launch import Exit, exit_no_slip, is_opposed
 from truearc.sim.physics.simulate import has_wheels
 
 NONE: Curves = {}
-FEWEST_SHOTS = 10
 # Standard deviations of numbers that are not fitted: spin from shot to shot (a share), the moment of release against
 # the first sample, where the ball leaves; and of a flight whose launch is unknown.
 SPIN_SHARE = 0.05
@@ -69,8 +69,7 @@ def take_in(dataset: Dataset, curves: Curves = NONE) -> Intake:
     """
     rig, shots = dataset.facts, dataset.shots
     if len(shots) < FEWEST_SHOTS:
-        raise InputError(f"{shots.source}: {len(shots)} shots are too few to judge a simulation by; "
-                       f"{FEWEST_SHOTS} at least")
+        raise InputError(f"{shots.source}: {say_few(len(shots))}")
     wheels, hood = has_wheels(rig, shots), np.isfinite(shots.number("hood_deg"))
     sped, aimed = (np.isfinite(shots.number(name)) for name in ("exit_speed_m_s", "exit_deg"))
     launched = (wheels | sped) & (hood | aimed)

@@ -16,11 +16,12 @@ from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
 from truearc.sim.discover.model.baseline_fit import fit_believed, usual_spot
 from truearc.sim.discover.model.design_columns import groups_of, lay_out, weak_prior
 from truearc.sim.discover.model.linearization import linearise
-from truearc.sim.discover.model.prepared_data import FEWEST_SHOTS, take_in
+from truearc.sim.discover.model.prepared_data import take_in
 from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.discover.plan.detectability import Sight, sight_of
 from truearc.sim.discover.settings import LEVELS, SEASON_SHOTS
 from truearc.sim.infer.coefficients import Coefficients
+from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS, say_few
 from truearc.sim.physics.catalogue import Catalogue, effective, find_terms, flight_terms
 from truearc.sim.physics.flight import path
 from truearc.sim.physics.simulate import ORDINARY, by_robot, launch_of, leave, predict, sense
@@ -113,7 +114,7 @@ def rehearse(rig: Rig, believed: tuple[str, ...], level: str, shots: int = SEASO
     if level not in LEVELS:
         raise InputError(f"there is no level {level!r}; there are {', '.join(LEVELS)}")
     if shots < FEWEST_SHOTS:
-        raise InputError(f"{shots} shots are too few to judge a simulation by; {FEWEST_SHOTS} at least")
+        raise InputError(say_few(shots))
     coefficients = usual_coefficients(believed, among)
     rng = np.random.default_rng(seed)
     if rig.target is None and level != "L2":

@@ -16,6 +16,8 @@ from truearc.sim.infer.likelihood.outcome_likelihood import OutcomeMarks, make_m
 from truearc.sim.infer.likelihood.track_data import TrackData, gather_tracks
 from truearc.sim.physics.simulate import ORDINARY, has_wheels, spin_of
 
+FEWEST_SHOTS = 10                     # by which a simulation is judged
+
 Which = Bool[np.ndarray, " n"]
 
 
@@ -118,6 +120,11 @@ def _marks(rig: Rig, shots: Shots, at_plane: Which) -> OutcomeMarks | None:
     return make_marks(rig.target, outcome, side, np.where(at_plane, shots.number("miss_height_m"), np.nan))
 
 
+def say_few(count: int) -> str:
+    """Say what so few shots cannot tell."""
+    return f"{count} shots are too few to judge a simulation by; {FEWEST_SHOTS} at least"
+
+
 def _has_speed(rig: Rig, shots: Shots) -> Which:
     return has_wheels(rig, shots) | np.isfinite(shots.number("exit_speed_m_s"))
 
@@ -139,14 +146,15 @@ def _left_out(rig: Rig, shots: Shots, launched: Which, marked: Which, placed: Wh
               tracks: tuple[TrackData | None, ...]) -> tuple[str, ...]:
     unused = ~use & ~(tracked & ~launched)
     beside, sped = np.isin(shots.text("side"), ("left", "right")) & ~marked, _has_speed(rig, shots)
+    aimed = np.isfinite(shots.number("hood_deg")) | np.isfinite(shots.number("exit_deg"))
     reasons = (
         (unused & launched & beside, "missed left or right, without information about the height"),
         (unused & launched & ~marked & ~beside,
          "nothing was seen of their flight: no outcome, side, miss_height_m, exit_* or track"),
-        (unused & launched & marked & ~placed, "no distance_m"),
+        (unused & marked & ~placed, "no distance_m"),
         (unused & ~sped, "no launch speed: motor_ratio (with launcher.free_speed_rad_s in rig.toml), every "
                          "wheel_<name>_rad_s, or exit_speed_m_s"),
-        (unused & sped & ~launched, "no hood_deg or exit_deg"),
+        (unused & ~aimed, "no hood_deg or exit_deg"),
         (unused & launched & marked & placed & (rig.target is None), "rig.toml has no [target]"),
         (marked & tracked & ~launched, "their outcome only: no launch, the track alone counts"),
     )

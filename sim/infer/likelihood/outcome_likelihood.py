@@ -123,6 +123,7 @@ def fit_edges(marks: OutcomeMarks, target: Target, opening: Opening) -> OutcomeM
 def outcome_probabilities(opening: Opening, mean_m: Float[Any, " n"], sd_m: Float[Any, " n"]) -> Float[Any, "n 3"]:
     """P(miss, two, three) [n, 3] of heights relative to the opening's centre, lapses included."""
     three = jnp.exp(log_between(-opening.three_half_m, opening.three_half_m, mean_m, sd_m))
+    three = jnp.where(jnp.asarray(opening.three_half_m) > 0.0, three, 0.0)
     two = jnp.exp(log_between(-opening.two_half_m, opening.two_half_m, mean_m, sd_m)) - three
     clean = jnp.stack([1.0 - two - three, two, three], axis=-1)
     return (1.0 - LAPSE) * jnp.clip(clean, 0.0, 1.0) + LAPSE / 3.0

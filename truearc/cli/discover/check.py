@@ -1,6 +1,6 @@
 """Check a dataset before anything is fitted: whether it can be read, is plausible, and which effects it could show.
 
-Without shots yet, a season of them is planned for the rig.
+With fewer than ten shots, a season of them is planned for the rig.
 """
 
 import argparse
@@ -23,14 +23,18 @@ def main(args: argparse.Namespace) -> int:
     from truearc.sim.compile_cache import keep_compiled
     from truearc.sim.infer.plausibility import check_plausible
     keep_compiled()
+    from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS, say_few
     dataset = check_plausible(ta.load_dataset(args.dataset), args.accept)
     print("\n".join([*dataset.lines(), *ranges(dataset), *plausibility(dataset)]))
+    few = len(dataset.shots) < FEWEST_SHOTS
     try:
-        could = ta.identifiability(dataset if len(dataset.shots) else dataset.rig, seed=args.seed,
+        could = ta.identifiability(dataset.rig if few else dataset, seed=args.seed,
                                    progress=make_progress("check", args.quiet))
     except ta.InputError as error:
         raise ta.InputError(f"{args.dataset}: {error}") from error
-    print("\nno shots yet; of a season with this rig:" if not len(dataset.shots) else "")
+    if few:
+        print(f"warning: {say_few(len(dataset.shots))}" if len(dataset.shots) else "\nno shots yet", end="")
+    print("; of a season with this rig:" if few else "")
     print(could)
     return 0
 

@@ -19,4 +19,5 @@ class RimCatch(ArrivalTerm):
 
     def arrive(self, values: Values, opening: Opening) -> Opening:
         reach_m = values["reach_m"]
-        return opening._replace(three_half_m=opening.three_half_m + reach_m, two_half_m=opening.two_half_m + reach_m)
+        three_m = opening.three_half_m + reach_m * (opening.three_half_m > 0.0)       # 0: there is no three
+        return opening._replace(three_half_m=three_m, two_half_m=opening.two_half_m + reach_m)
