@@ -10,9 +10,13 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
+
+if TYPE_CHECKING:
+    from tests.hw.host_speed import BusSpeed
 
 DATA = Path(os.environ.get("TRUEARC_DATA", Path(__file__).parents[2] / "shared" / "data"))
 MEDIUM = (Path(__file__).with_name("medium.txt").read_text(encoding="utf-8")).split("\n")[1:]
@@ -58,6 +62,30 @@ def same_share_of_the_machine() -> Iterator[None]:
     before = os.sched_getscheduler(0), os.sched_getaffinity(0)
     yield
     assert (os.sched_getscheduler(0), os.sched_getaffinity(0)) == before
+
+
+@pytest.fixture(scope="session")
+def vcan_speed() -> "BusSpeed":
+    """How fast the host's vcan0 carries frames; measured once, before a test that needs it."""
+    from tests.hw.host_speed import measure_bus
+    from truearc.hw.real.can_bus import open_can
+    from truearc.hw.real.clock import MonotonicClock
+
+    near, far = (open_can("socketcan", "vcan0", 1_000_000, MonotonicClock()) for _ in range(2))
+    try:
+        return measure_bus(near, far)
+    finally:
+        near.close()
+        far.close()
+
+
+@pytest.fixture(autouse=True)
+def fast_enough_vcan(request: pytest.FixtureRequest) -> None:
+    """A test on SocketCAN is skipped, and says so, where the host's vcan0 cannot carry a robot's frames."""
+    if request.node.get_closest_marker("socketcan"):
+        speed: BusSpeed = request.getfixturevalue("vcan_speed")
+        if speed.too_slow:
+            pytest.skip(f"vcan0: {speed.too_slow}")
 
 
 def check_mutated_copy() -> None:

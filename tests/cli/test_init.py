@@ -98,3 +98,19 @@ def test_init_makes_one_thing(words: list[str], capsys: pytest.CaptureFixture[st
     monkeypatch.chdir(tmp_path)
     assert main(words) == 2
     assert "give one of the two" in capsys.readouterr().err and list(tmp_path.iterdir()) == []
+
+
+def test_shots_in_the_users_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "week"
+    assert main(["init", str(folder), "--units", "ft,rad"]) == 0
+    assert (folder / "shots.csv").read_text(encoding="utf-8") == "shot_id,distance_ft,hood_rad,motor_ratio,outcome\n"
+    rig = (SHOTS / "rig.toml").read_text(encoding="utf-8")
+    (folder / "rig.toml").write_text(rig, encoding="utf-8")
+    with open(folder / "shots.csv", "a", encoding="utf-8") as file:
+        file.write("a,10,0.7853981634,0.5,three\n")
+    shots = ta.load_dataset(folder).shots
+    assert shots.number("distance_m")[0] == pytest.approx(3.048)
+    assert shots.number("hood_deg")[0] == pytest.approx(45.0)
+    assert main(["init", str(tmp_path / "other"), "--units", "yd"]) == 2
+    assert "'yd' is no unit of a distance or an angle; there are m, mm, cm, in, ft, deg" in capsys.readouterr().err
+    assert not (tmp_path / "other" / "shots.csv").exists()

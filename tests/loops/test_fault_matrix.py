@@ -12,6 +12,7 @@ from benchmarks.matrix.play import ends_robot, play
 from benchmarks.matrix.row import KEEPS, REFUSED, Row
 from benchmarks.matrix.rows import ROWS
 from benchmarks.matrix.table import BEGIN, END, make_table, write_between
+from tests.hw.host_speed import excuse_stalls
 from truearc.robot.config.schema import InputError
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals and signals")
@@ -52,11 +53,13 @@ def test_a_fault_on_the_virtual_bus(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("bus", ["slcan", pytest.param("socketcan", marks=pytest.mark.socketcan)])
 def test_a_fault_in_real_time(name: str, bus: str, tmp_path: Path) -> None:
     results = []
-    for tries in range(3):                        # a machine that stalls is not a robot
-        results.append(run(NAMES[name], bus, tmp_path / str(tries)))
-        if not results[-1].wrong:
-            break
-    assert not results[-1].wrong and results[-1].stale == 0, results
+    with excuse_stalls():
+        for tries in range(3):                    # a machine that stalls is not a robot
+            results.append(run(NAMES[name], bus, tmp_path / str(tries)))
+            if not results[-1].wrong:
+                break
+        assert results[-1].stale or not results[-1].wrong, results
+    assert results[-1].stale == 0, results        # a shot on an old reading, which no slow host excuses
 
 
 @posix

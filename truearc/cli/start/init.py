@@ -13,12 +13,14 @@ from truearc.robot.config.schema import InputError
 
 EXAMPLE = "truearc init my_shots"
 RIG = Path(__file__).with_name("rig_template.toml")
-COLUMNS = "shot_id,distance_m,hood_deg,motor_ratio,outcome\n"
+COLUMNS = ("shot_id", "distance_m", "hood_deg", "motor_ratio", "outcome")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("dataset", nargs="?", type=OutFolder(("rig.toml", "shots.csv")), metavar="DIR",
                         help="dataset directory to make")
+    parser.add_argument("--units", type=lambda text: text.split(","), default=[], metavar="UNIT[,UNIT]",
+                        help="in which shots.csv has distances and angles instead of m and deg: mm, cm, in or ft; rad")
     parser.add_argument("--robot", type=out_file, metavar="FILE", help="launcher.toml to write instead: the "
                         "configuration that the emulated robot runs with, every key with its meaning")
 
@@ -27,12 +29,28 @@ def main(args: argparse.Namespace) -> int:
     """Return 0 once the templates are written."""
     if (args.dataset is None) == (args.robot is None):
         raise InputError("DIR or --robot FILE: give one of the two")
+    if args.robot is not None and args.units:
+        raise InputError("--units: launcher.toml is in SI units; it goes with DIR")
+    columns = in_units(args.units)
     if args.robot is not None:
         write_out(args.robot, SHIPPED.read_text(encoding="utf-8"))
         print(f"{args.robot}: change what differs on your launcher; then: truearc doctor --config {args.robot}")
         return 0
     args.dataset.mkdir(parents=True, exist_ok=True)
     write_out(args.dataset / "rig.toml", RIG.read_text(encoding="utf-8"))
-    write_out(args.dataset / "shots.csv", COLUMNS)
+    write_out(args.dataset / "shots.csv", ",".join(columns) + "\n")
     print(f"{args.dataset}: fill in rig.toml and a row of shots.csv for each shot; then: truearc check {args.dataset}")
     return 0
+
+
+def in_units(units: list[str]) -> list[str]:
+    """Return the columns of shots.csv in these units; InputError for a unit that none of them can be in."""
+    from truearc.sim.data.units import CONVERTED
+    columns = list(COLUMNS)
+    for unit in units:
+        read = next((read for read in ("m", "deg") if unit in (read, *CONVERTED[read])), None)
+        if read is None:
+            known = ", ".join(one for read in ("m", "deg") for one in (read, *CONVERTED[read]))
+            raise InputError(f"--units: {unit!r} is no unit of a distance or an angle; there are {known}")
+        columns = [name.removesuffix(read) + unit if name.endswith(f"_{read}") else name for name in columns]
+    return columns
