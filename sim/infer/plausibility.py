@@ -13,7 +13,7 @@ import numpy as np
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.model import Dataset, Floats, Shots, Tracks
-from truearc.sim.physics.simulate import launch_state
+from truearc.sim.physics.simulate import by_wheels, launch_state
 
 CHECKS = ("gravity", "axes", "sample-interval", "track-length", "speed", "hood", "mass", "radius", "reach")
 GRAVITY = (0.45, 1.7)                 # share of the rig's that drag and lift leave of it, at the least and at the most
@@ -23,6 +23,7 @@ SPEED = (0.2, 1.6)                    # of a tracked ball, by that of the wheels
 DENSITY_KG_M3 = (3.0, 23_000.0)       # of a ball: lighter is a balloon, heavier no metal
 LIGHT_KG_M3 = 12.0                    # below this the radius may be the diameter
 REACH = (0.9, 4.0)                    # launch speed of scoring shots, by the least that carries a ball so far in vacuum
+DOUBLED = 1.9                         # of it: a light ball, or the wheels' diameters for their radii
 TYPICAL = 1.3                         # of foam balls
 MEASURED = 0.85                       # the least of it where the speed itself was measured: slip does not add to drag
 STRAIGHTER = 0.65                     # spread of that ratio with the other angle, by its spread as recorded
@@ -130,6 +131,9 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
         return
     low = MEASURED if "exit_speed_m_s" in shots.numbers else REACH[0]
     if low <= middle <= REACH[1]:
+        if middle > DOUBLED and by_wheels(shots).all():
+            yield Flaw("reach", "rig.toml: launcher.wheel.radius_m", f"scoring shots leave with {middle:.2g} times the "
+                       "speed that gets a ball so far without air; make sure that it is not the diameter", warns=True)
         return
     causes = {f"distance_m in {name}": ratios(distance_m * metres, hood_deg, speed_m_s)
               for name, (_, metres) in LENGTHS.items()}

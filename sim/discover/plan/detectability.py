@@ -20,6 +20,7 @@ CRITICAL = 1.959963984540054
 ALIKE = 0.95                          # correlation of efficient slopes from which two terms are one to these data
 LEAST_SHARE = 1e-4                    # of its own information, with all coefficients free, that a term needs to be seen
 BUSY = 1e-12
+NOTHING = 1e-9                        # information on a term at its usual size that no number of shots makes up for
 ABSORBS = 0.1                         # of the largest coefficient's part, from which one is named, too
 UNTOUCHED, TAKEN = "untouched", "taken up"      # prose: allow (values of truearc.identifiability/1)
 
@@ -72,6 +73,8 @@ def sight_of(evidence: ScoreTable, level: str, believed: tuple[str, ...]) -> Sig
     """Of every candidate term, most easily seen first; believed ones are among the fitted numbers."""
     columns = np.array([k for k, column in enumerate(evidence.columns) if column.kind == "term"], dtype=int)
     own, left, free, parts = _efficient(evidence, columns)
+    usual = np.array([evidence.columns[k].usual for k in columns])
+    own = np.where(own * usual**2 > NOTHING, own, 0.0)
     visible = (own > BUSY) & (np.diag(free) > LEAST_SHARE * own)
     size = np.sqrt(np.maximum(np.diag(left), BUSY))
     alike = np.where(np.outer(visible, visible), left / np.outer(size, size), 0.0)

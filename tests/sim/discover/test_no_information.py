@@ -26,6 +26,8 @@ def test_a_coordinate_that_is_zero_everywhere_shows_no_crosswind() -> None:
     flat = replace(filmed, tracks=replace(filmed.tracks, y_m=np.zeros_like(filmed.tracks.y_m)))
     believe = ["gravity", "drag"]
     assert not seen_at_its_usual_size(flat, LATERAL, believe)
+    said = str(ta.identifiability(flat, believe=believe))
+    assert f"never seen: {LATERAL}: nothing in these data depends on it" in said
     assert "crosswind" not in ta.discover(flat, believe=believe).sentence
 
 
@@ -57,3 +59,13 @@ def exits() -> ta.Dataset:
 def without_target(rig: ta.Rig) -> ta.Rig:
     """The rig without a target: exits alone are evidence."""
     return structs.replace(rig, target=None)
+
+
+def test_a_check_that_was_accepted_is_in_the_finding(exits: ta.Dataset) -> None:
+    rig = structs.replace(exits.rig, ball=structs.replace(exits.rig.ball, mass_kg=300.0))
+    heavy = replace(exits, facts=rig, shots=exits.shots.take(np.arange(12)))
+    with pytest.raises(ta.InputError, match="check 'mass'; accept it by name"):
+        ta.discover(heavy)
+    found = ta.discover(heavy, accept=["mass"])
+    said, = found.record.data.accepted
+    assert said.startswith("mass: rig.toml: ball.mass_kg") and f"warning: {said}" in str(found)

@@ -1,5 +1,6 @@
 """Wrong units, axes and angles are refused by name before a fit makes physics of them; plausible data pass."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -107,6 +108,15 @@ def numbers(dataset: Dataset, **columns: Any) -> Dataset:
     return replace(dataset, shots=replace(dataset.shots, numbers={**dataset.shots.numbers, **columns}))
 
 
+def by_motor(dataset: Dataset, free_speed_rad_s: float) -> Dataset:
+    """The same shots stated by motor_ratio, of motors that turn freely at 5500 rpm."""
+    ratio = dataset.shots.number("wheel_upper_rad_s") / (5500.0 * np.pi / 30.0)
+    columns = {name: column for name, column in dataset.shots.numbers.items() if not name.startswith("wheel_")}
+    launcher = changed(dataset.rig.launcher, free_speed_rad_s=free_speed_rad_s)
+    return replace(dataset, facts=changed(dataset.rig, launcher=launcher),
+                   shots=replace(dataset.shots, numbers={**columns, "motor_ratio": ratio}))
+
+
 def ball(dataset: Dataset, **keys: float) -> Dataset:
     return replace(dataset, facts=changed(dataset.rig, ball=changed(dataset.rig.ball, **keys)))
 
@@ -154,7 +164,8 @@ def test_wheels_in_revolutions_a_minute_are_refused(filmed: Dataset, table: Data
     (lambda one: numbers(one, hood_deg=90.0 - one.shots.number("hood_deg")), r"hood_deg: .* is from the vertical"),
     (lambda one: ball(one, mass_kg=one.rig.ball.mass_kg * 1000.0), r"ball.mass_kg: .* looks like grams"),
     (lambda one: ball(one, radius_m=one.rig.ball.radius_m * 1000.0), r"ball.radius_m: .* looks like millimetres"),
-    (lambda one: numbers(one, distance_m=one.shots.number("distance_m") / 0.3048), r"reach|feet")])
+    (lambda one: numbers(one, distance_m=one.shots.number("distance_m") / 0.3048), r"looks like distance_m in feet"),
+    (lambda one: by_motor(one, free_speed_rad_s=5500.0), r"free_speed_rad_s, .*, in revolutions per minute")])
 def test_wrong_units_of_shots_and_rig_are_refused(table: Dataset, wrong: Any, said: str) -> None:
     assert check_plausible(table) == table
     with pytest.raises(InputError, match=said):
@@ -166,6 +177,14 @@ def test_a_radius_that_may_be_the_diameter_warns(table: Dataset) -> None:
     warning, = check_plausible(light).accepted
     assert warning == ("radius: rig.toml: ball.radius_m: 0.178 m is much for a ball of 0.14 kg; make sure that it is "
                        "not the diameter")
+
+
+def test_wheels_that_may_be_stated_by_their_diameters_warn(table: Dataset) -> None:
+    wheels = tuple(changed(wheel, radius_m=2.0 * wheel.radius_m) for wheel in WHEELS)
+    launcher = changed(table.rig.launcher, wheel=wheels)
+    doubled = replace(table, facts=changed(table.rig, launcher=launcher))
+    warning, = check_plausible(doubled).accepted
+    assert re.search(r"reach: rig.toml: launcher.wheel.radius_m: .* make sure that it is not the diameter", warning)
 
 
 def test_an_objection_is_accepted_by_name_and_recorded(table: Dataset, tmp_path: Path, capsys: Any) -> None:
