@@ -1,6 +1,7 @@
 """Weights to a stamped ONNX file, float32."""
 
 import json
+import sys
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -11,7 +12,7 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 from truearc.model_export.parts import Part, novelty_part
-from truearc.model_export.trained import load_trained
+from truearc.model_export.trained import Trained, load_trained
 from truearc.robot.config.schema import InputError
 from truearc.robot.gate import contract
 from truearc.robot.gate.seal import KEY_SEAL, UNSEALED, seal
@@ -19,6 +20,7 @@ from truearc.sim.gate.novelty import describe_novelty
 
 OPSET = 17                            # old enough for every onnxruntime in use, new enough for all that is used here
 IR_VERSION = 8                        # the one that came with opset 17
+NAMED = 8                             # recorded settings outside a narrowed domain that are named
 APART = ("curve", "domain", "novelty")      # of the training record: not provenance
 
 
@@ -51,20 +53,37 @@ def export_weights(directory: str | Path, path: str | Path) -> bytes:
     """Write the ONNX file of a weights directory and return its bytes; InputError when the directory is unusable.
 
     The provenance is the training record without its loss curve, plus the SHA-256 of the directory. InputError too when
-    the graph cannot say what the trained model says (see truearc.model_export.trained).
+    the graph cannot say what the trained model says (see truearc.model_export.trained). A domain that was narrowed for
+    that, and the recorded settings outside it, are warned of on stderr.
     """
     trained = load_trained(directory)
     provenance = {key: value for key, value in trained.record.items() if key not in APART}
     provenance["weights_sha256"] = trained.sha256
-    part, more = trained.make_part()
+    part, more, domain = trained.make_part()
     provenance |= more
-    data = make_model([part, novelty_part(trained.novelty)], trained.record["domain"],
+    if domain != trained.record["domain"]:
+        print(f"warning: {path}: {say_narrowed(trained, domain)}", file=sys.stderr)
+    data = make_model([part, novelty_part(trained.novelty)], domain,
                       describe_novelty(trained.novelty), provenance)
     try:
         Path(path).write_bytes(data)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from error
     return data
+
+
+def say_narrowed(trained: Trained, domain: dict[str, list[float]]) -> str:
+    """Say which of the recorded settings lie outside a domain over which the graph follows the physics."""
+    known = trained.novelty
+    settings = known.landmarks / known.scale + known.mean
+    low, high = np.array([domain[feature.name] for feature in contract.FEATURES]).T
+    outside = settings[((settings < low) | (settings > high)).any(axis=1)]
+    edges = ", ".join(f"{name} {edge[0]:.4g} to {edge[1]:.4g}" for name, edge in domain.items())
+    named = "; ".join(f"{distance_m:.2f} m, motor ratio {ratio:.3f}, hood {hood_deg:.1f} deg"
+                      for distance_m, ratio, hood_deg in outside[:NAMED])
+    return (f"the domain is narrowed to {edges}: beyond it no graph follows the physics closely enough; the robot holds "
+            f"there. {len(outside)} of {len(settings)} recorded settings lie outside" + (f": {named}" if named else "")
+            + ("; ..." if len(outside) > NAMED else ""))
 
 
 def _as_exported(array: np.ndarray) -> np.ndarray:

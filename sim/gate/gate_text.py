@@ -3,6 +3,7 @@
 import numpy as np
 
 from truearc.sim.gate.model import Physics, PhysicsGate, residual
+from truearc.sim.gate.outcome_classes import LEVEL
 from truearc.sim.gate.train import Heldout
 from truearc.sim.metrics import Figures
 
@@ -29,12 +30,24 @@ def tell_heldout(heldout: Heldout, temperature: float) -> list[str]:
     """Report hold-out figures on configurations that the gate was not fitted to, though the belief may have been."""
     lines = ["on configurations that the correction had not learned from, each fifth in turn (the coefficients may "
              "have been fitted to them):",
-             _figures("  the gate", heldout.plain)]
+             _figures("  the gate", heldout.plain), *_beside_commonest(heldout)]
     if temperature == 1.0:
         return [*lines, "calibration: the spread is as fitted; stretching it made unseen configurations no likelier"]
     how = "wider" if temperature > 1.0 else "narrower"
     return [*lines, _figures("  and calibrated", heldout.calibrated),
             f"calibration: the spread is made {abs(temperature - 1.0):.0%} {how}, as unseen configurations ask for"]
+
+
+def _beside_commonest(heldout: Heldout) -> list[str]:
+    """Compare with what needs no gate: the commonest outcome for every shot, and the plain shares of outcomes."""
+    shares = np.bincount(heldout.level, minlength=len(LEVEL)) / len(heldout.level)
+    commonest = list(LEVEL)[int(np.argmax(shares))]
+    by_shares = float((shares[shares > 0.0] * np.log(shares[shares > 0.0])).sum())
+    lines = [f"  always naming the commonest, {commonest}: outcome right {shares.max():.1%}; by the plain shares of "
+             f"outcomes: log score {by_shares:.3f}"]
+    if heldout.calibrated.log_score <= by_shares:
+        lines.append("warning: on shots that it had not seen the gate says no more than the plain shares of outcomes")
+    return lines
 
 
 def _figures(name: str, figures: Figures) -> str:

@@ -1,6 +1,6 @@
 """A report on a fit by likelihood for whoever shot the balls."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -16,10 +16,11 @@ from truearc.sim.infer.profile import ProfileInterval
 EVIDENCE = {"outcome": "outcomes", "side": "sides (high or low)", "miss_height_m": "measured heights",
             "exit_speed_m_s": "measured exit speeds", "exit_deg": "measured exit angles",
             "exit_spin_rev_s": "measured spins", "tracks": "tracks"}
+IMPROBABLE = 2.58                     # prior standard deviations that a hundredth of the prior lies beyond
 NEAREST = 15                          # shots whose median stands for "at this distance"
 
 
-def fit_lines(fit: MapFit, intervals: Iterable[ProfileInterval], holdout: CrossValidation | None,
+def fit_lines(fit: MapFit, intervals: Sequence[ProfileInterval], holdout: CrossValidation | None,
               proposals: Iterable[Proposal]) -> list[str]:
     """The report, line by line; of a fit that did not converge only what was used."""
     lines = list(say_evidence(fit))
@@ -43,7 +44,7 @@ def say_evidence(fit: MapFit) -> Iterable[str]:
         yield f"warning: {say_few(len(fit.gathered.rows))}; the estimates below are mostly those believed before"
 
 
-def say_estimates(intervals: Iterable[ProfileInterval], sought: Iterable[Sought]) -> Iterable[str]:
+def say_estimates(intervals: Sequence[ProfileInterval], sought: Iterable[Sought]) -> Iterable[str]:
     """A line for each parameter: value, 90 % interval, unit, meaning, and what stopped the interval beside the data."""
     yield "parameter                  value    90 % interval         meaning"
     fitted = {one.name: one for one in sought}
@@ -53,6 +54,10 @@ def say_estimates(intervals: Iterable[ProfileInterval], sought: Iterable[Sought]
         numbers = [_number(factor * part) for part in (one.value, one.low90, one.high90)]
         line = f"{one.name:24s} {numbers[0]:>8s}    {numbers[1]} to {numbers[2]} {unit}"
         yield f"{line:57s}  {what.meaning}{_open_ends(one)}"
+    for one in intervals:
+        if abs(fitted[one.name].u(one.value)) > IMPROBABLE:
+            yield (f"warning: {one.name} {_number(one.value)} was believed all but impossible before: it may stand for "
+                   "an effect that these terms lack; truearc discover looks for one")
 
 
 def _number(value: float) -> str:

@@ -1,5 +1,8 @@
 """The gate on a launcher that its belief has wrong: better than the physics alone, calibrated, the same every time."""
 
+from collections import Counter
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -68,7 +71,14 @@ def test_it_is_told_in_words(recorded: Dataset, trained: tuple[PhysicsGate, Held
     said = tell_residual(gate, marks.features, physics_of(gate.rig, gate.belief, marks.features))
     assert len(said) == 3 and all("the physics alone is" in line for line in said)
     assert any("cm high" in line or "cm low" in line for line in said)
-    assert "calibration:" in tell_heldout(heldout, gate.temperature)[-1]
+    told = tell_heldout(heldout, gate.temperature)
+    assert "calibration:" in told[-1] and not any("warning" in line for line in told)
+    counts = Counter(recorded.shots.text("outcome"))
+    commonest, count = counts.most_common(1)[0]
+    assert any(f"always naming the commonest, {commonest}: outcome right {count / counts.total():.1%}" in line
+               for line in told)
+    clueless = replace(heldout, calibrated=heldout.calibrated._replace(log_score=-9.0))
+    assert any("says no more than the plain shares" in line for line in tell_heldout(clueless, gate.temperature))
 
 
 def test_few_shots_still_give_a_gate_but_no_promise() -> None:
@@ -80,8 +90,8 @@ def test_few_shots_still_give_a_gate_but_no_promise() -> None:
 def test_the_surrogate_is_the_gate_inside_its_domain(recorded: Dataset, trained: tuple[PhysicsGate, Heldout]) -> None:
     gate = trained[0]
     domain = domain_of(outcome_classes_of(recorded.shots, "x")[0].features)
-    surrogate, errors = make_surrogate(gate, domain)
-    assert errors.acceptable
+    surrogate, errors, kept = make_surrogate(gate, domain)
+    assert errors.acceptable and kept == domain
     fresh = inside(gate, np.array([domain[name] for name in ("distance_m", "motor_ratio", "hood_deg")]), 4000, 77)
     assert len(fresh) > 200
     found = compare(gate, surrogate, fresh)
