@@ -81,7 +81,7 @@ def say_narrowed(trained: Trained, domain: dict[str, list[float]]) -> str:
     edges = ", ".join(f"{name} {edge[0]:.4g} to {edge[1]:.4g}" for name, edge in domain.items())
     named = "; ".join(f"{distance_m:.2f} m, motor ratio {ratio:.3f}, hood {hood_deg:.1f} deg"
                       for distance_m, ratio, hood_deg in outside[:NAMED])
-    return (f"the domain is narrowed to {edges}: beyond it no graph follows the physics closely enough; the robot holds "
+    return (f"the domain is narrowed to {edges}: beyond it no graph follows the physics closely; the robot holds "
             f"there. {len(outside)} of {len(settings)} recorded settings lie outside" + (f": {named}" if named else "")
             + ("; ..." if len(outside) > NAMED else ""))
 
