@@ -124,9 +124,9 @@ def test_every_lazy_name_is_one_that_type_checkers_see() -> None:
 
 def test_commands_reach_the_engine_through_the_api() -> None:
     """Of the companion they import defaults, texts, tables and pictures; robot commands their own parts of it."""
-    helpers = ("compile_cache", "data.columns", "data.importers", "discover.report", "discover.settings", "intervals",
-               "metrics", "paper.settings", "physics.catalogue", "physics.plugins", "plots", "progress", "report",
-               "tables")
+    helpers = ("compile_cache", "data.columns", "data.importers", "data.units", "discover.report",
+               "discover.settings", "intervals", "metrics", "paper.settings", "physics.catalogue", "physics.plugins",
+               "plots", "progress", "report", "tables")
     root = Path(ta.__file__).parent / "cli"
     for path in sorted([*(root / "gate").glob("*.py"), *(root / "paper").glob("*.py"), *(root / "start").glob("*.py")]):
         for module in re.findall(r"from truearc\.sim\.([\w.]+) import", path.read_text(encoding="utf-8")):

@@ -51,6 +51,6 @@ def in_units(units: list[str]) -> list[str]:
         read = next((read for read in ("m", "deg") if unit in (read, *CONVERTED[read])), None)
         if read is None:
             known = ", ".join(one for read in ("m", "deg") for one in (read, *CONVERTED[read]))
-            raise InputError(f"--units: {unit!r} is no unit of a distance or an angle; there are {known}")
+            raise InputError(f"--units: {unit!r} is not a unit of a distance or an angle; there are {known}")
         columns = [name.removesuffix(read) + unit if name.endswith(f"_{read}") else name for name in columns]
     return columns
