@@ -36,12 +36,12 @@ TICK_TOPIC, TRIAL_TOPIC = "/tick", "/trial"
 class Header(Struct, frozen=True):
     """What made a session."""
 
-    format: str
-    truearc: str
-    config_sha256: str
-    model_sha256: str | None
-    policy: str
-    started: str | None               # wall clock, ISO 8601; None on the twin, whose clock starts at zero
+    format: str                       # truearc.session/2
+    truearc: str                      # version that recorded it
+    config_sha256: str                # of config.json's content
+    model_sha256: str | None          # of model.onnx; null: there was none
+    policy: str                       # collect | model
+    started: str | None               # wall clock, ISO 8601; null on the twin, whose clock starts at zero
 
 
 class Picture(Struct, frozen=True):

@@ -14,12 +14,12 @@ SCHEMA = "truearc.finding/1"
 class DataSummary(Struct, frozen=True, omit_defaults=True):
     """The data; `clusters` says which shots have a sign of their own in the test."""
 
-    shots: int
+    shots: int                        # in the dataset
     level: str                        # L0 outcomes | L1 with telemetry | L2 with tracks
-    left_out: tuple[str, ...]
+    left_out: tuple[str, ...]         # shots or columns without use, and why
     believed: tuple[str, ...]         # terms
     fitted: dict[str, dict[str, float]]       # tracks | outcomes -> shared parameters
-    clusters: dict[str, Any]
+    clusters: dict[str, Any]          # `by`: shot, ball_id, session ...; `count`
     accepted: tuple[str, ...] = ()    # objections to the data that the user accepted, or that only warn
     untested: tuple[str, ...] = ()    # kinds of effects that these data have no column for
     topspin: bool = False             # of most balls, by wheels or measurement
@@ -31,35 +31,35 @@ class TestResult(Struct, frozen=True):
 
     __test__ = False                  # not one of pytest's
 
-    stage: str
-    direction: str
-    covariate: str | None
-    shape: str
-    statistic: float                  # |score| in standard errors, clustered
-    p_alone: float
+    stage: str                        # sensing | launch | flight | arrival
+    direction: str                    # along | lateral | vertical
+    covariate: str | None             # what the misfit goes with; null: the same in all shots
+    shape: str                        # same | proportional | straight | product | wave | step at VALUE
+    statistic: float                  # size of the score in standard errors, clustered
+    p_alone: float                    # as if this were the only test
     p_value: float                    # as the largest of the whole family
     amplitude: float                  # per unit of the shape
-    unit: str
-    log_gain: float
+    unit: str                         # of `amplitude`, as in docs/terms.md
+    log_gain: float                   # nats by which the data favour it
 
 
 class Mismatch(Struct, frozen=True):
-    found: bool
-    p_value: float | None
-    false_alarm: float
-    tests: dict[str, TestResult]
-    tests_made: int
+    found: bool                       # whether the family's p_value is below false_alarm
+    p_value: float | None             # of the whole family
+    false_alarm: float                # rate that was asked for
+    tests: dict[str, TestResult]      # best lines of the family by channel and covariate, or by parameter
+    tests_made: int                   # size of the family
     families: dict[str, float]        # terms | free | pattern -> p of the family alone
 
 
 class Where(Struct, frozen=True):
-    stage: str | None
-    stage_probability: dict[str, float] | None
-    covariate: str | None
-    direction: str | None
-    region: dict[str, Any]
-    times_s: tuple[float, float] | None
-    channel: str | None
+    stage: str | None                 # sensing | launch | flight | arrival
+    stage_probability: dict[str, float] | None # by stage
+    covariate: str | None             # column, or name made of columns
+    direction: str | None             # along | lateral | vertical
+    region: dict[str, Any]            # of the covariate: `from`, `to`, or a group
+    times_s: tuple[float, float] | None # first and last time of the shots concerned, s
+    channel: str | None               # part of a shot that is off, such as launch speed
     inseparable: tuple[str, ...]      # other names that go with the same shots as the covariate
     reason: str | None                # why a field above is null
 
@@ -67,66 +67,66 @@ class Where(Struct, frozen=True):
 class Interval(Struct, frozen=True):
     """A fitted amplitude: 90 % interval."""
 
-    value: float
-    sd: float
-    low90: float
-    high90: float
-    unit: str
+    value: float                      # in `unit`
+    sd: float                         # standard deviation
+    low90: float                      # lower end of the 90 % interval
+    high90: float                     # upper end
+    unit: str                         # as in docs/terms.md; 1: a share
 
 
 class Named(Struct, frozen=True):
-    term: str
-    probability: float
-    parameters: dict[str, Interval]
-    sentence: str
-    stage: str
+    term: str                         # name in docs/terms.md
+    probability: float                # that it is this term, of all candidates and an unknown one
+    parameters: dict[str, Interval]   # by name
+    sentence: str                     # for people
+    stage: str                        # sensing | launch | flight | arrival
     believed: float | None = None     # the one parameter's value in the belief, where a change of it is tested
 
 
 class Unknown(Struct, frozen=True):
-    covariate: str | None
-    direction: str
-    amplitude: float
-    unit: str
-    formula: str | None
+    covariate: str | None             # what the effect depends on; null: the same in all shots
+    direction: str                    # along | lateral | vertical
+    amplitude: float                  # over the covariate's range, in `unit`
+    unit: str                         # of `amplitude`
+    formula: str | None               # a power law where the data show one
 
 
 class Further(Struct, frozen=True):
     """One effect, those found before it put in: names as in Finding; `unknown` where none of them is it."""
 
-    what: tuple[Named, ...]
-    set: tuple[str, ...] | None
-    unknown: Unknown | None
+    what: tuple[Named, ...]           # as in the finding
+    set: tuple[str, ...] | None       # as in the finding
+    unknown: Unknown | None           # as in the finding
 
 
 class FitSummary(Struct, frozen=True):
     """Figures on shots that the fit had not seen, before and after the free correction."""
 
-    heldout_shots: int
-    log_score_before: float
-    log_score_after: float | None
-    gain_per_shot: float | None
-    gain_se: float | None
-    height_rmse_before_m: float | None
-    height_rmse_after_m: float | None
-    accuracy_before: float | None
-    accuracy_after: float | None
+    heldout_shots: int                # shots that were held out
+    log_score_before: float           # nats of all of them
+    log_score_after: float | None     # nats of all of them
+    gain_per_shot: float | None       # nats
+    gain_se: float | None             # standard error of gain_per_shot
+    height_rmse_before_m: float | None # of measured heights or tracks
+    height_rmse_after_m: float | None # of measured heights or tracks
+    accuracy_before: float | None     # share of outcomes forecast right
+    accuracy_after: float | None      # share of outcomes forecast right
     height_at: str = "plane"          # or "track end": forecast from the first 40 % of the track
 
 
 class Finding(Struct, frozen=True):
-    data: DataSummary
-    mismatch: Mismatch
-    where: Where
+    data: DataSummary                 # what was looked at
+    mismatch: Mismatch                # whether simulation and data differ
+    where: Where                      # location of the mismatch
     verdict: str                      # named | set | unknown | none
-    sentence: str
-    unknown: Unknown | None
-    fit: FitSummary | None
-    schema: str = SCHEMA
-    what: tuple[Named, ...] = ()
-    set: tuple[str, ...] | None = None
-    next: tuple[dict[str, Any], ...] = ()
-    also: tuple[Further, ...] = ()
+    sentence: str                     # for people
+    unknown: Unknown | None           # where no candidate term is it
+    fit: FitSummary | None            # worth of the correction on held-out shots
+    schema: str = SCHEMA              # truearc.finding/1
+    what: tuple[Named, ...] = ()      # candidate terms, most probable first
+    set: tuple[str, ...] | None = None # terms that these data cannot tell apart; null: one stands alone
+    next: tuple[dict[str, Any], ...] = () # shots or measurements to make next, as in truearc.design/1
+    also: tuple[Further, ...] = ()    # further effects, in the order in which they were found
 
 
 def load_finding(path: str | Path) -> Finding:

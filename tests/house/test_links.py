@@ -55,7 +55,8 @@ def names_without_a_page(path: Path, text: str) -> list[str]:
     test = ROOT / "tests" in path.parents           # tests join names to a folder that they have in a variable
     known = (*ELSEWHERE, *(MADE_BY_TESTS if test else ()))
     names = [name for name in NAME.findall(re.sub(r"\w+://\S+", "", text)) if name not in known]
-    places = (ROOT, path.parent, *((ROOT / "docs", ROOT / "benchmarks" / "results") if test else ()))
+    places = (ROOT, path.parent, *((ROOT / "docs", ROOT / "benchmarks" / "results") if test else ()),
+              *((ROOT / "docs" / "reference",) if path.name == "formats_doc.py" else ()))
     return [name for name in names if not any((place / name).is_file() for place in places)]
 
 

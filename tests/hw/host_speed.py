@@ -78,7 +78,7 @@ def excuse_stalls(limit_s: float = STALL_S) -> Iterator[None]:
     watch.start()
     try:
         yield
-    except AssertionError as error:
+    except (AssertionError, TimeoutError) as error:
         watch.over.set()
         watch.join()
         if watch.longest_s > limit_s:

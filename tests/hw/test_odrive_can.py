@@ -11,6 +11,7 @@ import can
 import pytest
 from odrive_can.odrive import DriveError, HeartbeatError, ODriveCAN
 
+from tests.hw.host_speed import excuse_stalls
 from tests.hw.spinning_plant import SpinningPlant
 from truearc.hw.devices.odrive.emulator import OdriveNode, OdriveSettings
 from truearc.hw.devices.odrive.frames import OdriveAxis
@@ -51,7 +52,11 @@ def play(plant: SpinningPlant) -> Iterator[Played]:
         finally:
             drive.stop()
 
-    yield lambda steps: asyncio.run(program(steps))
+    def played(steps: Callable[[ODriveCAN], Coroutine[Any, Any, None]]) -> None:
+        with excuse_stalls():
+            asyncio.run(program(steps))
+
+    yield played
     over.set()
     thread.join()
     far.close()

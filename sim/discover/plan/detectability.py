@@ -33,40 +33,40 @@ class TermIdentifiability(Struct, frozen=True):
     lists absorb it). like: the most similar other term with its correlation. also: known otherwise.
     """
 
-    term: str
-    stage: str
-    unit: str
-    usual: float
-    information: float
-    share_left: float
-    shots_needed: int | None
-    smallest: float | None
-    power: float
-    why: str | None
-    taken_by: tuple[str, ...]
-    like: str | None
-    correlation: float
+    term: str                         # name in docs/terms.md
+    stage: str                        # sensing | launch | flight | arrival
+    unit: str                         # of `usual` and `smallest`
+    usual: float                      # usual size of the effect
+    information: float                # 1 / variance of its amplitude, all else fitted
+    share_left: float                 # of its information, after the fitted numbers
+    shots_needed: int | None          # to see it at its usual size; null: no number will do
+    smallest: float | None            # size seen four times in five with these shots
+    power: float                      # probability of seeing it at its usual size
+    why: str | None                   # null, or why no number of shots will do
+    taken_by: tuple[str, ...]         # fitted numbers that absorb it
+    like: str | None                  # most similar other term
+    correlation: float                # with that one
 
 
 class Fittable(Struct, frozen=True):
     """A number that is fitted anyway: its standard deviation before and after these shots."""
 
-    name: str
-    unit: str
-    before: float
-    after: float
+    name: str                         # term.parameter
+    unit: str                         # of `before` and `after`
+    before: float                     # standard deviation before these shots
+    after: float                      # standard deviation after them
 
 
 class Sight(Struct, frozen=True):
     """What `shots` of this kind could show. classes: terms that these data cannot tell apart (more than one each)."""
 
-    shots: int
-    level: str
-    believed: tuple[str, ...]
-    terms: tuple[TermIdentifiability, ...]
-    classes: tuple[tuple[str, ...], ...]
-    fitted: tuple[Fittable, ...]
-    schema: str = SCHEMA
+    shots: int                        # number of shots
+    level: str                        # L0 outcomes | L1 with telemetry | L2 with tracks
+    believed: tuple[str, ...]         # terms whose coefficients are fitted anyway
+    terms: tuple[TermIdentifiability, ...] # most easily seen first
+    classes: tuple[tuple[str, ...], ...] # terms that these data cannot tell apart, two or more each
+    fitted: tuple[Fittable, ...]      # the numbers of `believed`
+    schema: str = SCHEMA              # truearc.identifiability/1
 
 
 def sight_of(evidence: ScoreTable, level: str, believed: tuple[str, ...]) -> Sight:
