@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import settings
 
+from tests import shape_checks
+
 if TYPE_CHECKING:
     from tests.hw.host_speed import BusSpeed
 
@@ -30,24 +32,19 @@ FRUGAL = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1",
 os.environ |= {name: value for name, value in FRUGAL.items() if name not in os.environ}
 
 
-def check_shapes() -> None:
-    """Have modules that declare shapes of arrays check them, and their other annotations, at every call."""
-    from jaxtyping import install_import_hook  # not before the environment is set: it imports NumPy
-
-    root = Path(__file__).parents[1]
-    shaped = ["truearc." + ".".join(path.relative_to(root).with_suffix("").parts)
-              for path in sorted((root / "sim").rglob("*.py"))
-              if "from jaxtyping import" in path.read_text(encoding="utf-8")]
-    install_import_hook(shaped, "beartype.beartype")
-
-
-check_shapes()
+shape_checks.install()
 
 # How long an example takes says how busy the machine is, not whether the code is right.
 settings.register_profile("house", deadline=None)
 settings.register_profile("million", deadline=None, max_examples=1000)    # for tests/robot/gate/test_no_doubt_fires.py
 settings.register_profile("mutants", deadline=None, max_examples=10, derandomize=True)
 settings.load_profile("house")
+
+
+@pytest.fixture(autouse=True)
+def all_shapes_checked() -> None:
+    """Each test checks the first calls of every function anew."""
+    shape_checks.start_again()
 
 
 @pytest.fixture(scope="session")

@@ -20,7 +20,7 @@ def test_fit_equals_what_the_command_prints_and_writes(week, tmp_path, capsys) -
     out = tmp_path / "coefficients.toml"
     assert main(["fit", str(tmp_path / "d"), "--terms", ",".join(TERMS), "-o", str(out),
                  "--quiet"]) == 0
-    fit = ta.fit(ta.load_dataset(tmp_path / "d"), TERMS)
+    fit = ta.fit(ta.load_dataset(tmp_path / "d"), [one for one in ta.catalogue() if one.name in TERMS])
     assert capsys.readouterr().out == f"{fit}\n" and fit._repr_html_().startswith("<pre>fitted to 60")
     fit.belief.save(tmp_path / "own.toml")
     assert out.read_bytes() == (tmp_path / "own.toml").read_bytes()
@@ -29,8 +29,6 @@ def test_fit_equals_what_the_command_prints_and_writes(week, tmp_path, capsys) -
         table["parameter"])
     assert all(low < value < high for low, value, high in zip(
         table["low90"], table["value"], table["high90"], strict=True))
-    by_value = ta.fit(ta.load_dataset(tmp_path / "d"), [one for one in ta.catalogue() if one.name in TERMS])
-    assert by_value.belief.coefficients == fit.belief.coefficients
 
 
 @pytest.mark.slow

@@ -66,7 +66,7 @@ def test_what_only_a_tilted_camera_makes_right_is_not_adopted(data_dir: Path, tm
 
 
 def test_two_imports_of_one_launcher_have_one_rig(data_dir: Path) -> None:
-    whole = import_mpi(data_dir / "real/mpi_launches.csv", data_dir / "real/mpi_tracks.csv")
+    whole = thinned(import_mpi(data_dir / "real/mpi_launches.csv", data_dir / "real/mpi_tracks.csv"), 37)
     first, other = (take_shots(whole, np.arange(start, len(whole.shots), 2)) for start in (0, 1))
     assert first.rig == other.rig == whole.rig
     believed = ta.fit(first, ["gravity", "drag", "magnus"]).belief
