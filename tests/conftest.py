@@ -4,6 +4,7 @@ Nothing of a test may reach another process: buses, ports and pseudo-terminals a
 the one real vcan0 belongs to one file. `-n 0` runs everything in one process.
 """
 
+import gc
 import os
 import shutil
 import sys
@@ -45,6 +46,14 @@ settings.load_profile("house")
 def all_shapes_checked() -> None:
     """Each test checks the first calls of every function anew."""
     shape_checks.start_again()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def kept_out_of_garbage_collection() -> Iterator[None]:
+    """What JAX has traced and compiled stays for the whole run: without this every collection looks through it."""
+    yield
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")

@@ -61,6 +61,7 @@ ELSEWHERE = {
     r"^python -m benchmarks\.(?!archives|proof|real_tables)": "test_benchmarks.py runs every benchmark",
     r"^python -m truearc_proof.world.survey": "plays hundreds of worlds",
     r"^(truearc prove check|python -m benchmarks.proof) .*benchmarks/results": "needs the archives of tag proof-1",
+    r"^truearc prove --worlds 80 --level L[12] .*--follow-up --out": "docs/proof.md prints it at L0, which runs",
     r"^truearc prove drive": "tests/loops/test_prove_drive.py plays a world of it",
     r"^truearc reproduce": "tests/proof/reproduce runs it in a small form",
     r"^(mkdir away|truearc prove solve --out away|cp -r away)": "the page's round is solved by then; tests/proof/"
