@@ -5,6 +5,7 @@ import ast
 import inspect
 from collections.abc import Iterator
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 
@@ -28,6 +29,14 @@ def test_the_check_finds_an_option_that_nothing_reads() -> None:
     source = ("def main(args):\n    return helper(args)\ndef helper(args):\n    return args.used\n"
               "def idle(args):\n    return args.ignored\n")
     assert reads_of(ast.parse(source), "main") == ({"used"}, set())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", ["identifiability DIR --sides", "identifiability DIR --seed 1", "check DIR --seed 1"])
+def test_options_of_planned_shots_are_refused_with_results(words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    sheet = str(Path(__file__).parents[2] / "examples" / "spreadsheet")
+    assert main([*words.replace("DIR", sheet).split(), "--quiet"]) == 2
+    assert "applies to planned shots only; these have results" in capsys.readouterr().err
 
 
 def read_by(module: str) -> set[str]:

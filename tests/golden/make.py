@@ -1,7 +1,9 @@
 """`make golden`: recompute every artefact through the command line and compare it with tests/golden/reference.
 
 One line an artefact, with the largest difference of numbers; exit 1 if anything is beyond its limit. `--write` makes
-the references again, for a change that is meant: say in the commit what has changed. Made at tag proof-1.
+the references again, for a change that is meant: say in the commit what has changed. Most are of tag proof-1; written
+anew since, each by a commit that says why: finding-l0-null, finding-l0-backlash, finding-l2-home, identifiability,
+predict, belief, grid, export-physics, gate-physics, gated-*. tests/golden/proof_1 keeps proof-1's own of those.
 """
 
 import argparse

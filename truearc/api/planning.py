@@ -15,7 +15,7 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.plan.detectability import Sight
-from truearc.sim.discover.plan.expected_information import foresee, foresee_dataset
+from truearc.sim.discover.plan.expected_information import foresee, foresee_dataset, is_planned
 from truearc.sim.discover.plan.experiment_design import can_design, make_design
 from truearc.sim.discover.report.design_report import SCHEMA, design_lines, design_table
 from truearc.sim.discover.report.identifiability_report import make_sight_page, sight_lines
@@ -64,7 +64,7 @@ class Identifiability(Printed):
 
 def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, shots: int | None = None,
                     believe: Iterable[str | Term] | None = None, terms: Iterable[Term] | None = None,
-                    sides: bool = False, seed: int = 0, name: str | None = None,
+                    sides: bool = False, seed: int | None = None, name: str | None = None,
                     progress: Progress = lambda done, note: None) -> Identifiability:
     """Work out which terms shots could show, before any result is known.
 
@@ -75,13 +75,13 @@ def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, 
         believe: Terms whose coefficients are fitted anyway; None: [believe] of the rig.
         terms: Candidate terms; None: the catalogue.
         sides: High or low is noted of every miss.
-        seed: Of the planned season.
+        seed: Of the planned season, or of where shots without results pass; 0 when None.
         name: Of it in the report; None: the dataset's name, or "rig".
         progress: Called with the share done, 0 to 1, and a note.
 
     Raises:
-        InputError: an unknown level or term, too few shots, a target that is missing or out of reach, or level or shots
-            given with a dataset.
+        InputError: an unknown level or term, too few shots, a target that is missing or out of reach, level or shots
+            given with a dataset, or sides or seed with one that has results.
     """
     check_kind("rig_or_dataset", rig_or_dataset, (Rig, Dataset), "load_rig(...) or truearc.load_dataset(...)")
     rig = rig_or_dataset.rig if isinstance(rig_or_dataset, Dataset) else rig_or_dataset
@@ -90,10 +90,12 @@ def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, 
     if isinstance(rig_or_dataset, Dataset):
         if level is not None or shots is not None:
             raise InputError("level, shots: a dataset's own shots are looked at")
-        sight = foresee_dataset(rig_or_dataset, believed, sides, seed, progress, among)
+        if not is_planned(rig_or_dataset) and (sides or seed is not None):
+            raise InputError(f"{'sides' if sides else 'seed'}: applies to planned shots only; these have results")
+        sight = foresee_dataset(rig_or_dataset, believed, sides, seed or 0, progress, among)
         return Identifiability(name or rig_or_dataset.name, sight, among)
     sight = foresee(rig, believed, LEVEL if level is None else level, SEASON_SHOTS if shots is None else shots, sides,
-                    seed, progress, among)
+                    seed or 0, progress, among)
     return Identifiability(name or "rig", sight, among)
 
 

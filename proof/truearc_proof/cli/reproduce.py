@@ -7,12 +7,11 @@ was broken off goes on.
 import argparse
 from pathlib import Path
 
-from truearc_proof.reproduce.settings import Settings
+from truearc_proof.reproduce.settings import QUICK_DRAWS, Settings
 
 GROUP = "proof"
 SUMMARY = "the paper's tables and figures beside ours"
 EXAMPLE = "truearc reproduce -o reproduction --quick"
-QUICK_DRAWS = 3
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

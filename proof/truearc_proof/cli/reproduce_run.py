@@ -10,7 +10,6 @@ from truearc.cli.common import make_progress
 from truearc.robot.config.schema import InputError, load_config
 from truearc.sim.data.dataset import save_dataset
 from truearc.sim.progress import Progress
-from truearc_proof.cli.reproduce import QUICK_DRAWS
 from truearc_proof.cli.reproduce_record import make_record
 from truearc_proof.parallel import fan_out
 from truearc_proof.reproduce.analysis import analyse
@@ -18,7 +17,7 @@ from truearc_proof.reproduce.collect import Pool, collect
 from truearc_proof.reproduce.networks import train_networks
 from truearc_proof.reproduce.page import OURS_NOT_THEIRS, headline, save_figures, save_page, what_varies
 from truearc_proof.reproduce.repetition import run_repetition, tasks_of
-from truearc_proof.reproduce.settings import Settings, quick
+from truearc_proof.reproduce.settings import QUICK_DRAWS, Settings, quick
 from truearc_proof.reproduce.tables import in_short, make_tables
 
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from truearc.robot.config.schema import InputError
 from truearc.sim.paper.settings import PATIENCE, STEPS
 
+QUICK_DRAWS = 3                       # repetitions with --quick
 LEAST = 6                             # fewer configurations of an outcome than this cannot be split
 
 

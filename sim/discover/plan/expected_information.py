@@ -56,14 +56,19 @@ def foresee(rig: Rig, believed: tuple[str, ...], level: str, shots: int, sides: 
     return sight_of(evidence, level, believed)
 
 
+def is_planned(dataset: Dataset) -> bool:
+    """Whether its shots have no results yet, so that they are looked at as aimed beside the centre."""
+    told = dataset.tracks is not None or sum(map(bool, dataset.shots.text("outcome"))) >= FEW or (
+        np.isfinite(dataset.shots.number("miss_height_m")).sum() >= FEW)
+    return not told and dataset.facts.target is not None
+
+
 def foresee_dataset(dataset: Dataset, believed: tuple[str, ...], sides: bool = False, seed: int = 0,
                     progress: Progress = lambda done, note: None, among: Catalogue | None = None) -> Sight:
     """The effects that the shots of a dataset can show: with results at the coefficients fitted to them, else as aimed
     beside the centre with the usual coefficients."""
     dataset = dataset.in_order()
-    told = dataset.tracks is not None or sum(map(bool, dataset.shots.text("outcome"))) >= FEW or (
-        np.isfinite(dataset.shots.number("miss_height_m")).sum() >= FEW)
-    if told or dataset.facts.target is None:
+    if not is_planned(dataset):
         intake = take_in(dataset)
         layout = lay_out(intake, believed, groups_of(dataset.shots, intake.rows), among)
         fitted = fit_believed(intake, layout, progress)

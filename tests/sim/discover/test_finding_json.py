@@ -1,4 +1,4 @@
-"""Findings on disk: those that the version of tag proof-1 wrote load, and are written again to the byte."""
+"""Findings on disk: golden ones load, and are written again to the byte (proof-1's own: tests/golden)."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ GOLDEN = sorted((Path(__file__).parents[2] / "golden" / "reference").glob("findi
 
 
 @pytest.mark.parametrize("path", GOLDEN, ids=lambda path: path.parent.name)
-def test_finding_of_proof_1_is_written_again_to_the_byte(path: Path) -> None:
+def test_golden_finding_is_written_again_to_the_byte(path: Path) -> None:
     finding = load_finding(path)
     assert make_json(finding) == path.read_bytes()
     assert finding.mismatch.found == (finding.verdict != "none") and finding.data.shots > 0

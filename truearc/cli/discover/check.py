@@ -15,7 +15,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument("dataset", metavar="DIR", help="dataset directory")
     add_accept(parser)
-    parser.add_argument("--seed", type=number(int, 0), default=0, help="of the season that is planned without shots")
+    parser.add_argument("--seed", type=number(int, 0), help="of the season that is planned without "
+                        "shots, or of where shots without results pass")
 
 
 def main(args: argparse.Namespace) -> int:

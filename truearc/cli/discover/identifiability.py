@@ -17,6 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         "directory: its own shots, with or without results")
     add_believe(parser)
     add_reports(parser)
+    parser.set_defaults(seed=None)
     parser.add_argument("--shots", type=number(int, 1), metavar="N",
                         help=f"shots of a planned season (default {SEASON_SHOTS})")
     parser.add_argument("--level", choices=LEVELS, help=f"what is recorded of them: outcomes, telemetry too, tracks "

@@ -1,0 +1,45 @@
+"""Files of tag proof-1 whose golden references were written anew since: they load, with unchanged results."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import truearc as ta
+from tests.golden.artefacts import REFERENCE, unpack
+from truearc.robot.gate.contract import FEATURES
+from truearc.robot.gate.model import load_gate
+from truearc.sim.discover.finding import load_finding, make_json
+
+OLD = Path(__file__).with_name("proof_1")
+
+
+@pytest.mark.parametrize("path", sorted(OLD.glob("*.json")), ids=lambda path: path.stem)
+def test_findings_are_written_again_to_the_byte(path: Path) -> None:
+    assert make_json(load_finding(path)) == path.read_bytes()
+
+
+def test_findings_are_all_there() -> None:
+    assert len(list(OLD.glob("*.json"))) == 3
+
+
+@pytest.mark.parametrize(("old", "new"), [
+    ("belief_belief.toml", "belief/belief.toml"), ("grid_coefficients.toml", "grid/coefficients.toml"),
+    ("finding-l2-home_adopted.toml", "finding-l2-home/adopted.toml")])
+def test_beliefs_hold_the_numbers_of_today(old: str, new: str) -> None:
+    then, now = ta.load_belief(OLD / old), ta.load_belief(REFERENCE / new)
+    assert then.names == now.names and then.coefficients.keys() == now.coefficients.keys()
+    for term, values in then.coefficients.items():
+        assert values == pytest.approx(now.coefficients[term], rel=1e-9)
+    np.testing.assert_allclose(then.covariance, now.covariance, rtol=1e-6, atol=1e-12)
+
+
+def test_the_gate_rates_as_it_did(tmp_path: Path) -> None:
+    unpack(tmp_path)
+    shots = ta.load_dataset(next(tmp_path.rglob("l0-null"))).shots
+    rated = load_gate(str(OLD / "gate.onnx")).rate_many(np.stack([shots.number(one.name) for one in FEATURES], axis=1))
+    with (OLD / "rows.csv").open(encoding="utf-8") as file:
+        rows = {row["shot_id"]: row for row in csv.DictReader(file)}
+    wanted = np.array([[float(rows[name]["p_two"]), float(rows[name]["p_three"])] for name in shots.shot_id])
+    np.testing.assert_allclose(rated.p, wanted, atol=2e-6)
