@@ -23,11 +23,13 @@ SLOWEST_M_S = 0.3                     # horizontally; slower has nearly turned b
 
 
 class Plane(NamedTuple):
-    """At the plane, arrays [n]: height, how fast the ball climbs per metre of x, and whether it came there at all."""
+    """At the plane, arrays [n]: height, how fast the ball climbs per metre of x, whether it came there at all, and how
+    far to the left it is."""
 
     height_m: Any
     climb: Any
     near: Any
+    side_m: Any
 
 
 def reach_plane(rig: Rig, law: Law, exit: Exit, distance_m: Any, steps: int = STEPS) -> Plane:
@@ -53,7 +55,7 @@ def reach_plane(rig: Rig, law: Law, exit: Exit, distance_m: Any, steps: int = ST
 
     kept, near = lax.scan(advance, (_kept(ball), near), None, length=steps)[0]
     end = _full(ball, kept)
-    return Plane(end.position_m.z, end.velocity_m_s.z / _pace(end.velocity_m_s.x), near)
+    return Plane(end.position_m.z, end.velocity_m_s.z / _pace(end.velocity_m_s.x), near, plus(end.position_m.y, zero))
 
 
 def _kept(ball: BallState) -> tuple[Any, ...]:

@@ -16,11 +16,15 @@ TOPS = ("hw", "robot", "sim", "model_export", "truearc", "proof")
 FILES = sorted(path for top in TOPS for path in (ROOT / top).rglob("*.py"))
 FOLDERS = sorted({path.parent for path in FILES})
 LONGEST_FILE, LONGEST_FUNCTION, MOST_MODULES = 400, 60, 15
-MOST_LINES = 27_050                   # of code in the wheel, by tools/count_lines.py; checks of input took 700
+MOST_LINES = 27_550                   # of code in the wheel, by tools/count_lines.py; checks of input took 700, aim 480
 BARE = ("hw", "robot", "sim", "model_export")
 LINT = ("import sys; sys.meta_path[:] = [one for one in sys.meta_path if 'editable' not in repr(one).lower()]; "
         "sys.path[:] = [{site!r}] + [one for one in sys.path if one]; "
         "from importlinter.cli import lint_imports_command; lint_imports_command()")
+CYCLES = ("import sys; sys.meta_path[:] = [one for one in sys.meta_path if 'editable' not in repr(one).lower()]; "
+          "sys.path[:] = [{site!r}] + [one for one in sys.path if one]; import graphlib, grimp; "
+          "graph = grimp.build_graph('truearc', 'truearc_proof', cache_dir=None); graphlib.TopologicalSorter("
+          "{{one: graph.find_modules_directly_imported_by(one) for one in graph.modules}}).prepare()")
 HEAVY = ("jax", "mujoco", "onnx", "scipy", "matplotlib", "optax", "pyarrow", "joblib", "rich")
 
 
@@ -47,6 +51,11 @@ def test_import_directions(site):
     """On the unpacked wheels: the linter does not follow the links of build/view."""
     run(sys.executable, "-c", LINT.format(site=str(site)), "--no-cache", "--config", str(ROOT / "pyproject.toml"),
         cwd=site)
+
+
+def test_no_modules_import_each_other(site):
+    """Not even inside a function: graphlib.CycleError names the modules."""
+    run(sys.executable, "-c", CYCLES.format(site=str(site)), cwd=site)
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))

@@ -45,6 +45,7 @@ COMMANDS = (
     Command("check", "truearc.cli.discover.check", "discover", "whether data are plausible, and what they could show"),
     Command("fit", "truearc.cli.discover.fit", "discover", "coefficients and scatter by maximum a posteriori"),
     Command("predict", "truearc.cli.discover.predict", "discover", "heights and outcomes, or a gate's probabilities"),
+    Command("aim", "truearc.cli.discover.aim", "discover", "hood angle and motor speed by distance, by a belief"),
     Command("discover", "truearc.cli.discover.discover", "discover", "where recordings and simulation disagree"),
     Command("design", "truearc.cli.discover.design", "discover", "the next shots, to separate remaining candidates"),
     Command("identifiability", "truearc.cli.discover.identifiability", "discover",

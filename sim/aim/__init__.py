@@ -1,0 +1,1 @@
+"""Set points that score, by a belief: what hood angle and motor speed a distance needs."""

@@ -1,0 +1,84 @@
+"""A belief and a rig -> the table of set points, with what errors cost and the band of speeds that score."""
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from jaxtyping import Float
+
+from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.schema import InputError
+from truearc.sim.aim.aim_table import DISTANCE_M, HOOD_DEG, SPEED_RPM, AimRow, AimTable
+from truearc.sim.aim.chances import Chances, chances_of
+from truearc.sim.aim.lead import lead_deg
+from truearc.sim.aim.snippets import RPM
+from truearc.sim.aim.solve import LEAST_POINTS, SAFE_SHARE, Solved, solve
+from truearc.sim.infer.belief import Belief
+from truearc.sim.progress import Progress
+
+BAND = np.linspace(-0.25, 0.25, 101)  # of the log of the motor's speed, in which the band is sought
+ROWS_AT_ONCE = 64
+
+Rows = Float[np.ndarray, " n"]
+
+
+def make_table(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: tuple[float, float],
+               progress: Progress = lambda done, note: None) -> AimTable:
+    """The table for ascending distances. InputError where no distance has a set point that scores."""
+    solved = solve(rig, belief, distance_m, hood_deg, progress)
+    scores = np.array([not reason for reason in solved.reason]) & (solved.chances.points >= LEAST_POINTS)
+    refused = tuple((float(distance_m[row]), solved.reason[row] or "no set point near its neighbours' scores")
+                    for row in np.flatnonzero(~scores))
+    if not scores.any():
+        raise InputError(f"aim: no distance has a set point that scores: {refused[0][1]}")
+    return AimTable(tuple(_rows(rig, belief, distance_m, solved, np.flatnonzero(scores))), refused)
+
+
+def _rows(rig: Rig, belief: Belief, distance_m: Rows, solved: Solved, kept: np.ndarray) -> Iterator[AimRow]:
+    at = (distance_m[kept], solved.hood_deg[kept], solved.motor_ratio[kept])
+    best = chances_of(rig, belief, *at)
+    free_rad_s = rig.launcher.free_speed_rad_s or 0.0
+    lost = [_lost(rig, belief, at, best, place, error) for place, error in enumerate(
+        (DISTANCE_M, HOOD_DEG, SPEED_RPM / RPM / free_rad_s))]
+    low, high = _band(rig, belief, at, best)
+    lead = lead_deg(rig, belief, *at)
+    fitted = belief.provenance.get("range", {})
+    for row in range(len(kept)):
+        numbers = (*(float(column[row]) for column in at), float(at[2][row] * free_rad_s), float(lead[row]),
+                   *(float(column[row]) for column in (best.p_two, best.p_three, best.points, *lost)),
+                   float(low[row] * free_rad_s), float(high[row] * free_rad_s))
+        settings = dict(zip(("distance_m", "hood_deg", "motor_ratio"), numbers, strict=False))
+        yield AimRow._make([*numbers, beyond(settings, fitted if isinstance(fitted, Mapping) else {})])
+
+
+def _lost(rig: Rig, belief: Belief, at: tuple[Rows, Rows, Rows], best: Chances, place: int, error: float) -> Rows:
+    """Points that an error of one of the three costs: of the distance the measured one, not where the robot stands."""
+    off = []
+    for sign in (-1.0, 1.0):
+        moved = [column + sign * error if index == place else column for index, column in enumerate(at)]
+        off.append(chances_of(rig, belief, *moved).points)
+    return np.asarray(best.points - 0.5 * (off[0] + off[1]))
+
+
+def _band(rig: Rig, belief: Belief, at: tuple[Rows, Rows, Rows], best: Chances) -> tuple[Rows, Rows]:
+    """Lowest and highest ratio around each set point with at least SAFE_SHARE of its points."""
+    low, high = at[2].copy(), at[2].copy()
+    for first in range(0, len(low), ROWS_AT_ONCE):
+        rows = slice(first, first + ROWS_AT_ONCE)
+        ratio = np.minimum(at[2][rows, None] * np.exp(BAND), 1.0)
+        distance_m, hood_deg = (np.repeat(column[rows], len(BAND)) for column in at[:2])
+        points = chances_of(rig, belief, distance_m, hood_deg, ratio.ravel()).points.reshape(ratio.shape)
+        good = points >= SAFE_SHARE * best.points[rows, None]
+        middle = len(BAND) // 2
+        below = np.argmin(np.c_[good[:, middle::-1], np.zeros(len(good), bool)], axis=1) - 1
+        above = np.argmin(np.c_[good[:, middle:], np.zeros(len(good), bool)], axis=1) - 1
+        row = np.arange(len(good))
+        low[rows] = ratio[row, middle - np.maximum(below, 0)]
+        high[rows] = ratio[row, middle + np.maximum(above, 0)]
+    return low, high
+
+
+def beyond(settings: Mapping[str, float], fitted: Mapping[str, list[float]]) -> str:
+    """What of a set point is outside the range of the shots that a belief was fitted to; "" where nothing is."""
+    return "; ".join(f"{name} beyond the fitted {fitted[name][0]:.3g} to {fitted[name][1]:.3g}"
+                     for name, value in settings.items()
+                     if name in fitted and not fitted[name][0] - 1e-9 <= value <= fitted[name][1] + 1e-9)

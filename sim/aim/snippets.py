@@ -1,0 +1,35 @@
+"""Set points as text for other programs: CSV, Java and C++."""
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+RPM = 60.0 / (2.0 * math.pi)          # of one rad/s
+
+
+def csv_text(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """CSV with a header; floats to six digits after the point."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows([f"{cell:.6f}" if isinstance(cell, float) else cell for cell in row] for row in rows)
+    return out.getvalue()
+
+
+def java_text(rows: Iterable[Any]) -> str:
+    """Statements for two edu.wpi.first.math.interpolation.InterpolatingDoubleTreeMap, keyed by distance in m."""
+    lines = ["// by truearc aim: distance (m) -> hood (deg above the horizontal), motor (rpm)"]
+    for row in rows:
+        lines += [f"hoodDeg.put({row.distance_m:.3f}, {row.hood_deg:.2f});",
+                  f"motorRpm.put({row.distance_m:.3f}, {row.motor_rad_s * RPM:.1f});"]
+    return "\n".join(lines) + "\n"
+
+
+def cpp_text(rows: Iterable[Any]) -> str:
+    """An array that needs no library."""
+    lines = ["// by truearc aim: distance (m), hood (deg above the horizontal), motor (rpm)",
+             "struct SetPoint { double distance_m, hood_deg, motor_rpm; };", "constexpr SetPoint kSetPoints[] = {"]
+    lines += [f"    {{{row.distance_m:.3f}, {row.hood_deg:.2f}, {row.motor_rad_s * RPM:.1f}}}," for row in rows]
+    return "\n".join([*lines, "};"]) + "\n"

@@ -1,0 +1,157 @@
+"""Distance -> the set point with the most expected points; of those that are nearly as good, a smooth row of them."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.schema import InputError
+from truearc.sim.aim.chances import Chances, believed_opening, chances_of
+from truearc.sim.infer.belief import Belief
+from truearc.sim.progress import Progress
+
+STEP_DEG = 1.0                        # of the hood angles that are tried
+RATIOS = np.geomspace(0.08, 1.0, 20)  # motor speeds over free speed, between which the height is interpolated
+NEWTON, POLISH = 3, 2                 # steps to the ratio that meets the centre, and rounds around it
+REACH = 1.5                           # half-width of the first round, in openings' half heights
+TRIED = 9                             # ratios of a round
+STIFF_POINTS_M = 5e-4                 # what a change of the hood by a degree per metre may cost
+NEAR_M = 0.5                          # distances whose hood angles are made a smooth row
+ROUNDING_POINTS = 3e-3                # what that may cost
+SPIN_UP_POINTS = 0.02                 # and going from rest to free speed: of what is equally good, the slower
+LEAST_POINTS = 0.02                   # expected; with less a distance is refused
+SAFE_SHARE = 0.5                      # of the best points, which set points within the band have at least
+
+
+class Solved(NamedTuple):
+    """Set points [n], a row per distance; nothing scores where `points` is below LEAST_POINTS."""
+
+    hood_deg: Float[np.ndarray, " n"]
+    motor_ratio: Float[np.ndarray, " n"]
+    chances: Chances
+    reason: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Field:
+    """Best ratio [n, m] at every distance [n] and hood angle [m], and the points there."""
+
+    hood_deg: Float[np.ndarray, " m"]
+    motor_ratio: Float[np.ndarray, "n m"]
+    points: Float[np.ndarray, "n m"]
+    reason: Int[np.ndarray, "n m"]
+
+
+REASONS = ("no set point scores", "the ball does not come so far at the motors' free speed",
+           "the ball passes above the target even at the lowest speed")
+
+
+def solve(rig: Rig, belief: Belief, distance_m: Float[np.ndarray, " n"], hood_deg: tuple[float, float],
+          progress: Progress = lambda done, note: None) -> Solved:
+    """The best set point of each ascending distance, with a hood angle within `hood_deg` (lowest, highest)."""
+    if rig.launcher.free_speed_rad_s is None or not rig.launcher.wheel:
+        raise InputError("rig.toml: launcher: free_speed_rad_s and a wheel are needed to aim")
+    count = max(round((hood_deg[1] - hood_deg[0]) / STEP_DEG), 0) + 1
+    field = _search(rig, belief, distance_m, np.linspace(*hood_deg, count), progress)
+    path = _smooth_path(field, distance_m)
+    rows = np.arange(len(distance_m))
+    found = field.hood_deg[path]
+    smooth = _rounded_off(found, distance_m, hood_deg)
+    rounded = _ratios(rig, belief, distance_m, smooth, field.motor_ratio[rows, path])
+    lost = field.points[rows, path] - chances_of(rig, belief, distance_m, smooth, rounded).points
+    hood = np.where(lost > ROUNDING_POINTS, found, smooth)
+    ratio = np.where(lost > ROUNDING_POINTS, field.motor_ratio[rows, path], rounded)
+    chances = chances_of(rig, belief, distance_m, hood, ratio)
+    best = field.points.max(axis=1)
+    reasons = tuple("" if best[row] >= LEAST_POINTS else REASONS[int(np.bincount(field.reason[row]).argmax())]
+                    for row in rows)
+    progress(1.0, f"{len(distance_m)} distances")
+    return Solved(hood, ratio, chances, reasons)
+
+
+def _search(rig: Rig, belief: Belief, distance_m: Float[np.ndarray, " n"], hood_deg: Float[np.ndarray, " m"],
+            progress: Progress) -> _Field:
+    n, m = len(distance_m), len(hood_deg)
+    centre_m = believed_opening(rig, belief).centre_m
+    ratio, reason = np.empty((n, m)), np.zeros((n, m), int)
+    for row, distance in enumerate(distance_m):
+        grid = chances_of(rig, belief, np.full(m * len(RATIOS), distance), np.repeat(hood_deg, len(RATIOS)),
+                          np.tile(RATIOS, m))
+        for column, height_m in enumerate(grid.height_m.reshape(m, -1)):
+            ratio[row, column], reason[row, column] = _crossing(height_m - centre_m)
+        progress(0.8 * (row + 1) / n, f"{row + 1} of {n} distances")
+    flat = np.repeat(distance_m, m), np.tile(hood_deg, n)
+    best = _ratios(rig, belief, *flat, ratio.ravel())
+    return _Field(hood_deg, best.reshape(n, m), chances_of(rig, belief, *flat, best).points.reshape(n, m), reason)
+
+
+def _crossing(off_m: Float[np.ndarray, " ratios"]) -> tuple[float, int]:
+    """The ratio at which a height that grows with it meets the centre, and why there is none: index of REASONS."""
+    known = np.isfinite(off_m)
+    if not known.any() or off_m[known].max() < 0.0:
+        return float(RATIOS[-1]), 1
+    first = int(np.flatnonzero(known & (off_m >= 0.0))[0])
+    if first == 0 or not known[first - 1]:
+        return float(RATIOS[first]), 2 if first == 0 else 0
+    share = off_m[first - 1] / (off_m[first - 1] - off_m[first])
+    return float(RATIOS[first - 1] * (RATIOS[first] / RATIOS[first - 1])**share), 0
+
+
+def _ratios(rig: Rig, belief: Belief, distance_m: Float[np.ndarray, " k"], hood_deg: Float[np.ndarray, " k"],
+            start: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+    """The ratios with the most points near those where a height meets the target's centre."""
+    opening = believed_opening(rig, belief)
+    ratio = start
+    for _ in range(NEWTON):
+        at = chances_of(rig, belief, distance_m, hood_deg, ratio)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = (opening.centre_m - at.height_m) / at.per_log_speed
+        ratio = np.clip(ratio * np.exp(np.clip(np.nan_to_num(step), -0.1, 0.1)), RATIOS[0], 1.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        half = np.clip(np.nan_to_num(REACH * opening.two_half_m / np.abs(at.per_log_speed), nan=0.05), 1e-3, 0.2)
+    for _ in range(POLISH):
+        tried = np.clip(ratio[:, None] * np.exp(half[:, None] * np.linspace(-1.0, 1.0, TRIED)), RATIOS[0], 1.0)
+        points = chances_of(rig, belief, np.repeat(distance_m, TRIED), np.repeat(hood_deg, TRIED), tried.ravel()).points
+        ratio = _peak(tried, points.reshape(-1, TRIED))
+        half = half / TRIED * 2.0
+    return ratio
+
+
+def _peak(tried: Float[np.ndarray, "k t"], points: Float[np.ndarray, "k t"]) -> Float[np.ndarray, " k"]:
+    """Where the parabola through the best of each row and its neighbours has its top; of equals, their middle."""
+    row = np.arange(len(tried))
+    flat = points >= points.max(axis=1, keepdims=True) - 1e-12
+    best = np.clip(np.round((flat * np.arange(tried.shape[1])).sum(1) / flat.sum(1)).astype(int), 1, tried.shape[1] - 2)
+    low, top, high = (points[row, best + step] for step in (-1, 0, 1))
+    bend = low - 2.0 * top + high
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shift = np.where(bend < 0.0, 0.5 * (low - high) / bend, 0.0)
+    shift = np.clip(np.nan_to_num(shift), -1.0, 1.0)
+    place = np.log(tried[row, best])
+    step = np.where(shift < 0.0, place - np.log(tried[row, best - 1]), np.log(tried[row, best + 1]) - place)
+    return np.asarray(np.exp(place + shift * step))
+
+
+def _smooth_path(field: _Field, distance_m: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
+    """The hood angle [n] (index) of each distance: most points, less what its changes and the speeds cost."""
+    cost = SPIN_UP_POINTS * field.motor_ratio - field.points
+    change = STIFF_POINTS_M * np.abs(field.hood_deg[:, None] - field.hood_deg)
+    total, back = cost[0], np.zeros(cost.shape, int)
+    for row in range(1, len(distance_m)):
+        ways = total[:, None] + change / (distance_m[row] - distance_m[row - 1])
+        back[row] = ways.argmin(axis=0)
+        total = ways.min(axis=0) + cost[row]
+    path = np.empty(len(distance_m), int)
+    path[-1] = total.argmin()
+    for row in range(len(distance_m) - 1, 0, -1):
+        path[row - 1] = back[row, path[row]]
+    return path
+
+
+def _rounded_off(hood_deg: Float[np.ndarray, " n"], distance_m: Float[np.ndarray, " n"],
+                 limits: tuple[float, float]) -> Float[np.ndarray, " n"]:
+    """Without the steps of the grid: weighted means of each angle's neighbours."""
+    weight = np.maximum(1.0 - np.abs(distance_m[:, None] - distance_m) / NEAR_M, 0.0)
+    return np.asarray(np.clip((weight @ hood_deg) / weight.sum(axis=1), *limits))

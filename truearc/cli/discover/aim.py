@@ -1,0 +1,88 @@
+"""Find the hood angle and motor speed that score most at each distance, by a belief.
+
+Probabilities hold the scatter from shot to shot, the sensors' noise (rig.toml [noise]) and the belief's covariance. The
+last columns of the table say how many points an error of distance, hood angle or motor speed costs.
+"""
+
+import argparse
+import math
+import tomllib
+from pathlib import Path
+
+import truearc as ta
+from truearc.cli.common import add_terms_from, catalogue_of, make_progress, print_or_write
+from truearc.cli.outputs import out_file
+
+EXAMPLE = "truearc aim belief.toml --rig rig.toml --distances 2:7:0.25 --picture aim.png"
+FORMATS = ("text", "csv", "json", "java", "cpp")
+MOST = 1000                           # distances
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.add_argument("belief", metavar="BELIEF", help="coefficients.toml, as `truearc fit` and `truearc discover "
+                        "--adopt` write it")
+    parser.add_argument("--rig", required=True, metavar="FILE", help="rig.toml of a dataset, or launcher.toml")
+    parser.add_argument("--distances", type=_distances, metavar="LOW:HIGH:STEP", help="in m, or a list such as 2,3.5,5 "
+                        "(default: every 0.25 m of the range that the belief was fitted to)")
+    parser.add_argument("--hood", type=_span, metavar="LOW:HIGH", help="launch elevations in degrees to choose from "
+                        "(default: the range that the belief was fitted to)")
+    parser.add_argument("--format", choices=FORMATS, default="text", help="text for people, CSV or JSON with every "
+                        "number, or lines to paste into robot code (default text)")
+    parser.add_argument("-o", "--out", type=out_file, metavar="FILE", help="file to write instead of standard output")
+    parser.add_argument("--picture", type=out_file, metavar="PNG", help="picture of set points and of the band that "
+                        "scores")
+    add_terms_from(parser)
+
+
+def main(args: argparse.Namespace) -> int:
+    """Return 0 once every set point is written."""
+    from truearc.sim.compile_cache import keep_compiled
+    keep_compiled()
+    rig, belief = _rig(args.rig), ta.load_belief(args.belief, catalogue_of(args))
+    table = ta.aim(belief, rig, distances_m=args.distances, hood_deg=args.hood,
+                   progress=make_progress("aim", args.quiet))
+    print_or_write(args.out, table.to_text(args.format))
+    if args.picture:
+        from truearc.sim.report import make_png
+        args.picture.write_bytes(make_png(table.plot()))
+    return 0
+
+
+def _rig(path: str) -> "ta.Rig":
+    """The rig of a rig.toml, or of a launcher.toml, which has it in a table [rig]."""
+    try:
+        is_launcher = "rig" in tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        is_launcher = False           # the loader below names what is wrong
+    return ta.load_config(path).rig if is_launcher else ta.load_rig(path)
+
+
+def _numbers(text: str, separator: str) -> tuple[float, ...]:
+    try:
+        numbers = tuple(map(float, text.split(separator)))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is not numbers with {separator!r} between them") from error
+    if not all(map(math.isfinite, numbers)):
+        raise argparse.ArgumentTypeError(f"got {text}; expected finite numbers")
+    return numbers
+
+
+def _distances(text: str) -> tuple[float, ...]:
+    if ":" not in text:
+        return _numbers(text, ",")
+    numbers = _numbers(text, ":")
+    if len(numbers) != 3 or numbers[2] <= 0.0 or not 0.0 < numbers[0] <= numbers[1]:
+        raise argparse.ArgumentTypeError(f"got {text}; expected LOW:HIGH:STEP such as 2:7:0.25")
+    low, high, step = numbers
+    count = int((high - low) / step + 1e-9) + 1
+    if count > MOST:
+        raise argparse.ArgumentTypeError(f"got {count} distances; at most {MOST} are possible")
+    return tuple(low + step * index for index in range(count))
+
+
+def _span(text: str) -> tuple[float, float]:
+    numbers = _numbers(text, ":")
+    if len(numbers) != 2 or not numbers[0] <= numbers[1]:
+        raise argparse.ArgumentTypeError(f"got {text}; expected LOW:HIGH such as 30:54")
+    return numbers[0], numbers[1]
