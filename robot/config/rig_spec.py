@@ -145,7 +145,8 @@ def missing_keys(table: Mapping[str, Any], kind: Any, prefix: str = "") -> list[
     for one in msgspec.structs.fields(kind):
         value, inner = table.get(one.encode_name), _struct_in(one.type)
         if one.encode_name not in table:
-            names += [prefix + one.encode_name] if one.required else []
+            inside = missing_keys({}, inner, f"{prefix}{one.encode_name}.") if inner is not None else []
+            names += (inside or [prefix + one.encode_name]) if one.required else []
         elif inner is not None:
             for row in value if isinstance(value, list) else [value]:
                 here = missing_keys(row, inner, f"{prefix}{one.encode_name}.") if isinstance(row, dict) else []

@@ -1,6 +1,7 @@
 """The launcher's configuration: one TOML file, no defaults, so that a typo cannot become one."""
 
 import csv
+import math
 import re
 import tomllib
 from collections.abc import Iterator
@@ -28,6 +29,7 @@ Count = Annotated[int, msgspec.Meta(gt=0, lt=1_000_000)]
 
 
 MAX_LINE = 20_000                     # characters: longer ones take minutes to parse
+DENSEST_KG_M3 = 23_000.0              # of a ball: no metal is heavier
 MAX_TEXT_BYTES, MAX_BYTES = 4_000_000, 500_000_000      # of a configuration or belief; of a model or table
 MAX_TORQUE_NM = 100.0                 # at the motor shaft; the strongest of a team's motors give 7
 
@@ -259,7 +261,8 @@ def load_config(path: str | Path) -> Config:
     config = parse_toml(text, Config, str(path))
     for key in unknown_keys(parse_table(text, str(path))["rig"]):
         raise InputError(f"{path}: rig.{key}: unknown key")
-    for key, what in (*((f"rig.{key}", what) for key, what in rig_errors(config.rig)), *_contradictions(config)):
+    for key, what in (*((f"rig.{key}", what) for key, what in rig_errors(config.rig)), *_contradictions(config),
+                      *_cannot_throw(config.rig)):
         raise InputError(f"{path}: {key}: {what}")
     return config
 
@@ -292,6 +295,18 @@ def load_text(path: str | Path) -> str:
     """The text of a file in UTF-8; InputError names the file and says why it cannot be read, or that it is too long."""
     with naming(path):
         return load_bytes(path, MAX_TEXT_BYTES).decode("utf-8").replace("\r\n", "\n")
+
+
+def _cannot_throw(rig: Rig) -> Iterator[tuple[str, str]]:
+    """What a rig may say on paper, and a launcher's cannot."""
+    if rig.world.gravity_m_s2 <= 0:
+        yield "rig.world.gravity_m_s2", f"{rig.world.gravity_m_s2:g} must be above 0"
+    if not any(wheel.gear for wheel in rig.launcher.wheel):
+        yield "rig.launcher.wheel.gear", "no wheel turns"
+    ball = rig.ball
+    if ball.radius_m > 0 and ball.mass_kg / (4.0 / 3.0 * math.pi * ball.radius_m**3) > DENSEST_KG_M3:
+        yield "rig.ball.mass_kg", (f"{ball.mass_kg:g} kg in a ball of {ball.radius_m:g} m radius is denser than any "
+                                   "metal; are these grams?")
 
 
 def load_bytes(path: str | Path, most: int = MAX_BYTES) -> bytes:

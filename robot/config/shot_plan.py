@@ -4,12 +4,13 @@ Read with the standard library alone, since the robot reads it too: `truearc run
 """
 
 import csv
+import io
 import math
 from pathlib import Path
 
 from msgspec.structs import replace
 
-from truearc.robot.config.schema import Config, InputError, Prescribed, naming
+from truearc.robot.config.schema import MAX_TEXT_BYTES, Config, InputError, Prescribed, load_bytes, naming
 
 COLUMNS = ("distance_m", "motor_ratio", "hood_deg")
 SHOWN = 5                             # bad rows that a message names before it only counts
@@ -43,8 +44,9 @@ def with_plan(config: Config, plan: tuple[Prescribed, ...], repeats: int | None 
 
 def _rows(file: Path) -> list[tuple[int, dict[str, str]]]:
     """(line, cells by column) of each row; InputError when it is no such table."""
-    with naming(file), file.open(encoding="utf-8-sig", newline="") as text:
-        reader = csv.DictReader(text, strict=True)
+    with naming(file):
+        text = load_bytes(file, MAX_TEXT_BYTES).decode("utf-8-sig")
+        reader = csv.DictReader(io.StringIO(text, newline=""), strict=True)
         header = reader.fieldnames or []
         for name in COLUMNS:
             if name not in header:

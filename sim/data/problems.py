@@ -18,6 +18,10 @@ class Problems:
         """place: file and line; column: name, or '' when it is the row."""
         self._messages.append(f"{place}: {column}: {what}" if column else f"{place}: {what}")
 
+    def add_message(self, message: str) -> None:
+        """One that names its place itself."""
+        self._messages.append(message)
+
     def close(self) -> None:
         """Raise InputError with the first problems and how many there are, if there are any."""
         if not self._messages:
@@ -31,5 +35,8 @@ class Problems:
 def gathered() -> Iterator[Problems]:
     """Problems that are raised together at the end of the block."""
     problems = Problems()
-    yield problems
+    try:
+        yield problems
+    except InputError as error:
+        problems.add_message(str(error))
     problems.close()

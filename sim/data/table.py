@@ -15,6 +15,7 @@ from truearc.robot.config.schema import InputError, load_bytes
 from truearc.sim.data.problems import Problems
 
 DECIMAL_COMMA = re.compile(r"^\s*([+-]?\d+),(\d+)\s*$")
+DECIMAL_COMMAS = re.compile(r"(?:^|;)\s*[+-]?\d+,\d+\s*(?:;|\r?$)", re.MULTILINE)
 Cell = str | float | None             # CSV gives text; Parquet numbers, text or None
 
 
@@ -39,7 +40,11 @@ class RawTable:
 
 def find_table(directory: Path, stem: str) -> Path | None:
     """The CSV or Parquet file of that name, None when there is neither; InputError when there are both."""
-    found = [path for path in (directory / f"{stem}.csv", directory / f"{stem}.parquet") if path.is_file()]
+    found = [path for path in (directory / f"{stem}.csv", directory / f"{stem}.parquet")
+             if path.exists() or path.is_symlink()]
+    for path in found:
+        if not path.is_file():
+            raise InputError(f"{path}: is not a file")
     if len(found) > 1:
         raise InputError(f"{directory}: has both {stem}.csv and {stem}.parquet; keep one")
     return found[0] if found else None
@@ -75,9 +80,11 @@ def parse_csv(text: str, path: Path, problems: Problems) -> RawTable:
 def _separator(text: str, path: Path) -> str:
     """Spreadsheets of many countries write semicolons, and then commas for decimal points; others tabs."""
     header = text.partition("\n")[0]
-    for mark, name in ((";", "semicolons between cells, a comma as the decimal point"), ("\t", "tabs between cells")):
+    for mark, name in ((";", "semicolons"), ("\t", "tabs")):
         if mark in header and "," not in header:
-            print(f"warning: {path}: read with {name}", file=sys.stderr)
+            commas = mark == ";" and DECIMAL_COMMAS.search(text) is not None
+            print(f"warning: {path}: read with {name} between cells" + (", commas as decimal points" if commas else ""),
+                  file=sys.stderr)
             return mark
     return ","
 

@@ -2,6 +2,7 @@
 
 import difflib
 import math
+import re
 from collections.abc import Callable
 
 from truearc.sim.data.columns import RANGES, TEXTS, WHEEL, WORDS, parse_number
@@ -22,6 +23,13 @@ CONVERTED = {
 }
 # columns of shots without a range of their own that code reads by name
 OTHERS = ("battery_v", "temperature_c", "pressure_pa", "mass_kg", "radius_m", "robot_speed_m_s", "config_id", "shot_id")
+# column of shots -> words by which a name means it, unless it or one of these is there
+SAID: dict[str, tuple[set[str], tuple[str, ...]]] = {
+    "distance_m": ({"dist", "distance", "range"}, ()),
+    "hood_deg": ({"hood", "angle", "elevation", "pitch"}, ("exit_deg",)),
+    "motor_ratio": ({"ratio", "power", "throttle", "duty"}, ("exit_speed_m_s", WHEEL.pattern)),
+    "outcome": ({"outcome", "result", "score", "scored"}, ("miss_height_m",)),
+}
 NEAR = 0.85                           # likeness of a column's name to one that is read, above which it is a slip
 
 
@@ -68,9 +76,14 @@ def _times(cell: Cell, factor: float) -> Cell:
 
 
 def _meant(name: str, is_read: Callable[[str], bool], there: set[str]) -> str | None:
-    """The column that a name is nearly that of, unless that one is there too."""
+    """The column that a name is nearly that of, or that it has a word for, unless that one is there too."""
     if is_read(name):
         return None
+    words = set(re.split("[^a-z]+", name.lower()))
+    for column, (said, instead) in SAID.items():
+        if words & said and is_read(column) and not any(re.fullmatch(one, have) for one in (column, *instead)
+                                                        for have in there):
+            return column
     plain = "_".join(name.lower().split())
     without_unit = [f"{plain}_{unit}" for unit in (*CONVERTED, "c") if is_read(f"{plain}_{unit}")]
     like = difflib.get_close_matches(plain, [*RANGES, *WORDS, *OTHERS], 1, NEAR)

@@ -61,8 +61,9 @@ def outcome_classes_of(shots: Shots, name: str,
 
 
 def _groups(shots: Shots, kept: np.ndarray) -> np.ndarray:
-    """Shots of one session with one config_id are a group; a shot without a config_id is one by itself."""
+    """Shots of one session with one config_id are a group; a shot without a config_id is one by itself. Their numbers
+    do not depend on the order of rows."""
     session, config = shots.text("session"), shots.text("config_id")
     keys = [(session[row], config[row]) if config[row] else ("", shots.shot_id[row]) for row in kept]
-    numbers = {key: number for number, key in enumerate(dict.fromkeys(keys))}
+    numbers = {key: number for number, key in enumerate(sorted(set(keys)))}
     return np.array([numbers[key] for key in keys])

@@ -6,6 +6,7 @@ Each check has a name, and can be accepted by it. A check passes where the data 
 import math
 from collections.abc import Collection, Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -27,9 +28,12 @@ DOUBLED = 1.9                         # of it: a light ball, or the wheels' diam
 TYPICAL = 1.3                         # of foam balls
 MEASURED = 0.85                       # the least of it where the speed itself was measured: slip does not add to drag
 STRAIGHTER = 0.65                     # spread of that ratio with the other angle, by its spread as recorded
-CROOKED = 0.1                         # and the least spread as recorded that is judged
+CROOKED = 0.05                        # and the least spread as recorded that is judged
 SAMPLES, TRACKS, SCORES = 8, 3, 6     # fewest of a track, of tracks, of scoring shots, that are judged
 LENGTHS = {"millimetres": ("mm", 1e-3), "centimetres": ("cm", 0.01), "inches": ("in", 0.0254), "feet": ("ft", 0.3048)}
+ALIKE = 1.15                          # gravity in the unit that a message names, over the rig's, or the inverse
+HIGHEST_M, WIDEST_M = 5.0, 0.5        # release of a launcher with a target; radius of its wheels
+FAR_M = 0.5                           # tracks that go less far have no direction
 RPM = math.pi / 30.0
 
 
@@ -60,16 +64,25 @@ def check_plausible(dataset: Dataset, accept: Collection[str] = ()) -> Dataset:
     objections = list(_objections(dataset))
     refused = [objection for objection in objections if not objection.warns and objection.check not in accept]
     if refused:
-        raise InputError("\n".join(f"{objection} (check {objection.check!r}; accept it by name if it is so)"
-                                   for objection in refused))
+        raise InputError("\n".join(f"{_placed(objection, dataset.shots.source)} (check {objection.check!r}; accept it "
+                                   "by name if it is so)" for objection in refused))
     return replace(dataset, accepted=tuple(f"{objection.check}: {objection}" for objection in objections))
+
+
+def _placed(objection: Flaw, shots: str) -> str:
+    """With the folder of the shots' file before the names of files beside it."""
+    folder = Path(shots).parent if Path(shots).suffix in (".csv", ".parquet") else None
+    beside = folder is not None and objection.place.startswith(("rig.toml:", "tracks:"))
+    return f"{folder}/{objection}" if beside else str(objection)
 
 
 def _objections(dataset: Dataset) -> Iterator[Flaw]:
     yield from _ball(dataset.rig)
+    launcher = list(_launcher(dataset.rig))
+    yield from launcher
     hood = list(_hood(dataset.shots))
     yield from hood
-    if not hood:
+    if not hood and not launcher:
         yield from _reach(dataset.rig, dataset.shots)
     if dataset.tracks is not None:
         yield from _tracks(dataset, dataset.tracks)
@@ -90,6 +103,24 @@ def _ball(rig: Rig) -> Iterator[Flaw]:
     elif density < LIGHT_KG_M3:
         yield Flaw("radius", "rig.toml: ball.radius_m", f"{ball.radius_m:g} m is much for a ball of {ball.mass_kg:g} "
                     "kg; make sure that it is not the diameter", warns=True)
+
+
+def _launcher(rig: Rig) -> Iterator[Flaw]:
+    release_m = rig.launcher.release_height_m
+    if rig.target is not None and release_m > HIGHEST_M:
+        yield Flaw("reach", "rig.toml: launcher.release_height_m", f"{release_m:g} m is high for a launcher; this "
+                   f"looks like {_smaller(release_m, 2.0)}")
+    for wheel in rig.launcher.wheel:
+        if wheel.radius_m > WIDEST_M:
+            yield Flaw("radius", "rig.toml: launcher.wheel.radius_m", f"{wheel.radius_m:g} m is much for a wheel; this "
+                       f"looks like {_smaller(wheel.radius_m, WIDEST_M / 2.0)}")
+
+
+def _smaller(value: float, most_m: float) -> str:
+    """The largest units in which a value is at most `most_m`."""
+    likely = [f"{name} ({value * metres:g} m)" for name, (_, metres) in reversed(LENGTHS.items())
+              if value * metres <= most_m and name != "feet"]
+    return " or ".join(likely[:2]) or "another unit"
 
 
 def _hood(shots: Shots) -> Iterator[Flaw]:
@@ -129,6 +160,12 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
         yield Flaw("hood", f"{shots.source}: hood_deg", "the speeds of scoring shots fit their distances far better "
                     "if the angle is from the vertical; hood_deg is the elevation above the horizontal: 90 less that")
         return
+    for name, (suffix, metres) in LENGTHS.items():
+        other = ratios(distance_m * metres, hood_deg, speed_m_s)
+        if _is_straighter(other, ratio) and REACH[0] <= float(np.median(other)) <= REACH[1]:
+            yield Flaw("reach", f"{shots.source}: distance_m", "the speeds of scoring shots fit their distances far "
+                       f"better if these are {name}: rename the column to distance_{suffix}")
+            return
     low = MEASURED if "exit_speed_m_s" in shots.numbers else REACH[0]
     if low <= middle <= REACH[1]:
         if middle > DOUBLED and by_wheels(shots).all():
@@ -163,11 +200,12 @@ class Motion(NamedTuple):
     start_m_s: Floats                 # [tracks]
     shot: Floats                      # [tracks]: row in Shots
     reach_m: Floats                   # [tracks]: horizontal distance travelled
+    toward_m: Floats                  # [tracks, 2]: along x and y
 
 
 def measure_motion(tracks: Tracks) -> Motion | None:
     """Fit each track by a polynomial, and gravity and drag to all accelerations; None where there are too few."""
-    rows, starts, shots, reaches = [], [], [], []
+    rows, starts, shots, toward = [], [], [], []
     points = np.column_stack([tracks.x_m, tracks.y_m, tracks.z_m])
     for shot in np.unique(tracks.shot):
         here = (tracks.shot == shot) & np.isfinite(points).all(axis=1)
@@ -183,13 +221,15 @@ def measure_motion(tracks: Tracks) -> Motion | None:
                      np.polynomial.polynomial.polyval(at, bend) / half_s**2))
         starts.append(np.linalg.norm(np.polynomial.polynomial.polyval(-0.9, slope)) / half_s)
         shots.append(shot)
-        reaches.append(np.linalg.norm(place[-1, :2] - place[0, :2]))
+        toward.append(place[-1, :2] - place[0, :2])
     if len(rows) < TRACKS:
         return None
     solutions = np.array([_gravity_of([row]) for row in rows])
     whole = _gravity_of(rows)
     error = float(np.linalg.norm(1.25 * np.median(np.abs(solutions - np.median(solutions, axis=0)), axis=0)))
-    return Motion(whole, 1.5 * error / math.sqrt(len(rows)), np.array(starts), np.array(shots), np.array(reaches))
+    along = np.array(toward)
+    return Motion(whole, 1.5 * error / math.sqrt(len(rows)), np.array(starts), np.array(shots),
+                  np.linalg.norm(along, axis=1), along)
 
 
 def _gravity_of(rows: list[tuple[Floats, Floats]]) -> Floats:
@@ -211,6 +251,7 @@ def _tracks(dataset: Dataset, tracks: Tracks) -> Iterator[Flaw]:
         yield from objections
         if objections:
             return
+        yield from _direction(motion)
         yield from _against_launcher(dataset, motion)
     if not INTERVAL_S[0] <= step_s <= INTERVAL_S[1]:
         yield Flaw("sample-interval", "tracks: t_s", f"samples are {step_s:g} s apart; this looks like "
@@ -224,15 +265,16 @@ def _gravity(rig: Rig, motion: Motion, step_s: float) -> Iterator[Flaw]:
     spread = 3.0 * motion.error_m_s2
     said = f"fitted as if unknown, gravity is {size:,.3g} +- {motion.error_m_s2:,.2g} m/s2"
     if size - spread > high:
-        name, (suffix, _) = min(LENGTHS.items(),
-                                key=lambda one: abs(math.log(size * one[1][1] / rig.world.gravity_m_s2)))
-        yield Flaw("gravity", "tracks: x_m, y_m, z_m", f"these look like {name}: {said}; rename the columns to "
-                    + ", ".join(f"{axis}_{suffix}" for axis in "xyz"))
-    elif size + spread < low and step_s > INTERVAL_S[1]:
-        yield Flaw("gravity", "tracks: t_s", f"these look like milliseconds: {said}; rename the column to t_ms")
+        name, (suffix, metres) = min(LENGTHS.items(),
+                                     key=lambda one: abs(math.log(size * one[1][1] / rig.world.gravity_m_s2)))
+        if abs(math.log(size * metres / rig.world.gravity_m_s2)) > math.log(ALIKE):
+            yield Flaw("gravity", "tracks: x_m, y_m, z_m, t_s", f"positions or times have another unit: {said}; state "
+                       "them in metres and seconds")
+        else:
+            yield Flaw("gravity", "tracks: x_m, y_m, z_m", f"these look like {name}: {said}; rename the columns to "
+                       + ", ".join(f"{axis}_{suffix}" for axis in "xyz"))
     elif size + spread < low:
-        yield Flaw("gravity", "tracks: t_s", f"positions or times have another unit: {said}; state them in metres and "
-                    "seconds")
+        yield Flaw("gravity", "tracks: t_s", _slow(math.sqrt(rig.world.gravity_m_s2 / size), said))
     if size > spread:
         across = int(np.argmax(np.abs(motion.acceleration_m_s2)))
         tilt_deg = math.degrees(math.acos(np.clip(-motion.acceleration_m_s2[2] / size, -1.0, 1.0)))
@@ -240,6 +282,31 @@ def _gravity(rig: Rig, motion: Motion, step_s: float) -> Iterator[Flaw]:
             cause = ("z points down: change its sign" if across == 2 else
                      f"gravity acts along {'xyz'[across]}: z_m must point up; exchange z_m and {'xyz'[across]}_m")
             yield Flaw("axes", "tracks: x_m, y_m, z_m", cause)
+
+
+def _slow(per_s: float, said: str) -> str:
+    """What times look like of which a second has `per_s`."""
+    for name, column, times in (("milliseconds", "t_ms", 1e3), ("microseconds", "t_us", 1e6)):
+        if abs(math.log(per_s / times)) < math.log(ALIKE):
+            return f"these look like {name}: {said}; rename the column to {column}"
+    if 20.0 <= per_s < 1e3:
+        return (f"these look like numbers of pictures, about {per_s:.0f} per second: {said}; divide them by the camera's "
+                "rate")
+    return f"positions or times have another unit: {said}; state them in metres and seconds"
+
+
+def _direction(motion: Motion) -> Iterator[Flaw]:
+    """x points to the target: balls travel along it."""
+    far = motion.toward_m[motion.reach_m > FAR_M]
+    if len(far) < TRACKS:
+        return
+    along, aside = np.median(far, axis=0)
+    if abs(aside) > 2.0 * abs(along) and (np.abs(far[:, 1]) > np.abs(far[:, 0])).mean() > 0.9:
+        yield Flaw("axes", "tracks: x_m, y_m", "balls travel along y; x_m must point to the target: exchange x_m and "
+                   "y_m")
+    elif (far[:, 0] < 0.0).mean() > 0.9:
+        yield Flaw("axes", "tracks: x_m", "balls travel backwards; x_m must point to the target: change its sign, and "
+                   "that of y_m")
 
 
 def _against_launcher(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:

@@ -72,11 +72,13 @@ class Instrument(NamedTuple):
     what: The same as text for people.
     sd: one standard deviation of what a team's tools give of the amplitude, in its unit: assumed, not measured. None:
     no such figure is assumed, so no plan counts on the measurement.
+    filmed: By filming the ball; not proposed where its flights were tracked.
     """
 
     id: str
     what: str
     sd: float | None
+    filmed: bool = False
 
 
 class Phrase(NamedTuple):

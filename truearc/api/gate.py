@@ -105,8 +105,9 @@ def train_gate(dataset: Dataset, belief: Belief, *, seed: int = 0,
     if seed < 0:
         raise InputError(f"seed is {seed}; it cannot be negative")
     name = dataset.shots.source
-    marks, left_out = outcome_classes_of(dataset.shots, name, dataset.rig.target)
-    gate, folds = train_physics_gate(dataset.rig, belief, dataset.shots, seed, name, progress)
+    shots = dataset.in_order().shots
+    marks, left_out = outcome_classes_of(shots, name, dataset.rig.target)
+    gate, folds = train_physics_gate(dataset.rig, belief, shots, seed, name, progress)
     return GateTraining(gate, folds, tuple(left_out), marks, _record(dataset, belief, seed, marks, gate, folds))
 
 

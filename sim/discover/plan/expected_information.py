@@ -68,6 +68,9 @@ def foresee_dataset(dataset: Dataset, believed: tuple[str, ...], sides: bool = F
     """The effects that the shots of a dataset can show: with results at the coefficients fitted to them, else as aimed
     beside the centre with the usual coefficients."""
     dataset = dataset.in_order()
+    if not len(take_in(dataset).rows) and not is_planned(dataset):
+        raise InputError("no shot can say anything: distance_m, and hood_deg with motor_ratio or the wheels' speeds "
+                         "(or exit_deg with exit_speed_m_s), are needed beside its outcome, or a track")
     if not is_planned(dataset):
         intake = take_in(dataset)
         layout = lay_out(intake, believed, groups_of(dataset.shots, intake.rows), among)

@@ -29,7 +29,8 @@ def next_steps(dataset: Dataset, step: Step, chosen: tuple[str, ...] | None) -> 
         return (*_about_unknown(step), *_sides(dataset))
     among = step.fitted.layout.chain.catalogue
     instruments = [term.instrument for name in chosen for term in among.find([name])]
-    wanted = {one.id: one.what for one in instruments if one is not None}
+    tracked = dataset.tracks is not None
+    wanted = {one.id: one.what for one in instruments if one is not None and not (tracked and one.filmed)}
     steps: list[dict[str, Any]] = [{"do": "measure", "instrument": name, "what": what}
                                    for name, what in list(wanted.items())[:FEW]]
     if len(chosen) < 2:
@@ -55,7 +56,7 @@ def measure_blind(blind: Sequence[Term], tracked: bool) -> tuple[dict[str, Any],
     """The measurements for the first of these terms; none of flights that are filmed already."""
     found: dict[str, tuple[str, list[str]]] = {}
     for term in blind:
-        if term.instrument is not None and not (tracked and isinstance(term, WatchTerm)):
+        if term.instrument is not None and not (tracked and (isinstance(term, WatchTerm) or term.instrument.filmed)):
             found.setdefault(term.instrument.id, (term.instrument.what, []))[1].append(term.name)
     return tuple({"do": "measure", "instrument": name, "what": what, "shows": terms}
                  for name, (what, terms) in list(found.items())[:FEW])

@@ -26,7 +26,7 @@ def design_table(design: Design, dataset: Dataset, step: Step, among: Catalogue 
              for block in _together(design.blocks)]
     measure = [{"do": "measure", "instrument": one.instrument.id, "what": one.instrument.what,
                 "separates": list(one.terms), "probability": one.probability}
-               for one in design.measurements]
+               for one in design.measurements if not (one.instrument.filmed and dataset.tracks is not None)]
     follow = [term.follows for term in find_terms(names, among)]
     return {"names": dict(zip(names, map(float, design.probability), strict=True)),
             "as_then": [AS_THEN[one] for one in dict.fromkeys(follow) if one in AS_THEN],

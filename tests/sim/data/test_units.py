@@ -51,10 +51,18 @@ def test_tracks_as_the_plausibility_checks_advise(tmp_path: Path, header: str, f
 
 @pytest.mark.parametrize(("name", "meant"), [
     ("hood", "hood_deg"), ("distnce_m", "distance_m"), ("Distance", "distance_m"), ("temperature", "temperature_c"),
-    ("outcomes", "outcome")])
+    ("outcomes", "outcome"), ("hood_angle", "hood_deg"), ("distance_inches", "distance_m"), ("ratio", "motor_ratio"),
+    ("result", "outcome")])
 def test_near_misses_are_named(tmp_path: Path, name: str, meant: str) -> None:
     with pytest.raises(InputError, match=rf"shots\.csv:1: {name}: is not a column .*did you mean '{meant}'"):
         load(tmp_path, f"shot_id,{name}\na,1\n")
+
+
+def test_a_missing_column_is_named_beside_near_misses(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as error:
+        load(tmp_path, "shot,dist,hood_deg\na,1,45\n")
+    assert [line.partition("shots.csv:1: ")[2] for line in str(error.value).splitlines()] == [
+        "dist: is not a column that is read; did you mean 'distance_m'?", "column shot_id is missing"]
 
 
 def test_covariates_keep_their_names(tmp_path: Path) -> None:

@@ -44,6 +44,14 @@ def test_a_finding_is_the_same_for_every_order_of_rows(order: list[int]) -> None
     assert ta.discover(renumbered(shuffled(SHEET, order)), seed=3).to_json() == finding_as_written()
 
 
+@pytest.mark.slow
+def test_a_gate_is_the_same_for_every_order_of_rows() -> None:
+    belief = ta.load_belief(Path(__file__).parents[2] / "golden" / "reference" / "belief" / "belief.toml")
+    order = np.random.default_rng(2).permutation(len(SHEET.shots)).tolist()
+    one, other = (ta.train_gate(data, belief, seed=0) for data in (SHEET, shuffled(SHEET, order)))
+    assert str(one) == str(other)
+
+
 @settings(max_examples=20)
 @given(order=st.permutations(range(40)), seed=st.integers(0, 9))
 def test_sorted_samples_stay_with_their_shots(order: list[int], seed: int) -> None:

@@ -151,6 +151,34 @@ def test_exchanged_axes_and_a_z_that_points_down_are_refused(filmed: Dataset) ->
         ta.discover(tracks(filmed, z_m=-filmed.tracks.z_m), believe=("gravity",))
 
 
+@pytest.mark.parametrize(("scale", "said"), [
+    (1e6, "these look like microseconds: .* rename the column to t_us"),
+    (180.0, "these look like numbers of pictures, about 1[789]. per second"),
+    (0.5, "positions or times have another unit")])
+def test_times_in_another_unit_are_called_what_they_look_like(filmed: Dataset, scale: float, said: str) -> None:
+    assert filmed.tracks is not None
+    with pytest.raises(InputError, match=rf"t_s: {said}"):
+        check_plausible(tracks(filmed, t_s=filmed.tracks.t_s * scale))
+
+
+def test_balls_travel_along_x_and_forwards(filmed: Dataset) -> None:
+    assert filmed.tracks is not None
+    with pytest.raises(InputError, match=r"tracks: x_m, y_m: balls travel along y; .* exchange x_m and y_m"):
+        check_plausible(tracks(filmed, x_m=filmed.tracks.y_m, y_m=filmed.tracks.x_m))
+    with pytest.raises(InputError, match=r"tracks: x_m: balls travel backwards; .* change its sign"):
+        check_plausible(tracks(filmed, x_m=-filmed.tracks.x_m))
+
+
+@pytest.mark.parametrize(("height_m", "radius_m", "said"), [
+    (75.0, 0.05, r"release_height_m: 75 m is high for a launcher; this looks like .*centimetres \(0.75 m\)"),
+    (0.75, 2.0, r"wheel.radius_m: 2 m is much for a wheel; this looks like inches \(0.0508 m\)")])
+def test_a_launcher_in_another_unit_is_refused(table: Dataset, height_m: float, radius_m: float, said: str) -> None:
+    wheels = tuple(changed(one, radius_m=radius_m) for one in table.rig.launcher.wheel)
+    launcher = changed(table.rig.launcher, release_height_m=height_m, wheel=wheels)
+    with pytest.raises(InputError, match=said):
+        check_plausible(replace(table, facts=changed(table.rig, launcher=launcher)))
+
+
 def test_wheels_in_revolutions_a_minute_are_refused(filmed: Dataset, table: Dataset) -> None:
     for dataset, place in ((filmed, "tracked balls leave"), (table, "scoring shots leave")):
         fast = {name: column * 60.0 / (2.0 * np.pi) for name, column in dataset.shots.numbers.items()
@@ -164,7 +192,7 @@ def test_wheels_in_revolutions_a_minute_are_refused(filmed: Dataset, table: Data
     (lambda one: numbers(one, hood_deg=90.0 - one.shots.number("hood_deg")), r"hood_deg: .* is from the vertical"),
     (lambda one: ball(one, mass_kg=one.rig.ball.mass_kg * 1000.0), r"ball.mass_kg: .* looks like grams"),
     (lambda one: ball(one, radius_m=one.rig.ball.radius_m * 1000.0), r"ball.radius_m: .* looks like millimetres"),
-    (lambda one: numbers(one, distance_m=one.shots.number("distance_m") / 0.3048), r"looks like distance_m in feet"),
+    (lambda one: numbers(one, distance_m=one.shots.number("distance_m") / 0.3048), r"rename the column to distance_ft"),
     (lambda one: by_motor(one, free_speed_rad_s=5500.0), r"free_speed_rad_s, .*, in revolutions per minute")])
 def test_wrong_units_of_shots_and_rig_are_refused(table: Dataset, wrong: Any, said: str) -> None:
     assert check_plausible(table) == table

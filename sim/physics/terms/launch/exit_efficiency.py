@@ -14,4 +14,4 @@ class ExitEfficiency(SpeedTerm):
                            "log of what is left is 54 to 98 % at two sigma", percent=True)
     sentence = "The ball leaves slower than the wheels' surfaces run, by the same share at every speed."
     phrase = either_way("the ball leaves {} <slower|faster> than the wheels' surfaces run", SHARE)
-    instrument = Instrument("exit_speed_film", "exit speed with a high-speed camera", 0.02)
+    instrument = Instrument("exit_speed_film", "exit speed with a high-speed camera", 0.02, True)

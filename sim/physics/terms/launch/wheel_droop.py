@@ -16,4 +16,4 @@ class WheelDroop(SpeedTerm):
                     "slower still", "the more the wheels dip, the faster the ball leaves: {} at their usual dip",
                     *SHARE)
     instrument = Instrument("exit_speed_film_dip",
-                            "exit speed at little and at much dip with a high-speed camera", 0.02)
+                            "exit speed at little and at much dip with a high-speed camera", 0.02, True)

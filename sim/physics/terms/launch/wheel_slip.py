@@ -19,7 +19,7 @@ class WheelSlip(LaunchTerm):
     sentence = "The wheels slip on the ball, the more the faster they turn."
     phrase = either_way("the faster the wheels run, the <more the ball slips: it loses|better they grip: the ball "
                         "gains> {} of its speed for each m/s", SHARE, " per m/s of wheel surface")
-    instrument = Instrument("exit_speed_film", "exit speed with a high-speed camera", 0.003)
+    instrument = Instrument("exit_speed_film", "exit speed with a high-speed camera", 0.003, True)
 
     def leave(self, rig: Rig, values: Values, exit: Exit) -> Exit:
         return exit._replace(speed_m_s=exit.speed_m_s / (1.0 + values["loss_per_m_s"] * exit.speed_m_s))
