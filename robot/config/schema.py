@@ -298,7 +298,7 @@ def load_text(path: str | Path) -> str:
 
 
 def _cannot_throw(rig: Rig) -> Iterator[tuple[str, str]]:
-    """What a rig may say on paper, and a launcher's cannot."""
+    """Key and objection of values that a rig may have on paper, and a launcher cannot."""
     if rig.world.gravity_m_s2 <= 0:
         yield "rig.world.gravity_m_s2", f"{rig.world.gravity_m_s2:g} must be above 0"
     if not any(wheel.gear for wheel in rig.launcher.wheel):

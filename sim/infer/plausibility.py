@@ -290,8 +290,8 @@ def _slow(per_s: float, said: str) -> str:
         if abs(math.log(per_s / times)) < math.log(ALIKE):
             return f"these look like {name}: {said}; rename the column to {column}"
     if 20.0 <= per_s < 1e3:
-        return (f"these look like numbers of pictures, about {per_s:.0f} per second: {said}; divide them by the camera's "
-                "rate")
+        return (f"these look like numbers of pictures, about {per_s:.0f} per second: {said}; divide them by the "
+                "camera's rate")
     return f"positions or times have another unit: {said}; state them in metres and seconds"
 
 
