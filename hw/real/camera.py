@@ -18,6 +18,7 @@ MANUAL = 1.0                                      # V4L2_EXPOSURE_MANUAL
 EXPOSURE_UNIT_S = 1e-4                            # of V4L2_CID_EXPOSURE_ABSOLUTE
 SETTLE_FRAMES = 20                                # some cameras obey only after several images
 EXPOSURE_SHARE = 0.1                              # what is read back may differ by this much: cameras round
+ERRORS_ONLY = 2                                   # of OpenCV's own log: cv2.utils.logging.LOG_LEVEL_ERROR
 STALE_NS = 1_000_000_000                          # a driver's stamp older than this is on another clock
 
 
@@ -118,6 +119,7 @@ def open_camera(device: str, width_px: int, height_px: int, fps: float, clock: C
     chooses drowns the tape in its surroundings; whether pictures look as if it did is `truearc.robot.vision.threshold`.
     """
     is_stream = "://" in device
+    cv2.utils.logging.setLogLevel(ERRORS_ONLY)      # each attempt to open a camera that is away would print a warning
     capture = cv2.VideoCapture(int(device) if device.isdecimal() else device,
                                cv2.CAP_FFMPEG if is_stream else cv2.CAP_V4L2)
     capture.set(cv2.CAP_PROP_FRAME_WIDTH, width_px)
