@@ -36,12 +36,11 @@ SHORTER = (
     (r"^(pytest .*)", r"\1 -n 0 -q --collect-only"),
     (r"^(truearc emulate) --trials \d+ (.* --page)$", r"\1 --trials 1 \2 127.0.0.1:0"),
     (r"^(truearc emulate) --trials \d\d+(?! --bus)", r"\1 --trials 12"),
-    (r"^(truearc prove --worlds.*) --level L[12](?!.*--rivals)", r"\1 --level L0"),
+    (r"^(truearc prove --worlds.*) --level L[12]", r"\1 --level L0"),
     (r"^(truearc identifiability rig.toml.*) --shots 300", r"\1 --shots 40"),
     (r"^truearc prove (?:--worlds \d+)", "truearc prove --worlds 1 --processes 1"),
     (r"^(truearc prove --worlds.*) --shots \d+", r"\1 --shots 40"),
     (r"--seed-from-entropy", "--engines numpy --seed 3"),
-    (r"(--rivals) \S+", r"\1 argmax"),
     (r"^(truearc prove check.*) --worlds 20", r"\1 --worlds 1"),
     (r"^(truearc deploy \S+ --config my_launcher.toml) --wheels wheels", r"\1 --dry-run"),
     (r" --gate gate.onnx --core 3", " --core 3"),
@@ -62,6 +61,8 @@ ELSEWHERE = {
     r"^python -m truearc_proof.world.survey": "plays hundreds of worlds",
     r"^(truearc prove check|python -m benchmarks.proof) .*benchmarks/results": "needs the archives of tag proof-1",
     r"^truearc prove --worlds 80 --level L[12] .*--follow-up --out": "docs/proof.md prints it at L0, which runs",
+    r"^truearc prove --worlds 80 --level L2 .*--rivals": "the slowest round; tests/proof/rivals runs every rival, and "
+                                                         "test_benchmarks.py a field of them",
     r"^truearc prove drive": "tests/loops/test_prove_drive.py plays a world of it",
     r"^truearc reproduce": "tests/proof/reproduce runs it in a small form",
     r"^(mkdir away|truearc prove solve --out away|cp -r away)": "the page's round is solved by then; tests/proof/"

@@ -16,7 +16,7 @@ from truearc.robot.processes.tick_timing import Lateness
 from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.session import make_header
 
-SECONDS = float(os.environ.get("TRUEARC_SOAK_S", "45"))
+SECONDS = float(os.environ.get("TRUEARC_SOAK_S", "30"))
 TICK_NS = 5_000_000
 
 
