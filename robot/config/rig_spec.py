@@ -84,6 +84,21 @@ class Rig(Struct, frozen=True):
     believe: Believe = field(default_factory=Believe)
 
 
+# more than any launcher's; beyond is another unit
+MOST = {"ball.radius_m": 0.5, "launcher.wheel.radius_m": 0.5, "launcher.release_height_m": 5.0,
+        "launcher.free_speed_rad_s": 3000.0, "target.centre_height_m": 10.0, "target.two_half_height_m": 3.0,
+        "air.density_kg_m3": 2.0}
+OTHER_UNITS = {"m": "centimetres or inches", "s": "revolutions per minute", "m3": "another unit"}
+
+
+def too_large(rig: Rig) -> Iterator[tuple[str, str]]:
+    """Yield the dotted key of each number that is larger than any launcher's, and what it looks like."""
+    for key, value in _leaves(msgspec.to_builtins(rig), ""):
+        if key in MOST and isinstance(value, int | float) and value > MOST[key]:
+            yield key, (f"{value:g} is more than any launcher's {MOST[key]:g}; this looks like "
+                        + OTHER_UNITS[key.rpartition("_")[2]])
+
+
 def rig_errors(rig: Rig) -> Iterator[tuple[str, str]]:
     """Yield the dotted key of each number that cannot be true, and what is wrong with it."""
     for key, value in _leaves(msgspec.to_builtins(rig), ""):

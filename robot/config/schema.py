@@ -13,7 +13,7 @@ import msgspec
 from msgspec import Struct
 
 from truearc.hw.devices.axis import Axis, CanNode, Direction, Positive
-from truearc.robot.config.rig_spec import Rig, missing_keys, rig_errors, unknown_keys
+from truearc.robot.config.rig_spec import Rig, missing_keys, rig_errors, too_large, unknown_keys
 
 Kind = TypeVar("Kind")
 Finite = Annotated[float, msgspec.Meta(gt=-1e9, lt=1e9)]
@@ -303,6 +303,7 @@ def _cannot_throw(rig: Rig) -> Iterator[tuple[str, str]]:
         yield "rig.world.gravity_m_s2", f"{rig.world.gravity_m_s2:g} must be above 0"
     if not any(wheel.gear for wheel in rig.launcher.wheel):
         yield "rig.launcher.wheel.gear", "no wheel turns"
+    yield from ((f"rig.{key}", what) for key, what in too_large(rig))
     ball = rig.ball
     if ball.radius_m > 0 and ball.mass_kg / (4.0 / 3.0 * math.pi * ball.radius_m**3) > DENSEST_KG_M3:
         yield "rig.ball.mass_kg", (f"{ball.mass_kg:g} kg in a ball of {ball.radius_m:g} m radius is denser than any "

@@ -25,6 +25,7 @@ CONVERTED = {
 OTHERS = ("battery_v", "temperature_c", "pressure_pa", "mass_kg", "radius_m", "robot_speed_m_s", "config_id", "shot_id")
 # column of shots -> words by which a name means it, unless it or one of these is there
 SAID: dict[str, tuple[set[str], tuple[str, ...]]] = {
+    "shot_id": ({"shot", "id"}, ()),
     "distance_m": ({"dist", "distance", "range"}, ()),
     "hood_deg": ({"hood", "angle", "elevation", "pitch"}, ("exit_deg",)),
     "motor_ratio": ({"ratio", "power", "throttle", "duty"}, ("exit_speed_m_s", WHEEL.pattern)),

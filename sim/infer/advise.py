@@ -65,9 +65,10 @@ def advise(fit: MapFit, most: int = 3) -> tuple[Proposal, ...]:
 
 def _designs(fit: MapFit, shots: Shots, target: Target) -> tuple[Shots, Float[np.ndarray, " n"]]:
     """Configurations over the dataset's own range, each with the motor ratio that sends the ball to its aim."""
-    ends = [(np.nanmin(column), np.nanmax(column)) for column in (shots.number("distance_m"), shots.number("hood_deg"))]
-    if not np.isfinite(ends).all():
-        return shots.take([]), np.zeros(0)
+    columns = shots.number("distance_m"), shots.number("hood_deg")
+    if not all(np.isfinite(column).any() for column in columns):
+        return shots.take(np.zeros(0, int)), np.zeros(0)
+    ends = [(np.nanmin(column), np.nanmax(column)) for column in columns]
     axes = [[low + place * (high - low) for place in PLACES] for low, high in ends]
     distance_m, hood_deg, aim_m = (part.ravel() for part in np.meshgrid(*axes, AIMS_M, indexing="ij"))
     low, high = np.full(distance_m.shape, 0.02), np.ones(distance_m.shape)

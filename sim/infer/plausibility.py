@@ -11,12 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.rig_spec import Rig, too_large
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.model import Dataset, Floats, Shots, Tracks
 from truearc.sim.physics.simulate import by_wheels, launch_state
 
-CHECKS = ("gravity", "axes", "sample-interval", "track-length", "speed", "hood", "mass", "radius", "reach")
+CHECKS = ("gravity", "axes", "sample-interval", "track-length", "speed", "hood", "mass", "radius", "reach", "air",
+          "target")
 GRAVITY = (0.45, 1.7)                 # share of the rig's that drag and lift leave of it, at the least and at the most
 TILT_DEG = 45.0                       # of the measured gravity against -z: no camera is tilted as far
 INTERVAL_S = (1e-4, 0.6)
@@ -26,14 +27,17 @@ LIGHT_KG_M3 = 12.0                    # below this the radius may be the diamete
 REACH = (0.9, 4.0)                    # launch speed of scoring shots, by the least that carries a ball so far in vacuum
 DOUBLED = 1.9                         # of it: a light ball, or the wheels' diameters for their radii
 TYPICAL = 1.3                         # of foam balls
-MEASURED = 0.85                       # the least of it where the speed itself was measured: slip does not add to drag
+MEASURED = (0.85, 2.0)                # of it where the speed itself was measured: slip does not add to drag
 STRAIGHTER = 0.65                     # spread of that ratio with the other angle, by its spread as recorded
 CROOKED = 0.05                        # and the least spread as recorded that is judged
 SAMPLES, TRACKS, SCORES = 8, 3, 6     # fewest of a track, of tracks, of scoring shots, that are judged
 LENGTHS = {"millimetres": ("mm", 1e-3), "centimetres": ("cm", 0.01), "inches": ("in", 0.0254), "feet": ("ft", 0.3048)}
 ALIKE = 1.15                          # gravity in the unit that a message names, over the rig's, or the inverse
 HIGHEST_M, WIDEST_M = 5.0, 0.5        # release of a launcher with a target; radius of its wheels
+THIN_KG_M3 = 0.5                      # air at 8 km
 FAR_M = 0.5                           # tracks that go less far have no direction
+SPEEDS = (("miles per hour", "exit_speed_mph", 0.44704), ("feet per second", "exit_speed_ft_s", 0.3048),
+          ("kilometres per hour", "exit_speed_km_h", 1.0 / 3.6))
 RPM = math.pi / 30.0
 
 
@@ -110,6 +114,12 @@ def _launcher(rig: Rig) -> Iterator[Flaw]:
     if rig.target is not None and release_m > HIGHEST_M:
         yield Flaw("reach", "rig.toml: launcher.release_height_m", f"{release_m:g} m is high for a launcher; this "
                    f"looks like {_smaller(release_m, 2.0)}")
+    for key, what in too_large(rig):
+        if key.startswith(("air.", "target.")):
+            yield Flaw(key.partition(".")[0], f"rig.toml: {key}", what)
+    if 0.0 < rig.air.density_kg_m3 < THIN_KG_M3:
+        yield Flaw("air", "rig.toml: air.density_kg_m3", f"{rig.air.density_kg_m3:g} is not air on Earth; at sea level "
+                   "it is 1.2")
     for wheel in rig.launcher.wheel:
         if wheel.radius_m > WIDEST_M:
             yield Flaw("radius", "rig.toml: launcher.wheel.radius_m", f"{wheel.radius_m:g} m is much for a wheel; this "
@@ -124,11 +134,12 @@ def _smaller(value: float, most_m: float) -> str:
 
 
 def _hood(shots: Shots) -> Iterator[Flaw]:
-    hood_deg = shots.number("hood_deg")
-    known = np.abs(hood_deg[np.isfinite(hood_deg)])
-    if len(known) >= TRACKS and known.max() <= math.pi / 2 and np.median(known) > 0.05:
-        yield Flaw("hood", f"{shots.source}: hood_deg", f"no shot exceeds {known.max():.2f} degrees; these look like "
-                    "radians: rename the column to hood_rad or multiply it by 57.3")
+    for name in ("hood_deg", "exit_deg"):
+        angle_deg = shots.number(name)
+        known = np.abs(angle_deg[np.isfinite(angle_deg)])
+        if len(known) >= TRACKS and known.max() <= math.pi / 2 and np.median(known) > 0.05:
+            yield Flaw("hood", f"{shots.source}: {name}", f"no shot exceeds {known.max():.2f} degrees; these look like "
+                       f"radians: rename the column to {name.removesuffix('_deg')}_rad or multiply it by 57.3")
 
 
 def needed_speed(distance_m: Floats, rise_m: float, hood_deg: Floats, gravity_m_s2: float) -> Floats:
@@ -144,7 +155,9 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
     """Scoring shots got to the target: their launch speed must have been enough, and not many times as much."""
     scoring = np.isin(shots.text("outcome"), ("two", "three"))
     speed_m_s = launch_state(rig, shots).get("exit_speed_m_s", np.full(len(shots), np.nan))
-    columns = np.array([shots.number("distance_m"), shots.number("hood_deg"), speed_m_s])
+    seen_deg = shots.number("exit_deg")
+    columns = np.array([shots.number("distance_m"),
+                        np.where(np.isfinite(seen_deg), seen_deg, shots.number("hood_deg")), speed_m_s])
     distance_m, hood_deg, speed_m_s = columns[:, scoring & np.isfinite(columns).all(axis=0)]
     if rig.target is None or len(distance_m) < SCORES:
         return
@@ -166,11 +179,18 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
             yield Flaw("reach", f"{shots.source}: distance_m", "the speeds of scoring shots fit their distances far "
                        f"better if these are {name}: rename the column to distance_{suffix}")
             return
-    low = MEASURED if "exit_speed_m_s" in shots.numbers else REACH[0]
-    if low <= middle <= REACH[1]:
+    measured = np.isfinite(shots.number("exit_speed_m_s")[scoring]).all() and "exit_speed_m_s" in shots.numbers
+    low, high = MEASURED if measured else REACH
+    if low <= middle <= high:
         if middle > DOUBLED and by_wheels(shots).all():
             yield Flaw("reach", "rig.toml: launcher.wheel.radius_m", f"scoring shots leave with {middle:.2g} times the "
                        "speed that gets a ball so far without air; make sure that it is not the diameter", warns=True)
+        return
+    if measured:
+        near = sorted(SPEEDS, key=lambda one: abs(math.log(max(middle, 1e-9) * one[2] / TYPICAL)))
+        yield Flaw("reach", f"{shots.source}: exit_speed_m_s", f"scoring shots leave with {middle:.2g} times the speed "
+                   "that gets a ball so far without air; if this is another unit, rename the column: "
+                   + " or ".join(f"{column} for {name}" for name, column, _ in near[:2]))
         return
     causes = {f"distance_m in {name}": ratios(distance_m * metres, hood_deg, speed_m_s)
               for name, (_, metres) in LENGTHS.items()}

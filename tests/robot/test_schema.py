@@ -102,6 +102,8 @@ def test_keys_of_rig_toml_that_nobody_reads_are_listed():
     ("mass_kg = 0.14", "mass_kg = -0.14", "rig.ball.mass_kg: -0.14 must be above 0"),
     ("mass_kg = 0.14", "mass_kg = 0.14\nmass_g = 140.0", "rig.ball.mass_g: unknown key"),
     ("low_deg = 15.0", "low_deg = 80.0", "hood.low_deg: 80 is above high_deg, 75"),
+    ("free_speed_rad_s = 594.0", "free_speed_rad_s = 5672.0", "rig.launcher.free_speed_rad_s: 5672 is more than any "
+     "launcher's 3000; this looks like revolutions per minute"),
     ("mass_kg = 0.14", "mass_kg = 140", "rig.ball.mass_kg: 140 kg in a ball of 0.0889 m radius is denser than "
      "any metal; are these grams?"),
     ("gravity_m_s2 = 9.81", "gravity_m_s2 = 0", "rig.world.gravity_m_s2: 0 must be above 0"),

@@ -62,6 +62,7 @@ def test_a_missing_column_is_named_beside_near_misses(tmp_path: Path) -> None:
     with pytest.raises(InputError) as error:
         load(tmp_path, "shot,dist,hood_deg\na,1,45\n")
     assert [line.partition("shots.csv:1: ")[2] for line in str(error.value).splitlines()] == [
+        "shot: is not a column that is read; did you mean 'shot_id'?",
         "dist: is not a column that is read; did you mean 'distance_m'?", "column shot_id is missing"]
 
 

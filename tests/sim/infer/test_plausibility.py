@@ -16,7 +16,7 @@ from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target, Whee
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots, Tracks, load_dataset
 from truearc.sim.data.save import save_dataset
-from truearc.sim.infer.plausibility import check_plausible, measure_motion
+from truearc.sim.infer.plausibility import check_plausible, measure_motion, needed_speed
 
 FOAM = Ball(0.142, 0.0889)
 WHEELS = (Wheel("upper", 0.05, 1.0, 0.0), Wheel("lower", 0.05, 1.0, 180.0))
@@ -167,6 +167,29 @@ def test_balls_travel_along_x_and_forwards(filmed: Dataset) -> None:
         check_plausible(tracks(filmed, x_m=filmed.tracks.y_m, y_m=filmed.tracks.x_m))
     with pytest.raises(InputError, match=r"tracks: x_m: balls travel backwards; .* change its sign"):
         check_plausible(tracks(filmed, x_m=-filmed.tracks.x_m))
+
+
+@pytest.mark.parametrize(("factor", "column"), [(3.6, "exit_speed_km_h"), (1.0 / 0.44704, "exit_speed_mph"),
+                                                (1.0 / 0.3048, "exit_speed_ft_s")])
+def test_measured_speeds_in_another_unit_are_refused(table: Dataset, factor: float, column: str) -> None:
+    rise_m = table.rig.target.centre_height_m - table.rig.launcher.release_height_m if table.rig.target else 0.0
+    hood_deg, distance_m = (table.shots.number(name) for name in ("hood_deg", "distance_m"))
+    speed_m_s = 1.15 * needed_speed(distance_m, rise_m, hood_deg, 9.81)
+    plain = numbers(table, exit_deg=hood_deg, exit_speed_m_s=speed_m_s)
+    assert check_plausible(plain).accepted == ()
+    with pytest.raises(InputError, match=rf"exit_speed_m_s: .* rename the column: .*{column}"):
+        check_plausible(numbers(plain, exit_speed_m_s=factor * speed_m_s))
+    with pytest.raises(InputError, match=r"exit_deg: .* rename the column to exit_rad"):
+        check_plausible(numbers(plain, exit_deg=np.radians(hood_deg)))
+
+
+@pytest.mark.parametrize(("part", "key", "value"), [
+    ("air", "density_kg_m3", 1200.0), ("air", "density_kg_m3", 0.0012), ("target", "two_half_height_m", 35.0),
+    ("target", "centre_height_m", 244.0)])
+def test_air_and_target_in_another_unit_are_refused(table: Dataset, part: str, key: str, value: float) -> None:
+    wrong = changed(getattr(table.rig, part), **{key: value})
+    with pytest.raises(InputError, match=rf"rig\.toml: {part}\.{key}: .*check '{part}'"):
+        check_plausible(replace(table, facts=changed(table.rig, **{part: wrong})))
 
 
 @pytest.mark.parametrize(("height_m", "radius_m", "said"), [
