@@ -88,6 +88,7 @@ class Rig(Struct, frozen=True):
 MOST = {"ball.radius_m": 0.5, "launcher.wheel.radius_m": 0.5, "launcher.release_height_m": 5.0,
         "launcher.free_speed_rad_s": 3000.0, "target.centre_height_m": 10.0, "target.two_half_height_m": 3.0,
         "air.density_kg_m3": 2.0}
+DENSEST_KG_M3 = 23_000.0              # of a ball: no metal is heavier
 OTHER_UNITS = {"m": "centimetres or inches", "s": "revolutions per minute", "m3": "another unit"}
 
 

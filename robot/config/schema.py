@@ -13,7 +13,7 @@ import msgspec
 from msgspec import Struct
 
 from truearc.hw.devices.axis import Axis, CanNode, Direction, Positive
-from truearc.robot.config.rig_spec import Rig, missing_keys, rig_errors, too_large, unknown_keys
+from truearc.robot.config.rig_spec import DENSEST_KG_M3, Rig, missing_keys, rig_errors, too_large, unknown_keys
 
 Kind = TypeVar("Kind")
 Finite = Annotated[float, msgspec.Meta(gt=-1e9, lt=1e9)]
@@ -29,7 +29,6 @@ Count = Annotated[int, msgspec.Meta(gt=0, lt=1_000_000)]
 
 
 MAX_LINE = 20_000                     # characters: longer ones take minutes to parse
-DENSEST_KG_M3 = 23_000.0              # of a ball: no metal is heavier
 MAX_TEXT_BYTES, MAX_BYTES = 4_000_000, 500_000_000      # of a configuration or belief; of a model or table
 MAX_TORQUE_NM = 100.0                 # at the motor shaft; the strongest of a team's motors give 7
 

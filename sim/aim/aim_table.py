@@ -89,8 +89,8 @@ class AimTable(Printed):
                  f"{one.p_two:.0%}", f"{one.p_three:.0%}", f"{one.points:.2f}", f"{one.lost_10cm:.2f}",
                  f"{one.lost_1deg:.2f}", f"{one.lost_50rpm:.2f}", *([f"{one.lead_deg:+.1f}"] if turned else []),
                  one.note) for one in self.rows]
-        told = [f"{distance_m:.2f} m: no set point: {why}" for distance_m, why in self.refused]
-        return [*make_text(head, rows, right=range(len(head) - 1)), *told]
+        refused = [f"{distance_m:.2f} m: no set point: {why}" for distance_m, why in self.refused]
+        return [*make_text(head, rows, right=range(len(head) - 1)), *refused]
 
     def to_text(self, form: str) -> str:
         """Return the table in a form: text, csv, json, java or cpp."""

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.robot.config.rig_spec import Rig, too_large
+from truearc.robot.config.rig_spec import DENSEST_KG_M3, MOST, Rig, too_large
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.model import Dataset, Floats, Shots, Tracks
 from truearc.sim.physics.simulate import by_wheels, launch_state
@@ -22,18 +22,17 @@ GRAVITY = (0.45, 1.7)                 # share of the rig's that drag and lift le
 TILT_DEG = 45.0                       # of the measured gravity against -z: no camera is tilted as far
 INTERVAL_S = (1e-4, 0.6)
 SPEED = (0.2, 1.6)                    # of a tracked ball, by that of the wheels' surfaces
-DENSITY_KG_M3 = (3.0, 23_000.0)       # of a ball: lighter is a balloon, heavier no metal
+LIGHTEST_KG_M3 = 3.0                  # of a ball: lighter is a balloon
 LIGHT_KG_M3 = 12.0                    # below this the radius may be the diameter
 REACH = (0.9, 4.0)                    # launch speed of scoring shots, by the least that carries a ball so far in vacuum
 DOUBLED = 1.9                         # of it: a light ball, or the wheels' diameters for their radii
 TYPICAL = 1.3                         # of foam balls
 MEASURED = (0.85, 2.0)                # of it where the speed itself was measured: slip does not add to drag
 STRAIGHTER = 0.65                     # spread of that ratio with the other angle, by its spread as recorded
-CROOKED = 0.05                        # and the least spread as recorded that is judged
+UNEVEN = 0.05                        # and the least spread as recorded that is judged
 SAMPLES, TRACKS, SCORES = 8, 3, 6     # fewest of a track, of tracks, of scoring shots, that are judged
 LENGTHS = {"millimetres": ("mm", 1e-3), "centimetres": ("cm", 0.01), "inches": ("in", 0.0254), "feet": ("ft", 0.3048)}
 ALIKE = 1.15                          # gravity in the unit that a message names, over the rig's, or the inverse
-HIGHEST_M, WIDEST_M = 5.0, 0.5        # release of a launcher with a target; radius of its wheels
 THIN_KG_M3 = 0.5                      # air at 8 km
 FAR_M = 0.5                           # tracks that go less far have no direction
 SPEEDS = (("miles per hour", "exit_speed_mph", 0.44704), ("feet per second", "exit_speed_ft_s", 0.3048),
@@ -96,10 +95,10 @@ def _ball(rig: Rig) -> Iterator[Flaw]:
     ball = rig.ball
     said = f"a ball of {ball.mass_kg:g} kg and {ball.radius_m:g} m radius"
     density = ball.mass_kg / (4.0 / 3.0 * math.pi * ball.radius_m**3)
-    if density > DENSITY_KG_M3[1]:
+    if density > DENSEST_KG_M3:
         yield Flaw("mass", "rig.toml: ball.mass_kg", f"{said} is denser than any metal; this looks like grams: "
                     f"{ball.mass_kg / 1000.0:g} kg")
-    elif density < DENSITY_KG_M3[0]:
+    elif density < LIGHTEST_KG_M3:
         name, (_, metres) = next((one for one in reversed(LENGTHS.items())
                                   if density / one[1][1]**3 > LIGHT_KG_M3), ("millimetres", ("mm", 1e-3)))
         yield Flaw("radius", "rig.toml: ball.radius_m", f"{said} weighs little more than the air in its place; this "
@@ -111,7 +110,7 @@ def _ball(rig: Rig) -> Iterator[Flaw]:
 
 def _launcher(rig: Rig) -> Iterator[Flaw]:
     release_m = rig.launcher.release_height_m
-    if rig.target is not None and release_m > HIGHEST_M:
+    if rig.target is not None and release_m > MOST["launcher.release_height_m"]:
         yield Flaw("reach", "rig.toml: launcher.release_height_m", f"{release_m:g} m is high for a launcher; this "
                    f"looks like {_smaller(release_m, 2.0)}")
     for key, what in too_large(rig):
@@ -121,9 +120,9 @@ def _launcher(rig: Rig) -> Iterator[Flaw]:
         yield Flaw("air", "rig.toml: air.density_kg_m3", f"{rig.air.density_kg_m3:g} is not air on Earth; at sea level "
                    "it is 1.2")
     for wheel in rig.launcher.wheel:
-        if wheel.radius_m > WIDEST_M:
+        if wheel.radius_m > MOST["launcher.wheel.radius_m"]:
             yield Flaw("radius", "rig.toml: launcher.wheel.radius_m", f"{wheel.radius_m:g} m is much for a wheel; this "
-                       f"looks like {_smaller(wheel.radius_m, WIDEST_M / 2.0)}")
+                       f"looks like {_smaller(wheel.radius_m, 0.25)}")
 
 
 def _smaller(value: float, most_m: float) -> str:
@@ -209,7 +208,7 @@ def _is_straighter(other: Floats, ratio: Floats) -> bool:
     if len(ratio) < 2 * SCORES or (other <= 0.0).any():
         return False
     spread = np.inf if (ratio <= 0.0).any() else float(np.std(np.log(ratio)))
-    return spread > CROOKED and float(np.std(np.log(other))) < STRAIGHTER * spread
+    return spread > UNEVEN and float(np.std(np.log(other))) < STRAIGHTER * spread
 
 
 class Motion(NamedTuple):

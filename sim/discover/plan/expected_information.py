@@ -58,9 +58,9 @@ def foresee(rig: Rig, believed: tuple[str, ...], level: str, shots: int, sides: 
 
 def is_planned(dataset: Dataset) -> bool:
     """Whether its shots have no results yet, so that they are looked at as aimed beside the centre."""
-    told = dataset.tracks is not None or sum(map(bool, dataset.shots.text("outcome"))) >= FEW or (
+    has_results = dataset.tracks is not None or sum(map(bool, dataset.shots.text("outcome"))) >= FEW or (
         np.isfinite(dataset.shots.number("miss_height_m")).sum() >= FEW)
-    return not told and dataset.facts.target is not None
+    return not has_results and dataset.facts.target is not None
 
 
 def foresee_dataset(dataset: Dataset, believed: tuple[str, ...], sides: bool = False, seed: int = 0,
@@ -68,11 +68,11 @@ def foresee_dataset(dataset: Dataset, believed: tuple[str, ...], sides: bool = F
     """The effects that the shots of a dataset can show: with results at the coefficients fitted to them, else as aimed
     beside the centre with the usual coefficients."""
     dataset = dataset.in_order()
-    if not len(take_in(dataset).rows) and not is_planned(dataset):
-        raise InputError("no shot can say anything: distance_m, and hood_deg with motor_ratio or the wheels' speeds "
-                         "(or exit_deg with exit_speed_m_s), are needed beside its outcome, or a track")
     if not is_planned(dataset):
         intake = take_in(dataset)
+        if not len(intake.rows):
+            raise InputError("no shot can say anything: distance_m, and hood_deg with motor_ratio or the wheels' "
+                             "speeds (or exit_deg with exit_speed_m_s), are needed beside its outcome, or a track")
         layout = lay_out(intake, believed, groups_of(dataset.shots, intake.rows), among)
         fitted = fit_believed(intake, layout, progress)
         return sight_of(fitted.evidence, intake.level, believed)
