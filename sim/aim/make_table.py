@@ -51,7 +51,7 @@ def _rows(rig: Rig, belief: Belief, distance_m: Rows, solved: Solved, kept: np.n
 
 
 def _lost(rig: Rig, belief: Belief, at: tuple[Rows, Rows, Rows], best: Chances, place: int, error: float) -> Rows:
-    """Points that an error of one of the three costs: of the distance the measured one, not where the robot stands."""
+    """Points that an error of one of the three costs, the mean of both directions; place: which of `at` is wrong."""
     off = []
     for sign in (-1.0, 1.0):
         moved = [column + sign * error if index == place else column for index, column in enumerate(at)]
