@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from truearc.api import paper
-    from truearc.api.aiming import aim
+    from truearc.api.aiming import AimTable, aim
     from truearc.api.discovery import Finding, discover
     from truearc.api.fitting import Fit, fit
     from truearc.api.gate import GateTraining, train_gate
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from truearc.model_export.verify import verify_gate
     from truearc.robot.config.rig_spec import Rig
     from truearc.robot.config.schema import InputError, load_config
-    from truearc.sim.aim.aim_table import AimTable
     from truearc.sim.data.dataset import Dataset, dataset, load_dataset, load_rig, save_dataset
     from truearc.sim.data.recordings import shots_from_sessions
     from truearc.sim.discover.finding import load_finding
@@ -56,7 +55,7 @@ __all__ = [
 # module -> the names that are imported from it when they are first used
 _NAMES = {
     "truearc.api": "paper",
-    "truearc.api.aiming": "aim",
+    "truearc.api.aiming": "AimTable aim",
     "truearc.api.discovery": "Finding discover",
     "truearc.api.fitting": "Fit fit",
     "truearc.api.gate": "GateTraining train_gate",
@@ -70,7 +69,6 @@ _NAMES = {
     "truearc.sim.physics.catalogue": "catalogue",
     "truearc.sim.world.emulated_robot": "emulate",
     "truearc.robot.config.rig_spec": "Rig",
-    "truearc.sim.aim.aim_table": "AimTable",
     "truearc.robot.config.schema": "InputError load_config",
     "truearc.sim.data.dataset": "Dataset dataset load_dataset load_rig save_dataset",
     "truearc.sim.discover.finding": "load_finding",

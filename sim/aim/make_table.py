@@ -7,9 +7,9 @@ from jaxtyping import Float
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
-from truearc.sim.aim.aim_table import DISTANCE_M, HOOD_DEG, SPEED_RPM, AimRow, AimTable
 from truearc.sim.aim.chances import Chances, chances_of
 from truearc.sim.aim.lead import lead_deg
+from truearc.sim.aim.set_point import DISTANCE_M, HOOD_DEG, SPEED_RPM, AimRow
 from truearc.sim.aim.snippets import RPM
 from truearc.sim.aim.solve import LEAST_POINTS, SAFE_SHARE, Solved, solve
 from truearc.sim.infer.belief import Belief
@@ -21,16 +21,19 @@ ROWS_AT_ONCE = 64
 Rows = Float[np.ndarray, " n"]
 
 
-def make_table(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: tuple[float, float],
-               progress: Progress = lambda done, note: None) -> AimTable:
-    """The table for ascending distances. InputError where no distance has a set point that scores."""
+def make_rows(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: tuple[float, float],
+              progress: Progress) -> tuple[tuple[AimRow, ...], tuple[tuple[float, str], ...]]:
+    """Set points of ascending distances [n] in m, and the distances without one with the reason; hood_deg: limits.
+
+    InputError where no distance has a set point that scores.
+    """
     solved = solve(rig, belief, distance_m, hood_deg, progress)
     scores = np.array([not reason for reason in solved.reason]) & (solved.chances.points >= LEAST_POINTS)
     refused = tuple((float(distance_m[row]), solved.reason[row] or "no set point near its neighbours' scores")
                     for row in np.flatnonzero(~scores))
     if not scores.any():
         raise InputError(f"aim: no distance has a set point that scores: {refused[0][1]}")
-    return AimTable(tuple(_rows(rig, belief, distance_m, solved, np.flatnonzero(scores))), refused)
+    return tuple(_rows(rig, belief, distance_m, solved, np.flatnonzero(scores))), refused
 
 
 def _rows(rig: Rig, belief: Belief, distance_m: Rows, solved: Solved, kept: np.ndarray) -> Iterator[AimRow]:

@@ -1,21 +1,10 @@
-"""Set points as text for other programs: CSV, Java and C++."""
+"""Set points as lines to paste into robot code: Java and C++."""
 
-import csv
-import io
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 RPM = 60.0 / (2.0 * math.pi)          # of one rad/s
-
-
-def csv_text(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """CSV with a header; floats to six digits after the point."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows([f"{cell:.6f}" if isinstance(cell, float) else cell for cell in row] for row in rows)
-    return out.getvalue()
 
 
 def java_text(rows: Iterable[Any]) -> str:

@@ -1,21 +1,108 @@
 """Set points by distance, from a belief."""
 
-from collections.abc import Iterable, Mapping
+import json
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
+from truearc.api.table import Table
 from truearc.api.terms import check_kind
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
-from truearc.sim.aim.aim_table import AimTable
-from truearc.sim.aim.make_table import make_table
+from truearc.sim.aim import snippets
+from truearc.sim.aim.make_table import make_rows
+from truearc.sim.aim.plot import draw_aim
+from truearc.sim.aim.set_point import AimRow
 from truearc.sim.infer.belief import Belief
+from truearc.sim.printed import Printed
 from truearc.sim.progress import Progress
+from truearc.sim.tables import make_text
 
+SCHEMA = "truearc.aim_table/1"
+HEADER = ("m", "hood deg", "motor rpm", "P(two)", "P(three)", "points", "-10 cm", "-1 deg", "-50 rpm")
 STEP_M = 0.25                         # between distances, where none are given
 DISTANCES_M = (2.0, 7.0)              # their range where the belief does not say to what it was fitted
 HOOD_DEG = (20.0, 70.0)               # likewise
 FARTHEST_M = 100.0
+
+
+@dataclass(frozen=True)
+class AimTable(Printed):
+    """Set points by ascending distance, and the distances at which nothing scores, with the reason."""
+
+    rows: tuple[AimRow, ...]
+    refused: tuple[tuple[float, str], ...] = ()
+
+    def at(self, distance_m: float) -> AimRow:
+        """Return the set point of any distance between the rows, each number along a smooth monotone curve.
+
+        Raises:
+            InputError: the distance is beyond the table's ends, or nothing scores on one side of it.
+        """
+        first, last = self.rows[0].distance_m, self.rows[-1].distance_m
+        if not first <= distance_m <= last:
+            raise InputError(f"distance_m: {distance_m:g} is outside the table's {first:g} to {last:g}")
+        bad = [(one, why) for one, why in self.refused if first < one < last]
+        low = max(one.distance_m for one in self.rows if one.distance_m <= distance_m)
+        high = min(one.distance_m for one in self.rows if one.distance_m >= distance_m)
+        for one, why in bad:
+            if low < one < high:
+                raise InputError(f"distance_m: {distance_m:g}: {why} at {one:g}")
+        if low == high:
+            return next(one for one in self.rows if one.distance_m == low)
+        x = np.array([one.distance_m for one in self.rows])
+        y = np.array([one[:-1] for one in self.rows], float)
+        numbers = PchipInterpolator(x, y)(distance_m)
+        notes = dict.fromkeys(one.note for one in self.rows if one.distance_m in (low, high) and one.note)
+        return AimRow._make([*map(float, numbers), "; ".join(notes)])
+
+    def lines(self) -> list[str]:
+        """Return a line per distance: set point, probabilities, and what errors cost."""
+        turned = any(one.lead_deg for one in self.rows)
+        head = (*HEADER, *(["lead deg"] if turned else []), "")
+        rows = [(f"{one.distance_m:.2f}", f"{one.hood_deg:.1f}", f"{one.motor_rad_s * snippets.RPM:.0f}",
+                 f"{one.p_two:.0%}", f"{one.p_three:.0%}", f"{one.points:.2f}", f"{one.lost_10cm:.2f}",
+                 f"{one.lost_1deg:.2f}", f"{one.lost_50rpm:.2f}", *([f"{one.lead_deg:+.1f}"] if turned else []),
+                 one.note) for one in self.rows]
+        refused = [f"{distance_m:.2f} m: no set point: {why}" for distance_m, why in self.refused]
+        return [*make_text(head, rows, right=range(len(head) - 1)), *refused]
+
+    def to_text(self, form: str) -> str:
+        """Return the table in a form: text, csv, json, java or cpp."""
+        return FORMATS[form](self)
+
+    def table(self) -> Table:
+        """Return every number, a row per distance."""
+        return Table(AimRow._fields, self.rows)
+
+    def to_csv(self) -> str:
+        """Return CSV with a header, a row per distance."""
+        return self.table().to_csv()
+
+    def to_json(self) -> str:
+        """Return JSON (schema truearc.aim_table/1)."""
+        made: dict[str, Any] = {"schema": SCHEMA, "rows": [one._asdict() for one in self.rows],
+                                "refused": [{"distance_m": one, "reason": why} for one, why in self.refused]}
+        return json.dumps(made, indent=1)
+
+    def to_java(self) -> str:
+        """Return statements that fill WPILib's InterpolatingDoubleTreeMap: hood in degrees, motor in rpm."""
+        return snippets.java_text(self.rows)
+
+    def to_cpp(self) -> str:
+        """Return a C++ array of distance in m, hood in degrees and motor in rpm."""
+        return snippets.cpp_text(self.rows)
+
+    def plot(self) -> Any:
+        """Return a Matplotlib figure: hood angle, motor speed with the band that scores, and probabilities."""
+        return draw_aim(self.rows, self.refused)
+
+
+FORMATS: dict[str, Callable[[AimTable], str]] = {"text": str, "csv": AimTable.to_csv, "json": AimTable.to_json,
+                                                 "java": AimTable.to_java, "cpp": AimTable.to_cpp}
 
 
 def aim(belief: Belief, rig: Rig, *, distances_m: Iterable[float] | None = None,
@@ -48,7 +135,7 @@ def aim(belief: Belief, rig: Rig, *, distances_m: Iterable[float] | None = None,
     low, high = known.get("hood_deg", HOOD_DEG) if hood_deg is None else hood_deg
     if not -90.0 < low <= high < 90.0:
         raise InputError(f"hood_deg: {low:g} to {high:g}; it must ascend, between -90 and 90")
-    return make_table(rig, belief, _distances(distances_m, known), (low, high), progress)
+    return AimTable(*make_rows(rig, belief, _distances(distances_m, known), (low, high), progress))
 
 
 def _distances(given: Iterable[float] | None, known: Mapping[str, list[float]]) -> np.ndarray:
