@@ -32,7 +32,7 @@ def make_rows(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: tuple[float,
     refused = tuple((float(distance_m[row]), solved.reason[row] or "no set point near its neighbours' scores")
                     for row in np.flatnonzero(~scores))
     if not scores.any():
-        raise InputError(f"aim: no distance has a set point that scores: {refused[0][1]}")
+        raise InputError(f"distances_m: no distance has a set point that scores: {refused[0][1]}")
     return tuple(_rows(rig, belief, distance_m, solved, np.flatnonzero(scores))), refused
 
 

@@ -6,6 +6,7 @@ last columns of the table say how many points an error of distance, hood angle o
 
 import argparse
 import math
+import sys
 import tomllib
 from pathlib import Path
 
@@ -43,6 +44,9 @@ def main(args: argparse.Namespace) -> int:
     table = ta.aim(belief, rig, distances_m=args.distances, hood_deg=args.hood,
                    progress=make_progress("aim", args.quiet))
     print_or_write(args.out, table.to_text(args.format))
+    if args.format != "text":         # which says so itself
+        for distance_m, why in table.refused:
+            print(f"warning: {distance_m:.2f} m has no set point: {why}", file=sys.stderr)
     if args.picture:
         from truearc.sim.report import make_png
         args.picture.write_bytes(make_png(table.plot()))
