@@ -3,12 +3,15 @@
 The plan is a low-discrepancy sequence, so a replay needs no random state. Speeds come from vacuum ballistics divided
 by an efficiency that the driver's high and low marks correct (a Robbins-Monro walk on log speed: a level, and slopes in
 distance and elevation): what a crew does by hand when it walks shots in. Where shots are prescribed, they are it.
+
+With `aim.policy = "belief"` the set points are those of the aim file, and the driver's marks correct the level only.
 """
 
 import math
 
 from msgspec import UNSET, UnsetType
 
+from truearc.robot.aim_file import NO_AIMS, Aims, needs_aim
 from truearc.robot.config.rig_spec import Target
 from truearc.robot.config.schema import Collect, Config, Prescribed
 from truearc.robot.types import Aim, Estimate, Memory, Shot
@@ -20,8 +23,12 @@ WALK_SPAN_M, WALK_SPAN_DEG = 2.0, 8.0          # ... and their scale: about the 
 EXPLAINED = 0.25                      # a trim of this share of the spread explains a mark on its own side
 PLACE_M = 0.3                         # a shot of the plan is fired from no further than this from its place
 Walk = tuple[float, float, float]
-PLAN = "plan"
+REAIM_M = 0.1                         # an aim by an aim file is made again where the robot has moved by more than this
+PLAN, BELIEF = "plan", "belief"
 IDLE = Aim(motor_ratio=0.0, hood_deg=0.0, source="idle")
+NO_FILE = Aim(motor_ratio=0.0, hood_deg=0.0, source="no-aim-file")
+BEYOND = Aim(motor_ratio=0.0, hood_deg=0.0, source="no-set-point")
+NOWHERE = (IDLE.source, NO_FILE.source, BEYOND.source)
 
 
 def config_id(trial: int, collect: Collect) -> str:
@@ -49,13 +56,18 @@ def vacuum_speed_m_s(distance_m: float, rise_m: float, elevation_deg: float, gra
     return distance_m * math.sqrt(gravity_m_s2 * (1.0 + tangent * tangent) / (2.0 * drop_m))
 
 
-def aim(estimate: Estimate, memory: Memory, config: Config) -> Aim:
-    """Set points for the current trial; IDLE while disarmed or before the target has ever been seen."""
+def aim(estimate: Estimate, memory: Memory, config: Config, aims: Aims = NO_AIMS) -> Aim:
+    """Set points for the current trial; IDLE while disarmed or before the target has ever been seen.
+
+    By an aim file NO_FILE where there is none, BEYOND where it has no set point for the distance.
+    """
     target = config.rig.target
     if not memory.armed or estimate.distance_m is None or target is None:
         return IDLE
     if config.collect.prescribed:
         return _prescribed(estimate.distance_m, memory.trial, config.collect)
+    if needs_aim(config):
+        return _by_belief(estimate.distance_m, memory, aims)
     hood_deg, trim = _elevation(estimate.distance_m, target, memory.trial, config)
     rise_m = target.centre_height_m - config.rig.launcher.release_height_m
     speed = vacuum_speed_m_s(estimate.distance_m, rise_m, hood_deg, config.rig.world.gravity_m_s2)
@@ -66,6 +78,18 @@ def aim(estimate: Estimate, memory: Memory, config: Config) -> Aim:
     return Aim(motor_ratio=min(max(ratio, 0.0), 1.0), hood_deg=hood_deg, source=PLAN)
 
 
+def _by_belief(distance_m: float, memory: Memory, aims: Aims) -> Aim:
+    file = aims.get(memory.aim_sha256 or "")
+    if file is None:
+        return NO_FILE
+    point = file.at(distance_m)
+    correction = memory.walk[0]
+    ratio = 0.0 if point is None else point.motor_ratio * math.exp(correction)
+    if point is None or not 0.0 < ratio <= 1.0:
+        return BEYOND
+    return Aim(ratio, point.hood_deg, BELIEF, correction=correction, lead_deg=point.lead_deg)
+
+
 def place_m(distance_m: float | None, memory: Memory, config: Config) -> float | None:
     """The distance that the current trial's aim, made at `distance_m`, is for.
 
@@ -74,7 +98,13 @@ def place_m(distance_m: float | None, memory: Memory, config: Config) -> float |
     row = _row(memory.trial, config.collect)
     if row is not None:
         return row.distance_m
-    return distance_m if config.gate.policy == "collect" else None
+    return distance_m if config.gate.policy == "collect" or needs_aim(config) else None
+
+
+def is_left(held: Aim, place_m: float | UnsetType | None, distance_m: float | None) -> bool:
+    """Whether the robot has left the place that a held aim by an aim file is for, so that it must aim again."""
+    return (held.source == BELIEF and isinstance(place_m, float) and distance_m is not None
+            and not abs(distance_m - place_m) <= REAIM_M)
 
 
 def from_here(held: Aim, place_m: float | UnsetType | None, distance_m: float | None) -> Aim:
@@ -86,7 +116,7 @@ def from_here(held: Aim, place_m: float | UnsetType | None, distance_m: float | 
 
 def is_planned(aim: Aim) -> bool:
     """Whether it may be fired with from where the robot stands."""
-    return aim.source == PLAN and aim.stand_m is UNSET
+    return aim.source in (PLAN, BELIEF) and aim.stand_m is UNSET
 
 
 def _prescribed(distance_m: float, trial: int, collect: Collect) -> Aim:
@@ -114,14 +144,17 @@ def walked(walk: Walk, distance_m: float, hood_deg: float) -> float:
     return sum(part * lever for part, lever in zip(walk, _levers(distance_m, hood_deg), strict=True))
 
 
-def step_walk(walk: Walk, side: int, shot: Shot, collect: Collect) -> Walk:
+def step_walk(walk: Walk, side: int, shot: Shot, config: Config) -> Walk:
     """One driver's mark: side -1 = passed low (more speed), +1 = passed high (less), 0 = on target (nothing).
 
     A mark on the side to which the speed was deliberately trimmed carries no information on the aim, nor does one of
-    a prescribed shot.
+    a prescribed shot. By an aim file nothing is trimmed, and the level alone is corrected.
     """
+    collect = config.collect
     if collect.prescribed:
         return walk
+    if needs_aim(config):
+        return walk[0] - config.aim.correction_step * side, walk[1], walk[2]
     _, trim = plan(shot.trial, collect)
     if side == 0 or side * trim > EXPLAINED * collect.spread:
         return walk

@@ -20,6 +20,8 @@ def operate(inputs: Inputs, memory: Memory, config: Config) -> tuple[Memory, tup
     for event in inputs.buttons:
         if event.button == "arm":
             memory = replace(_let_go(memory), armed=not memory.armed, disarmed=UNSET)
+        elif event.button == "accept":
+            memory = _accept(inputs, memory)
         elif event.button == "fire":
             memory = _ask(memory, inputs.t_ns)
         elif event.button == "reject" and memory.last_shot is not None:
@@ -38,6 +40,13 @@ def _let_go(memory: Memory) -> Memory:
     return replace(memory, armed=False, request_t_ns=0, steady_t_ns=0, doubt_t_ns=0, aim=None)
 
 
+def _accept(inputs: Inputs, memory: Memory) -> Memory:
+    # The correction was one of the aim before: what it made up for is in the new one.
+    if memory.armed or inputs.aim_offer is UNSET or memory.aim_sha256 == inputs.aim_offer.sha256:
+        return memory
+    return replace(memory, aim_sha256=inputs.aim_offer.sha256, walk=(0.0, 0.0, 0.0))
+
+
 def _ask(memory: Memory, t_ns: int) -> Memory:
     if not memory.armed or memory.awaiting or memory.feed_t_ns:
         return memory
@@ -46,5 +55,5 @@ def _ask(memory: Memory, t_ns: int) -> Memory:
 
 def _answer(memory: Memory, side: int, config: Config) -> Memory:
     assert memory.last_shot is not None
-    walk = step_walk(memory.walk, side, memory.last_shot, config.collect)
+    walk = step_walk(memory.walk, side, memory.last_shot, config)
     return replace(memory, awaiting=False, walk=walk, aim=None, trial=memory.last_shot.trial + 1)

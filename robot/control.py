@@ -5,6 +5,7 @@ import math
 from msgspec.structs import replace
 
 from truearc.hw.fault_codes import FOREIGN_HOST
+from truearc.robot.aim import NOWHERE
 from truearc.robot.config.schema import Config
 from truearc.robot.pid import step_pid
 from truearc.robot.types import Aim, Command, Estimate, Inputs, Memory, Pid, Verdict
@@ -42,7 +43,7 @@ def _hood(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: 
     hood = config.hood
     if not memory.homed:              # towards the switch, but not before the encoder was heard that can tell how far
         return (0.0 if inputs.hood_angle is None else hood.homing_torque_nm), Pid()
-    if estimate.hood_deg is None or aim.source == "idle":
+    if estimate.hood_deg is None or aim.source in NOWHERE:
         return 0.0, Pid()
     wanted = min(max(aim.hood_deg, hood.low_deg), hood.high_deg)
     error = wanted - estimate.hood_deg

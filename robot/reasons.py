@@ -51,6 +51,8 @@ MAGNET_LOST = Code("magnet_lost", "hood encoder: magnet out of range")
 # The launcher
 HOOD_NOT_HOMED = Code("hood_not_homed", "hood not homed")
 NO_AIM = Code("no_aim", "no aim")
+AIM_FILE_MISSING = Code("aim_file_missing", "no aim file loaded")
+NO_SET_POINT = Code("no_set_point", "the aim file has no set point for {distance_m:.2f} m", {"distance_m": "m"})
 NOT_AT_PLACE = Code("not_at_place", "stand at {place_m:.2f} m", {"place_m": "m"})
 WHEELS_OFF_SPEED = Code("wheels_off_speed", "wheels at {speed_rad_s:.0f} rad/s, set point {wanted_rad_s:.0f}",
                         {"speed_rad_s": "rad/s", "wanted_rad_s": "rad/s"})

@@ -3,7 +3,8 @@
 from msgspec.structs import replace
 
 from truearc.robot.aim import aim as aim_at
-from truearc.robot.aim import config_id, from_here, is_planned, place_m
+from truearc.robot.aim import config_id, from_here, is_left, is_planned, place_m
+from truearc.robot.aim_file import NO_AIMS, Aims
 from truearc.robot.button_logic import operate
 from truearc.robot.config.schema import Config
 from truearc.robot.control import control
@@ -15,12 +16,15 @@ from truearc.robot.types import Aim, Estimate, Inputs, Memory, Outcome, Shot, Ti
 NS = 1e-9
 
 
-def step(inputs: Inputs, memory: Memory, config: Config, gate: Gate | None) -> Tick:
-    """Everything the robot thinks in one tick; `memory` in the result is what the next tick starts from."""
+def step(inputs: Inputs, memory: Memory, config: Config, gate: Gate | None, aims: Aims = NO_AIMS) -> Tick:
+    """Everything the robot thinks in one tick; `memory` in the result is what the next tick starts from.
+
+    aims: the aim files that `aim.policy = "belief"` may use.
+    """
     memory, outcomes = operate(inputs, memory, config)
     memory = remember(inputs, memory, config)
     belief = estimate(inputs, memory, config)
-    aim, memory = _hold_aim(belief, memory, config)
+    aim, memory = _hold_aim(belief, memory, config, aims)
     verdict = judge(inputs, belief, aim, memory, config, gate)
     command, memory = control(inputs, belief, aim, verdict, memory, config)
     if verdict.fire:
@@ -31,15 +35,16 @@ def step(inputs: Inputs, memory: Memory, config: Config, gate: Gate | None) -> T
     return Tick(inputs, belief, aim, verdict, command, memory, None, outcomes + held)
 
 
-def _hold_aim(belief: Estimate, memory: Memory, config: Config) -> tuple[Aim, Memory]:
+def _hold_aim(belief: Estimate, memory: Memory, config: Config, aims: Aims) -> tuple[Aim, Memory]:
     # From the request on the set points stand still: what follows every noisy sighting never settles. Whether they are
     # for where the robot stands is asked in every tick.
-    if memory.aim is not None:
+    if memory.aim is not None and not is_left(memory.aim, memory.aim_place_m, belief.distance_m):
         return from_here(memory.aim, memory.aim_place_m, belief.distance_m), memory
-    aim = aim_at(belief, memory, config)
+    aim = aim_at(belief, memory, config, aims)
     fresh = belief.sighting_s is not None and 0.0 <= belief.sighting_s <= config.gate.sighting_age_s
-    if memory.request_t_ns and is_planned(aim) and fresh:
-        memory = replace(memory, aim=aim, aim_place_m=place_m(belief.distance_m, memory, config))
+    held = memory.request_t_ns and is_planned(aim) and fresh
+    if held or memory.aim is not None:
+        memory = replace(memory, aim=aim if held else None, aim_place_m=place_m(belief.distance_m, memory, config))
     return aim, memory
 
 

@@ -26,6 +26,13 @@ class Sighting(Struct, frozen=True):
     corners_px: tuple[tuple[float, float], ...] = ()
 
 
+class AimOffer(Struct, frozen=True):
+    """An aim file that waits for the driver to accept it; `note` is what the page says of it."""
+
+    sha256: str
+    note: str
+
+
 class Inputs(Struct, frozen=True, omit_defaults=True):
     """All that the tick may know about the outside; a replay needs nothing else.
 
@@ -44,6 +51,7 @@ class Inputs(Struct, frozen=True, omit_defaults=True):
     frames: int = 0                               # CAN frames received since the last tick: its lines of can0.log
     unseen: Reason | None = None                  # why the newest image shows no target; None where it does
     missed: Reason | None = None                  # what the button box did that presses may be lost by
+    aim_offer: AimOffer | UnsetType = UNSET       # absent while none is on offer
 
 
 class Estimate(Struct, frozen=True):
@@ -59,6 +67,7 @@ class Estimate(Struct, frozen=True):
     battery_v: float
     oldest_s: float                               # age of the oldest reading that firing needs
     sighting_s: float | None                      # age of the newest sighting with a target in it
+    closing_m_s: float | UnsetType = UNSET        # by which distance_m was brought up to date; falling is negative
 
 
 class Aim(Struct, frozen=True):
@@ -66,8 +75,10 @@ class Aim(Struct, frozen=True):
 
     motor_ratio: float
     hood_deg: float
-    source: str                                   # "plan", "idle", "identify"
+    source: str                                   # "plan", "belief", "identify"; "idle", "no-aim-file", "no-set-point"
     stand_m: float | UnsetType = UNSET            # it is for this distance, and the robot is elsewhere
+    correction: float | UnsetType = UNSET         # by the driver's marks, in the log of the speed; belief only
+    lead_deg: float | UnsetType = UNSET           # aim to the left of the target, against wind across; belief only
 
 
 class Verdict(Struct, frozen=True):
@@ -146,6 +157,14 @@ class Progress(Struct, frozen=True):
     over: Reason | None = None                    # done, or why it was stopped; nothing is driven any more
 
 
+class Track(Struct, frozen=True):
+    """Distance from exit to target plane and its rate, filtered, as of the newest sighting."""
+
+    t_ns: int
+    distance_m: float
+    rate_m_s: float
+
+
 class Memory(Struct, frozen=True):
     """All that one tick hands to the next."""
 
@@ -168,6 +187,8 @@ class Memory(Struct, frozen=True):
     last_sighting: Sighting | None = None         # newest with a target in it
     disarmed: Reason | UnsetType = UNSET          # what the button box did that disarmed it; absent where it did not
     identify: Progress | UnsetType = UNSET        # only while identifying, so that other recordings know nothing of it
+    track: Track | UnsetType = UNSET              # only where `aim.policy` is "belief"
+    aim_sha256: str | UnsetType = UNSET           # of the aim file that the driver accepted; absent: the first one
 
 
 class Tick(Struct, frozen=True):

@@ -13,6 +13,8 @@ from typing import Any
 import msgspec
 from msgspec import UNSET, Struct, UnsetType
 
+from truearc.robot.aim_file import AimContent
+from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import Config
 from truearc.robot.recording.session import Header
 from truearc.sim.data.columns import UNITS
@@ -66,6 +68,7 @@ DOCUMENTS: dict[str, tuple[type[Struct], str, str]] = {
     "finding": (Finding, "schema", "`truearc discover DIR --json FILE`"),
     "identifiability": (Sight, "schema", "`truearc identifiability DIR --json FILE`"),
     "design": (Design, "schema", "`truearc design DIR --json FILE`"),
+    "aim": (AimContent, "schema", "`truearc aim BELIEF --rig FILE --robot FILE`"),
     "session": (Header, "format", "`session.json` of a recording"),
 }
 HEAD = """# File formats
@@ -121,11 +124,12 @@ def comments_of(kind: type) -> dict[str, str]:
 
 
 def structs_of(kind: type[Struct]) -> list[type[Struct]]:
-    """A struct and those in its fields, each once, outer ones first."""
+    """A struct and those in its fields, each once, outer ones first; without those of rig.toml (docs/dataset.md)."""
     found: list[type[Struct]] = [kind]
     for one in found:
         for field in msgspec.structs.fields(one):
-            found += [inner for inner in _inner(field.type) if inner not in found]
+            found += [inner for inner in _inner(field.type)
+                      if inner not in found and inner.__module__ != Rig.__module__]
     return found
 
 
@@ -143,7 +147,7 @@ def make_schema(name: str) -> dict[str, Any]:
     for title, part in schema["$defs"].items():
         for key, value in part["properties"].items():
             part["properties"][key] = _with_null(value)
-            if key in comments[title] and "$ref" not in value:
+            if key in comments.get(title, {}) and "$ref" not in value:
                 part["properties"][key]["description"] = comments[title][key]
     version = f"truearc.{name}/{2 if name == 'session' else 1}"
     root = schema["$defs"][kind.__name__]
@@ -168,7 +172,7 @@ def launcher_keys() -> Iterator[tuple[str, str, str]]:
     """(dotted key, shipped value, comment) of every key of robot/launcher.toml but those of axes and [rig]."""
     section = ""
     for line in LAUNCHER.read_text(encoding="utf-8").splitlines():
-        if header := re.match(r"\[+([\w.]+)\]+", line):
+        if header := re.match(r"(?:# )?\[+([\w.]+)\]+", line):
             section = header[1] + "."
         elif (found := KEY.match(line)) and not section.startswith(("axes.", "rig.")):
             yield section + found[1], "" if line.startswith("#") else found[2], found[3] or ""

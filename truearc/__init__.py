@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from truearc.api import paper
-    from truearc.api.aiming import AimTable, aim
+    from truearc.api.aiming import AimTable, aim, export_aim, verify_aim
     from truearc.api.discovery import Finding, discover
     from truearc.api.fitting import Fit, fit
     from truearc.api.gate import GateTraining, train_gate
@@ -48,14 +48,15 @@ __all__ = [
     "AimTable", "AirTerm", "ArrivalTerm", "Belief", "Dataset", "Finding", "Fit", "FlightTerm", "GateTraining",
     "Identifiability", "InputError", "LaunchTerm", "Parameter", "Prior", "Recording", "Rig", "SensingTerm",
     "ShotDesign", "Table", "WatchTerm", "aim", "catalogue", "dataset", "design_shots", "discover", "emulate",
-    "export_weights", "fit", "identifiability", "load_belief", "load_config", "load_dataset", "load_finding",
-    "load_rig", "paper", "predict", "save_dataset", "shots_from_sessions", "train_gate", "verify_gate",
+    "export_aim", "export_weights", "fit", "identifiability", "load_belief", "load_config", "load_dataset",
+    "load_finding", "load_rig", "paper", "predict", "save_dataset", "shots_from_sessions", "train_gate", "verify_aim",
+    "verify_gate",
 ]
 
 # module -> the names that are imported from it when they are first used
 _NAMES = {
     "truearc.api": "paper",
-    "truearc.api.aiming": "AimTable aim",
+    "truearc.api.aiming": "AimTable aim export_aim verify_aim",
     "truearc.api.discovery": "Finding discover",
     "truearc.api.fitting": "Fit fit",
     "truearc.api.gate": "GateTraining train_gate",

@@ -2,7 +2,6 @@
 
 import csv
 import math
-import re
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +13,7 @@ from msgspec import Struct
 
 from truearc.hw.devices.axis import Axis, CanNode, Direction, Positive
 from truearc.robot.config.rig_spec import DENSEST_KG_M3, Rig, missing_keys, rig_errors, too_large, unknown_keys
+from truearc.robot.config.toml_errors import joined, line_of, reworded
 
 Kind = TypeVar("Kind")
 Finite = Annotated[float, msgspec.Meta(gt=-1e9, lt=1e9)]
@@ -31,9 +31,6 @@ Count = Annotated[int, msgspec.Meta(gt=0, lt=1_000_000)]
 MAX_LINE = 20_000                     # characters: longer ones take minutes to parse
 MAX_TEXT_BYTES, MAX_BYTES = 4_000_000, 500_000_000      # of a configuration or belief; of a model or table
 MAX_TORQUE_NM = 100.0                 # at the motor shaft; the strongest of a team's motors give 7
-
-_INNER_PLACE = re.compile(r" - at `\$([^`]*)` - at `\$([^`]*)`$")      # of an axis's key, and of the axis
-
 
 class InputError(Exception):
     """The user's file or option is wrong; the message names file, line, key or frame. Doors answer with exit code 2."""
@@ -202,6 +199,13 @@ class Collect(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tru
     prescribed: tuple[Prescribed, ...] = ()       # what `--plan` gives; see truearc.robot.config.shot_plan
 
 
+class AimConfig(Struct, frozen=True, forbid_unknown_fields=True):
+    """Where set points come from: the plan of [collect], or an aim file (truearc.robot.aim_file)."""
+
+    policy: Literal["plan", "belief"]
+    correction_step: Doubt            # belief: change of log speed per mark high or low
+
+
 class Excite(Struct, frozen=True, forbid_unknown_fields=True):
     """How `truearc sysid` drives one joint: torque at the motor shaft, speed at the motor."""
 
@@ -226,8 +230,8 @@ class Identify(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """launcher.toml. Without [identify] the robot drives nothing to identify it, and recordings from before that
-    section was there still say what they said."""
+    """launcher.toml. Without [identify] the robot drives nothing to identify it, without [aim] it aims by the plan;
+    recordings from before these sections were there still say what they said."""
 
     tick_hz: Annotated[int, msgspec.Meta(ge=20, le=1000)]
     can: Can
@@ -244,6 +248,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True
     collect: Collect
     rig: Rig
     identify: Identify | None = None
+    aim: AimConfig = AimConfig("plan", 0.0)
 
 
 class CameraFile(Struct, frozen=True, forbid_unknown_fields=True):
@@ -356,8 +361,8 @@ def parse_toml(text: str, kind: type[Kind], name: str) -> Kind:
         missing = missing_keys(table, kind)
         if len(missing) > 1:
             raise InputError(f"{name}: keys are missing: {', '.join(missing)}") from error
-        message = _INNER_PLACE.sub(r" - at `$\2\1`", str(error))
-        raise InputError(f"{name}{_line_of(text, message)}: {_reworded(message)}") from error
+        message = joined(str(error))
+        raise InputError(f"{name}{line_of(text, message)}: {reworded(message)}") from error
 
 
 def read_axis(kind: type, table: Any) -> Axis:
@@ -370,27 +375,3 @@ def read_axis(kind: type, table: Any) -> Axis:
         raise ValueError(f"Invalid value {driver!r} - at `$.driver`") from None
     except msgspec.ValidationError as error:
         raise ValueError(str(error)) from error
-
-
-def _reworded(message: str) -> str:
-    if message.startswith("Invalid value") and message.endswith(".driver`"):
-        from truearc.hw.devices.registry import drivers
-        message += f" (there are {', '.join(drivers())})"
-    return (message.replace("Object contains unknown field", "unknown key")
-            .replace("Object missing required field", "missing key").replace("`$.", "`").replace(" - at `$`", ""))
-
-
-def _line_of(text: str, message: str) -> str:
-    """':line' of the key that the message quotes, in the table that it quotes, else of that table; '' if neither is."""
-    *names, place = [re.sub(r"\[.*?\]", "", quoted.removeprefix("$").removeprefix("."))
-                     for quoted in re.findall(r"`([^`]+)`", message)] or [""]
-    table, _, key = place.rpartition(".")
-    places = {(place, name) for name in names} | {(table, key)}
-    header, begins = "", ""
-    for number, line in enumerate(text.splitlines(), 1):
-        if found := re.match(r"\s*\[+\s*([\w.]+)\s*\]", line):
-            header = found[1]
-            begins = begins or (f":{number}" if header == place else "")
-        elif (found := re.match(r"\s*([\w-]+)\s*=", line)) and (header, found[1]) in places:
-            return f":{number}"
-    return begins

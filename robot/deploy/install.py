@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from msgspec import Struct
 
 from truearc.hw.devices.axis import driver_of
+from truearc.robot.aim_file import needs_aim
 from truearc.robot.config.schema import Config, InputError
 
 HIGHEST_PRIORITY = 60                 # that the service may ask for
@@ -22,6 +23,7 @@ class Parts(Struct, frozen=True):
     can_serial: str                   # of the CAN adapter: it then has its name whatever port it is plugged into
     box_usb: str                      # vendor:product of the button box, four hexadecimal digits each
     exposure_ms: float | None
+    has_aim: bool = False
 
 
 def make_parts(config: Config, parts: Parts) -> Parts:
@@ -66,3 +68,5 @@ def _wrong_numbers(config: Config, parts: Parts) -> Iterator[str]:
         yield f"--core {parts.core}: cores count from 0"
     if config.gate.policy == "model" and not parts.has_gate:
         yield "gate.policy is 'model', so --gate is needed"
+    if needs_aim(config) != parts.has_aim:
+        yield f"aim.policy is {config.aim.policy!r}, so --aim is " + ("needed" if needs_aim(config) else "not used")

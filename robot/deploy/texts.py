@@ -7,8 +7,9 @@ from truearc.robot.config.schema import Config
 from truearc.robot.deploy.install import HIGHEST_PRIORITY, Parts
 
 HOME = "/opt/truearc"                 # the virtual environment
-SETTINGS = "/etc/truearc"             # launcher.toml, gate.onnx
+SETTINGS = "/etc/truearc"             # launcher.toml, gate.onnx, aim.json
 STATE = "/var/lib/truearc"            # sessions
+INBOX = f"{STATE}/aims"               # aim files that are offered to the driver
 USER = "truearc"
 PROGRAM = f"{HOME}/venv/bin/truearc"
 QUEUE_FRAMES = 64                     # longer only makes set points older; the kernel's ten are refused in one tick
@@ -37,8 +38,9 @@ def make_unit(config: Config, parts: Parts) -> str:
     """The service. It waits for the CAN interface, but does not fall with it: an unplugged adapter is a HOLD."""
     device = f"sys-subsystem-net-devices-{_escape(config.can.channel)}.device"
     waits = f"Wants={device}\nAfter={device}\n" if config.can.interface == "socketcan" else ""
-    gate = f" --gate {SETTINGS}/gate.onnx" if parts.has_gate else ""
+    models = _models(parts) + (f" --aim-inbox {INBOX}" if parts.has_aim else "")
     core = "" if parts.core is None else f" --core {parts.core}"
+    options = f"--out {STATE}/sessions --priority {parts.priority}{core}"
     return f"""[Unit]
 Description=truearc, the launcher's controller
 {waits}StartLimitIntervalSec=0
@@ -46,7 +48,7 @@ Description=truearc, the launcher's controller
 [Service]
 Type=notify
 NotifyAccess=main
-ExecStart={PROGRAM} run --config {SETTINGS}/launcher.toml{gate} --out {STATE}/sessions --priority {parts.priority}{core}
+ExecStart={PROGRAM} run --config {SETTINGS}/launcher.toml{models} {options}
 # READY comes with the first full set of fresh readings; motors may be switched on long after the computer.
 TimeoutStartSec=infinity
 # Fed by the control tick alone.
@@ -109,11 +111,15 @@ def make_install(config: Config, parts: Parts, files: tuple[str, ...]) -> str:
     steps = [HEAD, *(f"install -D -m 644 {name} {PLACES[name]}/{name}" for name in files), DEVICES]
     if config.can.interface == "socketcan":
         steps.append(NETWORKING.replace("CHANNEL", config.can.channel))
-    gate = f" --gate {SETTINGS}/gate.onnx" if parts.has_gate else ""
     endpoints = f" --endpoints {SETTINGS}/flat_endpoints.json" if parts.has_endpoints else ""
-    look = (f"{PROGRAM} doctor --config {SETTINGS}/launcher.toml{gate}{endpoints} --out {STATE}/sessions "
+    look = (f"{PROGRAM} doctor --config {SETTINGS}/launcher.toml{_models(parts)}{endpoints} --out {STATE}/sessions "
             f"--priority {parts.priority}")
     return "\n".join([*steps, TAIL.replace("DOCTOR", look)])
+
+
+def _models(parts: Parts) -> str:
+    return "".join(f" --{option} {SETTINGS}/{file}" for option, file, carried in (
+        ("gate", "gate.onnx", parts.has_gate), ("aim", "aim.json", parts.has_aim)) if carried)
 
 
 HEAD = f"""#!/bin/sh
@@ -125,7 +131,7 @@ trap 'test $finished = yes || echo "NOT FINISHED, and the robot is stopped: fix 
 systemctl stop truearc.service 2>/dev/null || true
 id {USER} >/dev/null 2>&1 || useradd --system --user-group --home-dir {STATE} --shell /usr/sbin/nologin {USER}
 install -d -m 755 {HOME} {SETTINGS}
-install -d -m 755 -o {USER} -g {USER} {STATE} {STATE}/sessions
+install -d -m 755 -o {USER} -g {USER} {STATE} {STATE}/sessions {INBOX}
 
 # The program, and the motor drivers of other distributions in plugins/. With wheels for all they need in wheels/ no
 # network is asked.
@@ -138,7 +144,7 @@ plugins=$(ls plugins/*.whl 2>/dev/null || true)
     wheels/truearc-*.whl $plugins
 
 # What it runs with, and what starts it.
-for name in launcher.toml gate.onnx flat_endpoints.json; do
+for name in launcher.toml gate.onnx aim.json flat_endpoints.json; do
     if [ -e "$name" ]; then install -m 644 "$name" {SETTINGS}/"$name"; else rm -f {SETTINGS}/"$name"; fi
 done"""
 

@@ -1,4 +1,4 @@
-"""Every device on the bus: what to ask, and what to make of it; and the gate's model."""
+"""Every device on the bus: what to ask, and what to make of it; the gate's model, and the aim file."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,6 +11,7 @@ from truearc.hw.devices.odrive.parameters import parse_endpoints
 from truearc.hw.devices.registry import family_of
 from truearc.hw.finding import Finding, failure, ok
 from truearc.hw.protocols import Frame
+from truearc.robot.aim_file import load_aim_for, needs_aim
 from truearc.robot.config.schema import Config, GateConfig, InputError, load_text
 from truearc.robot.gate.contract import FEATURES
 from truearc.robot.gate.model import load_gate
@@ -52,3 +53,21 @@ def check_model(gate: GateConfig, path: Path | None) -> Finding:
     domain = ", ".join(f"{feature.name} {low:g} to {high:g}"
                        for feature, (low, high) in zip(FEATURES, model.domain, strict=True))
     return ok(check, f"sha256 {model.sha256[:12]}, this robot's contract; speaks of {domain}")
+
+
+def check_aim(config: Config, path: Path | None) -> Iterator[Finding]:
+    """Whether the aim file that the policy asks for is there, whole, and for this launcher; nothing without one."""
+    check = "aim file"
+    if not needs_aim(config):
+        if path is not None:
+            yield failure(check, f"aim.policy is {config.aim.policy!r}", "leave --aim out, or set it to 'belief'")
+    elif path is None:
+        yield failure(check, "aim.policy is 'belief' and no aim file was given", "give --aim, as to `truearc run`")
+    else:
+        try:
+            aim = load_aim_for(path, config)
+        except InputError as error:
+            yield failure(check, str(error), "make it again with `truearc aim --robot` and this launcher.toml")
+            return
+        spans = ", ".join(f"{one.distance_m[0]:g} to {one.distance_m[-1]:g} m" for one in aim.content.segments)
+        yield ok(check, f"sha256 {aim.sha256[:12]}, set points for {spans}")

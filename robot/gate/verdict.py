@@ -12,7 +12,7 @@ from truearc.hw.devices.registry import family_of
 from truearc.hw.readings import AngleReading, MotorReading
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
-from truearc.robot.aim import PLAN
+from truearc.robot.aim import BEYOND, NO_FILE, is_planned
 from truearc.robot.config.schema import Config, GateConfig
 from truearc.robot.gate.contract import FEATURES, NOVELTY_LIMIT
 from truearc.robot.gate.model import Gate, Rating
@@ -96,7 +96,7 @@ def _motor(name: str, axis: Axis, motor: MotorReading, t_ns: int, gate: GateConf
 def _launcher(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> list[Reason]:
     wanted = aim.motor_ratio * (config.rig.launcher.free_speed_rad_s or 0.0)
     if wanted <= 0.0:
-        return [because.NO_AIM()]
+        return [_no_aim(estimate, aim)]
     reasons = _place(aim)
     if not abs(estimate.motor_rad_s - wanted) <= config.flywheel.tolerance_rad_s:
         reasons.append(because.WHEELS_OFF_SPEED(speed_rad_s=estimate.motor_rad_s, wanted_rad_s=wanted))
@@ -111,7 +111,15 @@ def _launcher(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, conf
 def _place(aim: Aim) -> list[Reason]:
     if aim.stand_m is not UNSET:
         return [because.NOT_AT_PLACE(place_m=aim.stand_m)]
-    return [] if aim.source == PLAN else [because.NO_AIM()]
+    return [] if is_planned(aim) else [because.NO_AIM()]
+
+
+def _no_aim(estimate: Estimate, aim: Aim) -> Reason:
+    if aim.source == NO_FILE.source:
+        return because.AIM_FILE_MISSING()
+    if aim.source == BEYOND.source and estimate.distance_m is not None:
+        return because.NO_SET_POINT(distance_m=estimate.distance_m)
+    return because.NO_AIM()
 
 
 def _hood(estimate: Estimate, aim: Aim, config: Config) -> list[Reason]:

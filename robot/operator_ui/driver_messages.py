@@ -129,6 +129,7 @@ DEVICES = (
 )
 MODEL = (
     Message(bot.MODEL_MISSING, FAULT, "No gate model", "start with --gate"),
+    Message(bot.AIM_FILE_MISSING, FAULT, "No aim file", "start with --aim"),
     Message(bot.MODEL_FAILED, FAULT, "The model has failed", "restart the program; report it"),
     Message(bot.MODEL_NOT_FINITE, FAULT, "The model gives a non-finite probability", "report it, with the recording"),
 )
@@ -151,6 +152,7 @@ DRIVER = (
     Message(bot.TARGET_IMPLAUSIBLE, YOU, "Implausible target distance: {distance_m:.1f} ± {sigma_m:.1f} m",
             "turn towards the target"),
     Message(bot.NOT_AT_PLACE, YOU, "The plan wants this shot from {place_m:.2f} m", "drive there"),
+    Message(bot.NO_SET_POINT, YOU, "No set point for {distance_m:.2f} m", "shoot from another distance"),
     Message(bot.MODEL_OUTSIDE_DOMAIN, YOU,
             "The model's training data has no shots like this one{novelty: (novelty ~, 1 is the limit)}",
             "shoot from another place"),

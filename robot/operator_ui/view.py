@@ -1,6 +1,6 @@
 """A Glance as the page shows it: words and numbers with their units, ready to be put on a screen. Pure."""
 
-from msgspec import Struct
+from msgspec import UNSET, Struct, UnsetType
 
 from truearc.hw.readings import MotorReading
 from truearc.hw.reason import FAULT, YOU
@@ -70,6 +70,12 @@ def _tone(tick: Tick, fire: bool, told: tuple[Told, ...]) -> str:
 def _aim(sighting: Sighting | None, tick: Tick, config: Config) -> Block:
     belief, aim, verdict = tick.estimate, tick.aim, tick.verdict
     wanted = aim.motor_ratio * (config.rig.launcher.free_speed_rad_s or 0.0)
+    offer = tick.inputs.aim_offer
+    by_belief = [Line(name, value) for name, value, told in (
+        ("turn", f"{_side(-_given(aim.lead_deg))} of the target", _given(aim.lead_deg) != 0.0),
+        ("corrected", f"{_given(aim.correction):+.1%} speed by the marks", _given(aim.correction) != 0.0)) if told]
+    if offer is not UNSET and offer.sha256 != tick.memory.aim_sha256:
+        by_belief.append(Line("new aim", f"{offer.note or offer.sha256[:12]}: press ACCEPT, disarmed"))
     return Block("Aim", (
         Line("distance", f"{belief.distance_m:.2f} ± {_number(belief.distance_sigma_m, '.2f')} m"
              if belief.distance_m is not None else "not known", belief.distance_m is not None),
@@ -79,7 +85,11 @@ def _aim(sighting: Sighting | None, tick: Tick, config: Config) -> Block:
         Line("hood", f"{_number(belief.hood_deg, '.1f')}{f' of {aim.hood_deg:.1f}' if wanted else ''}°",
              belief.hood_deg is not None and (not wanted
                                               or abs(belief.hood_deg - aim.hood_deg) <= config.hood.tolerance_deg)),
-        Line("p(three)", _number(verdict.p_three, ".0%")), Line("p(two)", _number(verdict.p_two, ".0%"))))
+        Line("p(three)", _number(verdict.p_three, ".0%")), Line("p(two)", _number(verdict.p_two, ".0%")), *by_belief))
+
+
+def _given(value: float | UnsetType) -> float:
+    return 0.0 if value is UNSET else value
 
 
 def _target(sighting: Sighting | None, tick: Tick, config: Config) -> tuple[str, bool]:

@@ -31,9 +31,9 @@ class SessionWriter:
     """
 
     def __init__(self, folder: Path, header: Header, config: Config, model: bytes | None, lossless: bool,
-                 open_keeper: Callable[[Path], Keeper] | None = None) -> None:
+                 open_keeper: Callable[[Path], Keeper] | None = None, aim: bytes | None = None) -> None:
         self.folder = folder
-        make_folder(folder, header, config, model)
+        make_folder(folder, header, config, model, aim)
         self._keeper = LaneKeeper(folder, lossless) if open_keeper is None else open_keeper(folder)
         self._encoder = msgspec.json.Encoder()
         self._frames: list[tuple[Frame, bool]] = []

@@ -131,12 +131,13 @@ class SessionFiles:
                 file.close()
 
 
-def make_folder(folder: Path, header: Header, config: Config, model: bytes | None) -> None:
+def make_folder(folder: Path, header: Header, config: Config, model: bytes | None, aim: bytes | None = None) -> None:
     """A session's folder and what made it; InputError when it is there already, or cannot be made."""
     if folder.exists():
         raise InputError(f"{folder}: exists already; a recording is never written over")
     (folder / layout.FRAMES).mkdir(parents=True)
-    contents = {layout.CONFIG: _make_json(config), layout.MODEL: model, layout.HEADER: _make_json(header)}
+    contents = {layout.CONFIG: _make_json(config), layout.MODEL: model, layout.AIM: aim,
+                layout.HEADER: _make_json(header)}
     for name, data in contents.items():
         if data is not None:
             with naming(folder / name):

@@ -2,6 +2,7 @@
 
     session.json     what made it: versions, configuration and model hashes
     config.json      the configuration it ran with; model.onnx the gate, if there was one
+    aim.json         the aim file that it started with, if there was one; aims/SHA256.json those offered meanwhile
     telemetry.mcap   JSON messages: on /tick the whole Tick, on /trial each line of trials.jsonl (older ones lack it)
     can0.log         every CAN frame both ways, candump text
     trials.jsonl     one fsynced line an outcome
@@ -15,8 +16,9 @@ from importlib.metadata import version
 from pathlib import Path
 
 import msgspec
-from msgspec import Struct
+from msgspec import UNSET, Struct, UnsetType
 
+from truearc.robot.aim_file import AimFile, Aims, load_aim
 from truearc.robot.config.hashing import config_hash, is_hash_of
 from truearc.robot.config.rig_spec import with_nan
 from truearc.robot.config.schema import Config, InputError, in_words, naming, read_axis
@@ -29,6 +31,7 @@ FORMAT, FORMAT_1 = "truearc.session/2", "truearc.session/1"
 HEADER, CONFIG, MODEL, TELEMETRY, CAN, TRIALS, FRAMES, LATENESS = (
     "session.json", "config.json", "model.onnx", "telemetry.mcap", "can0.log", "trials.jsonl", "frames",
     "lateness.jsonl")
+AIM, AIMS = "aim.json", "aims"
 INDEX, DAMAGED = "frames/frames.jsonl", "damaged"
 TICK_TOPIC, TRIAL_TOPIC = "/tick", "/trial"
 
@@ -42,6 +45,7 @@ class Header(Struct, frozen=True):
     model_sha256: str | None          # of model.onnx; null: there was none
     policy: str                       # collect | model
     started: str | None               # wall clock, ISO 8601; null on the twin, whose clock starts at zero
+    aim_sha256: str | UnsetType = UNSET           # of aim.json; absent: there was none
 
 
 class Picture(Struct, frozen=True):
@@ -61,10 +65,10 @@ def make_trials(tick: Tick) -> list[Trial]:
             for outcome in tick.outcomes]
 
 
-def make_header(config: Config, gate: Gate | None, started: str | None) -> Header:
+def make_header(config: Config, gate: Gate | None, started: str | None, aim: AimFile | None = None) -> Header:
     """What session.json will say."""
     return Header(FORMAT, version("truearc"), config_hash(config), gate.sha256 if gate else None, config.gate.policy,
-                  started)
+                  started, aim.sha256 if aim else UNSET)
 
 
 def load_header(session: Path) -> Header:
@@ -110,6 +114,19 @@ def load_session_gate(session: Path) -> Gate | None:
     if gate.sha256 != header.model_sha256:
         raise InputError(f"{path}: not the model that the recording was gated by")
     return gate
+
+
+def load_session_aims(session: Path) -> Aims:
+    """The aim files that a session may have aimed by; InputError when the one it started with is missing or another."""
+    header, path = load_header(session), session / AIM
+    aims = {one.sha256: one for one in map(load_aim, sorted((session / AIMS).glob("*.json")))}
+    if header.aim_sha256 is not UNSET:
+        if not path.exists():
+            raise InputError(f"{path}: the recording was aimed by a file that is not here")
+        aims[""] = load_aim(path)
+        if aims[""].sha256 != header.aim_sha256:
+            raise InputError(f"{path}: not the aim file that the recording was aimed by")
+    return aims
 
 
 def load_trials(session: Path) -> list[Trial]:

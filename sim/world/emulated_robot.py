@@ -4,6 +4,7 @@ import itertools
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
+from functools import partial
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -22,8 +23,9 @@ from truearc.hw.protocols import Frame
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.serial_port import open_serial
+from truearc.robot.aim_file import NO_AIMS, Aims, load_aim_for, needs_aim
 from truearc.robot.config.can_policy import guard
-from truearc.robot.config.schema import Config
+from truearc.robot.config.schema import AimConfig, Config, InputError
 from truearc.robot.gate.model import Gate, load_gate
 from truearc.robot.motors import name_axes
 from truearc.robot.operator_ui.server import OperatorPage, with_page
@@ -32,6 +34,7 @@ from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.session import make_header
 from truearc.robot.rig import HardwareRig, RecordingRig
 from truearc.robot.runtime import run
+from truearc.robot.tick import step
 from truearc.robot.vision_source import Eyes
 from truearc.sim.progress import Progress
 from truearc.sim.world.driver import make_driver
@@ -43,6 +46,7 @@ from truearc.sim.world.parts.target import BallResult
 from truearc.sim.world.world import World
 
 LONGEST_TRIAL_S = 40.0                # a session that takes longer than this a trial is stuck, and ends
+CORRECTION_STEP = 0.005               # of log speed per mark, where the configuration has no [aim]
 WATCHDOG_MS = 100                     # of the motor drivers, where it can be set
 CHANNELS = itertools.count()          # every twin in this process has a wire of its own
 MakeNodes = Callable[[Config, World], dict[str, Node]]
@@ -70,7 +74,7 @@ def make_axis_node(axis: Axis, name: str, world: Plant, watchdog_ms: int) -> Nod
 def emulate(config: Config, folder: Path, trials: int, seed: int, options: Options | None = None,
             gate_path: Path | None = None, progress: Progress = lambda done, note: None,
             page: OperatorPage | None = None, nodes_of: MakeNodes = make_nodes,
-            eyes_of: MakeEyes = TwinEyes) -> list[BallResult]:
+            eyes_of: MakeEyes = TwinEyes, aim_path: Path | None = None) -> list[BallResult]:
     """Record trials of the emulated robot: the real runtime, real frames and images, a MuJoCo world.
 
     Args:
@@ -84,29 +88,43 @@ def emulate(config: Config, folder: Path, trials: int, seed: int, options: Optio
         page: Operator page to serve; time then passes no faster than it does.
         nodes_of: Makes the emulated devices.
         eyes_of: Makes the camera.
+        aim_path: Aim file (`truearc aim --robot`) to aim by; the aim policy becomes "belief".
 
     Returns:
         The true result of each ball, for tests and reports; neither runtime nor fit may see it.
 
     Raises:
-        InputError: the folder exists, or the gate is not one.
+        InputError: the folder exists, the gate is not one, the aim file is not one or for another rig, or the
+            configuration asks for an aim file and there is none.
         OSError: the session cannot be written.
     """
     gate = None if gate_path is None else load_gate(gate_path)
     if gate is not None:
         config = replace(config, gate=replace(config.gate, policy="model"))
-    recorder = SessionWriter(folder, make_header(config, gate, None), config,
-                             gate_path.read_bytes() if gate_path else None, lossless=True)
+    config, aims = _aimed(config, aim_path)
+    recorder = SessionWriter(folder, make_header(config, gate, None, aims.get("")), config,
+                             gate_path.read_bytes() if gate_path else None, lossless=True,
+                             aim=aim_path.read_bytes() if aim_path else None)
     with closing(recorder):
         world = World(seed, options)
-        run_twin(config, world, trials, seed, gate, recorder, progress, (nodes_of, eyes_of), page)
+        run_twin(config, world, trials, seed, gate, recorder, progress, (nodes_of, eyes_of), page, aims)
     if recorder.failed is not None:
         raise recorder.failed
     return world.results
 
 
+def _aimed(config: Config, aim_path: Path | None) -> tuple[Config, Aims]:
+    if aim_path is None:
+        if needs_aim(config):
+            raise InputError("aim.policy is 'belief', so an aim file is needed (--aim)")
+        return config, NO_AIMS
+    aims = {"": load_aim_for(aim_path, config)}
+    return (config if needs_aim(config) else replace(config, aim=AimConfig("belief", CORRECTION_STEP))), aims
+
+
 def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | None, recorder: SessionWriter,
-             progress: Progress, parts: tuple[MakeNodes, MakeEyes], page: OperatorPage | None) -> None:
+             progress: Progress, parts: tuple[MakeNodes, MakeEyes], page: OperatorPage | None,
+             aims: Aims = NO_AIMS) -> None:
     """Run robot and world until the driver is done."""
     box = open_button_box()
     nodes_of, eyes_of = parts
@@ -123,7 +141,8 @@ def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | 
     with closing(eyes_of(world, config, seed)) as eyes:
         nodes, steppers = nodes_of(config, world), (driver.step, eyes.step)
         with emulated_rig(config, world, nodes, box, eyes, steppers, recorder.tap, over) as (rig, clock):
-            run(RecordingRig(rig, recorder.trouble), config, gate, with_page(recorder, page))
+            run(RecordingRig(rig, recorder.trouble), config, gate, with_page(recorder, page),
+                partial(step, aims=aims))
     progress(1.0, f"{len(world.results)} balls in {clock.now_ns() * 1e-9:.0f} s of robot time")
 
 

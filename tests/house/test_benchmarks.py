@@ -17,6 +17,7 @@ COMMANDS = {name.partition(".")[2] for name, path in zip(NAMES, FILES, strict=Tr
 # benchmark -> options that make it quick; DATA: the folder of shared recordings
 QUICK = {
     "aim": "--rigs 1",
+    "aim_tick": "--trials 1 --rounds 1",
     "adoption": "--worlds 1 --shots 40 --seed 11 --only nothing --processes 1 --out worlds.jsonl",
     "ball_drops": "DATA/real/ball_drops.csv",
     "coverage": "--replicates 1 --shots 30",

@@ -14,7 +14,8 @@ from tools.formats_doc import DOCUMENTS, PAGE, SCHEMAS, launcher_keys, make_page
 from truearc.robot.config.schema import Config
 
 GOLDEN = sorted([*REFERENCE.glob("finding-*/finding.json"), *REFERENCE.glob("identifiability/*.json"),
-                 *REFERENCE.glob("design/*.json"), *REFERENCE.glob("gated-*/session.json")])
+                 *REFERENCE.glob("design/*.json"), *REFERENCE.glob("gated-*/session.json"),
+                 Path(__file__).parents[1] / "robot" / "aim.json"])
 ELSEWHERE = ("axes.", "rig.", "collect.prescribed.")     # docs/motors.md, docs/dataset.md, `--plan`
 
 

@@ -3,6 +3,8 @@
 import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,9 +12,11 @@ from scipy.interpolate import PchipInterpolator
 
 from truearc.api.table import Table
 from truearc.api.terms import check_kind
+from truearc.robot.aim_file import check_rig, load_aim
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError
+from truearc.robot.config.schema import InputError, naming
 from truearc.sim.aim import snippets
+from truearc.sim.aim.export import AimCheck, aim_bytes, check_aim_file
 from truearc.sim.aim.make_table import make_rows
 from truearc.sim.aim.plot import draw_aim
 from truearc.sim.aim.set_point import AimRow
@@ -136,6 +140,60 @@ def aim(belief: Belief, rig: Rig, *, distances_m: Iterable[float] | None = None,
     if not -90.0 < low <= high < 90.0:
         raise InputError(f"hood_deg: {low:g} to {high:g}; it must ascend, between -90 and 90")
     return AimTable(*make_rows(rig, belief, _distances(distances_m, known), (low, high), progress))
+
+
+def export_aim(table: AimTable, belief: Belief, rig: Rig, path: str | Path, *, note: str = "") -> AimCheck:
+    """Write the aim file by which the robot aims (`aim.policy = "belief"`), and check it against the simulator.
+
+    Args:
+        table: Of `aim`, with this belief and rig.
+        belief: Coefficients, scatter and covariance.
+        rig: Of the robot's launcher.toml: a robot with another ball, launcher or target refuses the file.
+        path: File to write.
+        note: One line for the driver, 200 characters at most.
+
+    Returns:
+        Expected points of the file's set points and of the best at random distances, read back as the robot reads it.
+
+    Raises:
+        InputError: the file cannot be written, no two neighbouring distances have a set point, or a set point falls
+            short of the best by more than 0.05 points; the file is removed then.
+    """
+    check_kind("table", table, AimTable, "aim(...)")
+    record = {"version": version("truearc"), "coefficients": belief.coefficients, "scatter": belief.scatter}
+    data = aim_bytes(table.rows, table.refused, rig, note, record)
+    with naming(path):
+        Path(path).write_bytes(data)
+    try:
+        return verify_aim(path, belief, rig)
+    except InputError:
+        Path(path).unlink()
+        raise
+
+
+def verify_aim(path: str | Path, belief: Belief, rig: Rig, *, seed: int = 0) -> AimCheck:
+    """Check an aim file as the robot reads it against the best set points at 40 random distances.
+
+    Args:
+        path: Aim file.
+        belief: That it was made of.
+        rig: That it is for.
+        seed: Of the distances.
+
+    Raises:
+        InputError: the file is not a sound aim file, is for another rig, or a set point falls short of the best by more
+            than 0.05 points.
+    """
+    check_kind("belief", belief, Belief, "load_belief(...)")
+    check_kind("rig", rig, Rig, "load_rig(...)")
+    file = load_aim(path)
+    check_rig(path, file, rig)
+    check = check_aim_file(file, belief, rig, seed)
+    if not check.passed:
+        worst = float(check.distance_m[np.argmax(check.best - check.points)])
+        raise InputError(f"{path}: at {worst:.2f} m the set point has {check.lost:.2f} points less than the best; use "
+                         "this belief's own file, or smaller steps of distance")
+    return check
 
 
 def _distances(given: Iterable[float] | None, known: Mapping[str, list[float]]) -> np.ndarray:

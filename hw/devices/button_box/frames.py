@@ -17,7 +17,7 @@ from truearc.hw.fault_codes import BOX_LINES_REFUSED
 from truearc.hw.readings import ButtonEvent
 from truearc.hw.reason import Reason
 
-BUTTONS = ("arm", "fire", "miss-low", "miss-high", "two", "three", "reject")
+BUTTONS = ("arm", "fire", "miss-low", "miss-high", "two", "three", "reject", "accept")
 HEARTBEAT_NS = 500_000_000
 SEQ_COUNT = 65536
 LONGEST = 64                                      # bytes; no line is longer

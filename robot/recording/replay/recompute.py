@@ -4,6 +4,7 @@ From the recorded inputs, or from deeper: the raw CAN frames and the kept images
 """
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,7 +16,13 @@ from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import Config, InputError
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.frame_replay import FramesRig, Recomputed
-from truearc.robot.recording.session import TELEMETRY, load_header, load_session_config, load_session_gate
+from truearc.robot.recording.session import (
+    TELEMETRY,
+    load_header,
+    load_session_aims,
+    load_session_config,
+    load_session_gate,
+)
 from truearc.robot.rig import ReplayRig
 from truearc.robot.runtime import RobotIo, run
 from truearc.robot.sysid.tick import POLICY, make_step
@@ -99,7 +106,8 @@ def replay_frames(session: Path) -> tuple[Replayed, Recomputed]:
 def _replay(session: Path, make_rig: Callable[[RecordedRows, Config], RobotIo]) -> Replayed:
     config, gate, reader = load_session_config(session), load_session_gate(session), TickReader(session)
     rows = RecordedRows(reader)
-    think = make_step(config) if load_header(session).policy == POLICY else step       # what it was recorded by
+    aims = load_session_aims(session)
+    think = make_step(config) if load_header(session).policy == POLICY else partial(step, aims=aims)  # as recorded
     return matched(run(make_rig(rows, config), config, gate, Comparer(rows), think), reader)
 
 

@@ -7,11 +7,9 @@ last columns of the table say how many points an error of distance, hood angle o
 import argparse
 import math
 import sys
-import tomllib
-from pathlib import Path
 
 import truearc as ta
-from truearc.cli.common import add_terms_from, catalogue_of, make_progress, print_or_write
+from truearc.cli.common import add_terms_from, catalogue_of, load_any_rig, make_progress, print_or_write, refuse
 from truearc.cli.outputs import out_file
 
 EXAMPLE = "truearc aim belief.toml --rig rig.toml --distances 2:7:0.25 --picture aim.png"
@@ -33,6 +31,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--out", type=out_file, metavar="FILE", help="file to write instead of standard output")
     parser.add_argument("--picture", type=out_file, metavar="PNG", help="picture of set points and of the band that "
                         "scores")
+    parser.add_argument("--robot", type=out_file, metavar="FILE", help="aim file for `truearc run --aim`, checked "
+                        "against the simulator; --rig should be the robot's launcher.toml then")
+    parser.add_argument("--note", metavar="TEXT", help="one line in that file for the driver")
     add_terms_from(parser)
 
 
@@ -40,26 +41,23 @@ def main(args: argparse.Namespace) -> int:
     """Return 0 once every set point is written."""
     from truearc.sim.compile_cache import keep_compiled
     keep_compiled()
-    rig, belief = _rig(args.rig), ta.load_belief(args.belief, catalogue_of(args))
+    rig, belief = load_any_rig(args.rig), ta.load_belief(args.belief, catalogue_of(args))
     table = ta.aim(belief, rig, distances_m=args.distances, hood_deg=args.hood,
                    progress=make_progress("aim", args.quiet))
+    if args.robot is None:
+        refuse(args, ("--note",), "applies with --robot only")
     print_or_write(args.out, table.to_text(args.format))
     if args.format != "text":         # which says so itself
         for distance_m, why in table.refused:
             print(f"warning: {distance_m:.2f} m has no set point: {why}", file=sys.stderr)
+    if args.robot:
+        check = ta.export_aim(table, belief, rig, args.robot, note=args.note or "")
+        print(f"{args.robot}: aim file; at {len(check.distance_m)} random distances at most {check.lost:.2f} points "
+              "short of the best", file=sys.stderr)
     if args.picture:
         from truearc.sim.report import make_png
         args.picture.write_bytes(make_png(table.plot()))
     return 0
-
-
-def _rig(path: str) -> "ta.Rig":
-    """The rig of a rig.toml, or of a launcher.toml, which has it in a table [rig]."""
-    try:
-        is_launcher = "rig" in tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        is_launcher = False           # the loader below names what is wrong
-    return ta.load_config(path).rig if is_launcher else ta.load_rig(path)
 
 
 def _numbers(text: str, separator: str) -> tuple[float, ...]:

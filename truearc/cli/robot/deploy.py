@@ -28,6 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("host", help="user@host, as for ssh; the user may use sudo")
     parser.add_argument("--config", type=Path, required=True, help="launcher.toml")
     parser.add_argument("--gate", type=Path, help="exported model; needed when the policy is 'model'")
+    parser.add_argument("--aim", type=Path, metavar="FILE", help="aim file; needed when the aim policy is 'belief'")
     parser.add_argument("--endpoints", type=Path, metavar="JSON", help="flat_endpoints.json for the doctor")
     parser.add_argument("--wheels", type=Path, metavar="DIR", help="wheels of what truearc needs, for that computer: "
                         "it then needs no network (docs/deploy.md)")
@@ -51,12 +52,17 @@ def main(args: argparse.Namespace) -> int:
     if args.gate:
         from truearc.robot.gate.model import load_gate
         load_gate(args.gate)                      # a model that the robot would refuse is refused here
+    if args.aim:
+        from truearc.robot.aim_file import load_aim_for
+        load_aim_for(args.aim, config)
     if args.endpoints:
         from truearc.robot.doctor.devices import load_endpoints
         load_endpoints(args.endpoints)
     parts = make_parts(config, Parts(args.gate is not None, args.endpoints is not None, bool(args.plugin), args.core,
-                                     args.priority, args.can_serial, args.box_usb, args.exposure_ms))
+                                     args.priority, args.can_serial, args.box_usb, args.exposure_ms,
+                                     args.aim is not None))
     copies = {"constraints.txt": SOURCE / "constraints.txt", "launcher.toml": args.config, "gate.onnx": args.gate,
+              "aim.json": args.aim,
               "flat_endpoints.json": args.endpoints}
     files, carried = make_files(config, parts), {name: path for name, path in copies.items() if path}
     wheels, plugins = _wheels(args.wheels), [_plugin(path) for path in args.plugin]

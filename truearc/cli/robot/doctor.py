@@ -15,6 +15,7 @@ EXAMPLE = "truearc doctor --config launcher.toml --gate gate.onnx --out sessions
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--config", type=Path, required=True, help="launcher.toml")
     parser.add_argument("--gate", type=Path, help="model, as for truearc run")
+    parser.add_argument("--aim", type=Path, metavar="FILE", help="aim file, as for truearc run")
     parser.add_argument("--out", type=Path, default=Path("sessions"), help="folder for sessions, as for truearc run")
     parser.add_argument("--endpoints", type=Path, metavar="JSON", help="flat_endpoints.json of the axes' firmware: "
                         "their watchdogs and encoder filters are asked, too")

@@ -23,7 +23,7 @@ from truearc.hw.real.realtime import rehearse
 from truearc.hw.real.serial_port import open_serial
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.doctor.bus import check_adapter, check_bitrate, check_heartbeat_lock
-from truearc.robot.doctor.devices import check_devices, check_model, load_endpoints, questions
+from truearc.robot.doctor.devices import check_aim, check_devices, check_model, load_endpoints, questions
 from truearc.robot.doctor.machine import check_clock, check_disk, check_real_time
 from truearc.robot.doctor.senses import check_box, check_camera, check_exposure
 from truearc.robot.motors import name_axes
@@ -34,7 +34,8 @@ def check_robot(args: argparse.Namespace) -> int:
     config = load_config(args.config)
     endpoints = load_endpoints(args.endpoints) if args.endpoints else None
     findings = [*_look_at_wires(config, endpoints, args.seconds), *check_real_time(rehearse(args.priority)),
-                check_clock(is_clock_synchronised()), check_model(config.gate, args.gate), _look_at_disk(args.out)]
+                check_clock(is_clock_synchronised()), check_model(config.gate, args.gate),
+                *check_aim(config, args.aim), _look_at_disk(args.out)]
     failures, warnings = count(findings, FAILURE), count(findings, WARNING)
     if args.json:
         print(msgspec.json.encode({"failures": failures, "warnings": warnings, "findings": findings}).decode())

@@ -34,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--config", type=Path, default=SHIPPED, help="launcher.toml (default: the shipped one)")
     parser.add_argument("--world", type=Path, help="world.toml; the robot never sees it (default: an honest world)")
     parser.add_argument("--gate", type=Path, help="model that must agree before the robot fires")
+    parser.add_argument("--aim", type=Path, metavar="FILE", help="aim by this file of `truearc aim --robot`")
     parser.add_argument("--seed", type=number(int, 0), default=0, help="seed of the world")
     add_page_argument(parser, OFF, ", for which time passes no faster than it does")
 
@@ -62,14 +63,15 @@ def _emulate(args: argparse.Namespace, config: Config, trials: int) -> "list[Bal
     page = open_page(args.page, config, args.out.name, MonotonicClock())
     try:
         return ta.emulate(config, args.out, trials, args.seed, load_options(args.world), args.gate,
-                       make_progress("emulate", args.quiet), page=page)
+                          make_progress("emulate", args.quiet), page=page, aim_path=args.aim)
     finally:
         if page is not None:
             page.close()
 
 
 def _serve(args: argparse.Namespace, config: Config, trials: int) -> "list[BallResult]":
-    for option, value in (("--out", args.out), ("--gate", args.gate), ("--page", parse_page(args.page))):
+    for option, value in (("--out", args.out), ("--gate", args.gate), ("--aim", args.aim),
+                          ("--page", parse_page(args.page))):
         if value is not None:
             raise InputError(f"{option} is for `truearc run` with --bus {args.bus}: that process is the robot")
     from truearc.sim.world.device_server import serve

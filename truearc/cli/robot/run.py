@@ -17,6 +17,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         "distance_m, motor_ratio, hood_deg, or a dataset directory; it says where to stand")
     parser.add_argument("--repeats", type=int, metavar="N", help="shots at each configuration (default: [collect])")
     parser.add_argument("--gate", type=Path, help="exported model; needed when the policy is 'model'")
+    parser.add_argument("--aim", type=Path, metavar="FILE", help="aim file of `truearc aim --robot`, which [aim] "
+                        "policy = \"belief\" needs")
+    parser.add_argument("--aim-inbox", type=Path, metavar="DIR", help="offer the driver the newest aim file that is "
+                        "put into this folder; the accept button takes it while disarmed")
     parser.add_argument("--out", type=Path, default=Path("sessions"), help="folder to make the session's folder in")
     add_page_argument(parser, str(PORT))
     parser.add_argument("--core", type=number(int, 0), metavar="N",

@@ -22,6 +22,7 @@ from truearc.hw.real.reconnect import MendedStream
 from truearc.hw.real.serial_port import open_serial
 from truearc.hw.real.service import ServiceManager
 from truearc.hw.real.supervised_bus import WAIT_S, SupervisedBus
+from truearc.robot.aim_file import AimFile, load_aim_for, needs_aim
 from truearc.robot.config.can_policy import guard
 from truearc.robot.config.port_options import with_ports
 from truearc.robot.config.schema import Config, InputError, load_config
@@ -29,13 +30,15 @@ from truearc.robot.config.shot_plan import load_plan, with_plan
 from truearc.robot.gate.model import load_gate
 from truearc.robot.operator_ui.page_option import parse_page
 from truearc.robot.operator_ui.server import open_page
+from truearc.robot.processes.aim_inbox import AimInbox, OfferingRig
 from truearc.robot.processes.tick_timing import Lateness, TimedRig
 from truearc.robot.processes.watchdog_rig import WatchedRig
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.session import make_header
 from truearc.robot.rig import NS_PER_S, HardwareRig, RecordingRig
-from truearc.robot.runtime import run
+from truearc.robot.runtime import RobotIo, run
+from truearc.robot.tick import step
 from truearc.robot.vision_source import Eyes
 
 ROOM_BYTES = 100 << 20                # a quarter of an hour of recording, which a session should find to begin with
@@ -63,6 +66,10 @@ def run_robot(args: argparse.Namespace) -> int:
         raise InputError(f"{args.config}: gate.policy is 'model', so --gate is needed")
     if config.gate.policy != "model" and gate is not None:
         _say(f"{args.config} has gate.policy {config.gate.policy!r}: the model is asked, not obeyed")
+    aims = {} if args.aim is None else {"": load_aim_for(args.aim, config)}
+    if needs_aim(config) != bool(aims):
+        raise InputError(f"{args.config}: aim.policy is {config.aim.policy!r}, so --aim is "
+                         + ("needed" if needs_aim(config) else "not used"))
     started = wall_clock()
     folder = make_room(args.out, started)
     ending = Ending()
@@ -70,9 +77,9 @@ def run_robot(args: argparse.Namespace) -> int:
         tally: Counter[str] = Counter()
         layout = LAYOUTS[args.layout](config, wires, partial(open_page, args.page, config, folder.name))
         bus, box, eyes, clock = _open_wires(config, layout, wires, tally)
-        recorder = SessionWriter(folder, make_header(config, gate, started), config,
+        recorder = SessionWriter(folder, make_header(config, gate, started, aims.get("")), config,
                                  args.gate.read_bytes() if args.gate else None, lossless=False,
-                                 open_keeper=layout.open_keeper)
+                                 open_keeper=layout.open_keeper, aim=args.aim.read_bytes() if args.aim else None)
         wires.callback(recorder.close)
         _say(f"control is process {os.getpid()}", *layout.lines())
         manager = ServiceManager(os.environ.get("NOTIFY_SOCKET"))
@@ -84,7 +91,8 @@ def run_robot(args: argparse.Namespace) -> int:
         wires.callback(rig.release)               # first of all to be done on the way out, whatever happened
         _ask_for_real_time(args)
         kept = RecordingRig(TimedRig(rig, lateness), recorder.trouble)
-        ticks = run(WatchedRig(kept, config, manager.say), config, gate, layout.show(recorder))
+        watched = WatchedRig(_offering(args, config, folder, aims, kept, wires), config, manager.say)
+        ticks = run(watched, config, gate, layout.show(recorder), partial(step, aims=aims))
     print(f"{folder}: {ticks} ticks" + (f", {recorder.dropped} batches lost" if recorder.dropped else ""))
     print(*lateness.lines(), sep="\n")
     for what, count in sorted(tally.items()):
@@ -92,6 +100,17 @@ def run_robot(args: argparse.Namespace) -> int:
     if recorder.failed is not None:
         raise InputError(f"{folder}: the recording stopped: {recorder.failed}")
     return 0
+
+
+def _offering(args: argparse.Namespace, config: Config, session: Path, aims: dict[str, AimFile], rig: RobotIo,
+              wires: ExitStack) -> RobotIo:
+    """That rig, with the offers of --aim-inbox in its inputs."""
+    if args.aim_inbox is None:
+        return rig
+    inbox = AimInbox(args.aim_inbox, config, session, aims)
+    inbox.start()
+    wires.callback(inbox.close)
+    return OfferingRig(rig, inbox)
 
 
 def make_room(out: Path, started: str) -> Path:

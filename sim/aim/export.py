@@ -1,0 +1,84 @@
+"""The robot's aim file of a table of set points, and its check against the simulator."""
+
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+from jaxtyping import Float
+from scipy.interpolate import PchipInterpolator
+
+from truearc.robot.aim_file import SCHEMA, AimContent, AimFile, Curve, Segment, contract_hash, rig_of
+from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.schema import InputError
+from truearc.robot.gate.seal import UNSEALED, seal
+from truearc.sim.aim.chances import chances_of
+from truearc.sim.aim.set_point import AimRow
+from truearc.sim.aim.solve import solve
+from truearc.sim.infer.belief import Belief
+
+CHECKED = 40                          # distances at which a file is checked
+MOST_LOST = 0.05                      # points that a set point of the file may fall short of the best by
+Rows = Float[np.ndarray, " n"]
+
+
+class AimCheck(NamedTuple):
+    """An aim file against the simulator, at distances [n] between its ends.
+
+    points, best: expected points of the file's set points, and of those found again.
+    """
+
+    distance_m: Rows
+    points: Rows
+    best: Rows
+
+    @property
+    def lost(self) -> float:
+        """Points by which the worst of the file's set points falls short."""
+        return max(float(np.max(self.best - self.points)), 0.0)
+
+    @property
+    def passed(self) -> bool:
+        return self.lost <= MOST_LOST
+
+
+def aim_bytes(rows: Sequence[AimRow], refused: Iterable[tuple[float, str]], rig: Rig, note: str,
+              provenance: dict[str, Any]) -> bytes:
+    """The sealed file; a distance without a set point parts it. InputError where no two neighbours are left."""
+    gaps = [distance_m for distance_m, _ in refused]
+    runs: list[list[AimRow]] = [[rows[0]]]
+    for before, row in pairwise(rows):
+        if any(before.distance_m < gap < row.distance_m for gap in gaps):
+            runs.append([])
+        runs[-1].append(row)
+    segments = tuple(_segment(run) for run in runs if len(run) > 1)
+    if not segments:
+        raise InputError("distances_m: no two neighbouring distances have a set point; an aim file needs them")
+    content = AimContent(SCHEMA, UNSEALED, contract_hash(), note, rig_of(rig), segments, provenance)
+    return seal(msgspec.json.format(msgspec.json.encode(content), indent=1) + b"\n")
+
+
+def check_aim_file(aim: AimFile, belief: Belief, rig: Rig, seed: int = 0) -> AimCheck:
+    """Solve for the best set points at random distances, within the file's hood angles, and compare."""
+    segments = aim.content.segments
+    spans = np.array([segment.distance_m[-1] - segment.distance_m[0] for segment in segments])
+    rng = np.random.default_rng([seed, 41])
+    chosen = rng.choice(len(segments), CHECKED, p=spans / spans.sum())
+    distance_m = np.sort([segments[k].distance_m[0] + rng.uniform() * spans[k] for k in chosen])
+    points = [point for point in map(aim.at, map(float, distance_m)) if point is not None]
+    hood_deg, ratio = np.array([point.hood_deg for point in points]), np.array([point.motor_ratio for point in points])
+    angles = [angle for segment in segments for angle in segment.hood_deg.value]
+    best = solve(rig, belief, distance_m, (min(angles), max(angles))).chances
+    return AimCheck(distance_m, chances_of(rig, belief, distance_m, hood_deg, ratio).points, best.points)
+
+
+def _segment(rows: Sequence[AimRow]) -> Segment:
+    x = np.array([row.distance_m for row in rows])
+
+    def curve(name: str) -> Curve:
+        y = np.array([getattr(row, name) for row in rows])
+        slope = PchipInterpolator(x, y).derivative()(x) if len(x) > 2 else np.full(2, (y[1] - y[0]) / (x[1] - x[0]))
+        return Curve(tuple(map(float, y)), tuple(map(float, slope)))
+
+    return Segment(tuple(map(float, x)), curve("hood_deg"), curve("motor_ratio"), curve("lead_deg"))

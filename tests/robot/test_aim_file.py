@@ -1,0 +1,219 @@
+"""The aim file: read as it was sealed or refused; what it says is aimed at; every uncertainty is a HOLD."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from msgspec import UNSET
+from msgspec.structs import replace
+from scipy.interpolate import CubicHermiteSpline
+
+from tests.robot.aim_files import BY_BELIEF, CONTENT, HOOD, LEAD, RATIO, SEGMENT, X, sealed, shifted, write
+from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs, good_memory, seconds
+from truearc.hw.readings import ButtonEvent
+from truearc.robot.aim import REAIM_M, step_walk
+from truearc.robot.aim_file import AimFile, Curve, load_aim, load_aim_for
+from truearc.robot.config.schema import InputError
+from truearc.robot.estimate import estimate, remember
+from truearc.robot.operator_ui.driver_messages import tell
+from truearc.robot.operator_ui.page_state import Glance
+from truearc.robot.operator_ui.view import describe
+from truearc.robot.reasons import AIM_FILE_MISSING, FIRE_NOT_REQUESTED, NO_SET_POINT
+from truearc.robot.recording.rows import Rows2
+from truearc.robot.tick import step
+from truearc.robot.types import AimOffer, Sighting
+
+FREE_RAD_S = CONFIG.rig.launcher.free_speed_rad_s
+FILE = AimFile(CONTENT, "a" * 64)
+OTHER = AimFile(replace(CONTENT, segments=(replace(SEGMENT, motor_ratio=shifted(RATIO, 0.05)),)), "b" * 64)
+AIMS = {"": FILE, OTHER.sha256: OTHER}
+OFFER = AimOffer(OTHER.sha256, "wind 1.6 m/s")
+
+
+@given(st.floats(2.0, 6.0))
+def test_between_distances_it_is_the_cubic_that_scipy_has(distance_m):
+    point = FILE.at(distance_m)
+    expected = [float(CubicHermiteSpline(X, curve.value, curve.slope)(distance_m)) for curve in (HOOD, RATIO, LEAD)]
+    assert point == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("distance_m", [1.999, 6.001, -1.0, 1e300, math.inf, math.nan])
+def test_beyond_its_ends_it_has_no_set_point(distance_m):
+    assert FILE.at(distance_m) is None
+
+
+def test_a_sealed_file_is_read_as_it_was_written(tmp_path):
+    aim = load_aim_for(write(tmp_path / "a.json"), CONFIG)
+    assert [aim.at(x) for x in (2.0, 2.7, 6.0)] == [FILE.at(x) for x in (2.0, 2.7, 6.0)]
+    assert aim.content.note == "wind"
+
+
+@given(at=st.integers(0, len(sealed()) - 1), to=st.integers(0, 255))
+def test_a_changed_byte_is_refused_by_file_and_cause(tmp_path_factory, at, to):
+    data = sealed()
+    spoilt = data[:at] + bytes([to]) + data[at + 1:]
+    path = tmp_path_factory.mktemp("a") / "a.json"
+    path.write_bytes(spoilt)
+    if spoilt == data:
+        load_aim(path)
+    else:
+        with pytest.raises(InputError, match=r"a\.json: "):
+            load_aim(path)
+
+
+@pytest.mark.parametrize(("content", "words"), [
+    (replace(CONTENT, schema="truearc.aim/9"), "schema 'truearc.aim/9'"),
+    (replace(CONTENT, contract_sha256="0" * 64), "contract 000000000000"),
+    (replace(CONTENT, segments=()), "segments: there is none"),
+    (replace(CONTENT, segments=(replace(SEGMENT, distance_m=(2.0, 4.5, 3.0, 6.0)),)), "must be above 0 and"),
+    (replace(CONTENT, segments=(replace(SEGMENT, hood_deg=Curve(HOOD.value[1:], HOOD.slope)),)), "as many of"),
+    (replace(CONTENT, segments=(replace(SEGMENT, motor_ratio=shifted(RATIO, 0.5)),)), "no launcher can do that"),
+    (replace(CONTENT, segments=(replace(SEGMENT, motor_ratio=Curve(RATIO.value, (9.0,) * 4)),)), "no launcher can"),
+    (replace(CONTENT, segments=(SEGMENT, SEGMENT)), "must ascend without overlap"),
+    (replace(CONTENT, note="two\nlines"), "note: not a line"),
+])
+def test_what_no_launcher_can_do_is_refused(tmp_path, content, words):
+    with pytest.raises(InputError, match=words):
+        load_aim(write(tmp_path / "a.json", content))
+
+
+def test_a_file_for_another_launcher_is_refused_with_both_values(tmp_path):
+    path = write(tmp_path / "a.json")
+    rig = CONFIG.rig
+    with pytest.raises(InputError, match=r"rig\.launcher: .*release_height_m 0\.75, this robot has 0\.8"):
+        load_aim_for(path, replace(CONFIG, rig=replace(rig, launcher=replace(rig.launcher, release_height_m=0.8))))
+    with pytest.raises(InputError, match="hood travels from 50"):
+        load_aim_for(path, replace(CONFIG, hood=replace(CONFIG.hood, low_deg=50.0)))
+
+
+def ready(distance_m=5.0, aims=AIMS, **remembered):
+    """A tick before the shot: aimed by belief, wheels and hood where that aim wants them, steady."""
+    seen = Sighting(NOW_NS - seconds(0.05), True, None, distance_m + CONFIG.camera.behind_exit_m, 0.03, 0.0)
+    memory = replace(good_memory(), aim=None, aim_place_m=None, last_sighting=seen, **remembered)
+    tick = step(good_inputs(200.0, 45.0), memory, BY_BELIEF, None, aims)
+    return tick, replace(tick.memory, steady_t_ns=good_memory().steady_t_ns)
+
+
+def test_it_fires_with_the_set_point_of_the_file_and_the_drivers_correction():
+    tick, memory = ready(walk=(0.02, 5.0, 5.0))
+    point = FILE.at(tick.estimate.distance_m)
+    assert tick.aim.source == "belief" and tick.aim.hood_deg == point.hood_deg
+    assert tick.aim.motor_ratio == point.motor_ratio * math.exp(0.02) and tick.aim.correction == 0.02
+    assert tick.aim.lead_deg == point.lead_deg > 0.0
+    fired = step(good_inputs(tick.aim.motor_ratio * FREE_RAD_S, tick.aim.hood_deg), memory, BY_BELIEF, None, AIMS)
+    assert fired.verdict.fire and fired.shot is not None
+
+
+def test_without_a_file_and_beyond_its_ends_it_holds():
+    for tick, code in ((ready(aims={})[0], AIM_FILE_MISSING), (ready(7.0)[0], NO_SET_POINT),
+                       (ready(5.0, walk=(1.0, 0.0, 0.0))[0], NO_SET_POINT),
+                       (ready(5.0, aim_sha256="c" * 64)[0], AIM_FILE_MISSING)):
+        assert code.name in {reason.code for reason in tick.verdict.reasons}
+        assert tick.aim.motor_ratio == 0.0 and tick.memory.aim is None and tick.command.flywheel_torque_nm == 0.0
+        assert all(one.means for one in tell(tick.verdict.reasons))
+
+
+def test_a_robot_that_moves_while_its_request_stands_aims_anew():
+    tick, memory = ready()
+    inputs = good_inputs(tick.aim.motor_ratio * FREE_RAD_S, tick.aim.hood_deg)
+    assert step(inputs, memory, BY_BELIEF, None, AIMS).verdict.fire
+
+    def moved(by_m):
+        seen = memory.last_sighting
+        return replace(memory, last_sighting=replace(seen, distance_m=seen.distance_m + by_m))
+
+    assert step(inputs, moved(0.9 * REAIM_M), BY_BELIEF, None, AIMS).aim == tick.aim
+    away = step(inputs, moved(1.1 * REAIM_M), BY_BELIEF, None, AIMS)
+    assert away.aim.motor_ratio == FILE.at(away.estimate.distance_m).motor_ratio != tick.aim.motor_ratio
+    gone = step(inputs, moved(2.0), BY_BELIEF, None, AIMS)
+    assert not gone.verdict.fire and gone.memory.aim is None
+
+
+def press(button, memory, **inputs):
+    buttons = (ButtonEvent(NOW_NS, 1, button),)
+    return step(replace(good_inputs(200.0, 45.0, buttons), **inputs), memory, BY_BELIEF, None, AIMS).memory
+
+
+def test_an_offer_is_taken_by_the_button_while_disarmed_and_by_nothing_else():
+    memory = replace(good_memory(), walk=(0.03, 0.0, 0.0))
+    disarmed = replace(memory, armed=False, aim=None, request_t_ns=0)
+    assert press("accept", memory, aim_offer=OFFER).aim_sha256 is UNSET
+    assert press("accept", disarmed).aim_sha256 is UNSET
+    for button in ("arm", "fire", "miss-low", "reject"):
+        assert press(button, disarmed, aim_offer=OFFER).aim_sha256 is UNSET
+    taken = press("accept", disarmed, aim_offer=OFFER)
+    assert taken.aim_sha256 == OTHER.sha256 and taken.walk == (0.0, 0.0, 0.0)
+    marked = replace(taken, walk=(0.01, 0.0, 0.0))
+    assert press("accept", marked, aim_offer=OFFER).walk == (0.01, 0.0, 0.0)      # a second press changes nothing
+    tick, _ = ready(aim_sha256=OTHER.sha256)
+    assert tick.aim.motor_ratio == OTHER.at(tick.estimate.distance_m).motor_ratio
+
+
+def test_marks_correct_the_level_by_the_configured_step():
+    shot = step(good_inputs(), good_memory(), CONFIG, None).shot
+    assert step_walk((0.0, 0.0, 0.0), -1, shot, BY_BELIEF) == (0.01, 0.0, 0.0)
+    assert step_walk((0.01, 0.0, 0.0), 1, shot, BY_BELIEF) == (0.0, 0.0, 0.0)
+    assert step_walk((0.01, 0.0, 0.0), 0, shot, BY_BELIEF) == (0.01, 0.0, 0.0)
+
+
+def drive(rate_m_s, noise_m=0.0, period_s=0.05, late_s=0.08):
+    """(distance believed, true distance) of ticks while driving at a constant speed, seen late and with noise."""
+    rng, memory, rows = np.random.default_rng(1), good_memory(), []
+    for number in range(400):
+        t_ns = NOW_NS + number * seconds(0.005)
+        seen = None
+        if number % round(period_s / 0.005) == 0:
+            taken_ns = t_ns - seconds(late_s)
+            true_m = 5.0 + rate_m_s * (taken_ns - NOW_NS) * 1e-9
+            seen_m = true_m + CONFIG.camera.behind_exit_m + noise_m * rng.normal()
+            seen = Sighting(taken_ns, True, None, seen_m, 0.03, 0.0)
+        inputs = replace(good_inputs(200.0, 45.0), t_ns=t_ns, sighting=seen)
+        memory = remember(inputs, memory, BY_BELIEF)
+        rows.append((estimate(inputs, memory, BY_BELIEF).distance_m, 5.0 + rate_m_s * (t_ns - NOW_NS) * 1e-9))
+    return np.array(rows)[300:].T
+
+
+@pytest.mark.parametrize("rate_m_s", [0.0, -2.0, 3.0])
+def test_the_age_of_a_sighting_is_made_up_for_at_a_constant_speed(rate_m_s):
+    believed_m, true_m = drive(rate_m_s)
+    assert np.abs(believed_m - true_m).max() < 0.002      # unfiltered and uncorrected: up to 0.13 s late, 0.39 m
+
+
+def test_a_standing_robot_knows_its_distance_better_than_one_sighting_says():
+    believed_m, true_m = drive(0.0, noise_m=0.05)
+    assert np.sqrt(np.mean((believed_m - true_m)**2)) < 0.05
+
+
+def test_a_jump_of_the_distance_starts_the_filter_anew():
+    memory = good_memory()
+    for number, distance_m in enumerate((5.0, 5.0, 3.0)):
+        seen = Sighting(NOW_NS + number * seconds(0.05), True, None, distance_m, 0.03, 0.0)
+        memory = remember(replace(good_inputs(200.0, 45.0), t_ns=seen.t_ns, sighting=seen), memory, BY_BELIEF)
+    assert memory.track.distance_m == pytest.approx(3.0 - CONFIG.camera.behind_exit_m) and memory.track.rate_m_s == 0.0
+
+
+def test_a_recording_keeps_aim_offer_and_acceptance_and_those_without_them_know_nothing_of_it():
+    rows = Rows2()
+    tick, _ = ready(aim_sha256=OTHER.sha256)
+    tick = replace(tick, inputs=replace(tick.inputs, aim_offer=OFFER))
+    assert rows.decode_tick(rows.encode_tick(tick)) == tick
+    plain = rows.encode_tick(step(good_inputs(), good_memory(), CONFIG, None))
+    assert not {b"aim_offer", b"aim_sha256", b"track", b"correction", b"lead_deg", b"closing_m_s"} & {
+        key.strip(b'"') for key in plain.replace(b"{", b",").replace(b":", b",").split(b",")}
+
+
+def test_the_page_shows_lead_correction_and_offer():
+    tick, _ = ready(walk=(0.02, 0.0, 0.0))
+    tick = replace(tick, inputs=replace(tick.inputs, aim_offer=OFFER))
+    shown = {line.name: line.value for line in describe(Glance(1, tick), tick, BY_BELIEF, "s").blocks[0].lines}
+    assert shown["turn"].endswith("to the left of the target") and shown["corrected"].startswith("+2.0%")
+    assert shown["new aim"].startswith("wind 1.6 m/s: press ACCEPT")
+    assert FIRE_NOT_REQUESTED.name not in {reason.code for reason in tick.verdict.reasons}
+
+
+def test_a_file_that_was_made_when_the_format_was_new_is_still_read():
+    aim = load_aim_for(Path(__file__).parent / "aim.json", CONFIG)
+    assert aim.at(2.7) == FILE.at(2.7) and aim.content.note == "wind"
