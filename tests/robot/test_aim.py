@@ -52,13 +52,13 @@ def test_marks_walk_the_speed_the_right_way():
     small = next(trial for trial in range(100) if abs(plan(trial, collect)[1]) < 0.1 * collect.spread)
     walk = (0.0, 0.0, 0.0)
     for _ in range(5):
-        walk = step_walk(walk, -1, shot(8.0, small), collect)
+        walk = step_walk(walk, -1, shot(8.0, small), CONFIG)
     assert walked(walk, 8.0, 45.0) > walked(walk, 5.0, 45.0) > 0.0
-    assert step_walk(walk, 0, shot(8.0, small), collect) == walk
+    assert step_walk(walk, 0, shot(8.0, small), CONFIG) == walk
 
 
 def test_a_mark_that_the_deliberate_trim_explains_moves_nothing():
     collect = CONFIG.collect
     fast = next(trial for trial in range(100) if plan(trial, collect)[1] > 0.5 * collect.spread)
-    assert step_walk((0.0, 0.0, 0.0), 1, shot(5.0, fast), collect) == (0.0, 0.0, 0.0)
-    assert step_walk((0.0, 0.0, 0.0), -1, shot(5.0, fast), collect)[0] > 0.0
+    assert step_walk((0.0, 0.0, 0.0), 1, shot(5.0, fast), CONFIG) == (0.0, 0.0, 0.0)
+    assert step_walk((0.0, 0.0, 0.0), -1, shot(5.0, fast), CONFIG)[0] > 0.0

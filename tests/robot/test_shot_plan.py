@@ -110,8 +110,8 @@ def test_from_another_place_it_holds_and_says_where_to_stand():
 
 def test_marks_of_prescribed_shots_walk_nothing():
     shot = Shot(0, 0, "c", 8.0, 0.02, 45.0, 0.5, 300.0, 12.0, None, None, None)
-    assert step_walk((0.1, 0.0, 0.0), -1, shot, PLANNED.collect) == (0.1, 0.0, 0.0)
-    assert step_walk((0.1, 0.0, 0.0), -1, shot, CONFIG.collect) != (0.1, 0.0, 0.0)
+    assert step_walk((0.1, 0.0, 0.0), -1, shot, PLANNED) == (0.1, 0.0, 0.0)
+    assert step_walk((0.1, 0.0, 0.0), -1, shot, CONFIG) != (0.1, 0.0, 0.0)
 
 
 def test_a_configuration_without_a_plan_says_what_it_said_before_there_were_plans():
