@@ -30,6 +30,8 @@ def operate(inputs: Inputs, memory: Memory, config: Config) -> tuple[Memory, tup
         elif event.button in SIDES and memory.awaiting and memory.last_shot is not None:
             outcomes.append(Outcome(memory.last_shot.trial, inputs.t_ns, event.button))
             memory = _answer(memory, SIDES[event.button], config)
+    if inputs.aim_offer is not UNSET and inputs.aim_accept == inputs.aim_offer.sha256:
+        memory = _accept(inputs, memory)
     if inputs.missed is not None:
         memory = replace(_let_go(memory), disarmed=inputs.missed)
     return memory, tuple(outcomes)

@@ -52,6 +52,7 @@ class Inputs(Struct, frozen=True, omit_defaults=True):
     unseen: Reason | None = None                  # why the newest image shows no target; None where it does
     missed: Reason | None = None                  # what the button box did that presses may be lost by
     aim_offer: AimOffer | UnsetType = UNSET       # absent while none is on offer
+    aim_accept: str | UnsetType = UNSET           # SHA-256 of the aim file that was just accepted on the page
 
 
 class Estimate(Struct, frozen=True):

@@ -7,11 +7,13 @@ import sys
 import threading
 from pathlib import Path
 
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from truearc.hw.readings import CameraFrame
 from truearc.robot.aim_file import AimFile, load_aim_for
 from truearc.robot.config.schema import Config, InputError
+from truearc.robot.operator_ui.aim_orders import ACCEPT
 from truearc.robot.recording.files import save_synced
 from truearc.robot.recording.session import AIMS
 from truearc.robot.runtime import RobotIo
@@ -28,6 +30,7 @@ class AimInbox:
 
     def __init__(self, folder: Path, config: Config, session: Path, aims: dict[str, AimFile]) -> None:
         self.offer: AimOffer | None = None
+        self.accepted: str | None = None          # on the page, and not told to a tick yet
         self._folder, self._config, self._session, self._aims = folder, config, session, aims
         self._seen: tuple[str, int, int] | None = None
         self._over = threading.Event()
@@ -40,7 +43,8 @@ class AimInbox:
         self._over.set()
 
     def look(self) -> None:
-        """Offer the newest file, if it is another than the last time; a file that is half there comes next time."""
+        """Offer the newest file, if it is another than the last time, and take what was accepted on the page."""
+        self._look_for_acceptance()
         try:
             found = sorted((one.stat().st_mtime_ns, one.name, one.stat().st_size)
                            for one in self._folder.glob("*.json"))
@@ -61,6 +65,15 @@ class AimInbox:
         self._aims[aim.sha256] = aim
         self.offer = AimOffer(aim.sha256, aim.content.note)
 
+    def _look_for_acceptance(self) -> None:
+        path = self._folder / ACCEPT
+        try:
+            said = path.read_text(encoding="ascii")[:64]
+            path.unlink()
+        except (OSError, UnicodeDecodeError):
+            return
+        self.accepted = said
+
     def _watch(self) -> None:
         while not self._over.wait(LOOK_S):
             self.look()
@@ -74,7 +87,10 @@ class OfferingRig:
 
     def read(self) -> Inputs | None:
         inputs, offer = self._rig.read(), self._inbox.offer
-        return inputs if inputs is None or offer is None else replace(inputs, aim_offer=offer)
+        if inputs is None or offer is None:
+            return inputs
+        accepted, self._inbox.accepted = self._inbox.accepted, None
+        return replace(inputs, aim_offer=offer, aim_accept=UNSET if accepted is None else accepted)
 
     def write(self, command: Command) -> Sent:
         return self._rig.write(command)

@@ -3,6 +3,7 @@
 import math
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
@@ -18,9 +19,11 @@ from truearc.robot.aim import REAIM_M, step_walk
 from truearc.robot.aim_file import AimFile, Curve, load_aim, load_aim_for
 from truearc.robot.config.schema import InputError
 from truearc.robot.estimate import estimate, remember
+from truearc.robot.operator_ui.aim_orders import AimOrders
 from truearc.robot.operator_ui.driver_messages import tell
 from truearc.robot.operator_ui.page_state import Glance
 from truearc.robot.operator_ui.view import describe
+from truearc.robot.processes.aim_inbox import AimInbox, OfferingRig
 from truearc.robot.reasons import AIM_FILE_MISSING, FIRE_NOT_REQUESTED, NO_SET_POINT
 from truearc.robot.recording.rows import Rows2
 from truearc.robot.tick import step
@@ -150,6 +153,73 @@ def test_an_offer_is_taken_by_the_button_while_disarmed_and_by_nothing_else():
     assert press("accept", marked, aim_offer=OFFER).walk == (0.01, 0.0, 0.0)      # a second press changes nothing
     tick, _ = ready(aim_sha256=OTHER.sha256)
     assert tick.aim.motor_ratio == OTHER.at(tick.estimate.distance_m).motor_ratio
+
+
+def accept_on_page(memory, sha256, offer=OFFER):
+    inputs = replace(good_inputs(200.0, 45.0), aim_offer=offer, aim_accept=sha256)
+    return step(inputs, memory, BY_BELIEF, None, AIMS).memory
+
+
+def test_an_offer_is_taken_from_the_page_while_disarmed_and_if_it_is_the_one_on_offer():
+    disarmed = replace(good_memory(), armed=False, aim=None, request_t_ns=0)
+    assert accept_on_page(good_memory(), OFFER.sha256).aim_sha256 is UNSET
+    assert accept_on_page(disarmed, "c" * 64).aim_sha256 is UNSET
+    assert accept_on_page(disarmed, OFFER.sha256, UNSET).aim_sha256 is UNSET
+    assert accept_on_page(disarmed, OFFER.sha256).aim_sha256 == OTHER.sha256
+
+
+@pytest.fixture
+def orders(tmp_path):
+    return AimOrders(tmp_path / "in", CONFIG)
+
+
+def bearer(orders, tmp_path):
+    return "Bearer " + (tmp_path / "in" / "token").read_text().strip()
+
+
+def test_the_page_keeps_a_sound_file_for_who_has_the_token_and_hands_on_its_acceptance(orders, tmp_path):
+    token, data = bearer(orders, tmp_path), sealed()
+    assert (tmp_path / "in" / "token").stat().st_mode & 0o077 == 0
+    assert orders.keep(token, data).status == 201
+    inbox = AimInbox(tmp_path / "in", CONFIG, tmp_path, {})
+    inbox.look()
+    assert inbox.offer is not None and inbox.accepted is None
+    accepted = msgspec.json.encode({"sha256": inbox.offer.sha256})
+    assert orders.accept(token, accepted).status == 202
+    inbox.look()
+
+    class Rig:
+        def read(self):
+            return good_inputs(200.0, 45.0)
+
+    rig = OfferingRig(Rig(), inbox)
+    first, second = rig.read(), rig.read()
+    assert first.aim_accept == inbox.offer.sha256 and first.aim_offer == inbox.offer
+    assert second.aim_accept is UNSET and second.aim_offer == inbox.offer
+    assert AimOrders(tmp_path / "in", CONFIG).accept(token, accepted).status == 202        # the token stays
+
+
+@pytest.mark.parametrize("token", ["", "Bearer ", "Bearer x", "Basic abc", "Bearer \xe4"])
+def test_who_lacks_the_token_gives_no_order(orders, tmp_path, token):
+    assert orders.keep(token, sealed()).status == 401 and orders.accept(token, b'{"sha256":"a"}').status == 401
+    assert [one.name for one in (tmp_path / "in").iterdir()] == ["token"]
+
+
+@pytest.mark.parametrize(("data", "words"), [
+    (b"", "truncated"), (b"{", "truncated"), (sealed().replace(b"60.0", b"61.0"), "damaged or altered"),
+    (sealed(replace(CONTENT, rig=replace(CONTENT.rig, target=None))), "rig.target")])
+def test_an_unsound_file_is_not_kept_and_the_answer_says_why(orders, tmp_path, data, words):
+    said = orders.keep(bearer(orders, tmp_path), data)
+    assert said.status == 400 and words in said.text and str(tmp_path) not in said.text
+    assert [one.name for one in (tmp_path / "in").iterdir()] == ["token"]
+
+
+@pytest.mark.parametrize("body", [b"", b"[]", b'{"sha256": 1}', b'{"sha256": "a", "b": 1}', b'{"sha256": "../token"}',
+                                  b"[" * 5000])
+def test_an_acceptance_of_what_is_not_there_is_refused(orders, tmp_path, body):
+    orders.keep(bearer(orders, tmp_path), sealed())
+    assert orders.accept(bearer(orders, tmp_path), body).status in (400, 404)
+    assert not (tmp_path / "in" / "accept").exists()
 
 
 def test_marks_correct_the_level_by_the_configured_step():

@@ -1,0 +1,82 @@
+"""The two orders that the operator's page takes: keep an aim file for the driver, and accept the one on offer.
+
+Both need the token in the inbox's file `token`. An order is a file in the inbox, which the control process looks into
+(truearc.robot.processes.aim_inbox); it takes effect there, only while disarmed.
+"""
+
+import hashlib
+import hmac
+import os
+import secrets
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+
+from truearc.robot.aim_file import load_aim_for
+from truearc.robot.config.schema import Config, InputError
+
+TOKEN, ACCEPT = "token", "accept"
+MAX_AIM_BYTES = 1 << 20
+
+
+class Said(NamedTuple):
+    """HTTP status and text of an answer."""
+
+    status: int
+    text: str
+
+
+class _Accept(msgspec.Struct, forbid_unknown_fields=True):
+    sha256: str
+
+
+class AimOrders:
+    """Takes orders for the inbox `folder`, where it makes the token if there is none. OSError when it cannot."""
+
+    def __init__(self, folder: Path, config: Config) -> None:
+        self._folder, self._config = folder, config
+        folder.mkdir(parents=True, exist_ok=True)
+        path = folder / TOKEN
+        if not path.exists():
+            with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="ascii") as file:
+                file.write(secrets.token_urlsafe(18) + "\n")
+        self._token = path.read_text(encoding="ascii").strip()
+
+    def keep(self, authorization: str, body: bytes) -> Said:
+        """Put an aim file into the inbox: 201, or why not."""
+        if refused := self._stranger(authorization):
+            return refused
+        half = self._folder / f".{secrets.token_hex(8)}"
+        try:
+            half.write_bytes(body)
+            load_aim_for(half, self._config)
+            half.replace(self._folder / f"{hashlib.sha256(body).hexdigest()}.json")
+        except InputError as error:
+            return Said(400, str(error).replace(f"{half}: ", ""))
+        except OSError as error:
+            return Said(507, f"cannot be kept: {error.strerror or error}")
+        finally:
+            half.unlink(missing_ok=True)
+        return Said(201, "offered to the driver")
+
+    def accept(self, authorization: str, body: bytes) -> Said:
+        """Accept the file with that hash, {"sha256": ...}: 202, or why not. It takes effect if it is on offer."""
+        if refused := self._stranger(authorization):
+            return refused
+        try:
+            asked = msgspec.json.decode(body, type=_Accept)
+        except (msgspec.MsgspecError, RecursionError) as error:
+            return Said(400, str(error))
+        if not any(hashlib.sha256(one.read_bytes()).hexdigest() == asked.sha256 for one in self._folder.glob("*.json")):
+            return Said(404, "sha256: no such aim file in the inbox")
+        try:
+            (self._folder / ACCEPT).write_text(asked.sha256, encoding="ascii")
+        except (OSError, UnicodeEncodeError) as error:
+            return Said(507, f"cannot be kept: {error}")
+        return Said(202, "taken if the launcher is disarmed and this file is on offer")
+
+    def _stranger(self, authorization: str) -> Said | None:
+        if hmac.compare_digest(authorization.encode(), f"Bearer {self._token}".encode()):
+            return None
+        return Said(401, f"the token in the inbox's file {TOKEN!r} is needed")
