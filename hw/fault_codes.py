@@ -20,7 +20,7 @@ FOREIGN_HOST = Code("foreign_host", "another host sends frame {frame}, which onl
 DUPLICATE_ID = Code("duplicate_id", "two devices with one id? More than {most} frames {frame} in {window_s:g} s, "
                     "{usual} are usual", {"frame": "text", "most": "count", "window_s": "s", "usual": "count"})
 
-# Frames that cannot be used. device: such as "odrive node 1"; frame: its arbitration id
+# Frames that cannot be used. device: such as "odrive node 1"; frame: its arbitration id; wanted: names of messages
 FRAME_LENGTH = Code("frame_length", "{device:~, }{frame:id ~: }{message}: {bytes} bytes, expected {wanted_bytes}",
                     {"device": "text?", "frame": "text?", "message": "text", "bytes": "count",
                      "wanted_bytes": "count"})
@@ -30,8 +30,8 @@ FRAME_VALUE = Code("frame_value", "{device:~, }{frame:id ~: }{message}: {signal}
                     "value": "of the signal", "low": "of the signal", "high": "of the signal"})
 FRAME_SIGNALS = Code("frame_signals", "{message}: missing or unknown signals {signals}",
                      {"device": "text?", "frame": "text?", "message": "text", "signals": "texts"})
-FRAME_UNEXPECTED = Code("frame_unexpected", "{device}: frame {frame} is not {wanted}",
-                        {"device": "text", "frame": "text", "wanted": "text"})
+FRAME_UNEXPECTED = Code("frame_unexpected", "{device}: unexpected frame {frame}; expected {wanted}",
+                        {"device": "text", "frame": "text", "wanted": "texts"})
 ENDSTOP_VALUE = Code("endstop_value", "{device} TxSdo: a limit switch is {value:g}, expected 0 or 1",
                      {"device": "text", "value": "of the signal"})
 PARAMETER_VALUE = Code("parameter_value", "spark parameter {parameter}: {value:g} is not finite",
@@ -59,6 +59,7 @@ PROCESS_KILLED = Code("process_killed", "the {process} process ended (signal {si
                       {"process": "text", "signal": "count"})
 PROCESS_ENDED = Code("process_ended", "the {process} process ended{exit_code: (exit code ~)}",
                      {"process": "text", "exit_code": "count?"})
+PIPE_ENDED = Code("pipe_ended", "pipe from another process: the sender has ended")
 PIPE_CLOSED = Code("pipe_closed", "pipe from another process: {detail}", {"detail": "text"})
 
 # Motors. motor: which axis, as whoever reads the fault adds; controller: such as "odrive node 1"

@@ -29,6 +29,9 @@ VISION_UNRESPONSIVE = Code("vision_unresponsive", "the vision process does not r
 NOT_RECORDING = Code("not_recording", "not recording: {cause}", {"cause": "reason"})
 DISK_FULL = Code("disk_full", "no space left on the disk")
 DISK_ERROR = Code("disk_error", "{detail}", {"detail": "text"})
+DISK_BACKLOG_FULL = Code("disk_backlog_full", "the disk took nothing for so long that the rest is not kept")
+FILE_DELETED = Code("file_deleted", "{file} has been deleted", {"file": "text"})
+IMAGE_NOT_ENCODED = Code("image_not_encoded", "{file}: the image cannot be encoded", {"file": "text"})
 DISK_UNRESPONSIVE = Code("disk_unresponsive", "the disk does not respond")
 RECORDER_UNRESPONSIVE = Code("recorder_unresponsive", "the recorder does not respond")
 

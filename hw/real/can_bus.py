@@ -13,21 +13,20 @@ from truearc.hw.protocols import Clock, Frame, LinkLost
 from truearc.hw.reason import Reason
 
 QUEUE_FULL = (errno.ENOBUFS, errno.EAGAIN)
-# python-can gives no code for these two (socketcan, virtual)
+# python-can 4.6 raises a bare CanOperationError for these two (socketcan's send, virtual's): no code, no class of their
+# own, no cause. Every other refusal is recognised by its code or class.
 QUEUE_FULL_WORDS = ("Transmit buffer full", "Could not send message to one or more recipients")
 HIGHEST_BASE_ID, HIGHEST_ID = 0x7FF, 0x1FFFFFFF
 CLASSIC_BYTES, FD_BYTES = 8, 64
 SLCAN_WRITE_S = 0.02                              # a serial adapter must not be cut off in the middle of a line
 
-# errors in a controller's error frame; bits as in linux/can/error.h
-BUS_OFF = "bus off"
-OVERRUN = "receive overrun"
-
+# errors in a controller's error frame; bits as in linux/can/error.h. The words are for a log
+BUS_OFF = 0x040
 CLASSES = ((0x001, "transmit timeout"), (0x002, "arbitration lost"), (0x008, "protocol violation"),
-           (0x010, "transceiver"), (0x020, "no acknowledgement"), (0x040, BUS_OFF), (0x080, "bus error"),
+           (0x010, "transceiver"), (0x020, "no acknowledgement"), (BUS_OFF, "bus off"), (0x080, "bus error"),
            (0x100, "restarted"))
 CONTROLLER = 0x004                                # details are in the second byte
-CONTROLLER_DETAILS = ((0x01, OVERRUN), (0x02, "transmit overrun"), (0x04, "many receive errors"),
+CONTROLLER_DETAILS = ((0x01, "receive overrun"), (0x02, "transmit overrun"), (0x04, "many receive errors"),
                       (0x08, "many transmit errors"), (0x10, "error passive"), (0x20, "error passive"),
                       (0x40, "error active again"))
 
@@ -110,14 +109,22 @@ class CanBus:
                 return None
             raise LinkLost(CAN_ADAPTER_ERROR(bus=self.name, detail=str(error))) from error
         if message is not None and message.is_error_frame:
-            words = error_words(message.arbitration_id, bytes(message.data))
-            self.tally.update(f"error frames: {word}" for word in words)
-            if BUS_OFF in words:
+            self.tally.update(f"error frames: {word}"
+                              for word in error_words(message.arbitration_id, bytes(message.data)))
+            if self._is_off(message):
                 raise LinkLost(CAN_BUS_OFF(bus=self.name))
         elif message is not None and not _is_possible(message):
             self.tally["garbled lines"] += 1      # the library takes hexadecimal of any sign and a length of any size
             return None
         return message
+
+    def _is_off(self, message: can.Message) -> bool:
+        """Whether the controller that sends this error frame is bus-off.
+
+        socketcan says so in the frame; python-can's `state` of a bus is ACTIVE there, on slcan and on virtual, whatever
+        happens, and tells of few adapters more (of those of IXXAT that they are bus-off).
+        """
+        return bool(message.arbitration_id & BUS_OFF) or self._bus.state is can.BusState.ERROR
 
     def _is_garbled(self, error: Exception) -> bool:
         """Whether a serial adapter's line broke its protocol, rather than that the adapter is gone."""

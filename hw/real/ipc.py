@@ -3,7 +3,7 @@
 import socket
 from collections import deque
 
-from truearc.hw.fault_codes import PIPE_CLOSED
+from truearc.hw.fault_codes import PIPE_CLOSED, PIPE_ENDED
 from truearc.hw.protocols import LinkLost
 
 LENGTH_BYTES = 4
@@ -63,7 +63,7 @@ class Inbox:
         except OSError as error:
             raise LinkLost(PIPE_CLOSED(detail=str(error))) from error
         if not data:
-            raise LinkLost(PIPE_CLOSED(detail="the sender has ended"))
+            raise LinkLost(PIPE_ENDED())
         self._pending += data
         return self._whole()
 

@@ -1,12 +1,25 @@
 """A file that only grows, on a disk that may refuse."""
 
 import contextlib
-import errno
 import os
 from pathlib import Path
 from typing import IO
 
+from truearc.hw.reason import Reason
+from truearc.robot.reasons import DISK_BACKLOG_FULL, FILE_DELETED, text
+
 PENDING_BYTES = 64 << 20              # kept for a disk that takes nothing: some ten minutes of ticks
+
+
+class NotKept(OSError):
+    """Bytes cannot be kept, for a reason that no system call gives."""
+
+    def __init__(self, reason: Reason) -> None:
+        super().__init__(reason)
+        self.reason = reason
+
+    def __str__(self) -> str:
+        return text(self.reason)
 
 
 class Appender:
@@ -36,16 +49,19 @@ class Appender:
         return self._on_disk + len(self._pending)
 
     def flush(self) -> None:
-        """Hand everything to the system, which keeps it whatever becomes of this process; OSError when it refuses, or
-        when the file has been deleted: writes would succeed, and no one could read them."""
+        """Hand everything to the system, which keeps it whatever becomes of this process; OSError when it refuses.
+
+        NotKept when the rest is not kept, or when the file has been deleted: writes would succeed, and no one could
+        read them.
+        """
         while self._pending:
             taken = self._file.write(self._pending) or 0
             self._on_disk += taken
             del self._pending[:taken]
         if self._gave_up:
-            raise OSError("the disk took nothing for so long that the rest is not kept")
+            raise NotKept(DISK_BACKLOG_FULL())
         if self._is_linked and not os.fstat(self._file.fileno()).st_nlink:
-            raise FileNotFoundError(errno.ENOENT, f"{self.path.name} has been deleted")
+            raise NotKept(FILE_DELETED(file=self.path.name))
 
     def sync(self) -> None:
         """Wait until what was flushed would survive a power cut."""

@@ -10,6 +10,7 @@ from truearc.hw.readings import CameraFrame
 from truearc.hw.reason import Reason
 from truearc.robot.config.schema import in_words
 from truearc.robot.reasons import DISK_ERROR, DISK_FULL, DISK_UNRESPONSIVE
+from truearc.robot.recording.append_file import NotKept
 from truearc.robot.recording.files import Row, SessionFiles
 from truearc.robot.recording.write_queue import LONGEST, Lane
 
@@ -121,6 +122,8 @@ class LaneKeeper:
 
 def disk_trouble(error: Exception) -> Reason:
     """The reason that an error of writing stands for."""
+    if isinstance(error, NotKept):
+        return error.reason
     if isinstance(error, OSError) and error.errno == errno.ENOSPC:
         return DISK_FULL()
     return DISK_ERROR(detail=in_words(error)[:LONGEST_DETAIL])

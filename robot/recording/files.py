@@ -16,8 +16,9 @@ from mcap.writer import CompressionType, Writer
 from truearc.hw.protocols import Frame
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import Config, InputError, naming
+from truearc.robot.reasons import IMAGE_NOT_ENCODED
 from truearc.robot.recording import session as layout
-from truearc.robot.recording.append_file import Appender
+from truearc.robot.recording.append_file import Appender, NotKept
 from truearc.robot.recording.candump import candump_line
 from truearc.robot.recording.rows import RowFormat, Rows2, Trial
 from truearc.robot.recording.session import Header, Picture
@@ -109,7 +110,7 @@ class SessionFiles:
         name = f"{picture.t_ns // 1_000_000:09d}.png"
         done, png = cv2.imencode(".png", picture.image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
         if not done:
-            raise OSError(f"{name}: the image cannot be encoded")
+            raise NotKept(IMAGE_NOT_ENCODED(file=name))
         (self._folder / layout.FRAMES / name).write_bytes(png.tobytes())
         self._index.write(msgspec.json.encode(Picture(picture.t_ns, name)) + b"\n")
         self._index.flush()

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from truearc.hw.fault_codes import CAN_BUS_OFF
 from truearc.hw.protocols import Frame, LinkLost
 from truearc.hw.real.can_bus import CanBus, error_words, open_can
 
@@ -259,6 +260,21 @@ def test_a_controller_that_went_bus_off_is_a_lost_link(clock) -> None:
     with pytest.raises(LinkLost, match="bus-off: bus off"):
         bus.receive(0.1)
     assert bus.tally == {"error frames: bus off": 1}
+    bus.close()
+    raw.shutdown()
+
+
+def test_a_bus_off_that_only_the_library_knows_of_is_a_lost_link(clock, monkeypatch) -> None:
+    raw = can.Bus(interface="virtual", channel="state", ignore_config=True)
+    bus = open_can("virtual", "state", 1_000_000, clock)
+    error = can.Message(arbitration_id=0x80, is_error_frame=True, data=bytes(8))
+    raw.send(error)
+    assert bus.receive(0.1) is None
+    monkeypatch.setattr(type(raw), "state", can.BusState.ERROR)
+    raw.send(error)
+    with pytest.raises(LinkLost) as caught:
+        bus.receive(0.1)
+    assert caught.value.reason == CAN_BUS_OFF(bus="CAN virtual state")
     bus.close()
     raw.shutdown()
 

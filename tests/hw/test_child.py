@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -9,10 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from truearc.hw.fault_codes import CAMERA_NOT_OPENED, PROCESS_ENDED, PROCESS_KILLED
+from truearc.hw.fault_codes import CAMERA_NOT_OPENED, PIPE_ENDED, PROCESS_ENDED, PROCESS_KILLED
 from truearc.hw.protocols import LinkLost
 from truearc.hw.real import child_process as module
 from truearc.hw.real.child_process import Child
+from truearc.hw.real.ipc import Inbox, Outbox
 from truearc.hw.real.pauses import make_pauses_s
 
 ROOT = Path(__file__).parents[2]
@@ -120,6 +122,7 @@ def test_one_that_hangs_is_killed_when_it_is_to_end():
 PARENT = """
 import os, signal, sys
 from truearc.hw.real.child_process import Child
+from truearc.hw.real.ipc import Inbox, Outbox
 from tests.hw.test_child import {work}
 if __name__ == "__main__":
     child = Child("test", {work}, (), restarts=True, mortal={mortal})
@@ -152,3 +155,15 @@ def is_running(pid):
 
 def test_the_module_never_forks():
     assert module.CONTEXT.get_start_method() == "spawn"
+
+
+def test_the_end_of_a_pipe_is_a_reason_after_its_last_message():
+    near, far = socket.socketpair()
+    sender, reader = Outbox(near), Inbox(far)
+    sender.put(b"last")
+    sender.close()
+    assert reader.read(1.0) == [b"last"]
+    with pytest.raises(LinkLost) as caught:
+        reader.read(1.0)
+    assert caught.value.reason == PIPE_ENDED()
+    reader.close()

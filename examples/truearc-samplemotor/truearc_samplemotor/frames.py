@@ -66,7 +66,7 @@ def parse(axis: SampleAxis, frame: Frame, previous: MotorReading) -> MotorReadin
         return previous
     message = next((name for name in READINGS if frame_id(axis, name) == frame.arbitration_id), None)
     if message is None:
-        raise BadFrame(FRAME_UNEXPECTED(device=_name(axis), frame=frame.name, wanted="one of its readings"))
+        raise BadFrame(FRAME_UNEXPECTED(device=_name(axis), frame=frame.name, wanted=READINGS))
     try:
         values = codec().parse(message, frame.data)
     except BadFrame as error:

@@ -73,7 +73,7 @@ def parse(encoder: Encoder, frame: Frame, previous: AngleReading | None) -> Angl
     except BadFrame as error:
         raise BadFrame(error.reason.about(device=f"canandmag device {encoder.device}", frame=frame.name)) from error
     raise BadFrame(FRAME_UNEXPECTED(device=f"canandmag device {encoder.device}", frame=frame.name,
-                                    wanted="one of its readings"))
+                                    wanted=MESSAGES))
 
 
 def _with_angle(values: Values, t_ns: int, previous: AngleReading | None) -> AngleReading:

@@ -137,7 +137,7 @@ def parse(axis: OdriveAxis, frame: Frame, previous: MotorReading) -> MotorReadin
         return previous
     message = READINGS.get(frame.arbitration_id - (axis.node << 5))
     if message is None:
-        raise BadFrame(_unexpected(axis, frame, "one of its readings"))
+        raise BadFrame(_unexpected(axis, frame, *READINGS.values()))
     values = _parse(axis, message, frame)
     sign, t_ns = axis.direction, frame.t_ns
     if message == "Get_Encoder_Estimates":
@@ -158,7 +158,7 @@ def parse(axis: OdriveAxis, frame: Frame, previous: MotorReading) -> MotorReadin
 def parse_version(axis: OdriveAxis, frame: Frame) -> tuple[int, int, int]:
     """Firmware (major, minor, revision); BadFrame for anything else."""
     if frame.arbitration_id != frame_id(axis, "Get_Version") or frame.is_remote:
-        raise BadFrame(_unexpected(axis, frame, "its version"))
+        raise BadFrame(_unexpected(axis, frame, "Get_Version"))
     values = _parse(axis, "Get_Version", frame)
     return int(values["firmware_major"]), int(values["firmware_minor"]), int(values["firmware_revision"])
 
@@ -166,7 +166,7 @@ def parse_version(axis: OdriveAxis, frame: Frame) -> tuple[int, int, int]:
 def parse_parameter(axis: OdriveAxis, frame: Frame) -> tuple[int, bytes]:
     """The parameter's number and its four bytes (shorter ones come first); BadFrame for anything else."""
     if frame.arbitration_id != frame_id(axis, "TxSdo") or frame.is_remote:
-        raise BadFrame(_unexpected(axis, frame, "a parameter of it"))
+        raise BadFrame(_unexpected(axis, frame, "TxSdo"))
     values = _parse(axis, "TxSdo", frame)
     return int(values["endpoint"]), int(values["value"]).to_bytes(4, "little")
 
@@ -194,5 +194,5 @@ def _parse(axis: OdriveAxis, message: str, frame: Frame) -> dict[str, float]:
         raise BadFrame(error.reason.about(device=name_of(axis), frame=frame.name)) from error
 
 
-def _unexpected(axis: OdriveAxis, frame: Frame, wanted: str) -> Reason:
+def _unexpected(axis: OdriveAxis, frame: Frame, *wanted: str) -> Reason:
     return FRAME_UNEXPECTED(device=name_of(axis), frame=frame.name, wanted=wanted)

@@ -182,7 +182,7 @@ def parse(axis: SparkAxis, frame: Frame, previous: MotorReading) -> MotorReading
         return previous
     message = next((name for name in READINGS if frame_id(axis, name) == frame.arbitration_id), None)
     if message is None:
-        raise BadFrame(_unexpected(axis, frame, "one of its readings"))
+        raise BadFrame(_unexpected(axis, frame, *READINGS))
     values, sign, t_ns = _parse(axis, message, frame), axis.direction, frame.t_ns
     if message == "STATUS_2":
         return replace(previous, t_ns=t_ns, position_rad=sign * math.tau * values["position_rev"],
@@ -241,12 +241,12 @@ def make(axis: SparkAxis, message: str, values: Values) -> Frame:
 
 def _parse(axis: SparkAxis, message: str, frame: Frame) -> dict[str, float]:
     if frame.arbitration_id != frame_id(axis, message) or frame.is_remote:
-        raise BadFrame(_unexpected(axis, frame, f"its {message}"))
+        raise BadFrame(_unexpected(axis, frame, message))
     try:
         return load_codec("spark").parse(message, frame.data)
     except BadFrame as error:
         raise BadFrame(error.reason.about(device=name_of(axis), frame=frame.name)) from error
 
 
-def _unexpected(axis: SparkAxis, frame: Frame, wanted: str) -> Reason:
+def _unexpected(axis: SparkAxis, frame: Frame, *wanted: str) -> Reason:
     return FRAME_UNEXPECTED(device=name_of(axis), frame=frame.name, wanted=wanted)

@@ -63,10 +63,11 @@ class SparkMotor(HeardMotor):
     """
 
     def __init__(self, axis: spark.SparkAxis, motor: DcMotor, heartbeat: SparkHeartbeat) -> None:
-        self._takers = {spark.frame_id(axis, name): take for name, take in (
-            ("STATUS_0", self._take_status_0), ("STATUS_1", super().take), ("STATUS_2", super().take),
-            ("GET_FIRMWARE_VERSION", self._take_version), ("SET_STATUSES_ENABLED_RESPONSE", self._take_statuses),
-            ("PARAMETER_WRITE_RESPONSE", self._take_setting))}
+        takers = {"STATUS_0": self._take_status_0, "STATUS_1": super().take, "STATUS_2": super().take,
+                  "GET_FIRMWARE_VERSION": self._take_version, "SET_STATUSES_ENABLED_RESPONSE": self._take_statuses,
+                  "PARAMETER_WRITE_RESPONSE": self._take_setting}
+        self._messages = tuple(takers)
+        self._takers = {spark.frame_id(axis, name): take for name, take in takers.items()}
         super().__init__(spark.name_of(axis), self._takers, True, partial(spark.parse, axis))
         self._axis, self._motor, self._heartbeat = axis, motor, heartbeat
         self._version: spark.SparkVersion | None = None
@@ -85,7 +86,7 @@ class SparkMotor(HeardMotor):
     def take(self, frame: Frame) -> None:
         taker = self._takers.get(frame.arbitration_id)
         if taker is None:
-            raise BadFrame(FRAME_UNEXPECTED(device=self._device, frame=frame.name, wanted="one of its own"))
+            raise BadFrame(FRAME_UNEXPECTED(device=self._device, frame=frame.name, wanted=self._messages))
         taker(frame)
 
     def faults(self, t_ns: int) -> tuple[Reason, ...]:

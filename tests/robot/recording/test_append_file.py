@@ -4,7 +4,9 @@ import errno
 
 import pytest
 
-from truearc.robot.recording.append_file import Appender, claim
+from truearc.robot.reasons import DISK_BACKLOG_FULL, FILE_DELETED
+from truearc.robot.recording.append_file import Appender, NotKept, claim
+from truearc.robot.recording.file_writers import disk_trouble
 
 resource = pytest.importorskip("resource")        # POSIX
 fcntl = pytest.importorskip("fcntl")
@@ -48,8 +50,9 @@ def test_what_is_on_a_full_disk_is_a_whole_beginning(tmp_path, room):
     room(None)
     for number in range(1000, 1010):
         file.write(b"%05d\n" % number)
-    with pytest.raises(OSError, match="not kept"):
+    with pytest.raises(NotKept, match="not kept") as caught:
         file.flush()
+    assert disk_trouble(caught.value) == DISK_BACKLOG_FULL()
     file.close()
     kept = (tmp_path / "f").read_bytes().split()
     assert kept == [b"%05d" % number for number in range(len(kept))] and 100 < 6 * len(kept) < 1100
@@ -73,6 +76,7 @@ def test_a_file_that_is_deleted_under_it_is_trouble_for_good(tmp_path):
     (tmp_path / "trials.jsonl").unlink()
     for _ in range(2):
         file.write(b"more\n")
-        with pytest.raises(FileNotFoundError, match="has been deleted"):
+        with pytest.raises(NotKept, match="has been deleted") as caught:
             file.flush()
+        assert disk_trouble(caught.value) == FILE_DELETED(file="trials.jsonl")
     file.close()

@@ -12,11 +12,11 @@ from benchmarks.kill import kill_once
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import InputError
-from truearc.robot.reasons import DISK_ERROR, DISK_FULL, DISK_UNRESPONSIVE, NOT_RECORDING
+from truearc.robot.reasons import DISK_ERROR, DISK_FULL, DISK_UNRESPONSIVE, IMAGE_NOT_ENCODED, NOT_RECORDING
 from truearc.robot.recording import files
 from truearc.robot.recording.append_file import Appender
 from truearc.robot.recording.encoder import SessionWriter
-from truearc.robot.recording.file_writers import LaneKeeper
+from truearc.robot.recording.file_writers import LaneKeeper, disk_trouble
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials, make_header
 from truearc.robot.rig import RecordingRig, ReplayRig
@@ -151,6 +151,14 @@ def test_an_image_that_cannot_be_kept_is_told_and_the_next_one_is_kept(tmp_path)
     recorder.keep_picture(CameraFrame(6 * MS, np.zeros((8, 8, 3), np.uint8)))
     recorder.close()
     assert [path.name for path in sorted((tmp_path / "s" / "frames").iterdir())] == ["000000006.png", "frames.jsonl"]
+
+
+def test_an_image_that_no_encoder_takes_is_a_reason_with_its_name(tmp_path, monkeypatch):
+    monkeypatch.setattr(files.cv2, "imencode", lambda *_: (False, None))
+    recorder = open_writer(tmp_path / "s")
+    recorder.keep_picture(CameraFrame(6 * MS, np.zeros((8, 8, 3), np.uint8)))
+    recorder.close()
+    assert disk_trouble(recorder.failed) == IMAGE_NOT_ENCODED(file="000000006.png")
 
 
 def test_a_folder_that_cannot_be_made_is_named_before_anything_moves(tmp_path, monkeypatch):

@@ -17,9 +17,10 @@ from msgspec import UNSET
 from msgspec.structs import replace
 
 from tests.robot.samples import check
-from truearc.robot.reasons import LEGACY_TEXT
+from truearc.robot.reasons import LEGACY_TEXT, texts
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.recompute import LATER, replay, replay_frames
+from truearc.robot.recording.rows import Rows2
 from truearc.robot.recording.session import FORMAT, FORMAT_1, load_header, load_trials
 
 HERE = Path(__file__).parent
@@ -79,3 +80,15 @@ def test_both_formats_say_the_same(tmp_path: Path) -> None:
         rows.append([([reason.code for reason in tick.verdict.reasons], [fault.code for fault in tick.inputs.faults],
                       tick.estimate, tick.command) for tick in ticks])
     assert rows[0] == rows[1]
+
+
+def test_sentences_in_parameters_of_older_recordings_stay_as_they_were() -> None:
+    causes = (b'{"code":"disk_error","params":{"detail":"can0.log has been deleted"}}',
+              b'{"code":"pipe_closed","params":{"detail":"the sender has ended"}}',
+              b'{"code":"frame_unexpected","params":{"device":"spark 3","frame":"0x0205b883","wanted":"its STATUS_2"}}')
+    row = b'{"outcome":{"trial":3,"t_ns":5,"outcome":"held","reasons":[' + b",".join(causes) + b']},"shot":null}'
+    trial = Rows2().decode_trial(row)
+    assert Rows2().encode_trial(trial) == row
+    assert texts(trial.outcome.reasons) == ["can0.log has been deleted",
+                                            "pipe from another process: the sender has ended",
+                                            "spark 3: unexpected frame 0x0205b883; expected its STATUS_2"]
