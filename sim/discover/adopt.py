@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from truearc.sim.discover.investigate import Investigation
 from truearc.sim.discover.model.baseline_fit import only_shared, stopped
@@ -37,13 +38,13 @@ Gain = Callable[[ScoreTable, ScoreTable], tuple[float, float]]
 NINETY = 1.645
 
 
-def ball_effects(evidence: ScoreTable) -> Array:
+def ball_effects(evidence: ScoreTable) -> Int[Array, " k"]:
     """Places of the columns of a later session's balls; none where no belief about earlier ones was given."""
     return np.array([k for k, column in enumerate(evidence.columns) if column.kind == "group" and column.told],
                     dtype=int)
 
 
-def usual_score(evidence: ScoreTable) -> Array:
+def usual_score(evidence: ScoreTable) -> Float[Array, " n"]:
     """Log score [n] of each shot by fits of all columns to the other folds, had the balls been as believed."""
     change, balls = unseen_change(evidence), ball_effects(evidence)
     change[:, balls] = -evidence.point[balls]
@@ -96,7 +97,8 @@ def make_belief(investigation: Investigation, gain: Gain = usual_gain) -> tuple[
     return Belief(coefficients, scatter, kept, covariance, curves, among), {**refused, **provenance}
 
 
-def _widened(names: tuple[str, ...], covariance: Array, found: Refit, further: Coefficients) -> Array:
+def _widened(names: tuple[str, ...], covariance: Float[Array, "p p"], found: Refit,
+             further: Coefficients) -> Float[Array, "p p"]:
     """The covariance with the standard deviations of amplitudes that include those of their terms' shape parameters."""
     scale = np.ones(len(names))
     for name, sd in zip(found.names, found.sd, strict=True):
@@ -248,7 +250,8 @@ def _scatter(name: str, log_value: float) -> float:
     return float(np.degrees(value)) if name.endswith("_rad") else value
 
 
-def _covariance(evidence: ScoreTable, columns: list[int], among: Catalogue) -> tuple[tuple[str, ...], Array]:
+def _covariance(evidence: ScoreTable, columns: list[int],
+                among: Catalogue) -> tuple[tuple[str, ...], Float[Array, "p p"]]:
     """(names, covariance on their scales); a number that does not fit on its scale counts as exact."""
     information = evidence.information + evidence.precision
     whole = np.linalg.pinv(information, hermitian=True)

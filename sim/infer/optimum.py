@@ -55,7 +55,7 @@ def minimise(problem: Problem, start: Float[np.ndarray, " p"], held: tuple[int, 
     """
     free = np.array([index for index in range(len(start)) if index not in held], dtype=int)
     whole = np.array(start, dtype=float)
-    seen: dict[bytes, tuple[float, np.ndarray, np.ndarray]] = {}
+    seen: dict[bytes, tuple[float, Float[np.ndarray, " p"], Float[np.ndarray, "p p"]]] = {}
 
     def place(part: Float[np.ndarray, " free"]) -> Float[np.ndarray, " p"]:
         u = whole.copy()

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
@@ -77,7 +78,7 @@ class Model:
         split = [(*one.name.partition("."), one.prior.scale) for one in inner]
         return tuple((term, key, scale) for term, _, key, scale in split)
 
-    def scales(self) -> tuple[np.ndarray, np.ndarray]:
+    def scales(self) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
         """Centre and standard deviation [p] of the priors on the parameters' scales."""
         return np.array([one.centre for one in self.sought]), np.array([one.prior.sd for one in self.sought])
 
@@ -86,7 +87,7 @@ class Model:
         return {term.name: {p.name: p.default for p in term.parameters if p.prior is None}
                 for term in find_terms(self.terms, self.catalogue)}
 
-    def values(self, u: np.ndarray) -> dict[str, float]:
+    def values(self, u: Float[np.ndarray, " p"]) -> dict[str, float]:
         """{name: value} at u [p]."""
         return {one.name: float(one.value(number)) for one, number in zip(self.sought, u, strict=True)}
 

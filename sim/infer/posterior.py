@@ -52,7 +52,7 @@ def sample(fit: MapFit, count: int, seed: int,
     problem = fit.problem
     spread = np.linalg.cholesky(fit.covariance)
 
-    def potential(z: jnp.ndarray) -> jnp.ndarray:
+    def potential(z: Float[jax.Array, " p"]) -> Float[jax.Array, ""]:
         u = fit.optimum.u + spread @ z
         value = objective(problem.model, problem.evidence, problem.points, problem.weight, u)
         return jnp.where(jnp.isfinite(value), value, 1e10)

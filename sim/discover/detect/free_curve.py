@@ -90,11 +90,11 @@ def _fit(evidence: ScoreTable, basis: Basis, train: Train, ridge: float) -> Floa
     penalty = block_diag(np.diag(_penalty(evidence, basis, train, ridge)), evidence.precision)
     slope = np.concatenate([np.zeros(q), evidence.pull])
 
-    def step_from(found: Array) -> Array:
+    def step_from(found: Float[Array, " k"]) -> Float[Array, " k"]:
         score, info = _normal(evidence, basis, train, _spread(evidence, basis, found))
         return np.linalg.solve(info + penalty + 1e-12 * np.eye(q + p), score + slope - penalty @ found)
 
-    def value_at(tried: Array) -> float:
+    def value_at(tried: Float[Array, " k"]) -> float:
         gained = evidence.gain(_spread(evidence, basis, tried))[train].sum()
         return float(gained + slope @ tried - 0.5 * tried @ penalty @ tried)
 

@@ -45,7 +45,7 @@ class Scores:
     stretch: Float[Array, "G M"]
     kept: Bool[Array, " M"]
 
-    def take(self, kept: Array) -> "Scores":
+    def take(self, kept: Int[Array, " kept"]) -> "Scores":
         """These of the tests."""
         return Scores(self.psi[:, kept], self.kappa[:, kept], self.stretch[:, kept], self.kept[kept])
 
@@ -181,8 +181,9 @@ def _flip(unit: Float[Array, "G M"], seen: Float[Array, " M"], member: Mapping[s
     return largest, above_each
 
 
-def _combine(seen: Array, member: dict[str, Array], largest: dict[str, Array],
-             weights: dict[str, float]) -> tuple[Array, dict[str, float], float]:
+def _combine(seen: Float[Array, " M"], member: Mapping[str, Bool[Array, " M"]],
+             largest: Mapping[str, Float[Array, " draws"]],
+             weights: Mapping[str, float]) -> tuple[Float[Array, " M"], dict[str, float], float]:
     """(p of each test, p of each family alone, p of any): `largest` holds what was observed first, then the draws."""
     ranks, least = _least(largest, weights)
     p_value = np.ones(len(seen))
@@ -192,7 +193,8 @@ def _combine(seen: Array, member: dict[str, Array], largest: dict[str, Array],
     return p_value, {name: float(rank[0]) for name, rank in ranks.items()}, float((least <= least[0] + 1e-12).mean())
 
 
-def _least(largest: dict[str, Array], weights: dict[str, float]) -> tuple[dict[str, Array], Array]:
+def _least(largest: Mapping[str, Float[Array, " draws"]], weights: Mapping[str, float]
+           ) -> tuple[dict[str, Float[Array, " draws"]], Float[Array, " draws"]]:
     """({family: p of each of its largest}, the smallest of these [1 + draws], each over its share of the allowance)."""
     ranks = {name: (values[None] >= values[:, None] - 1e-9).mean(1) for name, values in largest.items()}
     return ranks, np.min([ranks[name] / weights[name] for name in largest], axis=0)

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import msgspec
 import numpy as np
 from jax import lax
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from truearc.robot.config.rig_spec import Ball, Rig
 from truearc.sim.data.conditions import Circumstances
@@ -70,7 +70,7 @@ class ShotBatch(NamedTuple):
     lead_s: Float[Array, "*n"]
     time_s: Float[Array, "*n L"]
 
-    def take(self, rows: np.ndarray | slice) -> "ShotBatch":
+    def take(self, rows: Int[np.ndarray, " k"] | slice) -> "ShotBatch":
         """Those of the rows; numbers that all shots share stay as they are."""
         taken: ShotBatch = jax.tree.map(lambda part: np.asarray(part)[rows] if np.ndim(part) else part, self)
         return taken
@@ -154,7 +154,7 @@ def plane_grid(chain: Chain, lanes: ShotBatch,
     """Heights above the target's centre and whether the ball came there, at each of the parameters `points`."""
     rest = jnp.zeros(chain.size - len(chain.slots))
 
-    def one(point: Float[Array, " slots"], lane: ShotBatch) -> tuple[Array, Array]:
+    def one(point: Float[Array, " slots"], lane: ShotBatch) -> tuple[Number, Bool[Array, ""]]:
         seen = _see(chain, lane, jnp.concatenate([point, rest]), jnp.zeros(max(chain.bands - 1, 0)))
         return seen.plane[0], seen.near
 

@@ -58,7 +58,8 @@ def _exit_part(intake: Intake, seen: Prediction,
     return np.concatenate([off[..., None], white], axis=2), log_noise
 
 
-def _track_part(intake: Intake, seen: Prediction, slopes: Prediction) -> list[tuple[Array, Array]]:
+def _track_part(intake: Intake, seen: Prediction,
+                slopes: Prediction) -> list[tuple[Float[Array, "n G inputs"], Float[Array, " n"]]]:
     """(white [n, 3 L, 1 + k] of the tracks, log density); shots without one are 0."""
     if intake.samples is None or intake.scatter is None:
         return []

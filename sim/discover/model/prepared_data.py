@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import msgspec
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from truearc.robot.config.rig_spec import Believe, Noise, Rig
 from truearc.robot.config.schema import InputError
@@ -108,13 +108,13 @@ class _Part:
 
     rig: Rig
     shots: Shots
-    wheels: Array
-    hood: Array
-    launched: Array
+    wheels: Bool[Array, " n"]
+    hood: Bool[Array, " n"]
+    launched: Bool[Array, " n"]
 
 
 def _lanes(part: _Part, circumstances: Circumstances, samples: Samples | None,
-           place: Array) -> tuple[ShotBatch, Array, Array]:
+           place: Int[Array, " shots"]) -> tuple[ShotBatch, Float[Array, "n D"], Float[Array, "n S"]]:
     """(lanes, noise variances [n, D], what scatters on top [n, S])."""
     shots, n, free = part.shots, len(part.shots), ~part.launched
     numbers = {**shots.numbers}
@@ -142,12 +142,12 @@ def _lanes(part: _Part, circumstances: Circumstances, samples: Samples | None,
                                    np.broadcast_to(given.distance_sd_m**2, n)], axis=1) * 1.0
 
 
-def _or_else(measured: Array, usual: float) -> Array:
+def _or_else(measured: Float[Array, " n"], usual: float) -> Float[Array, " n"]:
     """A ball's own column, where it has a possible value."""
     return np.where(measured > 0.0, measured, usual)
 
 
-def _side_spin(part: _Part) -> Array:
+def _side_spin(part: _Part) -> Float[Array, "n 2"]:
     """Spin [n, 2] in rev/s about the direction of flight and about up, of rigs with other wheels than the paper's."""
     side = np.zeros((len(part.shots), 2))
     if not part.rig.launcher.wheel or is_opposed(part.rig):
@@ -158,7 +158,7 @@ def _side_spin(part: _Part) -> Array:
     return side
 
 
-def _wheel_spin(part: _Part) -> Array:
+def _wheel_spin(part: _Part) -> Float[Array, "n 3"]:
     """Spin [n, 3] by all wheels in rev/s about (ahead, left, up); nan where a wheel's speed is unknown."""
     surface = np.stack([part.shots.number(f"wheel_{wheel.name}_rad_s") * wheel.radius_m
                         for wheel in part.rig.launcher.wheel], axis=1)
@@ -166,7 +166,9 @@ def _wheel_spin(part: _Part) -> Array:
     return spin_rev_s
 
 
-def _starts(part: _Part, rolling: Exit, samples: Samples | None, place: Array) -> tuple[Array, ...]:
+def _starts(part: _Part, rolling: Exit, samples: Samples | None, place: Int[Array, " shots"]
+            ) -> tuple[Float[Array, "n 3"], Float[Array, "n 3"], Float[Array, "n 3"], Float[Array, " n"],
+                       Float[Array, "n L"]]:
     """start_m, start_m_s, spin [n, 3], lead_s [n], time_s [n, L] of ShotBatch."""
     n = len(part.shots)
     start_m, start_m_s, spin = np.zeros((n, 3)), np.tile([1.0, 0.0, 0.0], (n, 1)), np.zeros((n, 3))
@@ -182,7 +184,7 @@ def _starts(part: _Part, rolling: Exit, samples: Samples | None, place: Array) -
     return start_m, start_m_s, spin, np.where(part.launched, lead_s, 0.0), time_s
 
 
-def _free_spin(part: _Part, velocity_m_s: Array) -> Array:
+def _free_spin(part: _Part, velocity_m_s: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
     """Spin [n, 3] in rev/s of flights with unknown launch: as measured (backspin), else by the wheels, else none."""
     speed = np.maximum(np.linalg.norm(velocity_m_s, axis=1, keepdims=True), 1e-9)
     ahead = velocity_m_s / speed
@@ -197,7 +199,7 @@ def _free_spin(part: _Part, velocity_m_s: Array) -> Array:
     return spin
 
 
-def first_guess(samples: Samples) -> tuple[Array, Array]:
+def first_guess(samples: Samples) -> tuple[Float[Array, "k 3"], Float[Array, "k 3"]]:
     """Position and velocity [k, 3] at the first sample from a parabola through each track."""
     position, velocity = np.zeros((2, len(samples.rows), 3))
     for k, real in enumerate(samples.real):
@@ -206,7 +208,7 @@ def first_guess(samples: Samples) -> tuple[Array, Array]:
     return position, velocity
 
 
-def _exits(part: _Part) -> tuple[Array, Array]:
+def _exits(part: _Part) -> tuple[Float[Array, "n 3"], Float[Array, "n 3"]]:
     """Measured exits that are evidence about wheels and hood [n, 3], and their standard deviations."""
     speed, deg, spin_rev_s = (_measured(part.shots.number(name), where & part.launched) for name, where in (
         ("exit_speed_m_s", part.wheels), ("exit_deg", part.hood), ("exit_spin_rev_s", part.wheels)))
@@ -216,7 +218,7 @@ def _exits(part: _Part) -> tuple[Array, Array]:
     return exits, sd
 
 
-def _measured(column: Array, where: Array) -> Array:
+def _measured(column: Float[Array, " n"], where: Bool[Array, " n"]) -> Float[Array, " n"]:
     """The column there; nan where it is the same for all shots: real measurements scatter."""
     known = column[where & np.isfinite(column)]
     return np.where(where & (len(known) > 1 and np.ptp(known) > 0.0), column, np.nan)
@@ -229,7 +231,7 @@ def _samples(dataset: Dataset) -> tuple[Samples | None, tuple[str, ...]]:
     return (samples if len(samples.rows) else None), notes
 
 
-def _pick(circumstances: Circumstances, rows: Array) -> Circumstances:
+def _pick(circumstances: Circumstances, rows: Int[Array, " n"]) -> Circumstances:
     return Circumstances(*(np.broadcast_to(np.asarray(part, dtype=float), (rows.max(initial=-1) + 1,))[rows]
                            if np.ndim(part) == 0 else np.asarray(part)[rows] for part in circumstances))
 

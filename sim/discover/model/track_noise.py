@@ -170,7 +170,7 @@ def _sound(data: Float[Array, "L 4"]) -> Bool[Array, " L"]:
     return sound
 
 
-def _pad(kept: list[tuple[int, Array]]) -> Samples:
+def _pad(kept: list[tuple[int, Float[Array, "_ 4"]]]) -> Samples:
     longest = -(-max((len(data) for _, data in kept), default=1) // PAD) * PAD
     padded = np.zeros((len(kept), longest, 4))
     real = np.zeros((len(kept), longest), dtype=bool)

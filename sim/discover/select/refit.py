@@ -189,20 +189,21 @@ def fit_linear(evidence: ScoreTable, train: Bool[Array, " n"]) -> Float[Array, "
     """Most probable change of all columns, which must all be shared, given the shots in `train`."""
     n, deal = len(evidence.rows), evidence.deal.some(train)
 
-    def step_from(found: Array) -> Array:
+    def step_from(found: Float[Array, " P"]) -> Float[Array, " P"]:
         score, info = evidence.slopes_at(np.tile(found, (n, 1)))
         slope = deal.spread(score[train]).sum(0) + evidence.pull - evidence.precision @ found
         return np.linalg.solve(deal.total(info[train]) + evidence.precision, slope)
 
-    def value_at(tried: Array) -> float:
+    def value_at(tried: Float[Array, " P"]) -> float:
         gained = evidence.gain(np.tile(tried, (n, 1)))[train].sum()
         return float(gained + evidence.pull @ tried - 0.5 * tried @ evidence.precision @ tried)
 
     return go_uphill(np.zeros(len(evidence.columns)), step_from, value_at, STEPS, HALVINGS, 1e-5)
 
 
-def go_uphill(found: Array, step_from: Callable[[Array], Array], value_at: Callable[[Array], float], steps: int,
-              halvings: int, enough: float) -> Array:
+def go_uphill(found: Float[Array, " k"], step_from: Callable[[Float[Array, " k"]], Float[Array, " k"]],
+              value_at: Callable[[Float[Array, " k"]], float], steps: int, halvings: int,
+              enough: float) -> Float[Array, " k"]:
     """Steps from `found`, whose value is 0, each halved until it gains; ends with one that gains less than `enough`."""
     best = 0.0
     for _ in range(steps):

@@ -3,6 +3,7 @@
 from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
 from truearc.sim.data.dataset import Tracks
 
@@ -16,15 +17,15 @@ class TrackData(NamedTuple):
     ball was sent off, which a ball without side force keeps; up_m: above the floor. too_short: tracks left aside.
     """
 
-    row: Any
-    time_s: Any
-    down_m: Any
-    up_m: Any
-    mask: Any
+    row: Int[Any, " k"]
+    time_s: Float[Any, "k l"]
+    down_m: Float[Any, "k l"]
+    up_m: Float[Any, "k l"]
+    mask: Bool[Any, "k l"]
     too_short: int
 
 
-def gather_tracks(tracks: Tracks | None, rows: np.ndarray) -> TrackData | None:
+def gather_tracks(tracks: Tracks | None, rows: Int[np.ndarray, " n"]) -> TrackData | None:
     """Tracks of the shots `rows`, each with the place of its shot in `rows`; None when there are none to use."""
     if tracks is None:
         return None
@@ -41,7 +42,8 @@ def gather_tracks(tracks: Tracks | None, rows: np.ndarray) -> TrackData | None:
     return TrackData(np.array([place for place, _ in kept]), time_s, down_m, tracks.z_m[index], mask, short)
 
 
-def _downrange(x_m: np.ndarray, y_m: np.ndarray, mask: np.ndarray) -> np.ndarray:
+def _downrange(x_m: Float[np.ndarray, "k l"], y_m: Float[np.ndarray, "k l"],
+               mask: Bool[np.ndarray, "k l"]) -> Float[np.ndarray, "k l"]:
     """x turned about the exit so that the flight goes straight ahead: the heading that fits y in least squares."""
     heading = np.arctan2((mask * x_m * y_m).sum(1), np.maximum((mask * x_m**2).sum(1), 1e-12))[:, None]
     return np.asarray(x_m * np.cos(heading) + y_m * np.sin(heading))
