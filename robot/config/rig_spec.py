@@ -14,7 +14,9 @@ from msgspec import Struct, field
 POSITIVE = ("ball.mass_kg", "ball.radius_m", "launcher.free_speed_rad_s", "launcher.wheel.radius_m",
             "target.two_half_height_m")
 NOT_NEGATIVE = ("launcher.release_height_m", "air.density_kg_m3", "noise.distance_m", "noise.hood_deg",
-                "noise.wheel_rad_s", "noise.track_m", "target.three_half_height_m")
+                "noise.wheel_rad_s", "noise.track_m", "target.three_half_height_m", "world.gravity_m_s2")
+
+DOWNWARD = {"world.gravity_m_s2": "; it is a size and points down: write 9.81"}
 
 
 class Ball(Struct, frozen=True):
@@ -46,6 +48,10 @@ class Target(Struct, frozen=True):
     def hit_or_miss(self) -> bool:
         """Whether every hit counts alike: there is no inner opening, and hits are recorded as two."""
         return self.three_half_height_m == 0.0
+
+    def word(self, outcome: str) -> str:
+        """Return the driver's word for an outcome: hit, where every hit counts alike."""
+        return "hit" if self.hit_or_miss and outcome in ("two", "three") else outcome
 
 
 class Air(Struct, frozen=True):
@@ -87,13 +93,25 @@ class Rig(Struct, frozen=True):
 # more than any launcher's; beyond is another unit
 MOST = {"ball.radius_m": 0.5, "launcher.wheel.radius_m": 0.5, "launcher.release_height_m": 5.0,
         "launcher.free_speed_rad_s": 3000.0, "target.centre_height_m": 10.0, "target.two_half_height_m": 3.0,
-        "air.density_kg_m3": 2.0}
+        "air.density_kg_m3": 2.0,
+        "world.gravity_m_s2": 25.0,   # Jupiter's
+        # standard deviations: a tape is good to 0.01 m, a camera at 10 m to 0.5 m; worse ones make a fit of noise
+        "noise.distance_m": 2.0, "noise.hood_deg": 15.0, "noise.wheel_rad_s": 100.0, "noise.track_m": 0.5}
 DENSEST_KG_M3 = 23_000.0              # of a ball: no metal is heavier
-OTHER_UNITS = {"m": "centimetres or inches", "s": "revolutions per minute", "m3": "another unit"}
+OTHER_UNITS = {"m": "centimetres or inches", "s": "revolutions per minute", "m3": "another unit",
+               "s2": "feet or centimetres per second squared; on Earth it is 9.81", "deg": "another unit"}
+RADIAN_STEP, RADIAN_SLIP = math.pi / 12.0, 0.005  # clock angles in radians are multiples of it, as rounded
 
 
 def too_large(rig: Rig) -> Iterator[tuple[str, str]]:
-    """Yield the dotted key of each number that is larger than any launcher's, and what it looks like."""
+    """Yield the dotted key of each number that is larger than any launcher's, and what it looks like; clock angles in
+    radians, too."""
+    clocks = [wheel.clock_deg for wheel in rig.launcher.wheel if wheel.clock_deg]
+    steps = [round(clock / RADIAN_STEP) for clock in clocks]
+    if clocks and all(0 < step <= 24 and abs(clock - step * RADIAN_STEP) < RADIAN_SLIP
+                      for clock, step in zip(clocks, steps, strict=True)):
+        degrees = ", ".join(f"{15 * step} for {clock:g}" for clock, step in zip(clocks, steps, strict=True))
+        yield "launcher.wheel.clock_deg", f"these look like radians; write degrees: {degrees}"
     for key, value in _leaves(msgspec.to_builtins(rig), ""):
         if key in MOST and isinstance(value, int | float) and value > MOST[key]:
             yield key, (f"{value:g} is more than any launcher's {MOST[key]:g}; this looks like "
@@ -110,7 +128,7 @@ def rig_errors(rig: Rig) -> Iterator[tuple[str, str]]:
         elif key in POSITIVE and value <= 0:
             yield key, f"{value} must be above 0"
         elif key in NOT_NEGATIVE and value < 0:
-            yield key, f"{value} must not be below 0"
+            yield key, f"{value} must not be below 0" + DOWNWARD.get(key, "")
     names = [wheel.name for wheel in rig.launcher.wheel]
     if len(set(names)) < len(names):
         yield "launcher.wheel.name", "two wheels have one name"

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from truearc.robot.config.rig_spec import MOST
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.model import Floats
 from truearc.sim.data.problems import Problems
@@ -25,6 +26,22 @@ RANGES = {
     "exit_deg": (-90.0, 90.0),
     "exit_spin_rev_s": (-1000.0, 1000.0),
     "t_s": (-math.inf, math.inf),
+    "battery_v": (0.0, 1000.0),
+    "robot_speed_m_s": (-20.0, 20.0),
+    "temperature_c": (-90.0, 60.0),                           # of air anywhere on Earth
+    "pressure_pa": (30_000.0, 110_000.0),                     # from the highest mountain to the deepest shore
+    "mass_kg": (1e-4, 100.0),
+    "radius_m": (0.001, MOST["ball.radius_m"]),
+}
+# column -> what a number out of its range looks like, and what to do
+LOOKS = {
+    "motor_ratio": "if percent, divide by 100; if rpm, divide by the motor's free speed in rpm",
+    "miss_height_m": "if centimetres, rename the column to miss_height_cm; if millimetres, to miss_height_mm",
+    "battery_v": "if millivolts, rename the column to battery_mv",
+    "temperature_c": "if kelvins, rename the column to temperature_k; if degrees Fahrenheit, to temperature_f",
+    "pressure_pa": "if hectopascals or millibars, rename the column to pressure_hpa; if kilopascals, to pressure_kpa",
+    "mass_kg": "if grams, rename the column to mass_g; if ounces, to mass_oz",
+    "radius_m": "if millimetres, rename the column to radius_mm; if centimetres, to radius_cm; if inches, to radius_in",
 }
 NO_RANGE = (-math.inf, math.inf)
 WORDS = {"outcome": OUTCOMES, "side": SIDES}
@@ -83,7 +100,8 @@ def number_column(table: RawTable, name: str, problems: Problems, needed: bool =
         elif number is None or not math.isfinite(number):
             problems.add(table.place(row), name, f"{cell!r} is not a finite number")
         elif not low <= number <= high:
-            problems.add(table.place(row), name, f"{number:g} is out of range ({low:g} to {high:g})")
+            problems.add(table.place(row), name, f"{number:g} is out of range ({low:g} to {high:g})"
+                         + (f"; {LOOKS[name]}" if name in LOOKS else ""))
         else:
             values[row] = number
     return values

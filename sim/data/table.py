@@ -56,10 +56,14 @@ def load_table(path: Path, problems: Problems) -> RawTable:
 
 
 def parse_csv(text: str, path: Path, problems: Problems) -> RawTable:
-    """Cells of CSV text with a header; empty cells are None, blank lines are skipped."""
+    """Cells of CSV text with a header; empty cells are None. Blank lines, and empty columns behind the last that has a
+    name, are skipped."""
     mark = _separator(text, path)
     rows = _rows(text, path, mark)
     _, header = next(rows, (1, []))
+    width = len(header)
+    while header and not header[-1].strip():              # spreadsheets write empty columns behind the last
+        header.pop()
     if not header:
         raise InputError(f"{path}:1: the header is missing")
     for name in header:
@@ -68,11 +72,16 @@ def parse_csv(text: str, path: Path, problems: Problems) -> RawTable:
     columns: dict[str, list[Cell]] = {name: [] for name in header}
     lines = []
     for line, cells in rows:
-        if len(cells) != len(header):
+        if not any(map(str.strip, cells)):
+            continue
+        beyond = "".join(cells[len(header):]).strip()
+        if beyond and len(cells) <= width:
+            raise InputError(f"{path}:1: column '' is unnamed, and has {beyond!r} in line {line}; name it")
+        if beyond or len(cells) < len(header):
             problems.add(f"{path}:{line}", "", f"{len(cells)} cells where the header has {len(header)}")
             continue
         lines.append(line)
-        for name, cell in zip(header, cells, strict=True):
+        for name, cell in zip(header, cells, strict=False):
             columns[name].append((DECIMAL_COMMA.sub(r"\1.\2", cell) if mark == ";" else cell) or None)
     return RawTable(path, columns, lines)
 

@@ -20,9 +20,11 @@ CONVERTED = {
     "kg": {"g": 1e-3, "lb": 0.45359237, "oz": 0.028349523125},
     "v": {"mv": 1e-3},
     "pa": {"hpa": 100.0, "kpa": 1000.0},
+    "c": {"k": 1.0, "f": 5.0 / 9.0},
 }
+ZERO = {"k": 273.15, "f": 32.0}       # in that unit, of a unit that is read; of others 0
 # columns of shots without a range of their own that code reads by name
-OTHERS = ("battery_v", "temperature_c", "pressure_pa", "mass_kg", "radius_m", "robot_speed_m_s", "config_id", "shot_id")
+OTHERS = ("config_id", "shot_id")
 # column of shots -> words by which a name means it, unless it or one of these is there
 SAID: dict[str, tuple[set[str], tuple[str, ...]]] = {
     "shot_id": ({"shot", "id"}, ()),
@@ -31,6 +33,12 @@ SAID: dict[str, tuple[set[str], tuple[str, ...]]] = {
     "motor_ratio": ({"ratio", "power", "throttle", "duty"}, ("exit_speed_m_s", WHEEL.pattern)),
     "outcome": ({"outcome", "result", "score", "scored"}, ("miss_height_m",)),
 }
+# names that say the motors' speed otherwise than by motor_ratio, and what to do with their numbers
+MOTOR = re.compile(r"(motors?|flywheels?|shooter)_?(rpm|speed|velocity|rad_?s|rev_?s|rps|deg_?s|percent|pct|output)?"
+                   r"(_(rpm|rad_s|rev_s|rps|deg_s|percent|pct))?|rpm|percent_output")
+MOTOR_HOW = ("is not read; motor_ratio is the motors' speed by their free speed: divide by the free speed in the same "
+             "unit, percent of it by 100, and name the column motor_ratio; or state each wheel: wheel_<name>_rpm, "
+             "wheel_<name>_rad_s")
 NEAR = 0.85                           # likeness of a column's name to one that is read, above which it is a slip
 
 
@@ -47,33 +55,41 @@ def in_read_units(table: RawTable, is_read: Callable[[str], bool], problems: Pro
     """
     columns: dict[str, list[Cell]] = {}
     for name, cells in table.columns.items():
-        read, factor = _read_as(name, is_read)
+        read, factor, zero = _read_as(name, is_read)
         if read in columns:
             problems.add(table.place(-1), name, f"stands for {read}, which is there already; keep one")
-        columns[read] = cells if factor == 1.0 else [_times(cell, factor) for cell in cells]
+        columns[read] = (cells if (factor, zero) == (1.0, 0.0) else
+                         [_converted(cell, factor, zero) for cell in cells])
+    driven = any(re.fullmatch(one, have) for one in ("motor_ratio", *SAID["motor_ratio"][1]) for have in columns)
     for name in columns:
+        if is_read("motor_ratio") and not driven and MOTOR.fullmatch("_".join(name.lower().split())):
+            problems.add(table.place(-1), name, MOTOR_HOW)
+            continue
         meant = _meant(name, is_read, set(columns))
         if meant:
             problems.add(table.place(-1), name, f"is not a column that is read; did you mean {meant!r}?")
     return RawTable(table.path, columns, table.lines, table.in_memory)
 
 
-def _read_as(name: str, is_read: Callable[[str], bool]) -> tuple[str, float]:
-    """The column that a name stands for, and the factor of its numbers; the name itself and 1 where it is another."""
+def _read_as(name: str, is_read: Callable[[str], bool]) -> tuple[str, float, float]:
+    """The column that a name stands for, the factor of its numbers, and where they count from.
+
+    The name itself, 1 and 0 where it is another column.
+    """
     plain = "_".join(name.lower().split())
     if is_read(plain):
-        return plain, 1.0
+        return plain, 1.0, 0.0
     for unit, others in CONVERTED.items():
         for suffix, factor in others.items():
             read = plain.removesuffix(suffix) + unit
             if plain.endswith("_" + suffix) and is_read(read):
-                return read, factor
-    return name, 1.0
+                return read, factor, ZERO.get(suffix, 0.0)
+    return name, 1.0, 0.0
 
 
-def _times(cell: Cell, factor: float) -> Cell:
+def _converted(cell: Cell, factor: float, zero: float) -> Cell:
     number = parse_number(cell)
-    return cell if number is None else number * factor
+    return cell if number is None else (number - zero) * factor
 
 
 def _meant(name: str, is_read: Callable[[str], bool], there: set[str]) -> str | None:
@@ -86,6 +102,6 @@ def _meant(name: str, is_read: Callable[[str], bool], there: set[str]) -> str | 
                                                         for have in there):
             return column
     plain = "_".join(name.lower().split())
-    without_unit = [f"{plain}_{unit}" for unit in (*CONVERTED, "c") if is_read(f"{plain}_{unit}")]
+    without_unit = [f"{plain}_{unit}" for unit in CONVERTED if is_read(f"{plain}_{unit}")]
     like = difflib.get_close_matches(plain, [*RANGES, *WORDS, *OTHERS], 1, NEAR)
     return next((one for one in [*without_unit, *like] if is_read(one) and one not in there), None)

@@ -25,7 +25,7 @@ def in_range(low: float, high: float) -> st.SearchStrategy[float]:
 def datasets(draw: st.DrawFn) -> Dataset:
     ids = tuple(draw(st.lists(WORDS.filter(bool), min_size=1, max_size=6, unique=True)))
     columns = {"distance_m": in_range(0, 100), "hood_deg": in_range(0, 90), "motor_ratio": in_range(0, 1),
-               "battery_v": NUMBERS, "exit_spin_rev_s": in_range(-1000, 1000)}
+               "battery_v": in_range(0, 1000), "exit_spin_rev_s": in_range(-1000, 1000)}
     count = len(ids)
     numbers = {name: np.array(draw(st.lists(values, min_size=count, max_size=count)))
                for name, values in columns.items()}

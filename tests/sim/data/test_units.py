@@ -67,8 +67,15 @@ def test_a_missing_column_is_named_beside_near_misses(tmp_path: Path) -> None:
 
 
 def test_covariates_keep_their_names(tmp_path: Path) -> None:
-    numbers = load(tmp_path, "shot_id,hood_deg,Humidity,motor_rpm,coating_g\na,40,0.5,3000,2\n").shots.numbers
-    assert set(numbers) == {"hood_deg", "Humidity", "motor_rpm", "coating_g"}
+    numbers = load(tmp_path, "shot_id,motor_ratio,Humidity,motor_rpm,coating_g\na,0.4,0.5,3000,2\n").shots.numbers
+    assert set(numbers) == {"motor_ratio", "Humidity", "motor_rpm", "coating_g"}
+
+
+@pytest.mark.parametrize("name", ["motor_rpm", "Motor RPM", "motor_percent", "motor_rad_s", "flywheel_speed_rpm", "rpm",
+                                  "motor_speed"])
+def test_other_names_of_the_motors_speed_are_refused_with_the_conversion(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InputError, match=rf"shots\.csv:1: {name}: is not read; motor_ratio is .* speed: divide by"):
+        load(tmp_path, f"shot_id,hood_deg,{name}\na,40,3000\n")
 
 
 def test_a_column_that_is_there_twice_in_two_units_is_refused(tmp_path: Path) -> None:
@@ -80,3 +87,38 @@ def test_a_column_that_is_there_twice_in_two_units_is_refused(tmp_path: Path) ->
                                                ("n/a", ""), ("MISS", "miss"), ("", "")])
 def test_outcomes_may_be_spelt_otherwise(tmp_path: Path, cell: str, outcome: str) -> None:
     assert load(tmp_path, f"shot_id,hood_deg,outcome\na,40,{cell}\n").shots.text("outcome") == (outcome,)
+
+
+@pytest.mark.parametrize(("name", "value", "said"), [
+    ("temperature_c", 293.15, "if kelvins, rename the column to temperature_k"),
+    ("temperature_c", 68.0, "if degrees Fahrenheit, to temperature_f"),
+    ("pressure_pa", 1013.0, "rename .* pressure_hpa"),
+    ("battery_v", 12600.0, "if millivolts, rename the column to battery_mv"), ("mass_kg", 142.0, "to mass_g"),
+    ("radius_m", 89.0, "if millimetres, rename the column to radius_mm"), ("motor_ratio", 57.9, "divide by 100"),
+    ("miss_height_m", 300.0, "to miss_height_mm"), ("robot_speed_m_s", 30.0, "")])
+def test_numbers_that_cannot_be_name_the_likely_unit(tmp_path: Path, name: str, value: float, said: str) -> None:
+    with pytest.raises(InputError, match=rf"shots\.csv:2: {name}: [0-9.]+ is out of range.*{said}"):
+        load(tmp_path, f"shot_id,{name}\na,{value}\n")
+
+
+@pytest.mark.parametrize(("name", "value", "read", "is_"), [
+    ("temperature_k", 293.15, "temperature_c", 20.0), ("temperature_f", 68.0, "temperature_c", 20.0),
+    ("pressure_hpa", 1013.0, "pressure_pa", 101300.0), ("battery_mv", 12600.0, "battery_v", 12.6),
+    ("mass_g", 142.0, "mass_kg", 0.142), ("radius_mm", 89.0, "radius_m", 0.089)])
+def test_the_advised_columns_are_read(tmp_path: Path, name: str, value: float, read: str, is_: float) -> None:
+    assert load(tmp_path, f"shot_id,{name}\na,{value}\n").shots.number(read) == pytest.approx([is_])
+
+
+@pytest.mark.parametrize("shots", [
+    "shot_id,hood_deg,outcome,\na,40,two,\n", "shot_id,hood_deg,outcome, ,\na,40,two, ,\n,,,,\n",
+    "shot_id,hood_deg,outcome\na,40,two,\n", "shot_id;hood_deg;outcome;\na;40,0;two;\n"])
+def test_empty_columns_behind_the_last_are_skipped(tmp_path: Path, shots: str) -> None:
+    read = load(tmp_path, shots).shots
+    assert (read.shot_id, read.text("outcome")) == (("a",), ("two",)) and set(read.numbers) == {"hood_deg"}
+
+
+def test_a_column_without_a_name_that_has_values_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"shots\.csv:1: column '' is unnamed, and has '7' in line 3; name it"):
+        load(tmp_path, "shot_id,hood_deg,\na,40,\nb,41,7\n")
+    with pytest.raises(InputError, match=r"shots\.csv:1: column '' is unnamed"):
+        load(tmp_path, "shot_id,,hood_deg\na,,40\n")
