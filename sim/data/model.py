@@ -120,6 +120,8 @@ class Dataset(Printed):
     def lines(self) -> list[str]:
         """Return how many shots, outcomes and samples there are, which columns, and what was left out."""
         outcomes = self.shots.text("outcome")
+        if self.rig.target is not None:
+            outcomes = tuple(map(self.rig.target.word, outcomes))
         counts = {kind or "unmarked": outcomes.count(kind) for kind in dict.fromkeys(outcomes)}
         lines = [f"{self.name}: {len(self.shots)} shots "
                  f"({', '.join(f'{count} {kind}' for kind, count in counts.items())})",

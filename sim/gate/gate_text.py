@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from truearc.robot.config.rig_spec import Target
 from truearc.sim.gate.model import Physics, PhysicsGate, residual
 from truearc.sim.gate.outcome_classes import LEVEL
 from truearc.sim.gate.train import Heldout
@@ -26,11 +27,11 @@ def tell_residual(gate: PhysicsGate, features: np.ndarray, physics: Physics) -> 
     return lines
 
 
-def tell_heldout(heldout: Heldout, temperature: float) -> list[str]:
+def tell_heldout(heldout: Heldout, temperature: float, target: Target | None) -> list[str]:
     """Report hold-out figures on configurations that the gate was not fitted to, though the belief may have been."""
     lines = ["on configurations that the correction had not learned from, each fifth in turn (the coefficients may "
              "have been fitted to them):",
-             _figures("  the gate", heldout.plain), *_beside_commonest(heldout)]
+             _figures("  the gate", heldout.plain), *_beside_commonest(heldout, target)]
     if temperature == 1.0:
         return [*lines, "calibration: the spread is as fitted; stretching it made unseen configurations no likelier"]
     how = "wider" if temperature > 1.0 else "narrower"
@@ -38,10 +39,11 @@ def tell_heldout(heldout: Heldout, temperature: float) -> list[str]:
             f"calibration: the spread is made {abs(temperature - 1.0):.0%} {how}, as unseen configurations ask for"]
 
 
-def _beside_commonest(heldout: Heldout) -> list[str]:
+def _beside_commonest(heldout: Heldout, target: Target | None) -> list[str]:
     """Compare with what needs no gate: the commonest outcome for every shot, and the plain shares of outcomes."""
     shares = np.bincount(heldout.level, minlength=len(LEVEL)) / len(heldout.level)
     commonest = list(LEVEL)[int(np.argmax(shares))]
+    commonest = commonest if target is None else target.word(commonest)
     by_shares = float((shares[shares > 0.0] * np.log(shares[shares > 0.0])).sum())
     lines = [f"  always naming the commonest, {commonest}: outcome right {shares.max():.1%}; by the plain shares of "
              f"outcomes: log score {by_shares:.3f}"]

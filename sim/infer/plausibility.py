@@ -17,13 +17,14 @@ from truearc.sim.data.model import Dataset, Floats, Shots, Tracks
 from truearc.sim.physics.simulate import by_wheels, launch_state
 
 CHECKS = ("gravity", "axes", "sample-interval", "track-length", "speed", "hood", "mass", "radius", "reach", "air",
-          "target")
+          "target", "noise", "wheels", "height")
 GRAVITY = (0.45, 1.7)                 # share of the rig's that drag and lift leave of it, at the least and at the most
 TILT_DEG = 45.0                       # of the measured gravity against -z: no camera is tilted as far
 INTERVAL_S = (1e-4, 0.6)
 SPEED = (0.2, 1.6)                    # of a tracked ball, by that of the wheels' surfaces
 LIGHTEST_KG_M3 = 3.0                  # of a ball: lighter is a balloon
 LIGHT_KG_M3 = 12.0                    # below this the radius may be the diameter
+HEAVY_KG_M3 = 1500.0                  # above this the mass may be in ounces; a bowling ball has 1400, a golf ball 1150
 REACH = (0.9, 4.0)                    # launch speed of scoring shots, by the least that carries a ball so far in vacuum
 DOUBLED = 1.9                         # of it: a light ball, or the wheels' diameters for their radii
 TYPICAL = 1.3                         # of foam balls
@@ -38,6 +39,12 @@ FAR_M = 0.5                           # tracks that go less far have no directio
 SPEEDS = (("miles per hour", "exit_speed_mph", 0.44704), ("feet per second", "exit_speed_ft_s", 0.3048),
           ("kilometres per hour", "exit_speed_km_h", 1.0 / 3.6))
 RPM = math.pi / 30.0
+MISSED = "miss_height_m"
+OUNCE_KG = 0.0283495
+OF_KEY = {"world.gravity_m_s2": "gravity", "launcher.wheel.clock_deg": "wheels",
+          "launcher.free_speed_rad_s": "speed"}           # key of the rig -> its check
+WEAKEST_M_S2 = 1.2                    # gravity below this may be a multiple of the Earth's; the Moon has 1.6
+IMPOSSIBLE = 0.2                      # share of heights that cannot be, above which their unit is another
 
 
 class Flaw(NamedTuple):
@@ -80,11 +87,13 @@ def _placed(objection: Flaw, shots: str) -> str:
 
 
 def _objections(dataset: Dataset) -> Iterator[Flaw]:
-    yield from _ball(dataset.rig)
+    ball = list(_ball(dataset.rig))
+    yield from ball or _balls(dataset.rig, dataset.shots)
     launcher = list(_launcher(dataset.rig))
     yield from launcher
     hood = list(_hood(dataset.shots))
     yield from hood
+    yield from () if hood else _heights(dataset.rig, dataset.shots)
     if not hood and not launcher:
         yield from _reach(dataset.rig, dataset.shots)
     if dataset.tracks is not None:
@@ -98,6 +107,9 @@ def _ball(rig: Rig) -> Iterator[Flaw]:
     if density > DENSEST_KG_M3:
         yield Flaw("mass", "rig.toml: ball.mass_kg", f"{said} is denser than any metal; this looks like grams: "
                     f"{ball.mass_kg / 1000.0:g} kg")
+    elif density > HEAVY_KG_M3:
+        yield Flaw("mass", "rig.toml: ball.mass_kg", f"{said} is as dense as stone or metal; make sure that it is not "
+                   f"in ounces, which would be {ball.mass_kg * OUNCE_KG:.3g} kg", warns=True)
     elif density < LIGHTEST_KG_M3:
         name, (_, metres) = next((one for one in reversed(LENGTHS.items())
                                   if density / one[1][1]**3 > LIGHT_KG_M3), ("millimetres", ("mm", 1e-3)))
@@ -108,14 +120,33 @@ def _ball(rig: Rig) -> Iterator[Flaw]:
                     "kg; make sure that it is not the diameter", warns=True)
 
 
+def _balls(rig: Rig, shots: Shots) -> Iterator[Flaw]:
+    """The ball of each shot, where shots state it."""
+    mass_kg, radius_m = (np.where(np.isfinite(given := shots.number(name)), given, own) for name, own in (
+        ("mass_kg", rig.ball.mass_kg), ("radius_m", rig.ball.radius_m)))
+    density = mass_kg / (4.0 / 3.0 * math.pi * radius_m**3)
+    for check, wrong, what, slip in (("mass", density > DENSEST_KG_M3, "denser than any metal", "mass_kg to mass_g"),
+                                     ("radius", density < LIGHTEST_KG_M3, "hardly heavier than the air in its place",
+                                      "radius_m to radius_cm or radius_in")):
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            yield Flaw(check, f"{shots.source}: mass_kg, radius_m", f"the ball of shot {shots.shot_id[row]} "
+                       f"({mass_kg[row]:g} kg, {radius_m[row]:g} m radius) is {what}; if this is another unit, rename "
+                       f"the column {slip}")
+
+
 def _launcher(rig: Rig) -> Iterator[Flaw]:
     release_m = rig.launcher.release_height_m
     if rig.target is not None and release_m > MOST["launcher.release_height_m"]:
         yield Flaw("reach", "rig.toml: launcher.release_height_m", f"{release_m:g} m is high for a launcher; this "
                    f"looks like {_smaller(release_m, 2.0)}")
     for key, what in too_large(rig):
-        if key.startswith(("air.", "target.")):
-            yield Flaw(key.partition(".")[0], f"rig.toml: {key}", what)
+        check = OF_KEY.get(key, key.partition(".")[0])
+        if check in CHECKS:
+            yield Flaw(check, f"rig.toml: {key}", what)
+    if 0.0 < rig.world.gravity_m_s2 < WEAKEST_M_S2:
+        yield Flaw("gravity", "rig.toml: world.gravity_m_s2", f"{rig.world.gravity_m_s2:g} is less than the Moon's; "
+                   "on Earth it is 9.81")
     if 0.0 < rig.air.density_kg_m3 < THIN_KG_M3:
         yield Flaw("air", "rig.toml: air.density_kg_m3", f"{rig.air.density_kg_m3:g} is not air on Earth; at sea level "
                    "it is 1.2")
@@ -130,6 +161,31 @@ def _smaller(value: float, most_m: float) -> str:
     likely = [f"{name} ({value * metres:g} m)" for name, (_, metres) in reversed(LENGTHS.items())
               if value * metres <= most_m and name != "feet"]
     return " or ".join(likely[:2]) or "another unit"
+
+
+def _heights(rig: Rig, shots: Shots) -> Iterator[Flaw]:
+    """Heights at the target that cannot be: below the floor, far above the line of launch, or beside the outcome."""
+    if rig.target is None:
+        return
+    centre_m, outcome, height_m = rig.target.centre_height_m, np.array(shots.text("outcome")), shots.number(MISSED)
+    line_m = shots.number("distance_m") * np.tan(np.radians(shots.number("hood_deg")))
+    above_m = max(rig.launcher.release_height_m - centre_m, 0.0) + 1.0
+    least_m, most_m = np.full(len(shots), -centre_m - 0.5), np.nan_to_num(1.5 * line_m + above_m, nan=np.inf)
+    for word, half_m in (("two", rig.target.two_half_height_m), ("three", rig.target.three_half_height_m)):
+        wide_m = np.where(outcome == word, 1.5 * half_m + 0.1, np.inf)
+        least_m, most_m = np.maximum(least_m, -wide_m), np.minimum(most_m, wide_m)
+
+    def beyond(metres: float) -> int:
+        return int(((height_m * metres < least_m) | (height_m * metres > most_m)).sum())
+
+    wrong, known = beyond(1.0), int(np.isfinite(height_m).sum())
+    if wrong < TRACKS or wrong < IMPOSSIBLE * known:
+        return
+    likely = [f"{name}, rename the column to miss_height_{suffix}" for name, (suffix, metres) in
+              reversed(LENGTHS.items()) if beyond(metres) < 0.1 * wrong]
+    yield Flaw("height", f"{shots.source}: {MISSED}", f"{wrong} of {known} are below the floor, above the line of "
+               "launch, or contradict the outcome; " + (f"if these are {'; if '.join(likely)}" if likely else
+                                                        "it is the height less that of the target's centre, in metres"))
 
 
 def _hood(shots: Shots) -> Iterator[Flaw]:

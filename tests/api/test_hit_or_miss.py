@@ -1,6 +1,7 @@
 """A game in which every hit counts alike: from a spreadsheet of hits and misses to the robot's gate."""
 
 import csv
+import re
 from pathlib import Path
 
 import numpy as np
@@ -53,7 +54,9 @@ def test_from_fit_to_gate(tmp_path: Path) -> None:
     hit = np.array([one != "miss" for one in week.shots.text("outcome")])
     forecast = np.array(ta.predict(week, belief).column("outcome"))
     assert set(forecast) <= {"miss", "two"} and ((forecast == "two") == hit).mean() > 0.7
+    assert re.search(r"48 shots \(\d+ miss, \d+ hit\)", str(week)) and "two" not in str(week)
     trained = ta.train_gate(week, belief, seed=0)
+    assert "always naming the commonest, hit: outcome right" in str(trained)
     assert trained.holdout is not None and trained.holdout.brier < 0.2
     trained.export(tmp_path / "gate.onnx")
     rated = ta.predict(week, gate=tmp_path / "gate.onnx")

@@ -1,7 +1,7 @@
 """Set points by distance, from a belief."""
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -20,7 +20,9 @@ from truearc.sim.aim.export import AimCheck, aim_bytes, check_aim_file
 from truearc.sim.aim.make_table import make_rows
 from truearc.sim.aim.plot import draw_aim
 from truearc.sim.aim.set_point import AimRow
+from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.infer.belief import Belief
+from truearc.sim.infer.plausibility import check_plausible
 from truearc.sim.printed import Printed
 from truearc.sim.progress import Progress
 from truearc.sim.tables import make_text
@@ -110,7 +112,8 @@ FORMATS: dict[str, Callable[[AimTable], str]] = {"text": str, "csv": AimTable.to
 
 
 def aim(belief: Belief, rig: Rig, *, distances_m: Iterable[float] | None = None,
-        hood_deg: tuple[float, float] | None = None, progress: Progress = lambda done, note: None) -> AimTable:
+        hood_deg: tuple[float, float] | None = None, accept: Collection[str] = (),
+        progress: Progress = lambda done, note: None) -> AimTable:
     """Find the hood angle and motor speed with the most expected points for each distance.
 
     The height at the target is normally distributed about the belief's forecast: scatter from shot to shot, noise of
@@ -122,6 +125,7 @@ def aim(belief: Belief, rig: Rig, *, distances_m: Iterable[float] | None = None,
         rig: Launcher, target and sensor noise.
         distances_m: From exit to target; None: every 0.25 m of the range that the belief was fitted to, else 2 to 7 m.
         hood_deg: Lowest and highest launch elevation; None: the range that the belief was fitted to, else 20 to 70.
+        accept: Names of plausibility checks whose objections to the rig are accepted.
         progress: Called with the share done, 0 to 1, and a note.
 
     Returns:
@@ -129,11 +133,12 @@ def aim(belief: Belief, rig: Rig, *, distances_m: Iterable[float] | None = None,
         the outer opening and three for the inner one; of a hit-or-miss target a hit counts two.
 
     Raises:
-        InputError: a rig without target, wheels or free speed, a distance or angle that cannot be, or no distance with
-            a set point that scores.
+        InputError: an implausible rig, one without target, wheels or free speed, a distance or angle that cannot be,
+            or no distance with a set point that scores.
     """
     check_kind("belief", belief, Belief, "load_belief(...)")
     check_kind("rig", rig, Rig, "load_rig(...)")
+    check_plausible(Dataset("", rig, Shots((), {}, {})), accept)
     fitted = belief.provenance.get("range", {})
     known: Mapping[str, list[float]] = fitted if isinstance(fitted, Mapping) else {}
     low, high = known.get("hood_deg", HOOD_DEG) if hood_deg is None else hood_deg

@@ -1,6 +1,7 @@
 """Train a gate: the classifier that decides, from the robot's readings, whether a shot is likely to score."""
 
 import tempfile
+from collections.abc import Collection
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -19,6 +20,7 @@ from truearc.sim.gate.outcome_classes import OutcomeClasses, outcome_classes_of
 from truearc.sim.gate.store import save_physics_gate
 from truearc.sim.gate.train import Heldout, train_physics_gate
 from truearc.sim.infer.belief import Belief
+from truearc.sim.infer.plausibility import check_plausible
 from truearc.sim.metrics import Figures
 from truearc.sim.paper.training import domain_of
 from truearc.sim.plots import draw_reliability
@@ -76,16 +78,17 @@ class GateTraining(Printed):
     def lines(self) -> list[str]:
         """Return the report: what the correction to the physics learned, and hold-out figures with warnings."""
         gate, marks = self.gate, self.marks
-        lines = [f"learned from {len(marks.level)} shots",
+        lines = [*(f"warning: {line}" for line in self.record.get("accepted", ())),
+                 f"learned from {len(marks.level)} shots",
                  *tell_residual(gate, marks.features, physics_of(gate.rig, gate.belief, marks.features))]
         if len(set(marks.level[marks.level >= 0])) < 2:
             lines.append("warning: every shot has the same outcome; the gate is the physics and its prior alone")
         if self.folds is None:
             return [*lines, "warning: hold-out evaluation skipped: needs at least 15 configurations"]
-        return lines + tell_heldout(self.folds, gate.temperature)
+        return lines + tell_heldout(self.folds, gate.temperature, gate.rig.target)
 
 
-def train_gate(dataset: Dataset, belief: Belief, *, seed: int = 0,
+def train_gate(dataset: Dataset, belief: Belief, *, seed: int = 0, accept: Collection[str] = (),
                progress: Progress = lambda done, note: None) -> GateTraining:
     """Train a gate: the belief's forecast of each shot, a small learned correction, and a calibrated spread.
 
@@ -95,15 +98,17 @@ def train_gate(dataset: Dataset, belief: Belief, *, seed: int = 0,
         dataset: Recorded shots with outcome, distance_m [m], hood_deg [deg] and motor_ratio [1].
         belief: Coefficients of a fit or of a finding; one with scatter and covariance forecasts the spread, too.
         seed: Of the folds.
+        accept: Names of plausibility checks whose objections are accepted; recorded.
         progress: Called with the share done, 0 to 1, and a note.
 
     Raises:
-        InputError: a negative seed, or nothing can be learned from the shots.
+        InputError: implausible data, a negative seed, or nothing can be learned from the shots.
     """
     check_kind("dataset", dataset, Dataset, "load_dataset(...)")
     check_kind("belief", belief, Belief, "load_belief(...)")
     if seed < 0:
         raise InputError(f"seed is {seed}; it cannot be negative")
+    dataset = check_plausible(dataset, accept)
     name = dataset.shots.source
     shots = dataset.in_order().shots
     marks, left_out = outcome_classes_of(shots, name, dataset.rig.target)
@@ -118,4 +123,5 @@ def _record(dataset: Dataset, belief: Belief, seed: int, marks: OutcomeClasses, 
         for name, one in (("physics", folds.physics), ("gate", folds.calibrated))}
     return {"version": version("truearc"), "seed": seed, "shots": len(marks.level),
             "real_sha256": hash_dataset(dataset), "coefficients": belief.coefficients, "scatter": belief.scatter,
-            "temperature": gate.temperature, "heldout": figures, "domain": domain_of(marks.features)}
+            "temperature": gate.temperature, **({"accepted": dataset.accepted} if dataset.accepted else {}),
+            "heldout": figures, "domain": domain_of(marks.features)}

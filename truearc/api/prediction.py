@@ -1,6 +1,6 @@
 """Forecast recorded or planned shots."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.discover.detect.covariates import every_column
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.curve import along
+from truearc.sim.infer.plausibility import check_plausible
 from truearc.sim.physics.catalogue import effective
 from truearc.sim.physics.simulate import classify, opening_of
 from truearc.sim.physics.simulate import predict as fly_shots
@@ -27,13 +28,14 @@ NOT_REACHED = "does not reach the target: it meets the floor or turns back first
 
 
 def predict(dataset: Dataset, belief: Belief | None = None, *, gate: str | Path | None = None,
-            progress: Progress = lambda done, note: None) -> Table:
+            accept: Collection[str] = (), progress: Progress = lambda done, note: None) -> Table:
     """Forecast each shot of a dataset, by a belief or by an exported gate.
 
     Args:
         dataset: Shots with distance_m [m], hood_deg [deg] and motor_ratio [1] (or wheel speeds, for a belief).
         belief: Coefficients to fly the shots with.
         gate: ONNX file of a gate, instead of a belief.
+        accept: Names of plausibility checks whose objections are accepted.
         progress: Called with the share done, 0 to 1, and a note.
 
     Returns:
@@ -44,12 +46,13 @@ def predict(dataset: Dataset, belief: Belief | None = None, *, gate: str | Path 
         from all recorded shots); None where the gate gives no number.
 
     Raises:
-        InputError: neither or both of belief and gate, a file that is not a gate, a column that is missing, or a rig
-            without a target.
+        InputError: implausible data, neither or both of belief and gate, a file that is not a gate, a column that is
+            missing, or a rig without a target.
     """
     check_kind("dataset", dataset, Dataset, "load_dataset(...)")
     if (belief is None) == (gate is None):
         raise InputError("predict: give either a belief or gate=FILE")
+    dataset = check_plausible(dataset, accept)
     if belief is None:
         return Table(RATING_COLUMNS, tuple(rate_shots(load_gate(str(gate)), dataset.shots, dataset.name)))
     check_kind("belief", belief, Belief, "load_belief(...)")

@@ -16,6 +16,7 @@ from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target, Whee
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots, Tracks, load_dataset
 from truearc.sim.data.save import save_dataset
+from truearc.sim.infer.belief import point_belief
 from truearc.sim.infer.plausibility import check_plausible, measure_motion, needed_speed
 
 FOAM = Ball(0.142, 0.0889)
@@ -216,7 +217,7 @@ def test_wheels_in_revolutions_a_minute_are_refused(filmed: Dataset, table: Data
     (lambda one: ball(one, mass_kg=one.rig.ball.mass_kg * 1000.0), r"ball.mass_kg: .* looks like grams"),
     (lambda one: ball(one, radius_m=one.rig.ball.radius_m * 1000.0), r"ball.radius_m: .* looks like millimetres"),
     (lambda one: numbers(one, distance_m=one.shots.number("distance_m") / 0.3048), r"rename the column to distance_ft"),
-    (lambda one: by_motor(one, free_speed_rad_s=5500.0), r"free_speed_rad_s, .*, in revolutions per minute")])
+    (lambda one: by_motor(one, free_speed_rad_s=5500.0), r"free_speed_rad_s: .*looks like revolutions per minute")])
 def test_wrong_units_of_shots_and_rig_are_refused(table: Dataset, wrong: Any, said: str) -> None:
     assert check_plausible(table) == table
     with pytest.raises(InputError, match=said):
@@ -236,6 +237,63 @@ def test_wheels_that_may_be_stated_by_their_diameters_warn(table: Dataset) -> No
     doubled = replace(table, facts=changed(table.rig, launcher=launcher))
     warning, = check_plausible(doubled).accepted
     assert re.search(r"reach: rig.toml: launcher.wheel.radius_m: .* make sure that it is not the diameter", warning)
+
+
+@pytest.mark.parametrize(("columns", "said"), [
+    ({"mass_kg": 90.0}, r"mass_kg, radius_m: the ball of shot 0 \(90 kg, .* rename the column mass_kg to mass_g"),
+    ({"radius_m": 0.49}, r"mass_kg, radius_m: .* hardly heavier than .* rename the column radius_m to radius_cm"),
+    ({"miss_height_m": -18.0}, r"miss_height_m: 40 of 40 are below .* centimetres, rename .* to miss_height_cm"),
+    ({"miss_height_m": 6.0}, r"miss_height_m: 40 of 40 .* contradict the outcome; .* rename .* to miss_height_in"),
+    ({"miss_height_m": 0.5}, r"miss_height_m: 20 of 40 .* if these are feet, rename .* to miss_height_ft")])
+def test_balls_and_heights_of_shots_in_another_unit_are_refused(table: Dataset, columns: dict[str, float],
+                                                                said: str) -> None:
+    foam = ball(table, mass_kg=0.142, radius_m=0.0889)
+    ordinary = {"mass_kg": 0.13, "radius_m": 0.09, "miss_height_m": 0.05}
+    right, wrong = (numbers(foam, **{name: np.full(40, value) for name, value in one.items()})
+                    for one in (ordinary, columns))
+    assert check_plausible(right).accepted == ()
+    with pytest.raises(InputError, match=said):
+        ta.fit(wrong, ("gravity", "drag"))
+
+
+def test_heights_that_can_be_pass(table: Dataset) -> None:
+    spread = np.random.default_rng(3).normal(0.0, 0.4, 40)
+    unmarked = replace(table, shots=replace(table.shots, texts={}))
+    assert check_plausible(numbers(unmarked, miss_height_m=spread)).accepted == ()
+    with pytest.raises(InputError, match=r"below the floor, .*check 'height'"):
+        check_plausible(numbers(unmarked, miss_height_m=100.0 * spread))
+
+
+@pytest.mark.parametrize(("part", "keys", "said"), [
+    ("world", {"gravity_m_s2": 32.2}, r"world\.gravity_m_s2: 32\.2 is more .* looks like feet .*check 'gravity'"),
+    ("world", {"gravity_m_s2": 1.0}, r"world\.gravity_m_s2: 1 is less than the Moon's; on Earth it is 9\.81"),
+    ("noise", {"distance_m": 5.0}, r"noise\.distance_m: 5 is more than .* centimetres or inches .*check 'noise'"),
+    ("noise", {"track_m": 1.5}, r"noise\.track_m: 1\.5 is more than .* centimetres or inches"),
+    ("launcher", {"wheel": (Wheel("upper", 0.05, 1.0, 0.0), Wheel("lower", 0.05, 1.0, 3.1416))},
+     r"launcher\.wheel\.clock_deg: these look like radians; write degrees: 180 for 3\.1416")])
+def test_numbers_of_a_rig_in_another_unit_are_refused(table: Dataset, part: str, keys: dict[str, Any],
+                                                      said: str) -> None:
+    rig = changed(table.rig, **{part: changed(getattr(table.rig, part), **keys)})
+    with pytest.raises(InputError, match=said):
+        ta.fit(replace(table, facts=rig), ("gravity", "drag"))
+
+
+def test_a_mass_that_may_be_in_ounces_warns(table: Dataset) -> None:
+    warning, = check_plausible(ball(table, mass_kg=5.0, radius_m=0.0889)).accepted
+    assert warning == ("mass: rig.toml: ball.mass_kg: a ball of 5 kg and 0.0889 m radius is as dense as stone or "
+                       "metal; make sure that it is not in ounces, which would be 0.142 kg")
+    assert check_plausible(ball(table, mass_kg=7.26, radius_m=0.1085)).accepted == ()  # a bowling ball
+
+
+def test_train_predict_and_aim_refuse_as_fit_does(table: Dataset) -> None:
+    belief = point_belief({"drag": {"cd": 0.4}})
+    radians = numbers(by_motor(table, 576.0), hood_deg=np.radians(table.shots.number("hood_deg")))
+    for command in (ta.train_gate, ta.predict):
+        with pytest.raises(InputError, match=r"hood_deg: .* radians"):
+            command(radians, belief)
+    with pytest.raises(InputError, match=r"ball\.mass_kg: .* looks like grams"):
+        ta.aim(belief, by_motor(ball(table, mass_kg=142.0, radius_m=0.0889), 576.0).rig)
+    assert len(ta.predict(radians, belief, accept=("hood",)).rows) == 40
 
 
 def test_an_objection_is_accepted_by_name_and_recorded(table: Dataset, tmp_path: Path, capsys: Any) -> None:

@@ -9,7 +9,15 @@ import math
 import sys
 
 import truearc as ta
-from truearc.cli.common import add_terms_from, catalogue_of, load_any_rig, make_progress, print_or_write, refuse
+from truearc.cli.common import (
+    add_accept,
+    add_terms_from,
+    catalogue_of,
+    load_any_rig,
+    make_progress,
+    print_or_write,
+    refuse,
+)
 from truearc.cli.outputs import out_file
 
 EXAMPLE = "truearc aim belief.toml --rig rig.toml --distances 2:7:0.25 --picture aim.png"
@@ -35,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         "against the simulator; --rig should be the robot's launcher.toml then")
     parser.add_argument("--note", metavar="TEXT", help="one line in that file for the driver")
     add_terms_from(parser)
+    add_accept(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -42,7 +51,7 @@ def main(args: argparse.Namespace) -> int:
     from truearc.sim.compile_cache import keep_compiled
     keep_compiled()
     rig, belief = load_any_rig(args.rig), ta.load_belief(args.belief, catalogue_of(args))
-    table = ta.aim(belief, rig, distances_m=args.distances, hood_deg=args.hood,
+    table = ta.aim(belief, rig, distances_m=args.distances, hood_deg=args.hood, accept=args.accept,
                    progress=make_progress("aim", args.quiet))
     if args.robot is None:
         refuse(args, ("--note",), "applies with --robot only")

@@ -10,7 +10,7 @@ import argparse
 import sys
 
 import truearc as ta
-from truearc.cli.common import add_terms_from, catalogue_of, make_progress, print_or_write, refuse
+from truearc.cli.common import add_accept, add_terms_from, catalogue_of, make_progress, print_or_write, refuse
 from truearc.cli.outputs import out_file
 
 EXAMPLE = "truearc predict shots/ --cd 0.91 --cl 0.06 -o predicted.csv"
@@ -25,6 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cl", type=float, help="lift coefficient of the paper's Eq. 2")
     parser.add_argument("--coefficients", metavar="FILE", help="coefficients.toml, instead of --cd and --cl")
     add_terms_from(parser)
+    add_accept(parser)
     parser.add_argument("-o", "--out", type=out_file, metavar="FILE", help="CSV to write instead of standard output")
 
 
@@ -36,14 +37,14 @@ def main(args: argparse.Namespace) -> int:
 
 def _by_gate(args: argparse.Namespace) -> str:
     refuse(args, ("--cd", "--cl", "--coefficients", "--terms-from"), "does not apply with --gate")
-    return ta.predict(ta.load_dataset(args.dataset), gate=args.gate).to_csv()
+    return ta.predict(ta.load_dataset(args.dataset), gate=args.gate, accept=args.accept).to_csv()
 
 
 def _by_simulation(args: argparse.Namespace) -> str:
     belief = _belief(args)
     dataset = ta.load_dataset(args.dataset)
-    forecast = ta.predict(dataset, belief,
-                      progress=make_progress("predict", args.quiet or len(dataset.shots) < LONG))
+    forecast = ta.predict(dataset, belief, accept=args.accept,
+                          progress=make_progress("predict", args.quiet or len(dataset.shots) < LONG))
     rows = tuple((name, _fixed(height_m), _fixed(deviation_m), outcome, note)
                  for name, height_m, deviation_m, outcome, note in forecast.rows)
     if noted := sum(note != "" for *_, note in rows):

@@ -8,7 +8,7 @@ import argparse
 import sys
 
 import truearc as ta
-from truearc.cli.common import make_progress, number
+from truearc.cli.common import add_accept, make_progress, number
 from truearc.cli.outputs import WEIGHTS, OutFolder, out_file
 
 EXAMPLE = "truearc train --real shots/ --coefficients coefficients.toml -o weights/"
@@ -21,6 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                              "`truearc paper fit` write it")
     parser.add_argument("--reliability", type=out_file, metavar="FILE",
                         help="picture of predicted against observed shares to write")
+    add_accept(parser)
     parser.add_argument("--seed", type=number(int, 0), default=0, help="seed of split and first weights")
     parser.add_argument("-o", "--out", type=OutFolder(WEIGHTS), required=True, metavar="DIR",
                         help="weights directory to write")
@@ -29,7 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Return 0 once the weights are written."""
     belief, dataset = ta.load_belief(args.coefficients), ta.load_dataset(args.real)
-    trained = ta.train_gate(dataset, belief, seed=args.seed, progress=make_progress("train", args.quiet))
+    trained = ta.train_gate(dataset, belief, seed=args.seed, accept=args.accept,
+                            progress=make_progress("train", args.quiet))
     for sentence in trained.left_out:
         print(sentence, file=sys.stderr)
     trained.save(args.out)
