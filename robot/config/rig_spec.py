@@ -23,6 +23,12 @@ class Ball(Struct, frozen=True):
     mass_kg: float
     radius_m: float
 
+    @property
+    def density_kg_m3(self) -> float:
+        """Mass by volume; inf where the volume is too small for a number."""
+        volume_m3 = 4.0 / 3.0 * math.pi * self.radius_m * self.radius_m * self.radius_m
+        return self.mass_kg / volume_m3 if volume_m3 > 0.0 else math.inf
+
 
 class Wheel(Struct, frozen=True):
     """One driven wheel; `clock_deg` is where it touches the ball, seen along the exit direction: 0 top, 180 bottom."""

@@ -1,7 +1,6 @@
 """The launcher's configuration: one TOML file, no defaults, so that a typo cannot become one."""
 
 import csv
-import math
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -309,7 +308,7 @@ def _cannot_throw(rig: Rig) -> Iterator[tuple[str, str]]:
         yield "rig.launcher.wheel.gear", "no wheel turns"
     yield from ((f"rig.{key}", what) for key, what in too_large(rig))
     ball = rig.ball
-    if ball.radius_m > 0 and ball.mass_kg / (4.0 / 3.0 * math.pi * ball.radius_m**3) > DENSEST_KG_M3:
+    if ball.radius_m > 0 and ball.density_kg_m3 > DENSEST_KG_M3:
         yield "rig.ball.mass_kg", (f"{ball.mass_kg:g} kg in a ball of {ball.radius_m:g} m radius is denser than any "
                                    "metal; are these grams?")
 

@@ -1,6 +1,8 @@
 """A directory -> Dataset, strictly: every bad row is named, nothing is dropped."""
 
 import hashlib
+import sys
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +12,7 @@ import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
-from truearc.sim.data.columns import WORDS, is_numeric, need_columns, number_column, text_column, text_of
+from truearc.sim.data.columns import WHEEL, WORDS, is_numeric, need_columns, number_column, text_column, text_of
 from truearc.sim.data.model import Dataset, Shots, Traces, Tracks
 from truearc.sim.data.problems import Problems, gathered
 from truearc.sim.data.rig import RIG, load_rig, states_three
@@ -20,6 +22,7 @@ from truearc.sim.data.units import in_read_units, is_shot_column
 TRACK_COLUMNS = ("shot_id", "t_s", "x_m", "y_m", "z_m")
 HIT = "hit"
 LEFT_OUT = "left_out.txt"
+DISTINCT = 10                         # fewest different shots of which as many copies of each are suspect
 
 
 def load_dataset(directory: str | Path) -> Dataset:
@@ -57,6 +60,8 @@ def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: R
     shots = in_read_units(shots, is_shot_column, problems)
     shots, rig = _settle_hits(shots, rig, has_three, problems)
     checked = _shots(shots, problems)
+    _check_wheels(shots, rig, problems)
+    _warn_of_copies(checked)
     row_of = {name: row for row, name in enumerate(checked.shot_id)}
     return Dataset(name, rig, checked, _tracks(tracks, row_of, problems), _traces(traces, row_of, problems))
 
@@ -95,6 +100,25 @@ def _shots(table: RawTable, problems: Problems) -> Shots:
             texts[name] = text_column(table, name, problems, needed=False)
     _check_sides(table, texts, problems)
     return Shots(shot_id, numbers, texts, str(table.path))
+
+
+def _check_wheels(table: RawTable, rig: Rig, problems: Problems) -> None:
+    """A problem is the speed of a wheel that the rig lacks, while one that it has is without a column."""
+    own = [f"wheel_{wheel.name}_rad_s" for wheel in rig.launcher.wheel]
+    absent = [name for name in own if name not in table.columns]
+    for name in table.columns if absent else ():
+        if WHEEL.fullmatch(name) and name not in own:
+            problems.add(table.place(-1), name, f"rig.toml has no such wheel; it has {', '.join(own)}: rename the "
+                         "column, or the wheel")
+
+
+def _warn_of_copies(shots: Shots) -> None:
+    """Warn where every shot stands there as often, twice at least: rows pasted twice look like more knowledge."""
+    columns = [*map(list, shots.numbers.values()), *shots.texts.values()]
+    times = Counter(zip(*(map(repr, column) for column in columns), strict=True))
+    if len(times) >= DISTINCT and len(set(times.values())) == 1 and len(times) < len(shots):
+        print(f"warning: {shots.source}: each shot stands there {len(shots) // len(times)} times under other names; if "
+              "rows were pasted twice, delete the copies: intervals would be too narrow", file=sys.stderr)
 
 
 def _settle_hits(table: RawTable, rig: Rig, has_three: bool, problems: Problems) -> tuple[RawTable, Rig]:

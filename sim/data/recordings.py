@@ -9,7 +9,7 @@ from truearc.robot.config.schema import Config, InputError
 from truearc.robot.reasons import texts
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.rows import Trial
-from truearc.robot.recording.session import load_session_config, load_trials
+from truearc.robot.recording.session import TRIALS, load_session_config, load_trials
 from truearc.robot.types import Tick
 from truearc.sim.data.dataset import Dataset, Shots, Traces
 
@@ -40,6 +40,9 @@ def shots_from_sessions(sessions: Sequence[Path], name: str, telemetry: bool = T
             raise InputError(f"{session}: recorded with another rig than {sessions[0]} ([rig] differs)")
         kept, dropped = _split(session)
         left_out += dropped
+        if (session / TRIALS).is_file() and not (session / TRIALS).read_bytes().endswith(b"\n"):
+            left_out.append(f"{session / TRIALS}: cut short: trials after that are missing; truearc session recover "
+                            f"{session} puts back what the telemetry holds")
         if telemetry:
             reader = TickReader(session)
             traces += _traces(reader, kept, config, len(rows))

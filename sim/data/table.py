@@ -120,7 +120,8 @@ def text_of(path: Path) -> str:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        raise InputError(f"{path}:{line}: not UTF-8 text") from error
+        raise InputError(f"{path}:{line}: not UTF-8 text; save the table as UTF-8 (in a spreadsheet: CSV UTF-8)"
+                         ) from error
 
 
 def _load_parquet(path: Path) -> RawTable:

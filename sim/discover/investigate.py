@@ -20,7 +20,7 @@ from truearc.sim.discover.report.build_finding import make_finding, silent
 from truearc.sim.discover.select.forward_selection import Search, go_forward
 from truearc.sim.discover.select.selection_step import Step
 from truearc.sim.discover.settings import FALSE_ALARM
-from truearc.sim.infer.belief import Belief, ranges_of
+from truearc.sim.infer.belief import Belief, launcher_of, ranges_of
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, catalogue
 from truearc.sim.physics.term import Term
 from truearc.sim.progress import Progress
@@ -32,7 +32,7 @@ DRAWS = 1999
 class Investigation:
     """The finding, and the data behind the report's pictures. `steps`: one per effect; all but finding are None where
     the data carry no test. belief: of the earlier session that was started from; search: settings of every step's
-    tests; catalogue: of the terms that were tested; ranges: of the shots' settings."""
+    tests; catalogue: of the terms that were tested; ranges: of the shots' settings; launcher: ball and wheels."""
 
     finding: Finding
     fitted: BaselineFit | None = None
@@ -42,6 +42,7 @@ class Investigation:
     search: Search | None = None
     catalogue: Catalogue = field(default_factory=catalogue)
     ranges: dict[str, list[float]] = field(default_factory=dict)
+    launcher: dict[str, float] = field(default_factory=dict)
 
 
 def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alarm: float = FALSE_ALARM, seed: int = 0,
@@ -79,7 +80,8 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
         steps = go_forward(fitted, place, search, lambda done, note: progress(0.5 + 0.5 * done, note))
     progress(1.0, "done")
     finding = make_finding(dataset, names, fitted, asked, judged, place, steps, search)
-    return Investigation(finding, fitted, asked, steps, belief, search, among, ranges_of(dataset.shots))
+    return Investigation(finding, fitted, asked, steps, belief, search, among, ranges_of(dataset.shots),
+                         launcher_of(dataset.rig))
 
 
 def _names(dataset: Dataset, believed: Sequence[str] | None, among: Catalogue) -> tuple[str, ...]:

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
 from truearc.robot.config.toml_text import make_toml
 from truearc.sim.data.dataset import Shots
@@ -45,6 +46,15 @@ def ranges_of(shots: Shots) -> dict[str, list[float]]:
     return {name: [float(column.min()), float(column.max())] for name, column in known.items() if len(column)}
 
 
+def launcher_of(rig: Rig) -> dict[str, float]:
+    """Return ball and launcher of a rig by dotted keys, for the provenance of what is fitted to its shots."""
+    wheels = {f"launcher.wheel.{wheel.name}.{key}": float(getattr(wheel, key)) for wheel in rig.launcher.wheel
+              for key in ("radius_m", "gear", "clock_deg")}
+    free = {} if rig.launcher.free_speed_rad_s is None else {
+        "launcher.free_speed_rad_s": float(rig.launcher.free_speed_rad_s)}
+    return {"ball.mass_kg": float(rig.ball.mass_kg), "ball.radius_m": float(rig.ball.radius_m), **free, **wheels}
+
+
 @dataclass(frozen=True, eq=False)
 class Belief(Printed):
     """Coefficients with scatter and uncertainty.
@@ -64,6 +74,16 @@ class Belief(Printed):
     curves: dict[str, Curve] = field(default_factory=dict)
     catalogue: Catalogue = field(default_factory=catalogue)
     provenance: dict[str, Any] = field(default_factory=dict)
+
+    def other_rig(self, rig: Rig) -> str:
+        """Say how a rig differs from the one that the belief was fitted to; "" where it does not, or is unknown."""
+        fitted = self.provenance.get("rig")
+        if not isinstance(fitted, Mapping):
+            return ""
+        here = launcher_of(rig)
+        differ = [f"{key} is {here.get(key, 'absent')}, was {fitted.get(key, 'absent')}"
+                  for key in dict.fromkeys((*fitted, *here)) if here.get(key) != fitted.get(key)]
+        return f"fitted to another rig: {', '.join(differ)}" if differ else ""
 
     def values(self) -> Float[np.ndarray, " p"]:
         """The named parameters [p] on their scales: the mean that `covariance` goes with."""

@@ -17,6 +17,7 @@ from typing import Any
 
 from truearc.robot.config.schema import InputError, load_text, parse_table
 from truearc.sim.physics.catalogue import Catalogue, find_terms
+from truearc.sim.physics.scales import LOG
 
 SCHEMA = "truearc.coefficients/1"
 APART = ("schema", "scatter", "covariance", "curve", "provenance")
@@ -50,7 +51,7 @@ def _values(path: str | Path, name: str, values: Any, among: Catalogue | None) -
         (term,) = find_terms([name], among)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    known = {parameter.name for parameter in term.parameters}
+    known = {parameter.name: parameter for parameter in term.parameters}
     if not isinstance(values, dict):
         raise InputError(f"{path}: {name} is not a table")
     for key, value in values.items():
@@ -58,4 +59,6 @@ def _values(path: str | Path, name: str, values: Any, among: Catalogue | None) -
             raise InputError(f"{path}: {name}.{key}: {name} has no such parameter ({', '.join(sorted(known))})")
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise InputError(f"{path}: {name}.{key}: {value!r} is not a finite number")
+        if value < 0.0 and (prior := known[key].prior) is not None and prior.scale == LOG:
+            raise InputError(f"{path}: {name}.{key}: {value:g} is below 0, which it cannot be")
     return {key: float(value) for key, value in values.items()}

@@ -55,6 +55,9 @@ def say_estimates(intervals: Sequence[ProfileInterval], sought: Iterable[Sought]
         line = f"{one.name:24s} {numbers[0]:>8s}    {numbers[1]} to {numbers[2]} {unit}"
         yield f"{line:57s}  {what.meaning}{_open_ends(one)}"
     for one in intervals:
+        if one.name == "magnus.cl" and one.high90 < 0.0:
+            yield ("warning: magnus.cl is below 0, so backspin presses the ball down: make sure of each wheel's "
+                   "clock_deg in rig.toml (0 touches from above, 180 from below); only smooth balls do so")
         if abs(fitted[one.name].u(one.value)) > IMPROBABLE:
             yield (f"warning: {one.name} {_number(one.value)} was believed all but impossible before: it may stand for "
                    "an effect that these terms lack; truearc discover looks for one")
@@ -121,3 +124,6 @@ def say_prediction(score: CrossValidation | None) -> Iterable[str]:
            f"{score.accuracy:.0%} (always naming the commonest: {score.share_accuracy:.0%}); log score "
            f"{score.log_score:.3f} per shot (by plain shares: {score.share_log_score:.3f}), gain {gain:.3f} "
            f"± {score.gain_se:.3f}")
+    if gain <= 0.0:
+        yield ("warning: on shots held out this fit says no more than the plain shares of outcomes; before using it "
+               "make sure of the heights, gears and free speed in rig.toml, and of the outcomes")

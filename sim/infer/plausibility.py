@@ -103,7 +103,7 @@ def _objections(dataset: Dataset) -> Iterator[Flaw]:
 def _ball(rig: Rig) -> Iterator[Flaw]:
     ball = rig.ball
     said = f"a ball of {ball.mass_kg:g} kg and {ball.radius_m:g} m radius"
-    density = ball.mass_kg / (4.0 / 3.0 * math.pi * ball.radius_m**3)
+    density = ball.density_kg_m3
     if density > DENSEST_KG_M3:
         yield Flaw("mass", "rig.toml: ball.mass_kg", f"{said} is denser than any metal; this looks like grams: "
                     f"{ball.mass_kg / 1000.0:g} kg")

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from truearc.sim.data.dataset import Dataset, hash_dataset
-from truearc.sim.infer.belief import ranges_of
+from truearc.sim.infer.belief import launcher_of, ranges_of
 from truearc.sim.infer.score import Score
 from truearc.sim.paper.grid_fit import Bootstrap, GridFit, map_deviation
 from truearc.sim.paper.settings import HIGH, LOW
@@ -163,7 +163,7 @@ def provenance_of(step: float, dataset: Dataset, fit: GridFit, scored: Score,
     said = {"method": "grid", "step": step, "dataset": dataset.name, "dataset_sha256": hash_dataset(dataset),
             "truearc": version("truearc"), "tied_pairs": len(fit.ties), "shots_three": fit.shots_three,
             "shots_two": fit.shots_two, "accuracy_three": scored.three, "accuracy_two": scored.two,
-            "range": ranges_of(dataset.shots)}
+            "range": ranges_of(dataset.shots), "rig": launcher_of(dataset.rig)}
     said |= {name: value for name, value in (("mean_deviation_m", fit.mean_m), ("median_deviation_m", fit.median_m))
              if np.isfinite(value)}
     if again is not None and again.cd.size:

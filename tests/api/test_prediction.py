@@ -2,13 +2,16 @@
 
 import csv
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace as changed
 
 import truearc as ta
 from truearc.cli.main import main
+from truearc.sim.infer.belief import launcher_of
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "spreadsheet"
 
@@ -40,6 +43,29 @@ def test_without_a_fitted_range_only_missing_heights_are_noted(folder: Path) -> 
     told = ta.predict(ta.load_dataset(folder / "shots"), ta.load_belief(written(folder)))
     assert told.column("note")[:1] == [""] and "meets the floor" in told.column("note")[2]
     assert not any("outside" in note for note in told.column("note"))
+
+
+def test_a_belief_of_another_rig_is_noted_wherever_it_is_used(folder: Path) -> None:
+    week, belief = ta.load_dataset(EXAMPLE), ta.load_belief(written(folder))
+    fitted = replace(belief, provenance={"rig": launcher_of(week.rig)})
+    fitted.save(folder / "fitted.toml")
+    fitted = ta.load_belief(folder / "fitted.toml")
+    light = replace(week, facts=changed(week.rig, ball=changed(week.rig.ball, mass_kg=0.07)))
+    said = "fitted to another rig: ball.mass_kg is 0.07, was 0.14"
+    assert set(ta.predict(week, fitted).column("note")) == {""}
+    assert all(said in note for note in ta.predict(light, fitted).column("note"))
+    assert all(row.note == "" for row in ta.aim(fitted, week.rig, distances_m=[3.0, 4.0]).rows)
+    assert all(said in row.note for row in ta.aim(fitted, light.rig, distances_m=[3.0, 4.0]).rows)
+    assert f"warning: the belief was {said}" in str(ta.train_gate(light, fitted))
+
+
+def test_a_negative_drag_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = folder / "negative.toml"
+    path.write_text('schema = "truearc.coefficients/1"\n[drag]\ncd = -0.5\n')
+    with pytest.raises(ta.InputError, match=r"negative\.toml: drag\.cd: -0\.5 is below 0, which it cannot be"):
+        ta.load_belief(path)
+    assert main(["predict", str(EXAMPLE), "--cd", "-0.5", "--cl", "0"]) == 2
+    assert "--cd: got -0.5; expected at least 0" in capsys.readouterr().err
 
 
 def written(folder: Path) -> Path:

@@ -144,7 +144,10 @@ def aim(belief: Belief, rig: Rig, *, distances_m: Iterable[float] | None = None,
     low, high = known.get("hood_deg", HOOD_DEG) if hood_deg is None else hood_deg
     if not -90.0 < low <= high < 90.0:
         raise InputError(f"hood_deg: {low:g} to {high:g}; it must ascend, between -90 and 90")
-    return AimTable(*make_rows(rig, belief, _distances(distances_m, known), (low, high), progress))
+    rows, refused = make_rows(rig, belief, _distances(distances_m, known), (low, high), progress)
+    if other := belief.other_rig(rig):
+        rows = tuple(row._replace(note="; ".join(filter(None, (row.note, other)))) for row in rows)
+    return AimTable(rows, refused)
 
 
 def export_aim(table: AimTable, belief: Belief, rig: Rig, path: str | Path, *, note: str = "") -> AimCheck:

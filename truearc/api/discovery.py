@@ -141,7 +141,8 @@ class Finding(Printed):
                              f"of its range{why}")
         accepted = {"accepted": list(self.record.data.accepted)} if self.record.data.accepted else {}
         return replace(belief, provenance={"dataset": self.name, **accepted, **provenance,
-                                           "range": self.investigation.ranges})
+                                           "range": self.investigation.ranges,
+                                           "rig": self.investigation.launcher})
 
     def lines(self) -> list[str]:
         """Return the report: the verdict in a sentence, and a few lines below it."""
@@ -190,6 +191,8 @@ def discover(dataset: Dataset, *, belief: Belief | None = None, believe: Iterabl
     names = names_of(believe, "believe", among)
     check_believed(names or (), among)
     dataset = check_plausible(dataset, accept)
+    if belief is not None and (other := belief.other_rig(dataset.rig)):
+        dataset = replace(dataset, accepted=(*dataset.accepted, f"the belief was {other}"))
     since = None if since is None else check_plausible(since, accept)
     found = engine.discover(dataset, names, false_alarm, seed, progress, belief, since,
                             _measured(measured or {}, among), among)

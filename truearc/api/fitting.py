@@ -15,7 +15,7 @@ from truearc.api.terms import check_kind, joined, names_of
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, hash_dataset
 from truearc.sim.infer.advise import Proposal, advise
-from truearc.sim.infer.belief import Belief, point_belief, ranges_of
+from truearc.sim.infer.belief import Belief, launcher_of, point_belief, ranges_of
 from truearc.sim.infer.crossval import CrossValidation, cross_validate
 from truearc.sim.infer.fit_text import fit_lines
 from truearc.sim.infer.map_fit import MapFit, fit_map
@@ -91,6 +91,7 @@ class Fit(Printed):
             "truearc": version("truearc"), "shots": len(fit.gathered.rows), "terms": list(fit.model.terms),
             "log_posterior": -fit.optimum.value, "evidence": dict(fit.gathered.used),
             "left_out": list(fit.gathered.left_out), "range": ranges_of(self.dataset.shots),
+            "rig": launcher_of(self.dataset.rig),
             **({"accepted": list(self.dataset.accepted)} if self.dataset.accepted else {}),
             "interval90": {one.name: [one.low90, one.high90] for one in self.intervals}}
         held = self.holdout

@@ -79,6 +79,7 @@ class GateTraining(Printed):
         """Return the report: what the correction to the physics learned, and hold-out figures with warnings."""
         gate, marks = self.gate, self.marks
         lines = [*(f"warning: {line}" for line in self.record.get("accepted", ())),
+                 *(f"warning: the belief was {other}" for other in [gate.belief.other_rig(gate.rig)] if other),
                  f"learned from {len(marks.level)} shots",
                  *tell_residual(gate, marks.features, physics_of(gate.rig, gate.belief, marks.features))]
         if len(set(marks.level[marks.level >= 0])) < 2:

@@ -41,9 +41,9 @@ def predict(dataset: Dataset, belief: Belief | None = None, *, gate: str | Path 
     Returns:
         A row per shot. By a belief: shot_id, height_m at the target plane above the floor [m], deviation_m from the
         target's centre [m, up positive], outcome, and a note on a setting outside the range of the shots that the
-        belief was fitted to, or on why there is no height (None: the ball meets the floor or turns back first). By a
-        gate: shot_id, p_two and p_three (probabilities), in_domain, novelty (over 1: further than that
-        from all recorded shots); None where the gate gives no number.
+        belief was fitted to, on a rig other than theirs, or on why there is no height (None: the ball meets the floor
+        or turns back first). By a gate: shot_id, p_two and p_three (probabilities), in_domain, novelty (over 1: further
+        than that from all recorded shots); None where the gate gives no number.
 
     Raises:
         InputError: implausible data, neither or both of belief and gate, a file that is not a gate, a column that is
@@ -57,7 +57,9 @@ def predict(dataset: Dataset, belief: Belief | None = None, *, gate: str | Path 
         return Table(RATING_COLUMNS, tuple(rate_shots(load_gate(str(gate)), dataset.shots, dataset.name)))
     check_kind("belief", belief, Belief, "load_belief(...)")
     flown = _flown(dataset, belief, progress)
-    rows = zip(dataset.shots.shot_id, *flown, _notes(dataset.shots, flown[0], belief.provenance), strict=True)
+    other = belief.other_rig(dataset.rig)
+    notes = ["; ".join(filter(None, (note, other))) for note in _notes(dataset.shots, flown[0], belief.provenance)]
+    rows = zip(dataset.shots.shot_id, *flown, notes, strict=True)
     return Table(COLUMNS, tuple(tuple(None if cell != cell else cell for cell in row) for row in rows))
 
 

@@ -79,7 +79,7 @@ def gather(rig: Rig, dataset: Dataset) -> Gathered:
     left_out = _left_out(rig, shots, launched, marked, placed, tracked, use, (tracks, free))
     if not rows.size and free is None:
         raise InputError(f"{shots.source}: there is nothing to fit to, neither a track nor a shot with both a launch "
-                         f"and something seen of its flight; {'; '.join(left_out)}")
+                         f"and something seen of its flight: {'; '.join(left_out) or 'there are no shots'}")
     free_rows = np.flatnonzero(tracked & ~launched)[free.row if free is not None else np.zeros(0, np.int64)]
     around = circumstances_of(dataset)
     given, seen, marks = _launches(rig, shots.take(rows), at_plane[rows])

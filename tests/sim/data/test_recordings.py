@@ -98,3 +98,12 @@ def test_what_is_no_session_is_named(tmp_path, capsys):
 def test_two_sessions_of_one_name_are_refused(session, tmp_path):
     with pytest.raises(InputError, match="unique"):
         shots_from_sessions([session[0], session[0]], "d")
+
+
+def test_trials_that_are_cut_short_are_said_to_be_missing(session, tmp_path, capsys):
+    cut = shutil.copytree(session[0], tmp_path / "cut")
+    rows = (cut / TRIALS).read_bytes()
+    (cut / TRIALS).write_bytes(rows[:len(rows) * 2 // 3])
+    assert main(["shots", str(cut), "-o", str(tmp_path / "d")]) == 0
+    assert "trials.jsonl: cut short: trials after that are missing; truearc session recover" in capsys.readouterr().err
+    assert "cut short" in load_dataset(tmp_path / "d").left_out[0]

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import truearc as ta
 from truearc.robot.config.schema import InputError
-from truearc.sim.data.dataset import Dataset, load_dataset
+from truearc.sim.data.dataset import Dataset, load_dataset, load_rig
 
 RIG = "[ball]\nmass_kg = 0.14\nradius_m = 0.09\n"
 SI = "shot_id,distance_m,hood_deg,wheel_main_rad_s,outcome\na,3.048,57.29577951308232,104.71975511965978,two\n"
@@ -122,3 +123,35 @@ def test_a_column_without_a_name_that_has_values_is_refused(tmp_path: Path) -> N
         load(tmp_path, "shot_id,hood_deg,\na,40,\nb,41,7\n")
     with pytest.raises(InputError, match=r"shots\.csv:1: column '' is unnamed"):
         load(tmp_path, "shot_id,,hood_deg\na,,40\n")
+
+
+def test_the_speed_of_a_wheel_that_the_rig_lacks_is_refused(tmp_path: Path) -> None:
+    wheel = '[[launcher.wheel]]\nname = "lower"\nradius_m = 0.05\ngear = 1.0\nclock_deg = 180.0\n'
+    shots = {"shot_id": ["a"], "motor_ratio": [0.5], "wheel_low_rad_s": [300.0]}
+    rig = load_rig(written_rig(tmp_path, RIG + wheel))
+    with pytest.raises(InputError, match=r"wheel_low_rad_s: rig\.toml has no such wheel; it has wheel_lower_rad_s"):
+        ta.dataset(shots, rig=rig)
+    both = ta.dataset(shots | {"wheel_lower_rad_s": [300.0]}, rig=rig)
+    assert "wheel_low_rad_s" in both.shots.numbers                 # of the feeder, say: a covariate
+
+
+def written_rig(folder: Path, text: str) -> Path:
+    (folder / "rig.toml").write_text(text)
+    return folder / "rig.toml"
+
+
+def test_rows_that_were_pasted_twice_are_warned_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [f"{3.0 + 0.1 * k},45,two" for k in range(12)]
+    for copies, warned in ((1, False), (2, True)):
+        ids = [f"{k},{row}" for k, row in enumerate(copies * rows)]
+        load(tmp_path, "\n".join(["shot_id,distance_m,hood_deg,outcome", *ids]))
+        said = capsys.readouterr().err
+        assert ("each shot stands there 2 times under other names; if rows were pasted twice" in said) == warned
+
+
+def test_a_table_in_another_encoding_says_how_to_save_it(tmp_path: Path) -> None:
+    home = tmp_path / "d"
+    load(home, SI)
+    (home / "shots.csv").write_bytes(SI.encode("utf-16"))
+    with pytest.raises(InputError, match=r"shots\.csv:1: not UTF-8 text; save the table as UTF-8"):
+        load_dataset(home)

@@ -1,9 +1,10 @@
 """Sentences of a fit's report."""
 
-from truearc.sim.infer.fit_text import say_estimates
+from truearc.sim.infer.crossval import CrossValidation
+from truearc.sim.infer.fit_text import say_estimates, say_prediction
 from truearc.sim.infer.parameters import Sought
 from truearc.sim.infer.profile import ProfileInterval
-from truearc.sim.physics.scales import LOG
+from truearc.sim.physics.scales import LINEAR, LOG
 from truearc.sim.physics.term import Prior
 
 DRAG = Sought("drag.cd", "1", Prior(LOG, 0.5, 0.7, "of balls"), "drag coefficient")
@@ -14,3 +15,17 @@ def test_an_estimate_that_was_all_but_impossible_is_warned_of() -> None:
         one = ProfileInterval("drag.cd", value, 0.9 * value, 1.1 * value, True, True, True)
         said = list(say_estimates((one,), (DRAG,)))
         assert ("warning: drag.cd" in said[-1] and "truearc discover" in said[-1]) == warned
+
+
+def test_lift_against_the_spin_is_warned_of() -> None:
+    lift = Sought("magnus.cl", "1", Prior(LINEAR, 0.1, 0.15, "of balls"), "lift coefficient")
+    for value, warned in ((0.05, False), (-0.05, True)):
+        one = ProfileInterval("magnus.cl", value, value - 0.01, value + 0.01, True, True, True)
+        said = list(say_estimates((one,), (lift,)))
+        assert any("warning: magnus.cl is below 0" in line and "clock_deg" in line for line in said) == warned
+
+
+def test_a_fit_that_predicts_no_better_than_plain_shares_is_warned_of() -> None:
+    for log_score, warned in ((-0.7, False), (-1.5, True)):
+        said = list(say_prediction(CrossValidation(48, 48, log_score, -1.0, 0.1, 0.4, 0.4)))
+        assert any("warning: on shots held out" in line and "rig.toml" in line for line in said) == warned

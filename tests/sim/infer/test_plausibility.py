@@ -285,6 +285,12 @@ def test_a_mass_that_may_be_in_ounces_warns(table: Dataset) -> None:
     assert check_plausible(ball(table, mass_kg=7.26, radius_m=0.1085)).accepted == ()  # a bowling ball
 
 
+@pytest.mark.parametrize("radius_m", [1e-300, 1e200])
+def test_a_radius_beyond_all_numbers_is_refused(table: Dataset, radius_m: float) -> None:
+    with pytest.raises(InputError, match=r"rig\.toml: ball\.(mass_kg|radius_m)"):
+        check_plausible(ball(table, radius_m=radius_m))
+
+
 def test_train_predict_and_aim_refuse_as_fit_does(table: Dataset) -> None:
     belief = point_belief({"drag": {"cd": 0.4}})
     radians = numbers(by_motor(table, 576.0), hood_deg=np.radians(table.shots.number("hood_deg")))

@@ -10,7 +10,7 @@ import argparse
 import sys
 
 import truearc as ta
-from truearc.cli.common import add_accept, add_terms_from, catalogue_of, make_progress, print_or_write, refuse
+from truearc.cli.common import add_accept, add_terms_from, catalogue_of, make_progress, number, print_or_write, refuse
 from truearc.cli.outputs import out_file
 
 EXAMPLE = "truearc predict shots/ --cd 0.91 --cl 0.06 -o predicted.csv"
@@ -21,8 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument("dataset", metavar="DIR", help="dataset of shots (rig.toml and shots.csv or .parquet)")
     parser.add_argument("--gate", metavar="FILE", help="ONNX file, as `truearc export` writes it")
-    parser.add_argument("--cd", type=float, help="drag coefficient of the paper's Eq. 3")
-    parser.add_argument("--cl", type=float, help="lift coefficient of the paper's Eq. 2")
+    parser.add_argument("--cd", type=number(float, 0.0), help="drag coefficient of the paper's Eq. 3")
+    parser.add_argument("--cl", type=number(float), help="lift coefficient of the paper's Eq. 2")
     parser.add_argument("--coefficients", metavar="FILE", help="coefficients.toml, instead of --cd and --cl")
     add_terms_from(parser)
     add_accept(parser)
@@ -48,7 +48,8 @@ def _by_simulation(args: argparse.Namespace) -> str:
     rows = tuple((name, _fixed(height_m), _fixed(deviation_m), outcome, note)
                  for name, height_m, deviation_m, outcome, note in forecast.rows)
     if noted := sum(note != "" for *_, note in rows):
-        print(f"{noted} of {len(rows)} forecasts have a note: outside the fitted range, or without a height",
+        print(f"{noted} of {len(rows)} forecasts have a note: outside the fitted range, of another rig, or without a "
+              "height",
               file=sys.stderr)
     return ta.Table(forecast.columns, rows).to_csv()
 
