@@ -59,6 +59,9 @@ def _rig(rig: Rig | str | Path | Mapping[str, Any]) -> Rig:
         return check_rig(rig, "rig")
     if isinstance(rig, str | Path):
         return load_rig(rig)
+    if not isinstance(rig, Mapping):
+        raise InputError(f"rig: is of type {type(rig).__name__}; a Rig, the path of a rig.toml or its contents "
+                         "is needed")
     for key in unknown_keys(dict(rig)):
         raise InputError(f"rig: key {key} is not known")
     try:
@@ -83,6 +86,9 @@ def _columns(frame: Columns, which: str) -> Iterable[tuple[str, Iterable[Any]]]:
         if not names:
             raise InputError(f"{which}: an array without named columns; a structured array is needed, or a mapping")
     else:
+        if not isinstance(frame, Mapping) and not hasattr(frame, "columns"):
+            raise InputError(f"{which}: is of type {type(frame).__name__}; a DataFrame, a structured array or "
+                             "{column: values} is needed")
         names = list(frame) if isinstance(frame, Mapping) else list(frame.columns)
     for name in names:
         if not isinstance(name, str) or not name.strip():

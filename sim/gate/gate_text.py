@@ -27,7 +27,7 @@ def tell_residual(gate: PhysicsGate, features: np.ndarray, physics: Physics) -> 
     return lines
 
 
-def tell_heldout(heldout: Heldout, temperature: float, target: Target | None) -> list[str]:
+def tell_heldout(heldout: Heldout, temperature: float, target: Target | None = None) -> list[str]:
     """Report hold-out figures on configurations that the gate was not fitted to, though the belief may have been."""
     lines = ["on configurations that the correction had not learned from, each fifth in turn (the coefficients may "
              "have been fitted to them):",

@@ -68,6 +68,7 @@ def check_plausible(dataset: Dataset, accept: Collection[str] = ()) -> Dataset:
     Raises:
         InputError: names every other objection with its file, key, likeliest cause and check; or an unknown check.
     """
+    accept = (accept,) if isinstance(accept, str) else accept
     for name in accept:
         if name not in CHECKS:
             raise InputError(f"accept: there is no check {name!r}; there are {', '.join(CHECKS)}")

@@ -118,3 +118,11 @@ def test_a_rig_may_be_a_value_a_path_or_a_mapping(tmp_path: Path) -> None:
 def test_a_bad_rig_is_named_by_its_key(rig, message) -> None:
     with pytest.raises(ta.InputError, match=message):
         ta.dataset(SHOTS, rig=rig)
+
+
+def test_what_is_no_table_or_rig_is_named() -> None:
+    for shots in ([1, 2], None):
+        with pytest.raises(ta.InputError, match=r"shots: is of type (list|NoneType); a DataFrame"):
+            ta.dataset(shots, rig=FACTS)
+    with pytest.raises(ta.InputError, match="rig: is of type NoneType; a Rig, the path"):
+        ta.dataset(SHOTS, rig=None)

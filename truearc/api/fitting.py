@@ -181,7 +181,7 @@ def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: 
     if method == "map":
         if step is not None or bootstrap or seed:
             raise InputError("step, bootstrap, seed: method 'map' makes no use of them; method 'grid' does")
-        return _fit_map(dataset, dataset.rig.believe.terms if terms is None else terms, progress)
+        return _fit_map(dataset, terms, progress)
     if method != "grid":
         raise InputError(f"method: there is no {method!r}; there are 'map' and 'grid'")
     if terms is not None:
@@ -194,10 +194,12 @@ def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: 
     return GridSearch(dataset, step, found, score(dataset.rig, found.coefficients, dataset.shots), again)
 
 
-def _fit_map(dataset: Dataset, terms: Iterable[str | Term], progress: Progress) -> Fit:
+def _fit_map(dataset: Dataset, terms: Iterable[str | Term] | None, progress: Progress) -> Fit:
+    where = "terms" if terms is not None else f"{dataset.name}: rig.toml: believe.terms"
+    terms = dataset.rig.believe.terms if terms is None else terms
     terms = terms if isinstance(terms, str) else tuple(terms)
     among = joined(terms)
-    solution = fit_map(dataset.rig, dataset, names_of(terms, "terms", among) or (),
+    solution = fit_map(dataset.rig, dataset, names_of(terms, where, among) or (),
                        lambda done, note: progress(0.4 * done, note), grid_start(dataset.rig, dataset), among)
     if not solution.converged:
         return Fit(dataset, solution, (), None, ())

@@ -299,7 +299,21 @@ def test_train_predict_and_aim_refuse_as_fit_does(table: Dataset) -> None:
             command(radians, belief)
     with pytest.raises(InputError, match=r"ball\.mass_kg: .* looks like grams"):
         ta.aim(belief, by_motor(ball(table, mass_kg=142.0, radius_m=0.0889), 576.0).rig)
-    assert len(ta.predict(radians, belief, accept=("hood",)).rows) == 40
+    assert len(ta.predict(radians, belief, accept="hood").rows) == 40
+
+
+def test_the_papers_network_is_not_trained_on_implausible_shots(table: Dataset, tmp_path: Path, capsys: Any) -> None:
+    motors = by_motor(table, 576.0)
+    save_dataset(tmp_path / "data", numbers(motors, hood_deg=np.radians(motors.shots.number("hood_deg"))))
+    for command in (["train"], ["sweep", "--sizes", "0"]):
+        assert main(["paper", *command, "--real", str(tmp_path / "data"), "-o", str(tmp_path / "out"), "--quiet"]) == 2
+        assert "hood_deg: no shot exceeds" in capsys.readouterr().err
+
+
+def test_an_unknown_term_of_the_rig_is_named_with_its_key(table: Dataset) -> None:
+    believe = changed(table.rig.believe, terms=("gravity", "drga"))
+    with pytest.raises(InputError, match=r"rig\.toml: believe\.terms: there is no term 'drga'"):
+        ta.fit(replace(table, facts=changed(table.rig, believe=believe)))
 
 
 def test_an_objection_is_accepted_by_name_and_recorded(table: Dataset, tmp_path: Path, capsys: Any) -> None:

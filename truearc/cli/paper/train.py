@@ -8,7 +8,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 import truearc as ta
-from truearc.cli.common import make_progress, number, refuse
+from truearc.cli.common import add_accept, make_progress, number, refuse
 from truearc.cli.outputs import WEIGHTS, OutFolder
 from truearc.sim.paper.settings import DEFAULT_RECIPE as DEFAULT
 from truearc.sim.paper.settings import PATIENCE
@@ -38,6 +38,7 @@ def add_recipe(parser: argparse.ArgumentParser, simulated: str, validated: str) 
     """Options of a training, also of `truearc paper sweep`; the texts say what --sim and --validation are."""
     parser.add_argument("--real", required=True, metavar="DIR", help="dataset of recorded shots")
     parser.add_argument("--sim", metavar="DIR", help=simulated)
+    add_accept(parser)
     parser.add_argument("--holdout", type=float, default=0.2, metavar="SHARE",
                         help="share of recorded shots kept out of training, to report on")
     parser.add_argument("--validation", type=float, default=0.25, metavar="SHARE", help=f"share {validated}")
@@ -70,5 +71,7 @@ def recipe_of(args: argparse.Namespace) -> "Recipe":
 
 def data_of(args: argparse.Namespace) -> dict[str, Any]:
     """Return the datasets of --real and --sim, and the coefficients that the simulated shots were flown with."""
-    return {"real": ta.load_dataset(args.real), "simulated": ta.load_dataset(args.sim) if args.sim else None,
+    from truearc.sim.infer.plausibility import check_plausible
+    real = check_plausible(ta.load_dataset(args.real), args.accept)
+    return {"real": real, "simulated": ta.load_dataset(args.sim) if args.sim else None,
             "coefficients": ta.paper.load_provenance(args.sim).get("coefficients") if args.sim else None}
