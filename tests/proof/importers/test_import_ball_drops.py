@@ -98,7 +98,7 @@ def test_a_ball_that_nobody_weighed_is_kept_with_empty_cells(tmp_path: Path) -> 
     (5, "t_s", "0.0", "drops.csv:5: t_s: does not follow the sample before of the same drop"),
     (5, "ball", "", "drops.csv:5: ball: is missing"),
     (5, "drop", "", "drops.csv:5: drop: is missing"),
-    (2, "mass_kg", "-0.1", "drops.csv:2: mass_kg: -0.1 must be above 0"),
+    (2, "mass_kg", "-0.1", "drops.csv:2: mass_kg: -0.1 is out of range"),
     (30, "mass_kg", "0.05", "drops.csv:30: mass_kg: 'golfball' has another in"),
     (30, "diameter_m", "", "drops.csv:30: diameter_m: 'golfball' has another in"),
 ])

@@ -103,7 +103,7 @@ def test_a_bad_cell_is_named(tmp_path: Path, row: int, column: int, cell: object
     (LIST.replace("13.8", "inf"), "balls.txt:2: 'inf' is not a finite number, nor '??' for unknown"),
     (LIST + "golfball 1 2", "balls.txt:8: 'golfball' stands twice"),
     (LIST.replace("golfball", "golf"), "xls, sheet Golf Ball: its ball, golfball, is not in "),
-    (LIST.replace("1.62", "-1"), "xls, sheet Golf Ball:2: mass_kg: -0.0283495 must be above 0"),
+    (LIST.replace("1.62", "-1"), "xls, sheet Golf Ball:2: mass_kg: -0.0283495 is out of range"),
 ])
 def test_a_ball_without_weight_and_size_is_named(tmp_path: Path, balls: str, says: str) -> None:
     with pytest.raises(InputError) as caught:
