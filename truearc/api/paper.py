@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from truearc.sim.data.dataset import Dataset, hash_dataset
 from truearc.sim.gate.network_training import NetworkTraining, Shares, make_record, rows_of, train_network
+from truearc.sim.infer.plausibility import check_plausible
 from truearc.sim.paper import sweep_settings as sweeps
 from truearc.sim.paper.network import save_weights
 from truearc.sim.paper.settings import Recipe
@@ -25,8 +26,8 @@ from truearc.sim.progress import Progress
 from truearc.sim.report import make_png
 from truearc.sim.tables import make_text, save_csv
 
-__all__ = ["NetworkSweep", "NetworkTraining", "Recipe", "Shares", "load_provenance", "say_synthetic", "sweep_networks",
-           "train_network", "write_synthetic"]
+__all__ = ["NetworkSweep", "NetworkTraining", "Recipe", "Shares", "check_plausible", "load_provenance", "say_synthetic",
+           "sweep_networks", "train_network", "write_synthetic"]
 
 HEADER = ("simulated", "lambda", "cross-entropy: validation", "held out", "right, held out: outcome", "two", "three")
 FIGURES = ("validation_loss", "heldout_loss", "outcome", "two", "three")

@@ -71,7 +71,6 @@ def recipe_of(args: argparse.Namespace) -> "Recipe":
 
 def data_of(args: argparse.Namespace) -> dict[str, Any]:
     """Return the datasets of --real and --sim, and the coefficients that the simulated shots were flown with."""
-    from truearc.sim.infer.plausibility import check_plausible
-    real = check_plausible(ta.load_dataset(args.real), args.accept)
+    real = ta.paper.check_plausible(ta.load_dataset(args.real), args.accept)
     return {"real": real, "simulated": ta.load_dataset(args.sim) if args.sim else None,
             "coefficients": ta.paper.load_provenance(args.sim).get("coefficients") if args.sim else None}
