@@ -155,14 +155,19 @@ def _model(estimate: Estimate, config: GateConfig,
         return None, None, [because.MODEL_FAILED(error=type(error).__name__)]
     if config.policy == "collect":
         return rating.p_two, rating.p_three, []
+    doubts = doubt_rating(rating, config.threshold)
+    return rating.p_two, None if because.MODEL_NOT_FINITE() in doubts else rating.p_three, doubts
+
+
+def doubt_rating(rating: Rating, threshold: float) -> list[Reason]:
+    """The model's reasons to HOLD, none where it agrees; `threshold`: p_three at least."""
     if not rating.in_domain:
-        return rating.p_two, rating.p_three, [_outside(rating)]
+        return [_outside(rating)]
     if rating.p_three is None or not math.isfinite(rating.p_three):
-        return rating.p_two, None, [because.MODEL_NOT_FINITE()]
-    if not rating.p_three >= config.threshold:
-        return rating.p_two, rating.p_three, [because.MODEL_BELOW_THRESHOLD(p_three=rating.p_three,
-                                                                            threshold=config.threshold)]
-    return rating.p_two, rating.p_three, []
+        return [because.MODEL_NOT_FINITE()]
+    if not rating.p_three >= threshold:
+        return [because.MODEL_BELOW_THRESHOLD(p_three=rating.p_three, threshold=threshold)]
+    return []
 
 
 def _outside(rating: Rating) -> Reason:

@@ -1,5 +1,9 @@
-"""The operator's page over HTTP: one page, and Server-Sent Events that tell it the newest tick. It takes no orders."""
+"""The operator's page over HTTP: one page, Server-Sent Events that tell it the newest tick, and the gate's answers.
 
+It takes no orders: a question to the gate (`POST /predict`) is answered here and goes no further.
+"""
+
+import gzip
 import socket
 import sys
 import threading
@@ -15,6 +19,15 @@ from truearc.robot.operator_ui.page_option import parse_page
 from truearc.robot.operator_ui.page_state import Glance, look
 from truearc.robot.operator_ui.serving import LocalHandler, LocalServer
 from truearc.robot.operator_ui.view import describe
+from truearc.robot.operator_ui.what_if import (
+    MAX_BODY_BYTES,
+    Answer,
+    Answerer,
+    QuestionError,
+    make_answer,
+    make_refusal,
+)
+from truearc.robot.operator_ui.what_if_process import WhatIfProcess
 from truearc.robot.runtime import Recorder
 from truearc.robot.types import Sent, Tick
 
@@ -22,6 +35,8 @@ PERIOD_S = 0.05                       # between two events for one browser
 QUIET = 20                            # periods without a tick, then a comment: a browser that has gone shows by it
 MOST_BROWSERS = 12
 BEHIND_BYTES = 16384                  # of events that may wait for a slow browser; the system doubles it
+DISCARD_BYTES = 1 << 16               # of a question that is too long; who sends more may not see why it was refused
+ASKED, KIND = "/predict", "application/json"
 
 
 class OperatorPage:
@@ -29,17 +44,18 @@ class OperatorPage:
 
     `show` only keeps a tick; all else is done by the threads of the browsers that look, each as often as it can take
     it, from whatever is newest then. `clock` stamps what is sent, so that a browser can tell how old it is.
-    `recording`: where ticks are recorded, "" = nowhere.
+    `recording`: where ticks are recorded, "" = nowhere. `what_if`: answers the page's questions to the gate.
     """
 
-    def __init__(self, config: Config, recording: str, host: str, port: int, clock: Clock) -> None:
+    def __init__(self, config: Config, recording: str, host: str, port: int, clock: Clock,
+                 what_if: Answerer | None = None) -> None:
         self._config, self._recording, self._clock = config, recording, clock
         self._glance = Glance()
         self._telling = threading.Lock()          # among browsers alone
         self._told: tuple[int, bytes] = (0, b"")
         self.over = threading.Event()
         self.room = threading.BoundedSemaphore(MOST_BROWSERS)
-        self._server = _Server(host, port, self)
+        self._server = PageServer(host, port, self, what_if)
         self.url = self._server.url
         self._thread = threading.Thread(target=self._server.serve_forever, name="page", daemon=True)
         self._thread.start()
@@ -64,6 +80,8 @@ class OperatorPage:
         self.over.set()
         self._server.shutdown()
         self._server.server_close()
+        if isinstance(self._server.what_if, WhatIfProcess):
+            self._server.what_if.close()
 
 
 class ShowingRecorder:
@@ -80,13 +98,18 @@ class ShowingRecorder:
         self._recorder.keep_picture(picture)
 
 
-def open_page(text: str, config: Config, recording: str, clock: Clock) -> OperatorPage | None:
-    """The page that `--page` names; None for "off", and with a warning where it cannot be served: the robot runs on."""
+def open_page(text: str, config: Config, recording: str, clock: Clock,
+              gate_command: tuple[str, ...] = ()) -> OperatorPage | None:
+    """The page that `--page` names; None for "off", and with a warning where it cannot be served: the robot runs on.
+
+    `gate_command`: starts the process that answers questions to the gate; empty: the page has no gate.
+    """
     where = parse_page(text)
     if where is None:
         return None
     try:
-        page = OperatorPage(config, recording, *where, clock)
+        what_if = WhatIfProcess(gate_command) if gate_command else None
+        page = OperatorPage(config, recording, *where, clock, what_if)
     except OSError as error:
         print(f"truearc: no operator's page on {text} ({error.strerror or error}); --page takes another port",
               file=sys.stderr)
@@ -100,41 +123,88 @@ def with_page(recorder: Recorder, page: OperatorPage | None) -> Recorder:
     return recorder if page is None else ShowingRecorder(recorder, page)
 
 
-class _Server(LocalServer):
-    def __init__(self, host: str, port: int, page: OperatorPage) -> None:
+class PageServer(LocalServer):
+    """Serves the page; without `page` there is no robot and only the gate answers, without `what_if` it does not."""
+
+    def __init__(self, host: str, port: int, page: OperatorPage | None, what_if: Answerer | None) -> None:
         super().__init__(host, port, _Handler)
-        self.page = page
+        self.page, self.what_if = page, what_if
 
 
 class _Handler(LocalHandler):
-    server: _Server
+    server: PageServer
 
     def do_GET(self) -> None:
         path = urlsplit(self.path).path
         if not self.is_ours():
             self.give(403, "text/plain", f"this page is opened as {self.server.url}".encode())
         elif path == "/":
-            self.give(200, "text/html; charset=utf-8", (files("truearc.robot.operator_ui") / "page.html").read_bytes())
-        elif path == "/events":
-            self._admit()
+            self.give(200, "text/html; charset=utf-8", make_page(self.server.page is not None))
+        elif path == "/events" and self.server.page is not None:
+            self._admit(self.server.page)
+        elif path == "/gate":
+            self._give_answer(make_answer({}) if self.server.what_if is None else self.server.what_if.facts())
+        elif path == ASKED:
+            self._refuse_method()
         else:
             self.give(404, "text/plain", b"there is no such page")
 
-    def _admit(self) -> None:
-        room = self.server.page.room
-        if not room.acquire(blocking=False):
+    def do_POST(self) -> None:
+        try:
+            body = self._read_question()
+            if self.server.what_if is None:
+                raise QuestionError(404, "this page has no gate")
+        except QuestionError as error:
+            self._give_answer(make_refusal(error), **({"Allow": "GET"} if error.status == 405 else {}))
+        else:
+            self._give_answer(self.server.what_if.answer(body))
+
+    def _refuse_method(self) -> None:
+        allowed = "POST" if urlsplit(self.path).path == ASKED else "GET"
+        self._give_answer(make_refusal(QuestionError(405, f"{self.command}: expected {allowed}")), Allow=allowed)
+
+    do_PUT = do_DELETE = do_PATCH = do_OPTIONS = _refuse_method
+
+    def _read_question(self) -> bytes:
+        """The body of a POST that may be answered; QuestionError with the status of the first objection."""
+        size = self.headers.get("Content-Length", "")
+        length = int(size) if size.isdecimal() and len(size) < 10 else None
+        body = self.rfile.read(min(length or 0, DISCARD_BYTES))       # also of a refused one, which must hear of it
+        if not self.is_ours() or not self.server.is_own_name(self.headers.get("Host", "")):
+            raise QuestionError(403, f"asked from another site; open {self.server.url}, or this machine's address")
+        if urlsplit(self.path).path != ASKED:
+            raise QuestionError(405, f"POST: expected GET, or POST {ASKED}")
+        if self.headers.get_content_type() != KIND:
+            raise QuestionError(415, f"got {self.headers.get('Content-Type')}; expected {KIND}", "Content-Type")
+        if length is None:
+            raise QuestionError(411 if not size else 400, "expected the number of bytes", "Content-Length")
+        if length > MAX_BODY_BYTES:
+            raise QuestionError(413, f"{length} bytes; expected at most {MAX_BODY_BYTES}")
+        return body
+
+    def _give_answer(self, answer: Answer, **headers: str) -> None:
+        body = answer.text
+        if answer.retry_s:
+            headers["Retry_After"] = str(answer.retry_s)
+        if answer.is_compressed and "gzip" in self.headers.get("Accept-Encoding", ""):
+            headers["Content_Encoding"] = "gzip"
+        elif answer.is_compressed:
+            body = gzip.decompress(body)
+        self.give(answer.status, KIND, body, **headers)
+
+    def _admit(self, page: OperatorPage) -> None:
+        if not page.room.acquire(blocking=False):
             self.give(503, "text/plain", b"too many browsers look already")
             return
         try:
-            self._tell()
+            self._tell(page)
         except OSError:
             pass                                  # it went away, or did not listen
         finally:
-            room.release()
+            page.room.release()
 
-    def _tell(self) -> None:
+    def _tell(self, page: OperatorPage) -> None:
         """Send events of ticks from now on, for as long as the browser takes them."""
-        page = self.server.page
         (told, _), quiet = page.newest(), 0
         self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BEHIND_BYTES)
         self.give_head(200, "text/event-stream")
@@ -148,3 +218,10 @@ class _Handler(LocalHandler):
                 self.wfile.write(event)
             elif quiet % QUIET == 0:
                 self.wfile.write(b": nothing new\n\n")
+
+
+def make_page(has_robot: bool) -> bytes:
+    """The page with the part that asks the gate; without a robot it shows that part alone."""
+    here = files("truearc.robot.operator_ui")
+    page = (here / "page.html").read_bytes().replace(b"<!--what_if.html-->", (here / "what_if.html").read_bytes())
+    return page if has_robot else page.replace(b"<html ", b'<html data-robot="none" ', 1)

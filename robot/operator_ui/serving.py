@@ -4,7 +4,8 @@ import socketserver
 import sys
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from socket import AF_INET, AF_INET6, socket
+from ipaddress import ip_address
+from socket import AF_INET, AF_INET6, gethostname, socket
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -34,6 +35,14 @@ class LocalServer(ThreadingHTTPServer):
     def answers_to(self, host: str) -> bool:
         """Whether a Host header may stand for this server; where everybody may look, any name will do."""
         return self.anywhere or host in self.names
+
+    def is_own_name(self, host: str) -> bool:
+        """Whether a Host header names this machine by an address or its own name, which no other site can take."""
+        name, own = urlsplit(f"//{host}").hostname or "", gethostname().lower()
+        try:
+            return host in self.names or name in (own, f"{own.partition('.')[0]}.local") or bool(ip_address(name))
+        except ValueError:
+            return False
 
     def server_bind(self) -> None:
         """As in the base class, without a look-up of this machine's name, which takes long where no server answers."""
@@ -69,8 +78,11 @@ class LocalHandler(BaseHTTPRequestHandler):
         host, origin = self.headers.get("Host", ""), self.headers.get("Origin")
         return self.server.answers_to(host) and (origin is None or urlsplit(origin).netloc == host)
 
-    def give(self, code: int, kind: str, body: bytes) -> None:
+    def give(self, code: int, kind: str, body: bytes, **headers: str) -> None:
+        """Answer; `headers`: further ones, their names with _ for -."""
         self.give_head(code, kind)
+        for name, value in headers.items():
+            self.send_header(name.replace("_", "-"), value)
         self.send_header("Content-Length", str(len(body)))
         self.end_headers()
         self.wfile.write(body)

@@ -1,5 +1,7 @@
 """A Glance as the page shows it: words and numbers with their units, ready to be put on a screen. Pure."""
 
+import math
+
 from msgspec import UNSET, Struct, UnsetType
 
 from truearc.hw.readings import MotorReading
@@ -30,6 +32,14 @@ class Block(Struct, frozen=True):
     lines: tuple[Line, ...]
 
 
+class Here(Struct, frozen=True):
+    """The robot's configuration, as its gate takes it; None where it is not known."""
+
+    distance_m: float | None
+    motor_ratio: float | None
+    hood_deg: float | None
+
+
 class PageView(Struct, frozen=True):
     """One event for the browser."""
 
@@ -39,6 +49,7 @@ class PageView(Struct, frozen=True):
     tone: str                                     # "fire", "ready", "you" (all as it should be), "fault"
     told: tuple[Told, ...]
     blocks: tuple[Block, ...]
+    here: Here
 
 
 def describe(glance: Glance, tick: Tick, config: Config, recording: str) -> PageView:
@@ -47,8 +58,9 @@ def describe(glance: Glance, tick: Tick, config: Config, recording: str) -> Page
     fire = _is_fire(glance, tick, told)
     blocks = (_aim(glance.sighting, tick, config), _robot(tick, recording), _shots(glance),
               _links(glance.sighting, tick, config))
+    belief = tick.estimate
     return PageView(glance.seq, round(tick.inputs.t_ns * NS, 3), "FIRE" if fire else "HOLD", _tone(tick, fire, told),
-                    told, blocks)
+                    told, blocks, Here(*map(_finite, (belief.distance_m, belief.motor_ratio, belief.hood_deg))))
 
 
 def _is_fire(glance: Glance, tick: Tick, told: tuple[Told, ...]) -> bool:
@@ -160,6 +172,10 @@ def _reading(name: str, stamp_ns: int, t_ns: int, limit_s: float) -> Line:
 
 def _age(age_s: float) -> str:
     return f"{age_s * 1e3:.0f} ms" if abs(age_s) < 1.0 else f"{age_s:.1f} s"
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
 
 
 def _number(value: float | None, form: str) -> str:

@@ -53,6 +53,7 @@ ELSEWHERE = {
     r"^sudo ": "changes the machine's network or services",
     r"^systemctl ": "asks for a service that only a robot has",
     r"^truearc run ": "goes on until it is stopped; tests/loops runs it against emulated devices",
+    r"^truearc serve ": "goes on until it is stopped; tests/cli/test_serve.py runs it and ends it by Ctrl-C",
     r"^truearc emulate .*--bus slcan:auto": "waits for a robot in another process; tests/loops/test_loops.py has both",
     r"^truearc sysid --config": "drives a real launcher; `sysid --emulate` runs here",
     r"^truearc sysid --csv": "needs a step test of a real launcher; tests/sim/sysid reads such tables",

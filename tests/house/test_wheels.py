@@ -60,3 +60,12 @@ def test_doctor_and_emulate_run_from_the_wheel(site: Path, tmp_path: Path) -> No
     assert done.returncode == 0 and (tmp_path / "session" / "telemetry.mcap").exists(), done.stderr
     done = run(site, tmp_path, "doctor", "--help")
     assert done.returncode == 0, done.stderr
+
+
+def test_operators_page_is_whole_in_the_wheel(site: Path, tmp_path: Path) -> None:
+    paths = [str(site), *(path for path in sys.path if "site-packages" in path)]
+    code = ("import sys; sys.meta_path[:] = [f for f in sys.meta_path if 'editable' not in repr(f).lower()]; "
+            f"sys.path[:0] = {paths!r}; from truearc.robot.operator_ui.server import make_page; "
+            "print(make_page(False))")
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert "data-robot" in done.stdout and "const whatIf" in done.stdout and "<!--" not in done.stdout, done.stderr

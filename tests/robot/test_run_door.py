@@ -95,8 +95,8 @@ def test_what_cannot_be_asked_for_is_bad_input(words, tmp_path, monkeypatch, cap
 def test_the_page_is_shown_every_tick(wires, tmp_path, monkeypatch, capsys):
     pages = []
 
-    def keep_page(*args):
-        pages.append(open_page(*args))
+    def keep_page(*args, **options):
+        pages.append(open_page(*args, **options))
         return pages[-1]
 
     monkeypatch.setattr(truearc.cli.robot.run_robot, "open_page", keep_page)

@@ -53,6 +53,7 @@ COMMANDS = (
     Command("train", "truearc.cli.gate.train", "gate", "a gate with the fitted physics in it"),
     Command("export", "truearc.cli.gate.export", "gate", "weights to a stamped ONNX file"),
     Command("verify", "truearc.cli.gate.verify", "gate", "an ONNX file against its trainer and its contract"),
+    Command("serve", "truearc.cli.gate.serve", "gate", "a page with a gate's map and sliders, without a robot"),
     Command("run", "truearc.cli.robot.run", "robot", "run the launcher and record it"),
     Command("doctor", "truearc.cli.robot.doctor", "robot", "check everything that a run needs"),
     Command("deploy", "truearc.cli.robot.deploy", "robot", "install truearc as a service on the robot's computer"),

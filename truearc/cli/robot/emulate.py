@@ -57,10 +57,12 @@ def _emulate(args: argparse.Namespace, config: Config, trials: int) -> "list[Bal
         raise InputError("--out is needed: the folder to record into")
     if config.gate.policy == "model" and args.gate is None:
         raise InputError(f"{args.config}: gate.policy is 'model', so --gate is needed")
+    from truearc.cli.gate.answer import make_command
     from truearc.hw.real.clock import MonotonicClock
     from truearc.robot.operator_ui.server import open_page
     from truearc.sim.world.options import load_options
-    page = open_page(args.page, config, args.out.name, MonotonicClock())
+    asks = make_command(args.gate, config) if args.gate else ()
+    page = open_page(args.page, config, args.out.name, MonotonicClock(), asks)
     try:
         return ta.emulate(config, args.out, trials, args.seed, load_options(args.world), args.gate,
                           make_progress("emulate", args.quiet), page=page, aim_path=args.aim)

@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from types import FrameType
 
+from truearc.cli.gate.answer import make_command
 from truearc.cli.robot.run_processes import LAYOUTS, ProcessLayout
 from truearc.hw.protocols import Bus, Clock, LinkLost, Stream
 from truearc.hw.real.can_bus import open_can
@@ -35,7 +36,7 @@ from truearc.robot.processes.tick_timing import Lateness, TimedRig
 from truearc.robot.processes.watchdog_rig import WatchedRig
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter
-from truearc.robot.recording.session import make_header
+from truearc.robot.recording.session import MODEL, make_header
 from truearc.robot.rig import NS_PER_S, HardwareRig, RecordingRig
 from truearc.robot.runtime import RobotIo, run
 from truearc.robot.tick import step
@@ -75,7 +76,10 @@ def run_robot(args: argparse.Namespace) -> int:
     ending = Ending()
     with ExitStack() as wires:
         tally: Counter[str] = Counter()
-        layout = LAYOUTS[args.layout](config, wires, partial(open_page, args.page, config, folder.name))
+        # with all in one process a started one would be as urgent as the tick: there the page has no gate
+        asks = make_command(folder / MODEL, config) if args.gate and args.layout != "one" else ()
+        layout = LAYOUTS[args.layout](config, wires, partial(open_page, args.page, config, folder.name,
+                                                             gate_command=asks))
         bus, box, eyes, clock = _open_wires(config, layout, wires, tally)
         recorder = SessionWriter(folder, make_header(config, gate, started, aims.get("")), config,
                                  args.gate.read_bytes() if args.gate else None, lossless=False,

@@ -12,9 +12,7 @@ from collections.abc import Callable
 from hmac import compare_digest
 from http.cookies import SimpleCookie
 from importlib.resources import files
-from ipaddress import ip_address
 from pathlib import Path
-from socket import gethostname
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
@@ -208,12 +206,7 @@ class TuneServer(LocalServer):
         self.url += f"?token={self.token}"
 
     def answers_to(self, host: str) -> bool:
-        """Whether the header names this machine by an address or its own name, which no other site can take."""
-        name, own = urlsplit(f"//{host}").hostname or "", gethostname().lower()
-        try:
-            return host in self.names or name in (own, f"{own.partition('.')[0]}.local") or bool(ip_address(name))
-        except ValueError:
-            return False
+        return self.is_own_name(host)
 
 
 class _Page(LocalHandler):
