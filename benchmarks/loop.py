@@ -2,10 +2,11 @@
 
     python -m benchmarks.loop [--trials 50]
     python -m benchmarks.loop --lateness [--seconds 20] [--rates 100,200,500] [--loads idle,busy]
-                              [--layouts one,three] [--priority 50] [--core N]
+                              [--layouts one,three] [--priority 50] [--core N] [--gate FILE]
     python -m benchmarks.loop --frames [--seconds 2] [--buses virtual,slcan,socketcan]
 
-`--lateness`: how late the ticks of `truearc run` come, idle and with all cores busy, in one process and in three.
+`--lateness`: how late the ticks of `truearc run` come, idle and with all cores busy, in one process and in three; load
+`asked`: while, by turns, the page's gate (`--gate`) is asked for maps as often as it answers, and is not.
 `--frames`: how many CAN frames a second each bus brings to the tick without losing one.
 """
 
@@ -38,11 +39,13 @@ def main() -> None:
     parser.add_argument("--buses", default="virtual,slcan,socketcan", help="with --frames")
     parser.add_argument("--priority", default="50", help="as `truearc run` has it")
     parser.add_argument("--core", help="as `truearc run` has it")
+    parser.add_argument("--gate", help="as `truearc run` has it; needed for the load `asked`")
     args = parser.parse_args()
     if args.frames:
         return loop_frames.report(args.seconds or 2.0, args.buses.split(","))
     if args.lateness:
-        options = ("--priority", args.priority, *(("--core", args.core) if args.core else ()))
+        options = ("--priority", args.priority, *(("--core", args.core) if args.core else ()),
+                   *(("--gate", args.gate) if args.gate else ()))
         return loop_lateness.report([int(rate) for rate in args.rates.split(",")], args.seconds or 20.0, options,
                                     args.loads.split(","), args.layouts.split(","))
     return time_stepped(args.trials)

@@ -3,13 +3,19 @@
 The robot itself, with camera, vision and recording; another process plays its devices over slcan on a pseudo-terminal.
 """
 
+import json
 import os
+import socket
 import subprocess
 import sys
 import tempfile
+import threading
+import time
 from array import array
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from http.client import HTTPConnection
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,7 +25,10 @@ from benchmarks.real_robot import PATIENT, ROOT, RealRobot, save_config
 
 TIMED, BARE = (str(Path(__file__).with_name(name)) for name in ("timed_run.py", "bare_loop.py"))
 WARM_S = 2.0                          # at the start: first images, first rows, the homing
-LOADS = {"idle": "idle", "busy": "all cores busy"}
+LOADS = {"idle": "idle", "busy": "all cores busy", "asked": "page not asked"}
+WINDOW_NS = 4_000_000_000             # of the load `asked`: so long the page is left alone, so long it is asked
+QUESTION = json.dumps({"distance_m": [2.0 + 0.09 * k for k in range(64)],         # a map, as the page asks for it
+                       "motor_ratio": [0.4 + 0.006 * k for k in range(48)], "hood_deg": 50.0}).encode()
 LAYOUTS = ("one", "three")
 
 
@@ -35,15 +44,22 @@ class Late(NamedTuple):
     stalls_us: np.ndarray             # how late the loops that only sleep were, where they were
 
 
-def measure(tick_hz: int, layout: str, seconds: float, options: tuple[str, ...]) -> Late:
-    """One run of the robot, beside a loop on each core that only sleeps."""
+def measure(tick_hz: int, layout: str, seconds: float, options: tuple[str, ...], asked: bool = False) -> list[Late]:
+    """One run of the robot, beside a loop on each core that only sleeps.
+
+    `asked`: every other four seconds its page is asked at its limit; the ticks while it is not, and while it is.
+    """
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = int(free.getsockname()[1])
     with tempfile.TemporaryDirectory() as name, bare_loops(Path(name)) as stalls:
         folder = Path(name)
         config = save_config(folder / "launcher.toml", PATIENT | {"tick_hz = 200": f"tick_hz = {tick_hz}"})
         notes = folder / "notes"
-        robot = RealRobot(config, folder / "out", ("--layout", layout, *options), run=(TIMED, str(notes)))
+        robot = RealRobot(config, folder / "out", ("--layout", layout, "--page", str(port), *options),
+                          run=(TIMED, str(notes)))
         try:
-            robot.rest(seconds + WARM_S)
+            with questions(port, asked) as began_ns:
+                robot.rest(seconds + WARM_S)
         finally:
             robot.end()
         noted = array("q", notes.read_bytes())
@@ -51,8 +67,13 @@ def measure(tick_hz: int, layout: str, seconds: float, options: tuple[str, ...])
     t_ns, late_ns = np.array(noted).reshape(-1, 2).T
     said = [line.removeprefix("truearc run: ").strip() for line in robot.said if "granted" in line or "REFUSED" in line]
     warm = slice(round(WARM_S * tick_hz), None)
-    return judge(t_ns[warm], late_ns[warm], 1e9 / tick_hz, np.array(stalls, np.int64).reshape(-1, 2),
-                 1e-3 * cpu_ns / len(t_ns), said)
+    t_ns, late_ns, cpu_us = t_ns[warm], late_ns[warm], 1e-3 * cpu_ns / len(t_ns)
+    window = (t_ns - began_ns) // WINDOW_NS
+    odd = window % 2 == 1
+    if asked:
+        print(_windows(window, late_ns))
+    return [judge(t_ns[kept], late_ns[kept], 1e9 / tick_hz, np.array(stalls, np.int64).reshape(-1, 2), cpu_us, said)
+            for kept in ([~odd, odd] if asked else [np.ones(len(t_ns), bool)])]
 
 
 def judge(t_ns: np.ndarray, late_ns: np.ndarray, period_ns: float, stalls_ns: np.ndarray, cpu_us: float,
@@ -86,8 +107,49 @@ def bare_loops(folder: Path) -> Iterator[list[int]]:
                 stalls.extend(array("q", file.read_bytes()))
 
 
+def _windows(window: np.ndarray, late_ns: np.ndarray) -> str:
+    """p99 of the median window, which a stall of the machine hardly changes, and which window of a pair was later."""
+    p99_ms = {int(one): np.percentile(late_ns[window == one], 99) / 1e6 for one in np.unique(window)[:-1]}
+    pairs = np.array([(p99_ms[one], p99_ms[one + 1]) for one in p99_ms if one % 2 == 0 and one + 1 in p99_ms])
+    if not len(pairs):
+        return "no whole pair of windows"
+    alone, asked = np.median(pairs, axis=0)
+    return (f"median window of {WINDOW_NS * 1e-9:g} s: p99 {alone:.3f} ms not asked, {asked:.3f} ms asked "
+            f"({asked / alone:.2f} x); later while asked in {(pairs[:, 1] > pairs[:, 0]).sum()} of {len(pairs)} pairs")
+
+
+@contextmanager
+def questions(port: int, wanted: bool) -> Iterator[int]:
+    """In every second window the page computes maps, the next as soon as it allows one; when the first window began."""
+    over, answers, began_ns = threading.Event(), Counter[int](), time.monotonic_ns()
+
+    def ask() -> None:
+        while not over.is_set():
+            if (time.monotonic_ns() - began_ns) // WINDOW_NS % 2 == 0:
+                over.wait(0.02)
+                continue
+            line = HTTPConnection("127.0.0.1", port, timeout=60)
+            line.request("POST", "/predict", QUESTION, {"Content-Type": "application/json", "Accept-Encoding": "gzip"})
+            answer = line.getresponse()
+            answer.read()
+            answers[answer.status] += 1
+            over.wait(float(answer.headers.get("Retry-After", 0.0)))
+            line.close()
+
+    asking = threading.Thread(target=ask)
+    if wanted:
+        asking.start()
+    try:
+        yield began_ns
+    finally:
+        over.set()
+        if wanted:
+            asking.join()
+            print(f"maps: {answers[200]} answered, {answers[429]} refused as too many")
+
+
 def report(rates: list[int], seconds: float, options: tuple[str, ...], loads: list[str], layouts: list[str]) -> None:
-    """The table; ratios are to the first layout at the same rate and load."""
+    """The table; ratios are to the first row at the same rate and load."""
     print(f"ticks of truearc run on {os.cpu_count()} cores, {seconds:g} s each after {WARM_S:g} s; devices in another "
           "process, slcan on a pseudo-terminal, 20 images/s")
     if hasattr(os, "getloadavg"):
@@ -102,15 +164,20 @@ def report(rates: list[int], seconds: float, options: tuple[str, ...], loads: li
             base = 0.0
             for layout in layouts:
                 with busy(load == "busy"):
-                    late = measure(tick_hz, layout, seconds, options)
-                p50, p99, worst = np.percentile(late.late_us, [50, 99, 100]) / 1000
-                base = base or p99
-                print(f"{tick_hz:4d}  {LOADS[load]:14s}  {layout:6s} {p50:8.3f} {p99:9.3f} {worst:9.3f} "
-                      f"{late.missed:7d} {f'({late.excused})':4s} {len(late.late_us):7d} {late.cpu_us:12.0f} "
-                      f"{p99 / base:15.2f} x  {len(late.stalls_us):6d}, {late.stalls_us.max(initial=0.0) / 1000:.1f}",
-                      flush=True)
-                told = late.real_time
+                    parts = measure(tick_hz, layout, seconds, options, load == "asked")
+                for late, what in zip(parts, (LOADS[load], "page asked"), strict=False):
+                    p99 = float(np.percentile(late.late_us, 99))
+                    base = base or p99
+                    print(_row(tick_hz, what, layout, late, p99 / base), flush=True)
+                    told = late.real_time
     print(*told, sep="\n")
+
+
+def _row(tick_hz: int, what: str, layout: str, late: Late, ratio: float) -> str:
+    p50, p99, worst = np.percentile(late.late_us, [50, 99, 100]) / 1000
+    return (f"{tick_hz:4d}  {what:14s}  {layout:6s} {p50:8.3f} {p99:9.3f} {worst:9.3f} {late.missed:7d} "
+            f"{f'({late.excused})':4s} {len(late.late_us):7d} {late.cpu_us:12.0f} {ratio:15.2f} x  "
+            f"{len(late.stalls_us):6d}, {late.stalls_us.max(initial=0.0) / 1000:.1f}")
 
 
 @contextmanager

@@ -10,6 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 FILES = sorted((ROOT / "benchmarks").rglob("*.py"))
+GATE = ROOT / "tests" / "golden" / "reference" / "export-physics" / "gate.onnx"
 NAMES = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in FILES]
 COMMANDS = {name.partition(".")[2] for name, path in zip(NAMES, FILES, strict=True)
             if 'if __name__ == "__main__":' in path.read_text(encoding="utf-8")}
@@ -75,6 +76,7 @@ def test_benchmark_runs(name: str, tmp_path: Path, data_dir: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("options", ["--lateness --seconds 1 --rates 100 --loads idle --layouts one",
+                                     f"--lateness --seconds 2 --rates 100 --loads asked --layouts three --gate {GATE}",
                                      "--frames --seconds 0.1 --buses slcan:socket"])
 def test_helpers_of_the_loop_run(options: str, tmp_path: Path, data_dir: Path) -> None:
     done = run(f"loop {options}", tmp_path, data_dir)
