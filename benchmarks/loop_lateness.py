@@ -146,6 +146,7 @@ def questions(port: int, wanted: bool) -> Iterator[int]:
         if wanted:
             asking.join()
             print(f"maps: {answers[200]} answered, {answers[429]} refused as too many")
+            assert answers[200], "no map: is --gate given, and a layout whose page has one?"
 
 
 def report(rates: list[int], seconds: float, options: tuple[str, ...], loads: list[str], layouts: list[str]) -> None:
