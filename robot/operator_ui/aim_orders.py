@@ -17,7 +17,7 @@ from truearc.robot.aim_file import load_aim_for
 from truearc.robot.config.schema import Config, InputError
 
 TOKEN, ACCEPT = "token", "accept"
-MAX_AIM_BYTES = 1 << 20
+MAX_AIM_BYTES = 1 << 18
 
 
 class Said(NamedTuple):

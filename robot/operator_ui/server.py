@@ -1,6 +1,7 @@
 """The operator's page over HTTP: one page, Server-Sent Events that tell it the newest tick, and the gate's answers.
 
-It takes no orders: a question to the gate (`POST /predict`) is answered here and goes no further.
+A question to the gate (`POST /predict`) is answered here and goes no further. The orders that it takes, an aim file
+(`PUT /aim`) and its acceptance (`POST /accept`), need a token (truearc.robot.operator_ui.aim_orders).
 """
 
 import gzip
@@ -8,6 +9,7 @@ import socket
 import sys
 import threading
 from importlib.resources import files
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import msgspec
@@ -15,6 +17,7 @@ import msgspec
 from truearc.hw.protocols import Clock
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import Config
+from truearc.robot.operator_ui.aim_orders import MAX_AIM_BYTES, AimOrders
 from truearc.robot.operator_ui.page_option import parse_page
 from truearc.robot.operator_ui.page_state import Glance, look
 from truearc.robot.operator_ui.serving import LocalHandler, LocalServer
@@ -36,7 +39,8 @@ QUIET = 20                            # periods without a tick, then a comment: 
 MOST_BROWSERS = 12
 BEHIND_BYTES = 16384                  # of events that may wait for a slow browser; the system doubles it
 DISCARD_BYTES = 1 << 16               # of a question that is too long; who sends more may not see why it was refused
-ASKED, KIND = "/predict", "application/json"
+ASKED, KEPT, ACCEPTED, KIND = "/predict", "/aim", "/accept", "application/json"
+LIMITS = {("POST", ASKED): MAX_BODY_BYTES, ("POST", ACCEPTED): MAX_BODY_BYTES, ("PUT", KEPT): MAX_AIM_BYTES}
 
 
 class OperatorPage:
@@ -44,18 +48,19 @@ class OperatorPage:
 
     `show` only keeps a tick; all else is done by the threads of the browsers that look, each as often as it can take
     it, from whatever is newest then. `clock` stamps what is sent, so that a browser can tell how old it is.
-    `recording`: where ticks are recorded, "" = nowhere. `what_if`: answers the page's questions to the gate.
+    `recording`: where ticks are recorded, "" = nowhere. `what_if`: answers the page's questions to the gate. `orders`:
+    takes aim files.
     """
 
     def __init__(self, config: Config, recording: str, host: str, port: int, clock: Clock,
-                 what_if: Answerer | None = None) -> None:
+                 what_if: Answerer | None = None, orders: AimOrders | None = None) -> None:
         self._config, self._recording, self._clock = config, recording, clock
         self._glance = Glance()
         self._telling = threading.Lock()          # among browsers alone
         self._told: tuple[int, bytes] = (0, b"")
         self.over = threading.Event()
         self.room = threading.BoundedSemaphore(MOST_BROWSERS)
-        self._server = PageServer(host, port, self, what_if)
+        self._server = PageServer(host, port, self, what_if, orders)
         self.url = self._server.url
         self._thread = threading.Thread(target=self._server.serve_forever, name="page", daemon=True)
         self._thread.start()
@@ -99,17 +104,19 @@ class ShowingRecorder:
 
 
 def open_page(text: str, config: Config, recording: str, clock: Clock,
-              gate_command: tuple[str, ...] = ()) -> OperatorPage | None:
+              gate_command: tuple[str, ...] = (), inbox: Path | None = None) -> OperatorPage | None:
     """The page that `--page` names; None for "off", and with a warning where it cannot be served: the robot runs on.
 
     `gate_command`: starts the process that answers questions to the gate; empty: the page has no gate.
+    `inbox`: folder for aim files; None: the page takes none.
     """
     where = parse_page(text)
     if where is None:
         return None
     try:
         what_if = WhatIfProcess(gate_command) if gate_command else None
-        page = OperatorPage(config, recording, *where, clock, what_if)
+        orders = None if inbox is None else AimOrders(inbox, config)
+        page = OperatorPage(config, recording, *where, clock, what_if, orders)
     except OSError as error:
         print(f"truearc: no operator's page on {text} ({error.strerror or error}); --page takes another port",
               file=sys.stderr)
@@ -126,9 +133,10 @@ def with_page(recorder: Recorder, page: OperatorPage | None) -> Recorder:
 class PageServer(LocalServer):
     """Serves the page; without `page` there is no robot and only the gate answers, without `what_if` it does not."""
 
-    def __init__(self, host: str, port: int, page: OperatorPage | None, what_if: Answerer | None) -> None:
+    def __init__(self, host: str, port: int, page: OperatorPage | None, what_if: Answerer | None,
+                 orders: AimOrders | None = None) -> None:
         super().__init__(host, port, _Handler)
-        self.page, self.what_if = page, what_if
+        self.page, self.what_if, self.orders = page, what_if, orders
 
 
 class _Handler(LocalHandler):
@@ -144,42 +152,62 @@ class _Handler(LocalHandler):
             self._admit(self.server.page)
         elif path == "/gate":
             self._give_answer(make_answer({}) if self.server.what_if is None else self.server.what_if.facts())
-        elif path == ASKED:
+        elif path in (ASKED, KEPT, ACCEPTED):
             self._refuse_method()
         else:
             self.give(404, "text/plain", b"there is no such page")
 
     def do_POST(self) -> None:
         try:
-            body = self._read_question()
-            if self.server.what_if is None:
-                raise QuestionError(404, "this page has no gate")
+            self._give_answer(self._answer(self._read_body()))
         except QuestionError as error:
-            self._give_answer(make_refusal(error), **({"Allow": "GET"} if error.status == 405 else {}))
-        else:
-            self._give_answer(self.server.what_if.answer(body))
+            self._give_answer(make_refusal(error), **({"Allow": self._allowed()} if error.status == 405 else {}))
+
+    do_PUT = do_POST
+
+    def _answer(self, body: bytes) -> Answer:
+        path, server = urlsplit(self.path).path, self.server
+        if path == ASKED:
+            if server.what_if is None:
+                raise QuestionError(404, "this page has no gate")
+            return server.what_if.answer(body)
+        if server.orders is None:
+            raise QuestionError(404, "this page takes no aim files; start with --aim-inbox")
+        order = server.orders.keep if path == KEPT else server.orders.accept
+        said = order(self.headers.get("Authorization", ""), body)
+        if said.status >= 400:
+            raise QuestionError(said.status, said.text)
+        return make_answer({"said": said.text})._replace(status=said.status)
+
+    def _allowed(self) -> str:
+        path = urlsplit(self.path).path
+        return next((method for method, at in LIMITS if at == path), "GET")
 
     def _refuse_method(self) -> None:
-        allowed = "POST" if urlsplit(self.path).path == ASKED else "GET"
+        allowed = self._allowed()
         self._give_answer(make_refusal(QuestionError(405, f"{self.command}: expected {allowed}")), Allow=allowed)
 
-    do_PUT = do_DELETE = do_PATCH = do_OPTIONS = _refuse_method
+    do_DELETE = do_PATCH = do_OPTIONS = _refuse_method
 
-    def _read_question(self) -> bytes:
-        """The body of a POST that may be answered; QuestionError with the status of the first objection."""
+    def _read_body(self) -> bytes:
+        """The body of what may be answered; QuestionError with the status of the first objection."""
+        path = urlsplit(self.path).path
+        most = LIMITS.get((self.command, path))
         size = self.headers.get("Content-Length", "")
         length = int(size) if size.isdecimal() and len(size) < 10 else None
-        body = self.rfile.read(min(length or 0, DISCARD_BYTES))       # also of a refused one, which must hear of it
+        # also of a refused one, which must hear of it
+        body = self.rfile.read(min(length or 0, max(most or 0, DISCARD_BYTES)))
         if not self.is_ours() or not self.server.is_own_name(self.headers.get("Host", "")):
             raise QuestionError(403, f"asked from another site; open {self.server.url}, or this machine's address")
-        if urlsplit(self.path).path != ASKED:
-            raise QuestionError(405, f"POST: expected GET, or POST {ASKED}")
+        if most is None:
+            ways = ", ".join(f"{method} {at}" for method, at in LIMITS)
+            raise QuestionError(405, f"{self.command}: expected GET, or {ways}")
         if self.headers.get_content_type() != KIND:
             raise QuestionError(415, f"got {self.headers.get('Content-Type')}; expected {KIND}", "Content-Type")
         if length is None:
             raise QuestionError(411 if not size else 400, "expected the number of bytes", "Content-Length")
-        if length > MAX_BODY_BYTES:
-            raise QuestionError(413, f"{length} bytes; expected at most {MAX_BODY_BYTES}")
+        if length > most:
+            raise QuestionError(413, f"{length} bytes; expected at most {most}")
         return body
 
     def _give_answer(self, answer: Answer, **headers: str) -> None:

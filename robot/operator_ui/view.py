@@ -40,6 +40,14 @@ class Here(Struct, frozen=True):
     hood_deg: float | None
 
 
+class Offer(Struct, frozen=True):
+    """An aim file that waits for the driver; `is_open`: the launcher is disarmed, so that it may be accepted."""
+
+    sha256: str
+    note: str
+    is_open: bool
+
+
 class PageView(Struct, frozen=True):
     """One event for the browser."""
 
@@ -50,6 +58,7 @@ class PageView(Struct, frozen=True):
     told: tuple[Told, ...]
     blocks: tuple[Block, ...]
     here: Here
+    offer: Offer | None
 
 
 def describe(glance: Glance, tick: Tick, config: Config, recording: str) -> PageView:
@@ -60,7 +69,15 @@ def describe(glance: Glance, tick: Tick, config: Config, recording: str) -> Page
               _links(glance.sighting, tick, config))
     belief = tick.estimate
     return PageView(glance.seq, round(tick.inputs.t_ns * NS, 3), "FIRE" if fire else "HOLD", _tone(tick, fire, told),
-                    told, blocks, Here(*map(_finite, (belief.distance_m, belief.motor_ratio, belief.hood_deg))))
+                    told, blocks, Here(*map(_finite, (belief.distance_m, belief.motor_ratio, belief.hood_deg))),
+                    _offer(tick))
+
+
+def _offer(tick: Tick) -> Offer | None:
+    offer = tick.inputs.aim_offer
+    if offer is UNSET or offer.sha256 == tick.memory.aim_sha256:
+        return None
+    return Offer(offer.sha256, offer.note, not tick.memory.armed)
 
 
 def _is_fire(glance: Glance, tick: Tick, told: tuple[Told, ...]) -> bool:
@@ -82,12 +99,9 @@ def _tone(tick: Tick, fire: bool, told: tuple[Told, ...]) -> str:
 def _aim(sighting: Sighting | None, tick: Tick, config: Config) -> Block:
     belief, aim, verdict = tick.estimate, tick.aim, tick.verdict
     wanted = aim.motor_ratio * (config.rig.launcher.free_speed_rad_s or 0.0)
-    offer = tick.inputs.aim_offer
     by_belief = [Line(name, value) for name, value, told in (
         ("turn", f"{_side(-_given(aim.lead_deg))} of the target", _given(aim.lead_deg) != 0.0),
         ("corrected", f"{_given(aim.correction):+.1%} speed by the marks", _given(aim.correction) != 0.0)) if told]
-    if offer is not UNSET and offer.sha256 != tick.memory.aim_sha256:
-        by_belief.append(Line("new aim", f"{offer.note or offer.sha256[:12]}: press ACCEPT, disarmed"))
     return Block("Aim", (
         Line("distance", f"{belief.distance_m:.2f} ± {_number(belief.distance_sigma_m, '.2f')} m"
              if belief.distance_m is not None else "not known", belief.distance_m is not None),

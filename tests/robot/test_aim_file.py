@@ -278,9 +278,12 @@ def test_a_recording_keeps_aim_offer_and_acceptance_and_those_without_them_know_
 def test_the_page_shows_lead_correction_and_offer():
     tick, _ = ready(walk=(0.02, 0.0, 0.0))
     tick = replace(tick, inputs=replace(tick.inputs, aim_offer=OFFER))
-    shown = {line.name: line.value for line in describe(Glance(1, tick), tick, BY_BELIEF, "s").blocks[0].lines}
+    view = describe(Glance(1, tick), tick, BY_BELIEF, "s")
+    shown = {line.name: line.value for line in view.blocks[0].lines}
     assert shown["turn"].endswith("to the left of the target") and shown["corrected"].startswith("+2.0%")
-    assert shown["new aim"].startswith("wind 1.6 m/s: press ACCEPT")
+    assert (view.offer.note, view.offer.sha256, view.offer.is_open) == (OFFER.note, OFFER.sha256, False)
+    taken = replace(tick, memory=replace(tick.memory, aim_sha256=OFFER.sha256))
+    assert describe(Glance(1, taken), taken, BY_BELIEF, "s").offer is None
     assert FIRE_NOT_REQUESTED.name not in {reason.code for reason in tick.verdict.reasons}
 
 

@@ -79,7 +79,7 @@ def run_robot(args: argparse.Namespace) -> int:
         # with all in one process a started one would be as urgent as the tick: there the page has no gate
         asks = make_command(folder / MODEL, config) if args.gate and args.layout != "one" else ()
         layout = LAYOUTS[args.layout](config, wires, partial(open_page, args.page, config, folder.name,
-                                                             gate_command=asks))
+                                                             gate_command=asks, inbox=args.aim_inbox))
         bus, box, eyes, clock = _open_wires(config, layout, wires, tally)
         recorder = SessionWriter(folder, make_header(config, gate, started, aims.get("")), config,
                                  args.gate.read_bytes() if args.gate else None, lossless=False,
