@@ -24,8 +24,8 @@ from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.options import Options
 from truearc.sim.world.parts.target import BallResult
+from truearc.sim.world.season import ShotSetting, play_season
 from truearc_proof.table import make_markdown
-from truearc_proof.world.season import ShotSetting, play_season
 
 NS = 1e-9
 TOGETHER_S = 0.2                      # a recorded shot and a ball of the world that are less apart are one

@@ -6,7 +6,7 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.curve import before_the_shot
 from truearc.sim.physics.simulate import predict
-from truearc_proof.world.season import Season
+from truearc.sim.world.season import Season
 
 
 def heights_m(season: Season) -> np.ndarray:

@@ -20,18 +20,6 @@ def wilson(successes: int, trials: int, z: float = Z95) -> tuple[float, float]:
     return max(0.0, (centre - spread) / scale), min(1.0, (centre + spread) / scale)
 
 
-def difference(one: tuple[int, int], other: tuple[int, int]) -> tuple[float, float]:
-    """Newcombe's hybrid-score 95 % interval of share(one) - share(other), each (successes, trials) (Newcombe 1998)."""
-    p, q = _share(*one), _share(*other)
-    (p_low, p_high), (q_low, q_high) = wilson(*one), wilson(*other)
-    gap = p - q
-    return (gap - math.hypot(p - p_low, q_high - q), gap + math.hypot(p_high - p, q - q_low))
-
-
-def _share(successes: int, trials: int) -> float:
-    return successes / trials if trials else 0.5
-
-
 def student_half(values: Sequence[float] | np.ndarray, level: float = 0.95) -> float:
     """Half the width of Student's interval of the mean of n >= 2 independent values; NaN for fewer."""
     numbers = np.asarray(values, float)

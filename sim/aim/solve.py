@@ -71,20 +71,33 @@ def solve(rig: Rig, belief: Belief, distance_m: Float[np.ndarray, " n"], hood_de
     return Solved(hood, ratio, chances, reasons)
 
 
+def best_ratios(rig: Rig, belief: Belief, distance_m: Float[np.ndarray, " n"],
+                hood_deg: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], Chances]:
+    """Motor speed over free speed [n] that scores most at a distance with a given hood angle, and its chances."""
+    ratio = _ratios(rig, belief, distance_m, hood_deg, _starts(rig, belief, distance_m, hood_deg)[0])
+    return ratio, chances_of(rig, belief, distance_m, hood_deg, ratio)
+
+
 def _search(rig: Rig, belief: Belief, distance_m: Float[np.ndarray, " n"], hood_deg: Float[np.ndarray, " m"],
             progress: Progress) -> _Field:
     n, m = len(distance_m), len(hood_deg)
-    centre_m = believed_opening(rig, belief).centre_m
     ratio, reason = np.empty((n, m)), np.zeros((n, m), int)
     for row, distance in enumerate(distance_m):
-        grid = chances_of(rig, belief, np.full(m * len(RATIOS), distance), np.repeat(hood_deg, len(RATIOS)),
-                          np.tile(RATIOS, m))
-        for column, height_m in enumerate(grid.height_m.reshape(m, -1)):
-            ratio[row, column], reason[row, column] = _crossing(height_m - centre_m)
+        ratio[row], reason[row] = _starts(rig, belief, np.full(m, distance), hood_deg)
         progress(0.8 * (row + 1) / n, f"{row + 1} of {n} distances")
     flat = np.repeat(distance_m, m), np.tile(hood_deg, n)
     best = _ratios(rig, belief, *flat, ratio.ravel())
     return _Field(hood_deg, best.reshape(n, m), chances_of(rig, belief, *flat, best).points.reshape(n, m), reason)
+
+
+def _starts(rig: Rig, belief: Belief, distance_m: Float[np.ndarray, " k"],
+            hood_deg: Float[np.ndarray, " k"]) -> tuple[Float[np.ndarray, " k"], Int[np.ndarray, " k"]]:
+    """About the ratio at which the ball meets the centre's height, and why there is none: index of REASONS."""
+    grid = chances_of(rig, belief, np.repeat(distance_m, len(RATIOS)), np.repeat(hood_deg, len(RATIOS)),
+                      np.tile(RATIOS, len(hood_deg)))
+    off_m = grid.height_m.reshape(len(hood_deg), -1) - believed_opening(rig, belief).centre_m
+    ratio, reason = zip(*map(_crossing, off_m), strict=True)
+    return np.array(ratio), np.array(reason)
 
 
 def _crossing(off_m: Float[np.ndarray, " ratios"]) -> tuple[float, int]:

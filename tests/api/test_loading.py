@@ -16,8 +16,9 @@ HEAVY = {"numpy", "jax", "scipy", "mujoco", "cv2", "cantools", "pandas", "polars
          "onnxruntime", "numba", "msgspec"}
 UNWANTED = {"jax", "scipy", "mujoco", "cv2", "cantools"}
 SHOTS = Path(__file__).parents[2] / "examples" / "spreadsheet"
-APART = {("demo.py", "world.parts.target"), ("demo_report.py", "discover.investigate"),   # for annotations
-         ("demo_report.py", "infer.coefficients"), ("demo_worth.py", "discover.select.refit")}
+APART = {("demo_effects.py", "world.options"),   # the demo plays a world, too
+         *(("demo_acts.py", module) for module in ("aim.solve", "data.dataset", "discover.adopt", "world.options",
+                                                   "world.season"))}
 REFERENCE = Path(__file__).parents[1] / "golden" / "reference"
 
 

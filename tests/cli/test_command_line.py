@@ -154,7 +154,7 @@ def test_a_missing_file_is_named_with_exit_code_2(words, tmp_path, monkeypatch, 
 
 
 @pytest.mark.parametrize("words", [
-    ["emulate", "--trials", "1", "--out", "s", "--seed", "-1"], ["demo", "--seed", "-1"], ["demo", "--trials", "3"],
+    ["emulate", "--trials", "1", "--out", "s", "--seed", "-1"], ["demo", "--seed", "-1"], ["demo", "--seed", "x"],
     ["emulate", "--trials", "0", "--out", "s"],
     ["emulate", "--trials", "1", "--out", "a_file/s"], ["demo", "--out", "a_file"],
 ])

@@ -12,11 +12,12 @@ from truearc.robot.config.schema import load_config
 from truearc.sim.data.dataset import load_dataset
 from truearc.sim.physics.term import STAGES
 from truearc.sim.world.options import Options
+from truearc.sim.world.season import Season, ShotSetting
 from truearc_proof.scoring.score_finding import GOES_WITH
 from truearc_proof.truth.effects import find_effect
 from truearc_proof.truth.followup import Asked
 from truearc_proof.world.practice import plan_season
-from truearc_proof.world.season import ORDINARY, Season, Sensors, ShotSetting, play_season
+from truearc_proof.world.season import ORDINARY, Sensors, play_season
 from truearc_proof.worlds.data_quality import (
     DECOY_DIRT,
     FALL_V,

@@ -37,7 +37,7 @@ class Command(NamedTuple):
 
 
 COMMANDS = (
-    Command("demo", "truearc.cli.start.demo", "start", "the whole loop on the emulated robot, and one report"),
+    Command("demo", "truearc.cli.start.demo", "start", "what was wrong, how large, what that was worth: emulated"),
     Command("init", "truearc.cli.start.init", "start", "templates of a dataset, or of a launcher's configuration"),
     Command("completion", "truearc.cli.start.completion", "start", "completion of commands and options for a shell"),
     Command("import", "truearc.cli.discover.import_", "discover", "other people's recordings to a dataset"),

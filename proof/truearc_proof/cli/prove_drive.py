@@ -19,15 +19,13 @@ from typing import TypeVar
 
 import msgspec
 import numpy as np
-from msgspec import Struct
+from msgspec import Struct, structs
 
 import truearc as ta
 from truearc import robot
-from truearc.cli.start.demo import walked_in
-from truearc.cli.start.demo_files import Score
 from truearc.model_export.graph import export_weights
 from truearc.model_export.verify import verify_gate
-from truearc.robot.config.schema import InputError, load_config
+from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.recording.session import load_trials
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.data.dataset import save_dataset
@@ -35,10 +33,10 @@ from truearc.sim.data.recordings import OUTCOMES, shots_from_sessions
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.report.finding_text import say_adopted
-from truearc.sim.intervals import difference
 from truearc.sim.progress import Progress
 from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.options import Options
+from truearc_proof.newcombe import difference
 from truearc_proof.parallel import fan_out
 from truearc_proof.report.tables import said
 from truearc_proof.rounds.claims_schema import SCHEMA
@@ -55,10 +53,12 @@ from truearc_proof.table import Table
 from truearc_proof.worlds.sampling_plan import FIRST_SEED, MUJOCO, Drawn, change_one, drawn_of
 
 LEVEL = "L1"
+FEWEST = 30                           # trials of practice
 AT_ONCE = 4                           # worlds between two entries in the ledger
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 NO_GATE, SIDES = "no gate", ("before", "after")
 Done = TypeVar("Done")
+Score = tuple[int, int]               # how many scored, of how many
 
 
 class Driven(Struct, frozen=True):
@@ -197,6 +197,14 @@ def _claimed_gates(room: Room, name: str) -> dict[str, str]:
     if not isinstance(gates, dict) or set(gates) != set(SIDES):
         raise InputError(f"{room.claims(name)}: gates: must have {' and '.join(SIDES)}")
     return gates
+
+
+def walked_in(config: Config, session: Path) -> Config:
+    """The configuration with the aim as the driver's marks left it at the end of a session."""
+    walk = (0.0, 0.0, 0.0)
+    for tick in ta.Recording(session):
+        walk = tick.memory.walk
+    return structs.replace(config, collect=structs.replace(config.collect, walk_start=walk))
 
 
 def _drive(root: Path, trials: int, name: str) -> Driven:

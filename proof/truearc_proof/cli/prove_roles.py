@@ -8,13 +8,12 @@ import msgspec
 from msgspec import structs
 
 from truearc.cli.common import make_progress
-from truearc.cli.start.demo import FEWEST
 from truearc.robot.config.schema import InputError
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS
 from truearc_proof.cli.prove_apart import solve_apart
 from truearc_proof.cli.prove_check import check_packed
-from truearc_proof.cli.prove_drive import LEVEL, driven_of, driven_table, learn_gates, play_driven, room_of
+from truearc_proof.cli.prove_drive import FEWEST, LEVEL, driven_of, driven_table, learn_gates, play_driven, room_of
 from truearc_proof.report.figures import plain_figures
 from truearc_proof.report.html_page import make_proof_page, verdict
 from truearc_proof.report.tables import make_tables

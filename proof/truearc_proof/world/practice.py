@@ -4,11 +4,12 @@ from functools import cache
 
 import numpy as np
 
+from truearc.sim.world.bench import Bench
 from truearc.sim.world.options import Options
 from truearc.sim.world.parts.target import CENTRE_HEIGHT_M
+from truearc.sim.world.season import ShotSetting
 from truearc.sim.world.world import World
-from truearc_proof.world.bench import Bench
-from truearc_proof.world.season import ShotSetting
+from truearc_proof.world.season import ball_from_muzzle
 
 HOODS_DEG = np.arange(32.0, 65.0, 4.0)
 RATIOS = np.arange(0.45, 0.86, 0.05)
@@ -23,7 +24,7 @@ TRIES = 1000
 def reach_table() -> np.ndarray:
     """Distance in m [hood, ratio] at which a ball of the robot as drawn falls through the centre's height; nan where it
     never gets that high."""
-    bench = Bench(World(0, Options(scatter_scale=0.0, pose_scale=0.0), FAR_M))
+    bench = Bench(World(0, Options(scatter_scale=0.0, pose_scale=0.0), FAR_M), ball_from_muzzle)
     table = np.full((len(HOODS_DEG), len(RATIOS)), np.nan)
     for row, hood_deg in enumerate(HOODS_DEG):
         for column, ratio in enumerate(RATIOS):

@@ -1,36 +1,24 @@
-"""A season of shots straight from the world to a dataset: its launcher, balls and air, without buses and images.
+"""The season of truearc.sim.world.season with what a proof adds: ball tracks, and marks and frames that go wrong."""
 
-Readings of the robot's sensors come from the world as the emulated devices read it (encoders with their errors); the
-camera's distance is the true one seen through a wrong focal length, with noise.
-"""
-
-import contextlib
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
-from truearc.sim.data.recordings import AFTER_S, BEFORE_S, NS, OUTCOMES
+from truearc.sim.data.dataset import Tracks
+from truearc.sim.data.recordings import OUTCOMES
 from truearc.sim.progress import Progress
+from truearc.sim.world import season
+from truearc.sim.world.bench import Ball
 from truearc.sim.world.options import Options
-from truearc.sim.world.parts.target import BallResult
+from truearc.sim.world.parts.chassis import Pose
+from truearc.sim.world.season import Season, ShotSetting, Trial
 from truearc.sim.world.world import World
-from truearc_proof.world.bench import Bench, NotReady
 
-SETTLED_TICKS = 40                    # standing before a shot
-READY_S = 10.0                        # then a driver gives a shot up: the battery may not have the speed in it any more
 LEVELS = ("L0", "L1", "L2")
-
-
-class ShotSetting(NamedTuple):
-    """One configuration as the robot would ask for it: elevation by its encoder, motor speed / free speed."""
-
-    distance_m: float
-    hood_deg: float
-    motor_ratio: float
 
 
 class Sensors(NamedTuple):
@@ -55,81 +43,22 @@ class Sensors(NamedTuple):
 ORDINARY = Sensors()
 
 
-class Trial(NamedTuple):
-    """One shot: what was read before it, when (s), what became of it, telemetry and track around it."""
-
-    read: dict[str, float]
-    result: BallResult
-    traces: list[tuple[float, str, float]]
-    track: np.ndarray                 # [k, 4] s after the ball left, x, y, z in the launcher's axes
-
-
-class Season(NamedTuple):
-    """The dataset, which is all that a solver gets, and the truth about every shot in it."""
-
-    dataset: Dataset
-    results: tuple[BallResult, ...]
-
-
 def play_season(rig: Rig, options: Options, seed: int, settings: Sequence[ShotSetting], level: str,
                 sensors: Sensors = ORDINARY, progress: Progress = lambda done, note: None) -> Season:
     """Shoot the settings in this order with one robot on one battery. level: "L0", "L1" (telemetry), "L2" (tracks too).
 
-    A shot that the robot does not get ready for is given up, and is not in the dataset. TimeoutError when all are.
-    The same arguments give the same season. `session` is "1" throughout; balls are not told apart.
+    As truearc.sim.world.season.play_season; without tracks and wrong marks the same arguments give the same season.
     """
     if level not in LEVELS:
         raise ValueError(f"no level {level!r}; there are {', '.join(LEVELS)}")
-    bench = Bench(World(seed, options, settings[0].distance_m))
     rng = np.random.default_rng([seed, 7])
-    trials: list[Trial] = []
-    for number, setting in enumerate(settings):
-        progress(number / len(settings), f"{number} of {len(settings)} shots")
-        before_ns = trials[-1].result.fed_t_ns if trials else None
-        with contextlib.suppress(NotReady):
-            trials.append(_shoot(bench, rig, options, setting, before_ns, sensors, rng))
-    if not trials:
-        raise TimeoutError("the robot never got ready for a shot")
-    name, luck = f"world-{seed}", np.random.default_rng([seed, 9])          # apart: good sensors have no part of it
-    dataset = Dataset(name, rig, _shots(trials, level, _noted(trials, sensors, luck)),
-                      _tracks(trials, sensors, rng, luck) if level == "L2" else None,
-                      _traces(trials) if level != "L0" else None)
-    return Season(dataset, tuple(trial.result for trial in trials))
-
-
-def _shoot(bench: Bench, rig: Rig, options: Options, setting: ShotSetting, before_ns: int | None, sensors: Sensors,
-           rng: np.random.Generator) -> Trial:
-    world, free = bench.world, rig.launcher.free_speed_rad_s or 0.0
-    # the robot aims by its encoders: what they say is right
-    wheel_rad_s = setting.motor_ratio * free / options.encoder_scale
-    hood_deg = setting.hood_deg - options.hood_offset_deg
-    world.chassis.drive_to(setting.distance_m)
-    while world.chassis.moving:
-        bench.tick(wheel_rad_s, hood_deg)
-    for _ in range(SETTLED_TICKS):
-        bench.tick(wheel_rad_s, hood_deg)
-    first = len(bench.samples)
-    (result,) = bench.fire(wheel_rad_s, hood_deg, 1, ready_s=READY_S)
-    samples = bench.samples[max(first - round(BEFORE_S * 200.0), 0):]
-    bench.samples.clear()
-    fed_s = result.fed_t_ns * NS
-    ready = [sample for sample in samples if sample.t_s <= fed_s][-1]
-    read = {"distance_m": _seen_distance_m(result.distance_m, options) + sensors.distance_m * rng.normal(),
-            "hood_deg": ready.hood_deg + options.hood_offset_deg + sensors.hood_deg * rng.normal(),
-            "motor_ratio": (ready.wheel_rad_s * options.encoder_scale + sensors.wheel_rad_s * rng.normal()) / free,
-            "battery_v": ready.bus_v, "t_s": fed_s,
-            "since_last_shot_s": math.nan if before_ns is None else fed_s - before_ns * NS}
-    traces = [(sample.t_s - fed_s, f"wheel_{wheel.name}_rad_s", sample.wheel_rad_s * options.encoder_scale * wheel.gear)
-              for sample in samples if -BEFORE_S <= sample.t_s - fed_s <= AFTER_S for wheel in rig.launcher.wheel]
-    traces += [(sample.t_s - fed_s, "battery_v", sample.bus_v) for sample in samples
-               if -BEFORE_S <= sample.t_s - fed_s <= AFTER_S]
-    track = [sample.ball for sample in samples if sample.ball is not None]
-    return Trial(read, result, traces, np.array(track).reshape(-1, 4))
-
-
-def _seen_distance_m(distance_m: float, options: Options) -> float:
-    """Through a lens of another focal length everything is nearer by its share, from the lens on."""
-    return (distance_m + options.camera_behind_exit_m) / options.camera_focal_scale - options.camera_behind_exit_m
+    trials = season.shoot(rig, options, seed, settings, season.Sensors(*sensors[:3]), rng, progress,
+                          ball_from_muzzle)
+    luck = np.random.default_rng([seed, 9])           # apart: good sensors have no part of it
+    played = season.season_of(rig, seed, trials, level, _noted(trials, sensors, luck))
+    if level != "L2":
+        return played
+    return played._replace(dataset=replace(played.dataset, tracks=_tracks(trials, sensors, rng, luck)))
 
 
 def _noted(trials: Sequence[Trial], sensors: Sensors, luck: np.random.Generator) -> list[tuple[str, str]]:
@@ -139,20 +68,6 @@ def _noted(trials: Sequence[Trial], sensors: Sensors, luck: np.random.Generator)
     aside = luck.integers(1, len(names), len(trials))
     return [OUTCOMES[names[(names.index(trial.result.outcome) + int(slip) * int(step)) % len(names)]]
             for trial, slip, step in zip(trials, wrong, aside, strict=True)]
-
-
-def _shots(trials: Sequence[Trial], level: str, marks: Sequence[tuple[str, str]]) -> Shots:
-    names = [name for name in trials[0].read if level != "L0" or name in ("distance_m", "hood_deg", "motor_ratio")]
-    return Shots(tuple(f"{number:04d}" for number in range(len(trials))),
-                 {name: np.array([trial.read[name] for trial in trials]) for name in names},
-                 {"outcome": tuple(mark for mark, _ in marks), "side": tuple(side for _, side in marks),
-                  "session": ("1",) * len(trials)})
-
-
-def _traces(trials: Sequence[Trial]) -> Traces:
-    rows = [(shot, *row) for shot, trial in enumerate(trials) for row in trial.traces]
-    shot, t_s, signal, value = zip(*rows, strict=True)
-    return Traces(np.array(shot, dtype=np.int64), np.array(t_s), tuple(signal), np.array(value))
 
 
 def _tracks(trials: Sequence[Trial], sensors: Sensors, rng: np.random.Generator, luck: np.random.Generator) -> Tracks:
@@ -169,3 +84,20 @@ def _tracks(trials: Sequence[Trial], sensors: Sensors, rng: np.random.Generator,
         parts.append(np.column_stack([np.full(len(there), shot), clock_s, seen[there]]))
     shot, t_s, x_m, y_m, z_m = np.concatenate(parts).T
     return Tracks(shot.astype(np.int64), t_s, x_m, y_m, z_m)
+
+
+def ball_from_muzzle(world: World) -> Ball | None:
+    """(s since it left, x, y, z in the launcher's axes) of the ball that left last, None if none is in the air."""
+    if not world.flying:
+        return None
+    data = world.flying[-1].flight.data
+    x_m, y_m, z_m = map(float, _from_muzzle(data.qpos[:3], world.chassis.pose()))
+    return float(data.time), x_m, y_m, z_m
+
+
+def _from_muzzle(place_m: np.ndarray, pose: Pose) -> np.ndarray:
+    """From the field's axes to the launcher's."""
+    cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+    turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    local_m: np.ndarray = turn @ (place_m - np.array([pose.x_m, pose.y_m, 0.0]))
+    return local_m

@@ -4,11 +4,11 @@ import math
 import statistics
 import time
 
+from truearc.sim.world.bench import Bench
 from truearc.sim.world.options import Options
 from truearc.sim.world.parts.target import BallResult
 from truearc.sim.world.scene import LOWER_RADIUS_M, UPPER_GEAR, UPPER_RADIUS_M
 from truearc.sim.world.world import World
-from truearc_proof.world.bench import Bench
 
 FULL_RAD_S = 594.0
 RATIOS = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9)

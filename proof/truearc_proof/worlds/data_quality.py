@@ -14,8 +14,9 @@ along its fall by 7 mm, where shots scatter by 150 mm.
 from collections.abc import Sequence
 
 from truearc.robot.config.rig_spec import Noise
+from truearc.sim.world.season import ShotSetting
 from truearc_proof.world.practice import plan_season
-from truearc_proof.world.season import ORDINARY, Sensors, ShotSetting
+from truearc_proof.world.season import ORDINARY, Sensors
 
 DIRT = ("scatter", "noise_understated", "outliers", "lopsided")
 TRACK_DIRT = ("missing_frames",)

@@ -2,9 +2,9 @@
 
 import msgspec
 
+from truearc.sim.world.bench import Bench
 from truearc.sim.world.options import Options
 from truearc.sim.world.world import World
-from truearc_proof.world.bench import Bench
 
 CALM = Options(scatter_scale=0.0, pose_scale=0.0)
 

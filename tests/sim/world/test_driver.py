@@ -2,10 +2,10 @@ import itertools
 
 import pytest
 
+from truearc.sim.world.bench import TICK_NS, Bench
 from truearc.sim.world.driver import Driver
 from truearc.sim.world.options import Options
 from truearc.sim.world.world import World
-from truearc_proof.world.bench import TICK_NS, Bench
 
 
 class _Robot:

@@ -7,9 +7,9 @@ import pytest
 
 from tests.sim.world.calm import CALM, calm, fire
 from truearc.hw.emulated.plant import Plant
+from truearc.sim.world.bench import TICK_NS, Bench
 from truearc.sim.world.options import Options
 from truearc.sim.world.world import World
-from truearc_proof.world.bench import TICK_NS, Bench
 
 
 def test_it_is_a_plant() -> None:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tests.sim.world.calm import CALM, calm, fire
+from truearc.sim.world.bench import TICK_NS
 from truearc.sim.world.options import Options
 from truearc.sim.world.world import World
-from truearc_proof.world.bench import TICK_NS
 
 
 def _height(options: Options, **kwargs: float) -> float:

@@ -3,13 +3,10 @@
 It looks at the truth instead of at sensors, so that surveys and tests measure the world and nothing else.
 """
 
-import math
 from collections import deque
+from collections.abc import Callable
 from typing import NamedTuple
 
-import numpy as np
-
-from truearc.sim.world.parts.chassis import Pose
 from truearc.sim.world.parts.hood import COULOMB_NM
 from truearc.sim.world.parts.target import BallResult
 from truearc.sim.world.world import World
@@ -22,6 +19,10 @@ DEADBAND_DEG = 0.03
 LAG_TICKS = 1                     # how old a wheel's speed is when a torque answers to it, as over the robot's bus
 
 
+Ball = tuple[float, float, float, float]      # s since it left, x, y, z in the launcher's axes; in the air
+Watch = Callable[[World], Ball | None]
+
+
 class Sample(NamedTuple):
     """The bench's record of one tick."""
 
@@ -29,7 +30,7 @@ class Sample(NamedTuple):
     wheel_rad_s: float
     hood_deg: float
     bus_v: float
-    ball: tuple[float, float, float, float] | None      # s since it left, x, y, z in the launcher's axes; in the air
+    ball: Ball | None
 
 
 class NotReady(TimeoutError):
@@ -39,8 +40,9 @@ class NotReady(TimeoutError):
 class Bench:
     """Torque control of one world: proportional plus integral on the wheels, proportional-derivative on the screw."""
 
-    def __init__(self, world: World) -> None:
-        self.world = world
+    def __init__(self, world: World, watch: Watch = lambda world: None) -> None:
+        """watch: gives where the ball in the air is, for whoever needs it."""
+        self.world, self._watch = world, watch
         self.t_ns = 0
         self.samples: list[Sample] = []
         self._integral_nm = 0.0
@@ -78,7 +80,7 @@ class Bench:
         world.advance(self.t_ns, {"flywheel_a": wheel_nm, "flywheel_b": wheel_nm, "hood": hood_nm,
                                   "feeder": feeder_nm})
         self.samples.append(Sample(self.t_ns * 1e-9, world.belt.speed_rad_s, world.hood.elevation_deg, world.bus_v(),
-                                   ball_from_muzzle(world)))
+                                   self._watch(world)))
 
     def _wheels(self, wanted_rad_s: float) -> tuple[float, float]:
         self._speeds.append(self.world.belt.speed_rad_s)
@@ -95,20 +97,3 @@ class Bench:
             return -0.002 * speed_deg_s, abs(error)
         friction_nm = COULOMB_NM if error > 0.0 else -COULOMB_NM
         return min(max(0.05 * error - 0.004 * speed_deg_s, -0.3), 0.3) + friction_nm, abs(error)
-
-
-def ball_from_muzzle(world: World) -> tuple[float, float, float, float] | None:
-    """(s since it left, x, y, z in the launcher's axes) of the ball that left last, None if none is in the air."""
-    if not world.flying:
-        return None
-    data = world.flying[-1].flight.data
-    x_m, y_m, z_m = map(float, _from_muzzle(data.qpos[:3], world.chassis.pose()))
-    return float(data.time), x_m, y_m, z_m
-
-
-def _from_muzzle(place_m: np.ndarray, pose: Pose) -> np.ndarray:
-    """From the field's axes to the launcher's."""
-    cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
-    turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    local_m: np.ndarray = turn @ (place_m - np.array([pose.x_m, pose.y_m, 0.0]))
-    return local_m

@@ -1,0 +1,132 @@
+"""The demo: the sealed draw, its acts in a quick form, its page, and the statistics of its repetition over seeds."""
+
+import argparse
+import hashlib
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import chi2_contingency
+
+import truearc as ta
+from benchmarks.demo_seeds import EVENTS, holm, make_table, two_proportions
+from truearc.cli.common import SHIPPED
+from truearc.cli.start import demo
+from truearc.cli.start.demo_acts import (
+    FALLS_AT_M,
+    HOOD_DEG,
+    RATIO,
+    Sizes,
+    Volley,
+    fire,
+    marked_settings,
+    practice_settings,
+)
+from truearc.cli.start.demo_effects import EFFECTS, NOTHING, draw_effect
+from truearc.robot.config.schema import load_config
+from truearc.sim.infer.belief import point_belief
+from truearc.sim.world.options import Options
+from truearc_proof.world.practice import HOODS_DEG, RATIOS, reach_table
+
+LINES = 60                            # of the console
+QUICK = Sizes(practice=60, robot=4, marked=30, balls=12)
+RIG = load_config(SHIPPED).rig
+BELIEF = point_belief({"drag": {"cd": 0.5}, "magnus": {"cl": 0.04}, "wheel_slip": {"loss_per_m_s": 0.019},
+                       "hood_offset": {"angle_deg": 3.1}}, {"speed": 0.01, "elevation_deg": 0.3})
+
+
+def test_effects_are_changes_of_the_world_and_two_have_no_term() -> None:
+    assert len(EFFECTS) >= 8 and sum(not one.terms for one in EFFECTS) >= 2
+    assert len({one.name for one in EFFECTS}) == len(EFFECTS)
+    assert all(one.options != Options() for one in EFFECTS) and NOTHING.options == Options()
+    assert {term for one in EFFECTS for term in one.terms} <= {term.name for term in ta.catalogue()}
+
+
+def test_a_seed_repeats_the_draw_and_the_seal_is_of_the_text() -> None:
+    assert draw_effect(3) == draw_effect(3)
+    assert len({draw_effect(seed).number for seed in range(100)}) == len(EFFECTS)
+    sealed = draw_effect(None)
+    assert sealed.text.startswith(sealed.effect.name) and sealed.text != draw_effect(None).text
+    assert sealed.sha256 == hashlib.sha256(sealed.text.encode()).hexdigest()
+
+
+def test_practice_knows_where_balls_of_the_world_fall() -> None:
+    rows = np.flatnonzero(np.isin(HOODS_DEG, HOOD_DEG))
+    assert np.allclose(RATIO, RATIOS) and len(rows) == len(HOOD_DEG)
+    np.testing.assert_allclose(FALLS_AT_M, reach_table()[rows], atol=0.011)
+
+
+def test_practice_is_spread_over_places_hood_angles_and_speeds() -> None:
+    settings = np.array(practice_settings(5, 300))
+    assert settings.shape == (300, 3)
+    assert (np.ptp(settings, axis=0) > [4.0, 28.0, 0.35]).all()
+    assert practice_settings(5, 20) != practice_settings(6, 20)
+
+
+def test_marked_shots_score_by_the_belief_and_are_spread_in_hood() -> None:
+    settings = marked_settings(RIG, BELIEF, Options(), 4, 40)
+    assert len(settings) == 40 and np.ptp([one.hood_deg for one in settings]) > 20.0
+    nearer = marked_settings(RIG, BELIEF, Options(camera_focal_scale=1.04), 4, 40)
+    assert np.mean([one.motor_ratio for one in nearer]) < np.mean([one.motor_ratio for one in settings])
+
+
+def test_a_volley_misses_when_the_encoders_lie() -> None:
+    aim = ta.aim(BELIEF, RIG, distances_m=np.arange(2.5, 8.01, 0.5), hood_deg=(44.0, 50.0))
+    plain, off = (fire(RIG, options, 7, aim, 24) for options in (Options(), Options(encoder_scale=1.05)))
+    assert plain.balls == off.balls == 24
+    assert plain.threes >= 10 and plain.per_ball > off.per_ball
+    assert fire(RIG, Options(), 7, aim, 24) == plain
+
+
+def test_points_count_two_and_three() -> None:
+    assert Volley(threes=3, twos=4, balls=10).per_ball == pytest.approx(1.7)
+
+
+@pytest.mark.slow
+def test_the_demo_says_what_was_wrong_how_large_and_what_it_was_worth(tmp_path: Path, capsys) -> None:
+    folder, sealed = tmp_path / "report", draw_effect(12)
+    assert demo.main(argparse.Namespace(out=folder, seed=12, quiet=True), QUICK) == 0
+    said = capsys.readouterr().out
+    assert len(said.splitlines()) <= LINES
+    before, _, after = said.partition(sealed.sha256)
+    assert sealed.effect.name not in before and sealed.effect.name in after
+    last = said[said.index("== what was wrong"):]
+    assert all(re.search(rf"^{act} .*\d+ to \d+ of 12", last, re.MULTILINE) for act in ("practice", "event", "control"))
+    assert sealed.effect.name in last and "the gate" not in last and "gate, trained in practice, only advised" in said
+    assert re.search(r"[1-4] of them by the robot's own runtime .* images and CAN frames", said)
+    page = (folder / "index.html").read_text(encoding="utf-8")
+    headline = re.search(r'<p class="verdict">(.*?)</p>', page)
+    assert page.count("<img ") == 3 and headline is not None and "points per ball" in headline[1]
+    assert not re.search(r"p-value|log score|interval|significan", headline[1])
+    assert (folder / "envelope.txt").read_text(encoding="utf-8") == sealed.text
+    assert len(ta.load_dataset(folder / "data" / "event").shots) <= QUICK.marked
+    assert ta.load_belief(folder / "event.toml").coefficients and (folder / "control.html").is_file()
+
+
+def test_two_proportions_agree_with_pearsons_test() -> None:
+    for hits in ((30, 45), (10, 9), (0, 7)):
+        table = [[hits[0], 60 - hits[0]], [hits[1], 60 - hits[1]]]
+        assert two_proportions(hits, 60) == pytest.approx(chi2_contingency(table, correction=False).pvalue)
+    assert two_proportions((0, 0), 60) == two_proportions((60, 60), 60) == 1.0
+
+
+def test_holm_adjusts_as_in_a_worked_example() -> None:
+    assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+
+
+def made_line(seed: int, after: int, names: list[str], verdict: str) -> dict:
+    acts = [("practice", ["wheel_slip"], 30, 80, ["wheel_slip"], "named")] + [
+        (effect.name, list(effect.terms), 40, 40 if effect is NOTHING else after, names,
+         "none" if effect is NOTHING else verdict) for effect in EVENTS]
+    return {"seed": seed, "acts": [{"act": act, "terms": terms, "names": named, "verdict": said, "volleys": [
+        {"threes": first, "twos": 0, "balls": 120}, {"threes": second, "twos": 0, "balls": 120}]}
+        for act, terms, first, second, named, said in acts]}
+
+
+def test_the_table_pools_changed_events_and_counts_names_and_silence() -> None:
+    text = make_table([made_line(1, 80, ["wind_x"], "named"), made_line(2, 5, ["wind_x", "hood_offset"], "set")])
+    assert "control silent: 2 of 2" in text
+    row = next(line for line in text.splitlines() if line.startswith("changed events together"))
+    assert row.split()[3:] == ["320", "340", "960", "1.06", "3", "of", "6", "2", "of", "6", "0", "4", "4"]
+    assert "worst: seed 2" in text
