@@ -1,17 +1,21 @@
 """Does `truearc aim` find the best set points?
 
-    python -m benchmarks.aim [--rigs 1000] [--seed 0]
+    python -m benchmarks.aim [--rigs 1000] [--seed 1000] [--out FILE]
 
 Random launchers, balls and targets, three distances each. The truth is an exhaustive search with a simulation of its
 own (drag and gravity, fourth-order Runge-Kutta over time): every hood angle by whole degrees, and 61 speeds about the
 one that meets the centre. Printed: by how much the expected points of aim's set points, judged by that simulation, fall
-short of the best, as quantiles over all; a distance that one of both refuses counts as all points lost.
+short of the best, as quantiles over all, and the worst. A distance that aim refuses counts as all points lost;
+distances at which the search finds under 0.05 points are counted apart.
 """
 
 import argparse
+import json
 import sys
+from pathlib import Path
 from typing import NamedTuple
 
+import jax
 import numpy as np
 
 import truearc as ta
@@ -20,10 +24,14 @@ from truearc.robot.config.rig_spec import Ball, LauncherFacts, Noise, Rig, Targe
 from truearc.sim.infer.belief import point_belief
 
 AIR_KG_M3, GRAVITY_M_S2, STEP_S, STEPS = 1.2, 9.81, 0.01, 500
+LOWEST_M = -5.0                       # below it a ball is not followed: no target is near
 FREE_RAD_S = 600.0
 TRIMS = np.linspace(-0.06, 0.06, 61)
 HOOD_DEG = (25.0, 70.0)
 DISTANCES = 3
+SCORES = 0.05                         # points; with less by search a distance is counted apart
+QUANTILES = (0.5, 0.9, 0.99, 0.999)
+WORST = 5                             # distances that are listed
 
 
 class Case(NamedTuple):
@@ -74,7 +82,7 @@ def height_at(case: Case, distance_m: np.ndarray, hood_deg: np.ndarray, speed_m_
             share = (distance_m - state[0]) / np.maximum(after[0] - state[0], 1e-12)
             height = np.where(passes, state[1] + share * (after[1] - state[1]), height)
         state = after
-        if (state[0] >= distance_m).all():
+        if ((state[0] >= distance_m) | (state[1] < LOWEST_M)).all():
             break
     return height
 
@@ -126,39 +134,81 @@ def best_points(case: Case, distance_m: float) -> float:
     return float(points_of(case, np.full(speed.size, distance_m), np.repeat(hood_deg, TRIMS.size), speed).max())
 
 
-def shortfalls(case: Case) -> list[float]:
-    """Share of the best points that aim's set points lack, a number per distance that scores at all."""
+class Judged(NamedTuple):
+    """The points of a distance by exhaustive search, and those of aim's set point: None where aim refuses."""
+
+    distance_m: float
+    best: float
+    got: float | None
+
+    @property
+    def short(self) -> float:
+        """Share of the best points that the set point lacks; 1 where aim refuses."""
+        return 1.0 - (self.got or 0.0) / self.best
+
+
+def judge(case: Case) -> list[Judged]:
+    """Every distance of a launcher."""
     belief = point_belief({"drag": {"cd": case.cd}},
                           dict(zip(("speed", "elevation_deg"), case.scatter, strict=True)))
-    best = [best_points(case, float(distance_m)) for distance_m in case.distances_m]
     try:
         rows = {row.distance_m: row for row in ta.aim(belief, case.rig, distances_m=case.distances_m,
                                                       hood_deg=HOOD_DEG).rows}
     except ta.InputError:
         rows = {}
-    short = []
-    for distance_m, most in zip(case.distances_m.tolist(), best, strict=True):
-        if most < 0.05:
-            continue
-        row = rows.get(distance_m)
-        got = 0.0 if row is None else float(points_of(
-            case, np.array([distance_m]), np.array([row.hood_deg]), np.array([row.motor_ratio * full_speed(case)]))[0])
-        short.append(1.0 - got / most)
-    return short
+    judged = []
+    for distance_m in case.distances_m.tolist():
+        row, got = rows.get(distance_m), None
+        if row is not None:
+            got = float(points_of(case, *(np.array([number]) for number in (
+                distance_m, row.hood_deg, row.motor_ratio * full_speed(case))))[0])
+        judged.append(Judged(distance_m, best_points(case, distance_m), got))
+    return judged
+
+
+def shortfalls(case: Case) -> list[float]:
+    """Share of the best points that aim's set points lack, a number per distance that scores at all."""
+    return [one.short for one in judge(case) if one.best >= SCORES]
+
+
+def report(judged: dict[int, list[Judged]]) -> list[str]:
+    """Lines of the result; judged: by the seed of the rig."""
+    every = [(one.short, seed, one) for seed, ones in judged.items() for one in ones if one.best >= SCORES]
+    none = [one for ones in judged.values() for one in ones if one.best < SCORES]
+    short = np.array([one[0] for one in every])
+    lines = [f"{len(judged)} rigs, {len(every)} distances that score by search; "
+             f"{sum(one.got is None for *_, one in every)} of them refused by aim",
+             f"{len(none)} distances with less than {SCORES} points by search; "
+             f"{sum(one.got is not None for one in none)} of them with a set point by aim"]
+    if every:
+        told = ", ".join(f"{q:.1%} {np.quantile(short, q):.3%}" for q in QUANTILES)
+        lines.append(f"points short of the best, quantiles: {told}, worst {short.max():.3%}; "
+                     f"over 1 %: {(short > 0.01).sum()}")
+        lines.append(f"best points from {min(one.best for *_, one in every):.2f} to "
+                     f"{max(one.best for *_, one in every):.2f}; farthest short:")
+        lines += [f"  seed {seed}, {one.distance_m:.2f} m: {one.got or 0.0:.3f} points of {one.best:.3f}, {lacking:.3%}"
+                  for lacking, seed, one in sorted(every, reverse=True)[:WORST]]
+    return lines
 
 
 def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rigs", type=int, default=1000)
-    parser.add_argument("--seed", type=int, default=0, help="of the first rig")
+    parser.add_argument("--seed", type=int, default=1000, help="of the first rig")
+    parser.add_argument("--out", type=Path, help="keeps a line per rig; rigs that are in it are not judged again")
     args = parser.parse_args(argv)
-    show, short = make_progress("aim"), []
-    for index in range(args.rigs):
-        short += shortfalls(make_case(args.seed + index))
-        show((index + 1) / args.rigs, f"{index + 1} rigs")
-    worst = np.sort(short)
-    print(f"{args.rigs} rigs, {len(short)} distances: points short of the best: median {np.median(worst):.3%}, "
-          f"99 % of all below {np.quantile(worst, 0.99):.2%}, worst {worst[-1]:.2%}; over 1 %: {(worst > 0.01).sum()}")
+    seeds = range(args.seed, args.seed + args.rigs)
+    kept = args.out.read_text(encoding="utf-8").splitlines() if args.out and args.out.exists() else []
+    known = {line["seed"]: [Judged(*one) for one in line["distances"]] for line in map(json.loads, kept)}
+    show, judged = make_progress("aim"), dict[int, list[Judged]]()
+    for seed in seeds:
+        judged[seed] = known.get(seed) or judge(make_case(seed))
+        if args.out and seed not in known:
+            with args.out.open("a", encoding="utf-8") as file:
+                file.write(json.dumps({"seed": seed, "distances": judged[seed]}) + "\n")
+        jax.clear_caches()                                # each rig is compiled for
+        show(len(judged) / args.rigs, f"{len(judged)} rigs")
+    print("\n".join(report(judged)))
     return 0
 
 

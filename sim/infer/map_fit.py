@@ -11,6 +11,7 @@ from truearc.sim.data.dataset import Dataset
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.likelihood.launch_inputs import Given
 from truearc.sim.infer.likelihood.observations import Gathered, Observations, gather
+from truearc.sim.infer.likelihood.outcome_likelihood import without_lapses
 from truearc.sim.infer.likelihood.shot_likelihood import Points, relinearise
 from truearc.sim.infer.likelihood.track_likelihood import guess_lead, guess_start
 from truearc.sim.infer.optimum import Optimum, Problem, best_of, minimise
@@ -77,7 +78,8 @@ def fit_map(rig: Rig, dataset: Dataset, terms: tuple[str, ...], progress: Progre
     points = _moved(model, evidence, _first_points(evidence), np.zeros(len(model.sought)))
     problem = Problem(model, evidence, points, np.ones(len(gathered.rows)))
     progress(0.05, "coarse search")
-    optimum = best_of(problem, _starts(problem, grid or {}), lambda done, note: progress(0.1 + 0.6 * done, note))
+    starts = [*_starts(problem, grid or {}), *_all_heights(problem)]
+    optimum = best_of(problem, starts, lambda done, note: progress(0.1 + 0.6 * done, note))
     problem, optimum = settle(problem, optimum)
     progress(1.0, "fitted")
     return MapFit(model, gathered, problem, optimum, _covariance(optimum.hessian))
@@ -137,6 +139,19 @@ def _starts(problem: Problem, grid: dict[str, dict[str, float]]) -> list[Float[n
     best = sorted(range(len(tried)), key=lambda row: problem.value(tried[row]))
     starts = [tried[row] for row in best[:STARTS]]
     return starts + _grid_start(problem.model, grid)
+
+
+def _all_heights(problem: Problem) -> list[Float[np.ndarray, " p"]]:
+    """The fit in which no measured height is a slip, where some were measured.
+
+    A slip costs a few nats, however far the height is off, so a search that starts far off may end at a fit that calls
+    half of the heights slips, and hardly feels them any more.
+    """
+    marks = problem.evidence.marks
+    if marks is None or not marks.measured.any():
+        return []
+    strict = replace(problem, evidence=problem.evidence._replace(marks=without_lapses(marks)))
+    return [min((minimise(strict, start) for start in _starts(strict, {})), key=lambda one: one.value).u]
 
 
 def _grid_start(model: Model, grid: dict[str, dict[str, float]]) -> list[Float[np.ndarray, " p"]]:

@@ -40,6 +40,7 @@ QUICK = {
     "season_agreement": "--trials 6",
     "soak": "--minutes 0.1",
     "start_up": "--repeats 1 --command fit",
+    "team_tables": "DATA/real/frc_shot_tables.csv --teams 401",
     "training": "--steps 200 --repeats 1",
     "vision": "--frames 1 --clutter 5 --files 5",
     "vision_hidden": "--frames 1",

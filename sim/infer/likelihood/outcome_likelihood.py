@@ -29,6 +29,7 @@ class OutcomeMarks(NamedTuple):
     """Observations at the plane. A height lies in [low_m, high_m] or in [low2_m, high2_m].
 
     `marked` False: nothing is known. `both`: the second interval counts. `measured` True: height_m instead of these.
+    log_lapsed: log density of a measured height that is a slip.
     """
 
     low_m: Float[Any, " n"]
@@ -39,6 +40,7 @@ class OutcomeMarks(NamedTuple):
     marked: Bool[Any, " n"]
     measured: Bool[Any, " n"]
     height_m: Float[Any, " n"]
+    log_lapsed: Float[Any, " n"]
 
 
 def make_marks(target: Target, outcome: tuple[str, ...], side: tuple[str, ...],
@@ -52,7 +54,12 @@ def make_marks(target: Target, outcome: tuple[str, ...], side: tuple[str, ...],
     low_m, high_m, low2_m, high2_m = rows.T
     measured = np.isfinite(miss_height_m)
     return OutcomeMarks(low_m, high_m, low2_m, high2_m, high2_m > low2_m, (high_m > low_m) | measured, measured,
-                 np.where(measured, miss_height_m, 0.0))
+                 np.where(measured, miss_height_m, 0.0), np.full(len(rows), LAPSED_HEIGHT))
+
+
+def without_lapses(marks: OutcomeMarks) -> OutcomeMarks:
+    """Of which no measured height is a slip: the likelihood then slopes toward a fit of all, however far it is."""
+    return marks._replace(log_lapsed=np.full_like(marks.log_lapsed, -FAR_M**2))
 
 
 def interval(target: Target, outcome: str, side: str) -> tuple[float, float, float, float]:
@@ -80,7 +87,7 @@ def log_marks(marks: OutcomeMarks, mean_m: Float[Any, " n"], sd_m: Float[Any, " 
     seen = jnp.logaddexp(np.log1p(-LAPSE) + inside, LAPSED_OUTCOME)
     wide = jnp.sqrt(sd_m**2 + HEIGHT_SD_M**2)
     density = -0.5 * ((marks.height_m - mean_m) / wide)**2 - jnp.log(wide) - HALF_LOG_2PI
-    measured = jnp.logaddexp(np.log1p(-LAPSE) + density, LAPSED_HEIGHT)
+    measured = jnp.logaddexp(np.log1p(-LAPSE) + density, marks.log_lapsed)
     return jnp.where(marks.marked, jnp.where(marks.measured, measured, seen), 0.0)
 
 
