@@ -60,7 +60,7 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
     InputError for an unknown term, too few shots, outcomes without a target, or a measurement of a believed term.
     """
     among = belief.catalogue if terms is None and belief is not None else as_catalogue(terms)
-    names = _names(dataset, believed if belief is None else tuple(belief.coefficients), among)
+    names = believed_names(dataset, believed if belief is None else tuple(belief.coefficients), among)
     _check_measured(measured or {}, names)
     dataset, since = dataset.in_order(), None if since is None else since.in_order()
     intake = take_in(dataset, {} if belief is None else belief.curves)
@@ -84,7 +84,7 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
                          launcher_of(dataset.rig))
 
 
-def _names(dataset: Dataset, believed: Sequence[str] | None, among: Catalogue) -> tuple[str, ...]:
+def believed_names(dataset: Dataset, believed: Sequence[str] | None, among: Catalogue) -> tuple[str, ...]:
     """Names of the believed terms, gravity first: every flight needs it."""
     given = tuple(dataset.facts.believe.terms if believed is None else believed)
     try:

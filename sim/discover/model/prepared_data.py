@@ -62,13 +62,13 @@ class Intake:
     left_out: tuple[str, ...]
 
 
-def take_in(dataset: Dataset, curves: Curves = NONE) -> Intake:
-    """InputError when there are fewer than FEWEST_SHOTS shots or outcomes without a target.
+def take_in(dataset: Dataset, curves: Curves = NONE, fewest: int = FEWEST_SHOTS) -> Intake:
+    """InputError when there are fewer than `fewest` shots or outcomes without a target.
 
     curves: of unexplained effects that are believed.
     """
     rig, shots = dataset.facts, dataset.shots
-    if len(shots) < FEWEST_SHOTS:
+    if len(shots) < fewest:
         raise InputError(f"{shots.source}: {say_few(len(shots))}")
     wheels, hood = has_wheels(rig, shots), np.isfinite(shots.number("hood_deg"))
     sped, aimed = (np.isfinite(shots.number(name)) for name in ("exit_speed_m_s", "exit_deg"))

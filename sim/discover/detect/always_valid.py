@@ -1,0 +1,176 @@
+"""A test for change since a belief that may be looked at after every shot.
+
+After each shot the probability of all outcomes so far, if something changed at some shot, is divided by their
+probability if nothing did. If nothing did, this ratio (an e-value) exceeds 1 / alpha at any shot of an endless session
+with probability alpha at most (Ville 1939; Ramdas et al. 2023, "Game-theoretic statistics and safe anytime-valid
+inference"). So a session may be looked at, and stopped, after any shot.
+
+Both probabilities are means over the same draws of the belief's numbers from its posterior, so that an error which the
+belief admits is not a change. The changed one is also a mean over directions (every candidate term, and launch,
+distance and push), sizes and first shots; each shot costs the same. Exact in these draws; heights are linear in all
+numbers, as in the score table. Settings may follow from earlier outcomes.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.special import ndtr, ndtri
+from scipy.stats import qmc
+
+from truearc.sim.discover.model.plane_likelihood import LAPSE
+from truearc.sim.discover.model.score_table import Array, ScoreTable
+
+DRAWS = 256                           # of the belief's numbers; a power of 2, by a Sobol sequence
+SIZES = np.array([0.15, 0.4, 1.0, 2.5])       # of a change, in usual ones, either way
+AT_ONCE = 0.5                         # probability that a change was there at the first shot, if there is one
+HAZARD = 0.01                         # that it comes with the next shot, if it was not
+LAPSED_PER_M = 0.1                    # density of a height that was measured wrongly
+FARTHEST = 8.0                        # standard deviations: in a normal tail beyond, nothing is left of a double
+
+
+@dataclass(frozen=True, eq=False)
+class ChangeTest:
+    """Of m shots with an outcome or a height, in their order.
+
+    rows [m]: in the dataset; e_value [m] after each; directions: names of what may have changed; share [m, K]: how
+    likely each is after each shot, if something changed.
+    """
+
+    rows: Int[np.ndarray, " m"]
+    e_value: Float[np.ndarray, " m"]
+    directions: tuple[str, ...]
+    share: Float[np.ndarray, "m K"]
+    work: "_Work"
+
+    def alarm(self, false_alarm: float) -> int | None:
+        """Place among the m shots of the first with an alarm; None where there is none."""
+        above = np.flatnonzero(self.e_value >= 1.0 / false_alarm)
+        return int(above[0]) if len(above) else None
+
+    def since(self, last: int) -> tuple[int, Float[np.ndarray, " k"]]:
+        """(place of the shot at which a change is likeliest to have come, by the shots up to place `last`; how likely
+        each place [last + 1] is, all alike a priori)."""
+        likely = self.work.starts(last)
+        return int(np.argmax(likely)), likely / likely.sum()
+
+
+def test_change(evidence: ScoreTable, seed: int = 0) -> ChangeTest:
+    """Judge the shots of a score table made at the belief's mean, whose shared columns have the belief's posterior as
+    their prior; its tracks play no part. ValueError where no shot has an outcome or a height."""
+    work = _Work.of(evidence, seed)
+    e_value, share = work.run()
+    assert evidence.plane is not None
+    names = tuple(evidence.columns[k].name for k in work.directions)
+    return ChangeTest(evidence.rows[evidence.plane.rows], e_value, names, share, work)
+
+
+test_change.__test__ = False          # type: ignore[attr-defined]  # not one of pytest's
+
+
+def directions_of(evidence: ScoreTable) -> Int[np.ndarray, " K"]:
+    """Columns of terms and of free changes that are alike in all shots, as far as any height depends on them."""
+    assert evidence.plane is not None
+    own = [k for k, column in enumerate(evidence.columns[:evidence.first_shared])
+           if column.kind == "term" or not column.follows]
+    moves = np.abs(evidence.plane.by_column).max(0) + np.abs(evidence.plane.wider_by).max(0)
+    return np.array([k for k in own if moves[k] > 0.0], dtype=int)
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """Heights as drawn: mean_m, spread_m, wider_m [m, S] of each draw; shift_m, grown_m [m, K B] by each direction and
+    size; before [m, S], filled by `run`: weight of each draw before each shot."""
+
+    evidence: ScoreTable
+    directions: Int[np.ndarray, " K"]
+    mean_m: Float[np.ndarray, "m S"]
+    spread_m: Float[np.ndarray, "m S"]
+    wider_m: Float[np.ndarray, "m S"]
+    shift_m: Float[np.ndarray, "m KB"]
+    grown_m: Float[np.ndarray, "m KB"]
+    before: Float[np.ndarray, "m S"]
+
+    @staticmethod
+    def of(evidence: ScoreTable, seed: int) -> "_Work":
+        plane = evidence.plane
+        if plane is None:
+            raise ValueError("no shot has an outcome or a height at the target")
+        numbers = np.asarray(drawn(evidence, seed))
+        place = evidence.deal.place[plane.rows][:, evidence.first_shared:] - evidence.first_shared
+        mine = numbers[:, place]                                     # [S, m, C - first]
+        mean, wider, log_spread = (np.einsum("smc,mc->ms", mine, by[:, evidence.first_shared:]) for by in (
+            plane.by_column, plane.wider_by, plane.log_spread_by))
+        among = directions_of(evidence)
+        usual = np.array([evidence.columns[k].usual for k in among])
+        sizes = np.concatenate([-SIZES, SIZES])
+        shift, grown = ((by[:, among] * usual)[:, :, None] * sizes for by in (plane.by_column, plane.wider_by))
+        m = len(plane.rows)
+        return _Work(evidence, among, plane.mean_m[:, None] + mean,
+                     plane.spread_m[:, None] * np.exp(np.clip(log_spread, -2.0, 2.0)), wider, shift.reshape(m, -1),
+                     grown.reshape(m, -1), np.zeros(mean.shape))
+
+    def run(self) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m K"]]:
+        """(e-values [m], shares of the directions [m, K])."""
+        m, draws = self.mean_m.shape
+        weight, changed = np.full(draws, 1.0 / draws), np.zeros((draws, self.shift_m.shape[1]))
+        rest, e_value, share = 1.0, np.zeros(m), np.zeros((m, len(self.directions)))
+        for shot in range(m):
+            self.before[shot] = weight
+            now = rest * (AT_ONCE if shot == 0 else HAZARD)
+            rest -= now
+            same, other = self._chances(shot)
+            told = weight @ same
+            changed = (changed + now * weight[:, None]) * other / told
+            weight = weight * same / told
+            each = changed.sum(0) / changed.shape[1]
+            e_value[shot] = each.sum() + rest
+            share[shot] = each.reshape(len(self.directions), -1).sum(1) / each.sum()
+        return e_value, share
+
+    def starts(self, last: int) -> Float[np.ndarray, " k"]:
+        """Likelihood [last + 1] of the outcomes up to `last` if the change came with each shot, over none."""
+        likely, ratio = np.zeros(last + 1), np.ones((self.mean_m.shape[1], self.shift_m.shape[1]))
+        for shot in range(last, -1, -1):
+            same, other = self._chances(shot)
+            ratio *= other / (self.before[shot] @ same)
+            likely[shot] = (self.before[shot] @ ratio).mean()
+        return likely
+
+    def _chances(self, shot: int) -> tuple[Float[np.ndarray, " S"], Float[np.ndarray, "S KB"]]:
+        """Likelihood of a shot's outcome by each draw, unchanged and changed."""
+        mean, spread, wider = self.mean_m[shot], self.spread_m[shot], self.wider_m[shot]
+        same = self._chance(shot, mean, spread, wider)
+        return same, self._chance(shot, mean[:, None] + self.shift_m[shot], spread[:, None],
+                                  wider[:, None] + self.grown_m[shot])
+
+    def _chance(self, shot: int, mean_m: Array, spread_m: Array, wider_m: Array) -> Array:
+        assert self.evidence.plane is not None
+        seen = self.evidence.plane.seen
+        if seen.measured[shot]:
+            off = np.clip((seen.height_m[shot] - mean_m) / spread_m, -38.0, 38.0)
+            return np.asarray((1.0 - LAPSE) * np.exp(-0.5 * off**2) / (np.sqrt(2.0 * np.pi) * spread_m)
+                              + LAPSE * LAPSED_PER_M)
+        chance = sum((_share(low, high, mean_m, spread_m, wider_m)
+                      for low, high in _intervals(seen.low[shot], seen.high[shot])), start=np.zeros(()))
+        return np.asarray((1.0 - LAPSE) * chance + LAPSE / 3.0)
+
+
+def _intervals(low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"]) -> Iterator[tuple[float, float]]:
+    return ((float(a), float(b)) for a, b in zip(low, high, strict=True) if a < b)
+
+
+def _share(low: float, high: float, mean_m: Array, spread_m: Array, wider_m: Array) -> Array:
+    """Of a normal height between two borders, which lie `wider_m` farther out."""
+    below, above = (np.clip((edge + np.sign(edge) * wider_m - mean_m) / spread_m, -FARTHEST, FARTHEST)
+                    if np.isfinite(edge) else None for edge in (low, high))
+    return np.asarray((1.0 if above is None else ndtr(above)) - (0.0 if below is None else ndtr(below)))
+
+
+def drawn(evidence: ScoreTable, seed: int) -> Float[np.ndarray, "S p"]:
+    """Departures of the shared columns from the belief's mean, drawn from its posterior."""
+    precision = evidence.precision
+    root = np.linalg.cholesky(np.linalg.inv(precision))
+    uniform = qmc.Sobol(len(precision), seed=seed).random(DRAWS)
+    return np.asarray(ndtri(np.clip(uniform, 1e-9, 1.0 - 1e-9)) @ root.T)
