@@ -16,7 +16,7 @@ PLAIN = st.one_of(TEXT, FLOATS, st.integers(0, 10**9), st.booleans())
 
 
 @settings(deadline=None)
-@given(FLOATS, FLOATS, st.dictionaries(TEXT.filter(bool), PLAIN))
+@given(FLOATS.map(abs), FLOATS, st.dictionaries(TEXT.filter(bool), PLAIN))
 def test_what_is_saved_reads_back(tmp_path_factory, cd, cl, provenance):
     path = tmp_path_factory.mktemp("c") / "coefficients.toml"
     coefficients = {"drag": {"cd": cd}, "magnus": {"cl": cl}}

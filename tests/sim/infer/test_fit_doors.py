@@ -60,7 +60,7 @@ def test_fit_writes_what_predict_reads(home, tmp_path, capsys):
 
 @pytest.mark.parametrize(("arguments", "message"), [
     (["--cd", "0.9"], "--cl is needed"),
-    (["--cd", "nan", "--cl", "0"], "--cd: got nan; expected a finite number"),
+    (["--cd", "nan", "--cl", "0"], "--cd: got nan; expected at least 0"),
     (["--cd", "1", "--cl", "1", "--coefficients", "x"], "exclude each other"),
     (["--coefficients", "nowhere.toml"], "nowhere.toml"),
     (["--cd", "1", "--cl", "1", "-o", "/nowhere/p.csv"], "/nowhere/p.csv"),

@@ -8,8 +8,6 @@ import hashlib
 import secrets
 from typing import NamedTuple
 
-import numpy as np
-
 from truearc.sim.world.options import Options
 
 
@@ -56,6 +54,7 @@ def draw_effect(seed: int | None) -> Envelope:
     if seed is None:
         number, nonce = secrets.randbelow(len(EFFECTS)), secrets.token_hex(16)
     else:
+        import numpy as np  # which --help does without
         rng = np.random.default_rng([seed, 99])
         number, nonce = int(rng.integers(len(EFFECTS))), rng.bytes(16).hex()
     return Envelope(number, EFFECTS[number], f"{EFFECTS[number].name} | {nonce}")
