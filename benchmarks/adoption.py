@@ -1,7 +1,11 @@
-"""Does the gate improve when the simulation learns what it lacked?
+"""Do the gate and the aim improve when the simulation learns what it lacked?
 
     python -m benchmarks.adoption --worlds 2 --shots 300 --seed 71 --out FILE
     python -m benchmarks.adoption --table FILE
+    python -m benchmarks.adoption --judge points --worlds 1 --shots 120 --seed 71 --out FILE
+
+Judged by points, balls are aimed in the same world by what was believed, by what was found and by what is adopted
+(benchmarks/adoption_points.py). Judged by gates:
 
 Worlds are MuJoCo's with one thing changed each (truearc_proof.worlds.perturbations), or nothing. From a recorded
 session of each, by telemetry and outcomes (L1), gates are trained in pairs that are alike in all but their physics:
@@ -23,6 +27,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.adoption_points import make_points_table, run_points
 from benchmarks.adoption_table import make_table
 from benchmarks.filling import fill_and_tell, parser_of
 from benchmarks.unseen import off_m
@@ -107,7 +112,8 @@ def _judged(config: Config, gate: Gate, marks: OutcomeClasses) -> Line:
 
 def main() -> int:
     args = _arguments()
-    return fill_and_tell(args, partial(_run_all, args), make_table)
+    return fill_and_tell(args, partial(_run_all, args), lambda lines: (
+        make_points_table if "points" in lines[0] else make_table)(lines))
 
 
 def _run_all(args: argparse.Namespace, path: Path) -> dict[str, Line]:
@@ -115,11 +121,13 @@ def _run_all(args: argparse.Namespace, path: Path) -> dict[str, Line]:
     jobs = {f"{change.name}/{args.shots}/{seed}": (change, args.shots, seed)
             for seed in (APART * (args.seed + number) for number in range(args.worlds)) for change in seen_at(LEVEL)
             if args.only is None or change.name in args.only.split(",")}
-    return fill(path, jobs, partial(run, config), make_progress("worlds"), args.processes)
+    judge = partial(run, config) if args.judge == "gates" else partial(run_points, config.rig, apart=APART)
+    return fill(path, jobs, judge, make_progress("worlds"), args.processes)
 
 
 def _arguments() -> argparse.Namespace:
     parser = parser_of(__doc__)
+    parser.add_argument("--judge", choices=("gates", "points"), default="gates", help="by what (default gates)")
     parser.add_argument("--shots", type=int, default=300, help="recorded in each world")
     parser.add_argument("--worlds", type=int, default=2, help="of each change")
     parser.add_argument("--only", help="changes, comma-separated; else all")

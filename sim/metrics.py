@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 BINS = 10
+POINTS_TWO, POINTS_THREE = 2.0, 3.0   # that a ball scores through the outer and through the inner opening
 
 
 class Figures(NamedTuple):

@@ -20,6 +20,7 @@ from truearc.robot.recording.session import Header
 from truearc.sim.data.columns import UNITS
 from truearc.sim.discover.finding import Finding
 from truearc.sim.discover.plan.detectability import Sight
+from truearc.sim.discover.proposal import AimProposal
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE, SCHEMAS, LAUNCHER = ROOT / "docs/reference/formats.md", ROOT / "truearc/schemas", ROOT / "robot/launcher.toml"
@@ -69,6 +70,7 @@ DOCUMENTS: dict[str, tuple[type[Struct], str, str]] = {
     "identifiability": (Sight, "schema", "`truearc identifiability DIR --json FILE`"),
     "design": (Design, "schema", "`truearc design DIR --json FILE`"),
     "aim": (AimContent, "schema", "`truearc aim BELIEF --rig FILE --robot FILE`"),
+    "proposal": (AimProposal, "schema", "`truearc follow ... --out DIR` as `DIR/proposal.json`"),
     "session": (Header, "format", "`session.json` of a recording"),
 }
 HEAD = """# File formats
@@ -80,7 +82,7 @@ Every key and unit of the files that users write or read. Made from the code by 
 | dataset: `rig.toml`, `shots.csv`, `tracks.csv`, `traces.csv` | [dataset](../dataset.md) |
 | `launcher.toml` | [below](#launchertoml); axes: [motors](../motors.md); `[rig]`: as in a dataset |
 | belief: coefficients, scatter, covariance | [below](#belief) |
-| results as JSON: finding, identifiability, design, a session's header | [below](#json-documents) |
+| results as JSON: finding, identifiability, design, proposal, a session's header | [below](#json-documents) |
 | a session's other files | first lines of `robot/recording/session.py` |
 | codes of reasons in recordings | [reasons](../reasons.md) |
 | CAN frames, button box | [buses](../buses.md), [button-box](../button-box.md) |

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from truearc.api.aiming import AimTable, aim, export_aim, verify_aim
     from truearc.api.discovery import Finding, discover
     from truearc.api.fitting import Fit, fit
+    from truearc.api.following import Following, follow
     from truearc.api.gate import GateTraining, train_gate
     from truearc.api.planning import Identifiability, ShotDesign, design_shots, identifiability
     from truearc.api.prediction import predict
@@ -45,11 +46,12 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
-    "AimTable", "AirTerm", "ArrivalTerm", "Belief", "Dataset", "Finding", "Fit", "FlightTerm", "GateTraining",
-    "Identifiability", "InputError", "LaunchTerm", "Parameter", "Prior", "Recording", "Rig", "SensingTerm",
-    "ShotDesign", "Table", "WatchTerm", "aim", "catalogue", "dataset", "design_shots", "discover", "emulate",
-    "export_aim", "export_weights", "fit", "identifiability", "load_belief", "load_config", "load_dataset",
-    "load_finding", "load_rig", "paper", "predict", "save_dataset", "shots_from_sessions", "train_gate", "verify_aim",
+    "AimTable", "AirTerm", "ArrivalTerm", "Belief", "Dataset", "Finding", "Fit", "FlightTerm", "Following",
+    "GateTraining", "Identifiability", "InputError", "LaunchTerm", "Parameter", "Prior", "Recording", "Rig",
+    "SensingTerm", "ShotDesign", "Table", "WatchTerm", "aim", "catalogue", "dataset", "design_shots", "discover",
+    "emulate", "export_aim", "export_weights", "fit", "follow", "identifiability", "load_belief", "load_config",
+    "load_dataset", "load_finding", "load_rig", "paper", "predict", "save_dataset", "shots_from_sessions",
+    "train_gate", "verify_aim",
     "verify_gate",
 ]
 
@@ -59,6 +61,7 @@ _NAMES = {
     "truearc.api.aiming": "AimTable aim export_aim verify_aim",
     "truearc.api.discovery": "Finding discover",
     "truearc.api.fitting": "Fit fit",
+    "truearc.api.following": "Following follow",
     "truearc.api.gate": "GateTraining train_gate",
     "truearc.api.planning": "Identifiability ShotDesign design_shots identifiability",
     "truearc.api.prediction": "predict",

@@ -10,11 +10,10 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.forecast import forecast
+from truearc.sim.metrics import POINTS_THREE, POINTS_TWO
 from truearc.sim.physics.catalogue import effective
 from truearc.sim.physics.simulate import ORDINARY, opening_of
 from truearc.sim.physics.term import Opening
-
-POINTS_TWO, POINTS_THREE = 2.0, 3.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,10 @@ A later session's balls may be others, and a fit that may say so attributes much
 shots of that session it forecasts no worse. But the next session's balls are others again. So a belief is judged with
 the session's random effects of balls taken out: one that would then forecast its shots worse, by its 90 % interval, is
 not adopted, even if this session's balls gain by it; and one that they do not gain by is, if it is not worse.
+
+Then it is judged by points (truearc.sim.discover.select.expected_points): where hold-out shots, aimed and gated by it,
+would have scored fewer than by the belief without it, it is refused. The mean decides, not its interval: what is
+believed already costs nothing to keep, and a robot is not changed for something that is expected to lose.
 """
 
 from collections.abc import Callable
@@ -12,16 +16,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
+from msgspec import structs
 
+from truearc.sim.discover.finding import Adoption
 from truearc.sim.discover.investigate import Investigation
-from truearc.sim.discover.model.baseline_fit import only_shared, stopped
+from truearc.sim.discover.model.baseline_fit import BaselineFit, only_shared, stopped
 from truearc.sim.discover.model.belief_prior import SCATTERS, believed_name, own_slope
 from truearc.sim.discover.model.design_columns import is_tracker
 from truearc.sim.discover.model.linearization import LinearizationPoint, ParameterLayout
 from truearc.sim.discover.model.nonparametric_terms import Freed, all_freed
 from truearc.sim.discover.model.prepared_data import Intake
 from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
-from truearc.sim.discover.report.finding_text import gained_interval
+from truearc.sim.discover.report.finding_text import gained_interval, say_refused
+from truearc.sim.discover.select.expected_points import (
+    THRESHOLD,
+    JudgedFit,
+    hold_out,
+    points_of,
+    scored_points,
+)
 from truearc.sim.discover.select.forecast_error import track_errors
 from truearc.sim.discover.select.model_averaging import Mixed, mixed
 from truearc.sim.discover.select.refit import Refit, clustered_error, further_values, unseen_change, without
@@ -29,6 +42,7 @@ from truearc.sim.discover.select.selection_step import Step
 from truearc.sim.infer.belief import SCATTER, Belief, moved_curves, scale_of
 from truearc.sim.infer.coefficients import Coefficients
 from truearc.sim.infer.curve import Curve
+from truearc.sim.metrics import POINTS_THREE
 from truearc.sim.physics.catalogue import Catalogue, find_terms
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS
 from truearc.sim.physics.scales import fits_scale
@@ -58,17 +72,19 @@ def usual_gain(before: ScoreTable, after: ScoreTable) -> tuple[float, float]:
     return float(gain.mean() - error), float(gain.mean() + error)
 
 
-def make_belief(investigation: Investigation, gain: Gain = usual_gain) -> tuple[Belief, dict[str, Any]]:
+def make_belief(investigation: Investigation, gain: Gain = usual_gain,
+                threshold: float | None = THRESHOLD) -> tuple[Belief, dict[str, Any]]:
     """(coefficients, scatter and covariance with all that was named, and the curve of the rest; provenance).
 
     Where several names of the last effect could not be told apart, the simulation is chosen that forecasts their
     average (truearc.sim.discover.select.model_averaging). gain: bounds of the forecasts' gain where the balls are
-    others. Where even a number that was believed before stopped at the end of its range (provenance: at_limit), the
-    belief that was started from stays. ValueError for data that carry no test.
+    others. threshold: of the gate by which points are judged; None: they are not. Where even a number that was believed
+    before stopped at the end of its range (provenance: at_limit), the belief that was started from stays. ValueError
+    for data that carry no test.
     """
     if investigation.fitted is None:
         raise ValueError("the data carry no test, so nothing was fitted")
-    taken, worse = _best(investigation, gain)
+    taken, worse, _ = _best(investigation, gain, threshold)
     named, free, several, evidence = taken.named, taken.free, taken.several, taken.evidence
     among = investigation.catalogue
     names = [name for step in named[:-1 if several else None] for name in step.refit.names]
@@ -125,17 +141,74 @@ class _Taken(NamedTuple):
     why: str
 
 
-def _best(investigation: Investigation, gain: Gain) -> tuple[_Taken, str]:
-    """All that was found; else what of it has a name; else nothing; and why not all."""
+def with_worth(investigation: Investigation) -> Investigation:
+    """The same, its finding with what it is worth in points, and whether it is adopted."""
+    if not investigation.steps or investigation.fitted is None:
+        return investigation
+    _, why, judged = _best(investigation, usual_gain, THRESHOLD)
+    if judged is None:
+        return investigation
+    adoption = structs.replace(judged, refused=why or None)
+    return replace(investigation, finding=structs.replace(investigation.finding, adoption=adoption))
+
+
+def _best(investigation: Investigation, gain: Gain,
+          threshold: float | None) -> tuple[_Taken, str, Adoption | None]:
+    """All that was found; else what of it has a name; else nothing; why not all; and what the first that was put to
+    points is worth."""
     everything, worse = _best_flown(investigation)
     named = tuple(step for step in everything if not step.unknown)
+    first: Adoption | None = None
     for steps in (everything, named) if len(named) < len(everything) else (everything,):
         taken = _take(investigation, steps)
-        why = _worse(investigation, taken, gain)
+        why, judged = _worse(investigation, taken, gain), None
+        if not why and threshold is not None:
+            judged = judge_points(investigation, taken, threshold)
+            why = say_refused(judged) if judged is not None and judged.gain < 0.0 else ""
         if not why:
-            return taken, worse
-        worse = worse or why
-    return _take(investigation, ()), worse
+            return taken, worse, first or judged
+        first, worse = first or judged, worse or why
+    return _take(investigation, ()), worse, first
+
+
+def judge_points(investigation: Investigation, taken: _Taken, threshold: float = THRESHOLD) -> Adoption | None:
+    """Points on hold-out shots by what was taken, and by the fit without it; None where nothing was taken, or no target
+    tells points. threshold: of the gate."""
+    fitted = investigation.fitted
+    if fitted is None or not (taken.named or taken.free) or fitted.intake.rig.target is None:
+        return None
+    if fitted.evidence.plane is None or taken.evidence.plane is None:
+        return None
+    seen, rows = fitted.evidence.plane.seen, fitted.evidence.plane.rows
+    old = hold_out(fitted.intake, [_without(fitted)], [0.0])
+    new = hold_out(fitted.intake, *_models(taken))
+    before, after = (points_of(seen, one, (old, new), threshold) for one in (old, new))
+    scored, held = scored_points(seen), POINTS_THREE * threshold
+    gain = after.worth(scored, held) - before.worth(scored, held)
+    error = NINETY * clustered_error(gain, fitted.together[rows])
+    passed = [float(scored[one.fires].mean()) if one.fires.any() else None for one in (before, after)]
+    return Adoption(len(rows), threshold, float(before.aimed.mean()), float(after.aimed.mean()),
+                    float(before.fires.mean()), float(after.fires.mean()), passed[0], passed[1], float(gain.mean()),
+                    float(gain.mean() - error), float(gain.mean() + error), None)
+
+
+def _without(fitted: BaselineFit) -> JudgedFit:
+    """The fit with its shared columns alone."""
+    return JudgedFit(only_shared(fitted.layout), fitted.spot, without(fitted.evidence))
+
+
+def _models(taken: _Taken) -> tuple[list[JudgedFit], list[float]]:
+    """The simulations whose average is taken, and the nats of each."""
+    if taken.free:
+        fitted = taken.free[-1].fitted
+        return [JudgedFit(only_shared(fitted.layout), fitted.spot, taken.evidence)], [0.0]
+    last = taken.named[-1]
+    if taken.several is None:
+        return [JudgedFit(last.refit.layout, last.refit.spot, last.refit.evidence)], [0.0]
+    refits = [last.naming.refits[name] for name in taken.several.share]
+    nothing = float(np.log(sum(candidate.visible for candidate in last.naming.candidates)))
+    return ([_without(last.fitted), *(JudgedFit(one.layout, one.spot, one.evidence) for one in refits)],
+            [nothing, *(last.naming.nats[name] for name in taken.several.share)])
 
 
 def _best_flown(investigation: Investigation) -> tuple[tuple[Step, ...], str]:

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from msgspec import Struct
+from msgspec import UNSET, Struct, UnsetType
 
 from truearc.robot.config.schema import InputError, load_bytes
 
@@ -114,6 +114,23 @@ class FitSummary(Struct, frozen=True):
     height_at: str = "plane"          # or "track end": forecast from the first 40 % of the track
 
 
+class Adoption(Struct, frozen=True):
+    """Worth of what was found on shots that the fit had not seen, in points, and whether it is adopted."""
+
+    shots: int                        # with an outcome or a height
+    threshold: float                  # of P(three), from which the gate fires
+    aimed_before: float               # points per ball, had every shot been aimed by what was believed
+    aimed_after: float                # by what was found
+    fired_before: float               # share of the shots as made that the gate of what was believed lets through
+    fired_after: float                # of what was found
+    scored_before: float | None       # points per ball of these; null: it lets none through
+    scored_after: float | None        # of what was found
+    gain: float                       # points per shot, aim and gate together
+    low90: float                      # lower end of the 90 % interval over hold-out shots
+    high90: float                     # upper end
+    refused: str | None               # why it is not adopted, or not as a whole; null: it is adopted
+
+
 class Finding(Struct, frozen=True):
     data: DataSummary                 # what was looked at
     mismatch: Mismatch                # whether simulation and data differ
@@ -127,6 +144,7 @@ class Finding(Struct, frozen=True):
     set: tuple[str, ...] | None = None # terms that these data cannot tell apart; null: one stands alone
     next: tuple[dict[str, Any], ...] = () # shots or measurements to make next, as in truearc.design/1
     also: tuple[Further, ...] = ()    # further effects, in the order in which they were found
+    adoption: Adoption | UnsetType = UNSET         # absent where nothing was found, or no target tells points
 
 
 def load_finding(path: str | Path) -> Finding:

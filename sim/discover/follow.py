@@ -16,6 +16,8 @@ from truearc.sim.discover.model.prepared_data import Intake, take_in
 from truearc.sim.discover.model.score_table import ScoreTable
 from truearc.sim.infer.belief import Belief
 
+# Circumstances that compare a shot with the whole session: with each further shot they would be others.
+OF_SESSION = ("age", "battery", "density", "droop")
 LAUNCHED = ("exit_speed_m_s", "exit_deg", "exit_spin_rev_s")
 
 
@@ -29,7 +31,13 @@ def follow_shots(dataset: Dataset, belief: Belief, seed: int = 0) -> ChangeTest:
     evidence = score_since(dataset, belief)
     if evidence is None:
         raise InputError(f"{dataset.name}: no shot has an outcome or a height, with its distance and its launch")
-    return test_change(evidence, seed)
+    return test_change(evidence, seed, told_by_session(belief))
+
+
+def told_by_session(belief: Belief) -> tuple[str, ...]:
+    """Terms that go with what compares a shot with its session, and so with shots to come: no directions of the test.
+    """
+    return tuple(term.name for term in belief.catalogue if term.follows in OF_SESSION)
 
 
 def score_since(dataset: Dataset, belief: Belief) -> ScoreTable | None:

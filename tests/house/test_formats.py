@@ -15,7 +15,8 @@ from truearc.robot.config.schema import Config
 
 GOLDEN = sorted([*REFERENCE.glob("finding-*/finding.json"), *REFERENCE.glob("identifiability/*.json"),
                  *REFERENCE.glob("design/*.json"), *REFERENCE.glob("gated-*/session.json"),
-                 Path(__file__).parents[1] / "robot" / "aim.json"])
+                 Path(__file__).parents[1] / "robot" / "aim.json",
+                 REFERENCE.parent / "inputs" / "proposal.json"])
 ELSEWHERE = ("axes.", "rig.", "collect.prescribed.")     # docs/motors.md, docs/dataset.md, `--plan`
 
 
@@ -77,7 +78,7 @@ def test_a_document_that_lacks_or_spoils_a_needed_key_fails(name: str) -> None:
     assert needed
     for key in needed:
         assert not validator(name).is_valid({other: value for other, value in document.items() if other != key}), key
-        assert not validator(name).is_valid({**document, key: 1j}), key
+        assert not validator(name).is_valid({**document, key: [1j]}), key
 
 
 def test_belief_has_the_tables_that_the_page_names() -> None:

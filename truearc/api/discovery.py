@@ -14,7 +14,7 @@ from truearc.api.terms import check_kind, names_of
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover import investigate as engine
-from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover.adopt import make_belief, with_worth
 from truearc.sim.discover.finding import Finding as FindingRecord
 from truearc.sim.discover.finding import Interval, Named, make_json
 from truearc.sim.discover.model.design_columns import check_believed
@@ -196,7 +196,7 @@ def discover(dataset: Dataset, *, belief: Belief | None = None, believe: Iterabl
     since = None if since is None else check_plausible(since, accept)
     found = engine.discover(dataset, names, false_alarm, seed, progress, belief, since,
                             _measured(measured or {}, among), among)
-    return Finding(dataset.name, found)
+    return Finding(dataset.name, with_worth(found))
 
 
 def _check_since(since: Dataset, belief: Belief | None, later: Dataset) -> None:

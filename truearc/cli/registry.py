@@ -47,6 +47,7 @@ COMMANDS = (
     Command("predict", "truearc.cli.discover.predict", "discover", "heights and outcomes, or a gate's probabilities"),
     Command("aim", "truearc.cli.discover.aim", "discover", "hood angle and motor speed by distance, by a belief"),
     Command("discover", "truearc.cli.discover.discover", "discover", "where recordings and simulation disagree"),
+    Command("follow", "truearc.cli.discover.follow", "discover", "shots as they come: has something changed?"),
     Command("design", "truearc.cli.discover.design", "discover", "the next shots, to separate remaining candidates"),
     Command("identifiability", "truearc.cli.discover.identifiability", "discover",
             "which effects a season of shots could show"),

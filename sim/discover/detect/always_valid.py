@@ -11,7 +11,7 @@ distance and push), sizes and first shots; each shot costs the same. Exact in th
 numbers, as in the score table. Settings may follow from earlier outcomes.
 """
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,13 +20,14 @@ from scipy.special import ndtr, ndtri
 from scipy.stats import qmc
 
 from truearc.sim.discover.model.plane_likelihood import LAPSE
-from truearc.sim.discover.model.score_table import Array, ScoreTable
+from truearc.sim.discover.model.score_table import ScoreTable
 
 DRAWS = 256                           # of the belief's numbers; a power of 2, by a Sobol sequence
 SIZES = np.array([0.15, 0.4, 1.0, 2.5])       # of a change, in usual ones, either way
 AT_ONCE = 0.5                         # probability that a change was there at the first shot, if there is one
 HAZARD = 0.01                         # that it comes with the next shot, if it was not
 LAPSED_PER_M = 0.1                    # density of a height that was measured wrongly
+Some = Float[np.ndarray, "..."]       # of draws alone, or of draws by changes
 FARTHEST = 8.0                        # standard deviations: in a normal tail beyond, nothing is left of a double
 
 
@@ -34,14 +35,12 @@ FARTHEST = 8.0                        # standard deviations: in a normal tail be
 class ChangeTest:
     """Of m shots with an outcome or a height, in their order.
 
-    rows [m]: in the dataset; e_value [m] after each; directions: names of what may have changed; share [m, K]: how
-    likely each is after each shot, if something changed.
+    rows [m]: in the dataset; e_value [m] after each; directions: names of what may have changed.
     """
 
     rows: Int[np.ndarray, " m"]
     e_value: Float[np.ndarray, " m"]
     directions: tuple[str, ...]
-    share: Float[np.ndarray, "m K"]
     work: "_Work"
 
     def alarm(self, false_alarm: float) -> int | None:
@@ -56,24 +55,25 @@ class ChangeTest:
         return int(np.argmax(likely)), likely / likely.sum()
 
 
-def test_change(evidence: ScoreTable, seed: int = 0) -> ChangeTest:
+def test_change(evidence: ScoreTable, seed: int = 0, but: Collection[str] = ()) -> ChangeTest:
     """Judge the shots of a score table made at the belief's mean, whose shared columns have the belief's posterior as
-    their prior; its tracks play no part. ValueError where no shot has an outcome or a height."""
-    work = _Work.of(evidence, seed)
-    e_value, share = work.run()
+    their prior; its tracks play no part. but: terms that are not among the directions. ValueError where no shot has an
+    outcome or a height."""
+    work = _Work.of(evidence, seed, but)
+    e_value = work.run()
     assert evidence.plane is not None
     names = tuple(evidence.columns[k].name for k in work.directions)
-    return ChangeTest(evidence.rows[evidence.plane.rows], e_value, names, share, work)
+    return ChangeTest(evidence.rows[evidence.plane.rows], e_value, names, work)
 
 
 test_change.__test__ = False          # type: ignore[attr-defined]  # not one of pytest's
 
 
-def directions_of(evidence: ScoreTable) -> Int[np.ndarray, " K"]:
+def directions_of(evidence: ScoreTable, but: Collection[str] = ()) -> Int[np.ndarray, " K"]:
     """Columns of terms and of free changes that are alike in all shots, as far as any height depends on them."""
     assert evidence.plane is not None
     own = [k for k, column in enumerate(evidence.columns[:evidence.first_shared])
-           if column.kind == "term" or not column.follows]
+           if (column.kind == "term" or not column.follows) and column.term not in but]
     moves = np.abs(evidence.plane.by_column).max(0) + np.abs(evidence.plane.wider_by).max(0)
     return np.array([k for k in own if moves[k] > 0.0], dtype=int)
 
@@ -93,7 +93,7 @@ class _Work:
     before: Float[np.ndarray, "m S"]
 
     @staticmethod
-    def of(evidence: ScoreTable, seed: int) -> "_Work":
+    def of(evidence: ScoreTable, seed: int, but: Collection[str]) -> "_Work":
         plane = evidence.plane
         if plane is None:
             raise ValueError("no shot has an outcome or a height at the target")
@@ -102,7 +102,7 @@ class _Work:
         mine = numbers[:, place]                                     # [S, m, C - first]
         mean, wider, log_spread = (np.einsum("smc,mc->ms", mine, by[:, evidence.first_shared:]) for by in (
             plane.by_column, plane.wider_by, plane.log_spread_by))
-        among = directions_of(evidence)
+        among = directions_of(evidence, but)
         usual = np.array([evidence.columns[k].usual for k in among])
         sizes = np.concatenate([-SIZES, SIZES])
         shift, grown = ((by[:, among] * usual)[:, :, None] * sizes for by in (plane.by_column, plane.wider_by))
@@ -111,11 +111,11 @@ class _Work:
                      plane.spread_m[:, None] * np.exp(np.clip(log_spread, -2.0, 2.0)), wider, shift.reshape(m, -1),
                      grown.reshape(m, -1), np.zeros(mean.shape))
 
-    def run(self) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m K"]]:
-        """(e-values [m], shares of the directions [m, K])."""
+    def run(self) -> Float[np.ndarray, " m"]:
+        """The e-values [m]."""
         m, draws = self.mean_m.shape
         weight, changed = np.full(draws, 1.0 / draws), np.zeros((draws, self.shift_m.shape[1]))
-        rest, e_value, share = 1.0, np.zeros(m), np.zeros((m, len(self.directions)))
+        rest, e_value = 1.0, np.zeros(m)
         for shot in range(m):
             self.before[shot] = weight
             now = rest * (AT_ONCE if shot == 0 else HAZARD)
@@ -124,10 +124,8 @@ class _Work:
             told = weight @ same
             changed = (changed + now * weight[:, None]) * other / told
             weight = weight * same / told
-            each = changed.sum(0) / changed.shape[1]
-            e_value[shot] = each.sum() + rest
-            share[shot] = each.reshape(len(self.directions), -1).sum(1) / each.sum()
-        return e_value, share
+            e_value[shot] = changed.sum() / changed.shape[1] + rest
+        return e_value
 
     def starts(self, last: int) -> Float[np.ndarray, " k"]:
         """Likelihood [last + 1] of the outcomes up to `last` if the change came with each shot, over none."""
@@ -145,13 +143,15 @@ class _Work:
         return same, self._chance(shot, mean[:, None] + self.shift_m[shot], spread[:, None],
                                   wider[:, None] + self.grown_m[shot])
 
-    def _chance(self, shot: int, mean_m: Array, spread_m: Array, wider_m: Array) -> Array:
+    def _chance(self, shot: int, mean_m: Some, spread_m: Some, wider_m: Some) -> Some:
         assert self.evidence.plane is not None
         seen = self.evidence.plane.seen
         if seen.measured[shot]:
             off = np.clip((seen.height_m[shot] - mean_m) / spread_m, -38.0, 38.0)
             return np.asarray((1.0 - LAPSE) * np.exp(-0.5 * off**2) / (np.sqrt(2.0 * np.pi) * spread_m)
                               + LAPSE * LAPSED_PER_M)
+        inner_m = seen.borders[3] if seen.borders[3] > 0.0 else seen.borders[4]
+        wider_m = np.maximum(wider_m, -inner_m)          # no opening is smaller than nothing
         chance = sum((_share(low, high, mean_m, spread_m, wider_m)
                       for low, high in _intervals(seen.low[shot], seen.high[shot])), start=np.zeros(()))
         return np.asarray((1.0 - LAPSE) * chance + LAPSE / 3.0)
@@ -161,7 +161,7 @@ def _intervals(low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"]) -> I
     return ((float(a), float(b)) for a, b in zip(low, high, strict=True) if a < b)
 
 
-def _share(low: float, high: float, mean_m: Array, spread_m: Array, wider_m: Array) -> Array:
+def _share(low: float, high: float, mean_m: Some, spread_m: Some, wider_m: Some) -> Some:
     """Of a normal height between two borders, which lie `wider_m` farther out."""
     below, above = (np.clip((edge + np.sign(edge) * wider_m - mean_m) / spread_m, -FARTHEST, FARTHEST)
                     if np.isfinite(edge) else None for edge in (low, high))

@@ -4,12 +4,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from msgspec import UnsetType
 from scipy.special import ndtri
 
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.localization import Place
 from truearc.sim.discover.detect.weight_functions import STEP
-from truearc.sim.discover.finding import Finding, FitSummary, Further, Named, Unknown, Where
+from truearc.sim.discover.finding import Adoption, Finding, FitSummary, Further, Named, Unknown, Where
 from truearc.sim.discover.model.score_table import ScoreTable
 from truearc.sim.discover.plan.detectability import EIGHTY, sight_of
 from truearc.sim.discover.report.effect_wording import in_words, plain, say_effect, scale_of, size_of
@@ -102,6 +103,23 @@ def say_adopted(finding: Finding, provenance: Mapping[str, Any]) -> str:
         return f"adopted: nothing; {', '.join(provenance['at_limit'])} stopped at the end of its range"
     what = f"the average of {', '.join(named)}" if provenance["averaged"] else ", ".join(named)
     return f"adopted: {what or 'nothing named, the fitted coefficients alone'}{but}"
+
+
+def say_refused(adoption: Adoption) -> str:
+    """Why what was found is not adopted: it would lose points."""
+    return (f"aimed and gated by it, hold-out shots would have scored {-adoption.gain:.2f} points per shot less "
+            f"(90 %: {adoption.low90:+.2f} to {adoption.high90:+.2f})")
+
+
+def say_points(adoption: Adoption) -> str:
+    """What it is worth in points, aimed by it and let through by its gate."""
+    passed = [f"{share:.0%} of the shots as made" + ("" if points is None else f" at {points:.2f} points each")
+              for share, points in ((adoption.fired_before, adoption.scored_before),
+                                    (adoption.fired_after, adoption.scored_after))]
+    verdict = f"not adopted as found: {adoption.refused}" if adoption.refused else "adopted"
+    return (f"points on {adoption.shots} hold-out shots: aimed {adoption.aimed_before:.2f} -> "
+            f"{adoption.aimed_after:.2f} per ball; the gate lets through {passed[0]} -> {passed[1]}; together "
+            f"{adoption.gain:+.2f} per shot (90 %: {adoption.low90:+.2f} to {adoption.high90:+.2f}); {verdict}")
 
 
 def _clear(further: Further) -> list[Named]:
@@ -199,6 +217,7 @@ def console_lines(finding: Finding, among: Catalogue | None = None) -> list[str]
         lines.append(say_inseparable(where))
     if finding.mismatch.found and where.times_s:
         lines.append(f"along the flight: {where.times_s[0]:.2f} to {where.times_s[1]:.2f} s")
+    lines += [] if isinstance(finding.adoption, UnsetType) else [say_points(finding.adoption)]
     lines += [f"next: {say_step(step, among)}" for step in finding.next]
     lines += [f"warning: {line}" for line in data.accepted]
     lines += [f"not tested: {line}" for line in data.untested]

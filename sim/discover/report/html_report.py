@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 from matplotlib.figure import Figure
+from msgspec import UnsetType
 
 from truearc.sim.discover.detect.residuals import View, halves, views_of
 from truearc.sim.discover.finding import Finding
@@ -16,6 +17,7 @@ from truearc.sim.discover.report.effect_wording import IN_FLIGHT, in_words, plai
 from truearc.sim.discover.report.finding_plots import field_png, flight_png, residual_figure
 from truearc.sim.discover.report.identifiability_report import sight_section, sight_sentence
 from truearc.sim.discover.select.selection_step import Step
+from truearc.sim.metrics import POINTS_THREE
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.report import make_page, make_png, paragraph, picture, table
 
@@ -213,7 +215,21 @@ def _worth(finding: Finding) -> str:
     shown = [row for row in rows if row[1] is not None and row[2] is not None]
     return table((f"{fit.heldout_shots} shots", "as simulated", "corrected"), shown) + paragraph(
         f"The log score gains {fit.gain_per_shot:.4g} per shot (90 %: {interval[0]:.4g} to {interval[1]:.4g}); above 0 "
-        "the corrected simulation is the better forecast.")
+        "the corrected simulation is the better forecast.") + _points(finding)
+
+
+def _points(finding: Finding) -> str:
+    """Points by what was believed and by what was found."""
+    worth = finding.adoption
+    if isinstance(worth, UnsetType):
+        return ""
+    rows = [("points per ball, had each shot been aimed by it", worth.aimed_before, worth.aimed_after),
+            ("shots as made that its gate lets through [%]", _percent(worth.fired_before), _percent(worth.fired_after)),
+            ("points per ball of these", worth.scored_before, worth.scored_after)]
+    return table((f"{worth.shots} shots", "as simulated", "corrected"), rows) + paragraph(
+        _capital(wording.say_points(worth)) + f". A ball that the gate holds counts "
+        f"{POINTS_THREE * worth.threshold:.1f} points: three times the least P(three) for which it fires "
+        f"({worth.threshold:g}).")
 
 
 def _percent(share: float | None) -> float | None:

@@ -12,15 +12,20 @@ from tests.sim.discover.odd_rigs import make_drops
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.parts import take_shots
 from truearc.sim.data.shot_conditions import circumstances_of
-from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover import adopt
+from truearc.sim.discover.adopt import make_belief, with_worth
 from truearc.sim.discover.detect.free_curve import Correction
+from truearc.sim.discover.finding import Adoption
 from truearc.sim.discover.investigate import Investigation, discover
 from truearc.sim.discover.model import nonparametric_terms as freed
-from truearc.sim.discover.model.baseline_fit import BaselineFit, usual_spot
+from truearc.sim.discover.model.baseline_fit import BaselineFit, only_shared, usual_spot
 from truearc.sim.discover.model.design_columns import lay_out
 from truearc.sim.discover.model.linearization import linearise
 from truearc.sim.discover.model.nonparametric_terms import Freed
 from truearc.sim.discover.model.prepared_data import take_in
+from truearc.sim.discover.report.finding_text import console_lines
+from truearc.sim.discover.select.expected_points import HoldOut, JudgedFit, hold_out
+from truearc.sim.discover.select.refit import without
 from truearc.sim.infer.belief import Belief, load_belief, point_belief
 from truearc.sim.infer.curve import Curve, before_the_shot
 from truearc.sim.physics.catalogue import find_parameter
@@ -81,6 +86,45 @@ def test_what_foretells_unseen_shots_worse_is_not_adopted(hasty: tuple[Dataset, 
     belief, provenance = make_belief(replace(found, finding=worse))
     assert "rapid_fire" not in belief.coefficients and provenance["adopted"] == []
     assert "are worse" in provenance["refused"]
+
+
+def test_what_would_lose_points_is_not_adopted(hasty: tuple[Dataset, Investigation],
+                                               monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where a hold-out shot, aimed by it, would have missed what it hit."""
+    found = with_worth(hasty[1]).finding.adoption
+    assert isinstance(found, Adoption) and found.refused is None and found.shots == SHOTS
+    assert found.low90 <= found.gain <= found.high90 and 0.0 < found.gain < 3.0
+    assert found.aimed_after > found.aimed_before
+    lost = structs.replace(found, gain=-0.05, low90=-0.2, high90=0.1)
+    monkeypatch.setattr(adopt, "judge_points", lambda investigation, taken, threshold: lost)
+    belief, provenance = make_belief(hasty[1])
+    assert provenance["adopted"] == [] and "rapid_fire" not in belief.coefficients
+    assert provenance["refused"].startswith("aimed and gated by it, hold-out shots would have scored 0.05 points")
+    assert make_belief(hasty[1], threshold=None)[1]["adopted"] == ["rapid_fire"]
+    said = with_worth(hasty[1]).finding
+    assert isinstance(said.adoption, Adoption) and said.adoption.refused == provenance["refused"]
+    assert any("not adopted as found: aimed and gated" in line for line in console_lines(said))
+
+
+def test_points_with_tracks_are_judged_from_the_settings_alone(nameless: Investigation) -> None:
+    """A track of the very shot is not known when it is aimed."""
+    fitted = nameless.fitted
+    assert fitted is not None
+    model = JudgedFit(only_shared(fitted.layout), fitted.spot, without(fitted.evidence))
+    blind = hold_out(fitted.intake, [model], [0.0])
+    told = model.evidence.plane
+    assert told is not None and np.median(blind.sd_m) > 2.0 * np.median(told.spread_m)
+    off_m = scored_heights(nameless, blind)
+    assert 0.7 < np.mean(off_m**2)**0.5 < 1.4
+
+
+def scored_heights(found: Investigation, said: HoldOut) -> np.ndarray:
+    """Heights of the shots' tracks where they end near the plane, in standard deviations from the forecasts."""
+    fitted = found.fitted
+    assert fitted is not None and fitted.evidence.plane is not None
+    told = without(fitted.evidence).plane
+    assert told is not None
+    return np.asarray((told.mean_m - said.mean_m) / said.sd_m)
 
 
 def test_a_curve_beside_which_a_coefficient_is_impossible_is_not_adopted(nameless: Investigation,

@@ -30,8 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("belief", metavar="BELIEF", help="coefficients.toml, as `truearc fit` and `truearc discover "
                         "--adopt` write it")
     parser.add_argument("--rig", required=True, metavar="FILE", help="rig.toml of a dataset, or launcher.toml")
-    parser.add_argument("--distances", type=_distances, metavar="LOW:HIGH:STEP", help="in m, or a list such as 2,3.5,5 "
-                        "(default: every 0.25 m of the range that the belief was fitted to)")
+    parser.add_argument("--distances", type=parse_distances, metavar="LOW:HIGH:STEP", help="in m, or a list such "
+                        "as 2,3.5,5 (default: every 0.25 m of the range that the belief was fitted to)")
     parser.add_argument("--hood", type=_span, metavar="LOW:HIGH", help="launch elevations in degrees to choose from "
                         "(default: the range that the belief was fitted to)")
     parser.add_argument("--format", choices=FORMATS, default="text", help="text for people, CSV or JSON with every "
@@ -79,7 +79,7 @@ def _numbers(text: str, separator: str) -> tuple[float, ...]:
     return numbers
 
 
-def _distances(text: str) -> tuple[float, ...]:
+def parse_distances(text: str) -> tuple[float, ...]:
     if ":" not in text:
         return _numbers(text, ",")
     numbers = _numbers(text, ":")

@@ -1,0 +1,203 @@
+"""Does the always-valid test keep its rate when it is looked at after every shot, and how soon does it see a change?
+
+    python -m benchmarks.follow --practices 20 --sessions 50 --seasons 6 --seed 700 --out FILE
+    python -m benchmarks.follow --table FILE
+
+A practice of 300 shots gives a belief (its fit of the believed terms; nothing is named). Sessions of 80 marked shots
+are then tested after each shot. Kinds of sessions: belief: the launcher's numbers are drawn from the belief's posterior
+(in the sense of which the rate is exact), heights from its forecast; robot: the very launcher of the practice, by the
+concealed worlds' own engine (truearc_proof.truth); season: MuJoCo's launcher, with what discovery adopted of its
+practice, from gravity, drag and lift on. Changed sessions of the latter two show how many shots an alarm takes. The
+naive test beside it, in the same run: an alarm where the same number is among the largest 5 % of unchanged sessions
+after as many shots, which is a test of 5 % at each look.
+FILE has a line per practice and kind; what is there is not run again.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import beta
+
+import truearc as ta
+from benchmarks.filling import fill_and_tell, parser_of
+from truearc import robot
+from truearc.cli.common import make_progress
+from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.schema import load_config
+from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover.detect.always_valid import test_change
+from truearc.sim.discover.follow import follow_shots, score_since, told_by_session
+from truearc.sim.discover.investigate import discover
+from truearc.sim.discover.model.plane_likelihood import see_outcomes
+from truearc.sim.infer.belief import draw
+from truearc.sim.infer.forecast import forecast
+from truearc.sim.world.options import Options
+from truearc_proof.rounds.jsonl_store import fill
+from truearc_proof.table import Table
+from truearc_proof.truth.generate import shoot
+from truearc_proof.truth.world import World, make_world
+from truearc_proof.world.practice import plan_season
+from truearc_proof.world.season import ORDINARY, play_season
+
+PRACTICE, SHOTS = 300, 80
+ALARM = 0.05
+PLANS = 5                             # plans of shots of which the sessions drawn from one belief are
+SAME = "nothing"
+CHANGED: dict[str, dict[str, float]] = {"wind 1.5 m/s": {"wind_x": -1.5}, "hood 1.5 deg": {"hood_offset": 1.5}}
+SEASONS: dict[str, dict[str, float]] = {
+    SAME: {}, "wind 1.5 m/s": {"wind_x_m_s": -1.5}, "hood 1.5 deg": {"hood_offset_deg": 1.5},
+    "worn balls": {"ball_radius_scale": 0.98, "ball_friction_scale": 0.85}}
+UNCHANGED_SEASONS, CHANGED_SESSIONS = 5, 5     # of each practice
+NAMES = {"belief": "drawn from the belief", "robot": "the launcher of the practice", "season": "MuJoCo's launcher"}
+
+Line = dict[str, Any]
+Job = tuple[str, int, int]
+
+
+def run(rig: Rig, job: Job) -> Line:
+    """One practice of a kind (kind, seed, sessions): logs to base 10 of the e-values of every session."""
+    keep_compiled()
+    kind, seed, sessions = job
+    if kind == "season":
+        return {"kind": kind, "seed": seed, "sessions": _seasons(rig, seed)}
+    home = make_world({}, "L1", PRACTICE, seed, side=True)
+    belief = make_belief(replace(discover(shoot(home), seed=seed), steps=()))[0]
+    if kind == "belief":
+        return {"kind": kind, "seed": seed, "sessions": {SAME: _drawn(home, belief, sessions)}}
+    found = {SAME: [_robot(home, belief, number, {}) for number in range(sessions)]}
+    for name, effects in CHANGED.items():
+        found[name] = [_robot(home, belief, number, effects) for number in range(min(CHANGED_SESSIONS, sessions))]
+    return {"kind": kind, "seed": seed, "sessions": found}
+
+
+def _logs(dataset: ta.Dataset, belief: ta.Belief) -> list[float]:
+    return _rounded(follow_shots(dataset, belief).e_value)
+
+
+def _rounded(e_value: np.ndarray) -> list[float]:
+    return [round(float(one), 3) for one in np.log10(e_value)]
+
+
+def _robot(home: World, belief: ta.Belief, number: int, effects: dict[str, float]) -> list[float]:
+    """A session of the practice's launcher."""
+    later = replace(home, seed=home.seed * 1000 + 1 + number, shots=SHOTS, effects=effects)
+    return _logs(shoot(later), belief)
+
+
+def _drawn(home: World, belief: ta.Belief, sessions: int) -> list[list[float]]:
+    """Sessions whose launchers are drawn from the belief, over a few plans of shots."""
+    rng = np.random.default_rng([home.seed, 5])
+    plans = [shoot(replace(home, seed=home.seed * 1000 + 900 + number, shots=SHOTS)).in_order()
+             for number in range(PLANS)]
+    tables = [score_since(plan, belief) for plan in plans]
+    found, but = [], told_by_session(belief)
+    for number, drawn in enumerate(draw(belief, sessions, rng)):
+        plan, table = plans[number % PLANS], tables[number % PLANS]
+        seen = forecast(plan.rig, drawn, plan.shots)
+        target = plan.rig.target
+        assert target is not None
+        off_m = seen.height_m + seen.sigma_m * rng.normal(size=SHOTS) - target.centre_height_m
+        size = np.abs(off_m)
+        outcome = np.where(size <= target.three_half_height_m, "three",
+                           np.where(size <= target.two_half_height_m, "two", "miss"))
+        side = np.where(outcome == "three", "", np.where(off_m < 0.0, "low", "high"))
+        texts = {**plan.shots.texts, "outcome": tuple(outcome.tolist()), "side": tuple(side.tolist())}
+        marks = see_outcomes(replace(plan.shots, texts=texts), target)[1]
+        assert table is not None and table.plane is not None and len(table.plane.rows) == SHOTS
+        marked = replace(table, plane=replace(table.plane, seen=marks))
+        found.append(_rounded(test_change(marked, but=but).e_value))
+    return found
+
+
+def _seasons(rig: Rig, seed: int) -> dict[str, list[list[float]]]:
+    """Sessions of MuJoCo's launcher after its practice."""
+    practice = play_season(rig, Options(), seed, plan_season(seed, PRACTICE), "L1", ORDINARY).dataset
+    belief = ta.discover(practice, believe=("gravity", "drag", "magnus"), seed=seed).adopt()
+    found: dict[str, list[list[float]]] = {}
+    for name, options in SEASONS.items():
+        count = UNCHANGED_SEASONS if name == SAME else 1
+        own = [seed * 100 + 1 + number for number in range(count)]
+        found[name] = [_logs(play_season(rig, Options(**options), one, plan_season(one, SHOTS), "L1",
+                                         ORDINARY).dataset, belief) for one in own]
+    return found
+
+
+def make_table(lines: Sequence[Line]) -> str:
+    """Markdown: the rate over unchanged sessions, and shots until the alarm over changed ones."""
+    rates, powers = [], []
+    for kind, name in NAMES.items():
+        mine = [line["sessions"] for line in lines if line["kind"] == kind]
+        if not mine:
+            continue
+        same = [session for one in mine for session in one[SAME]]
+        rates.append([name, f"{len(mine)}, {len(same)}", *(said for alarms in (
+            sum(_first(one) is not None for one in same), _naive(same)) for said in (
+                f"{alarms}", _share(alarms, len(same))))])
+        for change in dict.fromkeys(key for one in mine for key in one if key != SAME):
+            first = [_first(session) for one in mine for session in one[change]]
+            shots = sorted(SHOTS + 1 if one is None else one for one in first)
+            median = shots[(len(shots) - 1) // 2]
+            powers.append([name, change, str(len(shots)), f"{sum(one is not None for one in first)}",
+                           f"{median}" if median <= SHOTS else f"over {SHOTS}",
+                           f"{shots[int(0.9 * (len(shots) - 1))]}" if shots[int(0.9 * (len(shots) - 1))] <= SHOTS
+                           else f"over {SHOTS}"])
+    rate = Table(f"Unchanged sessions of {SHOTS} shots, looked at after each", (
+        "sessions", "practices, sessions", "alarms", "share (95 %)", "alarms of a 5 % test at each look",
+        "share (95 %)"), rates).markdown()
+    power = Table("Changed sessions", ("sessions", "changed", "sessions", "alarms", "shots to the alarm, median",
+                                       "nine in ten"), powers).markdown()
+    return f"{rate}\n\n{power}"
+
+
+def _first(logs: Sequence[float]) -> int | None:
+    """Number of the shot with the first alarm."""
+    above = np.flatnonzero(np.array(logs) >= -np.log10(ALARM))
+    return int(above[0]) + 1 if len(above) else None
+
+
+def _naive(same: Sequence[Sequence[float]]) -> int:
+    """Sessions that are among the largest 5 % after any number of shots."""
+    shots = min(map(len, same))
+    logs = np.array([one[:shots] for one in same])
+    rank = (logs[None] >= logs[:, None]).mean(1) if len(same) <= 2000 else np.ones_like(logs)
+    return int((rank <= ALARM).any(1).sum())
+
+
+def _share(count: int, of: int) -> str:
+    """A share with its exact interval (Clopper and Pearson)."""
+    low = 0.0 if count == 0 else float(beta.ppf(0.025, count, of - count + 1))
+    high = 1.0 if count == of else float(beta.ppf(0.975, count + 1, of - count))
+    return f"{count / of:.1%} ({low:.1%} to {high:.1%})"
+
+
+def main() -> int:
+    args = _arguments()
+    return fill_and_tell(args, partial(_run_all, args), make_table)
+
+
+def _run_all(args: argparse.Namespace, path: Path) -> dict[str, Line]:
+    rig = load_config(Path(robot.__file__).parent / "launcher.toml").rig
+    jobs: dict[str, Job] = {f"{kind}/{args.seed + number}/{args.sessions}": (kind, args.seed + number, args.sessions)
+                            for number in range(args.practices) for kind in ("belief", "robot")}
+    jobs |= {f"season/{args.seed + number}": ("season", args.seed + number, 1) for number in range(args.seasons)}
+    return fill(path, jobs, partial(run, rig), make_progress("practices"), args.processes)
+
+
+def _arguments() -> argparse.Namespace:
+    parser = parser_of(__doc__)
+    parser.add_argument("--practices", type=int, default=20, help="with sessions of the concealed worlds' engine")
+    parser.add_argument("--sessions", type=int, default=50, help="unchanged ones of each practice and kind")
+    parser.add_argument("--seasons", type=int, default=6, help="practices of MuJoCo's launcher")
+    parser.add_argument("--seed", type=int, default=700, help="of the first practice; the next has the next")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,179 @@
+"""`truearc follow`: shots as they come, an alarm where something changed, and a proposal that changes nothing."""
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from msgspec import structs
+
+import truearc as ta
+from truearc.api.following import propose, sealed
+from truearc.cli.discover.follow import ShotWatch
+from truearc.cli.main import main
+from truearc.sim.data.parts import join_datasets, take_shots
+from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover.finding import make_json
+from truearc.sim.discover.investigate import discover
+from truearc.sim.discover.proposal import BeliefFile, load_proposal
+from truearc_proof.truth.generate import shoot
+from truearc_proof.truth.world import make_world
+
+pytestmark = pytest.mark.slow
+BEFORE, AFTER = 30, 40
+HOME = make_world({}, "L1", 200, 21, side=True)
+
+
+def session(seed: int, shots: int, effects: dict[str, float], name: str) -> ta.Dataset:
+    """Shots of HOME's launcher; shot_id and session by `name`, columns of their time as if it were one session."""
+    made = shoot(replace(HOME, seed=seed, shots=shots, effects=effects))
+    texts = {**made.shots.texts, "session": (name,) * shots}
+    numbers = {key: column for key, column in made.shots.numbers.items() if key in (
+        "distance_m", "hood_deg", "motor_ratio")}
+    numbers["t_s"] = 10.0 * np.arange(shots)
+    ids = tuple(f"{name}{number:03d}" for number in range(1, shots + 1))
+    return replace(made, name=name, traces=None, shots=replace(made.shots, shot_id=ids, numbers=numbers, texts=texts))
+
+
+@pytest.fixture(scope="module")
+def belief() -> ta.Belief:
+    return make_belief(replace(discover(shoot(HOME), seed=1), steps=()))[0]
+
+
+@pytest.fixture(scope="module")
+def changed() -> ta.Dataset:
+    return join_datasets(session(31, BEFORE, {}, "a"), session(32, AFTER, {"wind_x": -2.5}, "b"))
+
+
+@pytest.fixture(scope="module")
+def found(changed: ta.Dataset, belief: ta.Belief) -> "ta.Following":
+    return ta.follow(changed, belief)
+
+
+def test_follow_finds_since_when(found: "ta.Following") -> None:
+    assert found.alarm is not None and found.since is not None
+    assert BEFORE < found.alarm <= BEFORE + AFTER and abs(found.since - BEFORE - 1) <= 6
+    assert found.shot(found.since) == found.dataset.shots.shot_id[found.since - 1]
+    table = found.table()
+    assert len(table) == BEFORE + AFTER and table.column("alarm").index(True) == found.alarm - 1
+    assert "change: alarm at shot" in str(found)
+
+
+def test_e_values_of_earlier_shots_do_not_depend_on_later_ones(found: "ta.Following", changed: ta.Dataset,
+                                                               belief: ta.Belief) -> None:
+    part = ta.follow(take_shots(changed, range(45)), belief)
+    assert part.e_values == pytest.approx(found.e_values[:45], rel=1e-6)
+
+
+def test_follow_says_no_change_of_the_same_launcher(belief: ta.Belief, tmp_path: Path,
+                                                    capsys: pytest.CaptureFixture[str]) -> None:
+    ta.save_dataset(tmp_path / "event", session(33, 60, {}, "c"))
+    belief.save(tmp_path / "home.toml")
+    assert main(["follow", str(tmp_path / "event"), "--belief", str(tmp_path / "home.toml"), "--once", "--quiet",
+                 "--out", str(tmp_path / "out")]) == 0
+    assert "60 shots: e-value" in (said := capsys.readouterr().out) and "no change" in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_follow_proposes_a_belief_and_its_aim(changed: ta.Dataset, belief: ta.Belief, tmp_path: Path,
+                                              capsys: pytest.CaptureFixture[str]) -> None:
+    ta.save_dataset(tmp_path / "event", changed)
+    belief.save(tmp_path / "home.toml")
+    old = (tmp_path / "home.toml").read_bytes()
+    assert main(["follow", str(tmp_path / "event"), "--belief", str(tmp_path / "home.toml"), "--once", "--quiet",
+                 "--distances", "3,4,5", "--out", str(tmp_path / "out")]) == 0
+    assert "; accept?" in capsys.readouterr().out
+    made = load_proposal(tmp_path / "out" / "proposal.json")
+    new = (tmp_path / "out" / made.after.file).read_bytes()
+    assert [one.sha256 for one in (made.before, made.after)] == [hashlib.sha256(one).hexdigest() for one in (old, new)]
+    assert (tmp_path / "home.toml").read_bytes() == old and len(made.id) == 16 and made.t is not None
+    adopted = ta.load_belief(tmp_path / "out" / "belief.toml")
+    assert adopted.provenance["adopted"] and made.effects[0].low90 < made.effects[0].value < made.effects[0].high90
+    tables = [ta.aim(one, changed.rig, distances_m=[4.0], hood_deg=(45.0, 60.0)).rows[0] for one in (belief, adopted)]
+    assert tables[1].points > 0.3 and [row.distance_m for row in made.rows] == [3.0, 4.0, 5.0]
+    for row in made.rows:
+        assert row.points_after is not None and row.points_kept is not None
+        assert row.points_after > row.points_kept + 0.2
+
+
+def test_ids_differ_with_the_content_and_not_with_the_time(found: "ta.Following", changed: ta.Dataset) -> None:
+    made = propose(found, found.find(), changed.rig, (BeliefFile("home.toml", "0" * 64), "belief.toml"), [4.0])
+    one, same, other = (sealed(made, content, at).proposal for content, at in (
+        (b"one", "2026-03-01T10:00:00+00:00"), (b"one", None), (b"other", None)))
+    assert one.id == same.id != other.id
+
+
+def test_load_proposal_refuses_what_is_none(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[1] / "golden" / "inputs" / "proposal.json").read_text()
+    path = tmp_path / "proposal.json"
+    path.write_text(text)
+    assert make_json(load_proposal(path)).decode() == text
+    for old, new, error in (("proposal/1", "proposal/2", "schema: got"), ('"since_shot"', '"since"', "since_shot"),
+                            ('"shots": 80', '"shots": "80"', "shots")):
+        path.write_text(text.replace(old, new, 1))
+        with pytest.raises(ta.InputError, match=error):
+            load_proposal(path)
+
+
+def test_nothing_is_found_without_an_alarm(belief: ta.Belief) -> None:
+    quiet = ta.follow(session(33, 20, {}, "c"), belief)
+    assert quiet.alarm is None and quiet.since is None
+    with pytest.raises(ta.InputError, match="no alarm"):
+        quiet.find()
+
+
+class _Args:
+    paths: tuple[Path, ...]
+    belief, rig, out, distances, false_alarm, seed, quiet = "home.toml", None, None, None, 0.05, 0, True
+
+
+def test_watch_looks_again_only_after_the_files_have_changed(belief: ta.Belief, tmp_path: Path,
+                                                             capsys: pytest.CaptureFixture[str]) -> None:
+    whole = session(34, 14, {}, "d")
+    args = _Args()
+    args.paths = (tmp_path / "event",)
+    watch = ShotWatch(args, belief)       # type: ignore[arg-type]  # the options that it reads
+    watch.look_if_grown()
+    assert capsys.readouterr().err.startswith("waiting: ")
+    ta.save_dataset(tmp_path / "event", take_shots(whole, range(12)))
+    watch.look_if_grown()
+    assert "12 shots: e-value" in capsys.readouterr().out
+    watch.look_if_grown()
+    assert capsys.readouterr().out == ""
+    ta.save_dataset(tmp_path / "more", whole)
+    for path in (tmp_path / "more").iterdir():
+        path.replace(tmp_path / "event" / path.name)
+    watch.look_if_grown()
+    assert "14 shots: e-value" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("options", "error"), [
+    (["--false-alarm", "0"], "--false-alarm"), (["--belief", "missing.toml"], "missing.toml"),
+    (["--every", "0"], "--every"), (["--distances", "4:2:1"], "--distances"),
+])
+def test_follow_refuses_what_cannot_be(options: list[str], error: str, belief: ta.Belief, tmp_path: Path,
+                                       capsys: pytest.CaptureFixture[str]) -> None:
+    belief.save(tmp_path / "home.toml")
+    try:
+        code = main(["follow", str(tmp_path), "--belief", str(tmp_path / "home.toml"), "--once", *options])
+    except SystemExit as stop:
+        code = stop.code              # type: ignore[assignment]
+    assert code == 2 and error in capsys.readouterr().err
+
+
+def test_follow_refuses_another_rig_and_mixed_folders(belief: ta.Belief, tmp_path: Path,
+                                                      capsys: pytest.CaptureFixture[str]) -> None:
+    made = session(35, 12, {}, "e")
+    ta.save_dataset(tmp_path / "event", made)
+    heavier = structs.replace(made.rig, ball=structs.replace(made.rig.ball, mass_kg=0.2))
+    ta.save_dataset(tmp_path / "other", replace(made, facts=heavier))
+    belief.save(tmp_path / "home.toml")
+    assert main(["follow", str(tmp_path / "event"), "--belief", str(tmp_path / "home.toml"), "--once", "--rig",
+                 str(tmp_path / "other" / "rig.toml")]) == 2
+    assert "differs from that of" in capsys.readouterr().err
+    (tmp_path / "live").mkdir()
+    (tmp_path / "live" / "session.json").write_text("{}")
+    assert main(["follow", str(tmp_path / "live"), str(tmp_path / "event"), "--belief", str(tmp_path / "home.toml"),
+                 "--once"]) == 2
+    assert "not a recorded session" in capsys.readouterr().err

@@ -1,0 +1,77 @@
+"""Points of hold-out shots: against draws of shots that are really aimed, and against sums by hand."""
+
+import numpy as np
+import pytest
+
+from truearc.robot.config.rig_spec import Target
+from truearc.sim.data.dataset import Shots
+from truearc.sim.discover.model.plane_likelihood import OutcomeObservations, see_outcomes
+from truearc.sim.discover.select.expected_points import HoldOut, ShotPoints, points_of, scored_points
+
+THREE_M, TWO_M, SCATTER_M = 0.07, 0.35, 0.08
+TARGET = Target(2.44, three_half_height_m=THREE_M, two_half_height_m=TWO_M)
+
+
+def see(height_m: np.ndarray, measured: bool = False, side: bool = True) -> OutcomeObservations:
+    """The observations of heights above the centre."""
+    size = np.abs(height_m)
+    outcome = np.where(size <= THREE_M, "three", np.where(size <= TWO_M, "two", "miss"))
+    sides = np.where((outcome == "three") | (not side), "", np.where(height_m < 0.0, "low", "high"))
+    shots = Shots(tuple(map(str, range(len(height_m)))),
+                  {"miss_height_m": height_m if measured else np.full(len(height_m), np.nan)},
+                  {"outcome": tuple(outcome.tolist()), "side": tuple(sides.tolist())})
+    return see_outcomes(shots, TARGET)[1]
+
+
+def scored(miss_m: np.ndarray) -> np.ndarray:
+    return np.where(np.abs(miss_m) <= THREE_M, 3.0, np.where(np.abs(miss_m) <= TWO_M, 2.0, 0.0))
+
+
+def season(n: int = 20000) -> tuple[np.ndarray, HoldOut, HoldOut]:
+    """Heights of shots, and forecasts by a belief that is wrong by 0.2 m and more where it is far, and by the truth."""
+    rng = np.random.default_rng(4)
+    true_m = rng.normal(0.0, 0.25, n)
+    wrong_m = true_m + 0.2 + 0.1 * rng.normal(size=n)
+    height_m = true_m + SCATTER_M * rng.normal(size=n)
+    return height_m, HoldOut(wrong_m, np.full(n, 0.15)), HoldOut(true_m, np.full(n, SCATTER_M))
+
+
+@pytest.mark.parametrize(("measured", "limit"), [(True, 1e-12), (False, 0.12)])
+def test_aimed_points_are_those_of_shots_aimed_by_the_belief(measured: bool, limit: float) -> None:
+    """A ball whose motors are corrected by the belief's forecast misses by the forecast's error. By outcomes alone both
+    beliefs come nearer to each other, since either may be right within a class."""
+    height_m, wrong, right = season()
+    seen = see(height_m, measured)
+    for mine in (wrong, right):
+        found = points_of(seen, mine, (wrong, right), 0.3).aimed.mean()
+        assert found == pytest.approx(scored(height_m - mine.mean_m).mean(), abs=limit)
+
+
+def test_the_better_belief_has_more_points_and_its_gate_fires_the_better_shots() -> None:
+    height_m, wrong, right = season()
+    seen = see(height_m)
+    before, after = (points_of(seen, one, (wrong, right), 0.3) for one in (wrong, right))
+    assert after.aimed.mean() > before.aimed.mean() + 0.3
+    points = scored_points(seen)
+    assert points == pytest.approx(scored(height_m))
+    assert points[after.fires].mean() > points[before.fires].mean() + 0.2
+
+
+def test_a_belief_beside_itself_gains_nothing() -> None:
+    height_m, wrong, _ = season(200)
+    one, other = (points_of(see(height_m, side=False), wrong, (wrong, wrong), 0.3) for _ in range(2))
+    assert np.array_equal(one.worth(np.zeros(200), 0.9), other.worth(np.zeros(200), 0.9))
+
+
+def test_an_outcome_leaves_its_share_of_the_forecast() -> None:
+    """A two on the high side, by one belief N(0.1, 0.2): what of (0.07, 0.35) is within 0.07 and 0.35 of 0.1."""
+    one = HoldOut(np.array([0.1]), np.array([0.2]))
+    found = points_of(see(np.array([0.2])), one, (one, one), 0.3)
+    z = np.random.default_rng(1).normal(0.1, 0.2, 4_000_000)
+    z = z[(z > THREE_M) & (z < TWO_M)]
+    assert found.aimed[0] == pytest.approx(scored(z - 0.1).mean(), abs=2e-3)
+
+
+def test_worth_counts_held_balls_as_kept() -> None:
+    points = ShotPoints(np.array([2.5, 2.0]), np.array([True, False]), np.array([False, True]))
+    assert points.worth(np.array([3.0, 2.0]), 0.9) == pytest.approx([0.5 * (2.5 + 0.9), 0.5 * (0.9 + 2.0)])
