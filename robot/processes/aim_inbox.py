@@ -25,7 +25,8 @@ LOOK_S = 1.0
 class AimInbox:
     """Looks into a folder for the newest aim file. `aims`: every file that may be aimed by; those offered are added.
 
-    `offer` is None as long as none has come. A file that is refused is named on stderr, and the last offer stays.
+    `offer` is None as long as none has come but the one that the robot started with; an earlier file that is put there
+    again is offered again. A file that is refused is named on stderr, and the last offer stays.
     """
 
     def __init__(self, folder: Path, config: Config, session: Path, aims: dict[str, AimFile]) -> None:
@@ -55,10 +56,11 @@ class AimInbox:
         self._seen, path = now, self._folder / now[0]
         try:
             aim = load_aim_for(path, self._config)
-            if aim.sha256 in (one.sha256 for one in self._aims.values()):
+            if self.offer is None and "" in self._aims and self._aims[""].sha256 == aim.sha256:
                 return
-            (self._session / AIMS).mkdir(exist_ok=True)
-            save_synced(self._session / AIMS / f"{aim.sha256}.json", path.read_bytes())
+            if aim.sha256 not in self._aims:
+                (self._session / AIMS).mkdir(exist_ok=True)
+                save_synced(self._session / AIMS / f"{aim.sha256}.json", path.read_bytes())
         except (InputError, OSError) as error:
             print(f"truearc run: not offered: {error}", file=sys.stderr)
             return

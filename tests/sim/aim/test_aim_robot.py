@@ -110,6 +110,11 @@ def test_the_inbox_offers_the_newest_sound_file_once_and_keeps_it(
     inbox.look()
     assert inbox.offer is not None and inbox.offer.note == "wind"
     assert load_aim(session / AIMS / f"{inbox.offer.sha256}.json").sha256 == inbox.offer.sha256 in aims
+    shutil.copy(aim_file, folder / "back.json")   # the first one again: the driver may go back
+    inbox.look()
+    first = load_aim(aim_file).sha256
+    assert inbox.offer.sha256 == first and aims[first].sha256 == first
+    assert load_aim(session / AIMS / f"{first}.json").sha256 == first
     assert capsys.readouterr().err == ""
 
 
