@@ -10,8 +10,15 @@ from msgspec import structs
 
 import truearc as ta
 from truearc.api.following import propose, sealed
+from truearc.cli.common import SHIPPED
 from truearc.cli.discover.follow import ShotWatch
 from truearc.cli.main import main
+from truearc.hw.real.clock import MonotonicClock
+from truearc.robot.aim_file import load_aim
+from truearc.robot.config.schema import load_config
+from truearc.robot.operator_ui.aim_orders import AimOrders
+from truearc.robot.operator_ui.server import OperatorPage
+from truearc.robot.processes.aim_inbox import AimInbox
 from truearc.sim.data.parts import join_datasets, take_shots
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.finding import make_json
@@ -95,6 +102,33 @@ def test_follow_proposes_a_belief_and_its_aim(changed: ta.Dataset, belief: ta.Be
     for row in made.rows:
         assert row.points_after is not None and row.points_kept is not None
         assert row.points_after > row.points_kept + 0.2
+
+
+def test_follow_sends_the_aim_file_to_the_robot_that_offers_it(changed: ta.Dataset, belief: ta.Belief, tmp_path: Path,
+                                                               capsys: pytest.CaptureFixture[str]) -> None:
+    config = load_config(SHIPPED)
+    config = structs.replace(config, rig=changed.rig, hood=structs.replace(config.hood, low_deg=10.0, high_deg=80.0))
+    inbox = tmp_path / "inbox"
+    page = OperatorPage(config, "", "127.0.0.1", 0, MonotonicClock(), orders=AimOrders(inbox, config))
+    ta.save_dataset(tmp_path / "event", changed)
+    belief.save(tmp_path / "home.toml")
+    asked = ["follow", str(tmp_path / "event"), "--belief", str(tmp_path / "home.toml"), "--once", "--quiet",
+             "--distances", "3:5:0.25", "--force", "--out", str(tmp_path / "out"), "--send", page.url, "--token"]
+    try:
+        (tmp_path / "wrong").write_text("wrong")
+        assert main([*asked, str(tmp_path / "wrong")]) == 0
+        assert "not handed over: " in (said := capsys.readouterr().out) and "401" in said
+        assert main([*asked, str(inbox / "token")]) == 0
+        assert "offered to the driver" in capsys.readouterr().out
+    finally:
+        page.close()
+    box = AimInbox(inbox, config, tmp_path, {})
+    box.look()
+    assert box.offer is not None and "since shot" in box.offer.note
+    assert load_aim(tmp_path / "out" / "aim.json").sha256 == box.offer.sha256
+    assert main([*asked, str(inbox / "token")]) == 0             # the page is closed
+    assert "no answer" in capsys.readouterr().out
+    assert main(asked[:-1]) == 2 and main([*asked[:-4], "--token", "t"]) == 2
 
 
 def test_ids_differ_with_the_content_and_not_with_the_time(found: "ta.Following", changed: ta.Dataset) -> None:

@@ -12,7 +12,6 @@ from truearc.sim.report import make_page, paragraph, picture, table
 from truearc.sim.tables import make_text
 
 SURE = 0.8                            # power that counts as "would be seen"
-NAMED = 6
 KNOWING_WHICH = 1.75                  # times the shots, when it could be any of about twenty effects
 METHOD = (
     "Expected Fisher information: what is left of each effect's after the fitted coefficients, scatters and the random "

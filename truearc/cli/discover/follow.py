@@ -9,9 +9,12 @@ End with Ctrl-C.
 import argparse
 import contextlib
 import hashlib
+import http.client
 import os
 import sys
 import time
+import urllib.error
+import urllib.request
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -19,16 +22,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import truearc as ta
-from truearc.cli.common import add_terms_from, catalogue_of, load_any_rig, make_progress, number
+from truearc.cli.common import add_terms_from, catalogue_of, load_any_rig, make_progress, number, refuse
 from truearc.cli.discover.aim import parse_distances
 from truearc.cli.outputs import OutFolder
+from truearc.robot.aim_file import LONGEST_NOTE
+from truearc.robot.config.schema import naming
 from truearc.sim.discover.settings import FALSE_ALARM, check_chances
 
 if TYPE_CHECKING:
-    from truearc.api.following import Following
+    from truearc.api.following import Following, Proposed
 
 EXAMPLE = "truearc follow sessions/quals --belief home.toml --out proposal"
-PROPOSAL, BELIEF = "proposal.json", "belief.toml"
+PROPOSAL, BELIEF, AIM = "proposal.json", "belief.toml", "aim.json"
+PATIENCE_S = 10.0                     # with the robot's page
 AGAIN = 10                            # further shots, after which an alarm is put to discovery again
 
 
@@ -43,8 +49,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--once", action="store_true", help="look once at what is there, and end")
     parser.add_argument("--every", type=number(float, 0.1, 3600.0), default=1.0, metavar="S", help="seconds between "
                         "looks (default 1)")
-    parser.add_argument("--out", type=OutFolder((PROPOSAL, BELIEF)), metavar="DIR", help=f"folder for {PROPOSAL} and "
-                        f"{BELIEF}, written where a change is proposed")
+    parser.add_argument("--out", type=OutFolder((PROPOSAL, BELIEF, AIM)), metavar="DIR", help=f"folder for {PROPOSAL}, "
+                        f"{BELIEF} and the robot's {AIM}, written where a change is proposed")
+    parser.add_argument("--send", type=_url, metavar="URL", help="address of the robot's operator page: the aim file "
+                        "is sent there and offered to the driver; with --out and --token")
+    parser.add_argument("--token", type=Path, metavar="FILE", help="file with the token of the robot's aim inbox")
     parser.add_argument("--distances", type=parse_distances, metavar="LOW:HIGH:STEP", help="of the set points, in m, "
                         "or a list such as 2,3.5,5 (default: every 0.25 m that the shots cover)")
     parser.add_argument("--false-alarm", type=float, default=FALSE_ALARM, metavar="P", help="probability of an alarm "
@@ -56,6 +65,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Return 0, whether or not something changed."""
     check_chances(args.false_alarm, args.seed, ("--false-alarm", "--seed"))
+    if args.send is None:
+        refuse(args, ("--token",), "applies with --send only")
+    elif args.out is None or args.token is None:
+        raise ta.InputError("--send: --out and --token are needed, too")
     from truearc.sim.compile_cache import keep_compiled
     keep_compiled()
     belief = ta.load_belief(args.belief, catalogue_of(args))
@@ -135,6 +148,37 @@ class ShotWatch:
             proposal = sealed(made, content, datetime.now(UTC).isoformat(timespec="seconds"))
             _replace(folder / PROPOSAL, proposal.to_json().encode())
             print(f"{folder / PROPOSAL}: {proposal.proposal.id}", flush=True)
+            self._hand_over(made, rig, folder / AIM)
+
+    def _hand_over(self, made: "Proposed", rig: "ta.Rig", path: Path) -> None:
+        """Write the aim file, and send it; what goes wrong is printed, and following goes on."""
+        note = "".join(one for one in made.proposal.sentence if one.isprintable())[:LONGEST_NOTE]
+        try:
+            ta.export_aim(made.after, made.belief, rig, path, note=note)
+            if self.args.send is not None:
+                send_aim(self.args.send, self.args.token, path)
+                print(f"{self.args.send}: offered to the driver", flush=True)
+        except ta.InputError as error:
+            print(f"not handed over: {error}", flush=True)
+
+
+def send_aim(url: str, token: Path, path: Path) -> None:
+    """Put an aim file into the inbox of the robot whose page has that address.
+
+    Raises:
+        InputError: the token cannot be read, the page does not answer, or it refuses; with its reason.
+    """
+    with naming(token):
+        said = token.read_text(encoding="ascii").strip()
+    request = urllib.request.Request(url.rstrip("/") + "/aim", path.read_bytes(), method="PUT", headers={
+        "Content-Type": "application/json", "Authorization": f"Bearer {said}"})
+    try:
+        with urllib.request.urlopen(request, timeout=PATIENCE_S):
+            return
+    except urllib.error.HTTPError as error:
+        raise ta.InputError(f"{url}: {error.code}: {error.read(1000).decode(errors='replace')}") from error
+    except (OSError, http.client.HTTPException) as error:
+        raise ta.InputError(f"{url}: no answer ({getattr(error, 'reason', error)})") from error
 
 
 def read_shots(paths: Sequence[Path]) -> "ta.Dataset":
@@ -166,6 +210,12 @@ def check_rig(rig: "ta.Rig", dataset: "ta.Dataset", name: str | None) -> None:
     for part in ("ball", "launcher", "target"):
         if getattr(rig, part) != getattr(dataset.rig, part):
             raise ta.InputError(f"{name}: {part} differs from that of {dataset.name}: a belief is of one rig")
+
+
+def _url(text: str) -> str:
+    if not text.startswith(("http://", "https://")):
+        raise argparse.ArgumentTypeError(f"got {text}; expected an address such as http://robot.local:5808")
+    return text
 
 
 def _stamp(paths: Sequence[Path]) -> tuple[tuple[int, int], ...]:
