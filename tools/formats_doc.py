@@ -100,8 +100,8 @@ Every key is needed, except those that are comments in the [shipped file](../../
 """
 BELIEF = """
 ## Belief
-TOML, `schema = "truearc.coefficients/1"`. `fit` and `discover --adopt` write it; `discover --belief`, `follow`, `predict`,
-`train`, `aim` and `verify` read it.
+TOML, `schema = "truearc.coefficients/1"`. `fit` and `discover --adopt` write it; `discover --belief`, `follow`,
+`predict`, `train`, `aim` and `verify` read it.
 
 | key | unit | meaning |
 |---|---|---|

@@ -59,7 +59,8 @@ def why_not(one: TermIdentifiability, among: Catalogue | None = None) -> str:
     record = f"; record {term.record}" if term is not None and term.record else ""
     if one.why == TAKEN:
         return f"what it does, {', '.join(one.taken_by) or 'the fit'} would absorb{record}"
-    return f"nothing in these data depends on it{record}"
+    varied = ", not always the same" if record else ""
+    return f"nothing in these data depends on it{record}{varied}"
 
 
 def sight_section(sight: Sight, opened: bool = False, among: Catalogue | None = None) -> str:
