@@ -22,7 +22,7 @@ from truearc.sim.aim.plot import draw_aim
 from truearc.sim.aim.set_point import AimRow
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.infer.belief import Belief
-from truearc.sim.infer.plausibility import check_plausible
+from truearc.sim.infer.plausibility.check import check_plausible
 from truearc.sim.printed import Printed
 from truearc.sim.progress import Progress
 from truearc.sim.tables import make_text

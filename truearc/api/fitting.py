@@ -19,7 +19,7 @@ from truearc.sim.infer.belief import Belief, launcher_of, point_belief, ranges_o
 from truearc.sim.infer.crossval import CrossValidation, cross_validate
 from truearc.sim.infer.fit_text import fit_lines
 from truearc.sim.infer.map_fit import MapFit, fit_map
-from truearc.sim.infer.plausibility import check_plausible
+from truearc.sim.infer.plausibility.check import check_plausible
 from truearc.sim.infer.profile import ProfileInterval, profile_interval
 from truearc.sim.infer.score import Score, score
 from truearc.sim.paper.grid_fit import Bootstrap, GridFit, bootstrap_grid, fit_grid, grid_start, map_deviation

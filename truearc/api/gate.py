@@ -20,7 +20,7 @@ from truearc.sim.gate.outcome_classes import OutcomeClasses, outcome_classes_of
 from truearc.sim.gate.store import save_physics_gate
 from truearc.sim.gate.train import Heldout, train_physics_gate
 from truearc.sim.infer.belief import Belief
-from truearc.sim.infer.plausibility import check_plausible
+from truearc.sim.infer.plausibility.check import check_plausible
 from truearc.sim.metrics import Figures
 from truearc.sim.paper.training import domain_of
 from truearc.sim.plots import draw_reliability

@@ -17,7 +17,7 @@ from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.discover.detect.covariates import every_column
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.curve import along
-from truearc.sim.infer.plausibility import check_plausible
+from truearc.sim.infer.plausibility.check import check_plausible
 from truearc.sim.physics.catalogue import effective
 from truearc.sim.physics.simulate import classify, opening_of
 from truearc.sim.physics.simulate import predict as fly_shots

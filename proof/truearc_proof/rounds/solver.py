@@ -27,7 +27,7 @@ import truearc_proof
 from truearc.sim.data.dataset import join_datasets
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.infer.belief import as_table
-from truearc.sim.infer.plausibility import CHECKS
+from truearc.sim.infer.plausibility.check import CHECKS
 from truearc.sim.physics.catalogue import BUILT_IN
 from truearc.sim.progress import Progress
 from truearc_proof.parallel import fan_out

@@ -17,7 +17,8 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots, Tracks, load_dataset
 from truearc.sim.data.save import save_dataset
 from truearc.sim.infer.belief import point_belief
-from truearc.sim.infer.plausibility import check_plausible, measure_motion, needed_speed
+from truearc.sim.infer.plausibility.check import check_plausible, needed_speed
+from truearc.sim.infer.plausibility.tracks import measure_motion
 
 FOAM = Ball(0.142, 0.0889)
 WHEELS = (Wheel("upper", 0.05, 1.0, 0.0), Wheel("lower", 0.05, 1.0, 180.0))
@@ -168,6 +169,21 @@ def test_balls_travel_along_x_and_forwards(filmed: Dataset) -> None:
         check_plausible(tracks(filmed, x_m=filmed.tracks.y_m, y_m=filmed.tracks.x_m))
     with pytest.raises(InputError, match=r"tracks: x_m: balls travel backwards; .* change its sign"):
         check_plausible(tracks(filmed, x_m=-filmed.tracks.x_m))
+
+
+@pytest.mark.parametrize(("low_m", "said"), [(0.6, "measured from the exit; add that height"), (0.3, "above the floor"),
+                                             (-0.6, "above the floor"), (0.1, None), (-0.1, None)])
+def test_heights_that_are_not_above_the_floor_are_refused(filmed: Dataset, low_m: float, said: str | None) -> None:
+    assert filmed.tracks is not None
+    lower = replace(filmed, tracks=replace(filmed.tracks, z_m=filmed.tracks.z_m - low_m))
+    late = replace(lower, tracks=replace(filmed.tracks, **{name: getattr(lower.tracks, name)[filmed.tracks.t_s > 0.05]
+                                                           for name in ("shot", "t_s", "x_m", "y_m", "z_m")}))
+    for dataset in (lower, late):     # late: seen from half a metre on
+        if said is None:
+            check_plausible(dataset)
+        else:
+            with pytest.raises(InputError, match=rf"tracks: z_m: balls leave at .* at 0\.6 m by .*{said}"):
+                check_plausible(dataset)
 
 
 @pytest.mark.parametrize(("factor", "column"), [(3.6, "exit_speed_km_h"), (1.0 / 0.44704, "exit_speed_mph"),

@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Return 0 where the dataset is plausible."""
     from truearc.sim.compile_cache import keep_compiled
-    from truearc.sim.infer.plausibility import check_plausible
+    from truearc.sim.infer.plausibility.check import check_plausible
     keep_compiled()
     from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS, say_few
     dataset = check_plausible(ta.load_dataset(args.dataset), args.accept)

@@ -1,0 +1,1 @@
+"""Plausibility of a dataset before inference."""

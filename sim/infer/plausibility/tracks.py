@@ -1,0 +1,176 @@
+"""Plausibility of tracks: what they say by themselves of units and axes, and beside the launcher that threw them."""
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from truearc.robot.config.rig_spec import Rig
+from truearc.sim.data.model import Dataset, Floats, Tracks
+from truearc.sim.infer.plausibility.flaw import LENGTHS, RPM, TRACKS, Flaw
+from truearc.sim.physics.simulate import launch_state
+
+GRAVITY = (0.45, 1.7)                 # share of the rig's that drag and lift leave of it, at the least and at the most
+TILT_DEG = 45.0                       # of the measured gravity against -z: no camera is tilted as far
+INTERVAL_S = (1e-4, 0.6)
+SPEED = (0.2, 1.6)                    # of a tracked ball, by that of the wheels' surfaces
+ALIKE = 1.15                          # gravity in the unit that a message names, over the rig's, or the inverse
+FAR_M = 0.5                           # tracks that go less far have no direction
+NEAR_M = 1.5                          # tracks that begin farther off do not tell where the ball left
+OFF_RELEASE_M = 0.2                   # a release height is misjudged by centimetres (term release_height: 0.04 usual)
+SAMPLES = 8                           # fewest of a track that is judged
+
+
+class Motion(NamedTuple):
+    """What tracks say by themselves: acceleration without drag [3] and its standard error, speed at the start."""
+
+    acceleration_m_s2: Floats
+    error_m_s2: float
+    start_m_s: Floats                 # [tracks]
+    from_m: Floats                    # [tracks, 3]: where each begins
+    velocity_m_s: Floats              # [tracks, 3]: there
+    shot: Floats                      # [tracks]: row in Shots
+    reach_m: Floats                   # [tracks]: horizontal distance travelled
+    toward_m: Floats                  # [tracks, 2]: along x and y
+
+
+def measure_motion(tracks: Tracks) -> Motion | None:
+    """Fit each track by a polynomial, and gravity and drag to all accelerations; None where there are too few."""
+    rows, starts, shots, toward, begins = [], [], [], [], []
+    points = np.column_stack([tracks.x_m, tracks.y_m, tracks.z_m])
+    for shot in np.unique(tracks.shot):
+        here = (tracks.shot == shot) & np.isfinite(points).all(axis=1)
+        t_s, place = tracks.t_s[here], points[here]
+        if len(t_s) < SAMPLES or np.ptp(t_s) <= 0.0:
+            continue
+        half_s, middle_s = np.ptp(t_s) / 2.0, (t_s[0] + t_s[-1]) / 2.0
+        fit = np.polynomial.polynomial.polyfit((t_s - middle_s) / half_s, place, 4 if len(t_s) >= 2 * SAMPLES else 3)
+        slope = np.polynomial.polynomial.polyder(fit)
+        bend = np.polynomial.polynomial.polyder(slope)
+        at = np.array([-0.5, 0.0, 0.5])
+        rows.append((np.polynomial.polynomial.polyval(at, slope) / half_s,
+                     np.polynomial.polynomial.polyval(at, bend) / half_s**2))
+        starts.append(np.linalg.norm(np.polynomial.polynomial.polyval(-0.9, slope)) / half_s)
+        begins.append((np.polynomial.polynomial.polyval(-1.0, fit),
+                       np.polynomial.polynomial.polyval(-1.0, slope) / half_s))
+        shots.append(shot)
+        toward.append(place[-1, :2] - place[0, :2])
+    if len(rows) < TRACKS:
+        return None
+    solutions = np.array([_gravity_of([row]) for row in rows])
+    whole = _gravity_of(rows)
+    error = float(np.linalg.norm(1.25 * np.median(np.abs(solutions - np.median(solutions, axis=0)), axis=0)))
+    along, (places, velocities) = np.array(toward), np.array(begins).transpose(1, 0, 2)
+    return Motion(whole, 1.5 * error / math.sqrt(len(rows)), np.array(starts), places, velocities, np.array(shots),
+                  np.linalg.norm(along, axis=1), along)
+
+
+def _gravity_of(rows: list[tuple[Floats, Floats]]) -> Floats:
+    """Least squares of acceleration = gravity - k speed velocity, over components and points; k at least zero."""
+    velocity = np.concatenate([row[0].T for row in rows])
+    bend = np.concatenate([row[1].T for row in rows])
+    drag = -np.linalg.norm(velocity, axis=1)[:, None] * velocity
+    centred, pulled = drag - drag.mean(axis=0), bend - bend.mean(axis=0)
+    k = max(0.0, float((centred * pulled).sum() / max((centred**2).sum(), 1e-300)))
+    return np.asarray(bend.mean(axis=0) - k * drag.mean(axis=0))
+
+
+def judge_tracks(dataset: Dataset, tracks: Tracks) -> Iterator[Flaw]:
+    """Yield what is implausible of the tracks; nothing where there are too few."""
+    steps = np.diff(tracks.t_s)[np.diff(tracks.shot) == 0]
+    step_s = float(np.median(steps)) if len(steps) else 0.01
+    motion = measure_motion(tracks)
+    if motion is not None:
+        objections = list(_gravity(dataset.rig, motion, step_s))
+        yield from objections
+        if objections:
+            return
+        directions = list(_direction(motion))
+        yield from directions or _release(dataset.rig, motion)
+        yield from _against_launcher(dataset, motion)
+    if not INTERVAL_S[0] <= step_s <= INTERVAL_S[1]:
+        yield Flaw("sample-interval", "tracks: t_s", f"samples are {step_s:g} s apart; this looks like "
+                    + ("milliseconds: rename the column to t_ms" if step_s > INTERVAL_S[1] else "another unit of time"))
+
+
+def _gravity(rig: Rig, motion: Motion, step_s: float) -> Iterator[Flaw]:
+    """Gravity as if it were unknown: its size says the units, its direction the axes."""
+    size = float(np.linalg.norm(motion.acceleration_m_s2))
+    low, high = (share * rig.world.gravity_m_s2 for share in GRAVITY)
+    spread = 3.0 * motion.error_m_s2
+    said = f"fitted as if unknown, gravity is {size:,.3g} +- {motion.error_m_s2:,.2g} m/s2"
+    if size - spread > high:
+        name, (suffix, metres) = min(LENGTHS.items(),
+                                     key=lambda one: abs(math.log(size * one[1][1] / rig.world.gravity_m_s2)))
+        if abs(math.log(size * metres / rig.world.gravity_m_s2)) > math.log(ALIKE):
+            yield Flaw("gravity", "tracks: x_m, y_m, z_m, t_s", f"positions or times have another unit: {said}; state "
+                       "them in metres and seconds")
+        else:
+            yield Flaw("gravity", "tracks: x_m, y_m, z_m", f"these look like {name}: {said}; rename the columns to "
+                       + ", ".join(f"{axis}_{suffix}" for axis in "xyz"))
+    elif size + spread < low:
+        yield Flaw("gravity", "tracks: t_s", _slow(math.sqrt(rig.world.gravity_m_s2 / size), said))
+    if size > spread:
+        across = int(np.argmax(np.abs(motion.acceleration_m_s2)))
+        tilt_deg = math.degrees(math.acos(np.clip(-motion.acceleration_m_s2[2] / size, -1.0, 1.0)))
+        if tilt_deg > TILT_DEG and spread < 0.5 * size:
+            cause = ("z points down: change its sign" if across == 2 else
+                     f"gravity acts along {'xyz'[across]}: z_m must point up; exchange z_m and {'xyz'[across]}_m")
+            yield Flaw("axes", "tracks: x_m, y_m, z_m", cause)
+
+
+def _slow(per_s: float, said: str) -> str:
+    """What times look like of which a second has `per_s`."""
+    for name, column, times in (("milliseconds", "t_ms", 1e3), ("microseconds", "t_us", 1e6)):
+        if abs(math.log(per_s / times)) < math.log(ALIKE):
+            return f"these look like {name}: {said}; rename the column to {column}"
+    if 20.0 <= per_s < 1e3:
+        return (f"these look like numbers of pictures, about {per_s:.0f} per second: {said}; divide them by the "
+                "camera's rate")
+    return f"positions or times have another unit: {said}; state them in metres and seconds"
+
+
+def _direction(motion: Motion) -> Iterator[Flaw]:
+    """x points to the target: balls travel along it."""
+    far = motion.toward_m[motion.reach_m > FAR_M]
+    if len(far) < TRACKS:
+        return
+    along, aside = np.median(far, axis=0)
+    if abs(aside) > 2.0 * abs(along) and (np.abs(far[:, 1]) > np.abs(far[:, 0])).mean() > 0.9:
+        yield Flaw("axes", "tracks: x_m, y_m", "balls travel along y; x_m must point to the target: exchange x_m and "
+                   "y_m")
+    elif (far[:, 0] < 0.0).mean() > 0.9:
+        yield Flaw("axes", "tracks: x_m", "balls travel backwards; x_m must point to the target: change its sign, and "
+                   "that of y_m")
+
+
+def _release(rig: Rig, motion: Motion) -> Iterator[Flaw]:
+    """Tracks that begin near the launcher, carried back to x = 0 in vacuum, begin at the stated height."""
+    stated_m = rig.launcher.release_height_m
+    back_s = motion.from_m[:, 0] / motion.velocity_m_s[:, 0]
+    near = (np.abs(motion.from_m[:, 0]) < NEAR_M) & (motion.velocity_m_s[:, 0] > 0.0)
+    if stated_m <= 0.0 or near.sum() < TRACKS:
+        return
+    height_m = motion.from_m[:, 2] - motion.velocity_m_s[:, 2] * back_s - 0.5 * rig.world.gravity_m_s2 * back_s**2
+    found_m = float(np.median(height_m[near]))
+    if abs(found_m - stated_m) > OFF_RELEASE_M:
+        cause = ("z_m is measured from the exit; add that height" if abs(found_m) < 0.3 * stated_m else
+                 "z_m is the height above the floor; correct it or the stated height")
+        yield Flaw("release", "tracks: z_m", f"balls leave at {found_m:.2f} m by their tracks, at {stated_m:g} m by "
+                   f"rig.toml (launcher.release_height_m): {cause}")
+
+
+def _against_launcher(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:
+    rows = motion.shot.astype(int)
+    far = motion.reach_m / dataset.shots.number("distance_m")[rows]
+    if np.isfinite(far).sum() >= TRACKS and np.nanmedian(far) > 2.5:
+        yield Flaw("track-length", "tracks: x_m", f"balls travel {np.nanmedian(far):.2g} times distance_m; one of the "
+                    "two has another unit")
+    speed_m_s = launch_state(dataset.rig, dataset.shots).get("exit_speed_m_s", np.full(len(dataset.shots), np.nan))
+    ratio = float(np.nanmedian(motion.start_m_s / speed_m_s[rows])) if np.isfinite(speed_m_s[rows]).any() else 1.0
+    if not SPEED[0] <= ratio <= SPEED[1]:
+        cause = ("the wheels' speeds look like revolutions per minute" if SPEED[0] <= ratio / RPM <= SPEED[1] else
+                 "wheel radius, gear or speed has another unit")
+        yield Flaw("speed", f"{dataset.shots.source}: the wheels", f"tracked balls leave with {ratio:.2g} times the "
+                    f"speed of the wheels' surfaces; {cause}")
