@@ -180,8 +180,8 @@ def judge_points(investigation: Investigation, taken: _Taken, threshold: float =
     if fitted.evidence.plane is None or taken.evidence.plane is None:
         return None
     seen, rows = fitted.evidence.plane.seen, fitted.evidence.plane.rows
-    old = hold_out(fitted.intake, [_without(fitted)], [0.0])
-    new = hold_out(fitted.intake, *_models(taken))
+    old = hold_out([_without(fitted)], [0.0])
+    new = hold_out(*_models(taken))
     before, after = (points_of(seen, one, (old, new), threshold) for one in (old, new))
     scored, held = scored_points(seen), POINTS_THREE * threshold
     gain = after.worth(scored, held) - before.worth(scored, held)
@@ -194,20 +194,21 @@ def judge_points(investigation: Investigation, taken: _Taken, threshold: float =
 
 def _without(fitted: BaselineFit) -> JudgedFit:
     """The fit with its shared columns alone."""
-    return JudgedFit(only_shared(fitted.layout), fitted.spot, without(fitted.evidence))
+    return JudgedFit(fitted.intake, only_shared(fitted.layout), fitted.spot, without(fitted.evidence))
 
 
 def _models(taken: _Taken) -> tuple[list[JudgedFit], list[float]]:
     """The simulations whose average is taken, and the nats of each."""
     if taken.free:
         fitted = taken.free[-1].fitted
-        return [JudgedFit(only_shared(fitted.layout), fitted.spot, taken.evidence)], [0.0]
+        return [JudgedFit(fitted.intake, only_shared(fitted.layout), fitted.spot, taken.evidence)], [0.0]
     last = taken.named[-1]
     if taken.several is None:
-        return [JudgedFit(last.refit.layout, last.refit.spot, last.refit.evidence)], [0.0]
+        return [JudgedFit(last.fitted.intake, last.refit.layout, last.refit.spot, last.refit.evidence)], [0.0]
     refits = [last.naming.refits[name] for name in taken.several.share]
     nothing = float(np.log(sum(candidate.visible for candidate in last.naming.candidates)))
-    return ([_without(last.fitted), *(JudgedFit(one.layout, one.spot, one.evidence) for one in refits)],
+    return ([_without(last.fitted), *(JudgedFit(last.fitted.intake, one.layout, one.spot, one.evidence)
+                                         for one in refits)],
             [nothing, *(last.naming.nats[name] for name in taken.several.share)])
 
 

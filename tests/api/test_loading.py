@@ -101,6 +101,7 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
     (lambda: ta.identifiability("rig.toml"), "rig_or_dataset", "load_rig"),
     (lambda: ta.predict(ta.load_dataset(SHOTS), "coefficients.toml"), "belief", "load_belief"),
     (lambda: ta.train_gate(ta.load_dataset(SHOTS), "coefficients.toml"), "belief", "load_belief"),
+    (lambda: ta.design_shots(ta.load_dataset(SHOTS), "finding.json"), "found", "discover"),
 ])
 def test_a_path_is_no_dataset_and_the_message_says_what_loads_it(call, argument: str, load: str) -> None:
     with pytest.raises(ta.InputError, match=rf"^{argument}: is of type str; load it first with truearc\.{load}"):

@@ -76,9 +76,9 @@ def reads_of(tree: ast.Module, start: str) -> tuple[set[str], set[tuple[str, str
 
 
 def read_here(node: ast.AST) -> Iterator[str]:
-    """The attribute, where this node reads one of `args`."""
-    if (isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "args"
-            and isinstance(node.ctx, ast.Load)):
+    """The attribute, where this node reads one of `args`, or of `self.args`."""
+    if (isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load)
+            and ast.unparse(node.value) in ("args", "self.args")):
         yield node.attr
 
 

@@ -20,6 +20,7 @@ from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
 
 CHANNEL = "test_odrive_can"
+WATCHDOG_MS = 800                     # heartbeats and the driver's looks at them: each 0.1 s; and a stall
 Played = Callable[[Callable[[ODriveCAN], Coroutine[Any, Any, None]]], None]
 
 
@@ -33,7 +34,7 @@ def play(plant: SpinningPlant) -> Iterator[Played]:
     """Runs a program of the driver's against the emulated axis 1, in real time, on a virtual bus."""
     clock, over = MonotonicClock(), threading.Event()
     far = open_can("virtual", CHANNEL, 1_000_000, clock)
-    node = OdriveNode(OdriveAxis(1, 1), "flywheel_a", plant, OdriveSettings(watchdog_ms=400))
+    node = OdriveNode(OdriveAxis(1, 1), "flywheel_a", plant, OdriveSettings(watchdog_ms=WATCHDOG_MS))
     twin, start_ns = Twin(plant, far, (node,), ()), clock.now_ns()
 
     def turn() -> None:
@@ -75,7 +76,7 @@ def test_its_velocity_control_turns_the_motor_and_feeds_the_watchdog(play: Playe
         drive.check_errors()
         drive.set_controller_mode("VELOCITY_CONTROL", "PASSTHROUGH")
         await drive.set_axis_state("CLOSED_LOOP_CONTROL")
-        await hold_velocity(drive, 5.0, 2.0)              # five times the watchdog's time
+        await hold_velocity(drive, 5.0, 2.0)              # more than twice the watchdog's time
         drive.check_errors()
         told = await drive.get_encoder_estimates()
         assert told["Vel_Estimate"] == pytest.approx(5.0, rel=0.05)
@@ -109,7 +110,7 @@ def test_torque_limits_estop_and_watchdog_are_as_it_expects(play: Played, plant:
             drive.set_input_torque(0.01)
             await asyncio.sleep(0.1)
         assert heard[-1] > heard[0] >= 0.0 and plant.torque_nm["flywheel_a"] == pytest.approx(0.01)
-        await asyncio.sleep(1.0)                          # nothing more is sent: its watchdog bites
+        await asyncio.sleep(2.0 * WATCHDOG_MS / 1000.0)   # nothing more is sent: its watchdog bites
         with pytest.raises(DriveError, match="WATCHDOG"):
             drive.check_errors()
         drive.clear_errors()

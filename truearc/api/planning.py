@@ -155,8 +155,10 @@ def design_shots(dataset: Dataset, found: Finding, *, shots: int = PLANNED_SHOTS
         seed: Of the simulated outcomes.
 
     Raises:
-        InputError: fewer shots than configurations.
+        InputError: an argument of another type, or fewer shots than configurations.
     """
+    check_kind("dataset", dataset, Dataset, "load_dataset(...)")
+    check_kind("found", found, Finding, "discover(...)")
     if not 1 <= configurations <= shots:
         raise InputError(f"shots {shots}, configurations {configurations}: at least one shot each")
     steps, record, among = found.investigation.steps, found.record, found.investigation.catalogue

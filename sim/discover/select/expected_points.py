@@ -32,8 +32,10 @@ THRESHOLD = 0.3                       # of P(three), as launcher.toml ships it
 
 
 class JudgedFit(NamedTuple):
-    """A fit with all of its columns shared: where it was linearised, and its evidence there."""
+    """A fit with all of its columns shared: the shots as it flies them (with its curves' shares), where it was
+    linearised, and its evidence there."""
 
+    intake: Intake
     layout: ParameterLayout
     spot: LinearizationPoint
     evidence: ScoreTable
@@ -63,9 +65,9 @@ class ShotPoints:
         return 0.5 * (np.where(self.aimed_fires, self.aimed, held) + np.where(self.fires, scored, held))
 
 
-def hold_out(intake: Intake, models: Sequence[JudgedFit], nats: Sequence[float]) -> HoldOut:
+def hold_out(models: Sequence[JudgedFit], nats: Sequence[float]) -> HoldOut:
     """Forecasts by the average of models, each as likely as the other folds make it (nats: of all shots)."""
-    each = [_hold_out(intake, model) for model in models]
+    each = [_hold_out(model) for model in models]
     if len(each) == 1:
         return each[0]
     plane = models[0].evidence.plane
@@ -79,13 +81,13 @@ def hold_out(intake: Intake, models: Sequence[JudgedFit], nats: Sequence[float])
     return HoldOut(mean, np.sqrt(np.maximum(square - mean**2, 1e-12)))
 
 
-def _hold_out(intake: Intake, model: JudgedFit) -> HoldOut:
+def _hold_out(model: JudgedFit) -> HoldOut:
     """By one model, the effects of this session's balls left out: the next ones are others."""
     evidence = model.evidence
     change = unseen_change(evidence)
     group = np.array([column.kind == "group" for column in evidence.columns])
     change[:, group] = -evidence.point[group]
-    plane = _from_settings(intake, model)
+    plane = _from_settings(model)
     _, mean_m, spread_m = plane.moved(evidence.deal.own(change))
     fold, doubt = folds_of(len(evidence.rows)), np.zeros(len(plane.rows))
     place = evidence.deal.place[plane.rows]
@@ -99,9 +101,9 @@ def _hold_out(intake: Intake, model: JudgedFit) -> HoldOut:
     return HoldOut(mean_m, np.sqrt(spread_m**2 + np.maximum(doubt, 0.0)))
 
 
-def _from_settings(intake: Intake, model: JudgedFit) -> PlaneScores:
+def _from_settings(model: JudgedFit) -> PlaneScores:
     """Heights as forecast from the settings: without what a track or a measured exit says of the very shot."""
-    plane = model.evidence.plane
+    intake, plane = model.intake, model.evidence.plane
     assert plane is not None
     if intake.samples is None and not np.isfinite(intake.exits).any():
         return plane

@@ -40,24 +40,24 @@ FAR_M = -20.0                         # stands for the height of a ball that tur
 class Points(NamedTuple):
     """Where tracks are linearised: deviations of launched flights [k, 3], starts of free ones [f, 4]."""
 
-    launched: Any
-    free: Any
+    launched: Float[Any, "k 3"]
+    free: Float[Any, "f 4"]
 
 
 class Narrowed(NamedTuple):
     """A launch's deviation [n] (log speed, elevation in rad) after all that was measured of it, as a normal one."""
 
-    mean: Any                         # [n, 2]
-    covariance: Any                   # [n, 2, 2]
-    log_likelihood: Any               # [n]
-    alone: Any                        # [n]: nothing was measured
+    mean: Float[Any, "n 2"]
+    covariance: Float[Any, "n 2 2"]
+    log_likelihood: Float[Any, " n"]
+    alone: Bool[Any, " n"]            # nothing was measured
 
 
 class PlaneModel(NamedTuple):
     """Height above the opening's centre [n], normal."""
 
-    mean_m: Any
-    sd_m: Any
+    mean_m: Float[Any, " n"]
+    sd_m: Float[Any, " n"]
 
 
 def log_likelihood(model: Model, evidence: Observations, points: Points, u: Float[Any, " p"]) -> Float[Any, " units"]:

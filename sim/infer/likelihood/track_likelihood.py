@@ -31,19 +31,19 @@ Look = Callable[[Vec, Vec, Any], Vec]    # position in m, velocity in m/s, time 
 class Start(NamedTuple):
     """Where and how flights start, arrays [k]: place in m, velocity in m/s, backspin in rev/s."""
 
-    x_m: Any
-    z_m: Any
-    vx_m_s: Any
-    vz_m_s: Any
-    spin_rev_s: Any
+    x_m: Float[Any, " k"]
+    z_m: Float[Any, " k"]
+    vx_m_s: Float[Any, " k"]
+    vz_m_s: Float[Any, " k"]
+    spin_rev_s: Float[Any, " k"]
 
 
 class TrackLinearization(NamedTuple):
     """A flight's unknowns after its track: log-likelihood [k], mean [k, m] and covariance [k, m, m]."""
 
-    log_likelihood: Any
-    mean: Any
-    covariance: Any
+    log_likelihood: Float[Any, " k"]
+    mean: Float[Any, "k m"]
+    covariance: Float[Any, "k m m"]
 
 
 def as_it_is(position_m: Vec, velocity_m_s: Vec, time_s: Any) -> Vec:

@@ -110,8 +110,8 @@ def test_points_with_tracks_are_judged_from_the_settings_alone(nameless: Investi
     """A track of the very shot is not known when it is aimed."""
     fitted = nameless.fitted
     assert fitted is not None
-    model = JudgedFit(only_shared(fitted.layout), fitted.spot, without(fitted.evidence))
-    blind = hold_out(fitted.intake, [model], [0.0])
+    model = JudgedFit(fitted.intake, only_shared(fitted.layout), fitted.spot, without(fitted.evidence))
+    blind = hold_out([model], [0.0])
     told = model.evidence.plane
     assert told is not None and np.median(blind.sd_m) > 2.0 * np.median(told.spread_m)
     off_m = scored_heights(nameless, blind)

@@ -38,6 +38,7 @@ def test_a_supplier_is_found_said_and_believed(two_suppliers: Dataset, tmp_path:
     found = msgspec.json.decode((tmp_path / "found.json").read_bytes())
     assert found["verdict"] == "unknown" and found["unknown"]["covariate"] == "ball_supplier"
     assert found["where"]["stage"] == "launch" and "depending on ball_supplier" in found["sentence"]
+    assert found["adoption"]["aimed_after"] > found["adoption"]["aimed_before"] + 0.1     # the supplier is in the aim
     curve = load_belief(tmp_path / "adopted.toml").curves["free_speed"]
     assert curve.covariate == "ball_supplier"
     size = dict(zip(curve.levels, curve.value, strict=True))
