@@ -31,8 +31,7 @@ from benchmarks.adoption_points import make_points_table, run_points
 from benchmarks.adoption_table import make_table
 from benchmarks.filling import fill_and_tell, parser_of
 from benchmarks.unseen import off_m
-from truearc import robot
-from truearc.cli.common import make_progress
+from truearc.cli.common import SHIPPED, make_progress
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.gate.contract import NOVELTY_LIMIT
@@ -117,7 +116,7 @@ def main() -> int:
 
 
 def _run_all(args: argparse.Namespace, path: Path) -> dict[str, Line]:
-    config = load_config(Path(robot.__file__).parent / "launcher.toml")
+    config = load_config(SHIPPED)
     jobs = {f"{change.name}/{args.shots}/{seed}": (change, args.shots, seed)
             for seed in (APART * (args.seed + number) for number in range(args.worlds)) for change in seen_at(LEVEL)
             if args.only is None or change.name in args.only.split(",")}

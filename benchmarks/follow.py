@@ -26,8 +26,7 @@ from scipy.stats import beta
 
 import truearc as ta
 from benchmarks.filling import fill_and_tell, parser_of
-from truearc import robot
-from truearc.cli.common import make_progress
+from truearc.cli.common import SHIPPED, make_progress
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
 from truearc.sim.compile_cache import keep_compiled
@@ -183,7 +182,7 @@ def main() -> int:
 
 
 def _run_all(args: argparse.Namespace, path: Path) -> dict[str, Line]:
-    rig = load_config(Path(robot.__file__).parent / "launcher.toml").rig
+    rig = load_config(SHIPPED).rig
     jobs: dict[str, Job] = {f"{kind}/{args.seed + number}/{args.sessions}": (kind, args.seed + number, args.sessions)
                             for number in range(args.practices) for kind in ("belief", "robot")}
     jobs |= {f"season/{args.seed + number}": ("season", args.seed + number, 1) for number in range(args.seasons)}

@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 from msgspec.structs import replace
 
-from truearc import robot
+from truearc.cli.common import SHIPPED
 from truearc.cli.robot.run_processes import RecorderProcess
 from truearc.hw.protocols import Frame
 from truearc.hw.readings import CameraFrame
@@ -160,7 +160,7 @@ def main() -> None:
 
     with tempfile.TemporaryDirectory(dir=args.folder) as folder:
         source = Path(folder) / "source"
-        emulate(load_config(Path(robot.__file__).parent / "launcher.toml"), source, trials=1, seed=args.seed)
+        emulate(load_config(SHIPPED), source, trials=1, seed=args.seed)
         report([kill_once(source, Path(folder) / f"{number}", args.seed + number, args.pace, layout)
                 for number in range(args.kills)], args.pace, layout)
 

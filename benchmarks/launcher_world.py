@@ -25,8 +25,7 @@ import numpy as np
 from benchmarks.filling import fill_and_tell, parser_of
 from benchmarks.launcher_table import AS_IS, make_tables
 from benchmarks.unseen import heights_m, off_m
-from truearc import robot
-from truearc.cli.common import make_progress
+from truearc.cli.common import SHIPPED, make_progress
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
 from truearc.sim.compile_cache import keep_compiled
@@ -91,7 +90,7 @@ def main() -> int:
 
 def _run_all(args: argparse.Namespace, path: Path) -> dict[str, Line]:
     """All worlds as they are, then, where asked for, those changed against what each left."""
-    facts = load_config(Path(robot.__file__).parent / "launcher.toml").rig
+    facts = load_config(SHIPPED).rig
     progress, levels = make_progress("worlds"), args.level.split(",")
     homes = {_key(AS_IS, level, args.shots, seed): (level, args.shots, seed)
              for seed in (APART * (args.seed + number) for number in range(args.worlds)) for level in levels}

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import loop_frames, loop_lateness
-from truearc import robot
+from truearc.cli.common import SHIPPED
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.recompute import replay
@@ -53,7 +53,7 @@ def main() -> None:
 
 def time_stepped(trials: int) -> None:
     """The emulated robot in stepped time, its replay, and the tick alone."""
-    config = load_config(Path(robot.__file__).parent / "launcher.toml")
+    config = load_config(SHIPPED)
     with tempfile.TemporaryDirectory() as folder:
         session = Path(folder) / "session"
         began = time.perf_counter()

@@ -7,10 +7,9 @@ import sys
 import threading
 from pathlib import Path
 
-from truearc import robot
+from truearc.cli.common import SHIPPED
 
 ROOT = Path(__file__).parents[1]
-SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 # A robot has its machine for itself; one that shares it stalls for longer than a robot would put up with.
 PATIENT = {"reading_age_s = 0.1": "reading_age_s = 1.0", "sighting_age_s = 0.3": "sighting_age_s = 2.0",
            "request_s = 8.0": "request_s = 60.0", "feed_s = 0.25": "feed_s = 0.6", "clear_s = 0.6": "clear_s = 1.2"}

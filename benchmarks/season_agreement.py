@@ -16,8 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import ks_2samp
 
-from truearc import robot
-from truearc.cli.common import make_progress
+from truearc.cli.common import SHIPPED, make_progress
 from truearc.robot.config.schema import load_config
 from truearc.sim.data.dataset import Shots
 from truearc.sim.data.recordings import shots_from_sessions
@@ -84,7 +83,7 @@ def _apart(one: np.ndarray, other: np.ndarray) -> tuple[float, float]:
 
 def main() -> int:
     args = _arguments()
-    config = load_config(Path(robot.__file__).parent / "launcher.toml")
+    config = load_config(SHIPPED)
     free_rad_s = config.rig.launcher.free_speed_rad_s or 1.0
     with tempfile.TemporaryDirectory() as folder:
         results = emulate(config, Path(folder) / "session", args.trials, args.seed, progress=make_progress("robot"))

@@ -7,13 +7,12 @@ mounting is off by as much as the configuration says; --loose says 10 degrees an
 """
 
 import argparse
-from pathlib import Path
 
 import cv2
 import numpy as np
 from msgspec.structs import replace
 
-from truearc import robot
+from truearc.cli.common import SHIPPED
 from truearc.hw.emulated.imaging.lens import project
 from truearc.hw.emulated.static_plant import Stage
 from truearc.robot.config.schema import Config, load_config
@@ -34,7 +33,7 @@ def main() -> None:
     parser.add_argument("--loose", action="store_true", help="with a mounting that is hardly known")
     args = parser.parse_args()
     cv2.setNumThreads(1)
-    config = load_config(Path(robot.__file__).parent / "launcher.toml")
+    config = load_config(SHIPPED)
     if args.loose:
         config = replace(config, camera=replace(config.camera, pitch_sigma_deg=10.0, height_sigma_m=0.3))
     tell("whole", config, args.frames)

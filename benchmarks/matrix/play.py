@@ -26,14 +26,13 @@ from benchmarks.matrix.models import write_model
 from benchmarks.matrix.robot_side import run_robot
 from benchmarks.matrix.row import DISARMS, REARM, Row
 from benchmarks.matrix.span import Span
-from truearc import robot
+from truearc.cli.common import SHIPPED
 from truearc.cli.main import main as truearc
 from truearc.hw.emulated.clock import StepClock
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import Config, Prescribed, load_config
 from truearc.sim.world.device_server import keep_time
 
-SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 AIM = Prescribed(distance_m=4.0, motor_ratio=0.3, hood_deg=20.0)
 WATCHDOG_MS = 200                     # in real time: a machine that is shared may stall for longer than a robot's
 SPARE_NS = 100_000_000                # a process goes on this much after the fault is said to be over

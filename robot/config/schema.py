@@ -117,7 +117,7 @@ class CameraConfig(Struct, frozen=True, forbid_unknown_fields=True, omit_default
     """Pinhole and Brown distortion at the stated size; the mounting relative to the ball's exit point.
 
     The calibration's own standard deviations are 0 where none is stated, so that recordings from before these keys
-    existed keep their hash (as with the exposure). `truearc vision calibrate` writes them.
+    existed keep their hash (as with the exposure). `truearc vision-calibrate` writes them.
     """
 
     device: str                       # V4L2 path or index

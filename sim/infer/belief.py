@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Float
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError
+from truearc.robot.config.schema import InputError, parse_table
 from truearc.robot.config.toml_text import make_toml
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.coefficients import SCHEMA, Coefficients, coefficients_in, load_table
@@ -106,7 +106,12 @@ class Belief(Printed):
         return True
 
     def save(self, path: str | Path) -> None:
-        """Write a coefficients.toml that `load_belief` reads back exactly; OSError where it cannot be written."""
+        """Write a coefficients.toml that `load_belief` reads back exactly.
+
+        Raises:
+            InputError: `load_belief` would refuse it; nothing is written.
+            OSError: it cannot be written.
+        """
         named = {**self.coefficients, **({SCATTER: self.scatter} if self.scatter else {})}
         table: dict[str, Any] = {name: {key: float(value) for key, value in values.items()}
                                  for name, values in named.items()}
@@ -115,6 +120,7 @@ class Belief(Printed):
         if self.curves:
             table[CURVE] = {term: write_curve(curve) for term, curve in self.curves.items()}
         text = make_toml({"schema": SCHEMA, **table, "provenance": dict(self.provenance)})
+        _read(parse_table(text, str(path)), path, self.catalogue)
         Path(path).write_text(text, encoding="utf-8")
 
     def lines(self) -> list[str]:
@@ -194,7 +200,10 @@ def load_belief(path: str | Path, among: Catalogue | None = None) -> Belief:
 
     InputError names the file and key of what is not known, no number, out of its range, or no covariance.
     """
-    table = load_table(path)
+    return _read(load_table(path), path, among)
+
+
+def _read(table: dict[str, Any], path: str | Path, among: Catalogue | None) -> Belief:
     coefficients = coefficients_in(table, path, among)
     provenance = table.get("provenance", {})
     if not isinstance(provenance, dict):

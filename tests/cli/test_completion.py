@@ -31,8 +31,8 @@ def script(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(("words", "completed"), [
     (["dis"], {"discover"}), (["paper", ""], {"fit", "synth", "train", "sweep"}),
     (["session", "re"], {"replay", "recover"}), (["paper", "fit", "--boot"], {"--bootstrap"}),
-    (["vision", "c"], {"calibrate"}), (["vision", "a.jpg", "--l"], {"--labels"}),
-    (["vision", "calibrate", "--b"], {"--board", "--bias-sigma"}),
+    (["vision-c"], {"vision-calibrate"}), (["vision", "a.jpg", "--l"], {"--labels"}),
+    (["vision-calibrate", "--b"], {"--board", "--bias-sigma"}),
     (["session", "convert", "s", "--to", ""], {"csv", "mcap", "parquet", "wpilog"}), (["prov"], {"prove"}),
 ])
 def test_bash_completes_commands_options_and_choices(script: Path, words: list[str], completed: set[str]) -> None:

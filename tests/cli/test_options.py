@@ -13,7 +13,7 @@ from truearc.cli.main import main
 from truearc.cli.parsers import make_parser
 from truearc.cli.registry import Command, list_commands
 
-ALWAYS = {"help", "quiet", "force"}   # of every command, and of every one with outputs (test_outputs.py)
+ALWAYS = {"help", "force"}            # of every command, and of every one with outputs (test_outputs.py)
 PACKAGES = ("truearc.cli", "truearc_proof.cli")
 
 
@@ -89,8 +89,8 @@ def read_here(node: ast.AST) -> Iterator[str]:
     ("paper train --real r --validation 0 --patience 9 -o w", "--patience"),
     ("paper sweep --real r --sizes 0 --lambdas 0.1 -o w", "--lambdas"),
     ("paper sweep --real r --sizes 0 --sim s -o w", "--sim"),
-    ("vision calibrate a.jpg --board chessboard:9x6:0.025 --tape-sigma 0.1", "--tape-sigma"),
-    ("vision calibrate a.jpg --board chessboard:9x6:0.025 --bias-sigma 0.1", "--bias-sigma"),
+    ("vision-calibrate a.jpg --board chessboard:9x6:0.025 --tape-sigma 0.1", "--tape-sigma"),
+    ("vision-calibrate a.jpg --board chessboard:9x6:0.025 --bias-sigma 0.1", "--bias-sigma"),
     ("sysid s --config c.toml", "--config"), ("sysid --csv a.csv --only hood", "--only"),
     ("sysid --config c.toml --world w.toml", "--world"), ("sysid --config c.toml --seed 1", "--seed"),
     ("emulate --trials 1 --out s --watchdog-ms 50", "--watchdog-ms"),

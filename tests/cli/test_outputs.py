@@ -12,7 +12,7 @@ from truearc.cli.registry import Command, list_commands
 
 SHOTS = Path(__file__).parents[2] / "examples" / "spreadsheet"
 OWN_RULE = {"run": "--out", "emulate": "--out", "sysid": "--out", "prove": "--out", "reproduce": "--out",
-            "vision tune": "--out", "doctor": "--out"}    # sessions, rounds, a page that saves on request, a check
+            "vision-tune": "--out", "doctor": "--out"}    # sessions, rounds, a page that saves on request, a check
 
 
 NAMES = ("-o", "--out", "--json", "--report", "--adopt", "--map", "--picture", "--tied", "--reliability")
@@ -40,7 +40,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     "discover week --json old",
     "discover week --adopt old", "design week --json old", "identifiability week --report old", "export w -o old",
     "paper fit week -o old", "paper fit week --map old", "session convert s --to csv -o old", "sysid s -o old",
-    "sysid s --report old", "vision calibrate --distances t.csv -o old", "train --real week --coefficients c -o w "
+    "sysid s --report old", "vision-calibrate --distances t.csv -o old", "train --real week --coefficients c -o w "
     "--reliability old"])
 def test_an_existing_file_is_refused_and_kept(words: str, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "old").write_text("kept")

@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 from tests.house.wheels import ROOT, build_wheels
@@ -69,3 +71,16 @@ def test_operators_page_is_whole_in_the_wheel(site: Path, tmp_path: Path) -> Non
             "print(make_page(False))")
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert "data-robot" in done.stdout and "const whatIf" in done.stdout and "<!--" not in done.stdout, done.stderr
+
+
+def test_a_packaged_camera_and_the_tuning_page_come_out_of_the_wheel(site: Path, tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "dark.png"), np.zeros((480, 640, 3), np.uint8))
+    done = run(site, tmp_path, "vision", "dark.png", "--camera", "lifecam_hd3000_480p")
+    assert done.returncode == 0 and done.stdout.splitlines()[1].startswith("dark.png,false"), done.stderr
+    page = (ROOT / "truearc" / "cli" / "robot" / "pages" / "tune.html").read_text(encoding="utf-8")
+    paths = [str(site), *(path for path in sys.path if "site-packages" in path)]
+    code = ("import sys; sys.meta_path[:] = [f for f in sys.meta_path if 'editable' not in repr(f).lower()]; "
+            f"sys.path[:0] = {paths!r}; from importlib.resources import files; "
+            "print((files('truearc.cli.robot') / 'pages' / 'tune.html').read_text(encoding='utf-8'))")
+    shown = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert shown.stdout.strip() == page.strip(), shown.stderr

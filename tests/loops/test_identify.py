@@ -3,13 +3,12 @@
 import signal
 import threading
 import time
-from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
 
 from tests.robot.alike import codes
-from truearc import robot
+from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.cli.robot.sysid_emulated import ARM, drive_twin
 from truearc.hw.devices.button_box.emulator import open_button_box
@@ -22,7 +21,6 @@ from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.world import World
 from truearc_proof.world.faults import SILENT, Fault, nodes_with
 
-SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 CONFIG = load_config(SHIPPED)
 SECOND = 1_000_000_000
 FOREVER = 1 << 62

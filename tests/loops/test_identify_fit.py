@@ -1,13 +1,12 @@
 """truearc sysid on the emulated robot: what is fitted is what the world was made of."""
 
 import tomllib
-from pathlib import Path
 
 import msgspec
 import pytest
 from msgspec.structs import replace
 
-from truearc import robot
+from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.cli.robot.sysid_emulated import drive_twin
 from truearc.robot.config.schema import Config, load_config, read_axis
@@ -22,7 +21,6 @@ from truearc.sim.world.options import Options
 from truearc.sim.world.parts import belt, hood
 from truearc.sim.world.world import World
 
-SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 CONFIG = load_config(SHIPPED)
 MOTORS = len(CONFIG.axes.flywheels)
 pytestmark = pytest.mark.slow

@@ -17,6 +17,7 @@ import truearc.cli.robot.deploy
 from tests.robot.gate.test_model import build
 from tests.robot.good_tick import CONFIG
 from truearc import robot
+from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.cli.robot.deploy import make_commands
 from truearc.hw.devices.axis import Axis
@@ -27,7 +28,6 @@ from truearc.robot.deploy.texts import HOME, INSTALL, LINK, NETWORK, PROGRAM, RU
 
 PARTS = Parts(True, True, False, 3, 50, "", "2341:8036", 5.0)
 PLUGIN = Path(robot.__file__).parents[1] / "examples" / "truearc-samplemotor"
-SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 needs_shell = pytest.mark.skipif(sys.platform == "win32", reason="the robot's computer has a POSIX shell")
 
 

@@ -19,6 +19,7 @@ from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from tests.robot.test_rig import ASKED, Blind, Stream, Time, Wire
 from tools.reasons_doc import make_page
 from truearc import robot
+from truearc.cli.common import SHIPPED
 from truearc.hw.devices import registry
 from truearc.hw.fault_codes import FRAME_NOT_ALLOWED
 from truearc.hw.protocols import Frame
@@ -38,7 +39,6 @@ from truearc.robot.vision_source import InlineEyes
 from truearc.sim.world.emulated_robot import emulate
 
 EXAMPLE = Path(robot.__file__).parent.parent / "examples" / "truearc-samplemotor"
-SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 FEEDER = re.search(r"    \[axes\.feeder\]\n(?:    .*\n)+", (EXAMPLE / "README.md").read_text(encoding="utf-8"))[0]
 OTHER_FIRMWARE = {"is_driven": 0, "faults": 0, "current_a": 0.0, "bus_v": 12.0, "firmware": 7}
 DUTY, CLEAR, MOTION, HEALTH = (base + 9 for base in (0x680, 0x6C0, 0x700, 0x740))

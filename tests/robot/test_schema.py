@@ -9,7 +9,7 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
-from truearc import robot
+from truearc.cli.common import SHIPPED
 from truearc.robot.config.hashing import config_hash, is_hash_of
 from truearc.robot.config.rig_spec import unknown_keys
 from truearc.robot.config.schema import Config, InputError, load_config, parse_toml, read_axis
@@ -17,7 +17,6 @@ from truearc.robot.gate.model import load_gate
 from truearc.robot.recording.session import load_session_config, make_header
 from truearc.sim.paper.network import load_json
 
-SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 TEXT = SHIPPED.read_text(encoding="utf-8")
 
 

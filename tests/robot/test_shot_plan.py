@@ -1,6 +1,5 @@
 """Prescribed shots: what the launcher cannot do is named by file, line and column; the rest is done to the letter."""
 
-from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
@@ -8,6 +7,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from tests.robot.good_tick import CONFIG, DISTANCE_M, HOOD_DEG, good_inputs, good_memory
+from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.robot.aim import aim, config_id, step_walk
 from truearc.robot.config.hashing import config_hash
@@ -18,7 +18,6 @@ from truearc.robot.gate.verdict import judge
 from truearc.robot.reasons import NOT_AT_PLACE
 from truearc.robot.types import Shot
 
-SHIPPED = Path(__file__).parents[2] / "robot" / "launcher.toml"
 ROWS = (Prescribed(DISTANCE_M, 0.5, HOOD_DEG), Prescribed(7.0, 0.625, 33.0))
 
 
@@ -67,7 +66,7 @@ def test_a_row_that_cannot_be_is_named(tmp_path, text, message):
 def test_the_verbs_refuse_it_with_exit_code_2_and_leave_nothing(verb, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     write(tmp_path / "p.csv", "distance_m,motor_ratio,hood_deg\n5,0.5,80\n")
-    assert main([*verb, "--plan", "p.csv", "--quiet"]) == 2
+    assert main([*verb, "--plan", "p.csv"]) == 2
     assert "p.csv:2: hood_deg: 80" in capsys.readouterr().err
     assert main([*verb, "--plan", "nowhere.csv"]) == 2
     assert "nowhere.csv" in capsys.readouterr().err

@@ -161,7 +161,7 @@ def test_no_board_in_view():
 
 
 def run(capsys, *arguments):
-    code = truearc.main(["vision", "calibrate", *map(str, arguments), "--quiet"])
+    code = truearc.main(["vision-calibrate", *map(str, arguments), "--quiet"])
     out = capsys.readouterr()
     return code, out.out, out.err
 

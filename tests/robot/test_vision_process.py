@@ -8,13 +8,12 @@ import sys
 import threading
 import time
 from contextlib import ExitStack
-from pathlib import Path
 
 import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from truearc import robot
+from truearc.cli.common import SHIPPED
 from truearc.cli.robot.run_processes import ThreeProcesses
 from truearc.hw.emulated.imaging.picture_server import PictureServer
 from truearc.hw.fault_codes import CAMERA_SILENT, PROCESS_KILLED
@@ -30,7 +29,6 @@ from truearc.robot.types import Sighting
 from truearc.robot.vision_source import InlineEyes
 
 PATIENCE_S = 30.0                     # of a loaded machine
-SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 ROOM = make_room(8, 6)
 posix = pytest.mark.skipif(os.name != "posix", reason="signals")
 

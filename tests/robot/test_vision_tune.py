@@ -229,5 +229,5 @@ def test_live_words_and_views_are_of_one_picture(tmp_path, image):
                                                   (("--camera", "none.toml"), "none.toml")])
 def test_the_door_s_complaints(capsys, tmp_path, monkeypatch, arguments, named):
     monkeypatch.chdir(tmp_path)
-    assert truearc.main(["vision", "tune", *arguments]) == 2
+    assert truearc.main(["vision-tune", *arguments]) == 2
     assert named in capsys.readouterr().err

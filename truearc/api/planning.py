@@ -91,7 +91,8 @@ def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, 
         if level is not None or shots is not None:
             raise InputError("level, shots: a dataset's own shots are looked at")
         if not is_planned(rig_or_dataset) and (sides or seed is not None):
-            raise InputError(f"{'sides' if sides else 'seed'}: applies to planned shots only; these have results")
+            option = "sides (--sides)" if sides else "seed (--seed)"
+            raise InputError(f"{option}: applies to planned shots only; these have results")
         sight = foresee_dataset(rig_or_dataset, believed, sides, seed or 0, progress, among)
         return Identifiability(name or rig_or_dataset.name, sight, among)
     sight = foresee(rig, believed, LEVEL if level is None else level, SEASON_SHOTS if shots is None else shots, sides,

@@ -54,6 +54,7 @@ FORWARDED: dict[str, Callable[[list[str]], list[str] | None]] = {
     "train": _train,
     "discover": _discover,
     "predict-gate": _predict_gate,
+    "vision": lambda words: [f"vision-{words[0]}", *words[1:]] if words[:1] in (["calibrate"], ["tune"]) else None,
     "synth": lambda words: ["paper", "synth", *words],
     "replay": lambda words: ["session", "replay", *words],
     "convert": lambda words: ["session", "convert", *words],

@@ -24,7 +24,10 @@ MESSAGES = (
 
 
 class CommandModule(Protocol):
-    """The module of a command; its docstring is the description in `--help`."""
+    """The module of a command; its docstring is the description in `--help`.
+
+    One that shows no progress says `PROGRESS = False`, and has no `--quiet`.
+    """
 
     EXAMPLE: str
 
@@ -89,7 +92,7 @@ def load_module(command: Command) -> CommandModule:
 
 
 def make_parser(command: Command) -> Parser:
-    """Return the parser of a command: description, example, `--quiet` and the command's own options."""
+    """Return the parser of a command: description, example, and its options."""
     module = load_module(command)
     parser = Parser(prog=f"truearc {command.name}", description=module.__doc__,
                     epilog=f"example: {module.EXAMPLE}")
@@ -99,6 +102,7 @@ def make_parser(command: Command) -> Parser:
 
 def fill_parser(parser: argparse.ArgumentParser, module: CommandModule) -> None:
     """Add the arguments of a command to a parser that exists already."""
-    parser.add_argument("--quiet", action="store_true", help="no progress")
+    if getattr(module, "PROGRESS", True):
+        parser.add_argument("--quiet", action="store_true", help="no progress")
     module.add_arguments(parser)
     add_force(parser)

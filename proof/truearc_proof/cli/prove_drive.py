@@ -22,7 +22,7 @@ import numpy as np
 from msgspec import Struct, structs
 
 import truearc as ta
-from truearc import robot
+from truearc.cli.common import SHIPPED
 from truearc.model_export.graph import export_weights
 from truearc.model_export.verify import verify_gate
 from truearc.robot.config.schema import Config, InputError, load_config
@@ -55,7 +55,6 @@ from truearc_proof.worlds.sampling_plan import FIRST_SEED, MUJOCO, Drawn, change
 LEVEL = "L1"
 FEWEST = 30                           # trials of practice
 AT_ONCE = 4                           # worlds between two entries in the ledger
-SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 NO_GATE, SIDES = "no gate", ("before", "after")
 Done = TypeVar("Done")
 Score = tuple[int, int]               # how many scored, of how many

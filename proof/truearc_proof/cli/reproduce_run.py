@@ -5,8 +5,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
-from truearc import robot
-from truearc.cli.common import make_progress
+from truearc.cli.common import SHIPPED, make_progress
 from truearc.robot.config.schema import InputError, load_config
 from truearc.sim.data.dataset import save_dataset
 from truearc.sim.progress import Progress
@@ -20,7 +19,6 @@ from truearc_proof.reproduce.repetition import run_repetition, tasks_of
 from truearc_proof.reproduce.settings import QUICK_DRAWS, Settings, quick
 from truearc_proof.reproduce.tables import in_short, make_tables
 
-SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 MARK = ".truearc-reproduce"           # a folder with this in it was made by us and may be gone on with
 
 

@@ -1,7 +1,6 @@
 """External worlds: the truth that their makers state is sealed with their data, if it can be marked."""
 
 import shutil
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +39,7 @@ def seal_own(room: Room, world: Path, data: Path) -> str:
     level = "L2" if dataset.tracks is not None else "L1" if dataset.traces is not None else "L0"
     whole = {**truth, "name": name, "engine": OWN, "level": level, "shots": len(dataset.shots), "seed": 0}
     _check_data(room, data, dataset)
-    _check_truth(world, truth, drawn_of(whole, world))
+    _check_truth(world, drawn_of(whole, world))
     with alone(room.root):
         return _seal(room, name, whole, data)
 
@@ -85,7 +84,7 @@ def _check_data(room: Room, data: Path, dataset: Dataset) -> None:
                        "compare the shots with")
 
 
-def _check_truth(path: Path, truth: Mapping[str, Any], drawn: Drawn) -> None:
+def _check_truth(path: Path, drawn: Drawn) -> None:
     """InputError for effects that are not such as the kind has."""
     least, most = EFFECTS[drawn.kind]
     count, names = len(drawn.effects), [term.name for term in TERMS]

@@ -101,7 +101,7 @@ def _draw(rng: np.random.Generator, name: str, kind: str, level: str, shots: int
     seed = FIRST_SEED + int(rng.integers(1 << 62))
     if MUJOCO in engines and (NUMPY not in engines or rng.random() < IN_MUJOCO):
         return change_robot(rng, Drawn(name, MUJOCO, kind, level, shots, seed))
-    sizes = _sizes(rng, kind, level, shots)
+    sizes = _sizes(rng, kind, level)
     effects = {effect: _amount(rng, effect, level, shots, size) for effect, size in sizes.items()}
     strength = {effect: strength_of(effect, amount, level, shots) for effect, amount in effects.items()}
     return Drawn(name, NUMPY, kind, level, shots, seed, effects, _dirt(rng, kind, level), "",
@@ -114,7 +114,7 @@ def strength_of(effect: str, amount: float, level: str, shots: int) -> float | N
     return None if usual is None else usual * shots / LADDER_SHOTS * (amount / find_effect(effect).typical)**2
 
 
-def _sizes(rng: np.random.Generator, kind: str, level: str, shots: int) -> dict[str, float]:
+def _sizes(rng: np.random.Generator, kind: str, level: str) -> dict[str, float]:
     """{hidden effect: lambda wanted}."""
     plain = [one for one in LADDER if one >= PLAIN]
     if kind in ("clean", "dirty"):

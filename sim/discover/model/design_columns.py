@@ -99,7 +99,7 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Int[Ar
               for term in asked]
     shared = _shared(intake, believed, slots, catalogue)
     found += _changed(shared, belief)
-    scatters = tuple(_scatter_place(intake, name, len(found) + len(shared), k) for k, name in enumerate(SCATTERS))
+    scatters = tuple(_scatter_place(intake, len(found) + len(shared), k) for k in range(len(SCATTERS)))
     names = [name for name, place in zip(SCATTERS, scatters, strict=True) if place >= 0]
     prior = [(mean, sd) for _, _, mean, sd in shared]
     prior += [(np.log(SCATTER_PRIOR[name][0]), np.log(SCATTER_PRIOR[name][1])) for name in names]
@@ -220,7 +220,7 @@ def _changed(shared: list[tuple[Column, int, float, float]], belief: Belief | No
     return [(replace(column, kind="term", usual=usual), place) for column, place, usual in found if usual is not None]
 
 
-def _scatter_place(intake: Intake, name: str, first: int, number: int) -> int:
+def _scatter_place(intake: Intake, first: int, number: int) -> int:
     """The column of a scatter, or -1 where nothing could tell it."""
     wanted = [bool(intake.scattered[:, k].any()) and (one != "scatter.azimuth_rad" or intake.samples is not None)
               for k, one in enumerate(SCATTERS)]

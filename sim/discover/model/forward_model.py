@@ -22,6 +22,7 @@ from truearc.sim.infer.curve import resized
 from truearc.sim.physics import catalogue as stages
 from truearc.sim.physics.catalogue import BUILT_IN, Catalogue, effective, find_terms
 from truearc.sim.physics.flight import Law, make_law
+from truearc.sim.physics.flight_over_x import AHEAD, SHARE, SLOWEST_M_S
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.nonparametric import CURVE
 from truearc.sim.physics.term import DIRECTIONS, BallState, Opening
@@ -32,10 +33,7 @@ DEVIATES = ("log_speed", "elevation_rad", "azimuth_rad", "spin_share", "distance
             "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
 PLANE_DEVIATES, LAUNCHED_DEVIATES = 5, 9
 PLANE_STEPS = 16                      # Runge-Kutta over x: heights within 1e-4 m, far below any spread
-AHEAD = (0.5, 0.5, 1.0, 0.0)          # where the next stage of a Runge-Kutta step is taken
-SHARE = (1 / 6, 1 / 3, 1 / 3, 1 / 6)  # of each stage in the step
 LEAD_STEPS = 3                        # from the launch to the first sample of its track
-SLOWEST_M_S = 0.3                     # horizontally; a slower ball has nearly turned back
 LOWEST_M = -6.0                       # below the floor: no height there could be a hit
 
 Slot = tuple[str, str]                # term, parameter

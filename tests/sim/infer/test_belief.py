@@ -43,6 +43,19 @@ def test_the_grids_file_is_a_belief_without_doubt(tmp_path):
     assert [one.coefficients for one in draw(belief, 3, np.random.default_rng(0))] == [belief.coefficients] * 3
 
 
+@pytest.mark.parametrize(("belief", "key"), [
+    (point_belief({"drag": {"cd": -0.5}}), "drag.cd: -0.5 is below 0"),
+    (point_belief({"drag": {"cd": float("nan")}}), "drag.cd"),
+    (replace(_belief(), covariance=-np.eye(4)), "covariance.matrix"),
+])
+def test_what_could_not_be_read_is_not_saved(belief: Belief, key: str, tmp_path) -> None:
+    path = tmp_path / "coefficients.toml"
+    path.write_text("the last one", encoding="utf-8")
+    with pytest.raises(InputError, match=key):
+        belief.save(path)
+    assert path.read_text(encoding="utf-8") == "the last one"
+
+
 def test_draws_have_the_covariance_on_the_parameters_own_scales():
     factor = np.array([[0.2, 0, 0, 0], [-0.04, 0.02, 0, 0], [0.0, 0.005, 0.01, 0], [0, 0, 0, 0.3]])
     belief = _belief(factor=factor)

@@ -46,7 +46,7 @@ def test_a_real_launchers_tracks(data_dir, tmp_path):
     A smooth ball at these speeds has a drag coefficient of 0.4 to 0.5, and the cameras were good to millimetres.
     """
     files = [str(data_dir / "real" / name) for name in ("mpi_launches.csv", "mpi_tracks.csv")]
-    assert main(["import", "mpi", *files, "-o", str(tmp_path / "mpi"), "--quiet"]) == 0
+    assert main(["import", "mpi", *files, "-o", str(tmp_path / "mpi")]) == 0
     dataset = thinned(load_dataset(tmp_path / "mpi"))
     fit = fit_map(dataset.facts, dataset, ("drag", "magnus"))
     assert fit.converged

@@ -7,6 +7,7 @@ from truearc.cli.outputs import DATASET, OutFolder
 from truearc.sim.data.importers.registry import load_importers
 
 EXAMPLE = "truearc import mpi mn5008_backspin.hdf5 mn5008_no_spin.hdf5 -o mpi"
+PROGRESS = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

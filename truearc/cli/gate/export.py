@@ -6,6 +6,7 @@ import truearc as ta
 from truearc.cli.outputs import out_file
 
 EXAMPLE = "truearc export weights/ -o gate.onnx"
+PROGRESS = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

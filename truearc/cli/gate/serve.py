@@ -10,6 +10,7 @@ from truearc.cli.common import SHIPPED, number
 from truearc.robot.config.schema import InputError
 
 EXAMPLE = "truearc serve gate.onnx"
+PROGRESS = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

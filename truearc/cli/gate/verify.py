@@ -15,6 +15,7 @@ from truearc.model_export.tolerances import NETWORK_TOLERANCE, PHYSICS_TOLERANCE
 from truearc.robot.config.schema import load_bytes
 
 EXAMPLE = "truearc verify gate.onnx --weights weights/ --data shots/"
+PROGRESS = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

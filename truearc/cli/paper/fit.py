@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Return 0 when a pair was chosen."""
-    if args.bootstrap is None:
+    if not args.bootstrap:
         refuse(args, ("--seed",), "applies with --bootstrap only")
     found = ta.fit(ta.load_dataset(args.dataset), method="grid", step=args.step, bootstrap=args.bootstrap or 0,
                    seed=args.seed or 0, accept=args.accept, progress=make_progress("fit", args.quiet))

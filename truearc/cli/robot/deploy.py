@@ -20,6 +20,7 @@ from truearc.robot.deploy.source import copy_folder, copy_source
 from truearc.robot.deploy.texts import INSTALL, make_files
 
 EXAMPLE = "truearc deploy pi@launcher.local --config launcher.toml --gate gate.onnx --core 3 --dry-run"
+PROGRESS = False
 SOURCE = Path(__file__).parents[3]
 FAR = "truearc-deploy"                # folder in the home directory there
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from truearc.cli.common import number
 
 EXAMPLE = "truearc doctor --config launcher.toml --gate gate.onnx --out sessions"
+PROGRESS = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

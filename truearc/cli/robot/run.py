@@ -8,6 +8,7 @@ from truearc.robot.config.port_options import add_port_arguments
 from truearc.robot.operator_ui.page_option import PORT, add_page_argument
 
 EXAMPLE = "truearc run --config launcher.toml --gate gate.onnx --out sessions"
+PROGRESS = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

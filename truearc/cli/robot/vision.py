@@ -3,7 +3,7 @@
 Distances are horizontal, lens to tape centre, along the line of sight. Corners are x y pairs in pixels: bottom right,
 bottom left, top left, top right. A file that cannot be read as an image has an empty `found`. A picture of another
 size than the camera's is treated as another mode of its sensor that shows the full height: one that was cropped or
-turned gets a wrong distance. See also `truearc vision calibrate` and `truearc vision tune`.
+turned gets a wrong distance. See also `truearc vision-calibrate` and `truearc vision-tune`.
 """
 
 import argparse

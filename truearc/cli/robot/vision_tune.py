@@ -6,7 +6,8 @@ can all be run through changed settings at once; Save writes them to --out.
 
 import argparse
 
-EXAMPLE = "truearc vision tune sessions/first --camera camera.toml -o camera-tuned.toml"
+EXAMPLE = "truearc vision-tune sessions/first --camera camera.toml -o camera-tuned.toml"
+PROGRESS = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 EXAMPLE = "truearc session recover sessions/monday"
+PROGRESS = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from truearc.cli.common import refuse
 
 EXAMPLE = "truearc session replay sessions/monday --check"
+PROGRESS = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -10,6 +10,7 @@ from truearc.cli.parsers import fill_parser, load_module
 from truearc.cli.registry import GROUPS, Command, list_commands
 
 EXAMPLE = 'eval "$(truearc completion bash)"'
+PROGRESS = False
 SHELLS = ("bash", "zsh", "tcsh")
 
 

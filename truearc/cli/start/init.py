@@ -12,6 +12,7 @@ from truearc.cli.outputs import OutFolder, out_file
 from truearc.robot.config.schema import InputError
 
 EXAMPLE = "truearc init my_shots"
+PROGRESS = False
 RIG = Path(__file__).with_name("rig_template.toml")
 COLUMNS = ("shot_id", "distance_m", "hood_deg", "motor_ratio", "outcome")
 

@@ -1,1 +1,1 @@
-"""The work behind `truearc vision`, `vision calibrate` and `vision tune`."""
+"""The work behind `truearc vision`, `vision-calibrate` and `vision-tune`."""

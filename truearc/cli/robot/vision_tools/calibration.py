@@ -1,4 +1,4 @@
-"""The work of `truearc vision calibrate`: a camera from a board, or its focal length from taped distances."""
+"""The work of `truearc vision-calibrate`: a camera from a board, or its focal length from taped distances."""
 
 import argparse
 import re
@@ -29,7 +29,7 @@ CHARUCO = re.compile(rf"charuco:(\d+)x(\d+):{NUMBER}:{NUMBER}:(DICT_\w+)")
 
 
 def calibrate_camera(args: argparse.Namespace) -> int:
-    """Calibrate and write the camera; args: those of `truearc vision calibrate`."""
+    """Calibrate and write the camera; args: those of `truearc vision-calibrate`."""
     file = load_camera(args.camera)
     camera = _from_board(args, file.camera) if args.board else _from_tape(args, file)
     print_or_write(args.out, make_toml(msgspec.to_builtins(replace(file, camera=camera))))
@@ -38,7 +38,7 @@ def calibrate_camera(args: argparse.Namespace) -> int:
 
 def _from_board(args: argparse.Namespace, camera: CameraConfig) -> CameraConfig:
     board = parse_board(args.board)
-    progress = make_progress("vision calibrate", args.quiet)
+    progress = make_progress("vision-calibrate", args.quiet)
     views: list[boards.BoardView] = []
     names: list[str] = []
     size = (0, 0)

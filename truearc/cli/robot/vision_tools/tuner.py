@@ -1,4 +1,4 @@
-"""The work of `truearc vision tune`: a page that measures pictures, or the live camera, with changed settings.
+"""The work of `truearc vision-tune`: a page that measures pictures, or the live camera, with changed settings.
 
 All that the page loads comes from this machine.
 """
@@ -42,7 +42,7 @@ MAX_REQUEST_BYTES = 10_000
 
 
 def serve_tuner(args: argparse.Namespace) -> int:
-    """Serve the page until interrupted; args: those of `truearc vision tune`."""
+    """Serve the page until interrupted; args: those of `truearc vision-tune`."""
     file = load_camera(args.camera)
     source = Recorded(find_pictures(args.sources)) if args.sources else open_live(file)
     try:
@@ -216,7 +216,7 @@ class _Page(LocalHandler):
         where, tuner = urlsplit(self.path), self.server.tuner
         query = {key: values[0] for key, values in parse_qs(where.query).items()}
         if not self._may(query.get("token", "")):
-            self.give(403, "text/plain", b"open the address that truearc vision tune printed, with its token")
+            self.give(403, "text/plain", b"open the address that truearc vision-tune printed, with its token")
         elif where.path == "/":
             page = files("truearc.cli.robot") / "pages" / "tune.html"
             self.give(200, "text/html; charset=utf-8", page.read_bytes())
