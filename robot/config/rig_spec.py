@@ -130,7 +130,7 @@ def rig_errors(rig: Rig) -> Iterator[tuple[str, str]]:
         if not isinstance(value, int | float):
             continue
         if not math.isfinite(value):
-            yield key, f"{value} is not finite"
+            yield key, f"{value} is not finite" + ("; measure it and write the number" if math.isnan(value) else "")
         elif key in POSITIVE and value <= 0:
             yield key, f"{value} must be above 0"
         elif key in NOT_NEGATIVE and value < 0:

@@ -35,6 +35,7 @@ RANGES = {
 }
 # column -> what a number out of its range looks like, and what to do
 LOOKS = {
+    "distance_m": "if centimetres, rename the column to distance_cm; if inches, to distance_in",
     "motor_ratio": "if percent, divide by 100; if rpm, divide by the motor's free speed in rpm",
     "miss_height_m": "if centimetres, rename the column to miss_height_cm; if millimetres, to miss_height_mm",
     "battery_v": "if millivolts, rename the column to battery_mv",
@@ -118,7 +119,8 @@ def text_column(table: RawTable, name: str, problems: Problems, needed: bool = T
         if needed and not value:
             problems.add(table.place(row), name, "is missing")
         elif words and value and value not in words:
-            problems.add(table.place(row), name, f"{value!r} is none of {', '.join(words)}")
+            problems.add(table.place(row), name, f"{value!r} is none of {', '.join(words)}"
+                         + ("; if 0 says that it missed, write miss" if value in ("0", "false") else ""))
     return values
 
 

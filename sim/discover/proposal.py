@@ -1,12 +1,9 @@
 """A change that is proposed to the driver: the fields of `truearc.proposal/1`. Nothing on a robot is changed by it."""
 
 import hashlib
-from pathlib import Path
 
 import msgspec
 from msgspec import Struct
-
-from truearc.robot.config.schema import InputError, load_bytes
 
 SCHEMA = "truearc.proposal/1"
 
@@ -65,18 +62,3 @@ def with_id(proposal: AimProposal) -> AimProposal:
     """The same with the id of its content, its time aside."""
     content = msgspec.json.encode(msgspec.structs.replace(proposal, id="", t=None))
     return msgspec.structs.replace(proposal, id=hashlib.sha256(content).hexdigest()[:16])
-
-
-def load_proposal(path: str | Path) -> AimProposal:
-    """Read a proposal that `truearc follow` wrote.
-
-    Raises:
-        InputError: `path` cannot be read, or is not a truearc.proposal/1; with the key.
-    """
-    try:
-        proposal = msgspec.json.decode(load_bytes(path), type=AimProposal)
-    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: {error}") from error
-    if proposal.schema != SCHEMA:
-        raise InputError(f"{path}: schema: got {proposal.schema!r}; expected {SCHEMA!r}")
-    return proposal

@@ -25,16 +25,12 @@ APART = ("schema", "scatter", "covariance", "curve", "provenance")
 Coefficients = dict[str, dict[str, float]]
 
 
-def load_coefficients(path: str | Path, among: Catalogue | None = None) -> Coefficients:
-    """{term: {parameter: value}}; InputError names an unknown term or parameter, or a value that is not finite.
+def coefficients_in(table: dict[str, Any], path: str | Path, among: Catalogue | None = None) -> Coefficients:
+    """{term: {parameter: value}} of a loaded file; InputError names an unknown term or parameter, or a value that is
+    not finite.
 
     among: the catalogue of the terms, truearc.sim.physics.catalogue.catalogue() when not given.
     """
-    return coefficients_in(load_table(path), path, among)
-
-
-def coefficients_in(table: dict[str, Any], path: str | Path, among: Catalogue | None = None) -> Coefficients:
-    """As load_coefficients, of a file that is loaded already."""
     return {name: _values(path, name, values, among) for name, values in table.items() if name not in APART}
 
 

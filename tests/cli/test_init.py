@@ -58,6 +58,15 @@ def test_check_plans_a_season_where_there_are_no_shots(made: Path, capsys: pytes
     assert "no shots yet" in said and "300 shots of this kind (L0) would show" in said
 
 
+def test_check_of_few_shots_without_a_target_says_that_no_season_can_be_planned(
+        made: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rig = (SHOTS / "rig.toml").read_text()
+    (made / "rig.toml").write_text(rig[:rig.index("[target]")])
+    (made / "shots.csv").write_text("shot_id,distance_m,hood_deg,motor_ratio\n1,3.2,47,0.58\n")
+    assert main(["check", "week", "--quiet"]) == 0
+    assert "no season can be planned: rig.toml has no [target]" in capsys.readouterr().out
+
+
 def test_check_says_what_filled_in_shots_could_show(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name in ("rig.toml", "shots.csv"):
         shutil.copy(SHOTS / name, made / name)

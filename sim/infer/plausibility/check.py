@@ -29,6 +29,7 @@ MEASURED = (0.85, 2.0)                # of it where the speed itself was measure
 STRAIGHTER = 0.65                     # spread of that ratio with the other angle, by its spread as recorded
 UNEVEN = 0.05                        # and the least spread as recorded that is judged
 SCORES = 6                            # fewest scoring shots that are judged
+LOWEST_M = 0.3                        # of a target's height in another unit
 THIN_KG_M3 = 0.5                      # air at 8 km
 SPEEDS = (("miles per hour", "exit_speed_mph", 0.44704), ("feet per second", "exit_speed_ft_s", 0.3048),
           ("kilometres per hour", "exit_speed_km_h", 1.0 / 3.6))
@@ -198,9 +199,9 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
     distance_m, hood_deg, speed_m_s = columns[:, scoring & np.isfinite(columns).all(axis=0)]
     if rig.target is None or len(distance_m) < SCORES:
         return
-    rise_m = rig.target.centre_height_m - rig.launcher.release_height_m
 
-    def ratios(distance: Floats, hood: Floats, speed: Floats) -> Floats:
+    def ratios(distance: Floats, hood: Floats, speed: Floats, height: float = 1.0) -> Floats:
+        rise_m = height * rig.target.centre_height_m - rig.launcher.release_height_m if rig.target else 0.0
         return np.asarray(speed / needed_speed(distance, rise_m, hood, rig.world.gravity_m_s2))
 
     ratio = ratios(distance_m, hood_deg, speed_m_s)
@@ -231,6 +232,9 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
         return
     causes = {f"distance_m in {name}": ratios(distance_m * metres, hood_deg, speed_m_s)
               for name, (_, metres) in LENGTHS.items()}
+    causes |= {f"target.centre_height_m in {name}, which would be {rig.target.centre_height_m * metres:.3g} m":
+               ratios(distance_m, hood_deg, speed_m_s, metres) for name, (_, metres) in LENGTHS.items()
+               if LOWEST_M <= rig.target.centre_height_m * metres <= MOST["target.centre_height_m"]}
     causes["launcher.free_speed_rad_s, or the wheels' speeds, in revolutions per minute"] = ratios(
         distance_m, hood_deg, speed_m_s * RPM)
     causes["a wheel's diameter given as its radius"] = ratios(distance_m, hood_deg, speed_m_s / 2.0)

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Float
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.model import Dataset, Floats, Tracks
@@ -20,6 +21,7 @@ FAR_M = 0.5                           # tracks that go less far have no directio
 NEAR_M = 1.5                          # tracks that begin farther off do not tell where the ball left
 OFF_RELEASE_M = 0.2                   # a release height is misjudged by centimetres (term release_height: 0.04 usual)
 SAMPLES = 8                           # fewest of a track that is judged
+APART = 2.5                           # times the others' gravity, or a share of it, in tracks of another unit
 
 
 class Motion(NamedTuple):
@@ -31,6 +33,7 @@ class Motion(NamedTuple):
     from_m: Floats                    # [tracks, 3]: where each begins
     velocity_m_s: Floats              # [tracks, 3]: there
     shot: Floats                      # [tracks]: row in Shots
+    alone_m_s2: Floats                # [tracks]: size of the acceleration without drag, of each by itself
     reach_m: Floats                   # [tracks]: horizontal distance travelled
     toward_m: Floats                  # [tracks, 2]: along x and y
 
@@ -59,11 +62,19 @@ def measure_motion(tracks: Tracks) -> Motion | None:
     if len(rows) < TRACKS:
         return None
     solutions = np.array([_gravity_of([row]) for row in rows])
-    whole = _gravity_of(rows)
+    alone = np.linalg.norm(solutions, axis=1)
+    like = ~_apart(alone)
+    whole = _gravity_of([row for row, one in zip(rows, like, strict=True) if one])
     error = float(np.linalg.norm(1.25 * np.median(np.abs(solutions - np.median(solutions, axis=0)), axis=0)))
     along, (places, velocities) = np.array(toward), np.array(begins).transpose(1, 0, 2)
     return Motion(whole, 1.5 * error / math.sqrt(len(rows)), np.array(starts), places, velocities, np.array(shots),
-                  np.linalg.norm(along, axis=1), along)
+                  alone, np.linalg.norm(along, axis=1), along)
+
+
+def _apart(alone_m_s2: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Which tracks [n] have a gravity far from the others': by a unit, and beyond how much tracks differ anyway."""
+    off = np.abs(np.log(alone_m_s2 / np.median(alone_m_s2)))
+    return np.asarray((off > math.log(APART)) & (off > 8.0 * np.median(off)))
 
 
 def _gravity_of(rows: list[tuple[Floats, Floats]]) -> Floats:
@@ -78,11 +89,12 @@ def _gravity_of(rows: list[tuple[Floats, Floats]]) -> Floats:
 
 def judge_tracks(dataset: Dataset, tracks: Tracks) -> Iterator[Flaw]:
     """Yield what is implausible of the tracks; nothing where there are too few."""
+    yield from _unmeasured(tracks)
     steps = np.diff(tracks.t_s)[np.diff(tracks.shot) == 0]
     step_s = float(np.median(steps)) if len(steps) else 0.01
     motion = measure_motion(tracks)
     if motion is not None:
-        objections = list(_gravity(dataset.rig, motion, step_s))
+        objections = [*_gravity(dataset.rig, motion), *_mixed(dataset, motion)]
         yield from objections
         if objections:
             return
@@ -94,7 +106,30 @@ def judge_tracks(dataset: Dataset, tracks: Tracks) -> Iterator[Flaw]:
                     + ("milliseconds: rename the column to t_ms" if step_s > INTERVAL_S[1] else "another unit of time"))
 
 
-def _gravity(rig: Rig, motion: Motion, step_s: float) -> Iterator[Flaw]:
+def _mixed(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:
+    """Some tracks in another unit than the others."""
+    apart = _apart(motion.alone_m_s2)
+    if not apart.any() or 2 * apart.sum() >= len(apart):
+        return
+    usual, other = float(np.median(motion.alone_m_s2)), float(np.median(motion.alone_m_s2[apart]))
+    name = min(LENGTHS, key=lambda one: abs(math.log(other * LENGTHS[one][1] / usual)))
+    likely = f"these look like {name}; " if abs(math.log(other * LENGTHS[name][1] / usual)) < math.log(ALIKE) else ""
+    ids = [dataset.shots.shot_id[int(row)] for row in motion.shot[apart]]
+    yield Flaw("gravity", "tracks: x_m, y_m, z_m, t_s", f"{apart.sum()} of {len(apart)} tracks have another unit than "
+               f"the others: gravity would be {other:,.3g} m/s2 in them, {usual:,.3g} in the others; {likely}convert "
+               f"{', '.join(ids[:3])}{', ...' if len(ids) > 3 else ''}")
+
+
+def _unmeasured(tracks: Tracks) -> Iterator[Flaw]:
+    """A coordinate that never varies was not measured."""
+    for name, values in (("y_m", tracks.y_m), ("z_m", tracks.z_m)):
+        known = values[np.isfinite(values)]
+        if len(known) > 1 and np.ptp(known) == 0.0:
+            yield Flaw("axes", f"tracks: {name}", f"is {known[0]:g} in every sample, so it is taken as not measured: "
+                       "nothing can be found in that direction", warns=True)
+
+
+def _gravity(rig: Rig, motion: Motion) -> Iterator[Flaw]:
     """Gravity as if it were unknown: its size says the units, its direction the axes."""
     size = float(np.linalg.norm(motion.acceleration_m_s2))
     low, high = (share * rig.world.gravity_m_s2 for share in GRAVITY)
@@ -148,8 +183,9 @@ def _direction(motion: Motion) -> Iterator[Flaw]:
 def _release(rig: Rig, motion: Motion) -> Iterator[Flaw]:
     """Tracks that begin near the launcher, carried back to x = 0 in vacuum, begin at the stated height."""
     stated_m = rig.launcher.release_height_m
-    back_s = motion.from_m[:, 0] / motion.velocity_m_s[:, 0]
-    near = (np.abs(motion.from_m[:, 0]) < NEAR_M) & (motion.velocity_m_s[:, 0] > 0.0)
+    forwards = motion.velocity_m_s[:, 0] > 0.0
+    back_s = motion.from_m[:, 0] / np.where(forwards, motion.velocity_m_s[:, 0], np.inf)
+    near = (np.abs(motion.from_m[:, 0]) < NEAR_M) & forwards
     if stated_m <= 0.0 or near.sum() < TRACKS:
         return
     height_m = motion.from_m[:, 2] - motion.velocity_m_s[:, 2] * back_s - 0.5 * rig.world.gravity_m_s2 * back_s**2

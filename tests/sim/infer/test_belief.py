@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from truearc.robot.config.schema import InputError
 from truearc.sim.infer.belief import Belief, draw, load_belief, point_belief
-from truearc.sim.infer.coefficients import load_coefficients
 
 NAMES = ("drag.cd", "exit_efficiency.loss", "magnus.cl", "scatter.speed")
 POSITIVE = st.floats(1e-3, 5.0)
@@ -31,7 +30,6 @@ def test_what_is_saved_reads_back(tmp_path_factory, cd, cl, loss, speed, numbers
     again = load_belief(path)
     assert (again.coefficients, again.scatter, again.names) == (belief.coefficients, belief.scatter, belief.names)
     np.testing.assert_array_equal(again.covariance, belief.covariance)
-    assert load_coefficients(path) == belief.coefficients
     assert load_belief(path).provenance == {"method": "ml"}
 
 

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 
 from truearc.robot.config.schema import InputError
 from truearc.sim.infer.belief import load_belief, point_belief
-from truearc.sim.infer.coefficients import load_coefficients
 
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 TEXT = st.text(alphabet=st.characters(codec="utf-8"), max_size=20)
@@ -21,7 +20,7 @@ def test_what_is_saved_reads_back(tmp_path_factory, cd, cl, provenance):
     path = tmp_path_factory.mktemp("c") / "coefficients.toml"
     coefficients = {"drag": {"cd": cd}, "magnus": {"cl": cl}}
     replace(point_belief(coefficients), provenance=provenance).save(path)
-    assert load_coefficients(path) == coefficients
+    assert load_belief(path).coefficients == coefficients
     assert load_belief(path).provenance == provenance
 
 
@@ -40,9 +39,9 @@ GOOD = 'schema = "truearc.coefficients/1"\n[drag]\ncd = 0.91\n'
 def test_a_bad_file_is_named(tmp_path, old, new, message):
     path = tmp_path / "coefficients.toml"
     path.write_text(GOOD)
-    assert load_coefficients(path) == {"drag": {"cd": 0.91}}
+    assert load_belief(path).coefficients == {"drag": {"cd": 0.91}}
     path.write_text(GOOD.replace(old, new))
     with pytest.raises(InputError) as error:
-        load_coefficients(path)
+        load_belief(path)
     assert "coefficients.toml" in str(error.value)
     assert message in str(error.value)

@@ -11,7 +11,6 @@ from tests.sim.physics.rigs import GUPPY
 from truearc.cli.main import main
 from truearc.sim.data.dataset import Dataset, Shots, hash_dataset, load_dataset, save_dataset
 from truearc.sim.infer.belief import load_belief
-from truearc.sim.infer.coefficients import load_coefficients
 
 ROWS = [(3.0, 0.5, 50.0), (15.0, 0.3, 40.0), (4.0, 0.6, 60.0), (2.0, 0.45, 60.0)]
 OUTCOMES = ("three", "miss", "two", "three")
@@ -46,7 +45,7 @@ def test_fit_writes_what_predict_reads(home, tmp_path, capsys):
     printed = capsys.readouterr()
     assert "11 x 11" in printed.out
     assert printed.err == ""
-    chosen = load_coefficients(out)
+    chosen = load_belief(out).coefficients
     saved = np.load(grid)
     at = (round(chosen["drag"]["cd"] / 0.5), round(chosen["magnus"]["cl"] / 0.5))
     assert saved["tied"][at]
@@ -151,7 +150,7 @@ def test_fit_puts_the_bootstrap_into_the_provenance(home, tmp_path, capsys):
     said, told = capsys.readouterr().out, load_belief(out).provenance
     assert f"drawn again {told['bootstrap_resamples']} times (seed 3)" in said
     assert f"cd {told['cd_low90']:.3f} to {told['cd_high90']:.3f}" in said
-    assert told["cl_low90"] <= load_coefficients(out)["magnus"]["cl"] <= told["cl_high90"]
+    assert told["cl_low90"] <= load_belief(out).coefficients["magnus"]["cl"] <= told["cl_high90"]
 
 
 def test_fit_in_words_when_no_pair_reaches_all(tmp_path, capsys):

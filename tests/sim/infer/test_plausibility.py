@@ -139,6 +139,30 @@ def test_tracks_in_another_unit_are_refused(filmed: Dataset, factor: float, unit
         ta.discover(scaled(filmed, factor), believe=("gravity",))
 
 
+@pytest.mark.parametrize(("factor", "unit"), [(1000.0, "millimetres"), (100.0, "centimetres"), (1 / 0.3048, "feet")])
+@pytest.mark.parametrize("count", [1, 5])
+def test_some_tracks_in_another_unit_are_named(filmed: Dataset, factor: float, unit: str, count: int) -> None:
+    assert filmed.tracks is not None
+    points = {name: np.where(filmed.tracks.shot < count, factor, 1.0) * getattr(filmed.tracks, name)
+              for name in ("x_m", "y_m", "z_m")}
+    with pytest.raises(InputError, match=rf"{count} of 12 tracks have another unit .* look like {unit}; convert 00"):
+        check_plausible(replace(filmed, tracks=replace(filmed.tracks, **points)))
+
+
+def test_a_coordinate_that_never_varies_is_said_to_be_unmeasured(filmed: Dataset) -> None:
+    assert filmed.tracks is not None
+    flat = replace(filmed, tracks=replace(filmed.tracks, y_m=np.zeros_like(filmed.tracks.y_m)))
+    (said,) = check_plausible(flat).accepted
+    assert said.startswith("axes: tracks: y_m: is 0 in every sample, so it is taken as not measured")
+
+
+def test_a_target_height_in_feet_is_called_so(table: Dataset) -> None:
+    assert table.rig.target is not None
+    feet = replace(table, facts=changed(table.rig, target=Target(table.rig.target.centre_height_m / 0.3048)))
+    with pytest.raises(InputError, match=r"target.centre_height_m in feet, which would be|target.centre_height_m: "):
+        check_plausible(feet)
+
+
 def test_times_in_milliseconds_are_refused(filmed: Dataset) -> None:
     assert filmed.tracks is not None
     with pytest.raises(InputError, match=r"tracks: t_s: these look like milliseconds"):
@@ -365,4 +389,6 @@ def test_real_recordings_pass(data_dir: Path, tmp_path: Path) -> None:
                            ("fuel", "fuel_exit_speed_spin_46deg.csv")):
         home = tmp_path / source
         assert main(["import", source, *(str(real / name) for name in files), "-o", str(home)]) == 0
-        assert check_plausible(load_dataset(home)).accepted == ()
+        said = check_plausible(load_dataset(home)).accepted
+        assert [one.split(" in every")[0] for one in said] == (
+            ["axes: tracks: y_m: is 0"] if source == "ball-drops" else [])

@@ -28,6 +28,9 @@ def main(args: argparse.Namespace) -> int:
     dataset = check_plausible(ta.load_dataset(args.dataset), args.accept)
     print("\n".join([*dataset.lines(), *ranges(dataset), *plausibility(dataset)]))
     few = len(dataset.shots) < FEWEST_SHOTS
+    if few and dataset.rig.target is None:
+        print(f"warning: {say_few(len(dataset.shots))}; no season can be planned: rig.toml has no [target]")
+        return 0
     try:
         could = ta.identifiability(dataset.rig if few else dataset, seed=args.seed,
                                    progress=make_progress("check", args.quiet))
