@@ -29,7 +29,10 @@ MOST_WORKERS = 4                      # each holds JAX and what it has compiled:
 # more than it runs: XLA's older code generator does it in two thirds of the time. All this before NumPy is there.
 FRUGAL = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1",
           "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false --xla_cpu_use_fusion_emitters=false "
-                       "intra_op_parallelism_threads=1"}
+                       "intra_op_parallelism_threads=1",
+          # what one test has compiled, tests of other files, workers and commands need not compile again
+          "JAX_COMPILATION_CACHE_DIR": str(Path(__file__).parents[1] / ".pytest_cache" / "xla"),
+          "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.3"}
 os.environ |= {name: value for name, value in FRUGAL.items() if name not in os.environ}
 
 

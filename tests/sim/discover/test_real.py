@@ -57,7 +57,7 @@ def test_what_only_a_tilted_camera_makes_right_is_not_adopted(data_dir: Path, tm
     """Drag of 1.09 and sinking air, with the camera at 15 degrees, the end of its range: the ball has about 0.41."""
     real = data_dir / "real"
     assert main(["import", "mpi", str(real / "mpi_launches.csv"), str(real / "mpi_tracks.csv"), "-o",
-                 str(tmp_path / "mpi"), "--quiet"]) == 0
+                 str(tmp_path / "mpi")]) == 0
     adopt = ["--adopt", str(tmp_path / "out.toml"), "--json", str(tmp_path / "out.json"), "--quiet"]
     assert main(["discover", str(tmp_path / "mpi"), "--believe", "gravity,drag", *adopt]) == 2
     said = capsys.readouterr()
