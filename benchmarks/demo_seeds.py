@@ -148,7 +148,8 @@ def main() -> int:
 def _run_all(args: argparse.Namespace, path: Path) -> dict[str, Line]:
     sizes, events = (Sizes(100, 0, 30, 30), EVENTS[:2]) if args.quick else (Sizes(), EVENTS)
     jobs = {f"{seed}/{sizes.practice}": seed for seed in range(args.first, args.first + args.seeds)}
-    return fill(path, jobs, partial(run, load_config(SHIPPED).rig, sizes, events), make_progress("seeds"), args.processes)
+    one = partial(run, load_config(SHIPPED).rig, sizes, events)
+    return fill(path, jobs, one, make_progress("seeds"), args.processes)
 
 
 if __name__ == "__main__":
