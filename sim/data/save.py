@@ -36,7 +36,7 @@ def save_dataset(directory: str | Path, dataset: Dataset) -> None:
 def check_free(directory: str | Path) -> Path:
     """The directory as a path, if a dataset can go there without touching anybody's files; else InputError.
 
-    Doors ask before long work what save_dataset would only find out after it.
+    Commands ask before long work what save_dataset would only find out after it.
     """
     home = Path(directory)
     if home.exists() and (not home.is_dir() or any(home.iterdir())):
