@@ -37,8 +37,8 @@ from truearc.sim.discover.select.expected_points import (
 )
 from truearc.sim.discover.select.forecast_error import track_errors
 from truearc.sim.discover.select.model_averaging import Mixed, mixed
+from truearc.sim.discover.select.name_effects import Step
 from truearc.sim.discover.select.refit import Refit, clustered_error, further_values, unseen_change, without
-from truearc.sim.discover.select.selection_step import Step
 from truearc.sim.infer.belief import SCATTER, Belief, moved_curves, scale_of
 from truearc.sim.infer.coefficients import Coefficients
 from truearc.sim.infer.curve import Curve

@@ -76,7 +76,7 @@ class Interval(Struct, frozen=True):
 
 class Named(Struct, frozen=True):
     term: str                         # name in docs/terms.md
-    probability: float                # that it is this term, of all candidates and an unknown one
+    probability: float                # that it is among what is missing, with nothing unexplained beside it
     parameters: dict[str, Interval]   # by name
     sentence: str                     # for people
     stage: str                        # sensing | launch | flight | arrival
@@ -97,6 +97,7 @@ class Further(Struct, frozen=True):
     what: tuple[Named, ...]           # as in the finding
     set: tuple[str, ...] | None       # as in the finding
     unknown: Unknown | None           # as in the finding
+    unexplained: float | UnsetType = UNSET         # as in the finding
 
 
 class FitSummary(Struct, frozen=True):
@@ -144,6 +145,7 @@ class Finding(Struct, frozen=True):
     set: tuple[str, ...] | None = None # terms that these data cannot tell apart; null: one stands alone
     next: tuple[dict[str, Any], ...] = () # shots or measurements to make next, as in truearc.design/1
     also: tuple[Further, ...] = ()    # further effects, in the order in which they were found
+    unexplained: float | UnsetType = UNSET         # probability of an effect of no term, alone or beside a term
     adoption: Adoption | UnsetType = UNSET         # absent where nothing was found, or no target tells points
 
 

@@ -17,8 +17,7 @@ from truearc.sim.discover.model.external_measurements import Measured
 from truearc.sim.discover.model.linearization import ParameterLayout, linearise
 from truearc.sim.discover.model.prepared_data import take_in
 from truearc.sim.discover.report.build_finding import make_finding, silent
-from truearc.sim.discover.select.forward_selection import Search, go_forward
-from truearc.sim.discover.select.selection_step import Step
+from truearc.sim.discover.select.name_effects import Search, Step, name_effects
 from truearc.sim.discover.settings import FALSE_ALARM
 from truearc.sim.infer.belief import Belief, launcher_of, ranges_of
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, catalogue
@@ -77,7 +76,7 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
     place = locate(fitted.evidence, asked, judged, false_alarm, search.shots, seed)
     steps: tuple[Step, ...] = ()
     if judged.p_any <= false_alarm:
-        steps = go_forward(fitted, place, search, lambda done, note: progress(0.5 + 0.5 * done, note))
+        steps = name_effects(fitted, place, search, lambda done, note: progress(0.5 + 0.5 * done, note))
     progress(1.0, "done")
     finding = make_finding(dataset, names, fitted, asked, judged, place, steps, search)
     return Investigation(finding, fitted, asked, steps, belief, search, among, ranges_of(dataset.shots),

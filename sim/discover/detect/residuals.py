@@ -17,8 +17,8 @@ from truearc.sim.discover.model import plane_likelihood as outcomes
 from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.model.score_table import Array, PlaneScores, ScoreTable
 from truearc.sim.discover.report.effect_wording import scale_of
+from truearc.sim.discover.select.name_effects import Step
 from truearc.sim.discover.select.refit import promote
-from truearc.sim.discover.select.selection_step import Step
 
 HEIGHT = "height at the target"
 MOST_BINS, BIN_SHOTS = 8, 6

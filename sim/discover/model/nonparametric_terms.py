@@ -14,8 +14,7 @@ from truearc.sim.discover.model.belief_prior import with_curve
 from truearc.sim.discover.model.design_columns import is_tracker
 from truearc.sim.discover.model.linearization import linearise
 from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
-from truearc.sim.discover.select.forward_selection import Search, judge_left
-from truearc.sim.discover.select.selection_step import Step, clearly
+from truearc.sim.discover.select.name_effects import Search, Step, clearly, judge_left
 from truearc.sim.infer.curve import Curve, natural
 from truearc.sim.physics.simulate import LAUNCH_STATE
 

@@ -13,8 +13,8 @@ from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.discover.plan.detectability import EIGHTY, sight_of
 from truearc.sim.discover.report.effect_wording import IN_FLIGHT
 from truearc.sim.discover.report.finding_text import FOUR_IN_FIVE
+from truearc.sim.discover.select.name_effects import Step
 from truearc.sim.discover.select.refit import Refit
-from truearc.sim.discover.select.selection_step import Step
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.term import Term, WatchTerm
 

@@ -1,7 +1,6 @@
 """The investigation as an answer: truearc.finding/1."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
@@ -29,15 +28,13 @@ from truearc.sim.discover.report.finding_text import (
 )
 from truearc.sim.discover.report.formula import find_formula
 from truearc.sim.discover.select.forecast_error import end_errors
-from truearc.sim.discover.select.forward_selection import Search
+from truearc.sim.discover.select.name_effects import Search, Step
 from truearc.sim.discover.select.refit import clustered_error, unseen_change, without
-from truearc.sim.discover.select.selection_step import Step
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.term import STAGES
 
 SHOWN = 40                            # lines of the tests that the answer lists
 RANKED = 12                           # names that it lists
-SMALL = 0.03                          # of a name's own gain on unseen shots
 UNSURE = 0.5
 
 
@@ -83,17 +80,15 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
                     + say_blind(blind, steps_to_see, among) + say_smallest(fitted.evidence, threshold, among))
         return Finding(data, mismatch, where, "none", sentence + say_limits(data.at_limit), None, fit,
                        next=steps_to_see)
-    told = (replace(steps[0], unknown=True),) if is_stand_in(steps) else steps
-    first = told[0]
+    first = steps[0]
     verdict = "unknown" if first.unknown else "named" if len(first.naming.chosen) == 1 else "set"
-    where = _where(first, judged, search, _probabilities(first))
+    where = _where(first, judged, search, first.naming.probability)
     leading, *rest = (_further(step, search.seed) for step in (first, *steps[1:]))
-    also = rest if len(told) > 1 else []
     sentence = (say_unknown(terms, judged.p_any, where, leading, rest, fit, place, among) if first.unknown else
                 say_named(terms, judged.p_any, leading, rest, fit, place, among, data.topspin))
     sentence += say_limits(data.at_limit)
     return Finding(data, mismatch, where, verdict, sentence, leading.unknown, fit, what=leading.what, set=leading.set,
-                   next=next_steps(dataset, first, leading.set), also=tuple(also))
+                   next=next_steps(dataset, first, leading.set), also=tuple(rest), unexplained=first.unexplained)
 
 
 def best_of(fitted: BaselineFit, steps: Sequence[Step]) -> ScoreTable:
@@ -102,43 +97,19 @@ def best_of(fitted: BaselineFit, steps: Sequence[Step]) -> ScoreTable:
     return named[-1] if named else without(fitted.evidence)
 
 
-def is_stand_in(steps: Sequence[Step]) -> bool:
-    """Whether an unexplained effect is left beside the first name that acts in the direction in which the effect was
-    found: then the name is a proxy for another, whatever else it explains. A rest that is small beside the name's own
-    gain is another thing: a law that holds to a few hundredths is not wrong."""
-    first, *later = steps
-    if first.unknown or first.place is None:
-        return False
-    explained = float((first.after - first.before).sum())
-    return any(step.unknown and step.place is not None and step.place.column.direction == first.place.column.direction
-               and (step.free is None or float((step.free - step.before).sum()) > SMALL * explained)
-               for step in later)
-
-
 def _further(step: Step, seed: int) -> parts.Further:
     """The result of one step."""
-    probability = _probabilities(step)
+    probability = step.naming.probability
     what = tuple(_named(step, name, probability) for name in list(step.naming.probability)[:RANKED])
     chosen = None if step.unknown else tuple(name.partition(".")[0] for name in step.naming.chosen)
-    return parts.Further(what, chosen, _unknown(step, seed) if step.unknown else None)
-
-
-def _probabilities(step: Step) -> dict[str, float]:
-    """Of each name, with what is left for something that has none."""
-    share = 0.3 if step.unknown else 1.0 / (1.0 + _free_odds(step))
-    return {name: share * value for name, value in step.naming.probability.items()}
-
-
-def _free_odds(step: Step) -> float:
-    """Of a free curve against the best name: what it gains on unseen shots, a curve being worth a twentieth of one."""
-    return 0.02 if step.rival is None else float(0.05 * np.exp(np.clip(step.rival, -5.0, 5.0)))
+    return parts.Further(what, chosen, _unknown(step, seed) if step.unknown else None, step.unexplained)
 
 
 def _where(step: Step, judged: Judged, search: Search, probability: dict[str, float]) -> Where:
     evidence, place = step.fitted.evidence, step.place
     stage_of = {column.name: column.stage for column in evidence.columns}
     mass = {stage: sum(p for name, p in probability.items() if stage_of[name] == stage) for stage in STAGES}
-    rest = 1.0 - sum(probability.values())
+    rest = step.unexplained
     if place is not None:
         mass = {stage: value + rest * place.stage_probability[stage] for stage, value in mass.items()}
     total = sum(mass.values())

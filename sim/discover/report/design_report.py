@@ -6,7 +6,7 @@ from typing import Any
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.discover.plan.experiment_design import MOST_RANDOM, Block, Design
 from truearc.sim.discover.report.effect_wording import plain
-from truearc.sim.discover.select.selection_step import Step
+from truearc.sim.discover.select.name_effects import Step
 from truearc.sim.physics.catalogue import Catalogue, find_terms
 
 SCHEMA = "truearc.design/1"

@@ -45,9 +45,9 @@ def say_named(believed: tuple[str, ...], p_value: float, leading: Further, also:
         stages = list(dict.fromkeys(STAGE_WORDS[one.stage] for one in what if one.term in names))
         said = (f"{_missing(believed, among)}, {either(stages)}: {either(rest)}. These data cannot tell which of "
                 f"these it is. If it is the first, {likeliest}.")
-    unexplained = 1.0 - sum(one.probability for one in what)
-    if unexplained >= UNSURE:
-        said += f" A free curve explains it about as well, so it may be an effect of no term ({unexplained:.0%})."
+    unexplained = leading.unexplained
+    if isinstance(unexplained, float) and unexplained >= UNSURE:
+        said += f" It may also be an effect of no term ({unexplained:.0%})."
     more = "".join(besides(further, then, among, topspin) for further, then in zip(also, THEN, strict=False))
     return said + _since(place) + more + _gained(fit) + _chance(p_value)
 

@@ -16,7 +16,7 @@ from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report.effect_wording import IN_FLIGHT, in_words, plain, say_effect
 from truearc.sim.discover.report.finding_plots import field_png, flight_png, residual_figure
 from truearc.sim.discover.report.identifiability_report import sight_section, sight_sentence
-from truearc.sim.discover.select.selection_step import Step
+from truearc.sim.discover.select.name_effects import Step
 from truearc.sim.metrics import POINTS_THREE
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.report import make_page, make_png, paragraph, picture, table
@@ -188,7 +188,9 @@ def _names(finding: Finding, among: Catalogue) -> str:
                  _capital(say_effect(one.term, next(iter(one.parameters.values())), one.sentence, among,
                              finding.data.topspin)) + ".")
             for one in finding.what if one.probability >= 0.005 or one.term in members]
-    rest = max(1.0 - sum(one.probability for one in finding.what), 0.0)
+    rest = finding.unexplained
+    if not isinstance(rest, float):   # of an earlier version
+        rest = max(1.0 - sum(one.probability for one in finding.what), 0.0)
     rows.append(_bar("an unexplained effect", rest, "rest", finding.verdict == "unknown", ""))
     said = f'<div class="bars">{"".join(rows)}</div>'
     if len(members) > 1:

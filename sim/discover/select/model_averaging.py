@@ -13,7 +13,7 @@ from jaxtyping import Float, Int
 from truearc.sim.discover.model.baseline_fit import moved, only_shared
 from truearc.sim.discover.model.linearization import FAR_BELOW_M, LinearizationPoint, ParameterLayout, linearise
 from truearc.sim.discover.model.score_table import Array, PlaneScores, ScoreTable
-from truearc.sim.discover.select.selection_step import Step
+from truearc.sim.discover.select.name_effects import Step
 from truearc.sim.discover.select.term_ranking import MASS, Naming
 
 LEAST = 0.02                          # share of the probability below which a name has no part

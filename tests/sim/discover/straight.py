@@ -112,9 +112,12 @@ def fit_straight(
     copies: dict[str, str] | None = None,
     usual: dict[str, float] | None = None,
     between: dict[str, tuple[str, ...]] | None = None,
+    varying: dict[str, np.ndarray] | None = None,
 ) -> BaselineFit:
-    """The believed fit at its optimum."""
+    """The believed fit at its optimum. varying: sizes [shots] of what differs from shot to shot."""
     slopes, y = slopes_and_y(planted, seed, shots, copies or {}, between)
+    for name, size in (varying or {}).items():
+        y = y + slopes[:, NAMES.index(name)] * size
     layout = replace(lay_straight(np.array([(usual or {}).get(name, 0.3) for name in ASKED])), see=see_straight(slopes))
     intake, bare = take_straight(y), only_shared(layout)
     spot, _ = climb(intake, bare, LinearizationPoint.still(bare, shots, np.zeros(len(NAMES)), np.zeros(len(SCATTERS))))

@@ -26,8 +26,7 @@ from truearc.sim.discover.plan.experiment_design import (
     within_reach,
     worth,
 )
-from truearc.sim.discover.select.forward_selection import Search, go_forward
-from truearc.sim.discover.select.selection_step import Step
+from truearc.sim.discover.select.name_effects import Search, Step, name_effects
 from truearc.sim.physics.catalogue import TERMS
 from truearc.sim.physics.simulate import predict
 from truearc_proof.truth.generate import shoot
@@ -39,7 +38,7 @@ SHOTS, SEED = 30, 5
 
 def step_of(shots: int = SHOTS, planted: dict[str, float] = PLANTED) -> Step:
     fitted = fit_straight(planted, SEED, shots=shots)
-    step = go_forward(fitted, None, Search(len(fitted.evidence.rows), (), (), 0.05, 0), lambda done, note: None)[0]
+    step = name_effects(fitted, None, Search(len(fitted.evidence.rows), (), (), 0.05, 0), lambda done, note: None)[0]
     return replace(step, unknown=False)          # so few shots hardly say that anything is there at all
 
 

@@ -146,7 +146,9 @@ def test_what_is_left_besides_is_what_it_looks_like() -> None:
 
 
 def test_a_name_that_a_free_curve_rivals_is_said_with_that_doubt() -> None:
-    sure, unsure = (told((named("wind_x", 1.0, 0.1, share, "m/s"),)) for share in (0.95, 0.5))
+    what = (named("wind_x", 1.0, 0.1, 0.5, "m/s"),)
+    sure, unsure = (say_named(("gravity",), 0.01, Further(what, ("wind_x",), None, share), (), NO_FIT, None)
+                    for share in (0.05, 0.5))
     assert "effect of no term" not in sure and "effect of no term (50%)" in unsure
 
 

@@ -62,7 +62,7 @@ def test_what_only_a_tilted_camera_makes_right_is_not_adopted(data_dir: Path, tm
     assert main(["discover", str(tmp_path / "mpi"), "--believe", "gravity,drag", *adopt]) == 2
     said = capsys.readouterr()
     assert "nothing is adopted: track_tilt.angle_deg stopped at the end of its range" in said.err
-    assert "A fit stopped at the end of a range (track_tilt.angle_deg at 15)" in said.out
+    assert "A fit stopped at the end of a range (track_tilt.angle_deg at 15" in said.out
     assert not (tmp_path / "out.toml").exists()
     assert "track_tilt.angle_deg" in ta.load_finding(tmp_path / "out.json").data.at_limit
 
@@ -90,16 +90,16 @@ def test_falling_balls_are_slower_than_gravity_has_them(data_dir: Path) -> None:
 
 def test_971s_balls_slip(data_dir: Path) -> None:
     finding = discover(import_971(data_dir / "real/frc971_wheel_to_ball_speed.csv")).finding
-    assert finding.verdict == "named" and finding.what[0].term == "wheel_slip"
+    assert finding.verdict in ("named", "set") and finding.what[0].term == "wheel_slip"
 
 
 def test_254s_tables_end_at_no_drag_and_rising_air_makes_up_for_it(data_dir: Path) -> None:
     dataset = import_254(data_dir / "real/frc_shot_tables.csv")
     found = discover(dataset)
-    assert found.finding.verdict == "named" and found.finding.what[0].term == "wind_z"
+    assert found.finding.verdict in ("named", "set") and found.finding.what[0].term == "wind_z"
     assert found.finding.data.fitted["all"]["drag.cd"] == 0.0              # the edge of what drag can be
     adopted, told = make_belief(found)
-    assert told["adopted"] == ["wind_z"]
+    assert [one.partition(" ")[0] for one in told["adopted"]] == ["wind_z"]
     met = np.asarray(predict(dataset.facts, adopted.coefficients, dataset.shots).height_m)
     assert np.all(np.abs(met - GOAL_M) < 1.0)
 

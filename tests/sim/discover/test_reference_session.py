@@ -11,7 +11,7 @@ from truearc.sim.discover.detect.test_battery import Asked, ask_everything
 from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.model.design_columns import lay_out
 from truearc.sim.discover.model.prepared_data import take_in
-from truearc.sim.discover.select.forward_selection import Search, judge_left
+from truearc.sim.discover.select.name_effects import judge_left
 from truearc.sim.discover.select.refit import promote, refit
 from truearc.sim.infer.belief import Belief
 from truearc_proof.truth.generate import shoot
@@ -66,12 +66,11 @@ def test_names_that_were_given_since_are_fitted_at_home_too() -> None:
     given = ReferenceSession(home, {})
     assert given.among(home) is given
     later = fit_straight(LEFT, 1)
-    search = Search(len(later.evidence.rows), (), (), 0.05, 0, given)
     name = "wind_z.speed_m_s"
-    there = search.beside(promote(later, refit(later, (name,), np.array([0.1]))))
+    there = given.among(promote(later, refit(later, (name,), np.array([0.1]))))
     assert there is not None and there.index(name) is None and given.index(name) is not None
     assert there.fitted.values[name] == pytest.approx(0.4, abs=0.3)
-    assert search.beside(promote(later, refit(later, (name,), np.array([0.1])))) is there
+    assert given.among(promote(later, refit(later, (name,), np.array([0.1])))) is there
 
 
 def test_home_is_as_free_to_have_other_balls_as_the_later_session() -> None:

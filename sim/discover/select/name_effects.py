@@ -1,0 +1,200 @@
+"""Name what is missing by the posterior over hypotheses (truearc.sim.discover.select.posterior); three effects at most.
+
+A second thing is named, or said to be unexplained, where the posterior has it and the calibrated test still finds
+something beside the first.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from scipy.special import logsumexp
+
+from truearc.sim.discover.detect.covariates import Covariate, Factor
+from truearc.sim.discover.detect.localization import Place, locate
+from truearc.sim.discover.detect.reference_session import ReferenceSession
+from truearc.sim.discover.detect.score_test import Judged, judge
+from truearc.sim.discover.detect.test_battery import ALLOWANCE, Asked, ask_everything
+from truearc.sim.discover.model.baseline_fit import BaselineFit, part_of
+from truearc.sim.discover.model.score_table import Array, Column
+from truearc.sim.discover.select.posterior import Hypotheses, weigh
+from truearc.sim.discover.select.refit import Refit, clustered_error, folds_of, promote, refit, unseen_score, without
+from truearc.sim.discover.select.term_ranking import Naming, name_terms
+from truearc.sim.progress import Progress
+
+DRAWS = 999                           # after the first step, whose probability is the one that is promised
+SURE = 0.9                            # probability of one name, or that a set holds of what is explained
+UNKNOWN = 0.5                         # probability of something unexplained, from which that is the verdict
+CLEARLY = 2.0                         # standard errors by which a free curve is better on unseen shots
+Each = Float[Array, " n"]             # a number of each shot
+
+
+@dataclass(frozen=True)
+class Step:
+    """One effect. `before`, `after`, `average`, `free` [n]: log scores of unseen shots without it, with the leading
+    name, with all names as far as they are likely, with the free curve. Other named effects are in `fitted`.
+
+    unknown: it is more likely unexplained than any term, or no term explains it.
+    """
+
+    naming: Naming
+    place: Place | None
+    before: Each
+    after: Each
+    average: Each
+    free: Each | None
+    unknown: bool
+    base: tuple[str, ...]             # names put in before
+    fitted: BaselineFit               # without this effect
+    unexplained: float = 0.0          # probability of a change that no term explains, alone or beside one
+
+    @property
+    def refit(self) -> Refit:
+        return self.naming.refits[self.naming.leader]
+
+    @property
+    def column(self) -> Column:
+        """Of the leading name, in `fitted`."""
+        return self.fitted.evidence.columns[self.fitted.evidence.index(self.naming.leader)]
+
+
+@dataclass(frozen=True)
+class Search:
+    """The data and settings of all tests of one search. shots: how many the dataset has."""
+
+    shots: int
+    covariates: tuple[Covariate, ...]
+    factors: tuple[Factor, ...]
+    false_alarm: float
+    seed: int
+    home: ReferenceSession | None = None          # the session since which changes are looked for
+
+    def ask(self, fitted: BaselineFit) -> Asked:
+        """All tests of the fit, the misfit of the reference session subtracted."""
+        home = None if self.home is None else self.home.among(fitted)
+        return ask_everything(fitted.evidence, self.covariates, self.factors, self.shots, self.seed, home)
+
+    def left(self, fitted: BaselineFit) -> tuple[Asked, Judged] | None:
+        """All tests, judged, if anything is left beside the effects found already."""
+        asked = self.ask(fitted)
+        judged = judge_left(asked, self.seed) if asked.tests else None
+        return None if judged is None or judged.p_any > self.false_alarm else (asked, judged)
+
+    def weigh(self, fitted: BaselineFit, progress: Progress) -> tuple[Naming, Hypotheses]:
+        """Every term alone, with its probability among all that may be missing in the fit."""
+        naming = name_terms(fitted, lambda done, note: progress(0.5 * done, note))
+        posterior = weigh(fitted, naming, self.covariates, self.factors)
+        progress(1.0, "weighed")
+        return with_probabilities(naming, posterior), posterior
+
+    def where(self, fitted: BaselineFit, left: tuple[Asked, Judged]) -> Place | None:
+        """Where the rest is."""
+        return locate(fitted.evidence, *left, self.false_alarm, self.shots, self.seed)
+
+
+def name_effects(fitted: BaselineFit, place: Place | None, search: Search, progress: Progress) -> tuple[Step, ...]:
+    """Name what was found, and what else is missing beside it; at least one step."""
+    naming, posterior = search.weigh(fitted, part_of(progress, 0.0, 0.5))
+    whole = _step(naming, place, (), fitted, posterior)
+    if naming.nats[naming.leader] <= 0.0 or not posterior.holds_more():
+        return (whole,)
+    first = replace(whole, unknown=False)
+    named = promote(fitted, first.refit)
+    left = search.left(named)
+    if left is None:
+        return (whole if posterior.share("both") < UNKNOWN else first,)
+    if posterior.share("both") > posterior.share("two"):
+        rest = search.where(named, left)
+        if rest is not None and place is not None and rest.column.direction == first.column.direction:
+            return (replace(whole, unknown=True),)         # the name stands for the rest, too
+        if rest is None:
+            return (first,)
+        beside = name_terms(named, lambda done, note: None)
+        return (first, replace(_unnamed(beside, rest, (naming.leader,), named), unknown=True))
+    pair = posterior.likeliest_pair()
+    return (whole,) if pair is None else _two_and_rest(fitted, first, pair, search, part_of(progress, 0.5, 0.5))
+
+
+def _two_and_rest(fitted: BaselineFit, first: Step, pair: Refit, search: Search,
+                  progress: Progress) -> tuple[Step, ...]:
+    """A step for each name of the pair, its rivals judged beside the other, and one for what is left beside both."""
+    order = sorted(range(2), key=lambda k: pair.names[k] != first.naming.leader)
+    steps: list[Step] = []
+    for number, k in enumerate(order):
+        name, other = pair.names[k], pair.names[1 - k]
+        base = promote(fitted, refit(fitted, (other,), np.array([pair.amplitude[1 - k]])))
+        naming = name_terms(base, part_of(progress, 0.3 * number, 0.3), {name: float(pair.amplitude[k])})
+        steps.append(_unnamed(naming, first.place if not number else None, (other,) if number else (), base))
+    both = promote(fitted, pair)
+    left = search.left(both)
+    if left is None:
+        return tuple(steps)
+    naming, posterior = search.weigh(both, part_of(progress, 0.6, 0.4))
+    rest = _step(naming, search.where(both, left), pair.names, both, posterior)
+    return (*steps, rest) if rest.place is not None or not rest.unknown else tuple(steps)
+
+
+def _step(naming: Naming, place: Place | None, base: tuple[str, ...], fitted: BaselineFit,
+          posterior: Hypotheses) -> Step:
+    unknown = naming.nats[naming.leader] <= 0.0 or posterior.unexplained() >= UNKNOWN
+    return replace(_unnamed(naming, place, base, fitted), unknown=unknown, unexplained=posterior.unexplained())
+
+
+def _unnamed(naming: Naming, place: Place | None, base: tuple[str, ...], fitted: BaselineFit) -> Step:
+    before, after, average = unseen_scores(naming, fitted)
+    if place is not None:
+        place = replace(place, test=replace(place.test, column=fitted.evidence.index(place.column.name)))
+    free = None if place is None else place.correction.log_after
+    return Step(naming, place, before, after, average, free, False, base, fitted)
+
+
+def with_probabilities(naming: Naming, posterior: Hypotheses) -> Naming:
+    """The names with their inclusion probabilities, the likeliest first, and the smallest set that holds SURE of what
+    is explained. One name alone must be as sure as that by itself."""
+    inclusion = posterior.inclusion()
+    probability = {name: inclusion.get(name, 0.0) for name in naming.probability}
+    ranked = sorted((name for name in naming.refits if name in probability), key=lambda name: -probability[name])
+    explained = 1.0 - posterior.unexplained()
+    chosen: list[str] = []
+    for name in ranked:
+        held = posterior.held_by(chosen)
+        if chosen and held >= SURE * explained and (len(chosen) > 1 or probability[chosen[0]] >= SURE):
+            break
+        chosen.append(name)
+    aliases = naming.aliases if ranked[0] == naming.leader else ()
+    chosen += [name for name in aliases if name not in chosen]
+    return replace(naming, probability=dict(sorted(probability.items(), key=lambda item: -item[1])),
+                   chosen=tuple(chosen), aliases=aliases)
+
+
+def unseen_scores(naming: Naming, fitted: BaselineFit) -> tuple[Each, Each, Each]:
+    """Log scores [n] of unseen shots (without any name, with the leading one, averaged over all refitted ones)."""
+    before = unseen_score(without(fitted.evidence))
+    scores = {name: unseen_score(one.evidence) for name, one in naming.refits.items()}
+    return before, scores[naming.leader], averaged(naming, before, scores)
+
+
+def averaged(naming: Naming, before: Each, scores: dict[str, Each]) -> Each:
+    """Log score [n] of unseen shots by all refitted names and none, each as likely as the other folds' shots make it.
+
+    For forecasts: a name that is one of several likely ones forgoes what the others know (Hoeting et al. 1999).
+    """
+    fold = folds_of(len(before))
+    each = np.stack([before, *scores.values()])
+    nats = np.array([0.0, *(naming.nats[name] for name in scores)])
+    result = np.zeros(len(before))
+    for held in range(fold.max() + 1):
+        out = fold == held
+        log_weight = nats - (each[:, out] - before[out]).sum(1)
+        result[out] = logsumexp(each[:, out].T + log_weight - logsumexp(log_weight), axis=1)
+    return result
+
+
+def judge_left(asked: Asked, seed: int) -> Judged:
+    """All tests of what is left beside what was found already."""
+    return judge(asked.scores, [test.family for test in asked.tests], ALLOWANCE, DRAWS, seed, lambda done, note: None)
+
+
+def clearly(gain: Each, fitted: BaselineFit) -> bool:
+    """Whether log scores [n] of unseen shots gain more than CLEARLY standard errors, and more than CLEARLY nats."""
+    return bool(gain.mean() > CLEARLY * clustered_error(gain, fitted.together) and gain.sum() > CLEARLY)

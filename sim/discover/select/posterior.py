@@ -1,0 +1,264 @@
+"""Hypotheses over what a simulation leaves out: one term, two, an unexplained change, or a term beside one.
+
+Each hypothesis has a share of the prior and a log evidence: of single terms by true refits of the likely (name_terms),
+of what stands beside a likely term on the table linearised at that term's refit, of an unexplained change on the
+table of the fit, its size and smoothness averaged over. Of pairs that matter, true refits replace these.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from scipy.special import log_ndtr, logsumexp, ndtr
+
+from truearc.sim.discover.detect.covariates import Covariate, Factor, varies
+from truearc.sim.discover.model.baseline_fit import BaselineFit
+from truearc.sim.discover.model.external_measurements import nats_measured
+from truearc.sim.discover.model.score_table import Array, ScoreTable
+from truearc.sim.discover.select.hypotheses import (
+    LENGTHS,
+    SIZES,
+    Part,
+    Projector,
+    group_shapes,
+    log_evidence,
+    process_shapes,
+    with_parts,
+)
+from truearc.sim.discover.select.refit import Refit, promote, refit, without
+from truearc.sim.discover.select.term_ranking import NEVER, Candidate, Naming, efficient, is_possible, one_step
+from truearc.sim.physics.catalogue import find_parameter
+
+SHARES = {"one": 0.55, "two": 0.18, "unexplained": 0.22, "both": 0.05}
+LEADERS = 3                           # likeliest terms, beside which a second thing is looked for
+WITHIN = 8.0                          # nats of the likeliest, beyond which none is a leader
+SECONDS, FAMILIES = 10, 4             # of one step, beside a leader or alone, that are climbed to their top
+PAIRS = 3                             # refitted
+MORE = 0.5                            # probability from which there is more than one thing,
+MORE_ODDS = 10.0                      # if the data have raised its odds that many times
+Guesses = dict[frozenset[str], tuple[float, tuple[str, str], tuple[float, float]]]   # pair -> nats, names, amplitudes
+
+
+@dataclass(frozen=True)
+class Family:
+    """An unexplained change of one column, along a covariate or the same in all shots; `part`: at its likeliest size
+    and length; spread: nats of the average over these, less that one's."""
+
+    column: str
+    what: Covariate | Factor | None
+    part: Part
+    nats: float
+    spread: float
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Terms by the names of their columns, and an unexplained change or None."""
+
+    names: tuple[str, ...]
+    family: Family | None
+    nats: float
+    log_prior: float
+
+
+@dataclass(frozen=True)
+class Hypotheses:
+    """Hypotheses with their probabilities [h], which sum to 1."""
+
+    hypotheses: tuple[Hypothesis, ...]
+    probability: Float[Array, " h"]
+    pairs: dict[tuple[str, str], Refit]
+
+    def unexplained(self) -> float:
+        """Of an unexplained change, alone or beside a term."""
+        return float(sum(p for one, p in zip(self.hypotheses, self.probability, strict=True) if one.family))
+
+    def inclusion(self) -> dict[str, float]:
+        """Of each name among what is missing with nothing unexplained; likeliest first."""
+        found: dict[str, float] = {}
+        for one, p in zip(self.hypotheses, self.probability, strict=True):
+            for name in one.names if one.family is None else ():
+                found[name] = found.get(name, 0.0) + float(p)
+        return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+    def held_by(self, names: Collection[str]) -> float:
+        """Probability that one of these is among what is missing, and nothing unexplained."""
+        return float(sum(p for one, p in zip(self.hypotheses, self.probability, strict=True)
+                         if one.family is None and any(name in names for name in one.names)))
+
+    def holds_more(self) -> bool:
+        """Whether two things are likelier than one, and that by the data: pairs have their share of the prior."""
+        one, more = self.share("one"), self.share("two") + self.share("both")
+        prior = (SHARES["two"] + SHARES["both"]) / SHARES["one"]
+        return more >= MORE and more > MORE_ODDS * prior * one
+
+    def likeliest_pair(self) -> Refit | None:
+        """Of those that were refitted."""
+        pairs = {one.names: p for one, p in zip(self.hypotheses, self.probability, strict=True)
+                 if one.names in self.pairs and one.family is None}
+        return self.pairs[max(pairs, key=lambda names: pairs[names])] if pairs else None
+
+    def share(self, kind: str) -> float:
+        """Of the hypotheses of one kind of SHARES."""
+        return float(sum(p for one, p in zip(self.hypotheses, self.probability, strict=True) if kind_of(one) == kind))
+
+
+def kind_of(one: Hypothesis) -> str:
+    """Of SHARES."""
+    return ("both" if one.names else "unexplained") if one.family else "one" if len(one.names) == 1 else "two"
+
+
+def weigh(fitted: BaselineFit, naming: Naming, covariates: Sequence[Covariate],
+          factors: Sequence[Factor]) -> Hypotheses:
+    """The posterior over what is missing in `fitted`, whose single terms `naming` has ranked."""
+    visible = [c for c in naming.candidates if c.visible]
+    singles = {name: nats + range_nats(fitted, naming, name) for name, nats in naming.nats.items() if nats > NEVER}
+    top = max(singles.values(), default=0.0)
+    single_prior = np.log(SHARES["one"] / len(visible))
+    found = [Hypothesis((name,), None, nats, single_prior) for name, nats in singles.items()]
+    families = families_of(fitted.evidence, covariates, factors)
+    count = max(len(families), 1)
+    null = log_evidence(without(fitted.evidence))[0]
+    found += [Hypothesis((), one, nats, np.log(SHARES["unexplained"] / count))
+              for one, nats in _climbed(fitted.evidence, families, null)]
+    pair_prior = np.log(SHARES["two"] / max(0.5 * len(visible) * (len(visible) - 1), 1.0))
+    both_prior = np.log(SHARES["both"] / (count * len(visible)))
+    leaders = [name for name in sorted(naming.refits, key=lambda name: -singles.get(name, NEVER))[:LEADERS]
+               if singles.get(name, NEVER) > top - WITHIN]
+    guesses = _at_once(fitted, visible, null)
+    for first in leaders:
+        base = promote(fitted, naming.refits[first])
+        floor = log_evidence(without(base.evidence))[0]
+        for second in sorted((c for c in one_step(base.evidence)[0] if c.visible), key=lambda c: -c.nats)[:SECONDS]:
+            own = base.evidence.columns[second.column]
+            part = Part(second.column, np.ones((len(base.evidence.rows), 1)), np.array([own.usual]))
+            value, change, sd = log_evidence(with_parts(base.evidence, [part]))
+            known = _known(fitted, second.name, float(change[0]), float(sd[0]), own.usual)
+            nats = singles[first] + value - floor + known
+            both = frozenset((first, second.name))
+            if nats > guesses.get(both, (-np.inf,))[0]:
+                guesses[both] = nats, (first, second.name), (float(naming.refits[first].amplitude[0]),
+                                                             float(change[0]))
+        beside = families_of(base.evidence, covariates, factors)
+        found += [Hypothesis((first,), one, singles[first] + nats, both_prior)
+                  for one, nats in _climbed(base.evidence, beside, floor)]
+    pairs = _refitted(fitted, guesses, top + single_prior - pair_prior - WITHIN)
+    found += [Hypothesis(names, None, pairs[names][1] if names in pairs else nats, pair_prior)
+              for nats, names, _ in guesses.values()]
+    weight = np.array([one.nats + one.log_prior for one in found])
+    return Hypotheses(tuple(found), np.exp(weight - logsumexp(weight)),
+                     {names: one for names, (one, _) in pairs.items()})
+
+
+def _at_once(fitted: BaselineFit, visible: Sequence[Candidate], null: float) -> Guesses:
+    """The SECONDS likeliest of all pairs by closed form, on the table of the fit; neither name need be likely alone."""
+    evidence = fitted.evidence
+    columns = np.array([one.column for one in visible], dtype=int)
+    usual = np.array([evidence.columns[k].usual for k in columns])
+    score, info = efficient(evidence, columns)
+    score, info = score * usual, info * np.outer(usual, usual)
+    first, second = np.triu_indices(len(columns), 1)
+    own = 1.0 + np.diag(info)
+    det = own[first] * own[second] - info[first, second]**2
+    fits = (own[second] * score[first]**2 + own[first] * score[second]**2
+            - 2.0 * info[first, second] * score[first] * score[second]) / det
+    found: Guesses = {}
+    ones = np.ones((len(evidence.rows), 1))
+    for k in np.argsort(-(fits - np.log(det)))[:SECONDS].tolist():
+        pair = (first[k], second[k])
+        names = evidence.columns[columns[pair[0]]].name, evidence.columns[columns[pair[1]]].name
+        table = with_parts(evidence, [Part(int(columns[one]), ones, usual[[one]]) for one in pair])
+        value, change, sd = log_evidence(table)
+        nats = value - null + sum(_known(fitted, name, float(change[n]), float(sd[n]), float(usual[pair[n]]))
+                                  for n, name in enumerate(names))
+        found[frozenset(names)] = nats, names, (float(change[0]), float(change[1]))
+    return found
+
+
+def _refitted(fitted: BaselineFit, guesses: Guesses, least: float) -> dict[tuple[str, str], tuple[Refit, float]]:
+    """{names: (refit, nats)} of pairs, the likeliest first, until one that is refitted is the likeliest of all."""
+    usual = {column.name: column.usual for column in fitted.evidence.columns[:fitted.evidence.first_shared]}
+    left = sorted(guesses.values(), reverse=True)
+    found: dict[tuple[str, str], tuple[Refit, float]] = {}
+    while left and len(found) < PAIRS and left[0][0] > max([least, *(nats for _, nats in found.values())]):
+        _, names, start = left.pop(0)
+        one, nats = refit(fitted, names, np.array(start)), NEVER
+        if is_possible(one, *(usual[name] for name in one.names)):
+            nats = one.log_evidence + sum(
+                _in_range(fitted, name, float(a), float(sd), usual[name])
+                + nats_measured(fitted.layout.measured, name, 0.0, usual[name])      # the rest is in the refit's prior
+                for name, a, sd in zip(one.names, one.amplitude, one.sd, strict=True))
+        found[names] = one, nats
+    return found
+
+
+def range_nats(fitted: BaselineFit, naming: Naming, name: str) -> float:
+    """For the prior of a refitted name's amplitude being cut where the parameter's range ends."""
+    found = naming.refits.get(name)
+    if found is None:
+        return 0.0
+    usual = fitted.evidence.columns[fitted.evidence.index(name)].usual
+    return _in_range(fitted, name, float(found.amplitude[0]), float(found.sd[0]), usual)
+
+
+def _known(fitted: BaselineFit, name: str, amplitude: float, sd: float, usual: float) -> float:
+    """Nats for an amplitude beside the shots: its range, and what was measured of it."""
+    return (_in_range(fitted, name, amplitude, sd, usual)
+            + nats_measured(fitted.layout.measured, name, amplitude, sd))
+
+
+def _in_range(fitted: BaselineFit, name: str, amplitude: float, sd: float, usual: float) -> float:
+    among = fitted.layout.chain.catalogue
+    parameter = find_parameter(name, among)
+    shared = [column.name for column in fitted.layout.columns[fitted.layout.first_shared:]]
+    centre = float(fitted.layout.centre[shared.index(name)]) if name in shared else 0.0
+    low, high = parameter.low - centre, parameter.high - centre
+    after = ndtr((high - amplitude) / sd) - ndtr((low - amplitude) / sd)
+    before = ndtr(high / usual) - ndtr(low / usual)
+    if after < 1e-12:
+        return float(max(log_ndtr(min((high - amplitude) / sd, (amplitude - low) / sd)), -50.0) - np.log(before))
+    return float(np.log(after / max(before, 1e-12)))
+
+
+def families_of(evidence: ScoreTable, covariates: Sequence[Covariate], factors: Sequence[Factor]) -> list[Family]:
+    """Every unexplained change that the table can show, by closed form; likeliest first."""
+    rows, projector = evidence.rows, Projector(evidence)
+    grouped = next((column.name.partition(" ")[0] for column in evidence.columns if column.kind == "group"), "")
+    shapes: list[tuple[Covariate | Factor, list[Float[Array, "n _"]]]] = [
+        (one, [process_shapes(one.values[rows], length) for length in LENGTHS])
+        for one in covariates if varies(one.values[rows])]
+    shapes += [(one, [group_shapes(one.codes[rows], len(one.levels))]) for one in factors
+               if one.name != grouped and len(set(one.codes[rows].tolist())) > 1]
+    found = []
+    for number, column in enumerate(evidence.columns[:evidence.first_shared]):
+        if column.kind != "free":
+            continue
+        if column.name.startswith("push") or column.follows:
+            found.append(_family(projector, number, column.name, column.usual, None, [np.ones((len(rows), 1))]))
+        if not column.follows:
+            found += [_family(projector, number, column.name, column.usual, what, many) for what, many in shapes]
+    return sorted(found, key=lambda one: -one.nats)
+
+
+def _family(projector: Projector, number: int, name: str, usual: float, what: Covariate | Factor | None,
+            shapes: Sequence[Float[Array, "n _"]]) -> Family:
+    each = []
+    for one in shapes:
+        projected = projector.of(number, one)
+        each += [(projected.nats(size * usual), one, size * usual) for size in SIZES]
+    values = np.array([nats for nats, _, _ in each])
+    best = int(values.argmax())
+    mean = float(logsumexp(values) - np.log(len(values)))
+    _, best_shapes, sd = each[best]
+    return Family(name, what, Part(number, best_shapes, np.full(best_shapes.shape[1], sd)), mean,
+                  mean - float(values[best]))
+
+
+def _climbed(evidence: ScoreTable, families: Sequence[Family], null: float) -> list[tuple[Family, float]]:
+    """The families with their nats, the likeliest climbed to their top."""
+    found = [(one, one.nats) for one in families[FAMILIES:]]
+    for one in families[:FAMILIES]:
+        nats = log_evidence(with_parts(evidence, [one.part]))[0] - null + one.spread
+        found.append((replace(one, nats=nats), nats))
+    return found

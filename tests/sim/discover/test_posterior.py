@@ -1,0 +1,136 @@
+"""The posterior over what is missing, where everything is linear and has a closed form."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from tests.sim.discover.straight import ASKED, fit_straight
+from truearc.sim.discover.detect.covariates import Covariate
+from truearc.sim.discover.model.baseline_fit import BaselineFit
+from truearc.sim.discover.select.hypotheses import Part, Projector, log_evidence, process_shapes, with_parts
+from truearc.sim.discover.select.posterior import (
+    Hypotheses,
+    Hypothesis,
+    _in_range,
+    families_of,
+    weigh,
+)
+from truearc.sim.discover.select.refit import without
+from truearc.sim.discover.select.term_ranking import name_terms
+
+PLANTED = {"wind_z.speed_m_s": 1.2, "added_mass.share": 0.8}
+BETWEEN = {"drag_wear.share": tuple(PLANTED)}
+
+
+@pytest.fixture
+def fitted() -> BaselineFit:
+    """Alone, what lies between the two planted ones explains most."""
+    return fit_straight(PLANTED, 5, 400, usual=dict.fromkeys(ASKED, 1.0), between=BETWEEN)
+
+
+def exact_nats(fitted: BaselineFit, names: tuple[str, ...]) -> float:
+    """Log Bayes factor of amplitudes ~ N(0, 1) against none: |Lambda| and the quadratic form of linear regression."""
+    evidence = fitted.evidence
+    shared = list(range(evidence.first_shared, len(evidence.columns)))
+
+    def half(columns: list[int], prior: np.ndarray) -> float:
+        info = evidence.info.sum(0)[np.ix_(columns, columns)] + prior
+        score = evidence.score.sum(0)[columns]
+        score[-len(shared):] += evidence.pull
+        return float(0.5 * score @ np.linalg.solve(info, score) - 0.5 * np.linalg.slogdet(info)[1])
+
+    asked = [evidence.index(name) for name in names]
+    prior = np.zeros((len(asked) + len(shared),) * 2)
+    prior[:len(asked), :len(asked)] = np.eye(len(asked))
+    prior[len(asked):, len(asked):] = evidence.precision
+    return half([*asked, *shared], prior) - half(shared, evidence.precision)
+
+
+def test_evidence_of_parts_is_that_of_linear_regression(fitted: BaselineFit) -> None:
+    evidence = fitted.evidence
+    ones, null = np.ones((len(evidence.rows), 1)), log_evidence(without(evidence))[0]
+    for names in [(ASKED[0],), (ASKED[2], ASKED[9]), (ASKED[7], ASKED[2], ASKED[5])]:
+        parts = [Part(evidence.index(name), ones, np.ones(1)) for name in names]
+        nats, change, _ = log_evidence(with_parts(evidence, parts))
+        assert nats - null == pytest.approx(exact_nats(fitted, names), abs=1e-3)
+        assert len(change) == len(names) + len(evidence.columns) - evidence.first_shared
+    projector = Projector(evidence)
+    for name in ASKED[:4]:
+        closed = projector.of(evidence.index(name), ones).nats(1.0)
+        assert closed == pytest.approx(exact_nats(fitted, (name,)), abs=1e-2)
+
+
+def test_the_best_pair_is_found_though_neither_leads(fitted: BaselineFit) -> None:
+    naming = name_terms(fitted, lambda done, note: None)
+    assert naming.leader == "drag_wear.share"
+    posterior = weigh(fitted, naming, (), ())
+    pair = posterior.likeliest_pair()
+    assert pair is not None
+    exact = {names: exact_nats(fitted, names) for names in itertools.combinations(ASKED, 2)}
+    best = max(exact, key=lambda names: exact[names])
+    assert set(pair.names) == set(best) == set(PLANTED)
+    assert pair.log_evidence == pytest.approx(exact[best], abs=0.1)
+    assert posterior.share("two") > 0.9 and posterior.unexplained() == 0.0
+    assert posterior.probability.sum() == pytest.approx(1.0)
+    assert all(posterior.inclusion()[name] > 0.9 for name in PLANTED)
+
+
+def test_shapes_of_a_process_have_its_covariance() -> None:
+    """Less their mean, and nothing where the covariate is unknown."""
+    x = np.linspace(2.0, 6.0, 101)
+    x[[4, 50]] = np.nan
+    known = np.isfinite(x)
+    place = np.clip((x[known] - np.percentile(x[known], 2)) / np.ptp(np.percentile(x[known], (2, 98))), 0.0, 1.0)
+    for length in (0.4, 1.0):
+        shapes = process_shapes(x, length)
+        exact = np.exp(-0.5 * ((place[:, None] - place[None, :]) / length)**2)
+        exact = exact - exact.mean(0) - exact.mean(1)[:, None] + exact.mean()
+        np.testing.assert_allclose((shapes @ shapes.T)[np.ix_(known, known)], exact, atol=0.02)
+        assert (shapes[~known] == 0.0).all()
+
+
+def with_free(fitted: BaselineFit, name: str) -> BaselineFit:
+    """One of the columns is a free change."""
+    columns = tuple(replace(one, kind="free") if one.name == name else one for one in fitted.evidence.columns)
+    return replace(fitted, evidence=replace(fitted.evidence, columns=columns))
+
+
+@pytest.mark.parametrize(("wave", "unexplained"), [(1.0, True), (0.0, False)])
+def test_a_change_that_goes_with_a_covariate_is_unexplained(wave: float, unexplained: bool) -> None:
+    """Its column's amplitude is a wave over the covariate; or a term is at work, the same in all shots."""
+    name = "release_height.above_m"
+    place = np.random.default_rng(0).uniform(size=300)
+    fitted = fit_straight({"wind_z.speed_m_s": 0.0 if unexplained else 0.9}, 2, 300,
+                          varying={name: wave * np.sin(2.0 * np.pi * place)})
+    fitted = with_free(fitted, name)
+    covariate = Covariate((("humidity", place),))
+    posterior = weigh(fitted, name_terms(fitted, lambda done, note: None), (covariate,), ())
+    assert (posterior.unexplained() > 0.9) == unexplained
+    first = families_of(fitted.evidence, (covariate,), ())[0]
+    assert first.column == name and first.what is covariate
+    assert (first.nats > 5.0) == unexplained
+    if not unexplained:
+        assert next(iter(posterior.inclusion())) == "wind_z.speed_m_s"
+
+
+def test_probabilities_are_counted_by_what_hypotheses_hold() -> None:
+    free = families_of(with_free(fit_straight({}, 1), ASKED[0]).evidence, (Covariate((("x", np.arange(200.0)),)),), ())
+    found = Hypotheses((Hypothesis(("a.x",), None, 0.0, 0.0), Hypothesis(("a.x", "b.x"), None, 0.0, 0.0),
+                       Hypothesis(("b.x",), free[0], 0.0, 0.0), Hypothesis((), free[0], 0.0, 0.0)),
+                      np.array([0.4, 0.3, 0.2, 0.1]), {})
+    assert found.inclusion() == pytest.approx({"a.x": 0.7, "b.x": 0.3})
+    assert found.held_by(["b.x"]) == pytest.approx(0.3) and found.held_by(["a.x", "b.x"]) == pytest.approx(0.7)
+    assert found.unexplained() == pytest.approx(0.3)
+    assert [found.share(kind) for kind in ("one", "two", "both", "unexplained")] == pytest.approx([0.4, 0.3, 0.2, 0.1])
+
+
+def test_a_prior_that_ends_where_the_parameter_does_counts_only_what_is_possible() -> None:
+    """spin_decay.rate_per_s cannot be negative: half of its prior is cut, and all but a tail of a negative estimate."""
+    fitted = fit_straight({}, 1)
+    for amplitude in (0.3, 0.0, -0.2):
+        after, before = norm.sf(0.0, amplitude, 0.1) - norm.sf(5.0, amplitude, 0.1), norm.sf(0.0, 0.0, 1.0)
+        low = _in_range(fitted, "spin_decay.rate_per_s", amplitude, 0.1, 1.0)
+        assert low == pytest.approx(np.log(after / before), abs=0.05)
