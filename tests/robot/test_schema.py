@@ -97,7 +97,7 @@ def test_keys_of_rig_toml_that_nobody_reads_are_listed():
 
 
 @pytest.mark.parametrize(("old", "new", "said"), [
-    ("mass_kg = 0.14", "mass_kg = nan", "rig.ball.mass_kg: nan is not finite"),
+    ("mass_kg = 0.14", "mass_kg = nan", "rig.ball.mass_kg: nan is not finite; measure it and write the number"),
     ("mass_kg = 0.14", "mass_kg = -0.14", "rig.ball.mass_kg: -0.14 must be above 0"),
     ("mass_kg = 0.14", "mass_kg = 0.14\nmass_g = 140.0", "rig.ball.mass_g: unknown key"),
     ("low_deg = 15.0", "low_deg = 80.0", "hood.low_deg: 80 is above high_deg, 75"),
