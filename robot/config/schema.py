@@ -32,7 +32,7 @@ MAX_TEXT_BYTES, MAX_BYTES = 4_000_000, 500_000_000      # of a configuration or 
 MAX_TORQUE_NM = 100.0                 # at the motor shaft; the strongest of a team's motors give 7
 
 class InputError(Exception):
-    """The user's file or option is wrong; the message names file, line, key or frame. Commands answer with exit code 2."""
+    """The user's file or option is wrong; the message names file, line, key or frame. Commands end with exit code 2."""
 
 
 class Can(Struct, frozen=True, forbid_unknown_fields=True):
