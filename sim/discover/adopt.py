@@ -78,9 +78,9 @@ def make_belief(investigation: Investigation, gain: Gain = usual_gain,
 
     Where several names of the last effect could not be told apart, the simulation is chosen that forecasts their
     average (truearc.sim.discover.select.model_averaging). gain: bounds of the forecasts' gain where the balls are
-    others. threshold: of the gate by which points are judged; None: they are not. Where even a number that was believed
-    before stopped at the end of its range (provenance: at_limit), the belief that was started from stays. ValueError
-    for data that carry no test.
+    others. threshold: of the gate by which points are judged; None: they are not. Where nothing of what was found is
+    adopted, or even a number that was believed before stopped at the end of its range (provenance: at_limit), the
+    belief that was started from stays. ValueError for data that carry no test.
     """
     if investigation.fitted is None:
         raise ValueError("the data carry no test, so nothing was fitted")
@@ -108,8 +108,9 @@ def make_belief(investigation: Investigation, gain: Gain = usual_gain,
     refused: dict[str, Any] = {"refused": why} if why else {}
     if at_limit:                      # of what was believed before anything was found
         refused["at_limit"] = at_limit
-        if investigation.belief is not None:
-            return investigation.belief, {**refused, **provenance}
+    if investigation.belief is not None and (at_limit or (investigation.steps and not named and not free)):
+        # fitted to what is missing, its numbers would be wrong
+        return investigation.belief, {"kept": True, **refused, **provenance}
     return Belief(coefficients, scatter, kept, covariance, curves, among), {**refused, **provenance}
 
 
@@ -154,20 +155,25 @@ def with_worth(investigation: Investigation) -> Investigation:
 
 def _best(investigation: Investigation, gain: Gain,
           threshold: float | None) -> tuple[_Taken, str, Adoption | None]:
-    """All that was found; else what of it has a name; else nothing; why not all; and what the first that was put to
-    points is worth."""
+    """(all that was found; else what has a name; else, of an unexplained effect, the average of the names that come
+    nearest, if that clearly scores more; else nothing; why not all; worth of the first that was judged)."""
     everything, worse = _best_flown(investigation)
     named = tuple(step for step in everything if not step.unknown)
     first: Adoption | None = None
-    for steps in (everything, named) if len(named) < len(everything) else (everything,):
+    for steps in (everything, named) if 0 < len(named) < len(everything) else (everything,):
         taken = _take(investigation, steps)
         why, judged = _worse(investigation, taken, gain), None
         if not why and threshold is not None:
             judged = judge_points(investigation, taken, threshold)
             why = say_refused(judged) if judged is not None and judged.gain < 0.0 else ""
-        if not why:
+        if not why and (taken.named or taken.free or not steps):
             return taken, worse, first or judged
-        first, worse = first or judged, worse or why
+        first, worse = first or judged, worse or why or taken.why
+    if threshold is not None and everything and not named:
+        taken = _take(investigation, tuple(replace(step, unknown=False) for step in everything))
+        judged = None if _worse(investigation, taken, gain) else judge_points(investigation, taken, threshold)
+        if judged is not None and judged.low90 > 0.0:
+            return taken, worse, judged
     return _take(investigation, ()), worse, first
 
 

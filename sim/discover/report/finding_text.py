@@ -101,6 +101,8 @@ def say_adopted(finding: Finding, provenance: Mapping[str, Any]) -> str:
     but = f" (not all: {provenance['refused']})" if "refused" in provenance else ""
     if "at_limit" in provenance:
         return f"adopted: nothing; {', '.join(provenance['at_limit'])} stopped at the end of its range"
+    if provenance.get("kept"):
+        return f"adopted: nothing, the belief stays{but}"
     what = f"the average of {', '.join(named)}" if provenance["averaged"] else ", ".join(named)
     return f"adopted: {what or 'nothing named, the fitted coefficients alone'}{but}"
 

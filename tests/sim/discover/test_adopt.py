@@ -23,7 +23,7 @@ from truearc.sim.discover.model.design_columns import lay_out
 from truearc.sim.discover.model.linearization import linearise
 from truearc.sim.discover.model.nonparametric_terms import Freed
 from truearc.sim.discover.model.prepared_data import take_in
-from truearc.sim.discover.report.finding_text import console_lines
+from truearc.sim.discover.report.finding_text import console_lines, say_adopted
 from truearc.sim.discover.select.expected_points import HoldOut, JudgedFit, hold_out
 from truearc.sim.discover.select.refit import without
 from truearc.sim.infer.belief import Belief, load_belief, point_belief
@@ -104,6 +104,24 @@ def test_what_would_lose_points_is_not_adopted(hasty: tuple[Dataset, Investigati
     said = with_worth(hasty[1]).finding
     assert isinstance(said.adoption, Adoption) and said.adoption.refused == provenance["refused"]
     assert any("not adopted as found: aimed and gated" in line for line in console_lines(said))
+
+
+def test_of_an_unexplained_effect_the_nearest_names_are_adopted_where_they_clearly_score(
+        hasty: tuple[Dataset, Investigation], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else nothing; and then a belief that was started from stays as it is, not fitted to what no term explains."""
+    found = hasty[1]
+    unnamed = replace(found, steps=tuple(replace(step, unknown=True, place=None) for step in found.steps))
+    belief, provenance = make_belief(unnamed)
+    assert provenance["adopted"][0].startswith("rapid_fire") and "rapid_fire" in belief.coefficients
+    judged = with_worth(found).finding.adoption
+    assert isinstance(judged, Adoption) and judged.low90 > 0.0
+    unsure = structs.replace(judged, low90=0.0)
+    monkeypatch.setattr(adopt, "judge_points", lambda investigation, taken, threshold: unsure)
+    belief, provenance = make_belief(unnamed)
+    assert provenance["adopted"] == [] and "rapid_fire" not in belief.coefficients
+    before = point_belief({"drag": {"cd": 0.5}})
+    kept, provenance = make_belief(replace(unnamed, belief=before))
+    assert kept is before and say_adopted(found.finding, provenance).startswith("adopted: nothing, the belief stays")
 
 
 def test_points_with_tracks_are_judged_from_the_settings_alone(nameless: Investigation) -> None:
