@@ -96,23 +96,31 @@ def name_effects(fitted: BaselineFit, place: Place | None, search: Search, progr
     """Name what was found, and what else is missing beside it; at least one step."""
     naming, posterior = search.weigh(fitted, part_of(progress, 0.0, 0.5))
     whole = _step(naming, place, (), fitted, posterior)
-    if naming.nats[naming.leader] <= 0.0 or not posterior.holds_more():
+    varies = posterior.share("varies") >= UNKNOWN
+    if naming.nats[naming.leader] <= 0.0 or not (varies or posterior.holds_more()):
         return (whole,)
     first = replace(whole, unknown=False)
     named = promote(fitted, first.refit)
     left = search.left(named)
     if left is None:
         return (whole if posterior.share("both") < UNKNOWN else first,)
+    if varies:
+        return (first, *_rest(named, search.where(named, left), naming.leader))
     if posterior.share("both") > posterior.share("two"):
         rest = search.where(named, left)
         if rest is not None and place is not None and rest.column.direction == first.column.direction:
             return (replace(whole, unknown=True),)         # the name stands for the rest, too
-        if rest is None:
-            return (first,)
-        beside = name_terms(named, lambda done, note: None)
-        return (first, replace(_unnamed(beside, rest, (naming.leader,), named), unknown=True))
+        return (first, *_rest(named, rest, naming.leader))
     pair = posterior.likeliest_pair()
     return (whole,) if pair is None else _two_and_rest(fitted, first, pair, search, part_of(progress, 0.5, 0.5))
+
+
+def _rest(named: BaselineFit, place: Place | None, name: str) -> tuple[Step, ...]:
+    """The unexplained step beside a name, where it can be placed."""
+    if place is None:
+        return ()
+    naming = name_terms(named, lambda done, note: None)
+    return (replace(_unnamed(naming, place, (name,), named), unknown=True),)
 
 
 def _two_and_rest(fitted: BaselineFit, first: Step, pair: Refit, search: Search,

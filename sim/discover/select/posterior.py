@@ -30,7 +30,7 @@ from truearc.sim.discover.select.refit import Refit, promote, refit, without
 from truearc.sim.discover.select.term_ranking import NEVER, Candidate, Naming, efficient, is_possible, one_step
 from truearc.sim.physics.catalogue import find_parameter
 
-SHARES = {"one": 0.55, "two": 0.18, "unexplained": 0.22, "both": 0.05}
+SHARES = {"one": 0.52, "varies": 0.03, "two": 0.18, "unexplained": 0.22, "both": 0.05}
 LEADERS = 3                           # likeliest terms, beside which a second thing is looked for
 WITHIN = 8.0                          # nats of the likeliest, beyond which none is a leader
 SECONDS, FAMILIES = 10, 4             # of one step, beside a leader or alone, that are climbed to their top
@@ -72,20 +72,20 @@ class Hypotheses:
 
     def unexplained(self) -> float:
         """Of an unexplained change, alone or beside a term."""
-        return float(sum(p for one, p in zip(self.hypotheses, self.probability, strict=True) if one.family))
+        return self.share("unexplained") + self.share("both")
 
     def inclusion(self) -> dict[str, float]:
         """Of each name among what is missing with nothing unexplained; likeliest first."""
         found: dict[str, float] = {}
         for one, p in zip(self.hypotheses, self.probability, strict=True):
-            for name in one.names if one.family is None else ():
+            for name in one.names if kind_of(one) != "both" else ():
                 found[name] = found.get(name, 0.0) + float(p)
         return dict(sorted(found.items(), key=lambda item: -item[1]))
 
     def held_by(self, names: Collection[str]) -> float:
         """Probability that one of these is among what is missing, and nothing unexplained."""
         return float(sum(p for one, p in zip(self.hypotheses, self.probability, strict=True)
-                         if one.family is None and any(name in names for name in one.names)))
+                         if kind_of(one) != "both" and any(name in names for name in one.names)))
 
     def holds_more(self) -> bool:
         """Whether two things are likelier than one, and that by the data: pairs have their share of the prior."""
@@ -105,8 +105,10 @@ class Hypotheses:
 
 
 def kind_of(one: Hypothesis) -> str:
-    """Of SHARES."""
-    return ("both" if one.names else "unexplained") if one.family else "one" if len(one.names) == 1 else "two"
+    """Of SHARES; "varies": the size of the term itself differs from group to group."""
+    if one.family is None:
+        return "one" if len(one.names) == 1 else "two"
+    return "unexplained" if not one.names else "varies" if one.family.column in one.names else "both"
 
 
 def weigh(fitted: BaselineFit, naming: Naming, covariates: Sequence[Covariate],
@@ -127,6 +129,7 @@ def weigh(fitted: BaselineFit, naming: Naming, covariates: Sequence[Covariate],
     leaders = [name for name in sorted(naming.refits, key=lambda name: -singles.get(name, NEVER))[:LEADERS]
                if singles.get(name, NEVER) > top - WITHIN]
     guesses = _at_once(fitted, visible, null)
+    usual = {one.name: fitted.evidence.columns[one.column].usual for one in visible}
     for first in leaders:
         base = promote(fitted, naming.refits[first])
         floor = log_evidence(without(base.evidence))[0]
@@ -140,6 +143,12 @@ def weigh(fitted: BaselineFit, naming: Naming, covariates: Sequence[Covariate],
             if nats > guesses.get(both, (-np.inf,))[0]:
                 guesses[both] = nats, (first, second.name), (float(naming.refits[first].amplitude[0]),
                                                              float(change[0]))
+        own_factors = _factors_of(base.evidence, factors)
+        varied = [_family(Projector(base.evidence), base.evidence.index(first), first, usual[first], one, [shapes])
+                  for one, shapes in own_factors]
+        varies_prior = np.log(SHARES["varies"] / (len(visible) * max(len(own_factors), 1)))
+        found += [Hypothesis((first,), one, singles[first] + nats, varies_prior)
+                  for one, nats in _climbed(base.evidence, varied, floor)]
         beside = families_of(base.evidence, covariates, factors)
         found += [Hypothesis((first,), one, singles[first] + nats, both_prior)
                   for one, nats in _climbed(base.evidence, beside, floor)]
@@ -224,12 +233,10 @@ def _in_range(fitted: BaselineFit, name: str, amplitude: float, sd: float, usual
 def families_of(evidence: ScoreTable, covariates: Sequence[Covariate], factors: Sequence[Factor]) -> list[Family]:
     """Every unexplained change that the table can show, by closed form; likeliest first."""
     rows, projector = evidence.rows, Projector(evidence)
-    grouped = next((column.name.partition(" ")[0] for column in evidence.columns if column.kind == "group"), "")
     shapes: list[tuple[Covariate | Factor, list[Float[Array, "n _"]]]] = [
         (one, [process_shapes(one.values[rows], length) for length in LENGTHS])
         for one in covariates if varies(one.values[rows])]
-    shapes += [(one, [group_shapes(one.codes[rows], len(one.levels))]) for one in factors
-               if one.name != grouped and len(set(one.codes[rows].tolist())) > 1]
+    shapes += [(one, [shape]) for one, shape in _factors_of(evidence, factors)]
     found = []
     for number, column in enumerate(evidence.columns[:evidence.first_shared]):
         if column.kind != "free":
@@ -239,6 +246,13 @@ def families_of(evidence: ScoreTable, covariates: Sequence[Covariate], factors: 
         if not column.follows:
             found += [_family(projector, number, column.name, column.usual, what, many) for what, many in shapes]
     return sorted(found, key=lambda one: -one.nats)
+
+
+def _factors_of(evidence: ScoreTable, factors: Sequence[Factor]) -> list[tuple[Factor, Float[Array, "n q"]]]:
+    """Factors that differ among the shots and have no random effects, with their shapes."""
+    grouped = next((column.name.partition(" ")[0] for column in evidence.columns if column.kind == "group"), "")
+    return [(one, group_shapes(one.codes[evidence.rows], len(one.levels))) for one in factors
+            if one.name != grouped and len(set(one.codes[evidence.rows].tolist())) > 1]
 
 
 def _family(projector: Projector, number: int, name: str, usual: float, what: Covariate | Factor | None,

@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import norm
 
 from tests.sim.discover.straight import ASKED, fit_straight
-from truearc.sim.discover.detect.covariates import Covariate
+from truearc.sim.discover.detect.covariates import Covariate, Factor
 from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.select.hypotheses import Part, Projector, log_evidence, process_shapes, with_parts
 from truearc.sim.discover.select.posterior import (
@@ -114,6 +114,17 @@ def test_a_change_that_goes_with_a_covariate_is_unexplained(wave: float, unexpla
     assert (first.nats > 5.0) == unexplained
     if not unexplained:
         assert next(iter(posterior.inclusion())) == "wind_z.speed_m_s"
+
+
+def test_a_term_whose_size_differs_from_group_to_group_is_named() -> None:
+    """That it is not the same for all is no proof against its name."""
+    ball = np.arange(300) % 4
+    size = np.array([0.4, 1.6, 0.9, 2.2])[ball]
+    fitted = with_free(fit_straight({}, 2, 300, varying={"wind_z.speed_m_s": size}), "release_height.above_m")
+    factor = Factor("ball_id", ("a", "b", "c", "d"), ball)
+    posterior = weigh(fitted, name_terms(fitted, lambda done, note: None), (), (factor,))
+    assert posterior.share("varies") > 0.9 and posterior.unexplained() < 0.1
+    assert posterior.inclusion()["wind_z.speed_m_s"] > 0.9
 
 
 def test_probabilities_are_counted_by_what_hypotheses_hold() -> None:
