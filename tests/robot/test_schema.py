@@ -105,6 +105,7 @@ def test_keys_of_rig_toml_that_nobody_reads_are_listed():
      "launcher's 3000; this looks like revolutions per minute"),
     ("mass_kg = 0.14", "mass_kg = 140", "rig.ball.mass_kg: 140 kg in a ball of 0.0889 m radius is denser than "
      "any metal; are these grams?"),
+    ("centre_height_m = 2.44", "centre_height_m = -2.0", "rig.target.centre_height_m: -2 must be above 0, the floor"),
     ("gravity_m_s2 = 9.81", "gravity_m_s2 = 0", "rig.world.gravity_m_s2: 0 must be above 0"),
     ("torque_nm = 0.2", "torque_nm = 1e6", "feeder.torque_nm: 1e+06 Nm is more than any motor gives; at most 100"),
 ])

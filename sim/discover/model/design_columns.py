@@ -13,6 +13,7 @@ from truearc.sim.discover.model.forward_model import Chain
 from truearc.sim.discover.model.linearization import Groups, ParameterLayout
 from truearc.sim.discover.model.prepared_data import SCATTERS, Intake
 from truearc.sim.discover.model.score_table import Array, Column
+from truearc.sim.discover.model.track_noise import UNMEASURED_M
 from truearc.sim.infer.belief import Belief
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_terms
 from truearc.sim.physics.nonparametric import NAMELESS
@@ -92,6 +93,8 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Int[Ar
     first_push = len(slots) + chain.deviates
     found = [(column, len(slots) + number) for number, column in (*FREE, *([AZIMUTH] if tracked else []))]
     found += [(column, first_push + number) for number, column in _pushes(chain, edges)]
+    if intake.scatter is not None and intake.scatter.sigma_m[1] >= UNMEASURED_M:    # y tells nothing
+        found = [(column, place) for column, place in found if column.direction != "lateral"]
     known = {*believed, *catalogue.always, *(term.name for term in calibrated(catalogue) if tracked)}
     asked = [term for term in catalogue if term.name not in known and (belief is not None or not term.relative)]
     found += [(Column(f"{term.name}.{term.amplitude.name}", "term", term.stage, term.direction, term.amplitude.unit,

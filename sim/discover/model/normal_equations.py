@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from truearc.sim.discover.model.forward_model import Prediction
 from truearc.sim.discover.model.prepared_data import Intake
-from truearc.sim.discover.model.track_noise import log_volume, whiten
+from truearc.sim.discover.model.track_noise import UNMEASURED_M, log_volume, whiten
 
 Array = np.ndarray
 
@@ -65,6 +65,9 @@ def _track_part(intake: Intake, seen: Prediction,
         return []
     rows, samples, n = intake.tracked, intake.samples, len(intake.rows)
     raw = np.concatenate([(samples.position_m - seen.track_m[rows])[..., None], slopes.track_m[rows]], axis=3)
+    unmeasured = intake.scatter.sigma_m >= UNMEASURED_M
+    if unmeasured.any():              # nothing at all: tests have no scale, so a tiny score of one sign is significant
+        raw[:, :, unmeasured] = 0.0
     white = np.zeros((n, 3 * raw.shape[1], raw.shape[3]))
     white[rows] = whiten(samples, intake.scatter, raw)
     log_noise = np.zeros(n)

@@ -30,11 +30,12 @@ from truearc.sim.discover.select.refit import Refit, promote, refit, without
 from truearc.sim.discover.select.term_ranking import NEVER, Candidate, Naming, efficient, is_possible, one_step
 from truearc.sim.physics.catalogue import find_parameter
 
-SHARES = {"one": 0.52, "varies": 0.03, "two": 0.18, "unexplained": 0.22, "both": 0.05}
+SHARES = {"one": 0.55, "varies": 0.03, "two": 0.18, "unexplained": 0.22, "both": 0.05}
 LEADERS = 3                           # likeliest terms, beside which a second thing is looked for
 WITHIN = 8.0                          # nats of the likeliest, beyond which none is a leader
 SECONDS, FAMILIES = 10, 4             # of one step, beside a leader or alone, that are climbed to their top
 PAIRS = 3                             # refitted
+BALLS = "ball_id"                     # balls differ; sessions may differ by chance alone
 MORE = 0.5                            # probability from which there is more than one thing,
 MORE_ODDS = 10.0                      # if the data have raised its odds that many times
 Guesses = dict[frozenset[str], tuple[float, tuple[str, str], tuple[float, float]]]   # pair -> nats, names, amplitudes
@@ -105,7 +106,7 @@ class Hypotheses:
 
 
 def kind_of(one: Hypothesis) -> str:
-    """Of SHARES; "varies": the size of the term itself differs from group to group."""
+    """Of SHARES; "varies": the size of the term itself differs from ball to ball."""
     if one.family is None:
         return "one" if len(one.names) == 1 else "two"
     return "unexplained" if not one.names else "varies" if one.family.column in one.names else "both"
@@ -143,7 +144,7 @@ def weigh(fitted: BaselineFit, naming: Naming, covariates: Sequence[Covariate],
             if nats > guesses.get(both, (-np.inf,))[0]:
                 guesses[both] = nats, (first, second.name), (float(naming.refits[first].amplitude[0]),
                                                              float(change[0]))
-        own_factors = _factors_of(base.evidence, factors)
+        own_factors = [(one, shapes) for one, shapes in _factors_of(base.evidence, factors) if one.name == BALLS]
         varied = [_family(Projector(base.evidence), base.evidence.index(first), first, usual[first], one, [shapes])
                   for one, shapes in own_factors]
         varies_prior = np.log(SHARES["varies"] / (len(visible) * max(len(own_factors), 1)))

@@ -18,7 +18,7 @@ from truearc.sim.infer.plausibility.tracks import judge_tracks
 from truearc.sim.physics.simulate import by_wheels, launch_state
 
 CHECKS = ("gravity", "axes", "sample-interval", "track-length", "speed", "hood", "mass", "radius", "reach", "air",
-          "target", "noise", "wheels", "height", "release")
+          "target", "noise", "wheels", "height", "release", "balls")
 LIGHTEST_KG_M3 = 3.0                  # of a ball: lighter is a balloon
 LIGHT_KG_M3 = 12.0                    # below this the radius may be the diameter
 HEAVY_KG_M3 = 1500.0                  # above this the mass may be in ounces; a bowling ball has 1400, a golf ball 1150
@@ -38,6 +38,7 @@ OUNCE_KG = 0.0283495
 OF_KEY = {"world.gravity_m_s2": "gravity", "launcher.wheel.clock_deg": "wheels",
           "launcher.free_speed_rad_s": "speed"}           # key of the rig -> its check
 WEAKEST_M_S2 = 1.2                    # gravity below this may be a multiple of the Earth's; the Moon has 1.6
+ALIKE_BALLS = 0.02                    # share by which masses and radii may differ from the rig's
 IMPOSSIBLE = 0.2                      # share of heights that cannot be, above which their unit is another
 
 
@@ -116,6 +117,15 @@ def _balls(rig: Rig, shots: Shots) -> Iterator[Flaw]:
             yield Flaw(check, f"{shots.source}: mass_kg, radius_m", f"the ball of shot {shots.shot_id[row]} "
                        f"({mass_kg[row]:g} kg, {radius_m[row]:g} m radius) is {what}; if this is another unit, rename "
                        f"the column {slip}")
+            return
+    if (density < LIGHT_KG_M3).any() and rig.ball.density_kg_m3 >= LIGHT_KG_M3:
+        yield Flaw("radius", f"{shots.source}: mass_kg, radius_m", f"a ball of {mass_kg[density.argmin()]:g} kg has a "
+                   f"radius of {radius_m[density.argmin()]:g} m; make sure that it is not the diameter", warns=True)
+    if max(np.ptp(np.log(np.append(mass_kg, rig.ball.mass_kg))),
+           np.ptp(np.log(np.append(radius_m, rig.ball.radius_m)))) > ALIKE_BALLS:
+        yield Flaw("balls", f"{shots.source}: mass_kg, radius_m", "differ from the ball of rig.toml, which fit, "
+                   "predict, train and aim simulate; discover simulates each shot's. State their ball in rig.toml, or "
+                   "keep the shots of one", warns=True)
 
 
 def _launcher(rig: Rig) -> Iterator[Flaw]:
