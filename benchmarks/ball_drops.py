@@ -24,7 +24,7 @@ from scipy.optimize import least_squares
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig
 from truearc.sim.data.dataset import Dataset, take_shots
 from truearc.sim.discover.investigate import discover
-from truearc.sim.discover.model.track_noise import Samples, Scatter, gather_samples, measure_scatter, whiten
+from truearc.sim.infer.likelihood.track_noise import Samples, Scatter, gather_samples, measure_scatter, whiten
 from truearc.sim.physics.catalogue import find_parameter, find_terms
 from truearc.sim.physics.flight import path
 from truearc.sim.physics.launch import Exit

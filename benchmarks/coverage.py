@@ -13,9 +13,8 @@ import time
 import numpy as np
 
 from tests.sim.infer.independent import Truth, make_dataset
-from tests.sim.physics.rigs import GUPPY
+from truearc.sim.infer.likelihood.noise import SCATTER_PRIOR
 from truearc.sim.infer.map_fit import fit_map
-from truearc.sim.infer.parameters import SCATTERS
 from truearc.sim.infer.profile import Z90, deviance_at
 from truearc.sim.intervals import wilson
 
@@ -25,8 +24,10 @@ LOW, HIGH = 0.86, 0.94                # coverage that every parameter must have
 
 def draw_truth(rng: np.random.Generator) -> Truth:
     """Coefficients over what launchers and balls have; scatters from the priors that the fit states."""
-    scatter = [one.prior.centre * np.exp(one.prior.sd * rng.normal()) for one in SCATTERS]
-    return Truth(rng.uniform(0.3, 0.7), rng.uniform(0.02, 0.1), rng.uniform(0.1, 0.35), *map(float, scatter))
+    speed, elevation_rad = (median * np.exp(np.log(factor) * rng.normal()) for median, factor in (
+        SCATTER_PRIOR["scatter.speed"], SCATTER_PRIOR["scatter.elevation_rad"]))
+    return Truth(rng.uniform(0.3, 0.7), rng.uniform(0.02, 0.1), rng.uniform(0.1, 0.35), float(speed),
+                 float(np.degrees(elevation_rad)))
 
 
 def true_values(truth: Truth) -> dict[str, float]:
@@ -37,7 +38,7 @@ def true_values(truth: Truth) -> dict[str, float]:
 def replicate(seed: int, shots: int, side: bool) -> dict[str, bool] | None:
     """Whether each parameter's interval holds the truth; None when the fit did not settle."""
     truth = draw_truth(np.random.default_rng([seed, 1]))
-    fit = fit_map(GUPPY, make_dataset(seed, shots, truth, side=side), TERMS)
+    fit = fit_map(make_dataset(seed, shots, truth, side=side), TERMS)
     if not fit.converged:
         return None
     return {name: deviance_at(fit, name, value) <= Z90**2 for name, value in true_values(truth).items()}

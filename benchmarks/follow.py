@@ -34,9 +34,9 @@ from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.detect.always_valid import test_change
 from truearc.sim.discover.follow import follow_shots, score_since, told_by_session
 from truearc.sim.discover.investigate import discover
-from truearc.sim.discover.model.plane_likelihood import see_outcomes
 from truearc.sim.infer.belief import draw
 from truearc.sim.infer.forecast import forecast
+from truearc.sim.infer.likelihood.outcome_likelihood import see_outcomes
 from truearc.sim.world.options import Options
 from truearc_proof.rounds.jsonl_store import fill
 from truearc_proof.table import Table

@@ -240,14 +240,14 @@ def best_fit(known: Points) -> tuple[float, float, ta.Belief | None]:
     settled = [one for one in found if one[0].converged]
     if not settled:
         return zeros[0], scales[zeros[0]], None
-    fit, zero, scale = min(settled, key=lambda one: one[0].optimum.value)
+    fit, zero, scale = max(settled, key=lambda one: one[0].log_posterior)
     return zero, scale, fit.belief
 
 
 def fitted(dataset: ta.Dataset) -> MapFit:
     """The fit of ta.fit(dataset, TERMS), without its intervals and hold-out, which take ten times as long."""
     among = joined(TERMS)
-    return fit_map(dataset.rig, dataset, names_of(TERMS, "terms", among) or (), among=among)
+    return fit_map(dataset, names_of(TERMS, "terms", among) or (), among=among)
 
 
 def speed_by(belief: ta.Belief | None, one: Points, hood_deg: float) -> float:

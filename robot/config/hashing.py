@@ -4,7 +4,7 @@ import hashlib
 from typing import Any
 
 import msgspec
-from msgspec import Struct
+from msgspec import UNSET, Struct
 
 from truearc.robot.config.schema import Config
 
@@ -39,4 +39,4 @@ def _stated(value: Any) -> Any:
     tag = {settings.tag_field: settings.tag} if settings.tag_field else {}
     fields = ((field, getattr(value, field.name)) for field in msgspec.structs.fields(value))
     return tag | {field.encode_name: _stated(said) for field, said in fields
-                  if not (settings.omit_defaults and said == field.default)}
+                  if said is not UNSET and not (settings.omit_defaults and said == field.default)}

@@ -9,10 +9,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import msgspec
-from msgspec import Struct, field
+from msgspec import UNSET, Struct, UnsetType, field
 
 POSITIVE = ("ball.mass_kg", "ball.radius_m", "launcher.free_speed_rad_s", "launcher.wheel.radius_m",
-            "target.two_half_height_m")
+            "target.two_half_height_m",
+            "tracker.scale_sd", "tracker.tilt_sd_deg", "tracker.clock_sd")
 NOT_NEGATIVE = ("launcher.release_height_m", "air.density_kg_m3", "noise.distance_m", "noise.hood_deg",
                 "noise.wheel_rad_s", "noise.track_m", "target.three_half_height_m", "world.gravity_m_s2")
 
@@ -77,12 +78,24 @@ class Noise(Struct, frozen=True):
     track_m: float = 0.015
 
 
+class Tracker(Struct, frozen=True):
+    """How wrong a tracker's calibration may be: standard deviations, None for what is usual of a tracker.
+
+    calibrated: lengths, level and clock were checked against a known object; then what is usual is a 25th of it.
+    """
+
+    calibrated: bool = False
+    scale_sd: float | None = None
+    tilt_sd_deg: float | None = None
+    clock_sd: float | None = None
+
+
 class Believe(Struct, frozen=True):
     terms: tuple[str, ...] = ("gravity", "drag", "magnus")
 
 
 class Rig(Struct, frozen=True):
-    """What rig.toml says: ball, launcher, target, air, world, sensor noise and believed terms, in SI units and degrees.
+    """What rig.toml says: ball, launcher, target, air, world, noise, tracker and believed terms; SI units and degrees.
 
     `target`: None where no opening was shot at. Keys and their meaning: docs/dataset.md.
     """
@@ -94,6 +107,7 @@ class Rig(Struct, frozen=True):
     world: WorldFacts = field(default_factory=WorldFacts)
     noise: Noise = field(default_factory=Noise)
     believe: Believe = field(default_factory=Believe)
+    tracker: Tracker | UnsetType = UNSET      # not written where it is not stated, so that hashes stay
 
 
 # more than any launcher's; beyond is another unit
@@ -102,7 +116,8 @@ MOST = {"ball.radius_m": 0.5, "launcher.wheel.radius_m": 0.5, "launcher.release_
         "air.density_kg_m3": 2.0,
         "world.gravity_m_s2": 25.0,   # Jupiter's
         # standard deviations: a tape is good to 0.01 m, a camera at 10 m to 0.5 m; worse ones make a fit of noise
-        "noise.distance_m": 2.0, "noise.hood_deg": 15.0, "noise.wheel_rad_s": 100.0, "noise.track_m": 0.5}
+        "noise.distance_m": 2.0, "noise.hood_deg": 15.0, "noise.wheel_rad_s": 100.0, "noise.track_m": 0.5,
+        "tracker.scale_sd": 0.5, "tracker.tilt_sd_deg": 45.0, "tracker.clock_sd": 0.5}
 DENSEST_KG_M3 = 23_000.0              # of a ball: no metal is heavier
 OTHER_UNITS = {"m": "centimetres or inches", "s": "revolutions per minute", "m3": "another unit",
                "s2": "feet or centimetres per second squared; on Earth it is 9.81", "deg": "another unit"}

@@ -20,13 +20,6 @@ from msgspec import structs
 
 from truearc.sim.discover.finding import Adoption
 from truearc.sim.discover.investigate import Investigation
-from truearc.sim.discover.model.baseline_fit import BaselineFit, only_shared, stopped
-from truearc.sim.discover.model.belief_prior import SCATTERS, believed_name, own_slope
-from truearc.sim.discover.model.design_columns import is_tracker
-from truearc.sim.discover.model.linearization import LinearizationPoint, ParameterLayout
-from truearc.sim.discover.model.nonparametric_terms import Freed, all_freed
-from truearc.sim.discover.model.prepared_data import Intake
-from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
 from truearc.sim.discover.report.finding_text import gained_interval, say_refused
 from truearc.sim.discover.select.expected_points import (
     THRESHOLD,
@@ -38,15 +31,21 @@ from truearc.sim.discover.select.expected_points import (
 from truearc.sim.discover.select.forecast_error import track_errors
 from truearc.sim.discover.select.model_averaging import Mixed, mixed
 from truearc.sim.discover.select.name_effects import Step
-from truearc.sim.discover.select.refit import Refit, clustered_error, further_values, unseen_change, without
-from truearc.sim.infer.belief import SCATTER, Belief, moved_curves, scale_of
+from truearc.sim.discover.select.nonparametric_terms import Freed, all_freed
+from truearc.sim.discover.select.refit import Refit, further_values, refit
+from truearc.sim.infer.baseline_fit import BaselineFit, only_shared, stopped
+from truearc.sim.infer.belief import Belief, moved_curves
 from truearc.sim.infer.coefficients import Coefficients
 from truearc.sim.infer.curve import Curve
+from truearc.sim.infer.fitted_belief import coefficients_of, covariance_of, scatter_of
+from truearc.sim.infer.held_out import clustered_error, unseen_change, without
+from truearc.sim.infer.likelihood.design_columns import is_tracker
+from truearc.sim.infer.likelihood.linearization import LinearizationPoint, ParameterLayout
+from truearc.sim.infer.likelihood.prepared_data import Intake
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.metrics import POINTS_THREE
-from truearc.sim.physics.catalogue import Catalogue, find_terms
-from truearc.sim.physics.nonparametric import CURVE, NAMELESS
-from truearc.sim.physics.scales import fits_scale
-from truearc.sim.physics.term import complete
+from truearc.sim.physics.catalogue import Catalogue
+from truearc.sim.physics.nonparametric import CURVE
 
 Gain = Callable[[ScoreTable, ScoreTable], tuple[float, float]]
 NINETY = 1.645
@@ -88,14 +87,11 @@ def make_belief(investigation: Investigation, gain: Gain = usual_gain,
     named, free, several, evidence = taken.named, taken.free, taken.several, taken.evidence
     among = investigation.catalogue
     names = [name for step in named[:-1 if several else None] for name in step.refit.names]
-    columns = [k for k, column in enumerate(evidence.columns) if belongs(column, among)]
     coefficients, curves = _nameless(evidence, free, investigation.belief)
-    coefficients |= coefficients_of(evidence, columns, investigation.finding.data.believed, among)
+    coefficients |= coefficients_of(evidence, investigation.finding.data.believed, among)
     further = further_values(named[-1].refit.layout, named[-1].refit.spot, tuple(names)) if names else {}
     coefficients |= {term: {**coefficients[term], **values} for term, values in further.items()}
-    scatter = {SCATTERS[evidence.columns[k].name]: _scatter(evidence.columns[k].name, evidence.point[k])
-               for k in columns if evidence.columns[k].name in SCATTERS}
-    kept, covariance = _covariance(evidence, columns, among)
+    kept, covariance = covariance_of(evidence, among)
     if further:
         covariance = _widened(kept, covariance, named[-1].refit, further)
     finding = investigation.finding
@@ -105,13 +101,15 @@ def make_belief(investigation: Investigation, gain: Gain = usual_gain,
                   "averaged": several is not None,
                   "p_value": finding.mismatch.p_value if finding.mismatch.p_value is not None else "none"}
     why, at_limit = worse or taken.why, list(stopped(evidence, among))
+    if investigation.steps and not named and not free:
+        at_limit = at_limit or list(finding.data.at_limit or ())
     refused: dict[str, Any] = {"refused": why} if why else {}
     if at_limit:                      # of what was believed before anything was found
         refused["at_limit"] = at_limit
     if investigation.belief is not None and (at_limit or (investigation.steps and not named and not free)):
         # fitted to what is missing, its numbers would be wrong
         return investigation.belief, {"kept": True, **refused, **provenance}
-    return Belief(coefficients, scatter, kept, covariance, curves, among), {**refused, **provenance}
+    return Belief(coefficients, scatter_of(evidence), kept, covariance, curves, among), {**refused, **provenance}
 
 
 def _widened(names: tuple[str, ...], covariance: Float[Array, "p p"], found: Refit,
@@ -225,14 +223,26 @@ def _best_flown(investigation: Investigation) -> tuple[tuple[Step, ...], str]:
     named = [k for k, step in enumerate(steps) if not step.unknown]
     if fitted is None or fitted.intake.samples is None or not named:
         return steps, ""
-    errors_m = [flown_error(fitted.intake, steps[k].refit, investigation.catalogue) for k in named]
+    cuts = [_cut(fitted, steps[:k + 1]) for k in named]
+    errors_m = [flown_error(fitted.intake, cut[-1].refit, investigation.catalogue) for cut in cuts]
     best = int(np.argmin(errors_m))
     if best == len(named) - 1:
         return steps, ""
     last = steps[named[-1]].refit.names[0].partition(".")[0]
-    return steps[:named[best] + 1], (
+    return cuts[best], (
         f"with {last}, but without the tracker's own errors, hold-out tracks end {errors_m[-1]:.3f} m from where they "
         f"are forecast to, {errors_m[best]:.3f} m without it")
+
+
+def _cut(fitted: BaselineFit, steps: tuple[Step, ...]) -> tuple[Step, ...]:
+    """The steps, the last of them without a name beside it that is not among them."""
+    last = steps[-1]
+    if set(last.base) <= {step.naming.leader for step in steps}:
+        return steps
+    name = last.naming.leader
+    alone = refit(fitted, (name,), last.refit.amplitude)
+    naming = replace(last.naming, refits={name: alone}, nats={name: alone.log_evidence}, chosen=(name,), aliases=())
+    return (*steps[:-1], replace(last, naming=naming, base=(), fitted=fitted))
 
 
 def _take(investigation: Investigation, steps: tuple[Step, ...]) -> _Taken:
@@ -302,41 +312,3 @@ def _nameless(evidence: ScoreTable, free: tuple[Freed, ...],
     points = {column.name.removeprefix(CURVE + "."): float(value) for column, value in zip(
         evidence.columns, evidence.point, strict=True) if column.name.startswith(CURVE + ".")}
     return {**before, **{one.term: dict(one.values) for one in free}}, moved_curves(curves, points)
-
-
-def belongs(column: Column, among: Catalogue) -> bool:
-    """A parameter of the simulation or a scatter of the launch, not a ball's random effect or a tracker's calibration.
-    """
-    if column.kind == "group" or is_tracker(column, among):
-        return False
-    return column.name in SCATTERS or not column.name.startswith(SCATTER + ".")
-
-
-def coefficients_of(evidence: ScoreTable, columns: list[int], believed: tuple[str, ...],
-                    among: Catalogue) -> Coefficients:
-    """Every believed and named term of the catalogue, with parameters that were not fitted at their defaults."""
-    apart = {*among.always, *(term.name for term in NAMELESS)}
-    given: Coefficients = {name: {} for name in believed if name not in apart}
-    for k in columns:
-        term, _, parameter = evidence.columns[k].name.partition(".")
-        if term not in (SCATTER, CURVE):
-            given.setdefault(term, {})[parameter] = float(evidence.point[k])
-    return {name: {key: float(value) for key, value in complete(find_terms([name], among)[0], values).items()}
-            for name, values in given.items()}
-
-
-def _scatter(name: str, log_value: float) -> float:
-    value = float(np.exp(log_value))
-    return float(np.degrees(value)) if name.endswith("_rad") else value
-
-
-def _covariance(evidence: ScoreTable, columns: list[int],
-                among: Catalogue) -> tuple[tuple[str, ...], Float[Array, "p p"]]:
-    """(names, covariance on their scales); a number that does not fit on its scale counts as exact."""
-    information = evidence.information + evidence.precision
-    whole = np.linalg.pinv(information, hermitian=True)
-    names = {k: believed_name(evidence.columns[k].name) for k in columns}
-    kept = [k for k in columns if evidence.columns[k].name in SCATTERS
-            or fits_scale(scale_of(names[k], among), float(evidence.point[k]))]
-    slope = np.array([1.0 / own_slope(evidence.columns[k].name, float(evidence.point[k]), among) for k in kept])
-    return tuple(names[k] for k in kept), whole[np.ix_(kept, kept)] * np.outer(slope, slope)

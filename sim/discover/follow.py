@@ -9,12 +9,12 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.discover.detect.always_valid import ChangeTest, test_change
 from truearc.sim.discover.investigate import believed_names
-from truearc.sim.discover.model.baseline_fit import usual_spot
-from truearc.sim.discover.model.design_columns import lay_out
-from truearc.sim.discover.model.linearization import ParameterLayout, linearise
-from truearc.sim.discover.model.prepared_data import Intake, take_in
-from truearc.sim.discover.model.score_table import ScoreTable
+from truearc.sim.infer.baseline_fit import usual_spot
 from truearc.sim.infer.belief import Belief
+from truearc.sim.infer.likelihood.design_columns import lay_out
+from truearc.sim.infer.likelihood.linearization import ParameterLayout, linearise
+from truearc.sim.infer.likelihood.prepared_data import Intake, take_in
+from truearc.sim.infer.likelihood.score_table import ScoreTable
 
 # Circumstances that compare a shot with the whole session: with each further shot they would be others.
 OF_SESSION = ("age", "battery", "density", "droop")

@@ -5,21 +5,22 @@ from dataclasses import dataclass, field, replace
 
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.detect.covariates import every_column, gather_covariates, gather_factors
+from truearc.sim.discover.detect.covariates import gather_covariates, gather_factors
 from truearc.sim.discover.detect.localization import locate
 from truearc.sim.discover.detect.reference_session import ReferenceSession
 from truearc.sim.discover.detect.score_test import Judged, judge
 from truearc.sim.discover.detect.test_battery import ALLOWANCE, Asked
 from truearc.sim.discover.finding import Finding
-from truearc.sim.discover.model.baseline_fit import BaselineFit, climb, fit_believed, only_shared, usual_spot
-from truearc.sim.discover.model.design_columns import groups_of, lay_out
-from truearc.sim.discover.model.external_measurements import Measured
-from truearc.sim.discover.model.linearization import ParameterLayout, linearise
-from truearc.sim.discover.model.prepared_data import take_in
 from truearc.sim.discover.report.build_finding import make_finding, silent
 from truearc.sim.discover.select.name_effects import Search, Step, name_effects
 from truearc.sim.discover.settings import FALSE_ALARM
+from truearc.sim.infer.baseline_fit import BaselineFit, climb, fit_believed, only_shared, usual_spot
 from truearc.sim.infer.belief import Belief, launcher_of, ranges_of
+from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
+from truearc.sim.infer.likelihood.external_measurements import Measured
+from truearc.sim.infer.likelihood.linearization import ParameterLayout, linearise
+from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc.sim.infer.likelihood.shot_columns import every_column
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, catalogue
 from truearc.sim.physics.term import Term
 from truearc.sim.progress import Progress

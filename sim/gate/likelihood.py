@@ -17,7 +17,7 @@ import numpy as np
 from jax.scipy.stats import norm
 
 import truearc.sim.physics  # noqa: F401 - the house's one switch to double precision
-from truearc.sim.infer.likelihood.outcome_likelihood import HEIGHT_SD_M
+from truearc.sim.infer.likelihood.noise import HEIGHT_M
 
 FUNCTIONS = 10
 RESIDUAL = 2 * FUNCTIONS
@@ -101,7 +101,7 @@ def log_likelihoods(theta: Any, widths: Widths, data: GateData, halves_m: Any) -
     seen = jnp.sum(cell_probabilities(shape, mean_m, sigma_m) * data.cells, axis=1)
     measured = ~jnp.isnan(data.miss_m)
     apart = jnp.where(measured, data.miss_m, 0.0) - mean_m
-    density = norm.pdf(apart, scale=jnp.sqrt(sigma_m**2 + HEIGHT_SD_M**2))
+    density = norm.pdf(apart, scale=jnp.sqrt(sigma_m**2 + HEIGHT_M**2))
     anywhere = shape.lapse / (2.0 * LARGEST_MISS_M)
     return jnp.log(jnp.where(measured, (1.0 - shape.lapse) * density + anywhere, jnp.maximum(seen, 1e-300)))
 

@@ -1,26 +1,20 @@
 """Which further shots, and which further measurement at each, would tell apart what a dataset cannot."""
 
-from dataclasses import dataclass
-from functools import partial
-from typing import Any
+from dataclasses import dataclass, replace
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from scipy.special import ndtr
 
 from truearc.robot.config.rig_spec import Target
-from truearc.sim.data.dataset import Shots
+from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.infer.identifiability import weakest
-from truearc.sim.infer.likelihood.heights import configured
-from truearc.sim.infer.likelihood.launch_inputs import EXIT_SPEED_SD_M_S, Given, given_of
-from truearc.sim.infer.likelihood.observations import blind
-from truearc.sim.infer.likelihood.outcome_likelihood import HEIGHT_SD_M, LAPSE
-from truearc.sim.infer.likelihood.shot_likelihood import Points, narrow, plane_of, values_at
+from truearc.sim.infer.likelihood.linearization import LinearizationPoint, fly, linearise, variance_of
+from truearc.sim.infer.likelihood.noise import EXIT_SPEED_M_S, HEIGHT_M, LAPSE
+from truearc.sim.infer.likelihood.prepared_data import take_in
 from truearc.sim.infer.map_fit import MapFit
-from truearc.sim.infer.parameters import Model
+from truearc.sim.physics.simulate import THREE
 
 SHOTS = 20                            # of each proposal
 AIMS_M = (-0.3, 0.0, 0.3)             # of the forecast height from the centre
@@ -43,18 +37,19 @@ class Proposal:
 
 def advise(fit: MapFit, most: int = 3) -> tuple[Proposal, ...]:
     """The best proposal of each kind of observation, best first; none where the rig's wheels cannot be set by ratio."""
-    rig = fit.model.facts
-    shots = fit.gathered.shots.take(fit.gathered.rows[:len(fit.problem.evidence.given.rolled)])
+    rig = fit.dataset.facts
+    shots = fit.dataset.shots.take(fit.evidence.rows)
     if rig.launcher.free_speed_rad_s is None or not rig.launcher.wheel or rig.target is None or not len(shots):
         return ()
     designs, aim_m = _designs(fit, shots, rig.target)
     if not len(designs):
         return ()
     vector = weakest(fit)
+    known = np.linalg.inv(fit.covariance)
     before = float(vector @ fit.covariance @ vector)
     proposals = []
     for kind, information in zip(KINDS, _information(fit, designs, rig.target), strict=True):
-        after = [vector @ np.linalg.inv(fit.optimum.hessian + SHOTS * one) @ vector for one in information]
+        after = [vector @ np.linalg.inv(known + SHOTS * one) @ vector for one in information]
         best = int(np.argmin(after))
         distance_m, hood_deg, ratio = (float(designs.number(name)[best])
                                        for name in ("distance_m", "hood_deg", "motor_ratio"))
@@ -74,7 +69,7 @@ def _designs(fit: MapFit, shots: Shots, target: Target) -> tuple[Shots, Float[np
     low, high = np.full(distance_m.shape, 0.02), np.ones(distance_m.shape)
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        height_m = forecast(fit.model.facts, fit.belief, _as_shots(distance_m, hood_deg, middle)).height_m
+        height_m = forecast(fit.dataset.facts, fit.belief, _as_shots(distance_m, hood_deg, middle)).height_m
         over = np.nan_to_num(height_m, nan=np.inf) > target.centre_height_m + aim_m
         low, high = np.where(over, low, middle), np.where(over, middle, high)
     reaches = (high < 0.999) & (low > 0.021)
@@ -89,19 +84,29 @@ def _as_shots(distance_m: Float[np.ndarray, " n"], hood_deg: Float[np.ndarray, "
 
 def _information(fit: MapFit, designs: Shots, target: Target) -> list[Float[np.ndarray, "n p p"]]:
     """Expected information [n, p, p] in prior units of one shot of each kind at each design."""
-    given = given_of(fit.model.facts, designs)
-    u = fit.optimum.u
-    mean, log_sd, log_speed, speed_var = map(np.asarray, _predict(fit.model, given, u))
-    by_mean, by_log_sd, by_speed, _ = map(np.asarray, jax.jacfwd(partial(_predict, fit.model, given))(u))
-    sd = np.exp(log_sd)
+    seen = Shots(designs.shot_id, designs.numbers, {"outcome": (THREE,) * len(designs)})    # any: only heights count
+    intake = take_in(Dataset("designs", fit.dataset.facts, seen), fewest=1)
+    layout, spot = fit.fitted.layout, fit.fitted.spot
+    chain = replace(layout.chain, plane=True, track=False, bands=0)
+    groups = layout.groups and replace(layout.groups, label=np.zeros(len(designs), dtype=int))
+    layout = replace(layout, chain=chain, groups=groups)
+    still = LinearizationPoint.still(layout, len(designs), spot.values, spot.log_scatter)
+    flown = fly(intake, layout, still)
+    plane = linearise(intake, layout, still, flown)[0].plane
+    assert plane is not None
+    columns, usual = [one.column for one in fit.sought], np.array([one.sd for one in fit.sought])
+    by_mean, by_log_sd = plane.by_column[:, columns] * usual, plane.log_spread_by[:, columns] * usual
+    by_speed = np.zeros((len(designs), len(layout.columns)))
+    own = np.flatnonzero(layout.source >= 0)
+    by_speed[:, own] = flown.slopes.exit[:, 0, :len(own)]
+    noise = variance_of(intake, spot.log_scatter)[:, 0] + (EXIT_SPEED_M_S / np.exp(flown.seen.exit[:, 0]))**2
+    wide = plane.spread_m**2 + HEIGHT_M**2
     inner, outer = target.three_half_height_m, target.two_half_height_m
-    kinds = []
-    for joined in (True, False):
-        kinds.append(_ordinal((-outer, -inner, inner, outer), mean, sd, by_mean, by_log_sd, joined))
-    wide = sd**2 + HEIGHT_SD_M**2
-    kinds.append(_outer(by_mean) / wide[:, None, None] + 2.0 * _outer(by_log_sd * (sd**2 / wide)[:, None]))
-    noise = speed_var + (EXIT_SPEED_SD_M_S / np.exp(log_speed))**2
-    kinds.append(kinds[0] + _outer(by_speed) / noise[:, None, None])
+    kinds = [_ordinal((-outer, -inner, inner, outer), plane.mean_m, plane.spread_m, by_mean, by_log_sd, joined)
+             for joined in (True, False)]
+    kinds.append(_outer(by_mean) / wide[:, None, None]
+                 + 2.0 * _outer(by_log_sd * (plane.spread_m**2 / wide)[:, None]))
+    kinds.append(kinds[0] + _outer(by_speed[:, columns] * usual) / noise[:, None, None])
     return kinds
 
 
@@ -125,13 +130,3 @@ def _ordinal(edges: tuple[float, ...], mean: Float[np.ndarray, " n"], sd: Float[
 
 def _outer(slope: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n p p"]:
     return np.asarray(slope[:, :, None] * slope[:, None, :])
-
-
-@partial(jax.jit, static_argnames=("model",))
-def _predict(model: Model, given: Given, u: Any) -> tuple[Any, Any, Any, Any]:
-    """(mean height, log of its sd, log exit speed, its variance by scatter and wheels) [n] of launches at u."""
-    launch = narrow(model, blind(given), Points(jnp.zeros((0, 3)), jnp.zeros((0, 4))), u)
-    plane = plane_of(model, given, launch, u)
-    values = values_at(model, u)
-    exit = configured(model.facts, values, given, model.catalogue)[1]
-    return plane.mean_m, jnp.log(plane.sd_m), jnp.log(exit.speed_m_s), launch.covariance[:, 0, 0]

@@ -1,13 +1,15 @@
 """How well a fit predicts outcomes that it has not seen: folds of whole configurations, refitted without them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from truearc.sim.data.columns import OUTCOMES
-from truearc.sim.infer.likelihood.shot_likelihood import outcome_table
-from truearc.sim.infer.map_fit import MapFit, refit
+from truearc.sim.infer.held_out import fit_linear
+from truearc.sim.infer.likelihood.linearization import LinearizationPoint, linearise
+from truearc.sim.infer.likelihood.outcome_likelihood import class_chances
+from truearc.sim.infer.likelihood.score_table import ScoreTable
+from truearc.sim.infer.map_fit import MapFit
 from truearc.sim.progress import Progress
 
 FOLDS = 5
@@ -35,25 +37,34 @@ def cross_validate(fit: MapFit, progress: Progress = lambda done, note: None) ->
     A group is a session where there are at least five, else a configuration. Predictions are from the configuration
     alone: neither the exit nor the track of a predicted shot is used.
     """
-    n = len(fit.problem.evidence.given.rolled)
-    shots = fit.gathered.shots.take(fit.gathered.rows[:n])
-    outcome = np.array([OUTCOMES.index(word) if word else -1 for word in shots.text("outcome")])
-    usable = (outcome >= 0) & np.isfinite(shots.number("distance_m"))
-    group = _groups(fit, n)
-    if fit.model.facts.target is None or len(np.unique(group[:n][usable])) < 2:
+    plane = fit.evidence.plane
+    if plane is None or fit.dataset.facts.target is None:
         return None
-    fold, given_fit, given_share = group % FOLDS, np.full((n, 3), np.nan), np.full((n, 3), np.nan)
+    group, marked = _groups(fit), plane.rows
+    outcome = np.nan_to_num(plane.seen.classes, nan=-1.0).astype(int)
+    if len(np.unique(group[marked][outcome >= 0])) < 2:
+        return None
+    fold, alone = group % FOLDS, _by_configuration(fit)
+    given_fit, given_share = np.full((2, len(marked), 3), np.nan)
     for number in range(FOLDS):
         progress(number / FOLDS, f"fold {number + 1} of {FOLDS}")
-        out = (fold[:n] == number) & usable
+        out = (fold[marked] == number) & (outcome >= 0)
         if not out.any():
             continue
-        found = refit(fit, (fold != number).astype(float))
-        table = np.asarray(outcome_table(fit.model, fit.problem.evidence, fit.problem.points, found.u))
-        given_fit[out] = table[out]
-        counts = np.bincount(outcome[usable & ~out], minlength=3) + SMOOTH
+        change = fit_linear(fit.evidence, fold != number)
+        given_fit[out] = class_chances(*alone.heights(np.tile(change, (len(fold), 1))))[out]
+        counts = np.bincount(outcome[(outcome >= 0) & ~out], minlength=3) + SMOOTH
         given_share[out] = counts / counts.sum()
-    return _summary(outcome[usable], given_fit[usable], given_share[usable], group[:n][usable])
+    known = outcome >= 0
+    return _summary(outcome[known], given_fit[known], given_share[known], group[marked][known])
+
+
+def _by_configuration(fit: MapFit) -> ScoreTable:
+    """The evidence at the fit had neither exits nor tracks been measured, nor anything of single shots."""
+    intake, layout, spot = fit.fitted.intake, fit.fitted.layout, fit.fitted.spot
+    blind = replace(intake, exits=np.full_like(intake.exits, np.nan), samples=None, scatter=None)
+    still = LinearizationPoint.still(layout, len(intake.rows), spot.values, spot.log_scatter)
+    return linearise(blind, layout, replace(still, effects=spot.effects))[0]
 
 
 def _summary(outcome: Int[np.ndarray, " n"], by_fit: Float[np.ndarray, "n 3"], by_share: Float[np.ndarray, "n 3"],
@@ -68,9 +79,9 @@ def _summary(outcome: Int[np.ndarray, " n"], by_fit: Float[np.ndarray, "n 3"], b
                            float((by_fit.argmax(1) == outcome).mean()), float((by_share.argmax(1) == outcome).mean()))
 
 
-def _groups(fit: MapFit, n: int) -> Int[np.ndarray, " units"]:
-    """Number of each unit's group [n + f]: sessions where there are five, else configurations in a mixed order."""
-    shots = fit.gathered.shots.take(fit.gathered.rows)
+def _groups(fit: MapFit) -> Int[np.ndarray, " n"]:
+    """Number of each shot's group: sessions where there are five, else configurations in a mixed order."""
+    shots = fit.dataset.shots.take(fit.evidence.rows)
     sessions = np.array(shots.text("session"))
     if len(set(sessions.tolist())) >= FOLDS:
         return np.unique(sessions, return_inverse=True)[1]

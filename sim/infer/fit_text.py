@@ -27,7 +27,7 @@ def fit_lines(fit: MapFit, intervals: Sequence[ProfileInterval], holdout: CrossV
     if not fit.converged:
         return lines
     for title, part in (("what these shots can tell", say_identified(fit)),
-                        ("estimates", say_estimates(intervals, fit.model.sought)), ("", say_scatter(fit)),
+                        ("estimates", say_estimates(intervals, fit.sought)), ("", say_scatter(fit)),
                         ("", say_prediction(holdout)), ("what would tell more", say_advice(proposals))):
         told = list(part)
         lines += [*(["", f"{title}:"] if title and told else []), *told]
@@ -36,12 +36,16 @@ def fit_lines(fit: MapFit, intervals: Sequence[ProfileInterval], holdout: CrossV
 
 def say_evidence(fit: MapFit) -> Iterable[str]:
     """Evidence that was used, and shots that were left out."""
-    used = ", ".join(f"{count} {EVIDENCE[kind]}" for kind, count in fit.gathered.used.items())
-    yield f"fitted to {len(fit.gathered.rows)} of {len(fit.gathered.shots)} shots: {used}"
-    for line in fit.gathered.left_out:
+    intake = fit.fitted.intake
+    used = ", ".join(f"{count} {EVIDENCE[kind]}" for kind, count in intake.used.items())
+    yield f"fitted to {len(intake.rows)} of {len(fit.dataset.shots)} shots: {used}"
+    for line in intake.left_out:
         yield f"left out: {line}"
-    if len(fit.gathered.rows) < FEWEST_SHOTS:
-        yield f"warning: {say_few(len(fit.gathered.rows))}; the estimates below are mostly those believed before"
+    if len(intake.rows) < FEWEST_SHOTS:
+        yield f"warning: {say_few(len(intake.rows))}; the estimates below are mostly those believed before"
+    for name, value in fit.at_limit.items():
+        yield (f"warning: {name} stopped at the end of its range, {_number(value)}: these terms do not explain the "
+               "shots; truearc discover looks for one that does")
 
 
 def say_estimates(intervals: Sequence[ProfileInterval], sought: Iterable[Sought]) -> Iterable[str]:
@@ -58,7 +62,8 @@ def say_estimates(intervals: Sequence[ProfileInterval], sought: Iterable[Sought]
         if one.name == "magnus.cl" and one.high90 < 0.0:
             yield ("warning: magnus.cl is below 0, so backspin presses the ball down: make sure of each wheel's "
                    "clock_deg in rig.toml (0 touches from above, 180 from below); only smooth balls do so")
-        if abs(fitted[one.name].u(one.value)) > IMPROBABLE:
+        what = fitted[one.name]
+        if abs(what.at(one.value) - what.centre) > IMPROBABLE * what.sd:
             yield (f"warning: {one.name} {_number(one.value)} was believed all but impossible before: it may stand for "
                    "an effect that these terms lack; truearc discover looks for one")
 
@@ -76,15 +81,13 @@ def _open_ends(one: ProfileInterval) -> str:
 
 def say_scatter(fit: MapFit) -> Iterable[str]:
     """Scatter of the height at the target."""
-    count = len(fit.problem.evidence.given.rolled)
-    shots = fit.gathered.shots.take(fit.gathered.rows[:count])
-    distance_m = shots.number("distance_m")
-    shots = shots.take(np.isfinite(distance_m) & fit.problem.evidence.given.rolled)
+    shots = fit.dataset.shots.take(fit.evidence.rows)
+    shots = shots.take(np.isfinite(shots.number("distance_m")) & fit.fitted.intake.lanes.rolled)
     if not len(shots):
         return
     middle_m = float(np.median(shots.number("distance_m")))
     nearest = np.argsort(np.abs(shots.number("distance_m") - middle_m), kind="stable")[:NEAREST]
-    ahead = forecast(fit.model.facts, fit.belief, shots.take(nearest))
+    ahead = forecast(fit.dataset.facts, fit.belief, shots.take(nearest))
     launch, sensor, unknown = (100.0 * float(np.nanmedian(part)) for part in (ahead.launch_m, ahead.sensor_m,
                                                                             ahead.parameter_m))
     yield (f"from shot to shot the height at {middle_m:.1f} m varies by {launch:.0f} cm (one standard deviation); what "

@@ -36,23 +36,23 @@ class Identified:
 
 def identify(fit: MapFit) -> Identified:
     """Return pairs that the fit keeps together, and how far each parameter is known beyond its prior."""
-    names = fit.model.names
+    names = fit.names
     share = {name: float(np.sqrt(fit.covariance[index, index])) for index, name in enumerate(names)}
     return Identified(_pairs(fit), share, tuple(name for name in names if share[name] > SILENT))
 
 
 def weakest(fit: MapFit) -> Float[np.ndarray, " p"]:
     """Unit vector [p], in prior units, of the combination of terms' parameters that is known worst."""
-    inner = len(fit.model.numbers)
-    _, vectors = np.linalg.eigh(fit.covariance[:inner, :inner])
-    vector = np.zeros(len(fit.model.names))
-    vector[:inner] = vectors[:, -1]
+    inner = [k for k, one in enumerate(fit.sought) if not one.scatters]
+    _, vectors = np.linalg.eigh(fit.covariance[np.ix_(inner, inner)])
+    vector = np.zeros(len(fit.names))
+    vector[inner] = vectors[:, -1]
     return vector
 
 
 def _pairs(fit: MapFit) -> tuple[AliasedPair, ...]:
     """Pairs with a correlation of at least CORRELATED, strongest first, each with the combination that is fixed."""
-    names, covariance = fit.model.names, fit.covariance * np.outer(slopes(fit), slopes(fit))
+    names, covariance = fit.names, fit.covariance * np.outer(slopes(fit), slopes(fit))
     sd = np.sqrt(np.diag(covariance))
     pairs = []
     for a in range(len(names)):
@@ -67,7 +67,5 @@ def _pairs(fit: MapFit) -> tuple[AliasedPair, ...]:
 
 
 def slopes(fit: MapFit) -> Float[np.ndarray, " p"]:
-    """d value / d u [p] at the optimum: from units of the prior to the parameter's own."""
-    step = 1e-5
-    return np.array([float(one.value(u + step) - one.value(u - step)) / (2.0 * step)
-                     for one, u in zip(fit.model.sought, fit.optimum.u, strict=True)])
+    """d value / d (prior standard deviation) [p] at the optimum: from units of the prior to the parameter's own."""
+    return np.array([one.sd * one.slope(float(fit.evidence.point[one.column])) for one in fit.sought])

@@ -1,169 +1,101 @@
-"""Maximum a posteriori fit of terms, scatter and tracker noise to everything that a dataset has."""
+"""Maximum a posteriori fit of terms and scatter to everything that a dataset has: what discovery starts from."""
 
-import itertools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
 
-from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset
+from truearc.sim.infer.baseline_fit import BaselineFit, fit_believed, objective, only_shared, stopped
 from truearc.sim.infer.belief import Belief
-from truearc.sim.infer.likelihood.launch_inputs import Given
-from truearc.sim.infer.likelihood.observations import Gathered, Observations, gather
-from truearc.sim.infer.likelihood.outcome_likelihood import without_lapses
-from truearc.sim.infer.likelihood.shot_likelihood import Points, relinearise
-from truearc.sim.infer.likelihood.track_likelihood import guess_lead, guess_start
-from truearc.sim.infer.optimum import Optimum, Problem, best_of, minimise
-from truearc.sim.infer.parameters import SCATTERS, TRACK_NOISE, Model, Sought, make_model
-from truearc.sim.physics.catalogue import Catalogue
+from truearc.sim.infer.fitted_belief import coefficients_of, covariance_of, scatter_of
+from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
+from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc.sim.infer.likelihood.score_table import ScoreTable
+from truearc.sim.infer.parameters import Sought, sought_of
+from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.progress import Progress
-
-STARTS = 2                            # of the coarse search that are followed up, besides the grid's pair
-COARSE_U = (-1.5, -0.5, 0.5, 1.5)     # prior standard deviations, of up to COARSE parameters of terms
-COARSE = 3
-ROUNDS = 6                            # of moving the point about which tracks are linear
-SETTLED = 1e-3                        # of a move of the parameters in prior standard deviations
 
 
 @dataclass(frozen=True, eq=False)
 class MapFit:
-    """The fit: `covariance` of u (units of the priors) is the inverse Hessian."""
+    """The fit of `terms` (gravity always among them) to a dataset, whose shots are in order."""
 
-    model: Model
-    gathered: Gathered
-    problem: Problem
-    optimum: Optimum
-    covariance: Float[np.ndarray, "p p"]
+    dataset: Dataset
+    terms: tuple[str, ...]
+    fitted: BaselineFit
+
+    @property
+    def evidence(self) -> ScoreTable:
+        return self.fitted.evidence
+
+    @property
+    def catalogue(self) -> Catalogue:
+        return self.fitted.layout.chain.catalogue
 
     @property
     def converged(self) -> bool:
-        return self.optimum.converged
+        return self.fitted.settled
+
+    @property
+    def log_posterior(self) -> float:
+        """At the fit, up to a constant."""
+        return objective(self.evidence, self.fitted.layout)
+
+    @property
+    def at_limit(self) -> dict[str, float]:
+        """Fitted numbers that stopped at the end of their range, by name."""
+        return stopped(self.evidence, self.catalogue)
+
+    @cached_property
+    def sought(self) -> tuple[Sought, ...]:
+        """The fitted numbers that are reported, a tracker's errors among them."""
+        return sought_of(self.fitted.layout)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of these."""
+        return tuple(one.name for one in self.sought)
 
     @property
     def values(self) -> dict[str, float]:
-        """{name: most probable value}."""
-        return self.model.values(self.optimum.u)
+        """{name: most probable value} of these."""
+        return {one.name: one.value(float(self.evidence.point[one.column])) for one in self.sought}
 
-    @property
+    @cached_property
+    def covariance(self) -> Float[np.ndarray, "p p"]:
+        """Of these, in units of their priors' standard deviations: the inverse of prior and expected information."""
+        whole = np.linalg.pinv(self.evidence.information + self.evidence.precision, hermitian=True)
+        columns = [one.column for one in self.sought]
+        sd = np.array([one.sd for one in self.sought])
+        return np.asarray(whole[np.ix_(columns, columns)] / np.outer(sd, sd))
+
+    @cached_property
     def belief(self) -> Belief:
-        """For whoever forecasts or simulates: without the tracker's noise, which is integrated out."""
-        keep = [index for index, name in enumerate(self.model.names) if name != TRACK_NOISE]
-        sd = self.model.scales()[1][keep]
-        coefficients: dict[str, dict[str, float]] = {}
-        scatter = {}
-        for name, value in self.values.items():
-            table, _, key = name.partition(".")
-            if table == "scatter":
-                scatter[key] = value
-            elif name != TRACK_NOISE:
-                coefficients.setdefault(table, {})[key] = value
-        return Belief(coefficients, scatter, tuple(self.model.names[index] for index in keep),
-                      self.covariance[np.ix_(keep, keep)] * np.outer(sd, sd), catalogue=self.model.catalogue)
+        """For whoever forecasts or simulates: without the tracker's errors and random effects."""
+        coefficients = coefficients_of(self.evidence, self.terms, self.catalogue)
+        names, covariance = covariance_of(self.evidence, self.catalogue)
+        return Belief(coefficients, scatter_of(self.evidence), names, covariance, catalogue=self.catalogue)
 
 
-def fit_map(rig: Rig, dataset: Dataset, terms: tuple[str, ...], progress: Progress = lambda done, note: None,
-           grid: dict[str, dict[str, float]] | None = None, among: Catalogue | None = None) -> MapFit:
+def fit_map(dataset: Dataset, terms: tuple[str, ...], progress: Progress = lambda done, note: None,
+            among: Catalogue | None = None) -> MapFit:
     """Fit the named terms (gravity always among them) and the scatter of the launch to a dataset.
 
-    grid: {term: {parameter: value}} that the paper's grid chose, one more start (truearc.sim.paper.grid_fit).
     among: the catalogue of the terms, truearc.sim.physics.catalogue.catalogue() when not given.
 
     Deterministic. A fit that did not settle says so in `converged`. InputError: unknown terms, or nothing to fit to.
     """
-    gathered = gather(rig, dataset)
-    evidence = gathered.evidence
-    tracked = evidence.tracks is not None or evidence.free is not None
-    model = make_model(rig, terms, _scatters(evidence.given), tracked, among)
-    points = _moved(model, evidence, _first_points(evidence), np.zeros(len(model.sought)))
-    problem = Problem(model, evidence, points, np.ones(len(gathered.rows)))
-    progress(0.05, "coarse search")
-    starts = [*_starts(problem, grid or {}), *_all_heights(problem)]
-    optimum = best_of(problem, starts, lambda done, note: progress(0.1 + 0.6 * done, note))
-    problem, optimum = settle(problem, optimum)
-    progress(1.0, "fitted")
-    return MapFit(model, gathered, problem, optimum, _covariance(optimum.hessian))
-
-
-def settle(problem: Problem, optimum: Optimum) -> tuple[Problem, Optimum]:
-    """Move the points about which tracks are linear to the optimum, and find it again, until neither moves."""
-    evidence = problem.evidence
-    if evidence.tracks is None and evidence.free is None:
-        return problem, optimum
-    for _ in range(ROUNDS):
-        problem = replace(problem, points=_moved(problem.model, evidence, problem.points, optimum.u))
-        before, optimum = optimum, minimise(problem, optimum.u)
-        if np.abs(optimum.u - before.u).max() < SETTLED:
-            break
-    return problem, optimum
-
-
-def refit(fit: MapFit, weight: Float[np.ndarray, " units"]) -> Optimum:
-    """The optimum with other weights of the units, from the fit's own."""
-    return minimise(replace(fit.problem, weight=weight), fit.optimum.u)
-
-
-def _scatters(given: Given) -> tuple[Sought, ...]:
-    """Those of which some launch has any: not where only the ball itself was measured."""
-    return tuple(one for one, where in zip(SCATTERS, (given.rolled, given.hooded), strict=True) if np.any(where))
-
-
-def _first_points(evidence: Observations) -> Points:
-    tracks, free = evidence.tracks, evidence.free
-    return Points(np.zeros((0, 3)) if tracks is None else guess_lead(tracks, evidence.given.rolling),
-                  np.zeros((0, 4)) if free is None else guess_start(free))
-
-
-def _moved(model: Model, evidence: Observations, points: Points, u: Float[np.ndarray, " p"], rounds: int = 4) -> Points:
-    for _ in range(rounds if evidence.tracks is not None or evidence.free is not None else 0):
-        points = relinearise(model, evidence, points, u)
-    return points
-
-
-def _covariance(hessian: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
-    """Inverse of the curvature; no direction is known worse than its prior says."""
-    values, vectors = np.linalg.eigh(hessian)
-    return np.asarray((vectors / np.maximum(values, 1.0)) @ vectors.T)
-
-
-def _starts(problem: Problem, grid: dict[str, dict[str, float]]) -> list[Float[np.ndarray, " p"]]:
-    """The prior's centre and the best of a coarse grid about it, and the pair of the paper's grid where it gave one."""
-    size, count = len(problem.model.sought), min(len(problem.model.numbers), COARSE)
-    tried = [np.zeros(size)]
-    for point in itertools.product(COARSE_U, repeat=count):
-        for scatter in (0.0, 1.5):
-            u = np.zeros(size)
-            u[:count] = point
-            u[len(problem.model.numbers):] = scatter
-            tried.append(u)
-    best = sorted(range(len(tried)), key=lambda row: problem.value(tried[row]))
-    starts = [tried[row] for row in best[:STARTS]]
-    return starts + _grid_start(problem.model, grid)
-
-
-def _all_heights(problem: Problem) -> list[Float[np.ndarray, " p"]]:
-    """The fit in which no measured height is a slip, where some were measured.
-
-    A slip costs a few nats, however far the height is off, so a search that starts far off may end at a fit that calls
-    half of the heights slips, and hardly feels them any more.
-    """
-    marks = problem.evidence.marks
-    if marks is None or not marks.measured.any():
-        return []
-    strict = replace(problem, evidence=problem.evidence._replace(marks=without_lapses(marks)))
-    return [min((minimise(strict, start) for start in _starts(strict, {})), key=lambda one: one.value).u]
-
-
-def _grid_start(model: Model, grid: dict[str, dict[str, float]]) -> list[Float[np.ndarray, " p"]]:
-    """The grid's pair with a loss of nothing, which is what it was found with; within two sd of the prior."""
-    if not grid:
-        return []
-    u = np.zeros(len(model.sought))
-    wanted = {f"{term}.{key}": value for term, values in grid.items() for key, value in values.items()}
-    wanted["exit_efficiency.loss"] = 0.0
-    for index, one in enumerate(model.sought):
-        if one.name in wanted:
-            u[index] = np.clip(one.u(max(wanted[one.name], 1e-3)), -2.0, 2.0)
-        elif one.name.startswith("scatter."):
-            u[index] = 1.0
-    return [u]
+    catalogue = as_catalogue(among)
+    catalogue.find(terms)
+    names = (*catalogue.always, *(name for name in terms if name not in catalogue.always))
+    dataset = dataset.in_order()
+    intake = take_in(dataset, fewest=1)
+    if not len(intake.rows):
+        why = "; ".join(intake.left_out) or "there are no shots"
+        raise InputError(f"{dataset.shots.source}: there is nothing to fit to, neither a track nor a shot with both a "
+                         f"launch and something seen of its flight: {why}")
+    layout = only_shared(lay_out(intake, names, groups_of(dataset.shots, intake.rows), catalogue))
+    return MapFit(dataset, names, fit_believed(intake, layout, progress))

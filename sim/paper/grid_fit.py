@@ -6,14 +6,13 @@ import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
-from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.data.dataset import Shots
 from truearc.sim.paper.grid_cells import THREE as LABEL_THREE
 from truearc.sim.paper.grid_labels import Flyer, Hits, find_hits, fly_pairs, make_flyer
 from truearc.sim.paper.settings import HIGH, LOW, STEP
 from truearc.sim.physics.simulate import THREE, TWO, launch_of, require
 from truearc.sim.progress import Progress
 
-START_STEP = 0.05                     # of the coarse search that gives another fit a start
 FLOWN_AT_ONCE = 200_000               # flights of tied pairs worked out together by the bootstrap
 MAX_PARTS = 10000                     # of the range: a hundred times the paper's pairs
 
@@ -84,16 +83,6 @@ def fit_grid(rig: Rig, shots: Shots, step: float = STEP, progress: Progress = la
     threes = int(scoring.is_three.sum())
     return GridFit(axis, three.T / threes, two.T / len(scoring.is_three), tied.T, ties, cd, cl, mean_m, median_m,
                    (float(median_pair[0]), float(median_pair[1])), threes, len(scoring.is_three) - threes, hits)
-
-
-def grid_start(rig: Rig, dataset: Dataset) -> dict[str, dict[str, float]]:
-    """Return {term: {parameter: value}} of the coarse grid's best pair; empty where the grid cannot run."""
-    if rig.target is None or THREE not in dataset.shots.text("outcome"):
-        return {}
-    try:
-        return fit_grid(rig, dataset.shots, START_STEP).coefficients
-    except InputError:
-        return {}
 
 
 def make_axis(step: float) -> np.ndarray:

@@ -12,8 +12,8 @@ from matplotlib.patches import Rectangle
 
 from truearc.sim.data.dataset import Dataset, hash_dataset
 from truearc.sim.infer.belief import launcher_of, ranges_of
-from truearc.sim.infer.score import Score
 from truearc.sim.paper.grid_fit import Bootstrap, GridFit, map_deviation
+from truearc.sim.paper.score import Score
 from truearc.sim.paper.settings import HIGH, LOW
 from truearc.sim.report import new_figure
 

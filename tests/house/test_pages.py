@@ -57,6 +57,8 @@ def default_text(default: Any) -> str:
         return REQUIRED
     if isinstance(default, tuple):
         return ", ".join(default)
+    if isinstance(default, bool):
+        return str(default).lower()
     return "none" if default is None else f"{default:g}"
 
 

@@ -5,8 +5,8 @@ import pytest
 from scipy.stats import norm
 
 from tests.sim.discover.made import column, gaussian, heights
-from truearc.sim.discover.model.score_table import PlaneScores, ScoreTable, make_evidence
 from truearc.sim.discover.select.term_ranking import efficient
+from truearc.sim.infer.likelihood.score_table import PlaneScores, ScoreTable, make_evidence
 from truearc_proof.scoring.oracle import ceiling_of, strength_of
 
 N = 400

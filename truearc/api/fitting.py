@@ -21,15 +21,15 @@ from truearc.sim.infer.fit_text import fit_lines
 from truearc.sim.infer.map_fit import MapFit, fit_map
 from truearc.sim.infer.plausibility.check import check_plausible
 from truearc.sim.infer.profile import ProfileInterval, profile_interval
-from truearc.sim.infer.score import Score, score
-from truearc.sim.paper.grid_fit import Bootstrap, GridFit, bootstrap_grid, fit_grid, grid_start, map_deviation
+from truearc.sim.paper.grid_fit import Bootstrap, GridFit, bootstrap_grid, fit_grid, map_deviation
 from truearc.sim.paper.grid_report import draw_map, explain, provenance_of
+from truearc.sim.paper.score import Score, score
 from truearc.sim.paper.settings import STEP
 from truearc.sim.physics.term import Term
 from truearc.sim.printed import Printed
 from truearc.sim.progress import Progress
 
-if TYPE_CHECKING:                     # NumPyro takes a second to import
+if TYPE_CHECKING:
     from truearc.sim.infer.posterior import Posterior
 
 COLUMNS = ("parameter", "value", "low90", "high90", "unit", "closed")
@@ -37,7 +37,7 @@ COLUMNS = ("parameter", "value", "low90", "high90", "unit", "closed")
 
 @dataclass(frozen=True, eq=False)
 class Fit(Printed):
-    """Maximum a posteriori estimates of terms, launch scatter and tracker noise.
+    """Maximum a posteriori estimates of terms, launch scatter and a tracker's errors.
 
     `intervals`: 90 % profile intervals, one per parameter, in its own unit; empty where the search did not converge.
     `holdout`: how well outcomes are predicted that the fit had not seen; None with fewer than two groups of outcomes.
@@ -64,12 +64,12 @@ class Fit(Printed):
 
     def table(self) -> Table:
         """Return a row per parameter: value and ends of its 90 % interval, in `unit`; closed: the data bound it."""
-        units = {one.name: one.unit for one in self.solution.model.sought}
+        units = {one.name: one.unit for one in self.solution.sought}
         return Table(COLUMNS, tuple((one.name, one.value, one.low90, one.high90, units[one.name], one.closed)
                                     for one in self.intervals))
 
     def sample(self, draws: int, seed: int = 0, progress: Progress = lambda done, note: None) -> "Posterior":
-        """Draw `draws` samples of the posterior by Hamiltonian Monte Carlo; the same seed gives the same samples.
+        """Draw `draws` samples of the posterior by importance resampling; the same seed gives the same samples.
 
         Raises:
             InputError: `draws` is below 1 or `seed` is negative.
@@ -88,9 +88,9 @@ class Fit(Printed):
         fit = self.solution
         said: dict[str, Any] = {
             "method": "ml", "dataset": self.dataset.name, "dataset_sha256": hash_dataset(self.dataset),
-            "truearc": version("truearc"), "shots": len(fit.gathered.rows), "terms": list(fit.model.terms),
-            "log_posterior": -fit.optimum.value, "evidence": dict(fit.gathered.used),
-            "left_out": list(fit.gathered.left_out), "range": ranges_of(self.dataset.shots),
+            "truearc": version("truearc"), "shots": len(fit.evidence.rows), "terms": list(fit.terms),
+            "log_posterior": fit.log_posterior, "evidence": fit.fitted.intake.used,
+            "left_out": list(fit.fitted.intake.left_out), "range": ranges_of(self.dataset.shots),
             "rig": launcher_of(self.dataset.rig),
             **({"accepted": list(self.dataset.accepted)} if self.dataset.accepted else {}),
             "interval90": {one.name: [one.low90, one.high90] for one in self.intervals}}
@@ -199,14 +199,14 @@ def _fit_map(dataset: Dataset, terms: Iterable[str | Term] | None, progress: Pro
     terms = dataset.rig.believe.terms if terms is None else terms
     terms = terms if isinstance(terms, str) else tuple(terms)
     among = joined(terms)
-    solution = fit_map(dataset.rig, dataset, names_of(terms, where, among) or (),
-                       lambda done, note: progress(0.4 * done, note), grid_start(dataset.rig, dataset), among)
+    solution = fit_map(dataset, names_of(terms, where, among) or (), lambda done, note: progress(0.4 * done, note),
+                       among)
     if not solution.converged:
         return Fit(dataset, solution, (), None, ())
     intervals = []
-    for number, name in enumerate(solution.model.names, 1):
+    for number, name in enumerate(solution.names, 1):
         intervals.append(profile_interval(solution, name))
-        progress(0.4 + 0.4 * number / len(solution.model.names), name)
+        progress(0.4 + 0.4 * number / len(solution.names), name)
     held = cross_validate(solution, lambda done, note: progress(0.8 + 0.15 * done, note))
     proposals = advise(solution)
     progress(1.0, "done")

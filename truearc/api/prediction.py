@@ -14,9 +14,9 @@ from truearc.robot.config.schema import InputError
 from truearc.robot.gate.model import load_gate
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.shot_conditions import circumstances_of
-from truearc.sim.discover.detect.covariates import every_column
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.curve import along
+from truearc.sim.infer.likelihood.shot_columns import every_column
 from truearc.sim.infer.plausibility.check import check_plausible
 from truearc.sim.physics.catalogue import effective
 from truearc.sim.physics.simulate import classify, opening_of

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Wheel
+from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Tracker, Wheel
 from truearc.sim.data.columns import need_columns, number_column, text_column
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
 from truearc.sim.data.problems import Problems, gathered
@@ -24,11 +24,14 @@ WHEELS = (("top_left", 300.0), ("top_right", 60.0), ("bottom", 180.0))
 WHEEL_RADIUS_M = 0.04                 # assumed: with it the no-spin sets leave at the speed of wheels that do not slip
 BALL = Ball(mass_kg=0.0027, radius_m=0.02)
 TRACK_NOISE_M = 0.002                 # scatter of the samples around a smooth flight, the worst of the three axes
+# not stated: cameras that were calibrated together, on a floor that was taken for level
+TRACKER = Tracker(scale_sd=0.01, tilt_sd_deg=1.0, clock_sd=0.005)
 RELEASE_HEIGHT_M = 1.104              # not stated; where the published flights begin, so that all imports have one rig
 RIG = Rig(ball=BALL, launcher=LauncherFacts(
     release_height_m=RELEASE_HEIGHT_M,
     wheel=tuple(Wheel(name, WHEEL_RADIUS_M, 1.0, clock_deg) for name, clock_deg in WHEELS)),
-    air=Air(1.2), noise=Noise(track_m=TRACK_NOISE_M), believe=Believe(("gravity", "drag", "magnus")))
+    air=Air(1.2), noise=Noise(track_m=TRACK_NOISE_M), tracker=TRACKER,
+    believe=Believe(("gravity", "drag", "magnus")))
 RPM = 2.0 * math.pi / 60.0
 FALL_M = 0.05                         # below the highest sample so far: the ball is on its way down
 RISE_M = 0.01                         # above the lowest one, twice running: it has bounced

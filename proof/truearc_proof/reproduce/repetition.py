@@ -9,8 +9,8 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.gate.train import train_physics_gate
 from truearc.sim.infer.map_fit import fit_map
-from truearc.sim.infer.score import Score, score
-from truearc.sim.paper.grid_fit import fit_grid, grid_start
+from truearc.sim.paper.grid_fit import fit_grid
+from truearc.sim.paper.score import Score, score
 from truearc.sim.paper.synthetic_data import grid_shots, label_grid, sample_balanced, taken_configurations
 from truearc.sim.paper.training import LABELS, Rows, training_rows
 from truearc.sim.physics.simulate import classify, predict
@@ -102,7 +102,7 @@ def simulated_sets(rig: Rig, coefficients: dict[str, dict[str, float]], train: S
 def our_predictions(rig: Rig, train: Shots, asked: Rows, seed: int) -> dict[str, np.ndarray]:
     """Our gate's, from the same configurations and labels as everybody else's, and nothing besides."""
     split = Dataset("training split", rig, train)
-    belief = fit_map(rig, split, OUR_TERMS, grid=grid_start(rig, split)).belief
+    belief = fit_map(split, OUR_TERMS).belief
     return {OURS: train_physics_gate(rig, belief, train, seed, "training split")[0].probabilities(asked.features)}
 
 

@@ -8,10 +8,11 @@ were fitted, not held out, without a prior's price for the term.
 import numpy as np
 
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.model.baseline_fit import BaselineFit, only_shared
 from truearc.sim.discover.select.forecast_error import end_errors
-from truearc.sim.discover.select.refit import Refit, refit, unseen_change, without
+from truearc.sim.discover.select.refit import Refit, refit
 from truearc.sim.discover.select.term_ranking import Candidate, one_step
+from truearc.sim.infer.baseline_fit import BaselineFit, only_shared
+from truearc.sim.infer.held_out import unseen_change, without
 from truearc_proof.rivals.claim import Claim, RivalBelief
 
 LIKELY = 3

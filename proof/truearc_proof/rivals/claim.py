@@ -9,8 +9,8 @@ from msgspec import Struct
 
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.investigate import Investigation
-from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.select.refit import Refit
+from truearc.sim.infer.baseline_fit import BaselineFit
 
 Array = np.ndarray
 FOLDS = 5

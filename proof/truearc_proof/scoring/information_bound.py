@@ -5,14 +5,15 @@ from typing import NamedTuple
 import numpy as np
 
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.adopt import belongs, coefficients_of
-from truearc.sim.discover.model.baseline_fit import BaselineFit, fit_believed
-from truearc.sim.discover.model.design_columns import groups_of, lay_out
-from truearc.sim.discover.model.prepared_data import take_in
-from truearc.sim.discover.model.score_table import ScoreTable
-from truearc.sim.discover.select.refit import refit, unseen_score, without
+from truearc.sim.discover.select.refit import refit
 from truearc.sim.discover.select.term_ranking import efficient
+from truearc.sim.infer.baseline_fit import BaselineFit, fit_believed
 from truearc.sim.infer.belief import Belief, point_belief
+from truearc.sim.infer.fitted_belief import coefficients_of
+from truearc.sim.infer.held_out import unseen_score, without
+from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
+from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc.sim.physics.catalogue import BUILT_IN
 from truearc_proof.scoring.oracle import ceiling_of, strength_of
 from truearc_proof.scoring.score_finding import PARAMETER
@@ -68,5 +69,4 @@ def _of_one(drawn: Drawn, dataset: Dataset, fitted: BaselineFit, seed: int) -> M
 
 def _believed(evidence: ScoreTable, terms: tuple[str, ...]) -> Belief:
     """The point belief at the evidence's point, of these terms and those fitted with them."""
-    shared = [k for k in range(evidence.first_shared, len(evidence.columns)) if belongs(evidence.columns[k], BUILT_IN)]
-    return point_belief(coefficients_of(evidence, shared, terms, BUILT_IN), among=BUILT_IN)
+    return point_belief(coefficients_of(evidence, terms, BUILT_IN), among=BUILT_IN)

@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from truearc.sim.discover.investigate import Investigation
-from truearc.sim.discover.model.score_table import Array, ScoreTable, plane_terms
-from truearc.sim.discover.select.refit import refit, unseen_score, without
+from truearc.sim.discover.select.refit import refit
 from truearc.sim.discover.select.term_ranking import ALIAS, efficient, nats_for, visible_terms
+from truearc.sim.infer.held_out import unseen_score, without
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, plane_terms
 from truearc_proof.scoring.score_finding import ALIASES
 
 FALSE_ALARM = 0.05

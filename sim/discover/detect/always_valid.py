@@ -19,8 +19,8 @@ from jaxtyping import Float, Int
 from scipy.special import ndtr, ndtri
 from scipy.stats import qmc
 
-from truearc.sim.discover.model.plane_likelihood import LAPSE
-from truearc.sim.discover.model.score_table import ScoreTable
+from truearc.sim.infer.likelihood.noise import LAPSE
+from truearc.sim.infer.likelihood.score_table import ScoreTable
 
 DRAWS = 256                           # of the belief's numbers; a power of 2, by a Sobol sequence
 SIZES = np.array([0.15, 0.4, 1.0, 2.5])       # of a change, in usual ones, either way

@@ -2,28 +2,24 @@
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.shot_conditions import counts_shots, gather_circumstances
-from truearc.sim.discover.model.score_table import Array
-from truearc.sim.physics.simulate import LAUNCH_STATE, launch_state
+from truearc.sim.infer.likelihood.score_table import Array
+from truearc.sim.infer.likelihood.shot_columns import WORN, Each, number_columns
+from truearc.sim.physics.simulate import LAUNCH_STATE
 
 # Results of a shot, not its settings.
 RESULTS = ("miss_height_m", "outcome", "side")
 SAME = 0.98                           # |correlation| from which two columns are one covariate with two names
 FEWEST = 8                            # known values: fewer say little
 MOST_LEVELS = 20
-ENERGY = "energy_of_wheels"           # taken by a shot, (rad/s)^2: times their inertia it is in joules
-WORN = "shots_of_ball"                # that its ball had before, by the most that any has had
 # Columns behind what a term follows from shot to shot, the fittest first.
 FOLLOWED = {"battery": ("battery_v",), "since_last_shot_s": ("since_last_shot_s",), "density": ("temperature_c",),
             "closing_speed_m_s": ("robot_speed_m_s",), "hood_change": ("hood_change",), "droop": ("wheel_dip",),
             "age": (WORN, "t_s")}
-Each = Float[Array, " n"]             # a number of each shot
 
 
 @dataclass(frozen=True)
@@ -91,21 +87,6 @@ def gather_covariates(dataset: Dataset) -> tuple[Covariate, ...]:
         else:
             found[twin] = Covariate((*found[twin].columns, (name, values)))
     return tuple(covariate.led_by_launch() for covariate in found)
-
-
-def every_column(dataset: Dataset) -> dict[str, Any]:
-    """All that is known of each shot by name: numbers [n], and texts."""
-    return {**{name: dataset.shots.text(name) for name in dataset.shots.texts}, **number_columns(dataset)}
-
-
-def number_columns(dataset: Dataset) -> dict[str, Each]:
-    """Every number a shot, by name: as recorded, and derived."""
-    columns = {"t_s": dataset.shots.number("t_s"), **dataset.shots.numbers}
-    derived = launch_state(dataset.facts, dataset.shots), *(
-        derive(dataset) for derive in (_time_columns, _circumstance_columns, _trace_columns))
-    for more in derived:
-        columns |= {name: values for name, values in more.items() if name not in columns}
-    return columns
 
 
 def gather_factors(shots: Shots) -> tuple[Factor, ...]:
@@ -177,58 +158,3 @@ def _alike(a: Each, b: Each) -> bool:
     if not (mostly and varies(a[both]) and varies(b[both])):
         return False
     return bool(abs(np.corrcoef(a[both], b[both])[0, 1]) >= SAME)
-
-
-def _time_columns(dataset: Dataset) -> dict[str, Each]:
-    """Place of each shot in its session, and the wait since the shot before; none where a shot has no time."""
-    shots = dataset.shots
-    if not shots.timed:
-        return {}
-    sessions = np.array(shots.text("session"))
-    order, wait = np.zeros(len(shots)), np.full(len(shots), np.nan)
-    for session in np.unique(sessions):
-        rows = np.flatnonzero(sessions == session)
-        rows = rows[np.argsort(shots.number("t_s")[rows], kind="stable")]
-        order[rows] = np.arange(len(rows))
-        wait[rows[1:]] = np.diff(shots.number("t_s")[rows])
-    return {"order_in_session": order, "since_last_shot_s": wait}
-
-
-def _circumstance_columns(dataset: Dataset) -> dict[str, Each]:
-    """What terms follow and no column says as it is: the way the hood came, the wheels' dip, the ball's earlier shots.
-    """
-    wanted = {"hood_change": "hood_change", "droop": "wheel_dip"}
-    wanted |= {"age": WORN} if counts_shots(dataset.shots) else {}
-    found = gather_circumstances(dataset)
-    return {name: np.where(found[field].said, found[field].value, np.nan) for field, name in wanted.items()}
-
-
-def _trace_columns(dataset: Dataset) -> dict[str, Each]:
-    """Of each telemetry signal its value when the ball is fed, and how far it dips below that; the wheels' energy."""
-    if dataset.traces is None:
-        return {}
-    traces, n = dataset.traces, len(dataset.shots)
-    signals = np.array(traces.signal)
-    columns: dict[str, Each] = {}
-    for signal in np.unique(signals):
-        first, lowest = np.full(n, np.nan), np.full(n, np.nan)
-        here = signals == signal
-        for shot in np.unique(traces.shot[here]):
-            rows = np.flatnonzero(here & (traces.shot == shot))
-            rows = rows[np.argsort(traces.t_s[rows], kind="stable")]
-            fed = np.abs(traces.t_s[rows]).argmin()
-            first[shot] = traces.value[rows][fed]
-            lowest[shot] = first[shot] - traces.value[rows][fed:].min()
-        columns |= {f"fed_{signal}": first, f"dip_{signal}": lowest}
-    return columns | _energy_column(columns)
-
-
-def _energy_column(columns: dict[str, Each]) -> dict[str, Each]:
-    """Energy that the wheels give the ball or lose beside it: half the drop of their squared speeds, summed, which
-    is energy over the inertia that no file states. A ball that leaves slower than what it took would have it has lost
-    the rest: squeezed, slipped, rubbed."""
-    wheels = [name.removeprefix("fed_") for name in columns if name.startswith("fed_wheel_")]
-    if not wheels:
-        return {}
-    drops = [0.5 * (columns[f"fed_{one}"]**2 - (columns[f"fed_{one}"] - columns[f"dip_{one}"])**2) for one in wheels]
-    return {ENERGY: np.sum(drops, axis=0)}

@@ -11,7 +11,7 @@ from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Fac
 from truearc.sim.discover.detect.free_curve import Correction, correct
 from truearc.sim.discover.detect.score_test import Judged
 from truearc.sim.discover.detect.test_battery import FREE, PATTERN, Asked, Test
-from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
+from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
 from truearc.sim.physics.term import STAGES
 
 AS_GOOD = 0.9                         # of the largest gain: then the plainer description is preferred

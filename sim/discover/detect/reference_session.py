@@ -17,9 +17,9 @@ from jaxtyping import Float, Shaped
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor, varies
 from truearc.sim.discover.detect.score_test import Scores, efficient_scores
 from truearc.sim.discover.detect.weight_functions import Look, WeightFunction, weights_of
-from truearc.sim.discover.model.baseline_fit import BaselineFit
-from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.discover.select.refit import promote, refit
+from truearc.sim.infer.baseline_fit import BaselineFit
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 
 MOST = 4.0                            # times home's information that a session may have: else home's noise drowns it
 

@@ -13,12 +13,12 @@ from jaxtyping import Bool, Float, Int
 from truearc.sim.discover.detect.covariates import Covariate, Factor, followed_column
 from truearc.sim.discover.detect.localization import Place
 from truearc.sim.discover.detect.test_battery import Asked
-from truearc.sim.discover.model import plane_likelihood as outcomes
-from truearc.sim.discover.model.baseline_fit import BaselineFit
-from truearc.sim.discover.model.score_table import Array, PlaneScores, ScoreTable
 from truearc.sim.discover.report.effect_wording import scale_of
 from truearc.sim.discover.select.name_effects import Step
 from truearc.sim.discover.select.refit import promote
+from truearc.sim.infer.baseline_fit import BaselineFit
+from truearc.sim.infer.likelihood import outcome_likelihood as outcomes
+from truearc.sim.infer.likelihood.score_table import Array, PlaneScores, ScoreTable
 
 HEIGHT = "height at the target"
 MOST_BINS, BIN_SHOTS = 8, 6

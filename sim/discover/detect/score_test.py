@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from truearc.sim.discover.model.score_table import Array, ScoreTable
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.progress import Progress
 
 FEWEST_SIGNS = 8.0                    # a test that rests on fewer shots is not made: their signs can hardly say 1 %

@@ -11,7 +11,7 @@ from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Fac
 from truearc.sim.discover.detect.reference_session import ReferenceSession
 from truearc.sim.discover.detect.score_test import Scores, efficient_scores
 from truearc.sim.discover.detect.weight_functions import SAME, Look, WeightFunction, weights_of
-from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
+from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
 
 TERMS, FREE, PATTERN = "terms", "free", "pattern"
 # How the allowance for false alarms is shared out: a name is worth most, and most of what is left out has one.

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Shaped
 
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor, varies
-from truearc.sim.discover.model.score_table import Array
+from truearc.sim.infer.likelihood.score_table import Array
 
 FEWEST = 8                            # shots on each side of a step, and in a group: the signs of fewer say little
 STEPS = 5

@@ -12,7 +12,7 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.spatial.distance import squareform
 from scipy.special import ndtr
 
-from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
+from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
 
 SCHEMA = "truearc.identifiability/1"
 EIGHTY = 7.85                         # amplitude^2 x information for 80 % power at 5 %

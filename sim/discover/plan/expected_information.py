@@ -13,15 +13,15 @@ from jaxtyping import Float
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
-from truearc.sim.discover.model.baseline_fit import fit_believed, usual_spot
-from truearc.sim.discover.model.design_columns import groups_of, lay_out, weak_prior
-from truearc.sim.discover.model.linearization import linearise
-from truearc.sim.discover.model.prepared_data import take_in
-from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.discover.plan.detectability import Sight, sight_of
 from truearc.sim.discover.settings import LEVELS, SEASON_SHOTS
+from truearc.sim.infer.baseline_fit import fit_believed, usual_spot
 from truearc.sim.infer.coefficients import Coefficients
+from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out, weak_prior
+from truearc.sim.infer.likelihood.linearization import linearise
 from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS, say_few
+from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue, effective, find_terms, flight_terms
 from truearc.sim.physics.flight import path
 from truearc.sim.physics.simulate import ORDINARY, by_robot, launch_of, leave, predict, sense

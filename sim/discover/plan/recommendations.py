@@ -9,12 +9,12 @@ from scipy.special import ndtri
 
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.detect.test_battery import name_of
-from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.discover.plan.detectability import EIGHTY, sight_of
 from truearc.sim.discover.report.effect_wording import IN_FLIGHT
 from truearc.sim.discover.report.finding_text import FOUR_IN_FIVE
 from truearc.sim.discover.select.name_effects import Step
 from truearc.sim.discover.select.refit import Refit
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.term import Term, WatchTerm
 

@@ -7,15 +7,11 @@ from jaxtyping import Float
 
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover import finding as parts
-from truearc.sim.discover.detect.covariates import Covariate, carried_by, followed_column, number_columns
+from truearc.sim.discover.detect.covariates import Covariate, carried_by, followed_column
 from truearc.sim.discover.detect.localization import Place, amplitude_of, times_of
 from truearc.sim.discover.detect.score_test import Judged
 from truearc.sim.discover.detect.test_battery import TERMS, Asked, name_of
 from truearc.sim.discover.finding import Finding, FitSummary, Named, TestResult, Unknown, Where
-from truearc.sim.discover.model import plane_likelihood as outcomes
-from truearc.sim.discover.model.baseline_fit import BaselineFit, only_shared, stopped
-from truearc.sim.discover.model.prepared_data import Intake
-from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.discover.plan.recommendations import blind_terms, measure_blind, next_steps
 from truearc.sim.discover.report.finding_text import (
     NINETY,
@@ -29,7 +25,12 @@ from truearc.sim.discover.report.finding_text import (
 from truearc.sim.discover.report.formula import find_formula
 from truearc.sim.discover.select.forecast_error import end_errors
 from truearc.sim.discover.select.name_effects import Search, Step
-from truearc.sim.discover.select.refit import clustered_error, unseen_change, without
+from truearc.sim.infer.baseline_fit import BaselineFit, only_shared, stopped
+from truearc.sim.infer.held_out import clustered_error, unseen_change, without
+from truearc.sim.infer.likelihood import outcome_likelihood as outcomes
+from truearc.sim.infer.likelihood.prepared_data import Intake
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
+from truearc.sim.infer.likelihood.shot_columns import number_columns
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.term import STAGES
 

@@ -10,9 +10,9 @@ from matplotlib.patches import Patch
 
 from truearc.sim.discover.detect.localization import joint_bands
 from truearc.sim.discover.detect.residuals import Along, Bins, Part, Residual, binned, bins_of
-from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.discover.plan.detectability import Sight
 from truearc.sim.discover.report.effect_wording import plain
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.report import make_png, new_figure
 

@@ -11,9 +11,9 @@ from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Fac
 from truearc.sim.discover.detect.localization import Place
 from truearc.sim.discover.detect.weight_functions import STEP
 from truearc.sim.discover.finding import Adoption, Finding, FitSummary, Further, Named, Unknown, Where
-from truearc.sim.discover.model.score_table import ScoreTable
 from truearc.sim.discover.plan.detectability import EIGHTY, sight_of
 from truearc.sim.discover.report.effect_wording import in_words, plain, say_effect, scale_of, size_of
+from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.term import Term
 

@@ -16,10 +16,10 @@ from jaxtyping import Float, Int
 
 from truearc.sim.discover.detect.covariates import Covariate
 from truearc.sim.discover.detect.free_curve import Correction, unseen
-from truearc.sim.discover.model.baseline_fit import BaselineFit
-from truearc.sim.discover.model.prepared_data import Intake
-from truearc.sim.discover.model.score_table import Array
-from truearc.sim.discover.select.refit import clustered_error
+from truearc.sim.infer.baseline_fit import BaselineFit
+from truearc.sim.infer.held_out import clustered_error
+from truearc.sim.infer.likelihood.prepared_data import Intake
+from truearc.sim.infer.likelihood.score_table import Array
 
 POWERS = (1.0, 2.0, 3.0, -1.0, -2.0, 0.5)
 WHOLE = (1.0, 2.0, 3.0)               # powers of what may be zero or negative

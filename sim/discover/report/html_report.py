@@ -10,13 +10,13 @@ from msgspec import UnsetType
 from truearc.sim.discover.detect.residuals import View, halves, views_of
 from truearc.sim.discover.finding import Finding
 from truearc.sim.discover.investigate import Investigation
-from truearc.sim.discover.model.score_table import Array
 from truearc.sim.discover.plan.detectability import sight_of
 from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report.effect_wording import IN_FLIGHT, in_words, plain, say_effect
 from truearc.sim.discover.report.finding_plots import field_png, flight_png, residual_figure
 from truearc.sim.discover.report.identifiability_report import sight_section, sight_sentence
 from truearc.sim.discover.select.name_effects import Step
+from truearc.sim.infer.likelihood.score_table import Array
 from truearc.sim.metrics import POINTS_THREE
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.report import make_page, make_png, paragraph, picture, table

@@ -21,11 +21,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import ndtr, softmax
 
-from truearc.sim.discover.model.linearization import LinearizationPoint, ParameterLayout, linearise
-from truearc.sim.discover.model.plane_likelihood import OutcomeObservations
-from truearc.sim.discover.model.prepared_data import Intake
-from truearc.sim.discover.model.score_table import PlaneScores, ScoreTable
-from truearc.sim.discover.select.refit import folds_of, unseen_change, unseen_score
+from truearc.sim.infer.held_out import folds_of, unseen_change, unseen_score
+from truearc.sim.infer.likelihood.linearization import LinearizationPoint, ParameterLayout, linearise
+from truearc.sim.infer.likelihood.outcome_likelihood import OutcomeObservations
+from truearc.sim.infer.likelihood.prepared_data import Intake
+from truearc.sim.infer.likelihood.score_table import PlaneScores, ScoreTable
 from truearc.sim.metrics import POINTS_THREE, POINTS_TWO
 
 THRESHOLD = 0.3                       # of P(three), as launcher.toml ships it

@@ -3,10 +3,10 @@
 import numpy as np
 from jaxtyping import Float
 
-from truearc.sim.discover.model.linearization import LinearizationPoint, ParameterLayout, fly, variance_of
-from truearc.sim.discover.model.prepared_data import Intake
-from truearc.sim.discover.model.score_table import Array, ScoreTable
-from truearc.sim.discover.model.track_noise import whiten
+from truearc.sim.infer.likelihood.linearization import LinearizationPoint, ParameterLayout, fly, variance_of
+from truearc.sim.infer.likelihood.prepared_data import Intake
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
+from truearc.sim.infer.likelihood.track_noise import whiten
 
 FORECAST = 0.4                        # of a track's samples: from these its end is forecast
 

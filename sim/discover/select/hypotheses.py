@@ -12,8 +12,8 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.linalg import block_diag
 
-from truearc.sim.discover.model.score_table import Array, PlaneScores, ScoreTable
-from truearc.sim.discover.select.refit import fit_linear
+from truearc.sim.infer.held_out import fit_linear
+from truearc.sim.infer.likelihood.score_table import Array, PlaneScores, ScoreTable
 
 KNOTS = 8
 LENGTHS = (0.15, 0.4, 1.0)            # of a Gaussian process, as shares of its covariate's range

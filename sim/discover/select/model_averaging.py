@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from truearc.sim.discover.model.baseline_fit import moved, only_shared
-from truearc.sim.discover.model.linearization import FAR_BELOW_M, LinearizationPoint, ParameterLayout, linearise
-from truearc.sim.discover.model.score_table import Array, PlaneScores, ScoreTable
 from truearc.sim.discover.select.name_effects import Step
 from truearc.sim.discover.select.term_ranking import MASS, Naming
+from truearc.sim.infer.baseline_fit import moved, only_shared
+from truearc.sim.infer.likelihood.linearization import FAR_BELOW_M, LinearizationPoint, ParameterLayout, linearise
+from truearc.sim.infer.likelihood.score_table import Array, PlaneScores, ScoreTable
 
 LEAST = 0.02                          # share of the probability below which a name has no part
 STEPS = 8

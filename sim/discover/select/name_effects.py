@@ -15,11 +15,12 @@ from truearc.sim.discover.detect.localization import Place, locate
 from truearc.sim.discover.detect.reference_session import ReferenceSession
 from truearc.sim.discover.detect.score_test import Judged, judge
 from truearc.sim.discover.detect.test_battery import ALLOWANCE, Asked, ask_everything
-from truearc.sim.discover.model.baseline_fit import BaselineFit, part_of
-from truearc.sim.discover.model.score_table import Array, Column
 from truearc.sim.discover.select.posterior import Hypotheses, weigh
-from truearc.sim.discover.select.refit import Refit, clustered_error, folds_of, promote, refit, unseen_score, without
+from truearc.sim.discover.select.refit import Refit, promote, refit
 from truearc.sim.discover.select.term_ranking import Naming, name_terms
+from truearc.sim.infer.baseline_fit import BaselineFit, part_of
+from truearc.sim.infer.held_out import clustered_error, folds_of, unseen_score, without
+from truearc.sim.infer.likelihood.score_table import Array, Column
 from truearc.sim.progress import Progress
 
 DRAWS = 999                           # after the first step, whose probability is the one that is promised
@@ -125,21 +126,25 @@ def _rest(named: BaselineFit, place: Place | None, name: str) -> tuple[Step, ...
 
 def _two_and_rest(fitted: BaselineFit, first: Step, pair: Refit, search: Search,
                   progress: Progress) -> tuple[Step, ...]:
-    """A step for each name of the pair, its rivals judged beside the other, and one for what is left beside both."""
-    order = sorted(range(2), key=lambda k: pair.names[k] != first.naming.leader)
-    steps: list[Step] = []
-    for number, k in enumerate(order):
-        name, other = pair.names[k], pair.names[1 - k]
-        base = promote(fitted, refit(fitted, (other,), np.array([pair.amplitude[1 - k]])))
-        naming = name_terms(base, part_of(progress, 0.3 * number, 0.3), {name: float(pair.amplitude[k])})
-        steps.append(_unnamed(naming, first.place if not number else None, (other,) if number else (), base))
-    both = promote(fitted, pair)
+    """A step for each of two names, its rivals judged beside the other, and one for what is left beside both.
+
+    The second is the likeliest beside the first once it is truly refitted, which the pair's closed form only guesses.
+    """
+    lead = 0 if pair.names[0] == first.naming.leader else 1
+    beside = promote(fitted, refit(fitted, (pair.names[lead],), pair.amplitude[[lead]]))
+    second = name_terms(beside, part_of(progress, 0.0, 0.3), {pair.names[1 - lead]: float(pair.amplitude[1 - lead])})
+    other = second.refits[second.leader]
+    base = promote(fitted, refit(fitted, (second.leader,), other.amplitude))
+    naming = name_terms(base, part_of(progress, 0.3, 0.3), {pair.names[lead]: float(pair.amplitude[lead])})
+    steps = (_unnamed(naming, first.place, (second.leader,), base), _unnamed(second, None, (pair.names[lead],), beside))
+    names = (naming.leader, second.leader)
+    both = promote(fitted, refit(fitted, names, np.array([naming.refits[names[0]].amplitude[0], other.amplitude[0]])))
     left = search.left(both)
     if left is None:
-        return tuple(steps)
+        return steps
     naming, posterior = search.weigh(both, part_of(progress, 0.6, 0.4))
-    rest = _step(naming, search.where(both, left), pair.names, both, posterior)
-    return (*steps, rest) if rest.place is not None or not rest.unknown else tuple(steps)
+    rest = _step(naming, search.where(both, left), names, both, posterior)
+    return (*steps, rest) if rest.place is not None or not rest.unknown else steps
 
 
 def _step(naming: Naming, place: Place | None, base: tuple[str, ...], fitted: BaselineFit,

@@ -13,9 +13,6 @@ from jaxtyping import Float
 from scipy.special import log_ndtr, logsumexp, ndtr
 
 from truearc.sim.discover.detect.covariates import Covariate, Factor, varies
-from truearc.sim.discover.model.baseline_fit import BaselineFit
-from truearc.sim.discover.model.external_measurements import nats_measured
-from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.discover.select.hypotheses import (
     LENGTHS,
     SIZES,
@@ -26,8 +23,12 @@ from truearc.sim.discover.select.hypotheses import (
     process_shapes,
     with_parts,
 )
-from truearc.sim.discover.select.refit import Refit, promote, refit, without
+from truearc.sim.discover.select.refit import Refit, promote, refit
 from truearc.sim.discover.select.term_ranking import NEVER, Candidate, Naming, efficient, is_possible, one_step
+from truearc.sim.infer.baseline_fit import BaselineFit
+from truearc.sim.infer.held_out import without
+from truearc.sim.infer.likelihood.external_measurements import nats_measured
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import find_parameter
 
 SHARES = {"one": 0.55, "varies": 0.03, "two": 0.18, "unexplained": 0.22, "both": 0.05}

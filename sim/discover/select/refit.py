@@ -8,19 +8,18 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
 
-from truearc.sim.discover.model.baseline_fit import BaselineFit, climb, moved, objective, only_shared, usual_spot
-from truearc.sim.discover.model.linearization import LinearizationPoint, ParameterLayout, linearise
-from truearc.sim.discover.model.score_table import Array, ScoreTable
+from truearc.sim.infer.baseline_fit import BaselineFit, climb, moved, objective, only_shared, usual_spot
 from truearc.sim.infer.coefficients import Coefficients
+from truearc.sim.infer.held_out import without
+from truearc.sim.infer.likelihood.linearization import LinearizationPoint, ParameterLayout, linearise
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import find_terms
 from truearc.sim.physics.scales import from_scale, to_scale
 from truearc.sim.physics.term import Parameter
 
-FOLDS = 5
-STEPS = 12
-HALVINGS = 6
+NEVER = -1e6                          # nats, of what does not fly
 FARTHEST = 3.0                        # standard deviations from a shape parameter's prior centre: the end of the search
 PLAIN = 2.0                           # standard errors of an amplitude, from which its term's shape is fitted, too
 
@@ -124,7 +123,7 @@ def _looked_for(number: ShapeParameter, fitted: BaselineFit, found: Refit) -> Re
     def nats(place: float) -> float:
         near = number.put(found.spot, place)
         tried[place] = _refit_at(fitted, found.names, np.zeros(len(found.names)), near)
-        return tried[place].log_evidence
+        return max(tried[place].log_evidence, NEVER)
 
     peak = find_peak(nats)
     best, (left, right) = tried[peak.place], (tried[place] for place in peak.beside)
@@ -158,80 +157,9 @@ def _refit_at(fitted: BaselineFit, names: tuple[str, ...], start: Float[Array, "
     believed = {column.name for column in fitted.layout.columns[fitted.layout.first_shared:]}
     usual = np.array([centre if name in believed else 0.0 for name, centre in zip(order, layout.centre, strict=False)])
     wanted = value + (covariance @ (evidence.score.sum(0) + evidence.pull))[:k]
-    return Refit(tuple(order), layout, spot, evidence, value - usual, value, wanted, sd[:k], float(gained + volume))
-
-
-def unseen_score(evidence: ScoreTable) -> Float[Array, " n"]:
-    """Log score of each shot by fits of all columns to the other folds."""
-    return np.asarray(evidence.log_score + evidence.gain(unseen_change(evidence)))
-
-
-def unseen_change(evidence: ScoreTable) -> Float[Array, "n P"]:
-    """For each shot the change of all columns, fitted to the other folds."""
-    return by_folds(evidence, lambda train: np.tile(fit_linear(evidence, train), (len(train), 1)))
-
-
-def by_folds(evidence: ScoreTable, fit: Callable[[Bool[Array, " n"]], Float[Array, "n P"]]) -> Float[Array, "n P"]:
-    """For each shot its part of what `fit` makes of the shots in the other folds."""
-    fold = folds_of(len(evidence.rows))
-    change = np.zeros((len(fold), len(evidence.columns)))
-    for held in range(fold.max() + 1):
-        change[fold == held] = fit(fold != held)[fold == held]
-    return change
-
-
-def folds_of(shots: int) -> Int[Array, " n"]:
-    """The fold of each shot: every fifth one, so that each fold sees the whole session."""
-    return np.arange(shots) % FOLDS
-
-
-def fit_linear(evidence: ScoreTable, train: Bool[Array, " n"]) -> Float[Array, " P"]:
-    """Most probable change of all columns, which must all be shared, given the shots in `train`."""
-    n, deal = len(evidence.rows), evidence.deal.some(train)
-
-    def step_from(found: Float[Array, " P"]) -> Float[Array, " P"]:
-        score, info = evidence.slopes_at(np.tile(found, (n, 1)))
-        slope = deal.spread(score[train]).sum(0) + evidence.pull - evidence.precision @ found
-        return np.linalg.solve(deal.total(info[train]) + evidence.precision, slope)
-
-    def value_at(tried: Float[Array, " P"]) -> float:
-        gained = evidence.gain(np.tile(tried, (n, 1)))[train].sum()
-        return float(gained + evidence.pull @ tried - 0.5 * tried @ evidence.precision @ tried)
-
-    return go_uphill(np.zeros(len(evidence.columns)), step_from, value_at, STEPS, HALVINGS, 1e-5)
-
-
-def go_uphill(found: Float[Array, " k"], step_from: Callable[[Float[Array, " k"]], Float[Array, " k"]],
-              value_at: Callable[[Float[Array, " k"]], float], steps: int, halvings: int,
-              enough: float) -> Float[Array, " k"]:
-    """Steps from `found`, whose value is 0, each halved until it gains; ends with one that gains less than `enough`."""
-    best = 0.0
-    for _ in range(steps):
-        step = step_from(found)
-        for halving in range(halvings):
-            tried = found + step * 0.5**halving
-            value = value_at(tried)
-            if value >= best:
-                break
-        else:
-            break
-        small, found, best = value - best < enough, tried, value
-        if small:
-            break
-    return found
-
-
-def clustered_error(values: Float[Array, " n"], label: Int[Array, " n"]) -> float:
-    """Standard error of the mean of values [n] that are correlated inside the clusters `label` [n]."""
-    sums = np.zeros(label.max() + 1)
-    np.add.at(sums, label, values - values.mean())
-    count = len(np.unique(label))
-    return float(np.sqrt((sums**2).sum() * count / max(count - 1, 1)) / len(values))
-
-
-def without(evidence: ScoreTable) -> ScoreTable:
-    """The shared columns alone."""
-    return evidence.pick(np.arange(evidence.first_shared, len(evidence.columns)))
+    nats = float(gained + volume)
+    return Refit(tuple(order), layout, spot, evidence, value - usual, value, wanted, sd[:k],
+                 nats if np.isfinite(nats) else NEVER)
 
 
 def promote(fitted: BaselineFit, found: Refit) -> BaselineFit:

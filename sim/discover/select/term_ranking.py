@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from truearc.sim.discover.model.baseline_fit import BaselineFit
-from truearc.sim.discover.model.external_measurements import nats_measured
-from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.discover.select.refit import Refit, refit
+from truearc.sim.infer.baseline_fit import BaselineFit
+from truearc.sim.infer.likelihood.external_measurements import nats_measured
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import find_parameter
 from truearc.sim.progress import Progress
 

@@ -8,14 +8,10 @@ from jaxtyping import Bool, Float
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.data.dataset import Shots
+from truearc.sim.infer.likelihood.noise import EXIT_DEG, EXIT_SPEED_M_S, EXIT_SPIN_REV_S
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import ORDINARY, by_wheels, launch_of, require, roll
 
-# What instruments that give the exit_* columns are believed to do: standard deviations. A good high-speed camera or
-# radar; rig.toml has no keys for them.
-EXIT_SPEED_SD_M_S = 0.05
-EXIT_DEG_SD = 0.3
-EXIT_SPIN_SD_REV_S = 0.2
 SLOWEST_M_S = 0.1                     # a slower launch goes nowhere, whatever its uncertainty
 
 
@@ -56,7 +52,7 @@ def given_of(rig: Rig, shots: Shots, circumstances: Circumstances = ORDINARY) ->
     exit = launch_of(rig, shots)
     log_speed, spin_rev_s = _by_deviation(rig, exit, ~np.isnan(speed_m_s), spin_seen)
     return Given(exit, by_wheels(shots), ~by_camera, ~spin_seen, require(shots, "distance_m"), log_speed, spin_rev_s,
-                 np.radians(np.where(by_camera, EXIT_DEG_SD, rig.noise.hood_deg)),
+                 np.radians(np.where(by_camera, EXIT_DEG, rig.noise.hood_deg)),
                  np.full(len(shots), rig.noise.distance_m), circumstances)
 
 
@@ -75,5 +71,5 @@ def _by_deviation(rig: Rig, exit: Exit, speed_seen: Bool[np.ndarray, " n"],
     zero = np.zeros_like(per_m_s)
     speed = np.outer(~speed_seen * per_m_s, one_speed)
     spin = np.outer(~spin_seen, one_spin)
-    return (np.column_stack([speed, speed_seen * per_m_s * EXIT_SPEED_SD_M_S, zero]),
-            np.column_stack([spin, zero, spin_seen * EXIT_SPIN_SD_REV_S]))
+    return (np.column_stack([speed, speed_seen * per_m_s * EXIT_SPEED_M_S, zero]),
+            np.column_stack([spin, zero, spin_seen * EXIT_SPIN_REV_S]))

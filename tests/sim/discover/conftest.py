@@ -2,11 +2,11 @@
 
 import pytest
 
-import truearc.sim.discover.model.linearization
+import truearc.sim.infer.likelihood.linearization
 
 
 @pytest.fixture(autouse=True, scope="module")
 def few_spare_lanes() -> object:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(truearc.sim.discover.model.linearization, "PAD", 8)
+        patch.setattr(truearc.sim.infer.likelihood.linearization, "PAD", 8)
         yield

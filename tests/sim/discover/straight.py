@@ -1,7 +1,7 @@
 """A world in which everything is linear, in the place of the flights: names, refits and steps have closed forms there.
 
 One measured number a shot (as an exit speed is): y [n] = slopes [n, slots] times the parameters + unit normal noise.
-Only truearc.sim.discover.model.forward_model.see_slopes is replaced; everything after it is the real thing.
+Only truearc.sim.infer.likelihood.forward_model.see_slopes is replaced; everything after it is the real thing.
 """
 
 from collections.abc import Callable
@@ -14,12 +14,13 @@ from tests.sim.discover.made import column
 from truearc.robot.config.rig_spec import Ball, Rig, Target
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.data.dataset import Shots
-from truearc.sim.discover.model.baseline_fit import BaselineFit, climb, only_shared
-from truearc.sim.discover.model.forward_model import DEVIATES, Chain, Prediction, ShotBatch
-from truearc.sim.discover.model.linearization import LinearizationPoint, ParameterLayout, linearise
-from truearc.sim.discover.model.plane_likelihood import see_outcomes
-from truearc.sim.discover.model.prepared_data import SCATTERS, Intake
-from truearc.sim.discover.model.score_table import Column
+from truearc.sim.infer.baseline_fit import BaselineFit, climb, only_shared
+from truearc.sim.infer.likelihood.forward_model import DEVIATES, Chain, Prediction, ShotBatch
+from truearc.sim.infer.likelihood.linearization import LinearizationPoint, ParameterLayout, linearise
+from truearc.sim.infer.likelihood.noise import SCATTERS
+from truearc.sim.infer.likelihood.outcome_likelihood import see_outcomes
+from truearc.sim.infer.likelihood.prepared_data import Intake
+from truearc.sim.infer.likelihood.score_table import Column
 from truearc.sim.physics.launch import Exit
 
 ASKED = ("wind_x.speed_m_s", "wind_y.speed_m_s", "wind_z.speed_m_s", "spin_decay.rate_per_s", "spin_drag.share",

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from truearc.sim.discover.model.score_table import Column, ScoreTable, make_evidence
+from truearc.sim.infer.likelihood.score_table import Column, ScoreTable, make_evidence
 
 
 def make_linear(slopes: np.ndarray, columns: tuple[Column, ...], precision: np.ndarray,

@@ -17,17 +17,17 @@ from truearc.sim.discover.adopt import make_belief, with_worth
 from truearc.sim.discover.detect.free_curve import Correction
 from truearc.sim.discover.finding import Adoption
 from truearc.sim.discover.investigate import Investigation, discover
-from truearc.sim.discover.model import nonparametric_terms as freed
-from truearc.sim.discover.model.baseline_fit import BaselineFit, only_shared, usual_spot
-from truearc.sim.discover.model.design_columns import lay_out
-from truearc.sim.discover.model.linearization import linearise
-from truearc.sim.discover.model.nonparametric_terms import Freed
-from truearc.sim.discover.model.prepared_data import take_in
 from truearc.sim.discover.report.finding_text import console_lines, say_adopted
+from truearc.sim.discover.select import nonparametric_terms as freed
 from truearc.sim.discover.select.expected_points import HoldOut, JudgedFit, hold_out
-from truearc.sim.discover.select.refit import without
+from truearc.sim.discover.select.nonparametric_terms import Freed
+from truearc.sim.infer.baseline_fit import BaselineFit, only_shared, usual_spot
 from truearc.sim.infer.belief import Belief, load_belief, point_belief
 from truearc.sim.infer.curve import Curve, before_the_shot
+from truearc.sim.infer.held_out import without
+from truearc.sim.infer.likelihood.design_columns import lay_out
+from truearc.sim.infer.likelihood.linearization import linearise
+from truearc.sim.infer.likelihood.prepared_data import take_in
 from truearc.sim.physics.catalogue import find_parameter
 from truearc.sim.physics.simulate import classify, predict
 from truearc_proof.truth.generate import shoot

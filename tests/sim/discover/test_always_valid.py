@@ -12,8 +12,9 @@ from truearc.robot.config.rig_spec import Target
 from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.detect import always_valid
 from truearc.sim.discover.detect.always_valid import AT_ONCE, HAZARD, SIZES, drawn, test_change
-from truearc.sim.discover.model.plane_likelihood import LAPSE, see_outcomes
-from truearc.sim.discover.model.score_table import PlaneScores, ScoreTable, make_evidence
+from truearc.sim.infer.likelihood.noise import LAPSE
+from truearc.sim.infer.likelihood.outcome_likelihood import see_outcomes
+from truearc.sim.infer.likelihood.score_table import PlaneScores, ScoreTable, make_evidence
 
 THREE_M, TWO_M = 0.07, 0.3
 TARGET = Target(2.44, three_half_height_m=THREE_M, two_half_height_m=TWO_M)

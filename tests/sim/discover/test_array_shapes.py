@@ -5,8 +5,8 @@ import pytest
 from jaxtyping import TypeCheckError
 
 from tests.sim.discover.made import heights
-from truearc.sim.discover.model.plane_likelihood import best_class
-from truearc.sim.discover.model.track_noise import Scatter
+from truearc.sim.infer.likelihood.outcome_likelihood import best_class
+from truearc.sim.infer.likelihood.track_noise import Scatter
 
 
 def test_a_field_of_another_shape_is_refused() -> None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from truearc.sim.discover.model.baseline_fit import (
+from truearc.sim.infer.baseline_fit import (
     BaselineFit,
     climb,
     fit_believed,
@@ -14,8 +14,8 @@ from truearc.sim.discover.model.baseline_fit import (
     only_shared,
     usual_spot,
 )
-from truearc.sim.discover.model.design_columns import groups_of, lay_out
-from truearc.sim.discover.model.prepared_data import take_in
+from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
+from truearc.sim.infer.likelihood.prepared_data import take_in
 from truearc.sim.physics.catalogue import find_parameter
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import World, make_world

@@ -7,8 +7,8 @@ import pytest
 
 from tests.sim.discover.made import column, gaussian
 from truearc.sim.discover.adopt import ball_effects, usual_gain, usual_score
-from truearc.sim.discover.model.score_table import ScoreTable
-from truearc.sim.discover.select.refit import unseen_score
+from truearc.sim.infer.held_out import unseen_score
+from truearc.sim.infer.likelihood.score_table import ScoreTable
 
 SHOTS, LUCK_SD = 200, 1.0
 OTHERS = replace(column("others 0", "group"), told=True)

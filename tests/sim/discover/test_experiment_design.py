@@ -10,9 +10,6 @@ from scipy.stats import multivariate_normal
 from tests.sim.discover.made import at_least_squares
 from tests.sim.discover.straight import ASKED, NAMES, SHARED, fit_straight, slopes_and_y
 from truearc.sim.data.dataset import Shots
-from truearc.sim.discover.model.baseline_fit import fit_believed
-from truearc.sim.discover.model.design_columns import lay_out
-from truearc.sim.discover.model.prepared_data import take_in
 from truearc.sim.discover.plan.experiment_design import (
     PACES,
     SURE,
@@ -27,6 +24,9 @@ from truearc.sim.discover.plan.experiment_design import (
     worth,
 )
 from truearc.sim.discover.select.name_effects import Search, Step, name_effects
+from truearc.sim.infer.baseline_fit import fit_believed
+from truearc.sim.infer.likelihood.design_columns import lay_out
+from truearc.sim.infer.likelihood.prepared_data import take_in
 from truearc.sim.physics.catalogue import TERMS
 from truearc.sim.physics.simulate import predict
 from truearc_proof.truth.generate import shoot

@@ -22,7 +22,6 @@ from truearc.sim.discover.finding import (
     Unknown,
     Where,
 )
-from truearc.sim.discover.model.score_table import Column
 from truearc.sim.discover.report.effect_wording import plain, say_effect, scale_of, size_of
 from truearc.sim.discover.report.finding_text import (
     console_lines,
@@ -32,6 +31,7 @@ from truearc.sim.discover.report.finding_text import (
     say_unknown,
     too_little,
 )
+from truearc.sim.infer.likelihood.score_table import Column
 from truearc.sim.physics.catalogue import TERMS, find_terms
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.term import BallState, Opening, complete

@@ -11,8 +11,8 @@ from tests.sim.discover.straight import take_straight
 from truearc.sim.discover.detect.covariates import Covariate, Factor
 from truearc.sim.discover.detect.free_curve import correct
 from truearc.sim.discover.detect.test_battery import Test
-from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.report.formula import find_formula
+from truearc.sim.infer.baseline_fit import BaselineFit
 from truearc.sim.physics.launch import Exit
 
 N = 300

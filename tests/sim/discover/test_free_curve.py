@@ -9,7 +9,7 @@ from truearc.sim.discover.detect.free_curve import correct
 from truearc.sim.discover.detect.localization import amplitude_of, shortest_run
 from truearc.sim.discover.detect.test_battery import Test
 from truearc.sim.discover.detect.weight_functions import STEP
-from truearc.sim.discover.model.score_table import ScoreTable
+from truearc.sim.infer.likelihood.score_table import ScoreTable
 
 N = 300
 

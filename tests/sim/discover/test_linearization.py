@@ -12,9 +12,9 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 
 from tests.sim.discover.mixed import BALLS, BELIEVED, FLOWN, LANDED, MEASURED, SHOTS, THROWN, make_mixed
-from truearc.sim.discover.model.design_columns import BALL_SPEED, lay_out
-from truearc.sim.discover.model.forward_model import see_slopes
-from truearc.sim.discover.model.linearization import (
+from truearc.sim.infer.likelihood.design_columns import lay_out
+from truearc.sim.infer.likelihood.forward_model import see_slopes
+from truearc.sim.infer.likelihood.linearization import (
     LinearizationPoint,
     ParameterLayout,
     fly,
@@ -22,10 +22,9 @@ from truearc.sim.discover.model.linearization import (
     pad_lanes,
     variance_of,
 )
-from truearc.sim.discover.model.plane_likelihood import LAPSE
-from truearc.sim.discover.model.prepared_data import Intake, take_in
-from truearc.sim.discover.model.score_table import ScoreTable
-from truearc.sim.infer.likelihood.shot_likelihood import FLOOR_M
+from truearc.sim.infer.likelihood.noise import BALL_SPEED, FLOOR_M, HEIGHT_M, LAPSE, SLIP_M
+from truearc.sim.infer.likelihood.prepared_data import Intake, take_in
+from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc.sim.physics.catalogue import find_parameter
 
 pytestmark = pytest.mark.slow
@@ -194,7 +193,8 @@ def class_log(bench: Bench, place: int, mean: float, spread: float, wider: float
     """Log of the chance of what was seen of a height: by the normal CDF, intervals from rig.toml's half heights."""
     seen = bench.intake.seen
     if np.isfinite(seen.height_m[place]):
-        return float(norm.logpdf(seen.height_m[place], mean, spread))
+        clean = norm.logpdf(seen.height_m[place], mean, np.hypot(spread, HEIGHT_M))
+        return float(np.logaddexp(np.log1p(-LAPSE) + clean, np.log(LAPSE / SLIP_M)))
     inside = {half: norm.cdf(half + wider, mean, spread) - norm.cdf(-half - wider, mean, spread)
               for half in (0.07, 0.35)}
     chance = (1.0 - inside[0.35], inside[0.35] - inside[0.07], inside[0.07])[int(seen.classes[place])]

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from tests.sim.discover.straight import ASKED, SHARED, fit_straight
-from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.select.name_effects import Search, Step, name_effects
 from truearc.sim.discover.select.refit import promote, refit
 from truearc.sim.discover.select.term_ranking import name_terms
+from truearc.sim.infer.baseline_fit import BaselineFit
 
 
 def steps_of(fitted: BaselineFit) -> tuple[Step, ...]:

@@ -9,7 +9,6 @@ from scipy.stats import norm
 
 from tests.sim.discover.straight import ASKED, fit_straight
 from truearc.sim.discover.detect.covariates import Covariate, Factor
-from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.select.hypotheses import Part, Projector, log_evidence, process_shapes, with_parts
 from truearc.sim.discover.select.posterior import (
     Hypotheses,
@@ -18,8 +17,9 @@ from truearc.sim.discover.select.posterior import (
     families_of,
     weigh,
 )
-from truearc.sim.discover.select.refit import without
 from truearc.sim.discover.select.term_ranking import name_terms
+from truearc.sim.infer.baseline_fit import BaselineFit
+from truearc.sim.infer.held_out import without
 
 PLANTED = {"wind_z.speed_m_s": 1.2, "added_mass.share": 0.8}
 BETWEEN = {"drag_wear.share": tuple(PLANTED)}

@@ -8,8 +8,8 @@ import pytest
 from tests.sim.discover.mixed import FLOWN, LANDED, MEASURED, SHOTS, THROWN, make_mixed
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
-from truearc.sim.discover.model.forward_model import DEVIATES
-from truearc.sim.discover.model.prepared_data import FEWEST_SHOTS, Intake, take_in
+from truearc.sim.infer.likelihood.forward_model import DEVIATES
+from truearc.sim.infer.likelihood.prepared_data import FEWEST_SHOTS, Intake, take_in
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
 
@@ -102,7 +102,7 @@ def test_levels() -> None:
 def test_what_is_left_out_is_said_and_counted(mixed: Dataset) -> None:
     blind = changed(mixed, "distance_m", LANDED[:3], np.nan)
     intake = take_in(blind)
-    assert any(note.startswith("3 outcomes without distance_m") for note in intake.left_out)
+    assert any(note.startswith(f"3 of {SHOTS} shots: no distance_m") for note in intake.left_out)
     assert set(range(SHOTS)) - set(intake.rows.tolist()) == set(LANDED[:3].tolist())
     assert mixed.tracks is not None
     short = ~((mixed.tracks.shot == FLOWN[0]) & (mixed.tracks.t_s > 0.05))

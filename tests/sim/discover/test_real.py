@@ -15,10 +15,10 @@ from truearc.sim.data.parts import take_shots
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.detect.localization import locate
 from truearc.sim.discover.investigate import detect, discover, make_search
-from truearc.sim.discover.model.baseline_fit import fit_believed
-from truearc.sim.discover.model.design_columns import groups_of, lay_out
-from truearc.sim.discover.model.prepared_data import take_in
+from truearc.sim.infer.baseline_fit import fit_believed
 from truearc.sim.infer.belief import point_belief
+from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
+from truearc.sim.infer.likelihood.prepared_data import take_in
 from truearc.sim.infer.map_fit import fit_map
 from truearc.sim.physics.simulate import predict
 from truearc_proof.importers.ball_drops import import_ball_drops
@@ -54,15 +54,18 @@ def test_backspin_lift_is_named_and_flights_end_where_it_says(data_dir: Path) ->
 
 def test_what_only_a_tilted_camera_makes_right_is_not_adopted(data_dir: Path, tmp_path: Path,
                                                              capsys: pytest.CaptureFixture[str]) -> None:
-    """Drag of 1.09 and sinking air, with the camera at 15 degrees, the end of its range: the ball has about 0.41."""
+    """Drag of 1.05, with the camera at 12 to 15 degrees, the end of its range, where it is not said that cameras were
+    calibrated: the ball has about 0.41."""
     real = data_dir / "real"
     assert main(["import", "mpi", str(real / "mpi_launches.csv"), str(real / "mpi_tracks.csv"), "-o",
                  str(tmp_path / "mpi")]) == 0
+    rig = tmp_path / "mpi/rig.toml"
+    rig.write_text(rig.read_text(encoding="utf-8").partition("[tracker]")[0], encoding="utf-8")
     adopt = ["--adopt", str(tmp_path / "out.toml"), "--json", str(tmp_path / "out.json"), "--quiet"]
     assert main(["discover", str(tmp_path / "mpi"), "--believe", "gravity,drag", *adopt]) == 2
     said = capsys.readouterr()
-    assert "nothing is adopted: track_tilt.angle_deg stopped at the end of its range" in said.err
-    assert "A fit stopped at the end of a range (track_tilt.angle_deg at 15" in said.out
+    assert "nothing is adopted: " in said.err and "track_tilt.angle_deg stopped at the end of its range" in said.err
+    assert "A fit stopped at the end of a range (" in said.out and "track_tilt.angle_deg at 15" in said.out
     assert not (tmp_path / "out.toml").exists()
     assert "track_tilt.angle_deg" in ta.load_finding(tmp_path / "out.json").data.at_limit
 
@@ -84,7 +87,7 @@ def test_falling_balls_are_slower_than_gravity_has_them(data_dir: Path) -> None:
     assert judged.p_any <= 0.05
     place = locate(fitted.evidence, asked, judged, 0.05, len(drops.shots), 0)
     assert (place.column.stage, place.column.direction) == ("flight", "along")
-    fit = fit_map(drops.facts, drops, ("drag",))
+    fit = fit_map(drops, ("drag",))
     assert fit.converged and 0.3 < fit.values["drag.cd"] < 0.8         # one number for smooth and rough ones
 
 
@@ -107,7 +110,7 @@ def test_254s_tables_end_at_no_drag_and_rising_air_makes_up_for_it(data_dir: Pat
 def test_254s_old_balls_are_shot_steeper_and_would_fly_too_high_as_new_ones(data_dir: Path) -> None:
     tables = import_254(data_dir / "real/frc_shot_tables.csv")
     new, old = only(tables, "ball_quality=new"), only(tables, "ball_quality=old")
-    believed = fit_map(new.facts, new, ("gravity", "drag", "magnus", "exit_efficiency")).belief.coefficients
+    believed = fit_map(new, ("gravity", "drag", "magnus", "exit_efficiency")).belief.coefficients
     foretold = np.asarray(predict(old.facts, believed, old.shots).height_m) - GOAL_M
     assert np.all((foretold > 0.3) & (foretold < 0.6))
     with pytest.raises(InputError, match="6 shots are too few"):

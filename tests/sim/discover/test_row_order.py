@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import truearc as ta
-from truearc.sim.discover.detect.covariates import number_columns
+from truearc.sim.infer.likelihood.shot_columns import number_columns
 
 SHEET = ta.load_dataset(Path(__file__).parents[3] / "examples" / "spreadsheet")
 

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import norm
 
 from tests.sim.discover.made import with_plane
+from truearc.sim.infer.likelihood.noise import HEIGHT_M, LAPSE, SLIP_M
 
 seeds = st.integers(0, 10_000)
 
@@ -63,9 +65,11 @@ def test_expected_information_is_what_scores_scatter_by(seed: int) -> None:
     assert (np.linalg.eigvalsh(more) > -1e-9).all()
     # only heights that were measured tell more than any class could
     measured = plane.seen.measured
-    exact = np.einsum("mi,mj,m->mij", plane.by_column, plane.by_column, plane.spread_m**-2.0) + 2.0 * np.einsum(
-        "mi,mj->mij", plane.log_spread_by, plane.log_spread_by)
-    assert more[measured] == pytest.approx(exact[measured])
+    wide = plane.spread_m**2 + HEIGHT_M**2
+    exact = np.einsum("mi,mj,m->mij", plane.by_column, plane.by_column, 1.0 / wide) + 2.0 * np.einsum(
+        "mi,mj,m->mij", plane.log_spread_by, plane.log_spread_by, (plane.spread_m**2 / wide)**2)
+    slip = LAPSE / SLIP_M / ((1.0 - LAPSE) * norm.pdf(plane.seen.height_m, plane.mean_m, np.sqrt(wide)))
+    assert more[measured] == pytest.approx((exact / (1.0 + slip)[:, None, None])[measured])
 
 
 @settings(max_examples=20, deadline=None)

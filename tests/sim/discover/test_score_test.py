@@ -10,7 +10,7 @@ from scipy.stats import kstest, norm
 
 from tests.sim.discover.made import at_least_squares, column, gaussian
 from truearc.sim.discover.detect.score_test import Judged, Scores, efficient_scores, judge
-from truearc.sim.discover.model.score_table import ScoreTable
+from truearc.sim.infer.likelihood.score_table import ScoreTable
 
 ALLOWANCE = {"terms": 0.6, "free": 0.3, "pattern": 0.1}
 

@@ -10,9 +10,9 @@ from benchmarks.suite import Job, world_of
 from tests.sim.discover.made import stand_in
 from tests.sim.discover.straight import ASKED, NAMES, SHARED, fit_straight, slopes_and_y
 from truearc.sim.discover.investigate import discover
-from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.select.refit import Refit
 from truearc.sim.discover.select.term_ranking import NEVER, Naming, is_possible, name_terms, nats_for, one_step
+from truearc.sim.infer.baseline_fit import BaselineFit
 from truearc.sim.physics.catalogue import BUILT_IN
 from truearc_proof.truth.generate import shoot
 

@@ -7,7 +7,14 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 from truearc.sim.data.dataset import Tracks
-from truearc.sim.discover.model.track_noise import Samples, Scatter, gather_samples, log_volume, measure_scatter, whiten
+from truearc.sim.infer.likelihood.track_noise import (
+    Samples,
+    Scatter,
+    gather_samples,
+    log_volume,
+    measure_scatter,
+    whiten,
+)
 
 SIGMA_M, MEMORY, N, LENGTH, STEP_S = 0.004, 0.6, 60, 50, 0.01
 

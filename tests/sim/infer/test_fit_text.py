@@ -4,21 +4,19 @@ from truearc.sim.infer.crossval import CrossValidation
 from truearc.sim.infer.fit_text import say_estimates, say_prediction
 from truearc.sim.infer.parameters import Sought
 from truearc.sim.infer.profile import ProfileInterval
-from truearc.sim.physics.scales import LINEAR, LOG
-from truearc.sim.physics.term import Prior
 
-DRAG = Sought("drag.cd", "1", Prior(LOG, 0.5, 0.7, "of balls"), "drag coefficient")
+DRAG = Sought("drag.cd", "1", "drag coefficient", False, 0, 0.5, 0.5)
 
 
 def test_an_estimate_that_was_all_but_impossible_is_warned_of() -> None:
-    for value, warned in ((0.2, False), (1.5, False), (8.3, True), (0.05, True)):
+    for value, warned in ((0.2, False), (1.5, False), (8.3, True), (-0.9, True)):
         one = ProfileInterval("drag.cd", value, 0.9 * value, 1.1 * value, True, True, True)
         said = list(say_estimates((one,), (DRAG,)))
         assert ("warning: drag.cd" in said[-1] and "truearc discover" in said[-1]) == warned
 
 
 def test_lift_against_the_spin_is_warned_of() -> None:
-    lift = Sought("magnus.cl", "1", Prior(LINEAR, 0.1, 0.15, "of balls"), "lift coefficient")
+    lift = Sought("magnus.cl", "1", "lift coefficient", False, 0, 0.1, 0.15)
     for value, warned in ((0.05, False), (-0.05, True)):
         one = ProfileInterval("magnus.cl", value, value - 0.01, value + 0.01, True, True, True)
         said = list(say_estimates((one,), (lift,)))

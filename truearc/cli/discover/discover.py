@@ -93,8 +93,8 @@ def investigate(args: argparse.Namespace, what: str, measured: Sequence[str] = (
     """The dataset and the finding in it, by the options of `add_baseline`; measured: as in --measured."""
     _check(args)
     from truearc.sim.compile_cache import keep_compiled
-    from truearc.sim.discover.model.design_columns import check_believed
-    from truearc.sim.discover.model.external_measurements import read_measured
+    from truearc.sim.infer.likelihood.design_columns import check_believed
+    from truearc.sim.infer.likelihood.external_measurements import read_measured
     among = catalogue_of(args)
     try:
         check_believed(args.believe or (), among)

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from truearc.sim.discover.model.forward_model import Prediction
-from truearc.sim.discover.model.prepared_data import Intake
-from truearc.sim.discover.model.track_noise import UNMEASURED_M, log_volume, whiten
+from truearc.sim.infer.likelihood.forward_model import Prediction
+from truearc.sim.infer.likelihood.noise import UNMEASURED_M
+from truearc.sim.infer.likelihood.prepared_data import Intake
+from truearc.sim.infer.likelihood.track_noise import log_volume, whiten
 
 Array = np.ndarray
 

@@ -16,8 +16,8 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from truearc.sim.discover.model import plane_likelihood as outcomes
-from truearc.sim.discover.model.plane_likelihood import OutcomeObservations
+from truearc.sim.infer.likelihood import outcome_likelihood as outcomes
+from truearc.sim.infer.likelihood.outcome_likelihood import OutcomeObservations
 
 Array = np.ndarray
 Seen = tuple[OutcomeObservations, Float[Array, " m"], Float[Array, " m"]]       # with mean and spread of the heights

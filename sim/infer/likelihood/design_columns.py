@@ -6,34 +6,39 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float, Int
 
+from truearc.robot.config.rig_spec import Tracker
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Shots
-from truearc.sim.discover.model.belief_prior import bent, inform, may_have_moved
-from truearc.sim.discover.model.forward_model import Chain
-from truearc.sim.discover.model.linearization import Groups, ParameterLayout
-from truearc.sim.discover.model.prepared_data import SCATTERS, Intake
-from truearc.sim.discover.model.score_table import Array, Column
-from truearc.sim.discover.model.track_noise import UNMEASURED_M
 from truearc.sim.infer.belief import Belief
+from truearc.sim.infer.likelihood.belief_prior import bent, inform, may_have_moved
+from truearc.sim.infer.likelihood.forward_model import Chain
+from truearc.sim.infer.likelihood.linearization import Groups, ParameterLayout
+from truearc.sim.infer.likelihood.noise import (
+    BALL_SPEED,
+    BALLS_PART,
+    CALIBRATED,
+    OTHER_BALLS,
+    OTHER_RAD,
+    SCATTER_PRIOR,
+    SCATTERS,
+    UNMEASURED_M,
+    WEAKER,
+)
+from truearc.sim.infer.likelihood.prepared_data import Intake
+from truearc.sim.infer.likelihood.score_table import Array, Column
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_terms
 from truearc.sim.physics.nonparametric import NAMELESS
 from truearc.sim.physics.term import DIRECTIONS, STAGES, Parameter, Term, WatchTerm
 
 BANDS = 6                             # of the flight's time, with tracks
 LONGEST_STEP_S, MOST_DOUBLINGS = 0.02, 4          # of Runge-Kutta in a track
-WEAKER = 1.5                          # so that what is believed can hardly be argued away by its own prior
 MOST_GROUPED = 0.34                   # groups per shot: with fewer than three shots each nothing would be left to test
 MANY = 10.0                           # groups, counted by size, from which each has random effects
-SCATTER_PRIOR = {"scatter.speed": (0.015, 3.0), "scatter.elevation_rad": (0.007, 3.0),
-                 "scatter.azimuth_rad": (0.007, 3.0), "scatter.distance": (1.0, 2.0)}      # median, factor
 
-# How much balls (or sessions, robots) differ from one another in exit speed: a share, one deviation. What else goes
-# with a ball declares it (Parameter.by_ball).
-BALL_SPEED = 0.03
-# Balls that are not told apart: a later session's are others, this number of them; one differs from another in
-# elevation, too.
-OTHERS, OTHER_BALLS, OTHER_RAD = "others", 10, 0.01
-BALLS_PART = 0.5                      # of the variance of launches from shot to shot: as if that were the balls'
+OTHERS = "others"                     # balls of a later session that are not told apart
+
+# Keys of rig.toml's [tracker] that state how wrong it may be.
+STATED = {"track_scale": "scale_sd", "track_tilt": "tilt_sd_deg", "track_clock": "clock_sd"}
 
 # Deviations of single launches that may go with anything, and what each amounts to where it is at work.
 FREE = (
@@ -200,16 +205,21 @@ def _shared(intake: Intake, believed: tuple[str, ...],
             found.append((column, slots.index((term.name, parameter.name)), centre, sd))
     for term in calibrated(catalogue) if intake.samples is not None else ():
         if term.name not in believed:
-            one, sd = term.amplitude, term.calibration_sd or 0.0
+            one, sd = term.amplitude, calibration_sd(term, intake.rig.tracker or Tracker())
             column = Column(f"{term.name}.{one.name}", "shared", "sensing", "along", one.unit, sd)
             found.append((column, slots.index((term.name, one.name)), 0.0, sd))
     return found
 
 
 def calibrated(catalogue: Catalogue) -> tuple[Term, ...]:
-    """Terms about a tracker's calibration, which is never so certain that it could name physics: fitted always, its
-    prior nearly flat."""
+    """Terms about a tracker's calibration, which is never so certain that it could name physics: fitted always."""
     return tuple(term for term in catalogue if term.calibration_sd is not None)
+
+
+def calibration_sd(term: Term, tracker: Tracker) -> float:
+    """One standard deviation of a tracker's error, as rig.toml states it, or as is usual of such a tracker."""
+    stated: float | None = getattr(tracker, STATED.get(term.name, ""), None)
+    return stated or (term.calibration_sd or 0.0) * (CALIBRATED if tracker.calibrated else 1.0)
 
 
 def is_tracker(column: Column, among: Catalogue) -> bool:

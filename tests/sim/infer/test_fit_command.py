@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-import truearc.sim.infer.optimum
+import truearc.sim.infer.baseline_fit
 from tests.sim.infer.independent import make_dataset
 from truearc.cli.main import main
 from truearc.sim.data.dataset import hash_dataset, load_dataset, save_dataset
@@ -25,7 +25,7 @@ def test_a_fit_is_told_in_words_and_written_as_a_belief(directory, tmp_path, cap
     assert main(arguments) == 0
     said, errors = capsys.readouterr()
     assert errors == ""
-    for words in ("fitted to 100 of 100 shots", "sides (high or low)", "drag coefficient", "90 % interval",
+    for words in ("fitted to 100 of 100 shots", "100 outcomes", "drag coefficient", "90 % interval",
                   "20 shots at", "from shot to shot the height at", "held out (100 in", "hard to tell apart"):
         assert words in said, words
     belief = load_belief(out)
@@ -54,7 +54,7 @@ def test_a_users_mistake_is_named(directory, capsys, arguments, message):
 
 
 def test_a_fit_that_does_not_settle_writes_nothing(directory, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(truearc.sim.infer.optimum, "MOST_ITERATIONS", 1)
+    monkeypatch.setattr(truearc.sim.infer.baseline_fit, "ROUNDS", 1)
     out = tmp_path / "coefficients.toml"
     assert main(["fit", str(directory), "--terms", TERMS, "-o", str(out), "--quiet"]) == 1
     assert "did not settle" in capsys.readouterr().err

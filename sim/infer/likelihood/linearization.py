@@ -13,14 +13,22 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from truearc.sim.discover.model import plane_likelihood as outcomes
-from truearc.sim.discover.model.external_measurements import Measured
-from truearc.sim.discover.model.forward_model import Chain, Prediction, ShotBatch, see_slopes
-from truearc.sim.discover.model.normal_equations import Normal, multiply_out
-from truearc.sim.discover.model.prepared_data import Intake
-from truearc.sim.discover.model.score_table import Array, Column, GroupedColumns, PlaneScores, ScoreTable, make_evidence
-from truearc.sim.infer.likelihood.shot_likelihood import FLOOR_M
+from truearc.sim.infer.likelihood import outcome_likelihood as outcomes
+from truearc.sim.infer.likelihood.external_measurements import Measured
+from truearc.sim.infer.likelihood.forward_model import Chain, Prediction, ShotBatch, see_slopes
+from truearc.sim.infer.likelihood.noise import FLOOR_M
+from truearc.sim.infer.likelihood.normal_equations import Normal, multiply_out
+from truearc.sim.infer.likelihood.prepared_data import Intake
+from truearc.sim.infer.likelihood.score_table import (
+    Array,
+    Column,
+    GroupedColumns,
+    PlaneScores,
+    ScoreTable,
+    make_evidence,
+)
 
+LOST = 1e-6                           # of a square, that rounding may take below zero
 SCATTERED = (0, 1, 2, 4)              # deviates that scatter: log speed, elevation, azimuth, distance
 FAR_BELOW_M = -10.0                   # stands for a ball that never came near
 PAD = 32                              # lanes fly in multiples of this, since each size is compiled,
@@ -283,6 +291,7 @@ def _integrate(normal: Normal, sd: Float[Array, "n D"], columns: Int[Array, " in
     mean_by[:, :, columns] = -sd[:, :, None] * by
     quadratic = normal.square - (onto_r * shift).sum(1)
     value = -0.5 * (quadratic + np.linalg.slogdet(inner)[1]) + normal.log_noise
+    value = np.where(quadratic < -LOST * normal.square, -np.inf, value)     # slopes so large that no digit is right
     return _Left(score, info, value, sd * shift, sd[:, :, None] * inverse * sd[:, None, :], mean_by)
 
 

@@ -7,10 +7,10 @@ import numpy as np
 from jaxtyping import Int
 from scipy.linalg import block_diag
 
-from truearc.sim.discover.model.linearization import ParameterLayout
-from truearc.sim.discover.model.score_table import Column
 from truearc.sim.infer.belief import SCATTER, Belief, scale_of
 from truearc.sim.infer.curve import Curve
+from truearc.sim.infer.likelihood.linearization import ParameterLayout
+from truearc.sim.infer.likelihood.score_table import Column
 from truearc.sim.physics.catalogue import Catalogue, find_parameter
 from truearc.sim.physics.nonparametric import CURVE, find_nameless
 from truearc.sim.physics.scales import LEFT, LOG

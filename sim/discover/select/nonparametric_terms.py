@@ -9,13 +9,13 @@ from jaxtyping import Float, Int
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor, spline_knots
 from truearc.sim.discover.detect.free_curve import Correction, correct
 from truearc.sim.discover.detect.test_battery import FREE, Test
-from truearc.sim.discover.model.baseline_fit import BaselineFit, climb, only_shared, out_of_range
-from truearc.sim.discover.model.belief_prior import with_curve
-from truearc.sim.discover.model.design_columns import is_tracker
-from truearc.sim.discover.model.linearization import linearise
-from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
 from truearc.sim.discover.select.name_effects import Search, Step, clearly, judge_left
+from truearc.sim.infer.baseline_fit import BaselineFit, climb, only_shared, out_of_range
 from truearc.sim.infer.curve import Curve, natural
+from truearc.sim.infer.likelihood.belief_prior import with_curve
+from truearc.sim.infer.likelihood.design_columns import is_tracker
+from truearc.sim.infer.likelihood.linearization import linearise
+from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
 from truearc.sim.physics.simulate import LAUNCH_STATE
 
 TERMS = {"launch speed": ("free_speed", {"share": 1.0}), "launch elevation": ("free_elevation", {"angle_rad": 1.0}),

@@ -6,7 +6,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from truearc.sim.data.dataset import Tracks
-from truearc.sim.discover.model.score_table import Array
+from truearc.sim.infer.likelihood.noise import UNMEASURED_M
+from truearc.sim.infer.likelihood.score_table import Array
 
 FEWEST_SAMPLES = 6                    # per track; fewer cannot say more than where it started and how fast
 SMOOTH_DEGREE = 4                     # of the polynomial that stands for "any smooth flight" when scatter is measured
@@ -17,7 +18,6 @@ SURE_NATS = 30.0                      # that stamps put right must gain,
 COMMON = 0.03                         # and share of tracks that must leap: of those with bad noise alone 2 in 300 do
 MEMORIES = np.linspace(0.0, 0.97, 50)  # correlations of neighbouring samples that are told apart
 LEAST_MEMORY = 0.03
-UNMEASURED_M = 1e6                    # noise of an axis whose samples are all alike
 PAD = 16                              # tracks are padded to a multiple of this, since each length is compiled
 
 

@@ -3,20 +3,28 @@
 import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.linalg import block_diag
 
-from truearc.sim.discover.model import plane_likelihood as outcomes
-from truearc.sim.discover.model.design_columns import SCATTER_PRIOR
-from truearc.sim.discover.model.external_measurements import prior_of
-from truearc.sim.discover.model.forward_model import Chain, plane_grid
-from truearc.sim.discover.model.linearization import Linearization, LinearizationPoint, ParameterLayout, fly, linearise
-from truearc.sim.discover.model.prepared_data import SCATTERS, Intake
-from truearc.sim.discover.model.score_table import Array, ScoreTable
+from truearc.sim.infer.likelihood import outcome_likelihood as outcomes
+from truearc.sim.infer.likelihood.design_columns import is_tracker
+from truearc.sim.infer.likelihood.external_measurements import prior_of
+from truearc.sim.infer.likelihood.forward_model import Chain, plane_grid
+from truearc.sim.infer.likelihood.linearization import (
+    Linearization,
+    LinearizationPoint,
+    ParameterLayout,
+    fly,
+    linearise,
+)
+from truearc.sim.infer.likelihood.noise import SCATTER_PRIOR, SCATTERS
+from truearc.sim.infer.likelihood.prepared_data import Intake
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue, find_parameter, flight_terms
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS
 from truearc.sim.physics.scales import LOG
@@ -29,14 +37,19 @@ SCATTER_GRID = (1.0, 3.0, 10.0)       # times the usual one of a launch
 USUAL_SCATTER = np.log([SCATTER_PRIOR[name][0] for name in SCATTERS])
 OF_LAUNCH = np.array([name != "scatter.distance" for name in SCATTERS])
 FEWEST = 5                            # outcomes that the grid can be judged by
-ROUNDS = 20                           # of flying, and of steps between two flights
+ROUNDS = 40                           # of flying, and of steps between two flights
 INNER = 10
-PATIENCE = 4                          # flights that gain nothing, before what slopes promise is no longer believed
+PATIENCE = 8                          # flights that gain nothing, before what slopes promise is no longer believed
+POOR, GOOD = 0.25, 0.75               # of the gain that slopes promise: below it steps get shorter, above it longer
 HALVINGS = 8
 SETTLED = 1e-3                        # nats
+WORTH = 0.02                          # nats: a fifth of a standard error
+PART = 0.1                            # of a step that is flown to see whether it gains
+TIGHT = 0.1                           # of a tracker's usual errors, where a climb begins
 LEAST_ROUNDS = 2                      # with tracks, whose shots' own deviations must settle too
 FARTHEST = 2.0                        # usual sizes that a column may move by in one step: all is linear nearby only
 SLACK = 0.3                           # nats a step may lose with tracks: scores leave out that slopes change the spread
+LEAST_LOG, MOST_LOG = -9.0, 1.0       # of a scatter
 ABSURD = 5.0                          # times the usual scatter of a launch
 FEW = 200                             # outcomes up to which the likelihood may have several tops
 
@@ -57,6 +70,20 @@ class BaselineFit:
         named = zip(self.evidence.columns[first:], self.evidence.point[first:], strict=True)
         return {column.name: float(np.exp(value) if column.name.startswith("scatter.") else value)
                 for column, value in named if column.kind != "group"}
+
+    @cached_property
+    def settled(self) -> bool:
+        """Whether no step gains anything that matters: neither by slopes nor, a part of it, once it is flown.
+
+        Of tracks that no flight fits slopes promise more than is there: they leave out how they change themselves.
+        """
+        layout = only_shared(self.layout)
+        here = self.evidence.pick(np.arange(self.evidence.first_shared, len(self.evidence.columns)))
+        step, worth = step_within(layout, self.spot, here, np.full(len(layout.columns), True))
+        if worth < WORTH:
+            return True
+        there = linearise(self.intake, layout, moved(layout, self.spot, PART * step))[0]
+        return objective(there, layout) - objective(here, layout) < max(WORTH, _slack(self.intake))
 
     @property
     def together(self) -> Int[Array, " n"]:
@@ -81,7 +108,7 @@ def fit_believed(intake: Intake, layout: ParameterLayout, progress: Progress = l
     starts = usual_starts(intake, layout)
     starts = starts[:1] if intake.samples is not None or len(intake.marked) > FEW else (
         *starts, usual_spot(intake, layout))
-    tops = [climb(intake, bare, start, part_of(progress, 0.9 * k / len(starts), 0.9 / len(starts)))
+    tops = [_top_from(intake, bare, start, part_of(progress, 0.9 * k / len(starts), 0.9 / len(starts)))
             for k, start in enumerate(starts)]
     spot = max(tops, key=lambda top: objective(top[1], bare))[0]
     progress(0.9, "slopes")
@@ -89,61 +116,103 @@ def fit_believed(intake: Intake, layout: ParameterLayout, progress: Progress = l
     return BaselineFit(intake, layout, spot, whole)
 
 
+def _top_from(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
+              progress: Progress) -> tuple[LinearizationPoint, ScoreTable]:
+    """The top that a climb from the spot comes to, after one over easier ground.
+
+    A height that is a slip costs a few nats however far it is off, so that a climb from far away may end where half of
+    the heights are called slips; and a tracker's errors, which may be large, bend flights as any physics does. First no
+    height may be a slip, and the tracker has hardly any error.
+    """
+    if intake.seen.measured.any():
+        strict = replace(intake, seen=replace(intake.seen, slips=False))
+        spot = climb(strict, layout, spot, part_of(progress, 0.0, 0.5))[0]
+    tight = np.array([TIGHT if is_tracker(column, layout.chain.catalogue) else 1.0
+                      for column in layout.columns[layout.first_shared:]])
+    if (tight != 1.0).any():
+        exact = replace(layout, precision=layout.precision / np.outer(tight, tight))
+        spot = climb(intake, exact, spot, part_of(progress, 0.0, 0.5))[0]
+    return climb(intake, layout, spot, part_of(progress, 0.5, 0.5))
+
+
 def climb(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
-          progress: Progress = lambda done, note: None) -> tuple[LinearizationPoint, ScoreTable]:
+          progress: Progress = lambda done, note: None,
+          held: Bool[Array, " P"] | None = None) -> tuple[LinearizationPoint, ScoreTable]:
     """Uphill in all columns of the layout, which must all be shared ones, until a step is far below their deviations.
 
-    Between flights all is taken as linear; it is flown again at each top so found, until the top stays.
+    Between flights all is taken as linear; it is flown again at each top so found, until the top stays. Columns that
+    are `held` stay where they are.
     """
-    best = highest = -np.inf
-    idle = 0
-    kept: tuple[LinearizationPoint, ScoreTable, Float[Array, "n D"]] | None = None
+    free = np.full(len(layout.columns), True) if held is None else ~held
+    highest, idle, reach, gain = -np.inf, 0, np.inf, 0.0
+    kept: _Visited | None = None
     for number in range(ROUNDS):
         progress(number / ROUNDS, "fit")
         flown = fly(intake, layout, spot)
-        evidence, deviates = linearise(intake, layout, spot, flown)
-        value = objective(evidence, layout)
-        idle = 0 if value > highest + _slack(intake) else idle + 1
-        highest = max(highest, value)
+        evidence, _ = linearise(intake, layout, spot, flown)
+        here = _Visited(spot, flown, evidence, objective(evidence, layout))
+        idle = 0 if here.value > highest + _slack(intake) else idle + 1
+        highest = max(highest, here.value)
         if idle > PATIENCE:
             break
-        if kept is not None and not value >= best - _slack(intake):
-            spot = _halfway(kept[0], spot)
-            continue
-        best, kept = value, (spot, evidence, deviates)
-        if _step_within(layout, spot, evidence)[1] < SETTLED and number >= LEAST_ROUNDS * (intake.samples is not None):
-            break
-        top, found = _climb_linear(intake, layout, spot, flown)
+        gained = -np.inf if kept is None else here.value - kept.value
+        if kept is not None and gained < POOR * gain:         # flights bend more than was allowed for
+            reach = 0.5 * _distance(layout, kept.evidence, evidence)
+        elif gained > GOOD * gain:
+            reach *= 2.0
+        if kept is None or gained >= -_slack(intake):
+            kept = here
+            enough = number >= LEAST_ROUNDS * (intake.samples is not None)
+            if enough and step_within(layout, spot, evidence, free)[1] < SETTLED:
+                break
+        top, found, gain = _climb_linear(intake, layout, kept, free, reach)
         spot = replace(top, deviates=found)
     assert kept is not None
-    return kept[0], kept[1]
+    return kept.spot, kept.evidence
 
 
-def _climb_linear(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
-                  flown: Linearization) -> tuple[LinearizationPoint, Float[Array, "n D"]]:
-    """(the top without flying again, most likely deviates there)."""
-    evidence, deviates = linearise(intake, layout, spot, flown)
-    best, per_usual = objective(evidence, layout), 1.0 / np.array([column.usual for column in layout.columns])
+class _Visited(NamedTuple):
+    """A spot with what was flown there, and the log posterior."""
+
+    spot: LinearizationPoint
+    flown: Linearization
+    evidence: ScoreTable
+    value: float
+
+
+def _distance(layout: ParameterLayout, a: ScoreTable, b: ScoreTable) -> float:
+    """The largest difference of a column, in usual sizes."""
+    usual = np.array([column.usual for column in layout.columns])
+    return float(np.abs((a.point - b.point) / usual).max(initial=0.0))
+
+
+def _climb_linear(intake: Intake, layout: ParameterLayout, start: _Visited, free: Bool[Array, " P"],
+                  reach: float) -> tuple[LinearizationPoint, Float[Array, "n D"], float]:
+    """(the top without flying again, most likely deviates there, nats gained), no column farther from the start than
+    `reach` usual sizes."""
+    usual = np.array([column.usual for column in layout.columns])
+    spot, best = start.spot, start.value
+    evidence, deviates = linearise(intake, layout, spot, start.flown)
     for _ in range(INNER):
-        step, worth = _step_within(layout, spot, evidence)
+        step, worth = step_within(layout, spot, evidence, free)
         if worth < SETTLED or not np.isfinite(step).all():
             break
-        step = step / max(1.0, float(np.abs(step * per_usual).max(initial=0.0)) / FARTHEST)
+        room = (reach * usual - np.sign(step) * (evidence.point - start.evidence.point)) / np.maximum(abs(step), 1e-300)
+        step = step * min(1.0, FARTHEST / max(float(np.abs(step / usual).max(initial=0.0)), 1e-300),
+                          max(float(room.min(initial=np.inf)), 0.0))
         for halving in range(HALVINGS):
             tried = moved(layout, spot, step * 0.5**halving)
-            there, found = linearise(intake, layout, tried, flown)
+            there, found = linearise(intake, layout, tried, start.flown)
             value = objective(there, layout)
             if value >= best - _slack(intake):
                 break
         else:
             break
+        closer = abs(value - best) < SETTLED and reach < np.inf
         best, spot, evidence, deviates = value, tried, there, found
-    return spot, deviates
-
-
-def _halfway(a: LinearizationPoint, b: LinearizationPoint) -> LinearizationPoint:
-    return LinearizationPoint(*(0.5 * (x + y) for x, y in ((a.values, b.values), (a.log_scatter, b.log_scatter),
-                                             (a.deviates, b.deviates), (a.effects, b.effects))))
+        if closer:
+            break
+    return spot, deviates, best - start.value
 
 
 def newton_step(evidence: ScoreTable,
@@ -156,11 +225,11 @@ def newton_step(evidence: ScoreTable,
     return step, 0.5 * float(step[free] @ slope)
 
 
-def _step_within(layout: ParameterLayout, spot: LinearizationPoint,
-                 evidence: ScoreTable) -> tuple[Float[Array, " P"], float]:
+def step_within(layout: ParameterLayout, spot: LinearizationPoint, evidence: ScoreTable,
+                free: Bool[Array, " P"]) -> tuple[Float[Array, " P"], float]:
     """The same; what is at a limit and would go beyond it stays, so that the others go where it is best for it there.
     """
-    free = np.full(len(layout.columns), True)
+    free = free.copy()
     while True:
         step, worth = newton_step(evidence, free)
         out = free & _leads_out(layout, spot, step)
@@ -194,7 +263,7 @@ def moved(layout: ParameterLayout, spot: LinearizationPoint, change: Float[Array
     values = np.clip(values, *_bounds(layout.chain.slots, layout.chain.catalogue))
     for number, column in enumerate(layout.scatters):
         if column >= 0:
-            log_scatter[number] = np.clip(log_scatter[number] + np.clip(change[column], -1.0, 1.0), -9.0, 1.0)
+            log_scatter[number] = np.clip(log_scatter[number] + np.clip(change[column], -1.0, 1.0), LEAST_LOG, MOST_LOG)
     return LinearizationPoint(values, log_scatter, spot.deviates, spot.effects + change[layout.source == -2])
 
 
@@ -212,6 +281,14 @@ def stopped(evidence: ScoreTable, among: Catalogue) -> dict[str, float]:
     values = {column.name: float(value) for column, value in zip(evidence.columns, evidence.point, strict=True)
               if column.kind in ("shared", "term") and among.get(column.term) is not None}
     return {name: values[name] for name in out_of_range(values, among)}
+
+
+def limits_of(layout: ParameterLayout, column: int) -> tuple[float, float]:
+    """Lowest and highest that a column may come to; a logarithm of a scatter by no more than its fit may."""
+    if not layout.in_slot[column]:
+        return LEAST_LOG, MOST_LOG
+    low, high = _bounds(layout.chain.slots, layout.chain.catalogue)
+    return float(low[layout.source[column]]), float(high[layout.source[column]])
 
 
 @cache

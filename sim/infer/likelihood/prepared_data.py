@@ -11,28 +11,29 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.shot_conditions import circumstances_of
-from truearc.sim.discover.detect.covariates import every_column
-from truearc.sim.discover.model.forward_model import DEVIATES, ShotBatch
-from truearc.sim.discover.model.plane_likelihood import OutcomeObservations, see_outcomes
-from truearc.sim.discover.model.score_table import Array
-from truearc.sim.discover.model.track_noise import Samples, Scatter, gather_samples, measure_scatter
 from truearc.sim.infer.curve import Curves, along
-from truearc.sim.infer.likelihood.launch_inputs import EXIT_DEG_SD, EXIT_SPEED_SD_M_S, EXIT_SPIN_SD_REV_S, given_of
-from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS, say_few
+from truearc.sim.infer.likelihood.forward_model import DEVIATES, ShotBatch
+from truearc.sim.infer.likelihood.launch_inputs import given_of
+from truearc.sim.infer.likelihood.noise import (
+    EXIT_DEG,
+    EXIT_SPEED_M_S,
+    EXIT_SPIN_REV_S,
+    FREE_PLACE_M,
+    FREE_SPEED_M_S,
+    LEAD_S,
+    PLACE_M,
+    SPIN_SHARE,
+)
+from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS, say_few, say_left_out
+from truearc.sim.infer.likelihood.outcome_likelihood import OutcomeObservations, see_outcomes
+from truearc.sim.infer.likelihood.score_table import Array
+from truearc.sim.infer.likelihood.shot_columns import every_column
+from truearc.sim.infer.likelihood.track_noise import Samples, Scatter, gather_samples, measure_scatter
 from truearc.sim.physics.launch import Exit, exit_no_slip, is_opposed
 from truearc.sim.physics.simulate import has_wheels
 
 NONE: Curves = {}
-# Standard deviations of numbers that are not fitted: spin from shot to shot (a share), the moment of release against
-# the first sample, where the ball leaves; and of a flight whose launch is unknown.
-SPIN_SHARE = 0.05
-LEAD_S = 0.3
-PLACE_M = 0.01
-FREE_PLACE_M = 0.3
-FREE_SPEED_M_S = 3.0
 SETTINGS = ("distance_m", "hood_deg", "motor_ratio", "miss_height_m", "t_s")
-# What scatters by amounts that are fitted: launches, and measured distances as a multiple of what the rig states.
-SCATTERS = ("scatter.speed", "scatter.elevation_rad", "scatter.azimuth_rad", "scatter.distance")
 
 
 @dataclass(frozen=True)
@@ -61,9 +62,19 @@ class Intake:
     level: str
     left_out: tuple[str, ...]
 
+    @property
+    def used(self) -> dict[str, int]:
+        """{kind of evidence: shots that have it}."""
+        measured = int(self.seen.measured.sum())
+        kinds = {"outcome": len(self.marked) - measured, "miss_height_m": measured,
+                 **{name: int(np.isfinite(column).sum()) for name, column in zip(
+                     ("exit_speed_m_s", "exit_deg", "exit_spin_rev_s"), self.exits.T, strict=True)},
+                 "tracks": len(self.tracked)}
+        return {kind: count for kind, count in kinds.items() if count}
+
 
 def take_in(dataset: Dataset, curves: Curves = NONE, fewest: int = FEWEST_SHOTS) -> Intake:
-    """InputError when there are fewer than `fewest` shots or outcomes without a target.
+    """InputError when there are fewer than `fewest` shots, or outcomes without a target.
 
     curves: of unexplained effects that are believed.
     """
@@ -84,9 +95,8 @@ def take_in(dataset: Dataset, curves: Curves = NONE, fewest: int = FEWEST_SHOTS)
     place = np.full(len(shots), -1)
     place[rows] = np.arange(len(rows))
     part = _Part(rig, shots.take(rows), wheels[rows], hood[rows], launched[rows])
-    left_out = [*dataset.left_out, *notes]
-    if not usable.all():
-        left_out.append(f"{int((~usable).sum())} outcomes without distance_m, or without hood_deg and a launch speed")
+    told = np.isin(np.arange(len(shots)), marked)
+    left_out = [*dataset.left_out, *notes, *say_left_out(rig, shots, use, told, tracked)]
     columns = every_column(dataset) if curves else {}
     around = along(curves, circumstances_of(dataset), columns, len(shots))
     lanes, noise_var, scattered = _lanes(part, _pick(around, rows), samples, place)
@@ -98,8 +108,8 @@ def take_in(dataset: Dataset, curves: Curves = NONE, fewest: int = FEWEST_SHOTS)
 
 
 def without_noise(rig: Rig) -> Rig:
-    """Without noise and beliefs, on which no flight depends: compiled code is kept by rig."""
-    return msgspec.structs.replace(rig, noise=Noise(), believe=Believe())
+    """Without noise, tracker and beliefs, on which no flight depends: compiled code is kept by rig."""
+    return msgspec.structs.replace(rig, noise=Noise(), tracker=msgspec.UNSET, believe=Believe())
 
 
 @dataclass(frozen=True)
@@ -213,8 +223,8 @@ def _exits(part: _Part) -> tuple[Float[Array, "n 3"], Float[Array, "n 3"]]:
     speed, deg, spin_rev_s = (_measured(part.shots.number(name), where & part.launched) for name, where in (
         ("exit_speed_m_s", part.wheels), ("exit_deg", part.hood), ("exit_spin_rev_s", part.wheels)))
     exits = np.stack([np.log(np.where(speed > 0.0, speed, np.nan)), np.radians(deg), spin_rev_s], axis=1)
-    sd = np.stack([EXIT_SPEED_SD_M_S / np.where(speed > 0.0, speed, 1.0),
-                   np.full(len(speed), np.radians(EXIT_DEG_SD)), np.full(len(speed), EXIT_SPIN_SD_REV_S)], axis=1)
+    sd = np.stack([EXIT_SPEED_M_S / np.where(speed > 0.0, speed, 1.0),
+                   np.full(len(speed), np.radians(EXIT_DEG)), np.full(len(speed), EXIT_SPIN_REV_S)], axis=1)
     return exits, sd
 
 

@@ -1,1 +1,0 @@
-"""The linearised statistical model behind discovery."""
