@@ -17,6 +17,7 @@ from tests.golden.compare import COMPUTED, EXACT, FITTED, REFITTED, TRAINED
 HERE = Path(__file__).parent
 INPUTS = HERE / "inputs"
 REFERENCE = HERE / "reference"
+PROOF_1 = REFERENCE.with_name("proof_1")
 DATA = Path("data")                   # in `scratch`, where commands run
 RECORDING = HERE.parent / "robot" / "recording" / "golden.tar.xz"
 
@@ -94,7 +95,7 @@ def belief(scratch: Path, out: Path) -> None:
 def predict(scratch: Path, out: Path) -> None:
     """Heights by the golden belief, by one that discovery adopted, and by coefficients in the paper's two numbers."""
     for name, believed in (("belief", REFERENCE / "belief" / "belief.toml"),
-                           ("adopted", REFERENCE / "finding-l2-home" / "adopted.toml"),
+                           ("adopted", PROOF_1 / "finding-l2-home_adopted.toml"),
                            ("paper", INPUTS / "coefficients.toml")):
         run(scratch, "predict", "--quiet", DATA / "l2-distance", "--coefficients", believed, "-o",
             out / f"{name}.csv")
@@ -139,8 +140,8 @@ def finding_home(scratch: Path, out: Path) -> None:
 
 
 def finding_since(scratch: Path, out: Path) -> None:
-    """What has changed since the session whose adopted belief is golden."""
-    finding("l2-wind", "--belief", str(REFERENCE / "finding-l2-home" / "adopted.toml"), "--since",
+    """What has changed since the session whose belief was adopted at proof-1."""
+    finding("l2-wind", "--belief", str(PROOF_1 / "finding-l2-home_adopted.toml"), "--since",
             str(DATA / "l2-home"))(scratch, out)
 
 
@@ -161,7 +162,7 @@ ARTEFACTS = (
     Artefact("grid-synth", COMPUTED, grid_synth),
     Artefact("belief", FITTED, belief),
     Artefact("finding-l0-null", FITTED, finding("l0-null")),                # verdict none
-    Artefact("finding-l0-backlash", FITTED, finding("l0-backlash")),        # named, by outcomes
+    Artefact("finding-l0-backlash", FITTED, finding("l0-backlash")),        # a set, by outcomes
     Artefact("finding-l1-target", FITTED, finding("l1-target")),            # a set of names, with telemetry
     Artefact("finding-l2-distance", FITTED, finding("l2-distance")),        # named, by tracks
     Artefact("finding-l2-seam", FITTED, finding("l2-seam")),                # unknown, by tracks
