@@ -237,7 +237,8 @@ def _best_flown(investigation: Investigation) -> tuple[tuple[Step, ...], str]:
 def _cut(fitted: BaselineFit, steps: tuple[Step, ...]) -> tuple[Step, ...]:
     """The steps, the last of them without a name beside it that is not among them."""
     last = steps[-1]
-    if set(last.base) <= {step.naming.leader for step in steps}:
+    shared = [{column.name for column in one.layout.columns[one.layout.first_shared:]} for one in (fitted, last.fitted)]
+    if shared[1] - shared[0] <= {step.naming.leader for step in steps}:
         return steps
     name = last.naming.leader
     alone = refit(fitted, (name,), last.refit.amplitude)

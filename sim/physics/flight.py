@@ -11,9 +11,10 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import msgspec
 from jax import lax
 
-from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.rig_spec import Ball, Rig
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.term import AirTerm, BallState, FlightTerm, InFlight, complete
 from truearc.sim.physics.vector import Vec, absent, add, length, plus, scale, times
@@ -25,6 +26,7 @@ SHORTEST = 1.0 / 256.0                # of step_s, whatever the air does
 NEWTON_STEPS = 6
 
 Law = Callable[[BallState], Vec]
+Balls = tuple[Any, Any]               # mass in kg, radius in m of each lane's ball
 
 
 class Crossing(NamedTuple):
@@ -47,8 +49,8 @@ class _Flight(NamedTuple):
 @partial(jax.jit, static_argnames=("rig", "terms", "step_s", "turn_rad", "limit_s", "floor"))
 def fly(rig: Rig, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[str, Any]], exit: Exit,
         distance_m: Any, step_s: float = STEP_S, turn_rad: float = TURN_RAD, limit_s: float = LIMIT_S,
-        floor: bool = True) -> Crossing:
-    """Fly every lane to the plane x = distance_m.
+        floor: bool = True, balls: Balls | None = None) -> Crossing:
+    """Fly every lane to the plane x = distance_m; balls: (mass in kg, radius in m) of each, the rig's when None.
 
     params: {term: {parameter: value}}, effective; they, exit and distance_m broadcast against each other, and the
     result has that shape. Fixed-step RK4 in float64; each lane's step is at most step_s, and so short that the air
@@ -56,7 +58,7 @@ def fly(rig: Rig, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[str,
     Forward-mode differentiable (jax.jacfwd) in params, exit and distance. Without `floor` the flight goes on below it,
     so that the height is continuous in everything; only turning back and the time limit are then not reached.
     """
-    law = make_law(rig, terms, params)
+    law = make_law(with_balls(rig, balls), terms, params)
     shape = _shape(params, exit, distance_m)
     distance = jnp.broadcast_to(jnp.asarray(distance_m, dtype=float), shape)
     start = start_of(rig, exit, shape)
@@ -78,6 +80,11 @@ def path(rig: Rig, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[str
         return _dense(rk4(law, ball, step_s)), ball
 
     return lax.scan(advance, start, None, length=points)[1]
+
+
+def with_balls(rig: Rig, balls: Balls | None) -> Rig:
+    """The rig with the balls' arrays in place of its own ball."""
+    return rig if balls is None else msgspec.structs.replace(rig, ball=Ball(*balls))
 
 
 def make_law(rig: Rig, terms: Sequence[InFlight], params: Mapping[str, Mapping[str, Any]]) -> Law:

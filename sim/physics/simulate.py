@@ -20,7 +20,7 @@ from truearc.sim.physics.catalogue import (
     sensing_terms,
     watch_terms,
 )
-from truearc.sim.physics.flight import Crossing, fly
+from truearc.sim.physics.flight import Balls, Crossing, fly, with_balls
 from truearc.sim.physics.launch import Exit, exit_no_slip, exit_opposed, is_opposed
 from truearc.sim.physics.term import Opening, complete
 from truearc.sim.physics.vector import Vec
@@ -45,12 +45,23 @@ def predict(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Sh
     the ball. Returns numpy arrays, one row a shot. circumstances: of these shots (truearc.sim.data.shot_conditions);
     terms that follow one are absent from ordinary shots. among: the catalogue of the terms,
     truearc.sim.physics.catalogue.catalogue() when not given, here and below. InputError names shots without a
-    distance or a launch.
+    distance or a launch. Each shot's own mass_kg and radius_m fly, where they are given.
     """
     values = effective(coefficients, circumstances, among)
-    whose = by_robot(shots)
-    exit, distance_m = sense(rig, values, launch_of(rig, shots), require(shots, "distance_m"), whose, among)
-    return fly_rows(rig, values, leave(rig, values, exit, whose, among), distance_m, progress, among)
+    whose, balls = by_robot(shots), own_balls(rig, shots)
+    own = with_balls(rig, balls)
+    exit, distance_m = sense(own, values, launch_of(rig, shots), require(shots, "distance_m"), whose, among)
+    return fly_rows(rig, values, leave(own, values, exit, whose, among), distance_m, progress, among, balls)
+
+
+def own_balls(rig: Rig, shots: Shots) -> Balls | None:
+    """Mass in kg and radius in m [n] of each shot's ball, the rig's where a shot states none; None where none does."""
+    given = [shots.number(name) for name in ("mass_kg", "radius_m")]
+    if not any((column > 0.0).any() for column in given):
+        return None
+    usual = rig.ball.mass_kg, rig.ball.radius_m
+    mass_kg, radius_m = (np.where(column > 0.0, column, own) for column, own in zip(given, usual, strict=True))
+    return mass_kg, radius_m
 
 
 def sense(rig: Rig, values: Values, exit: Exit, distance_m: Any, where: Any = True,
@@ -114,7 +125,8 @@ def take_values(values: Values, rows: Any) -> dict[str, dict[str, Any]]:
 
 
 def fly_rows(rig: Rig, values: Values, exit: Exit, distance_m: np.ndarray,
-             progress: Progress = lambda done, note: None, among: Catalogue | None = None) -> Crossing:
+             progress: Progress = lambda done, note: None, among: Catalogue | None = None,
+             balls: Balls | None = None) -> Crossing:
     """Fly launches [n] as they leave the wheels, after sensing and launch terms, by effective `values`.
 
     Rows fly in blocks of those that stay aloft about equally long, and in few different sizes, since each is compiled.
@@ -129,7 +141,8 @@ def fly_rows(rig: Rig, values: Values, exit: Exit, distance_m: np.ndarray,
     for first in range(0, len(order), lanes):
         rows = order[first:first + lanes]
         padded = np.resize(rows, lanes)
-        part = fly(rig, terms, take_values(named, padded), exit.take(padded), distance_m[padded])
+        mine = None if balls is None else (balls[0][padded], balls[1][padded])
+        part = fly(rig, terms, take_values(named, padded), exit.take(padded), distance_m[padded], balls=mine)
         height_m[rows] = np.asarray(part.height_m)[:rows.size]
         time_s[rows] = np.asarray(part.time_s)[:rows.size]
         progress(min(first + lanes, len(order)) / len(order), f"{min(first + lanes, len(order))} shots")

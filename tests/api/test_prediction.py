@@ -87,3 +87,16 @@ def test_topspin_presses_the_ball_down() -> None:
     found = ta.discover(ta.dataset(shots, rig=rig), believe=["gravity", "drag"])
     assert found.best is not None and found.best.term == "magnus" and found.best.value > 0.0
     assert "topspin presses the ball down" in found.sentence and "backspin" not in found.sentence
+
+
+def test_each_shots_own_ball_is_flown() -> None:
+    """A shot that states its ball flies as every shot does of a rig with that ball."""
+    week, belief = ta.load_dataset(EXAMPLE), ta.Belief({"drag": {"cd": 0.5}}, {}, (), np.zeros((0, 0)))
+    mass_kg = np.where(np.arange(len(week.shots)) % 2, 0.1, np.nan)
+    numbers = week.shots.numbers | {"mass_kg": mass_kg, "radius_m": np.full(len(week.shots), np.nan)}
+    mixed = replace(week, shots=replace(week.shots, numbers=numbers))
+    light = replace(week, facts=changed(week.rig, ball=changed(week.rig.ball, mass_kg=0.1)))
+    usual, all_light = (np.array(ta.predict(one, belief).column("height_m"), float) for one in (week, light))
+    found = np.array(ta.predict(mixed, belief).column("height_m"), float)
+    np.testing.assert_allclose(found, np.where(np.arange(len(found)) % 2, all_light, usual), rtol=1e-12)
+    assert np.nanmax(np.abs(all_light - usual)) > 0.05

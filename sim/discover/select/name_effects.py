@@ -25,6 +25,7 @@ from truearc.sim.progress import Progress
 
 DRAWS = 999                           # after the first step, whose probability is the one that is promised
 SURE = 0.9                            # probability of one name, or that a set holds of what is explained
+TWIN = 0.5                            # of a name's probability, that what hardly differs from it must have
 UNKNOWN = 0.5                         # probability of something unexplained, from which that is the verdict
 CLEARLY = 2.0                         # standard errors by which a free curve is better on unseen shots
 Each = Float[Array, " n"]             # a number of each shot
@@ -136,7 +137,7 @@ def _two_and_rest(fitted: BaselineFit, first: Step, pair: Refit, search: Search,
     other = second.refits[second.leader]
     base = promote(fitted, refit(fitted, (second.leader,), other.amplitude))
     naming = name_terms(base, part_of(progress, 0.3, 0.3), {pair.names[lead]: float(pair.amplitude[lead])})
-    steps = (_unnamed(naming, first.place, (second.leader,), base), _unnamed(second, None, (pair.names[lead],), beside))
+    steps = (_unnamed(naming, first.place, (), base), _unnamed(second, None, (pair.names[lead],), beside))
     names = (naming.leader, second.leader)
     both = promote(fitted, refit(fitted, names, np.array([naming.refits[names[0]].amplitude[0], other.amplitude[0]])))
     left = search.left(both)
@@ -163,7 +164,8 @@ def _unnamed(naming: Naming, place: Place | None, base: tuple[str, ...], fitted:
 
 def with_probabilities(naming: Naming, posterior: Hypotheses) -> Naming:
     """The names with their inclusion probabilities, the likeliest first, and the smallest set that holds SURE of what
-    is explained. One name alone must be as sure as that by itself."""
+    is explained; whoever is in it is there with what hardly differs from it. One name alone must be as sure as that by
+    itself."""
     inclusion = posterior.inclusion()
     probability = {name: inclusion.get(name, 0.0) for name in naming.probability}
     ranked = sorted((name for name in naming.refits if name in probability), key=lambda name: -probability[name])
@@ -175,7 +177,9 @@ def with_probabilities(naming: Naming, posterior: Hypotheses) -> Naming:
             break
         chosen.append(name)
     aliases = naming.aliases if ranked[0] == naming.leader else ()
-    chosen += [name for name in aliases if name not in chosen]
+    twins = [twin for name in chosen for twin in naming.kin.get(name, ())
+             if probability.get(twin, 0.0) > TWIN * probability[name]]
+    chosen += [name for name in dict.fromkeys((*aliases, *twins)) if name not in chosen]
     return replace(naming, probability=dict(sorted(probability.items(), key=lambda item: -item[1])),
                    chosen=tuple(chosen), aliases=aliases)
 

@@ -6,7 +6,7 @@ cannot win at all.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -47,7 +47,8 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Naming:
-    """Names ranked by probability (which sums to 1 over them); `alike` [K, K]: correlation of efficient slopes."""
+    """Names ranked by probability (which sums to 1 over them). kin: of each refitted name, those that one step cannot
+    tell from it."""
 
     candidates: tuple[Candidate, ...]
     refits: dict[str, Refit]
@@ -55,6 +56,7 @@ class Naming:
     probability: dict[str, float]
     chosen: tuple[str, ...]           # the set, likeliest first
     aliases: tuple[str, ...]          # of the likeliest, whatever its probability
+    kin: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def leader(self) -> str:
@@ -127,7 +129,8 @@ def name_terms(fitted: BaselineFit, progress: Progress, starts: Mapping[str, flo
     ranked = sorted(nats, key=lambda name: -nats[name])
     aliases = _aliases(fitted, ranked, [c.name for c in kin(ranked[0])], refits, nats)
     chosen = _smallest_set(ranked, probability, aliases)
-    return Naming(candidates, refits, nats, probability, chosen, aliases)
+    return Naming(candidates, refits, nats, probability, chosen, aliases,
+                  {name: tuple(c.name for c in kin(name)) for name in refits})
 
 
 def _refit(fitted: BaselineFit, candidate: Candidate, refits: dict[str, Refit], nats: dict[str, float],

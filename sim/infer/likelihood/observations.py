@@ -31,8 +31,8 @@ def say_left_out(rig: Rig, shots: Shots, use: Which, marked: Which, tracked: Whi
         (~use & launched & beside, "missed left or right, without information about the height"),
         (~use & launched & ~marked & ~beside,
          "nothing was seen of their flight: no outcome, side, miss_height_m, exit_* or track"),
-        (marked & launched & ~placed, "no distance_m" if not (use & marked & launched & ~placed).any() else
-         "their outcome only: no distance_m"),
+        (~use & marked & ~placed, "no distance_m"),
+        (use & marked & launched & ~placed, "their outcome only: no distance_m"),
         (~use & ~sped, "no launch speed: motor_ratio (with launcher.free_speed_rad_s in rig.toml), every "
                        "wheel_<name>_rad_s, or exit_speed_m_s"),
         (~use & ~aimed, "no hood_deg or exit_deg"),

@@ -30,7 +30,7 @@ from truearc.sim.infer.likelihood.score_table import Array
 from truearc.sim.infer.likelihood.shot_columns import every_column
 from truearc.sim.infer.likelihood.track_noise import Samples, Scatter, gather_samples, measure_scatter
 from truearc.sim.physics.launch import Exit, exit_no_slip, is_opposed
-from truearc.sim.physics.simulate import has_wheels
+from truearc.sim.physics.simulate import has_wheels, own_balls
 
 NONE: Curves = {}
 SETTINGS = ("distance_m", "hood_deg", "motor_ratio", "miss_height_m", "t_s")
@@ -136,8 +136,8 @@ def _lanes(part: _Part, circumstances: Circumstances, samples: Samples | None,
     side = _side_spin(part)
     start_m, start_m_s, spin, lead_s, time_s = _starts(part, given.rolling, samples, place)
     rolling = Exit(*(np.asarray(each, dtype=float) for each in given.rolling))._replace(above_m=np.zeros(n))
-    mass_kg = _or_else(shots.number("mass_kg"), part.rig.ball.mass_kg)
-    radius_m = _or_else(shots.number("radius_m"), part.rig.ball.radius_m)
+    usual = part.rig.ball
+    mass_kg, radius_m = own_balls(part.rig, shots) or (np.full(n, usual.mass_kg), np.full(n, usual.radius_m))
     lanes = ShotBatch(rolling, side, given.rolled & part.launched, given.hooded & part.launched, free, mass_kg,
                       radius_m, given.distance_m, circumstances, start_m, start_m_s, spin, lead_s, time_s)
     noise = np.zeros((n, len(DEVIATES)))
@@ -150,11 +150,6 @@ def _lanes(part: _Part, circumstances: Circumstances, samples: Samples | None,
     noise[:, 9:12] = np.where(free, FREE_SPEED_M_S, 0.0)[:, None]**2
     return lanes, noise, np.stack([given.rolled & ~free, given.hooded & ~free, ~free,
                                    np.broadcast_to(given.distance_sd_m**2, n)], axis=1) * 1.0
-
-
-def _or_else(measured: Float[Array, " n"], usual: float) -> Float[Array, " n"]:
-    """A ball's own column, where it has a possible value."""
-    return np.where(measured > 0.0, measured, usual)
 
 
 def _side_spin(part: _Part) -> Float[Array, "n 2"]:

@@ -123,9 +123,9 @@ def _balls(rig: Rig, shots: Shots) -> Iterator[Flaw]:
                    f"radius of {radius_m[density.argmin()]:g} m; make sure that it is not the diameter", warns=True)
     if max(np.ptp(np.log(np.append(mass_kg, rig.ball.mass_kg))),
            np.ptp(np.log(np.append(radius_m, rig.ball.radius_m)))) > ALIKE_BALLS:
-        yield Flaw("balls", f"{shots.source}: mass_kg, radius_m", "differ from the ball of rig.toml, which fit, "
-                   "predict, train and aim simulate; discover simulates each shot's. State their ball in rig.toml, or "
-                   "keep the shots of one", warns=True)
+        yield Flaw("balls", f"{shots.source}: mass_kg, radius_m", "differ from the ball of rig.toml, which train "
+                   "and aim simulate; fit, predict and discover simulate each shot's. State in rig.toml the ball that "
+                   "the robot will shoot", warns=True)
 
 
 def _launcher(rig: Rig) -> Iterator[Flaw]:
