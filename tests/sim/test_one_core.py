@@ -39,7 +39,7 @@ def _check(dataset: Dataset, terms: tuple[str, ...]) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("level", "seed"), [("L0", 3), ("L1", 4), ("L2", 5)])
 def test_made_shots_have_one_belief(level: str, seed: int) -> None:
-    _check(shoot(make_world({}, level, 60, seed)), TERMS)
+    _check(shoot(make_world({}, level, 40, seed)), TERMS)
 
 
 @pytest.mark.slow

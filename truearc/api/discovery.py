@@ -136,9 +136,9 @@ class Finding(Printed):
         except ValueError as error:
             raise InputError(f"{self.name}: {error}") from error
         if "at_limit" in provenance and self.investigation.belief is None:
-            why = f"; {provenance['refused']}" if "refused" in provenance else ""
-            raise InputError(f"{self.name}: nothing is adopted: {', '.join(provenance['at_limit'])} stopped at the end "
-                             f"of its range{why}")
+            why, stopped = provenance.get("refused", ""), ", ".join(provenance["at_limit"])
+            raise InputError(f"{self.name}: nothing is adopted: {stopped} stopped at the end of its range"
+                             + (f"; {why}" if why and stopped not in why else ""))
         accepted = {"accepted": list(self.record.data.accepted)} if self.record.data.accepted else {}
         return replace(belief, provenance={"dataset": self.name, **accepted, **provenance,
                                            "range": self.investigation.ranges,
