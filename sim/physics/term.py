@@ -96,6 +96,9 @@ class Term(ABC):
         relative: Tested only where an earlier session reported what it changes.
         always: At work in every simulation, its parameters known.
         unseen: Why no number of shots counts as showing it; "" where enough of them do.
+        positive: Probability, before any shot, that the amplitude is above 0, where nature prefers a side.
+        law_sd: Of a law of physics, whose amplitude is 1 wherever the simulation lacks it: one standard deviation of
+            how far it may be off; None: any size is possible.
         calibration_sd: Of a tracker's calibration that is fitted with every track: one standard deviation of the
             amplitude's prior there; None: the amplitude is tested like any other.
     """
@@ -115,6 +118,8 @@ class Term(ABC):
     relative: ClassVar[bool] = False
     always: ClassVar[bool] = False
     unseen: ClassVar[str] = ""
+    positive: ClassVar[float] = 0.5
+    law_sd: ClassVar[float | None] = None
     calibration_sd: ClassVar[float | None] = None
 
     def __init_subclass__(cls) -> None:

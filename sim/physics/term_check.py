@@ -74,6 +74,10 @@ def _recording(term: Term) -> Iterator[str]:
         yield f"follows: {term.follows!r} is none of {', '.join(Circumstances._fields)}"
     if term.follows is not None and not term.record:
         yield f"record: is empty, though the term follows {term.follows}, which has to be recorded"
+    if not 0.0 < term.positive < 1.0:
+        yield "positive: is a probability between 0 and 1"
+    if term.law_sd is not None and not term.law_sd > 0.0:
+        yield "law_sd: above 0, or None"
     if term.calibration_sd is not None and not (isinstance(term, WatchTerm) and term.calibration_sd > 0.0):
         yield "calibration_sd: is for terms about a tracker, and above 0"
 

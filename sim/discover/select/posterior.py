@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 from scipy.special import log_ndtr, logsumexp, ndtr
+from scipy.stats import norm
 
 from truearc.sim.discover.detect.covariates import Covariate, Factor, varies
 from truearc.sim.discover.select.hypotheses import (
@@ -29,10 +30,12 @@ from truearc.sim.infer.baseline_fit import BaselineFit
 from truearc.sim.infer.held_out import without
 from truearc.sim.infer.likelihood.external_measurements import nats_measured
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
-from truearc.sim.physics.catalogue import find_parameter
+from truearc.sim.physics.catalogue import find_parameter, find_terms
+from truearc.sim.physics.term import Term
 
 SHARES = {"one": 0.55, "varies": 0.03, "two": 0.18, "unexplained": 0.22, "both": 0.05}
 LEADERS = 3                           # likeliest terms, beside which a second thing is looked for
+TERM_SIZES = (0.5, 1.0, 2.0, 4.0)    # of a term's amplitude, by the usual one
 WITHIN = 8.0                          # nats of the likeliest, beyond which none is a leader
 SECONDS, FAMILIES = 10, 4             # of one step, beside a leader or alone, that are climbed to their top
 PAIRS = 3                             # refitted
@@ -220,16 +223,38 @@ def _known(fitted: BaselineFit, name: str, amplitude: float, sd: float, usual: f
 
 
 def _in_range(fitted: BaselineFit, name: str, amplitude: float, sd: float, usual: float) -> float:
+    """Nats by which the amplitude's own prior differs from the normal one that its evidence was worked out with: the
+    range of its parameter, the side that nature prefers, the size that a law of physics gives it."""
     among = fitted.layout.chain.catalogue
-    parameter = find_parameter(name, among)
+    parameter, term = find_parameter(name, among), find_terms((name.partition(".")[0],), among)[0]
     shared = [column.name for column in fitted.layout.columns[fitted.layout.first_shared:]]
-    centre = float(fitted.layout.centre[shared.index(name)]) if name in shared else 0.0
-    low, high = parameter.low - centre, parameter.high - centre
-    after = ndtr((high - amplitude) / sd) - ndtr((low - amplitude) / sd)
-    before = ndtr(high / usual) - ndtr(low / usual)
+    changed = name in shared              # of what is believed: that has no side, and no law
+    centre = float(fitted.layout.centre[shared.index(name)]) if changed else 0.0
+    ends = parameter.low - centre, parameter.high - centre
+    after = ndtr((ends[1] - amplitude) / sd) - ndtr((ends[0] - amplitude) / sd)
     if after < 1e-12:
-        return float(max(log_ndtr(min((high - amplitude) / sd, (amplitude - low) / sd)), -50.0) - np.log(before))
-    return float(np.log(after / max(before, 1e-12)))
+        own = ndtr(ends[1] / usual) - ndtr(ends[0] / usual)
+        return float(max(log_ndtr(min((ends[1] - amplitude) / sd, (amplitude - ends[0]) / sd)), -50.0) - np.log(own))
+    places = np.linspace(max(ends[0], amplitude - 8.0 * sd), min(ends[1], amplitude + 8.0 * sd), 801)
+    told = norm.logpdf(places, amplitude, sd) - norm.logpdf(places, 0.0, usual)
+    return float(logsumexp(told + _own_prior(term, places, ends, usual, changed)) + np.log(places[1] - places[0]))
+
+
+def _own_prior(term: Term, places: Float[Array, " k"], ends: tuple[float, float], usual: float,
+               changed: bool) -> Float[Array, " k"]:
+    """Log density [k] of an amplitude inside its range: as large as usual, or half, twice or four times as large."""
+    law = term.law_sd if not changed else None
+    mean, sizes = (0.0, usual * np.array(TERM_SIZES)) if law is None else (1.0, np.array([law]))
+    side = 0.5 if changed or law is not None else term.positive
+
+    def held(low: float, high: float) -> Float[Array, " sizes"]:
+        return np.asarray(ndtr((high - mean) / sizes) - ndtr((low - mean) / sizes))
+
+    whole = 2.0 * ((1.0 - side) * held(min(ends[0], 0.0), min(ends[1], 0.0))
+                   + side * held(max(ends[0], 0.0), max(ends[1], 0.0))).mean()
+    density = norm.logpdf(places[:, None], mean, sizes)
+    weight = np.where(places > 0.0, 2.0 * side, 2.0 * (1.0 - side))
+    return np.asarray(logsumexp(density, axis=1) - np.log(len(sizes)) + np.log(weight) - np.log(max(whole, 1e-300)))
 
 
 def families_of(evidence: ScoreTable, covariates: Sequence[Covariate], factors: Sequence[Factor]) -> list[Family]:

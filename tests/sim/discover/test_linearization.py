@@ -341,7 +341,7 @@ def test_a_spot_near_by_is_foretold_without_flying_anew(bench: Bench) -> None:
 def test_the_centre_of_the_prior_pulls(bench: Bench) -> None:
     evidence, layout = bench.evidence, bench.layout
     place = evidence.index("drag.cd") - evidence.first_shared
-    centre, sd = 0.5, 1.5 * 0.5 * 0.7         # the catalogue's log prior as a plain one, half as wide again
+    centre, sd = 0.5, 1.5 * 0.5 * 0.35        # the catalogue's log prior as a plain one, half as wide again
     assert layout.centre[place] == pytest.approx(centre)
     assert evidence.precision[place, place] == pytest.approx(sd**-2.0)
     assert evidence.pull[place] == pytest.approx((centre - 0.45) / sd**2)

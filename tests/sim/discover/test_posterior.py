@@ -1,10 +1,12 @@
 """The posterior over what is missing, where everything is linear and has a closed form."""
 
 import itertools
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 from scipy.stats import norm
 
 from tests.sim.discover.straight import ASKED, fit_straight
@@ -23,6 +25,8 @@ from truearc.sim.infer.held_out import without
 
 PLANTED = {"wind_z.speed_m_s": 1.2, "added_mass.share": 0.8}
 BETWEEN = {"drag_wear.share": tuple(PLANTED)}
+
+Prior = Callable[[np.ndarray], np.ndarray]
 
 
 @pytest.fixture
@@ -138,10 +142,23 @@ def test_probabilities_are_counted_by_what_hypotheses_hold() -> None:
     assert [found.share(kind) for kind in ("one", "two", "both", "unexplained")] == pytest.approx([0.4, 0.3, 0.2, 0.1])
 
 
-def test_a_prior_that_ends_where_the_parameter_does_counts_only_what_is_possible() -> None:
-    """spin_decay.rate_per_s cannot be negative: half of its prior is cut, and all but a tail of a negative estimate."""
+@pytest.mark.parametrize(("name", "usual", "prior"), [
+    ("spin_decay.rate_per_s", 0.4, lambda x: np.where(x > 0.0, 2.0, 0.0)),
+    ("release_height.above_m", 0.04, lambda x: np.ones_like(x)),
+    ("spin_drag.share", 0.3, lambda x: np.where(x > 0.0, 1.8, 0.2))])
+def test_an_amplitudes_own_prior_is_integrated_as_scipy_does(name: str, usual: float, prior: Prior) -> None:
+    """By its range, the side that nature prefers, and sizes of half, one, two and four times the usual one."""
     fitted = fit_straight({}, 1)
-    for amplitude in (0.3, 0.0, -0.2):
-        after, before = norm.sf(0.0, amplitude, 0.1) - norm.sf(5.0, amplitude, 0.1), norm.sf(0.0, 0.0, 1.0)
-        low = _in_range(fitted, "spin_decay.rate_per_s", amplitude, 0.1, 1.0)
-        assert low == pytest.approx(np.log(after / before), abs=0.05)
+    for amplitude, sd in ((0.8 * usual, 0.2 * usual), (0.0, 0.3 * usual), (-0.2 * usual, 0.3 * usual)):
+        def ratio(x: float, amplitude: float = amplitude, sd: float = sd) -> float:
+            wide = np.mean([norm.pdf(x, 0.0, size * usual) for size in (0.5, 1.0, 2.0, 4.0)])
+            return float(norm.pdf(x, amplitude, sd) * prior(np.array(x)) * wide / norm.pdf(x, 0.0, usual))
+
+        expected = quad(ratio, amplitude - 8 * sd, amplitude + 8 * sd, points=[0.0], limit=200)[0]
+        assert _in_range(fitted, name, amplitude, sd, usual) == pytest.approx(np.log(expected), abs=0.03)
+
+
+def test_what_a_law_gives_is_believed_near_one() -> None:
+    fitted = fit_straight({}, 1)
+    at_law, far = (_in_range(fitted, "added_mass.share", amplitude, 0.1, 1.0) for amplitude in (1.0, -0.6))
+    assert at_law > 1.0 and far < -10.0

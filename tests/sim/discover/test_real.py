@@ -64,7 +64,7 @@ def test_what_only_a_wrong_camera_makes_right_is_not_adopted(data_dir: Path, tmp
     adopt = ["--adopt", str(tmp_path / "out.toml"), "--json", str(tmp_path / "out.json"), "--quiet"]
     assert main(["discover", str(tmp_path / "mpi"), "--believe", "gravity,drag", *adopt]) == 2
     said = capsys.readouterr()
-    assert "nothing is adopted: " in said.err and "track_scale.share, track_clock.share stopped at the end of its range" in said.err
+    assert "nothing is adopted: track_scale.share, track_clock.share stopped at the end of its range" in said.err
     assert "A fit stopped at the end of a range (" in said.out and "track_scale.share at " in said.out
     assert not (tmp_path / "out.toml").exists()
     assert "track_scale.share" in ta.load_finding(tmp_path / "out.json").data.at_limit
@@ -96,15 +96,14 @@ def test_971s_balls_slip(data_dir: Path) -> None:
     assert finding.verdict in ("named", "set") and finding.what[0].term == "wheel_slip"
 
 
-def test_254s_tables_end_at_no_drag_and_rising_air_makes_up_for_it(data_dir: Path) -> None:
+def test_254s_tables_have_no_name_and_go_with_the_hood(data_dir: Path) -> None:
+    """An assumption of the import is wrong: no effect on a launcher changes at one angle by half of the speed."""
     dataset = import_254(data_dir / "real/frc_shot_tables.csv")
     found = discover(dataset)
-    assert found.finding.verdict in ("named", "set") and found.finding.what[0].term == "wind_z"
-    assert found.finding.data.fitted["all"]["drag.cd"] == 0.0              # the edge of what drag can be
-    adopted, told = make_belief(found)
-    assert [one.partition(" ")[0] for one in told["adopted"]] == ["wind_z"]
-    met = np.asarray(predict(dataset.facts, adopted.coefficients, dataset.shots).height_m)
-    assert np.all(np.abs(met - GOAL_M) < 1.0)
+    assert found.finding.verdict == "unknown" and found.finding.where.covariate == "hood_deg"
+    assert 0.1 < found.finding.data.fitted["all"]["drag.cd"] < 0.6
+    _, told = make_belief(found)
+    assert all(one.endswith("by hood_deg") for one in told["adopted"])
 
 
 def test_254s_old_balls_are_shot_steeper_and_would_fly_too_high_as_new_ones(data_dir: Path) -> None:

@@ -95,7 +95,7 @@ def test_a_tape_parts_what_shots_cannot(raised: tuple[Dataset, Investigation]) -
     assert there.set == ("target_height",) and there.verdict == "named"
     not_there = discover(dataset, seed=1, measured={TARGET: Measurement(0.002, 0.01)}).finding
     assert "target_height" not in (not_there.set or ())
-    assert {one.term: one.probability for one in not_there.what}.get("target_height", 0.0) < 0.01
+    assert {one.term: one.probability for one in not_there.what}.get("target_height", 0.0) < 0.05
     assert there.mismatch.p_value == alone.mismatch.p_value == not_there.mismatch.p_value
 
 

@@ -14,12 +14,12 @@ TRUTH = 0.012                         # lost per m/s
 def test_the_worked_example_is_as_the_page_says() -> None:
     found = discover(shoot(make_world({"wheel_slip": TRUTH}, "L0", 300, 11)), seed=0)
     finding = found.finding
-    assert finding.mismatch.p_value == pytest.approx(0.0075)
+    assert finding.mismatch.p_value == pytest.approx(0.0065)
     assert finding.verdict == "set" and finding.set == ("wheel_slip", "wind_z")
-    assert [round(one.probability, 2) for one in finding.what[:2]] == [0.82, 0.04]
-    assert finding.unexplained == pytest.approx(0.14, abs=0.005)
+    assert [round(one.probability, 2) for one in finding.what[:2]] == [0.84, 0.05]
+    assert finding.unexplained == pytest.approx(0.11, abs=0.005)
     interval = finding.what[0].parameters["loss_per_m_s"]
-    assert (round(100 * interval.low90, 1), round(100 * interval.high90, 1)) == (0.7, 2.4)
+    assert (round(100 * interval.low90, 1), round(100 * interval.high90, 1)) == (0.6, 2.3)
     assert interval.low90 < TRUTH < interval.high90
     naming = found.steps[0].naming
     assert sum(one.visible for one in naming.candidates) == 13

@@ -30,7 +30,7 @@ def exact() -> team_tables.Points:
     return team_tables.Points("made", "table", DISTANCE_M, best / team_tables.RPM, np.zeros(n), np.zeros(n))
 
 
-@pytest.mark.parametrize(("sd", "seed"), [(0.01, 3), (0.03, 5), (0.03, 6)])
+@pytest.mark.parametrize(("sd", "seed"), [(0.01, 3), (0.03, 6)])
 def test_fit_explains_every_measured_height_where_it_can(exact: team_tables.Points, sd: float, seed: int) -> None:
     """Of these, a search from the prior alone ends where two or three of five heights are slips and off by metres."""
     tuned = exact._replace(rpm=exact.rpm * np.exp(sd * np.random.default_rng(seed).normal(size=len(DISTANCE_M))))

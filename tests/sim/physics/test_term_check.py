@@ -44,6 +44,7 @@ def test_term_without_a_declaration_is_refused(field: str) -> None:
     ({"instrument": None}, "instrument: "), ({"instrument": Instrument("ruler", "a ruler", 0.0)}, "not above 0"),
     ({"follows": "moonlight", "record": "the moon"}, "follows: 'moonlight'"),
     ({"follows": "curve_by"}, "record: is empty"),
+    ({"positive": 1.0}, "positive: "), ({"law_sd": 0.0}, "law_sd: "),
     ({"calibration_sd": 0.1}, "calibration_sd: "), ({"parameters": ()}, "parameters: expected a tuple"),
     ({"parameters": (*number(), *number())}, "two have one name"),
     ({"parameters": number(unit="foot")}, "unit: got 'foot'"),

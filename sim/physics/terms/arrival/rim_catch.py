@@ -10,6 +10,7 @@ class RimCatch(ArrivalTerm):
     parameters = amplitude("reach_m", "m", -0.05, 0.3, sd=0.03, meaning="true half height less the stated one",
                            source="a ball that touches the rim goes in or out by a few centimetres of its path",
                            reason="none to five centimetres of a rim's or a net's give")
+    positive = 0.9                    # a rim lets balls in that touch it
     direction = "vertical"
     label = "forgiving rim"
     sentence = "The rim lets in balls that touch it, as if the opening were larger."

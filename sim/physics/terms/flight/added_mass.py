@@ -14,6 +14,7 @@ class AddedMass(FlightTerm):
                            source="1 for a sphere in a fluid without friction: half the displaced mass (Lamb 1932)",
                            reason="0 is a simulation without it, 1 is the theory")
     direction = "vertical"
+    law_sd = 0.2
     sentence = "The ball carries air along and is harder to speed up or slow down than its mass says."
     phrase = Phrase("the ball has to move some air along, {} of what theory gives it", "the ball moves as if it were "
                     "lighter, by {} of the air that theory has it move along", *SHARE)

@@ -11,6 +11,7 @@ class AirDensity(AirShareTerm):
                            source="1 by definition: forces of the air are proportional to its density, 3.4 % for 10 K",
                            reason="0 is a simulation that knows no weather, 1 the ideal gas")
     follows = "density"
+    law_sd = 0.2
     sentence = "The forces of the air change with its pressure and temperature."
     phrase = either_way("the forces of the air <follow|go against> its pressure and temperature, with {} of what the "
                         "gas law says", SHARE)

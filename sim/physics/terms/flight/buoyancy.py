@@ -13,6 +13,7 @@ class Buoyancy(FlightTerm):
                            source="1 by Archimedes' principle: 2.5 % of the weight of a foam ball",
                            reason="0 is a simulation without it, 1 is what it must be")
     direction = "vertical"
+    law_sd = 0.2
     sentence = "The air that the ball displaces carries part of its weight."
     phrase = Phrase("the air carries part of the ball's weight, {} of that of the air it displaces",
                     "the ball is heavier than stated, by {} of the weight of the air it displaces", *SHARE)

@@ -9,10 +9,11 @@ class Drag(FlightTerm):
     """F = (cd / 2) A rho v^2 against the velocity, with A = pi r^2."""
 
     order = 110, "a force by itself, before those that are shares of it"
-    parameters = amplitude("cd", "1", 0.0, 5.0, scale="log", centre=0.5, sd=0.7, meaning="drag coefficient",
-                           source="the paper's search range; a smooth sphere has 0.4-0.5",
-                           reason="spheres and sports balls have 0.1 (past the drag crisis) to 0.7 (felt); a factor of "
-                           "two either way leaves room for the paper's 0.91", by_ball=0.08, fit_each_ball=True)
+    parameters = amplitude("cd", "1", 0.0, 5.0, scale="log", centre=0.5, sd=0.35, meaning="drag coefficient",
+                           source="spheres at the speeds of launchers: 0.4 to 0.5 smooth (Achenbach 1972), 0.5 to 0.65 "
+                           "felt (Mehta et al. 2008); range: the paper's search",
+                           reason="a factor of 1.4 either way holds these; the paper's 0.91 is two deviations off",
+                           by_ball=0.08, fit_each_ball=True)
     direction = "along"
     sentence = "The air slows the ball in proportion to the square of its speed."
     phrase = either_way("the air <slows|drives> the ball, with a drag coefficient of <|minus >{}")

@@ -16,6 +16,7 @@ class SpinDrag(FlightTerm):
                            "2013)",
                            reason="tunnel data of spinning balls rise by about as much as S squared")
     direction = "along"
+    positive = 0.9                    # every tunnel that has looked found more drag with more spin
     label = "drag by spin"
     sentence = "The air slows a spinning ball more than one without spin."
     phrase = either_way("a spinning ball has <more|less> drag: its coefficient is {} <larger|smaller> where the ball's "

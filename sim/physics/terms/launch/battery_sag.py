@@ -11,6 +11,7 @@ class BatterySag(SpeedTerm):
     parameters = amplitude("sensitivity", "1", -2.0, 2.0, sd=0.3, meaning="relative exit speed per relative voltage",
                            source="a motor holds its speed under the ball's load with the voltage that remains",
                            reason="a tenth of the voltage costs a few per cent of the speed; without control, a tenth")
+    positive = 0.9                    # motors with less voltage push less
     follows = "battery"
     sentence = "A weaker battery gives a slower ball at the same wheel speed."
     phrase = either_way("a battery one tenth weaker sends the ball off {} "

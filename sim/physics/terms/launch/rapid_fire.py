@@ -18,6 +18,7 @@ class RapidFire(SpeedTerm):
                   Prior("log", 0.7, 0.6, "0.2 to 2.3 s at two sigma, by motor, inertia and gains"),
                   meaning="time in which that fades to a third"))
     record = "t_s or since_last_shot_s of each shot"
+    positive = 0.9                    # wheels that had no time to recover are slower
     sentence = "A shot soon after another leaves slower: the wheels have not recovered."
     phrase = either_way("a shot right after another leaves {} <slower|faster>", SHARE)
     instrument = Instrument("shots_short_long_pause", "the same shot after 1 s and after 10 s", 0.02)

@@ -10,6 +10,7 @@ class WheelDroop(SpeedTerm):
     parameters = amplitude("loss", "1", -0.5, 0.5, sd=0.05, meaning="share of the speed lost at the wheels' mean dip",
                            source="wheels dip by up to a tenth as a ball passes, light ones more, as teams report",
                            reason="a ball takes its energy out of the wheels'; a tenth lost at two sigma")
+    positive = 0.9                    # a wheel that pushes a ball slows down
     follows = "droop"
     sentence = "The wheels slow down while the ball passes; the more they dip, the slower it leaves."
     phrase = Phrase("the wheels slow down under the ball: at their usual dip it leaves {} slower, at a larger one "
