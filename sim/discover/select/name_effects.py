@@ -99,7 +99,7 @@ def name_effects(fitted: BaselineFit, place: Place | None, search: Search, progr
     naming, posterior = search.weigh(fitted, part_of(progress, 0.0, 0.5))
     whole = _step(naming, place, (), fitted, posterior)
     varies = posterior.share("varies") >= UNKNOWN
-    if naming.nats[naming.leader] <= 0.0 or not (varies or posterior.holds_more()):
+    if _says_nothing(naming) or not (varies or posterior.holds_more()):
         return (whole,)
     first = replace(whole, unknown=False)
     named = promote(fitted, first.refit)
@@ -150,8 +150,13 @@ def _two_and_rest(fitted: BaselineFit, first: Step, pair: Refit, search: Search,
 
 def _step(naming: Naming, place: Place | None, base: tuple[str, ...], fitted: BaselineFit,
           posterior: Hypotheses) -> Step:
-    unknown = naming.nats[naming.leader] <= 0.0 or posterior.unexplained() >= UNKNOWN
+    unknown = _says_nothing(naming) or posterior.unexplained() >= UNKNOWN
     return replace(_unnamed(naming, place, base, fitted), unknown=unknown, unexplained=posterior.unexplained())
+
+
+def _says_nothing(naming: Naming) -> bool:
+    """Whether the data speak for no term: not for the likeliest alone, nor for it beside another."""
+    return naming.nats[naming.leader] <= 0.0 and naming.probability[naming.leader] < UNKNOWN
 
 
 def _unnamed(naming: Naming, place: Place | None, base: tuple[str, ...], fitted: BaselineFit) -> Step:
