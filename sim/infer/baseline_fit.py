@@ -94,7 +94,11 @@ class BaselineFit:
     @property
     def lost(self) -> bool:
         """Whether a launch standard deviation exceeds ABSURD times its prior median; such a fit is a poor start."""
-        return bool(((self.spot.log_scatter - USUAL_SCATTER)[OF_LAUNCH] > np.log(ABSURD)).any())
+        return _is_lost(self.spot)
+
+
+def _is_lost(spot: LinearizationPoint) -> bool:
+    return bool(((spot.log_scatter - USUAL_SCATTER)[OF_LAUNCH] > np.log(ABSURD)).any())
 
 
 def part_of(progress: Progress, begin: float, share: float) -> Progress:
@@ -106,11 +110,14 @@ def fit_believed(intake: Intake, layout: ParameterLayout, progress: Progress = l
     """Most probable shared columns by Newton's method with halved steps, relinearised at every step."""
     bare = only_shared(layout)
     starts = usual_starts(intake, layout)
-    starts = starts[:1] if intake.samples is not None or len(intake.marked) > FEW else (
-        *starts, usual_spot(intake, layout))
-    tops = [_top_from(intake, bare, start, part_of(progress, 0.9 * k / len(starts), 0.9 / len(starts)))
-            for k, start in enumerate(starts)]
-    spot = max(tops, key=lambda top: objective(top[1], bare))[0]
+    many = intake.samples is None and len(intake.marked) > FEW
+    starts = starts[:1] if intake.samples is not None else (*starts, usual_spot(intake, layout))
+    tops: list[tuple[LinearizationPoint, ScoreTable]] = []
+    for k, start in enumerate(starts):
+        tops.append(_top_from(intake, bare, start, part_of(progress, 0.9 * k / len(starts), 0.9 / len(starts))))
+        if many and not _is_lost(tops[-1][0]):     # many outcomes have one top, but for those that call all scatter
+            break
+    spot = max(tops, key=lambda top: (not (many and _is_lost(top[0])), objective(top[1], bare)))[0]
     progress(0.9, "slopes")
     whole, _ = linearise(intake, layout, spot)
     return BaselineFit(intake, layout, spot, whole)
