@@ -115,7 +115,7 @@ def fit_believed(intake: Intake, layout: ParameterLayout, progress: Progress = l
     tops: list[tuple[LinearizationPoint, ScoreTable]] = []
     for k, start in enumerate(starts):
         tops.append(_top_from(intake, bare, start, part_of(progress, 0.9 * k / len(starts), 0.9 / len(starts))))
-        if many and not _is_lost(tops[-1][0]):     # many outcomes have one top, but for those that call all scatter
+        if many and not _is_lost(tops[-1][0]):     # many outcomes have one top, except those that call all scatter
             break
     spot = max(tops, key=lambda top: (not (many and _is_lost(top[0])), objective(top[1], bare)))[0]
     progress(0.9, "slopes")
