@@ -24,7 +24,7 @@ WHEELS = (("top_left", 300.0), ("top_right", 60.0), ("bottom", 180.0))
 WHEEL_RADIUS_M = 0.04                 # assumed: with it the no-spin sets leave at the speed of wheels that do not slip
 BALL = Ball(mass_kg=0.0027, radius_m=0.02)
 TRACK_NOISE_M = 0.002                 # scatter of the samples around a smooth flight, the worst of the three axes
-# not stated: cameras that were calibrated together, on a floor that was taken for level
+# not stated: cameras that were calibrated together, on a floor that was treated as level
 TRACKER = Tracker(scale_sd=0.01, tilt_sd_deg=1.0, clock_sd=0.005)
 RELEASE_HEIGHT_M = 1.104              # not stated; where the published flights begin, so that all imports have one rig
 RIG = Rig(ball=BALL, launcher=LauncherFacts(

@@ -35,7 +35,7 @@ from truearc.sim.physics.term import Term
 
 SHARES = {"one": 0.55, "varies": 0.03, "two": 0.18, "unexplained": 0.22, "both": 0.05}
 LEADERS = 3                           # likeliest terms, beside which a second thing is looked for
-TERM_SIZES = (0.5, 1.0, 2.0, 4.0)    # of a term's amplitude, by the usual one
+TERM_SIZES = (0.5, 1.0, 2.0, 4.0)     # of a term's amplitude, by the usual one
 WITHIN = 8.0                          # nats of the likeliest, beyond which none is a leader
 SECONDS, FAMILIES = 10, 4             # of one step, beside a leader or alone, that are climbed to their top
 PAIRS = 3                             # refitted

@@ -106,7 +106,7 @@ def log_likelihood(seen: OutcomeObservations, mean_m: Float[Array, " n"],
 
 def _log_height(seen: OutcomeObservations, mean_m: Float[Array, " n"],
                 spread_m: Float[Array, " n"]) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " n"]]:
-    """(log density, probability that it is no slip, deviation in standard ones) of measured heights [n]."""
+    """(log density, probability of not being a slip, deviation in standard ones) of measured heights [n]."""
     wide = np.hypot(spread_m, HEIGHT_M)
     off = np.where(seen.measured, (seen.height_m - mean_m) / wide, 0.0)
     density = np.log1p(-LAPSE) - 0.5 * off**2 - np.log(wide) - HALF_LOG_2PI
