@@ -128,12 +128,13 @@ def _top_from(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
     """The top that a climb from the spot comes to, after one over easier ground.
 
     A height that is a slip costs a few nats however far it is off, so that a climb from far away may end where half of
-    the heights are called slips; and a tracker's errors, which may be large, bend flights as any physics does. First no
-    height may be a slip, and the tracker has hardly any error.
+    the heights are called slips, or where they scatter so much that none is off; and a tracker's errors, which may be
+    large, bend flights as any physics does. First no height may be a slip, physics does not change how heights scatter,
+    and the tracker has hardly any error.
     """
     if intake.seen.measured.any():
         strict = replace(intake, seen=replace(intake.seen, slips=False))
-        spot = climb(strict, layout, spot, part_of(progress, 0.0, 0.5))[0]
+        spot = climb(strict, replace(layout, steady=True), spot, part_of(progress, 0.0, 0.5))[0]
     tight = np.array([TIGHT if is_tracker(column, layout.chain.catalogue) else 1.0
                       for column in layout.columns[layout.first_shared:]])
     if (tight != 1.0).any():
@@ -328,7 +329,7 @@ def only_shared(layout: ParameterLayout, more: Iterable[str] = ()) -> ParameterL
     return ParameterLayout(_lean(layout, kept), tuple(layout.columns[k] for k in kept), layout.source[kept],
                   tuple(place.get(column, -1) for column in layout.scatters), precision,
                   np.concatenate([[one.centre for one in own], layout.centre[order]]), layout.edges_s, layout.usual,
-                  layout.groups, layout.measured, layout.see)
+                  layout.groups, layout.measured, layout.see, layout.steady)
 
 
 def widened(precision: Float[Array, "p p"], by: Iterable[tuple[int, float]]) -> Float[Array, "p p"]:

@@ -61,9 +61,10 @@ def record(world: World, plan: Plan, seen: tuple[Floats, Floats], ratio: Floats,
     off = world.scatter.wheel * world.rng(9).normal(size=world.shots)
     wheels = wheel_speeds(world, ratio * (1.0 + off))
     flown = shoot_all(world, plan, wheels, flight_s)
-    numbers = {"distance_m": distance, "hood_deg": hood, "motor_ratio": ratio}
+    numbers = {"distance_m": distance, "hood_deg": hood, "motor_ratio": ratio, "t_s": plan.t_s}
     outcome, side = see_outcomes(world, flown)
-    texts = {"outcome": outcome} | ({"side": side} if world.side else {})
+    texts = {"outcome": outcome, "session": tuple(f"day{k + 1}" for k in plan.session)}
+    texts |= {"side": side} if world.side else {}
     tracks = traces = None
     if world.level != "L0":
         more_numbers, more_texts = see_telemetry(world, plan, wheels)

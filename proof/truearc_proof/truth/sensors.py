@@ -63,12 +63,12 @@ def see_telemetry(world: World, plan: Plan,
     names = [wheel.name for wheel in world.facts.launcher.wheel]
     numbers = {f"wheel_{name}_rad_s": speed + noise.wheel_rad_s * rng.normal(size=n)
                for name, speed in zip(names, wheels_rad_s, strict=True)}
-    numbers |= {"t_s": plan.t_s, "since_last_shot_s": plan.since_last_s,
+    numbers |= {"since_last_shot_s": plan.since_last_s,
                 "battery_v": plan.battery_v + BATTERY_NOISE_V * rng.normal(size=n),
                 "temperature_c": plan.temperature_c + TEMPERATURE_NOISE_C * rng.normal(size=n),
                 "pressure_pa": plan.pressure_pa + PRESSURE_NOISE_PA * rng.normal(size=n),
                 "robot_speed_m_s": plan.closing_m_s + CLOSING_NOISE_M_S * rng.normal(size=n)}
-    texts = {"session": tuple(f"day{k + 1}" for k in plan.session), "ball_id": tuple(f"ball{k + 1}" for k in plan.ball),
+    texts = {"ball_id": tuple(f"ball{k + 1}" for k in plan.ball),
              "supplier": tuple(SUPPLIERS[k] for k in plan.supplier)}
     return numbers, texts
 

@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int
 
 from truearc.sim.infer.likelihood import outcome_likelihood as outcomes
 from truearc.sim.infer.likelihood.external_measurements import Measured
-from truearc.sim.infer.likelihood.forward_model import Chain, Prediction, ShotBatch, see_slopes
+from truearc.sim.infer.likelihood.forward_model import Chain, Prediction, ShotBatch, plane_bends, see_slopes
 from truearc.sim.infer.likelihood.noise import FLOOR_M
 from truearc.sim.infer.likelihood.normal_equations import Normal, multiply_out
 from truearc.sim.infer.likelihood.prepared_data import Intake
@@ -58,7 +58,7 @@ class ParameterLayout:
     -1 for a scatter, -2 for a group's effect (those come last, effect by effect, group by group). scatters: columns of
     the logs of SCATTERS, in that order, -1 where not fitted. precision [p, p], centre [p]: the shared columns' prior.
     usual [slots]: the chain's parameters by default. measured: external measurements of candidate terms. see: flies the
-    chain in place of see_slopes.
+    chain in place of see_slopes. steady: the spread of heights at the plane is taken not to change with the inputs.
     """
 
     chain: Chain
@@ -72,6 +72,7 @@ class ParameterLayout:
     groups: Groups | None = None
     measured: Measured = field(default_factory=dict)
     see: Callable[..., tuple[Prediction, Prediction]] | None = None
+    steady: bool = False
 
     @property
     def inputs(self) -> Int[Array, " inputs"]:
@@ -115,17 +116,24 @@ class LinearizationPoint:
 @dataclass(frozen=True)
 class Linearization:
     """The prediction at a spot, its slopes by the layout's inputs, then deviates (last axis), and the normal equations
-    of tracks and exits in both."""
+    of tracks and exits in both. log_spread_by [n, inputs]: slopes of the log standard deviation of the height at the
+    plane; of tracked shots 0."""
 
     spot: LinearizationPoint
     seen: Prediction
     slopes: Prediction
     normal: Normal
+    log_spread_by: Float[Array, "n inputs"]
 
     def plane_at(self, layout: ParameterLayout, values: Float[Array, " slots"]) -> Prediction:
         """The prediction at the plane at other values of the inputs, all else the same; linear in them."""
         change = self._change(layout, values)
         return self.seen._replace(plane=self.seen.plane + self.slopes.plane[..., :len(change)] @ change)
+
+    def log_spread_at(self, layout: ParameterLayout, values: Float[Array, " slots"]) -> Float[Array, " n"]:
+        """Change of the log standard deviation of the height at the plane from the spot to there."""
+        change: Array = self.log_spread_by @ self._change(layout, values)
+        return change
 
     def normal_at(self, layout: ParameterLayout, values: Float[Array, " slots"]) -> Normal:
         """The normal equations there."""
@@ -149,9 +157,8 @@ def linearise(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
               flown: Linearization | None = None) -> tuple[ScoreTable, Float[Array, "n D"]]:
     """(evidence at the spot, most likely deviates there); of what was flown about a spot near by, if given,
     with the same deviates."""
-    count, inputs = layout.chain.deviates, len(layout.inputs)
+    count = layout.chain.deviates
     flown = flown or fly(intake, layout, spot)
-    seen, slopes = flown.plane_at(layout, spot.values), flown.slopes
     real = len(layout.columns) - layout.grouped
     bases = _bases(layout)
     columns = np.concatenate([np.flatnonzero(layout.source >= 0), real + np.arange(bases)])
@@ -160,7 +167,7 @@ def linearise(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
         left = _integrate(flown.normal_at(layout, spot.values), sd, columns, real + bases)
     own = left.mean + np.einsum("ndb,nb->nd", left.mean_by[:, :, real:], _group_effects(layout, spot))
     score, info = _scatter_terms(intake, layout, spot, sd, left, own, real + bases)
-    plane = _plane(intake, layout, spot, seen, slopes, sd, left, columns, inputs, real + bases)
+    plane = _plane(intake, layout, spot, flown, sd, left, columns, real + bases)
     parts = _scaled(layout, left.score + score, left.info + info, plane)
     point = _point(layout, spot)
     pull = layout.precision @ (layout.centre - point[layout.first_shared:])
@@ -214,11 +221,43 @@ def fly(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint) -> Li
     both = np.concatenate([inputs, deviates])
     if not spot.deviates.any():
         seen, slopes = _fly(layout, intake.lanes, spot, _basis(layout, both))
-        return Linearization(spot, seen, slopes, multiply_out(intake, seen, slopes, spot.deviates))
+        return _linearization(intake, layout, spot, seen, slopes)
     _, still = _fly(layout, intake.lanes, replace(spot, deviates=_common(spot.deviates)), _basis(layout, inputs))
     seen, moving = _fly(layout, intake.lanes, spot, _basis(layout, deviates))
     slopes = jax.tree.map(lambda a, b: np.concatenate([a, b], axis=-1), still, moving)
-    return Linearization(spot, seen, slopes, multiply_out(intake, seen, slopes, spot.deviates))
+    return _linearization(intake, layout, spot, seen, slopes)
+
+
+def _linearization(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, seen: Prediction,
+                   slopes: Prediction) -> Linearization:
+    normal = multiply_out(intake, seen, slopes, spot.deviates)
+    return Linearization(spot, seen, slopes, normal, _log_spread_by(intake, layout, spot, seen, slopes, normal))
+
+
+def _log_spread_by(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, seen: Prediction,
+                   slopes: Prediction, normal: Normal) -> Float[Array, "n inputs"]:
+    """Slopes [n, inputs] of the log standard deviation of the height at the plane.
+
+    They say how the height's slopes by a shot's own deviations change with the inputs.
+    """
+    inputs = len(layout.inputs)
+    result = np.zeros((len(intake.rows), inputs))
+    if layout.steady or intake.samples is not None or not len(intake.marked) or not layout.chain.plane:
+        return result
+    sd = np.sqrt(variance_of(intake, spot.log_scatter))[:, :layout.chain.deviates]
+    inner = np.eye(sd.shape[1]) + sd[:, :, None] * normal.inner[:, inputs:, inputs:] * sd[:, None, :]
+    covariance = sd[:, :, None] * np.linalg.inv(inner) * sd[:, None, :]
+    by_deviate = slopes.plane[:, 0, inputs:]
+    toward = np.einsum("nde,ne->nd", covariance, by_deviate)
+    spread = np.sqrt((toward * by_deviate).sum(1) + FLOOR_M**2)
+    toward /= spread[:, None]
+    padded, _ = _padded(intake.lanes)
+    at, ahead = (np.resize(part, (len(padded.distance_m), part.shape[1])) for part in (spot.deviates, toward))
+    blocks = [slice(first, first + BLOCK) for first in range(0, len(at), BLOCK)]
+    bends = np.concatenate([plane_bends(layout.chain, padded.take(rows), jnp.asarray(spot.values), at[rows],
+                                        jnp.asarray(layout.edges_s), ahead[rows]) for rows in blocks])
+    change = bends[:len(result), layout.inputs] / spread[:, None]
+    return np.where(seen.near[:, None] & np.isfinite(change), change, result)
 
 
 def _common(deviates: Float[Array, "n D"]) -> Float[Array, "n D"]:
@@ -239,11 +278,15 @@ def pad_lanes(lanes: ShotBatch, multiple: int = PAD) -> tuple[ShotBatch, int]:
     return lanes.take(np.resize(np.arange(n), -(-n // multiple) * multiple)), n
 
 
+def _padded(lanes: ShotBatch) -> tuple[ShotBatch, int]:
+    return pad_lanes(lanes, PAD if len(lanes.distance_m) <= BLOCK else BLOCK)
+
+
 def _fly(layout: ParameterLayout, lanes: ShotBatch, spot: LinearizationPoint,
          basis: Float[Array, "size k"]) -> tuple[Prediction, Prediction]:
     """see_slopes of all lanes, as numpy arrays; BLOCK lanes and WIDTH slopes at a time, so that one compilation serves
     all."""
-    padded, n = pad_lanes(lanes, PAD if len(lanes.distance_m) <= BLOCK else BLOCK)
+    padded, n = _padded(lanes)
     deviates = np.resize(spot.deviates, (len(padded.distance_m), spot.deviates.shape[1]))
     width = basis.shape[1]
     wide = np.pad(basis, ((0, 0), (0, -width % WIDTH if width else WIDTH)))
@@ -324,13 +367,13 @@ def _scatter_terms(intake: Intake, layout: ParameterLayout, spot: LinearizationP
     return score, info
 
 
-def _plane(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, seen: Prediction, slopes: Prediction,
-           sd: Float[Array, "n D"], left: _Left, columns: Int[Array, " inputs"], inputs: int,
-           count: int) -> PlaneScores | None:
+def _plane(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, flown: Linearization,
+           sd: Float[Array, "n D"], left: _Left, columns: Int[Array, " inputs"], count: int) -> PlaneScores | None:
     """Heights given what tracks and exits said of the launch."""
     rows = intake.marked
     if not len(rows) or not layout.chain.plane:
         return None
+    seen, slopes, inputs = flown.plane_at(layout, spot.values), flown.slopes, len(layout.inputs)
     near = seen.near[rows]
     slope = np.where(near[:, None, None], slopes.plane[rows], 0.0)
     by_deviate = slope[:, 0, inputs:]
@@ -341,12 +384,14 @@ def _plane(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, se
     mean = seen.plane[rows, 0] + np.einsum("md,md->m", by_deviate, left.mean[rows] - spot.deviates[rows])
     variance = np.einsum("md,mde,me->m", by_deviate, left.covariance[rows], by_deviate) + FLOOR_M**2
     log_spread = np.zeros((len(rows), count))
+    log_spread[:, columns] = flown.log_spread_by[rows]
     scattered = intake.scattered[rows] * np.exp(2.0 * spot.log_scatter)
     kept = np.diagonal(left.covariance[rows], axis1=1, axis2=2) / np.maximum(sd[rows]**2, 1e-300)
     for number, (column, deviate) in enumerate(zip(layout.scatters, SCATTERED, strict=True)):
         if column >= 0:
             log_spread[:, column] = (by_deviate[:, deviate]**2 * scattered[:, number] * kept[:, deviate]**2) / variance
-    spread = np.where(near, np.sqrt(variance), 1.0)
+    wider_spread = np.exp(np.clip(flown.log_spread_at(layout, spot.values)[rows], -2.0, 2.0))
+    spread = np.where(near, np.sqrt(variance) * wider_spread, 1.0)
     return PlaneScores(rows, _opening(intake, seen, rows), np.where(near, mean, FAR_BELOW_M), spread, by_column, wider,
                  log_spread)
 

@@ -14,15 +14,15 @@ TRUTH = 0.012                         # lost per m/s
 def test_the_worked_example_is_as_the_page_says() -> None:
     found = discover(shoot(make_world({"wheel_slip": TRUTH}, "L0", 300, 11)), seed=0)
     finding = found.finding
-    assert finding.mismatch.p_value == pytest.approx(0.0065)
-    assert finding.verdict == "set" and finding.set == ("wheel_slip", "wind_z")
-    assert [round(one.probability, 2) for one in finding.what[:2]] == [0.84, 0.05]
-    assert finding.unexplained == pytest.approx(0.11, abs=0.005)
+    assert finding.mismatch.p_value == pytest.approx(0.011)
+    assert finding.verdict == "named" and finding.set == ("wheel_slip",)
+    assert [round(one.probability, 2) for one in finding.what[:2]] == [0.90, 0.06]
+    assert finding.unexplained == pytest.approx(0.04, abs=0.005)
     interval = finding.what[0].parameters["loss_per_m_s"]
-    assert (round(100 * interval.low90, 1), round(100 * interval.high90, 1)) == (0.6, 2.3)
+    assert (round(100 * interval.low90, 1), round(100 * interval.high90, 1)) == (0.9, 2.6)
     assert interval.low90 < TRUTH < interval.high90
     naming = found.steps[0].naming
-    assert sum(one.visible for one in naming.candidates) == 13
-    assert round(float(np.log(0.55 / 13)), 2) == -3.16
+    assert sum(one.visible for one in naming.candidates) == 17
+    assert round(float(np.log(0.55 / 17)), 2) == -3.43
     leader = naming.refits["wheel_slip.loss_per_m_s"]
-    assert round(100 * float(leader.amplitude[0]), 1) == 1.5 and round(100 * float(leader.sd[0]), 1) == 0.5
+    assert round(100 * float(leader.amplitude[0]), 1) == 1.7 and round(100 * float(leader.sd[0]), 1) == 0.5
