@@ -161,7 +161,8 @@ def plane_bends(chain: Chain, lanes: ShotBatch, point: Float[Array, " slots"], d
             by: Number = jax.jvp(lambda moved: _see(chain, lane, moved, edges_s).plane[0], (at,), (step,))[1]
             return by
 
-        return jax.grad(slope)(here)
+        bends: Float[jax.Array, " size"] = jax.grad(slope)(here)
+        return bends
 
     return jax.vmap(one)(lanes, deviates, toward)
 

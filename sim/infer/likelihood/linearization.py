@@ -130,10 +130,9 @@ class Linearization:
         change = self._change(layout, values)
         return self.seen._replace(plane=self.seen.plane + self.slopes.plane[..., :len(change)] @ change)
 
-    def log_spread_at(self, layout: ParameterLayout, values: Float[Array, " slots"]) -> Float[Array, " n"]:
-        """Change of the log standard deviation of the height at the plane from the spot to there."""
-        change: Array = self.log_spread_by @ self._change(layout, values)
-        return change
+    def wider_at(self, layout: ParameterLayout, values: Float[Array, " slots"]) -> Float[Array, " n"]:
+        """How many times as much the height at the plane spreads there."""
+        return np.asarray(np.exp(np.clip(self.log_spread_by @ self._change(layout, values), -2.0, 2.0)))
 
     def normal_at(self, layout: ParameterLayout, values: Float[Array, " slots"]) -> Normal:
         """The normal equations there."""
@@ -251,7 +250,7 @@ def _log_spread_by(intake: Intake, layout: ParameterLayout, spot: LinearizationP
     toward = np.einsum("nde,ne->nd", covariance, by_deviate)
     spread = np.sqrt((toward * by_deviate).sum(1) + FLOOR_M**2)
     toward /= spread[:, None]
-    padded, _ = _padded(intake.lanes)
+    padded, _ = pad_lanes(intake.lanes)
     at, ahead = (np.resize(part, (len(padded.distance_m), part.shape[1])) for part in (spot.deviates, toward))
     blocks = [slice(first, first + BLOCK) for first in range(0, len(at), BLOCK)]
     bends = np.concatenate([plane_bends(layout.chain, padded.take(rows), jnp.asarray(spot.values), at[rows],
@@ -272,21 +271,18 @@ def _basis(layout: ParameterLayout, inputs: Int[Array, " k"]) -> Float[Array, "s
     return basis
 
 
-def pad_lanes(lanes: ShotBatch, multiple: int = PAD) -> tuple[ShotBatch, int]:
-    """(lanes repeated up to a multiple, how many there were)."""
+def pad_lanes(lanes: ShotBatch) -> tuple[ShotBatch, int]:
+    """(lanes repeated up to a multiple of PAD, of BLOCK where there are more; how many there were)."""
     n = len(lanes.distance_m)
+    multiple = PAD if n <= BLOCK else BLOCK
     return lanes.take(np.resize(np.arange(n), -(-n // multiple) * multiple)), n
-
-
-def _padded(lanes: ShotBatch) -> tuple[ShotBatch, int]:
-    return pad_lanes(lanes, PAD if len(lanes.distance_m) <= BLOCK else BLOCK)
 
 
 def _fly(layout: ParameterLayout, lanes: ShotBatch, spot: LinearizationPoint,
          basis: Float[Array, "size k"]) -> tuple[Prediction, Prediction]:
     """see_slopes of all lanes, as numpy arrays; BLOCK lanes and WIDTH slopes at a time, so that one compilation serves
     all."""
-    padded, n = _padded(lanes)
+    padded, n = pad_lanes(lanes)
     deviates = np.resize(spot.deviates, (len(padded.distance_m), spot.deviates.shape[1]))
     width = basis.shape[1]
     wide = np.pad(basis, ((0, 0), (0, -width % WIDTH if width else WIDTH)))
@@ -390,8 +386,7 @@ def _plane(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, fl
     for number, (column, deviate) in enumerate(zip(layout.scatters, SCATTERED, strict=True)):
         if column >= 0:
             log_spread[:, column] = (by_deviate[:, deviate]**2 * scattered[:, number] * kept[:, deviate]**2) / variance
-    wider_spread = np.exp(np.clip(flown.log_spread_at(layout, spot.values)[rows], -2.0, 2.0))
-    spread = np.where(near, np.sqrt(variance) * wider_spread, 1.0)
+    spread = np.where(near, np.sqrt(variance) * flown.wider_at(layout, spot.values)[rows], 1.0)
     return PlaneScores(rows, _opening(intake, seen, rows), np.where(near, mean, FAR_BELOW_M), spread, by_column, wider,
                  log_spread)
 
