@@ -66,13 +66,13 @@ Line = dict[str, Any]
 Gate = Callable[[np.ndarray], np.ndarray]
 
 
-def run(config: Config, world: tuple[Change, int, int]) -> Line:
-    """One world (its change, shots, seed): what was found, and all gates' figures on the other session."""
+def run(config: Config, more: int, world: tuple[Change, int, int]) -> Line:
+    """One world (its change, shots, seed): what was found, and all gates' figures on the other session's `more`."""
     keep_compiled()
     change, shots, seed = world
     own = seed + zlib.crc32(change.name.encode()) % (APART - 1)
     seen, unseen = (play_season(config.rig, Options(**change.options), own + k, plan_season(own + k, count), LEVEL,
-                                ORDINARY) for k, count in enumerate((shots, UNSEEN)))
+                                ORDINARY) for k, count in enumerate((shots, more)))
     found = discover(seen.dataset, BELIEVED, seed=own)
     beliefs = {"before": make_belief(replace(found, steps=()))[0], "after": make_belief(found)[0]}
     finding, marks = found.finding, _inside(seen.dataset.shots, unseen.dataset.shots)
@@ -117,10 +117,11 @@ def main() -> int:
 
 def _run_all(args: argparse.Namespace, path: Path) -> dict[str, Line]:
     config = load_config(SHIPPED)
-    jobs = {f"{change.name}/{args.shots}/{seed}": (change, args.shots, seed)
+    other = "" if args.unseen == UNSEEN else f"/{args.unseen} unseen"
+    jobs = {f"{change.name}/{args.shots}/{seed}{other}": (change, args.shots, seed)
             for seed in (APART * (args.seed + number) for number in range(args.worlds)) for change in seen_at(LEVEL)
             if args.only is None or change.name in args.only.split(",")}
-    judge = partial(run, config) if args.judge == "gates" else partial(run_points, config.rig, apart=APART)
+    judge = partial(run, config, args.unseen) if args.judge == "gates" else partial(run_points, config.rig, apart=APART)
     return fill(path, jobs, judge, make_progress("worlds"), args.processes)
 
 
@@ -128,6 +129,7 @@ def _arguments() -> argparse.Namespace:
     parser = parser_of(__doc__)
     parser.add_argument("--judge", choices=("gates", "points"), default="gates", help="by what (default gates)")
     parser.add_argument("--shots", type=int, default=300, help="recorded in each world")
+    parser.add_argument("--unseen", type=int, default=UNSEEN, help="shots of the other session (%(default)s)")
     parser.add_argument("--worlds", type=int, default=2, help="of each change")
     parser.add_argument("--only", help="changes, comma-separated; else all")
     parser.add_argument("--seed", type=int, default=11, help="of the first number of world; the next has the next")

@@ -140,13 +140,13 @@ def main() -> int:
     parser = parser_of(__doc__)
     parser.add_argument("--seeds", type=int, default=30)
     parser.add_argument("--first", type=int, default=1000, metavar="SEED", help="the first seed; the next is one more")
-    parser.add_argument("--quick", action="store_true", help="a third of the shots, and one event: to try this script")
+    parser.add_argument("--quick", action="store_true", help="a few of the shots, and one event: to try this script")
     args = parser.parse_args()
     return fill_and_tell(args, partial(_run_all, args), make_table)
 
 
 def _run_all(args: argparse.Namespace, path: Path) -> dict[str, Line]:
-    sizes, events = (Sizes(100, 0, 30, 30), EVENTS[:2]) if args.quick else (Sizes(), EVENTS)
+    sizes, events = (Sizes(60, 0, 30, 12), EVENTS[1:2]) if args.quick else (Sizes(), EVENTS)
     jobs = {f"{seed}/{sizes.practice}": seed for seed in range(args.first, args.first + args.seeds)}
     one = partial(run, load_config(SHIPPED).rig, sizes, events)
     return fill(path, jobs, one, make_progress("seeds"), args.processes)

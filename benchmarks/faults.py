@@ -4,7 +4,7 @@
     python -m benchmarks.faults --tracks DIR --believe gravity,drag,magnus [--since] --out FILE
     python -m benchmarks.faults --table FILE
 
-The tracks of worlds in which nothing is hidden (truearc_proof.truth, L2, 300 shots), or those of a recorded dataset,
+The tracks of worlds in which nothing is hidden (truearc_proof.truth, L2), or those of a recorded dataset,
 are corrupted as by a bad tracker (tracker_faults.py). Discovery runs on each, and on the original tracks. --since: the
 corrupted tracks are compared with the belief adopted from the original ones. FILE has one line per finding; findings
 in it are not computed again.
@@ -64,9 +64,11 @@ def _run_all(args: argparse.Namespace, path: Path) -> dict[str, dict[str, Any]]:
     believed = None if args.believe is None else tuple(args.believe.split(","))
     if args.since and recorded is None:
         raise InputError("--since: of which --tracks?")
-    name, worlds = ("simulated", args.worlds) if recorded is None else (recorded.name + SINCE * args.since, 1)
+    simulated = "simulated" if args.shots == SHOTS else f"simulated, {args.shots} shots"
+    name, worlds = (simulated, args.worlds) if recorded is None else (recorded.name + SINCE * args.since, 1)
     belief = make_belief(discover(recorded, believed))[0] if args.since and recorded is not None else None
-    jobs = {f"{fault}/{name}/{args.seed}/{index}": (fault, Job("nulls", "clean", "L2", SHOTS, 0.0, args.seed, index))
+    jobs = {f"{fault}/{name}/{args.seed}/{index}":
+            (fault, Job("nulls", "clean", "L2", args.shots, 0.0, args.seed, index))
             for index in range(worlds) for fault in (NONE, *FAULTS)
             if args.only is None or fault in args.only.split(",")}
     return fill(path, jobs, partial(run, recorded, believed, belief), make_progress("tracks"), args.processes)
@@ -78,6 +80,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--believe", help="terms, comma-separated (as the dataset says)")
     parser.add_argument("--since", action="store_true", help="with --tracks: compare with the originals' belief")
     parser.add_argument("--worlds", type=int, default=10)
+    parser.add_argument("--shots", type=int, default=SHOTS, help="of each simulated world (%(default)s)")
     parser.add_argument("--only", help="faults, comma-separated; else all, and none")
     parser.add_argument("--seed", type=int, default=11, help="of the simulated worlds; below 1000 to develop on")
     return parser.parse_args()

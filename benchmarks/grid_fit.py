@@ -56,18 +56,19 @@ def main() -> None:
               f"load {os.getloadavg()[0]:.1f}; {flights} flights, {flights / axis.size**2 / count:.2%}")
     print(f"\nthe same by plainer ways, scaled to all {axis.size**2 * count} flights of `random`: wall s, CPU s, and "
           "times ours\n(on a busy machine the ratio of CPU is the fair one)")
-    for what, (wall_s, cpu_s) in plain_ways(random):
+    for what, (wall_s, cpu_s) in plain_ways(random, min(3, args.runs)):
         print(f"  {what:88s} {wall_s:7.1f} s {wall_s / ours_s['random'][0]:6.0f} x {cpu_s:9.1f} s CPU "
               f"{cpu_s / ours_s['random'][1]:6.0f} x")
     print("\nagainst flying every point (short steps; checked against the JAX law below)")
     for name, shots in (("random", random), ("scoring", scoring)):
         check_labels(name, shots, axis[::8] if args.quick else axis, args.quick)
     check_heights(scoring)
-    print("\nhow it grows (fastest of 3)")
+    tries = min(3, args.runs)
+    print(f"\nhow it grows (fastest of {tries})")
     for more in (count // 4, count // 2, count, 2 * count):
-        print(f"  {more:4d} launches, 1001 x 1001: {time_ours(draw_shots(more, 11, True), 3)[0]:.3f} s")
+        print(f"  {more:4d} launches, 1001 x 1001: {time_ours(draw_shots(more, 11, True), tries)[0]:.3f} s")
     for step in (0.02, 0.01, 0.005):
-        seconds = time_ours(scoring, 3, step)[0]
+        seconds = time_ours(scoring, tries, step)[0]
         print(f"  {count:4d} launches, {make_axis(step).size:4d} x {make_axis(step).size:4d}: {seconds:.3f} s")
 
 
@@ -114,7 +115,7 @@ def count_flights(shots: Shots, step: float) -> int:
     return sum(flown)
 
 
-def plain_ways(shots: Shots) -> list[tuple[str, tuple[float, float]]]:
+def plain_ways(shots: Shots, runs: int) -> list[tuple[str, tuple[float, float]]]:
     """(what, wall and CPU seconds scaled to the whole grid)."""
     flyer = make_scoring(FACTS, shots).flyer
     loop = make_plain_loop()
@@ -124,7 +125,7 @@ def plain_ways(shots: Shots) -> list[tuple[str, tuple[float, float]]]:
                                      ("plain numba loop, up to 3 s whatever happens", False, 40)):
         axis = make_axis(0.005)[::coarse]
         run = partial(loop, flyer.launch, axis, numbers, 0.75, until_done)
-        rows.append((f"{what}; RK4 5 ms, parallel; every {coarse}th row and column", scaled(run, axis.size)))
+        rows.append((f"{what}; RK4 5 ms, parallel; every {coarse}th row and column", scaled(run, axis.size, runs)))
     axis = make_axis(0.005)[::40]
     rows.append(("numpy chunks of 16384, to the first crossing, floor or turn; every 40th row and column",
                  scaled(partial(fly_numpy, flyer.launch, axis, numbers), axis.size, 1)))
@@ -134,7 +135,7 @@ def plain_ways(shots: Shots) -> list[tuple[str, tuple[float, float]]]:
     return rows
 
 
-def scaled(run: Callable[[], object], points: float, runs: int = 3) -> tuple[float, float]:
+def scaled(run: Callable[[], object], points: float, runs: int) -> tuple[float, float]:
     """Least wall and CPU seconds of runs, for 1001 x 1001 instead of points x points."""
     run()
     spent = []

@@ -30,11 +30,11 @@ from truearc_proof.truth.world import BELIEVED, LEVELS, World
 SHOTS = 300
 
 
-def lambdas(level: str, worlds: int, seed: int) -> dict[str, float]:
+def lambdas(level: str, worlds: int, seed: int, shots: int) -> dict[str, float]:
     """{effect: mean lambda at its usual size}; of what the data show and, below L2, of what is in no catalogue."""
     found: dict[str, list[float]] = {}
     for index in range(worlds):
-        world = world_of(Job("nulls", "clean", level, SHOTS, 0.0, seed, index))
+        world = world_of(Job("nulls", "clean", level, shots, 0.0, seed, index))
         dataset = shoot(world)
         intake = take_in(dataset)
         layout = lay_out(intake, BELIEVED, groups_of(dataset.shots, intake.rows))
@@ -43,7 +43,7 @@ def lambdas(level: str, worlds: int, seed: int) -> dict[str, float]:
         left = np.diag(efficient(evidence, columns)[1])
         information = {evidence.columns[k].name: float(value) for k, value in zip(columns, left, strict=True)}
         for effect in EFFECTS:
-            wanted = true_parameter(Job("effects", effect.name, level, SHOTS, 1.0, seed, 0))
+            wanted = true_parameter(Job("effects", effect.name, level, shots, 1.0, seed, 0))
             if effect.name in ABSORBED:
                 continue
             if wanted is not None and f"{effect.name}.{wanted[0]}" in information:
@@ -62,11 +62,11 @@ def _of_heights(world: World, name: str, typical: float, evidence: ScoreTable) -
 def main() -> int:
     args = _arguments()
     keep_compiled()
-    print(f"# lambda of {SHOTS} shots at each effect's usual size: "
+    print(f"# lambda of {args.shots} shots at each effect's usual size: "
           f"benchmarks/ladder.py --worlds {args.worlds} --seed {args.seed}")
     for level in LEVELS:
         print(f"\n[{level}]")
-        for name, value in lambdas(level, args.worlds, args.seed).items():
+        for name, value in lambdas(level, args.worlds, args.seed, args.shots).items():
             print(f"{name} = {value:.3g}")
     return 0
 
@@ -74,6 +74,7 @@ def main() -> int:
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--worlds", type=int, default=5, help="of every level")
+    parser.add_argument("--shots", type=int, default=SHOTS, help="of each world (%(default)s)")
     parser.add_argument("--seed", type=int, default=21, help="of worlds that nothing else is counted on")
     return parser.parse_args()
 
