@@ -36,6 +36,9 @@ FRUGAL = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1",
 os.environ |= {name: value for name, value in FRUGAL.items() if name not in os.environ}
 
 
+# Tracing makes many small objects that stay: the usual threshold of 700 looks for rubbish among them all the time.
+gc.set_threshold(50_000, 20, 20)
+
 shape_checks.install()
 
 # How long an example takes says how busy the machine is, not whether the code is right.
