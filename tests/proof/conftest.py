@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.proof.playing import ARGUMENTS, prove, quiet
+from tests.proof.playing import ARGUMENTS, prove_apart, quiet
 from truearc_proof.rounds.grader import grade_round
 from truearc_proof.rounds.round_layout import Room
 
@@ -15,7 +15,7 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> Room:
     """Sealed and claimed; nothing opened yet."""
     room = Room(tmp_path_factory.mktemp("prove") / "round")
     for role in (["seal", *ARGUMENTS], ["solve", "--processes", "1"]):
-        done = prove(room.root, *role)
+        done = prove_apart(room.root, *role)
         assert done.returncode == 0, done.stderr
     return room
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from tests.proof.playing import prove
+from tests.proof.playing import prove, prove_apart
 from truearc_proof.rounds.grader import graded_of
 from truearc_proof.rounds.ledger import read_ledger
 from truearc_proof.rounds.round_layout import Room
@@ -19,7 +19,7 @@ ARGUMENTS = ["--worlds", "6", "--level", "L1", "--shots", "60", "--seed", "49", 
 @pytest.fixture(scope="module")
 def played(tmp_path_factory: pytest.TempPathFactory) -> Room:
     room = Room(tmp_path_factory.mktemp("both") / "round")
-    done = prove(room.root, *ARGUMENTS)
+    done = prove_apart(room.root, *ARGUMENTS)
     assert done.returncode == 0, done.stderr
     return room
 
