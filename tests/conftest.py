@@ -6,9 +6,7 @@ the one real vcan0 belongs to one file. `-n 0` runs everything in one process.
 
 import gc
 import os
-import shutil
 import sys
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -110,11 +108,7 @@ def check_mutated_copy() -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """What XLA has compiled in one process, every process of this run may take; Numba's each keeps to itself."""
-    if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
-        folder = tempfile.mkdtemp(prefix="truearc-tests-")
-        os.environ |= {"JAX_COMPILATION_CACHE_DIR": folder, "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.2"}
-        config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
+    """What XLA has compiled every process may take (FRUGAL); what Numba has compiled each worker keeps to itself."""
     if "MUTANT_UNDER_TEST" in os.environ:
         check_mutated_copy()
     worker = os.environ.get("PYTEST_XDIST_WORKER")
