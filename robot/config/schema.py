@@ -1,6 +1,7 @@
 """The launcher's configuration: one TOML file, no defaults, so that a typo cannot become one."""
 
 import csv
+import re
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -316,9 +317,13 @@ def _cannot_throw(rig: Rig) -> Iterator[tuple[str, str]]:
 
 
 def load_bytes(path: str | Path, most: int = MAX_BYTES) -> bytes:
-    """The content of a file; InputError when it is longer than `most` bytes: a device such as /dev/zero has no end."""
-    with naming(path), Path(path).open("rb") as file:
-        data = file.read(most + 1)
+    """The content of a file; InputError when it is longer than `most` bytes: a device such as /dev/zero has no end, and
+    a pipe may never begin."""
+    with naming(path):
+        if Path(path).exists() and not Path(path).is_file() and not Path(path).is_dir():
+            raise InputError(f"{path}: is a pipe or a device, not a file; copy what it gives into a file")
+        with Path(path).open("rb") as file:
+            data = file.read(most + 1)
     if len(data) > most:
         raise InputError(f"{path}: is longer than {most} bytes, the most that is read of such a file")
     return data
@@ -332,7 +337,9 @@ def parse_table(text: str, name: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except ValueError as error:       # not TOML, or a number of thousands of digits
-        raise InputError(f"{name}: {error}") from error
+        here = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
+        comma = here and re.match(r"\d,\d|,\d", text.splitlines()[int(here[1]) - 1][int(here[2]) - 1:])
+        raise InputError(f"{name}: {error}" + ("; decimals have a point, no comma" if comma else "")) from error
     except RecursionError as error:
         raise InputError(f"{name}: its values are nested too deeply") from error
 
@@ -350,7 +357,7 @@ def in_words(error: Exception) -> str:
     """The text of an error without its number and without the file, which our messages name first."""
     if isinstance(error, OSError):
         return error.strerror or str(error)
-    return "not UTF-8 text" if isinstance(error, UnicodeDecodeError) else str(error)
+    return "not UTF-8 text" if isinstance(error, UnicodeDecodeError) else reworded(str(error))
 
 
 def parse_toml(text: str, kind: type[Kind], name: str) -> Kind:
@@ -363,7 +370,7 @@ def parse_toml(text: str, kind: type[Kind], name: str) -> Kind:
         if len(missing) > 1:
             raise InputError(f"{name}: keys are missing: {', '.join(missing)}") from error
         message = joined(str(error))
-        raise InputError(f"{name}{line_of(text, message)}: {reworded(message)}") from error
+        raise InputError(f"{name}{line_of(text, message)}: {reworded(message, table)}") from error
 
 
 def read_axis(kind: type, table: Any) -> Axis:

@@ -1,6 +1,12 @@
 """Errors in a TOML file: msgspec's messages reworded, and the line of the key that they name."""
 
 import re
+from typing import Any
+
+KINDS = {"float": "a number", "int": "a whole number", "str": "a text in quotes", "bool": "true or false",
+         "object": "a table", "array": "a list", "null": "nothing"}
+LIMITS = {">=": "of at least", "<=": "of at most", ">": "above", "<": "below"}
+LONGEST = 40                          # characters of a text that are shown
 
 _INNER_PLACE = re.compile(r" - at `\$([^`]*)` - at `\$([^`]*)`$")      # of an axis's key, and of the axis
 
@@ -10,13 +16,45 @@ def joined(message: str) -> str:
     return _INNER_PLACE.sub(r" - at `$\2\1`", message)
 
 
-def reworded(message: str) -> str:
-    """msgspec's message in the words of our messages."""
-    if message.startswith("Invalid value") and message.endswith(".driver`"):
+def reworded(message: str, table: Any = None) -> str:
+    """msgspec's message in plain words, behind the key that it is about; table: what was decoded, for the value."""
+    what, _, place = message.removesuffix("`").partition(" - at `")
+    key = place.lstrip("$.")
+    if field := re.fullmatch(r"Object (contains unknown|missing required) field `(.*)`", what):
+        return f"{key}.{field[2]}".lstrip(".") + (": unknown key" if "unknown" in field[1] else ": missing key")
+    value = _at(table, key)
+    got = f"the text {value[:LONGEST]!r}" if isinstance(value, str) else str(value).lower()
+    if wanted := re.fullmatch(r"Expected `(.*?)(?: \| null)?`(.*?)(?:, got `?(\w+)`?)?", what):
+        kind, limit = KINDS.get(wanted[1], wanted[1]), wanted[2]
+        for sign, words in LIMITS.items():
+            limit = limit.replace(f" {sign} ", f" {words} ").replace("length of", "length")
+        if value is None or isinstance(value, list | dict):
+            got = KINDS.get(wanted[3], wanted[3])
+        what = f"{kind}{limit} is expected" + (f", got {got}" if got else "")
+        if isinstance(value, str) and "number" in kind and re.fullmatch(r"[+-]?\d+([.,]\d+)?", value):
+            what += f"; write {value.replace(',', '.')} without quotes"
+    elif unknown := re.fullmatch(r"Invalid (?:enum )?value (.*)", what):
+        what = f"{unknown[1]} is not known here" + (f"; there are {', '.join(there)}" if (there := _known(key)) else "")
+    return f"{key}: {what}" if key else what
+
+
+def _at(table: Any, key: str) -> Any:
+    """What stands in nested tables at a dotted key; None where nothing does."""
+    for name in re.findall(r"[^.\[\]]+", key):
+        try:
+            table = table[int(name) if isinstance(table, list | tuple) else name]
+        except (LookupError, TypeError, ValueError):
+            return None
+    return table
+
+
+def _known(key: str) -> list[str]:
+    """The values of a key that takes few."""
+    if key.startswith("axes.") and key.endswith(".driver"):
         from truearc.hw.devices.registry import drivers
-        message += f" (there are {', '.join(drivers())})"
-    return (message.replace("Object contains unknown field", "unknown key")
-            .replace("Object missing required field", "missing key").replace("`$.", "`").replace(" - at `$`", ""))
+        return list(drivers())
+    few = {"hood_encoder.driver": ["canandmag"], "aim.policy": ["plan", "belief"]}
+    return ["1", "-1"] if key.endswith(".direction") else few.get(key, [])
 
 
 def line_of(text: str, message: str) -> str:

@@ -15,6 +15,7 @@ import msgspec
 
 from truearc.robot.aim_file import load_aim_for
 from truearc.robot.config.schema import Config, InputError
+from truearc.robot.config.toml_errors import reworded
 
 TOKEN, ACCEPT = "token", "accept"
 MAX_AIM_BYTES = 1 << 18
@@ -67,7 +68,7 @@ class AimOrders:
         try:
             asked = msgspec.json.decode(body, type=_Accept)
         except (msgspec.MsgspecError, RecursionError) as error:
-            return Said(400, str(error))
+            return Said(400, reworded(str(error)))
         if not any(hashlib.sha256(one.read_bytes()).hexdigest() == asked.sha256 for one in self._folder.glob("*.json")):
             return Said(404, "sha256: no such aim file in the inbox")
         try:

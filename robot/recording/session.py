@@ -146,6 +146,6 @@ def load_trials(session: Path) -> list[Trial]:
         except msgspec.MsgspecError as error:
             if number == len(lines):
                 break
-            raise InputError(f"{path}:{number}: {error}") from error
+            raise InputError(f"{path}:{number}: {in_words(error)}") from error
         trials[trial.outcome.trial] = trial
     return [trials[key] for key in sorted(trials)]

@@ -9,6 +9,7 @@ import numpy as np
 
 from truearc.robot.config.rig_spec import Rig, unknown_keys
 from truearc.robot.config.schema import InputError
+from truearc.robot.config.toml_errors import reworded
 from truearc.sim.data.load import assemble
 from truearc.sim.data.model import Dataset
 from truearc.sim.data.problems import gathered
@@ -67,7 +68,7 @@ def _rig(rig: Rig | str | Path | Mapping[str, Any]) -> Rig:
     try:
         return check_rig(msgspec.convert(rig, Rig), "rig")
     except msgspec.ValidationError as error:
-        raise InputError(f"rig: {error}") from error
+        raise InputError(f"rig: {reworded(str(error), rig)}") from error
 
 
 def _table(frame: Columns, which: str) -> RawTable:

@@ -6,7 +6,7 @@ from typing import Any
 import msgspec
 from msgspec import UNSET, Struct, UnsetType
 
-from truearc.robot.config.schema import InputError, load_bytes
+from truearc.robot.config.schema import InputError, load_bytes, naming
 
 SCHEMA = "truearc.finding/1"
 
@@ -155,10 +155,8 @@ def load_finding(path: str | Path) -> Finding:
     Raises:
         InputError: `path` cannot be read, or is not a truearc.finding/1; with the key.
     """
-    try:
+    with naming(path):
         finding = msgspec.json.decode(load_bytes(path), type=Finding)
-    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: {error}") from error
     if finding.schema != SCHEMA:
         raise InputError(f"{path}: schema: got {finding.schema!r}; expected {SCHEMA!r}")
     return finding

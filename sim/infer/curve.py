@@ -25,6 +25,7 @@ from scipy.interpolate import CubicSpline
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
+from truearc.robot.config.toml_errors import reworded
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.data.dataset import Shots
 from truearc.sim.physics.simulate import ORDINARY, launch_state
@@ -131,7 +132,7 @@ def _read(place: str, table: Any) -> Curve:
     try:
         curve = msgspec.convert(table, Curve)
     except msgspec.ValidationError as error:
-        raise InputError(f"{place}: {error}") from error
+        raise InputError(f"{place}: {reworded(str(error), table)}") from error
     numbers = (*curve.value, *curve.at, curve.otherwise)
     if not np.isfinite(numbers).all():
         raise InputError(f"{place}: a number in it is not finite")

@@ -4,14 +4,13 @@ import argparse
 import math
 import sys
 import time
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from truearc import robot
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError, load_config
+from truearc.robot.config.schema import InputError, load_config, load_text, parse_table
 from truearc.sim.progress import Progress
 
 if TYPE_CHECKING:                     # imports JAX, which --help does without
@@ -138,8 +137,8 @@ def make_progress(what: str, quiet: bool = False) -> Progress:
 def load_any_rig(path: str) -> Rig:
     """The rig of a rig.toml, or of a launcher.toml, which has it in a table [rig]."""
     try:
-        is_launcher = "rig" in tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        is_launcher = "rig" in parse_table(load_text(path), path)
+    except InputError:
         is_launcher = False           # the loader below names what is wrong
     from truearc.sim.data.dataset import load_rig
     return load_config(path).rig if is_launcher else load_rig(path)

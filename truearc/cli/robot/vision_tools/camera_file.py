@@ -1,11 +1,12 @@
 """Camera files, packaged cameras and tables of measured distances; loads no image library."""
 
 import csv
+import io
 import re
 from pathlib import Path
 
 from truearc.cli.common import SHIPPED
-from truearc.robot.config.schema import CameraFile, Config, InputError, in_words, load_text, load_toml
+from truearc.robot.config.schema import CameraFile, Config, InputError, load_text, load_toml, naming
 
 CAMERAS = SHIPPED.parent / "cameras"
 
@@ -29,20 +30,17 @@ def packaged_cameras() -> list[str]:
 def load_labels(path: str, columns: tuple[str, ...] = ("label_distance_m",)) -> dict[str, float]:
     """File name -> distance, from the first of these columns that is there; rows without a distance are left out."""
     labels: dict[str, float] = {}
-    try:
-        with open(path, encoding="utf-8-sig", newline="") as stream:
-            rows = csv.DictReader(stream)
-            names = rows.fieldnames or ()
-            column = next((name for name in columns if name in names), None)
-            if column is None or "file" not in names:
-                raise InputError(f"{path}:1: missing column {columns[0] if 'file' in names else 'file'!r}")
-            for row in rows:
-                if None in row:           # a comma too many, such as a decimal one
-                    raise InputError(f"{path}:{rows.line_num}: more cells than columns: is a decimal point a comma?")
-                if row[column]:
-                    labels[row["file"]] = _number(row[column], f"{path}:{rows.line_num}: {column}")
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: {in_words(error)}") from error
+    with naming(path):
+        rows = csv.DictReader(io.StringIO(load_text(path).removeprefix("\ufeff"), newline=""))
+        names = rows.fieldnames or ()
+        column = next((name for name in columns if name in names), None)
+        if column is None or "file" not in names:
+            raise InputError(f"{path}:1: missing column {columns[0] if 'file' in names else 'file'!r}")
+        for row in rows:
+            if None in row:           # a comma too many, such as a decimal one
+                raise InputError(f"{path}:{rows.line_num}: more cells than columns: is a decimal point a comma?")
+            if row[column]:
+                labels[row["file"]] = _number(row[column], f"{path}:{rows.line_num}: {column}")
     return labels
 
 

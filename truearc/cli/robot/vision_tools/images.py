@@ -2,13 +2,12 @@
 
 import io
 import warnings
-from pathlib import Path
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from truearc.robot.config.schema import InputError, in_words
+from truearc.robot.config.schema import InputError, in_words, load_bytes
 
 MAX_PIXELS = 50_000_000               # of an image; no webcam is near it, and a header may claim anything
 MAX_BYTES = 4 * MAX_PIXELS + 65_536   # of a file: that image without compression, with opacity, and its header
@@ -19,9 +18,9 @@ GREY_ALPHA = 4                        # a PNG's kind of colour: grey and opacity
 def load_image(name: str, colour: bool = True) -> npt.NDArray[np.uint8]:
     """(height, width, 3) BGR in the sensor's own orientation, or where colour is not needed also (height, width) of a
     grey one; InputError names the file and what is wrong with it."""
+    data = load_bytes(name, MAX_BYTES)
     try:
-        with Path(name).open("rb") as stream:
-            return decode_image(stream.read(MAX_BYTES + 1), colour)
+        return decode_image(data, colour)
     except (InputError, OSError, ValueError) as error:
         raise InputError(f"{name}: {in_words(error)}") from error
 

@@ -28,6 +28,7 @@ from truearc.hw.readings import CameraFrame
 from truearc.hw.real.camera import open_camera
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import CameraFile, InputError, Vision
+from truearc.robot.config.toml_errors import reworded
 from truearc.robot.config.toml_text import make_toml
 from truearc.robot.operator_ui.serving import LocalHandler, LocalServer
 from truearc.robot.vision import detect
@@ -184,7 +185,7 @@ class Tuner:
         try:
             return replace(self._file, vision=msgspec.convert(settings, Vision))
         except msgspec.ValidationError as error:
-            raise InputError(f"settings: {error}") from error
+            raise InputError(f"settings: {reworded(str(error), settings)}") from error
 
 
 def _words(image: Image, file: CameraFile) -> dict[str, Any]:
