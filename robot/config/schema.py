@@ -12,7 +12,8 @@ import msgspec
 from msgspec import Struct
 
 from truearc.hw.devices.axis import Axis, CanNode, Direction, Positive
-from truearc.robot.config.rig_spec import DENSEST_KG_M3, Rig, missing_keys, rig_errors, too_large, unknown_keys
+from truearc.robot.config.limits import cannot_throw, contradictions
+from truearc.robot.config.rig_spec import Rig, missing_keys, rig_errors, unknown_keys
 from truearc.robot.config.toml_errors import joined, line_of, reworded
 
 Kind = TypeVar("Kind")
@@ -30,7 +31,6 @@ Count = Annotated[int, msgspec.Meta(gt=0, lt=1_000_000)]
 
 MAX_LINE = 20_000                     # characters: longer ones take minutes to parse
 MAX_TEXT_BYTES, MAX_BYTES = 4_000_000, 500_000_000      # of a configuration or belief; of a model or table
-MAX_TORQUE_NM = 100.0                 # at the motor shaft; the strongest of a team's motors give 7
 
 class InputError(Exception):
     """The user's file or option is wrong; the message names file, line, key or frame. Commands end with exit code 2."""
@@ -265,29 +265,10 @@ def load_config(path: str | Path) -> Config:
     config = parse_toml(text, Config, str(path))
     for key in unknown_keys(parse_table(text, str(path))["rig"]):
         raise InputError(f"{path}: rig.{key}: unknown key")
-    for key, what in (*((f"rig.{key}", what) for key, what in rig_errors(config.rig)), *_contradictions(config),
-                      *_cannot_throw(config.rig)):
+    for key, what in (*((f"rig.{key}", what) for key, what in rig_errors(config.rig)), *contradictions(config),
+                      *cannot_throw(config.rig)):
         raise InputError(f"{path}: {key}: {what}")
     return config
-
-
-def _contradictions(config: Config) -> Iterator[tuple[str, str]]:
-    """Yield the key of each limit that is on the wrong side of another, and of each torque that no motor gives."""
-    hood, collect, wheel = config.hood, config.collect, config.flywheel
-    for low_key, low, high_key, high in (
-            ("hood.low_deg", hood.low_deg, "high_deg", hood.high_deg),
-            ("collect.hood_low_deg", collect.hood_low_deg, "hood_high_deg", collect.hood_high_deg),
-            ("hood.pid.output_low", hood.pid.output_low, "output_high", hood.pid.output_high),
-            ("flywheel.pid.output_low", wheel.pid.output_low, "output_high", wheel.pid.output_high)):
-        if low > high:
-            yield low_key, f"{low:g} is above {high_key}, {high:g}"
-    for key, torque_nm in (("hood.pid.output_low", hood.pid.output_low), ("hood.pid.output_high", hood.pid.output_high),
-                           ("flywheel.pid.output_low", wheel.pid.output_low), ("hood.friction_nm", hood.friction_nm),
-                           ("flywheel.pid.output_high", wheel.pid.output_high), ("flywheel.ks_nm", wheel.ks_nm),
-                           ("hood.homing_torque_nm", hood.homing_torque_nm),
-                           ("feeder.torque_nm", config.feeder.torque_nm)):
-        if abs(torque_nm) > MAX_TORQUE_NM:
-            yield key, f"{torque_nm:g} Nm is more than any motor gives; at most {MAX_TORQUE_NM:g}"
 
 
 def load_toml(path: str | Path, kind: type[Kind]) -> Kind:
@@ -299,21 +280,6 @@ def load_text(path: str | Path) -> str:
     """The text of a file in UTF-8; InputError names the file and says why it cannot be read, or that it is too long."""
     with naming(path):
         return load_bytes(path, MAX_TEXT_BYTES).decode("utf-8").replace("\r\n", "\n")
-
-
-def _cannot_throw(rig: Rig) -> Iterator[tuple[str, str]]:
-    """Key and objection of values that a rig may have on paper, and a launcher cannot."""
-    if rig.world.gravity_m_s2 <= 0:
-        yield "rig.world.gravity_m_s2", f"{rig.world.gravity_m_s2:g} must be above 0"
-    if rig.target is not None and rig.target.centre_height_m <= 0:
-        yield "rig.target.centre_height_m", f"{rig.target.centre_height_m:g} must be above 0, the floor"
-    if not any(wheel.gear for wheel in rig.launcher.wheel):
-        yield "rig.launcher.wheel.gear", "no wheel turns"
-    yield from ((f"rig.{key}", what) for key, what in too_large(rig))
-    ball = rig.ball
-    if ball.radius_m > 0 and ball.density_kg_m3 > DENSEST_KG_M3:
-        yield "rig.ball.mass_kg", (f"{ball.mass_kg:g} kg in a ball of {ball.radius_m:g} m radius is denser than any "
-                                   "metal; are these grams?")
 
 
 def load_bytes(path: str | Path, most: int = MAX_BYTES) -> bytes:

@@ -115,7 +115,24 @@ def test_keys_of_rig_toml_that_nobody_reads_are_listed():
      "any metal; are these grams?"),
     ("centre_height_m = 2.44", "centre_height_m = -2.0", "rig.target.centre_height_m: -2 must be above 0, the floor"),
     ("gravity_m_s2 = 9.81", "gravity_m_s2 = 0", "rig.world.gravity_m_s2: 0 must be above 0"),
-    ("torque_nm = 0.2", "torque_nm = 1e6", "feeder.torque_nm: 1e+06 Nm is more than any motor gives; at most 100"),
+    ("torque_nm = 0.2", "torque_nm = 1e6", "feeder.torque_nm: 1e+06 is out of range (0 to 100); a "
+     "motor is turned round by its direction"),
+    ("kp = 0.03", "kp = -1", "flywheel.pid.kp: -1 is out of range (0 to inf); a gain of the other sign runs away; a "
+     "motor is turned round by its direction"),
+    ("homing_torque_nm = -0.05", "homing_torque_nm = 0.05", "hood.homing_torque_nm: 0.05 is out of range (-100 to "
+     "-0.0001); toward the switch; a motor is turned round by its direction"),
+    ("output_high = 1.2", "output_high = 1e6", "flywheel.pid.output_high: 1e+06 is out of range (-100 to 100); no "
+     "motor gives more Nm"),
+    ("hood_high_deg = 54.0", "hood_high_deg = 540", "collect.hood_high_deg: 540 is out of range (15 to 75); the hood "
+     "goes no further"),
+    ("spread = 0.06", "spread = 6", "collect.spread: 6 is out of range (0 to 0.5); a share of the speed: 0.06 varies "
+     "it by 6 %"),
+    ("efficiency = 0.65", "efficiency = 65", "collect.efficiency: 65 is out of range (0.1 to 1.5); exit speed by the "
+     "wheels': about 0.65"),
+    ("walk_step = 0.02", "walk_step = -0.02", "collect.walk_step: -0.02 is out of range (0 to 0.5); log speed a mark: "
+     "0.02 corrects it by 2 %"),
+    ("walk_start = [0.0,", "walk_start = [50,", "collect.walk_start: 50 is out of range (-3 to 3); log speed; 0 is no "
+     "correction"),
 ])
 def test_a_rig_or_limit_that_cannot_be_is_refused(tmp_path, old, new, said):
     assert TEXT.count(old) >= 1
