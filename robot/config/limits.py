@@ -45,8 +45,6 @@ def contradictions(config: "Config") -> Iterator[tuple[str, str]]:
 
 def cannot_throw(rig: Rig) -> Iterator[tuple[str, str]]:
     """Key and objection of values that a rig may have on paper, and a launcher cannot."""
-    if rig.world.gravity_m_s2 <= 0:
-        yield "rig.world.gravity_m_s2", f"{rig.world.gravity_m_s2:g} must be above 0"
     if rig.target is not None and rig.target.centre_height_m <= 0:
         yield "rig.target.centre_height_m", f"{rig.target.centre_height_m:g} must be above 0, the floor"
     if not any(wheel.gear for wheel in rig.launcher.wheel):

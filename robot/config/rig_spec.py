@@ -12,10 +12,10 @@ import msgspec
 from msgspec import UNSET, Struct, UnsetType, field
 
 POSITIVE = ("ball.mass_kg", "ball.radius_m", "launcher.free_speed_rad_s", "launcher.wheel.radius_m",
-            "target.two_half_height_m",
+            "target.two_half_height_m", "world.gravity_m_s2",
             "tracker.scale_sd", "tracker.tilt_sd_deg", "tracker.clock_sd")
 NOT_NEGATIVE = ("launcher.release_height_m", "air.density_kg_m3", "noise.distance_m", "noise.hood_deg",
-                "noise.wheel_rad_s", "noise.track_m", "target.three_half_height_m", "world.gravity_m_s2")
+                "noise.wheel_rad_s", "noise.track_m", "target.three_half_height_m")
 
 DOWNWARD = {"world.gravity_m_s2": "; it is a size and points down: write 9.81"}
 
@@ -147,12 +147,13 @@ def rig_errors(rig: Rig) -> Iterator[tuple[str, str]]:
         if not math.isfinite(value):
             yield key, f"{value} is not finite" + ("; measure it and write the number" if math.isnan(value) else "")
         elif key in POSITIVE and value <= 0:
-            yield key, f"{value} must be above 0"
+            yield key, f"{value} must be above 0" + DOWNWARD.get(key, "")
         elif key in NOT_NEGATIVE and value < 0:
-            yield key, f"{value} must not be below 0" + DOWNWARD.get(key, "")
-    names = [wheel.name for wheel in rig.launcher.wheel]
-    if len(set(names)) < len(names):
-        yield "launcher.wheel.name", "two wheels have one name"
+            yield key, f"{value} must not be below 0"
+    for key, names in (("launcher.wheel.name", [wheel.name for wheel in rig.launcher.wheel]),
+                       ("believe.terms", rig.believe.terms)):
+        for name in sorted({name for name in names if names.count(name) > 1}):
+            yield key, f"{name!r} stands there more than once; keep one"
     if rig.target and rig.target.three_half_height_m > rig.target.two_half_height_m:
         yield "target.three_half_height_m", "exceeds two_half_height_m, but three lies inside two"
 

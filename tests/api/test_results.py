@@ -147,6 +147,7 @@ def test_tables_go_out_tidy(found) -> None:
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
+    ({"believe": ["gravity", "drag", "drag"]}, "believe: names drag more than once; keep one"),
     ({"believe": ["gravity", "magic"]}, "believe: there is no term 'magic'"),
     ({"believe": "gravity"}, "believe: 'gravity' is one string"), ({"believe": []}, "believe: names no term"),
     ({"believe": ["gravity", "free_push"]}, "free_push"), ({"seed": -1}, "seed: -1 is negative"),

@@ -114,7 +114,8 @@ def test_keys_of_rig_toml_that_nobody_reads_are_listed():
     ("mass_kg = 0.14", "mass_kg = 140", "rig.ball.mass_kg: 140 kg in a ball of 0.0889 m radius is denser than "
      "any metal; are these grams?"),
     ("centre_height_m = 2.44", "centre_height_m = -2.0", "rig.target.centre_height_m: -2 must be above 0, the floor"),
-    ("gravity_m_s2 = 9.81", "gravity_m_s2 = 0", "rig.world.gravity_m_s2: 0 must be above 0"),
+    ("gravity_m_s2 = 9.81", "gravity_m_s2 = 0", "rig.world.gravity_m_s2: 0.0 must be above 0; it is a size "
+     "and points down: write 9.81"),
     ("torque_nm = 0.2", "torque_nm = 1e6", "feeder.torque_nm: 1e+06 is out of range (0 to 100); a "
      "motor is turned round by its direction"),
     ("kp = 0.03", "kp = -1", "flywheel.pid.kp: -1 is out of range (0 to inf); a gain of the other sign runs away; a "

@@ -21,7 +21,7 @@ def names_of(terms: Iterable[str | Term] | None, argument: str, among: Catalogue
     """Return the terms' names in the given order; None for None.
 
     Raises:
-        InputError: `terms` is one string or empty, or names a term that `among` does not have.
+        InputError: `terms` is one string or empty, names a term twice, or one that `among` does not have.
     """
     if terms is None:
         return None
@@ -30,6 +30,8 @@ def names_of(terms: Iterable[str | Term] | None, argument: str, among: Catalogue
     names = tuple(term if isinstance(term, str) else term.name for term in terms)
     if not names:
         raise InputError(f"{argument}: names no term")
+    if twice := {name for name in names if names.count(name) > 1}:
+        raise InputError(f"{argument}: names {', '.join(sorted(twice))} more than once; keep one")
     try:
         among.find(names)
     except InputError as error:

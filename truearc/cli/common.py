@@ -45,6 +45,8 @@ def listed(kind: Callable[[str], Kind]) -> Callable[[str], tuple[Kind, ...]]:
         words = [word.strip() for word in text.split(",") if word.strip()]
         if not words:
             raise argparse.ArgumentTypeError(f"got {text!r}; expected at least one entry, separated by commas")
+        if twice := sorted({word for word in words if words.count(word) > 1}):
+            raise argparse.ArgumentTypeError(f"got {', '.join(twice)} more than once; keep one")
         return tuple(map(kind, words))
 
     return parse

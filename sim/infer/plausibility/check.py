@@ -137,7 +137,7 @@ def _launcher(rig: Rig) -> Iterator[Flaw]:
         check = OF_KEY.get(key, key.partition(".")[0])
         if check in CHECKS:
             yield Flaw(check, f"rig.toml: {key}", what)
-    if 0.0 < rig.world.gravity_m_s2 < WEAKEST_M_S2:
+    if rig.world.gravity_m_s2 < WEAKEST_M_S2:
         yield Flaw("gravity", "rig.toml: world.gravity_m_s2", f"{rig.world.gravity_m_s2:g} is less than the Moon's; "
                    "on Earth it is 9.81")
     if 0.0 < rig.air.density_kg_m3 < THIN_KG_M3:

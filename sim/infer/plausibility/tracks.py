@@ -94,7 +94,7 @@ def judge_tracks(dataset: Dataset, tracks: Tracks) -> Iterator[Flaw]:
     step_s = float(np.median(steps)) if len(steps) else 0.01
     motion = measure_motion(tracks)
     if motion is not None:
-        objections = [*_gravity(dataset.rig, motion), *_mixed(dataset, motion)]
+        objections = [*_gravity(dataset, motion), *_mixed(dataset, motion)]
         yield from objections
         if objections:
             return
@@ -129,9 +129,9 @@ def _unmeasured(tracks: Tracks) -> Iterator[Flaw]:
                        "nothing can be found in that direction", warns=True)
 
 
-def _gravity(rig: Rig, motion: Motion) -> Iterator[Flaw]:
+def _gravity(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:
     """Gravity as if it were unknown: its size says the units, its direction the axes."""
-    size = float(np.linalg.norm(motion.acceleration_m_s2))
+    size, rig = float(np.linalg.norm(motion.acceleration_m_s2)), dataset.rig
     low, high = (share * rig.world.gravity_m_s2 for share in GRAVITY)
     spread = 3.0 * motion.error_m_s2
     said = f"fitted as if unknown, gravity is {size:,.3g} +- {motion.error_m_s2:,.2g} m/s2"
@@ -142,8 +142,9 @@ def _gravity(rig: Rig, motion: Motion) -> Iterator[Flaw]:
             yield Flaw("gravity", "tracks: x_m, y_m, z_m, t_s", f"positions or times have another unit: {said}; state "
                        "them in metres and seconds")
         else:
-            yield Flaw("gravity", "tracks: x_m, y_m, z_m", f"these look like {name}: {said}; rename the columns to "
-                       + ", ".join(f"{axis}_{suffix}" for axis in "xyz"))
+            axes = "z" if _is_upright(dataset, motion, metres) else "xyz"
+            yield Flaw("gravity", f"tracks: {', '.join(f'{axis}_m' for axis in axes)}", f"these look like {name}: {said};"
+                       " rename " + ", ".join(f"{axis}_m to {axis}_{suffix}" for axis in axes))
     elif size + spread < low:
         yield Flaw("gravity", "tracks: t_s", _slow(math.sqrt(rig.world.gravity_m_s2 / size), said))
     if size > spread:
@@ -153,6 +154,18 @@ def _gravity(rig: Rig, motion: Motion) -> Iterator[Flaw]:
             cause = ("z points down: change its sign" if across == 2 else
                      f"gravity acts along {'xyz'[across]}: z_m must point up; exchange z_m and {'xyz'[across]}_m")
             yield Flaw("axes", "tracks: x_m, y_m, z_m", cause)
+
+
+def _is_upright(dataset: Dataset, motion: Motion, metres: float) -> bool:
+    """Whether z alone is in a unit of so many metres: tracks then rise more steeply than the ball left, or where its
+    angle is not known, go no farther than the target."""
+    shots, rows = dataset.shots, motion.shot.astype(int)
+    slope = motion.velocity_m_s[:, 2] / np.linalg.norm(motion.velocity_m_s[:, :2], axis=1)
+    seen_deg, far = shots.number("exit_deg"), motion.reach_m / shots.number("distance_m")[rows]
+    stated = np.tan(np.radians(np.where(np.isfinite(seen_deg), seen_deg, shots.number("hood_deg"))[rows]))
+    if np.isfinite(stated).sum() >= TRACKS:
+        return bool(abs(np.nanmedian(np.log(np.abs(slope / stated))) + math.log(metres)) < -0.5 * math.log(metres))
+    return bool(np.isfinite(far).sum() >= TRACKS and 0.2 < np.nanmedian(far) < 1.2)
 
 
 def _slow(per_s: float, said: str) -> str:

@@ -42,6 +42,7 @@ def test_a_fit_is_told_in_words_and_written_as_a_belief(directory, tmp_path, cap
 @pytest.mark.parametrize(("arguments", "message"), [
     (["--terms", "drag,magnetism"], "no term 'magnetism'"),
     (["--terms", ""], "--terms: got ''; expected at least one entry"),
+    (["--terms", "drag,drag"], "--terms: got drag more than once; keep one"),
     (["--terms", " , "], "--terms: got ' , '; expected at least one entry"),
     (["--seed", "1"], "--seed: applies with --posterior only"),
     (["--posterior", "0"], "--posterior: got 0"),

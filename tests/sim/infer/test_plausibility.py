@@ -130,13 +130,19 @@ def test_gravity_is_measured_without_being_believed(filmed: Dataset) -> None:
     assert check_plausible(filmed).accepted == ()
 
 
-@pytest.mark.parametrize(("factor", "unit", "columns"), [
-    (1000.0, "millimetres", "x_mm, y_mm, z_mm"), (100.0, "centimetres", "x_cm, y_cm, z_cm"),
-    (1 / 0.0254, "inches", "x_in, y_in, z_in"), (1 / 0.3048, "feet", "x_ft, y_ft, z_ft")])
-def test_tracks_in_another_unit_are_refused(filmed: Dataset, factor: float, unit: str, columns: str) -> None:
-    with pytest.raises(InputError, match=rf"tracks: x_m, y_m, z_m: these look like {unit}: .* rename the columns to "
-                       + columns):
+@pytest.mark.parametrize(("factor", "unit", "suffix"), [
+    (1000.0, "millimetres", "mm"), (100.0, "centimetres", "cm"), (1 / 0.0254, "inches", "in"),
+    (1 / 0.3048, "feet", "ft")])
+def test_tracks_in_another_unit_are_refused(filmed: Dataset, factor: float, unit: str, suffix: str) -> None:
+    with pytest.raises(InputError, match=rf"tracks: x_m, y_m, z_m: these look like {unit}: .* rename x_m to x_{suffix}, "
+                       rf"y_m to y_{suffix}, z_m to z_{suffix}"):
         ta.discover(scaled(filmed, factor), believe=("gravity",))
+    assert filmed.tracks is not None
+    upright = tracks(filmed, z_m=filmed.tracks.z_m * factor)
+    flown = replace(upright, shots=replace(upright.shots, numbers={"distance_m": np.full(12, 6.0)}))
+    for one in (upright, flown):      # with the angle of the hood, and without
+        with pytest.raises(InputError, match=rf"tracks: z_m: these look like {unit}: .*; rename z_m to z_{suffix} "):
+            ta.fit(one, ("gravity",))
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(1000.0, "millimetres"), (100.0, "centimetres"), (1 / 0.3048, "feet")])
