@@ -2,45 +2,43 @@
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
 
 from truearc.robot.config.rig_spec import DENSEST_KG_M3, Rig, too_large
-
-if TYPE_CHECKING:                     # the schema calls this module
-    from truearc.robot.config.schema import Config
 
 MAX_TORQUE_NM = 100.0                 # at the motor shaft; the strongest of a team's motors give 7
 
 
-def contradictions(config: "Config") -> Iterator[tuple[str, str]]:
-    """Yield the key of each limit that is on the wrong side of another, and of each number that is out of range."""
-    hood, collect, wheel = config.hood, config.collect, config.flywheel
-    for low_key, low, high_key, high in (
-            ("hood.low_deg", hood.low_deg, "high_deg", hood.high_deg),
-            ("collect.hood_low_deg", collect.hood_low_deg, "hood_high_deg", collect.hood_high_deg),
-            ("hood.pid.output_low", hood.pid.output_low, "output_high", hood.pid.output_high),
-            ("flywheel.pid.output_low", wheel.pid.output_low, "output_high", wheel.pid.output_high)):
+def contradictions(config: Any) -> Iterator[tuple[str, str]]:
+    """Yield the key of each limit that is on the wrong side of another, and of each number that is out of range.
+
+    config: truearc.robot.config.schema.Config, whose module calls this one.
+    """
+    for key in ("hood.low_deg", "collect.hood_low_deg", "hood.pid.output_low", "flywheel.pid.output_low"):
+        above = key.replace("low_deg", "high_deg").replace("_low", "_high")
+        low, high = attrgetter(key, above)(config)
         if low > high:
-            yield low_key, f"{low:g} is above {high_key}, {high:g}"
-    torques, gains, turn = (-MAX_TORQUE_NM, MAX_TORQUE_NM), (0.0, math.inf), "a motor is turned round by its direction"
-    for key, value, (least, most), why in (
-            *((f"{name}.pid.{gain}", getattr(pid, gain), gains, f"a gain of the other sign runs away; {turn}")
-              for name, pid in (("flywheel", wheel.pid), ("hood", hood.pid)) for gain in ("kp", "ki", "kd")),
-            *((f"{name}.pid.{end}", getattr(pid, end), torques, "no motor gives more Nm")
-              for name, pid in (("flywheel", wheel.pid), ("hood", hood.pid)) for end in ("output_low", "output_high")),
-            ("flywheel.ks_nm", wheel.ks_nm, torques, "no motor gives more Nm"),
-            ("hood.friction_nm", hood.friction_nm, torques, "no motor gives more Nm"),
-            ("hood.homing_torque_nm", hood.homing_torque_nm, (-MAX_TORQUE_NM, -1e-4), f"toward the switch; {turn}"),
-            ("feeder.torque_nm", config.feeder.torque_nm, (0.0, MAX_TORQUE_NM), turn),
-            ("collect.hood_low_deg", collect.hood_low_deg, (hood.low_deg, hood.high_deg), "the hood goes no further"),
-            ("collect.hood_high_deg", collect.hood_high_deg, (hood.low_deg, hood.high_deg), "the hood goes no further"),
-            ("collect.spread", collect.spread, (0.0, 0.5), "a share of the speed: 0.06 varies it by 6 %"),
-            ("collect.repeats", collect.repeats, (1, 1000), "shots at each set point"),
-            ("collect.efficiency", collect.efficiency, (0.1, 1.5), "exit speed by the wheels': about 0.65"),
-            ("collect.walk_step", collect.walk_step, (0.0, 0.5), "log speed a mark: 0.02 corrects it by 2 %"),
-            *(("collect.walk_start", one, (-3.0, 3.0), "log speed; 0 is no correction") for one in collect.walk_start)):
-        if not least <= value <= most:
-            yield key, f"{value:g} is out of range ({least:g} to {most:g}); {why}"
+            yield key, f"{low:g} is above {above.rpartition('.')[2]}, {high:g}"
+    hood, turn = (config.hood.low_deg, config.hood.high_deg), "a motor is turned round by its direction"
+    for keys, (least, most), why in (
+            ("flywheel.pid.kp flywheel.pid.ki flywheel.pid.kd hood.pid.kp hood.pid.ki hood.pid.kd", (0.0, math.inf),
+             f"a gain of the other sign runs away; {turn}"),
+            ("flywheel.pid.output_low flywheel.pid.output_high hood.pid.output_low hood.pid.output_high flywheel.ks_nm "
+             "hood.friction_nm", (-MAX_TORQUE_NM, MAX_TORQUE_NM), "no motor gives more Nm"),
+            ("hood.homing_torque_nm", (-MAX_TORQUE_NM, -1e-4), f"toward the switch; {turn}"),
+            ("feeder.torque_nm", (0.0, MAX_TORQUE_NM), turn),
+            ("collect.hood_low_deg collect.hood_high_deg", hood, "the hood goes no further"),
+            ("collect.spread", (0.0, 0.5), "a share of the speed: 0.06 varies it by 6 %"),
+            ("collect.efficiency", (0.1, 1.5), "exit speed by the wheels': about 0.65"),
+            ("collect.walk_step", (0.0, 0.5), "log speed a mark: 0.02 corrects it by 2 %"),
+            ("collect.walk_start", (-3.0, 3.0), "log speed; 0 corrects nothing")):
+        for key in keys.split():
+            for value in np.ravel(attrgetter(key)(config)):
+                if not least <= value <= most:
+                    yield key, f"{value:g} is out of range ({least:g} to {most:g}); {why}"
 
 
 def cannot_throw(rig: Rig) -> Iterator[tuple[str, str]]:

@@ -132,8 +132,8 @@ def test_keys_of_rig_toml_that_nobody_reads_are_listed():
      "wheels': about 0.65"),
     ("walk_step = 0.02", "walk_step = -0.02", "collect.walk_step: -0.02 is out of range (0 to 0.5); log speed a mark: "
      "0.02 corrects it by 2 %"),
-    ("walk_start = [0.0,", "walk_start = [50,", "collect.walk_start: 50 is out of range (-3 to 3); log speed; 0 is no "
-     "correction"),
+    ("walk_start = [0.0,", "walk_start = [50,", "collect.walk_start: 50 is out of range (-3 to 3); log speed; 0 "
+     "corrects nothing"),
 ])
 def test_a_rig_or_limit_that_cannot_be_is_refused(tmp_path, old, new, said):
     assert TEXT.count(old) >= 1

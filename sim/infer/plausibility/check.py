@@ -13,7 +13,8 @@ import numpy as np
 from truearc.robot.config.rig_spec import DENSEST_KG_M3, MOST, Rig, too_large
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.model import Dataset, Floats, Shots
-from truearc.sim.infer.plausibility.flaw import LENGTHS, RPM, TRACKS, Flaw
+from truearc.sim.infer.plausibility.flaw import LENGTHS, TRACKS, Flaw
+from truearc.sim.infer.plausibility.speeds import MOTORS, judge_wheels, likeliest, speed_causes
 from truearc.sim.infer.plausibility.tracks import judge_tracks
 from truearc.sim.physics.simulate import by_wheels, launch_state
 
@@ -39,6 +40,7 @@ OF_KEY = {"world.gravity_m_s2": "gravity", "launcher.wheel.clock_deg": "wheels",
           "launcher.free_speed_rad_s": "speed"}           # key of the rig -> its check
 WEAKEST_M_S2 = 1.2                    # gravity below this may be a multiple of the Earth's; the Moon has 1.6
 ALIKE_BALLS = 0.02                    # share by which masses and radii may differ from the rig's
+FROM_FLOOR = 0.25                     # share of the target's height to which those above the floor come near it
 IMPOSSIBLE = 0.2                      # share of heights that cannot be, above which their unit is another
 
 
@@ -73,12 +75,12 @@ def _placed(objection: Flaw, shots: str) -> str:
 def _objections(dataset: Dataset) -> Iterator[Flaw]:
     ball = list(_ball(dataset.rig))
     yield from ball or _balls(dataset.rig, dataset.shots)
-    launcher = list(_launcher(dataset.rig))
+    launcher = [*_launcher(dataset.rig), *judge_wheels(dataset.rig, dataset.shots)]
     yield from launcher
     hood = list(_hood(dataset.shots))
     yield from hood
     yield from () if hood else _heights(dataset.rig, dataset.shots)
-    if not hood and not launcher:
+    if not hood and all(flaw.warns for flaw in launcher):
         yield from _reach(dataset.rig, dataset.shots)
     if dataset.tracks is not None:
         yield from judge_tracks(dataset, dataset.tracks)
@@ -93,7 +95,8 @@ def _ball(rig: Rig) -> Iterator[Flaw]:
                     f"{ball.mass_kg / 1000.0:g} kg")
     elif density > HEAVY_KG_M3:
         yield Flaw("mass", "rig.toml: ball.mass_kg", f"{said} is as dense as stone or metal; make sure that it is not "
-                   f"in ounces, which would be {ball.mass_kg * OUNCE_KG:.3g} kg", warns=True)
+                   f"in ounces, which would be {ball.mass_kg * OUNCE_KG:.3g} kg, and that ball.radius_m is not half of "
+                   "the radius", warns=True)
     elif density < LIGHTEST_KG_M3:
         name, (_, metres) = next((one for one in reversed(LENGTHS.items())
                                   if density / one[1][1]**3 > LIGHT_KG_M3), ("millimetres", ("mm", 1e-3)))
@@ -168,11 +171,19 @@ def _heights(rig: Rig, shots: Shots) -> Iterator[Flaw]:
         wide_m = np.where(outcome == word, 1.5 * half_m + 0.1, np.inf)
         least_m, most_m = np.maximum(least_m, -wide_m), np.minimum(most_m, wide_m)
 
-    def beyond(metres: float) -> int:
-        return int(((height_m * metres < least_m) | (height_m * metres > most_m)).sum())
+    def beyond(metres: float, zero_m: float = 0.0) -> int:
+        return int(((height_m * metres - zero_m < least_m) | (height_m * metres - zero_m > most_m)).sum())
 
     wrong, known = beyond(1.0), int(np.isfinite(height_m).sum())
-    if wrong < TRACKS or wrong < IMPOSSIBLE * known:
+    middle_m = float(np.nanmedian(height_m)) if known >= TRACKS and np.nanmin(height_m) >= 0.0 else 0.0
+    floor = [(name, suffix, metres) for name, (suffix, metres) in {"metres": ("m", 1.0), **LENGTHS}.items()
+             if middle_m > 1.5 * rig.target.two_half_height_m + 0.1 and beyond(metres, centre_m) < IMPOSSIBLE * known
+             and abs(middle_m * metres - centre_m) < max(FROM_FLOOR * centre_m, rig.target.two_half_height_m)]
+    for name, suffix, metres in floor[:1]:
+        yield Flaw("height", f"{shots.source}: {MISSED}", f"these look like heights above the floor in {name}: "
+                   f"subtract that of the target's centre, {centre_m / metres:.4g}"
+                   + (f", and rename the column to miss_height_{suffix}" if metres != 1.0 else ""))
+    if wrong < TRACKS or wrong < IMPOSSIBLE * known or floor:
         return
     likely = [f"{name}, rename the column to miss_height_{suffix}" for name, (suffix, metres) in
               reversed(LENGTHS.items()) if beyond(metres) < 0.1 * wrong]
@@ -209,9 +220,10 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
     distance_m, hood_deg, speed_m_s = columns[:, scoring & np.isfinite(columns).all(axis=0)]
     if rig.target is None or len(distance_m) < SCORES:
         return
+    centre_m = rig.target.centre_height_m
 
     def ratios(distance: Floats, hood: Floats, speed: Floats, height: float = 1.0) -> Floats:
-        rise_m = height * rig.target.centre_height_m - rig.launcher.release_height_m if rig.target else 0.0
+        rise_m = height * centre_m - rig.launcher.release_height_m
         return np.asarray(speed / needed_speed(distance, rise_m, hood, rig.world.gravity_m_s2))
 
     ratio = ratios(distance_m, hood_deg, speed_m_s)
@@ -228,11 +240,12 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
                        f"better if these are {name}: rename the column to distance_{suffix}")
             return
     measured = np.isfinite(shots.number("exit_speed_m_s")[scoring]).all() and "exit_speed_m_s" in shots.numbers
-    low, high = MEASURED if measured else REACH
+    (low, high), causes = MEASURED if measured else REACH, speed_causes(rig, shots)
     if low <= middle <= high:
         if middle > DOUBLED and by_wheels(shots).all():
             yield Flaw("reach", "rig.toml: launcher.wheel.radius_m", f"scoring shots leave with {middle:.2g} times the "
-                       "speed that gets a ball so far without air; make sure that it is not the diameter", warns=True)
+                       "speed that gets a ball so far without air; make sure that it is not the diameter"
+                       + (f", nor the wheels' speeds {MOTORS}" if causes.get(MOTORS, 1.0) < 1.0 else ""), warns=True)
         return
     if measured:
         near = sorted(SPEEDS, key=lambda one: abs(math.log(max(middle, 1e-9) * one[2] / TYPICAL)))
@@ -240,19 +253,17 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
                    "that gets a ball so far without air; if this is another unit, rename the column: "
                    + " or ".join(f"{column} for {name}" for name, column, _ in near[:2]))
         return
-    causes = {f"distance_m in {name}": ratios(distance_m * metres, hood_deg, speed_m_s)
-              for name, (_, metres) in LENGTHS.items()}
-    causes |= {f"target.centre_height_m in {name}, which would be {rig.target.centre_height_m * metres:.3g} m":
-               ratios(distance_m, hood_deg, speed_m_s, metres) for name, (_, metres) in LENGTHS.items()
-               if LOWEST_M <= rig.target.centre_height_m * metres <= MOST["target.centre_height_m"]}
-    causes["launcher.free_speed_rad_s, or the wheels' speeds, in revolutions per minute"] = ratios(
-        distance_m, hood_deg, speed_m_s * RPM)
-    causes["a wheel's diameter given as its radius"] = ratios(distance_m, hood_deg, speed_m_s / 2.0)
-    medians = {cause: float(np.median(new)) for cause, new in causes.items()}
-    fits = {cause: abs(math.log(new / TYPICAL)) for cause, new in medians.items() if REACH[0] <= new <= REACH[1]}
-    likely = min(fits, key=lambda cause: fits[cause]) if fits else "wrong distances, wheels or hood angles"
     yield Flaw("reach", f"{shots.source}: distance_m, hood_deg and the wheels", "scoring shots leave with "
-                f"{middle:.2g} times the speed that gets a ball so far without air; this looks like {likely}")
+                f"{middle:.2g} times the speed that gets a ball so far without air; this looks like "
+                + likeliest({
+                    **{f"distance_m in {name}": float(np.median(ratios(distance_m * metres, hood_deg, speed_m_s)))
+                       for name, (_, metres) in LENGTHS.items()},
+                    **{f"target.centre_height_m in {name}, which would be {centre_m * metres:.3g} m":
+                       float(np.median(ratios(distance_m, hood_deg, speed_m_s, metres)))
+                       for name, (_, metres) in LENGTHS.items()
+                       if LOWEST_M <= centre_m * metres <= MOST["target.centre_height_m"]},
+                    **{cause: middle * share for cause, share in causes.items()}}, REACH, TYPICAL,
+                    "wrong distances, wheels or hood angles"))
 
 
 def _is_straighter(other: Floats, ratio: Floats) -> bool:

@@ -9,13 +9,15 @@ from jaxtyping import Bool, Float
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.model import Dataset, Floats, Tracks
-from truearc.sim.infer.plausibility.flaw import LENGTHS, RPM, TRACKS, Flaw
+from truearc.sim.infer.plausibility.flaw import LENGTHS, TRACKS, Flaw
+from truearc.sim.infer.plausibility.speeds import likeliest, speed_causes
 from truearc.sim.physics.simulate import launch_state
 
 GRAVITY = (0.45, 1.7)                 # share of the rig's that drag and lift leave of it, at the least and at the most
 TILT_DEG = 45.0                       # of the measured gravity against -z: no camera is tilted as far
 INTERVAL_S = (1e-4, 0.6)
 SPEED = (0.2, 1.6)                    # of a tracked ball, by that of the wheels' surfaces
+SLIPS = 0.85                          # usual
 ALIKE = 1.15                          # gravity in the unit that a message names, over the rig's, or the inverse
 FAR_M = 0.5                           # tracks that go less far have no direction
 NEAR_M = 1.5                          # tracks that begin farther off do not tell where the ball left
@@ -143,8 +145,8 @@ def _gravity(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:
                        "them in metres and seconds")
         else:
             axes = "z" if _is_upright(dataset, motion, metres) else "xyz"
-            yield Flaw("gravity", f"tracks: {', '.join(f'{axis}_m' for axis in axes)}", f"these look like {name}: {said};"
-                       " rename " + ", ".join(f"{axis}_m to {axis}_{suffix}" for axis in axes))
+            yield Flaw("gravity", f"tracks: {', '.join(f'{axis}_m' for axis in axes)}", f"these look like {name}: "
+                       f"{said}; rename " + ", ".join(f"{axis}_m to {axis}_{suffix}" for axis in axes))
     elif size + spread < low:
         yield Flaw("gravity", "tracks: t_s", _slow(math.sqrt(rig.world.gravity_m_s2 / size), said))
     if size > spread:
@@ -157,7 +159,7 @@ def _gravity(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:
 
 
 def _is_upright(dataset: Dataset, motion: Motion, metres: float) -> bool:
-    """Whether z alone is in a unit of so many metres: tracks then rise more steeply than the ball left, or where its
+    """Whether z alone is in a unit of `metres`: tracks then rise more steeply than the ball left, or where its
     angle is not known, go no farther than the target."""
     shots, rows = dataset.shots, motion.shot.astype(int)
     slope = motion.velocity_m_s[:, 2] / np.linalg.norm(motion.velocity_m_s[:, :2], axis=1)
@@ -219,7 +221,7 @@ def _against_launcher(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:
     speed_m_s = launch_state(dataset.rig, dataset.shots).get("exit_speed_m_s", np.full(len(dataset.shots), np.nan))
     ratio = float(np.nanmedian(motion.start_m_s / speed_m_s[rows])) if np.isfinite(speed_m_s[rows]).any() else 1.0
     if not SPEED[0] <= ratio <= SPEED[1]:
-        cause = ("the wheels' speeds look like revolutions per minute" if SPEED[0] <= ratio / RPM <= SPEED[1] else
-                 "wheel radius, gear or speed has another unit")
+        likely = likeliest({cause: ratio / share for cause, share in speed_causes(dataset.rig, dataset.shots).items()},
+                           SPEED, SLIPS, "another unit of a wheel's radius, gear or speed")
         yield Flaw("speed", f"{dataset.shots.source}: the wheels", f"tracked balls leave with {ratio:.2g} times the "
-                    f"speed of the wheels' surfaces; {cause}")
+                   f"speed of the wheels' surfaces; this looks like {likely}")

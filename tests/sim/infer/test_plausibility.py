@@ -134,8 +134,8 @@ def test_gravity_is_measured_without_being_believed(filmed: Dataset) -> None:
     (1000.0, "millimetres", "mm"), (100.0, "centimetres", "cm"), (1 / 0.0254, "inches", "in"),
     (1 / 0.3048, "feet", "ft")])
 def test_tracks_in_another_unit_are_refused(filmed: Dataset, factor: float, unit: str, suffix: str) -> None:
-    with pytest.raises(InputError, match=rf"tracks: x_m, y_m, z_m: these look like {unit}: .* rename x_m to x_{suffix}, "
-                       rf"y_m to y_{suffix}, z_m to z_{suffix}"):
+    with pytest.raises(InputError, match=rf"tracks: x_m, y_m, z_m: these look like {unit}: .* rename x_m to "
+                       rf"x_{suffix}, y_m to y_{suffix}, z_m to z_{suffix}"):
         ta.discover(scaled(filmed, factor), believe=("gravity",))
     assert filmed.tracks is not None
     upright = tracks(filmed, z_m=filmed.tracks.z_m * factor)
@@ -312,6 +312,21 @@ def test_balls_and_heights_of_shots_in_another_unit_are_refused(table: Dataset, 
         ta.fit(wrong, ("gravity", "drag"))
 
 
+@pytest.mark.parametrize(("metres", "said"), [
+    (1.0, r"in metres: subtract that of the target's centre, [\d.]+ \(check"),
+    (0.3048, r"in feet: subtract .*, [\d.]+, and rename the column to miss_height_ft"), (0.0254, "in inches: subtract"),
+    (0.001, "in millimetres: subtract")])
+@pytest.mark.parametrize("marked", [True, False])
+def test_heights_above_the_floor_are_called_so(table: Dataset, metres: float, said: str, marked: bool) -> None:
+    right_m = np.random.default_rng(3).uniform(-0.06, 0.06, 40)
+    if not marked:
+        table = replace(table, shots=replace(table.shots, texts={}))
+        right_m *= 5.0
+    assert table.rig.target is not None and check_plausible(numbers(table, miss_height_m=right_m)).accepted == ()
+    with pytest.raises(InputError, match=rf"miss_height_m: these look like heights above the floor {said}"):
+        ta.fit(numbers(table, miss_height_m=(right_m + table.rig.target.centre_height_m) / metres), ("gravity", "drag"))
+
+
 def test_heights_that_can_be_pass(table: Dataset) -> None:
     spread = np.random.default_rng(3).normal(0.0, 0.4, 40)
     unmarked = replace(table, shots=replace(table.shots, texts={}))
@@ -334,10 +349,53 @@ def test_numbers_of_a_rig_in_another_unit_are_refused(table: Dataset, part: str,
         ta.fit(replace(table, facts=rig), ("gravity", "drag"))
 
 
+GEARED = (Wheel("upper", 0.05, 0.4, 0.0), Wheel("lower", 0.05, 0.4, 180.0))
+
+
+@pytest.mark.parametrize(("wrong", "said"), [
+    (lambda one: numbers(one, **faster(one, 1.0 / (2.0 * np.pi))), "or the wheels' speeds, in revolutions per second"),
+    (lambda one: wheels(numbers(one, **faster(one, 1.0 / 0.2)), [changed(wheel, gear=0.2) for wheel in WHEELS]),
+     "this looks like the motors', before the gears"),
+    (lambda one: wheels(one, [changed(wheel, radius_m=0.025) for wheel in WHEELS]),
+     "half of a wheel's radius given as its radius")])
+def test_speeds_of_wheels_that_are_not_theirs_are_called_so(filmed: Dataset, table: Dataset, wrong: Any,
+                                                            said: str) -> None:
+    for dataset, place in ((table, "scoring shots leave"), (filmed, "tracked balls leave")):
+        with pytest.raises(InputError, match=rf"{place} .*{said}"):
+            ta.fit(wrong(dataset), ("gravity", "drag"))
+
+
+@pytest.mark.parametrize(("factor", "said"), [
+    (30.0 / np.pi, "revolutions per minute; rename the column to wheel_upper_rpm"),
+    (0.5 / np.pi, "revolutions per second; rename the column to wheel_upper_rev_s"),
+    (2.5, "the motor's speed; multiply it by the gear, 0.4")])
+def test_speeds_of_wheels_are_those_by_their_motors(table: Dataset, factor: float, said: str) -> None:
+    speeds = faster(table, 1.0)
+    geared = wheels(numbers(by_motor(table, 1000.0), motor_ratio=speeds["wheel_upper_rad_s"] / 0.4 / 1000.0), GEARED)
+    assert check_plausible(numbers(geared, **speeds)).accepted == ()
+    with pytest.raises(InputError, match=rf"wheel_upper_rad_s: is .* this looks like {said}"):
+        ta.fit(numbers(geared, **faster(table, factor)), ("gravity", "drag"))
+
+
+def test_equal_speeds_of_wheels_with_other_gears_are_warned_of(table: Dataset) -> None:
+    (said,) = check_plausible(wheels(table, [WHEELS[0], changed(WHEELS[1], gear=0.5)])).accepted
+    assert said.startswith("wheels: ") and "are equal although the wheels' gears differ" in said
+
+
+def faster(dataset: Dataset, factor: float) -> dict[str, np.ndarray]:
+    return {name: factor * column for name, column in dataset.shots.numbers.items() if name.startswith("wheel_")}
+
+
+def wheels(dataset: Dataset, turning: Any) -> Dataset:
+    launcher = changed(dataset.rig.launcher, wheel=tuple(turning))
+    return replace(dataset, facts=changed(dataset.rig, launcher=launcher))
+
+
 def test_a_mass_that_may_be_in_ounces_warns(table: Dataset) -> None:
     warning, = check_plausible(ball(table, mass_kg=5.0, radius_m=0.0889)).accepted
     assert warning == ("mass: rig.toml: ball.mass_kg: a ball of 5 kg and 0.0889 m radius is as dense as stone or "
-                       "metal; make sure that it is not in ounces, which would be 0.142 kg")
+                       "metal; make sure that it is not in ounces, which would be 0.142 kg, and "
+                       "that ball.radius_m is not half of the radius")
     assert check_plausible(ball(table, mass_kg=7.26, radius_m=0.1085)).accepted == ()  # a bowling ball
 
 
