@@ -99,7 +99,8 @@ def number_column(table: RawTable, name: str, problems: Problems, needed: bool =
             if needed:
                 problems.add(table.place(row), name, "is missing")
         elif number is None or not math.isfinite(number):
-            problems.add(table.place(row), name, f"{cell!r} is not a finite number")
+            problems.add(table.place(row), name, f"{cell!r} is not a finite number"
+                         + ("; decimals have a point, thousands no mark" if "," in str(cell) else ""))
         elif not low <= number <= high:
             problems.add(table.place(row), name, f"{number:g} is out of range ({low:g} to {high:g})"
                          + (f"; {LOOKS[name]}" if name in LOOKS else ""))

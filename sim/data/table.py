@@ -15,7 +15,8 @@ from truearc.robot.config.schema import InputError, load_bytes
 from truearc.sim.data.problems import Problems
 
 DECIMAL_COMMA = re.compile(r"^\s*([+-]?\d+),(\d+)\s*$")
-DECIMAL_COMMAS = re.compile(r"(?:^|;)\s*[+-]?\d+,\d+\s*(?:;|\r?$)", re.MULTILINE)
+THOUSANDS = re.compile(r"^\s*[+-]?[1-9]\d{0,2},\d{3}\s*$")
+DECIMAL_POINT = re.compile(r"^\s*[+-]?\d*\.\d+\s*$")
 Cell = str | float | None             # CSV gives text; Parquet numbers, text or None
 
 
@@ -82,8 +83,20 @@ def parse_csv(text: str, path: Path, problems: Problems) -> RawTable:
             continue
         lines.append(line)
         for name, cell in zip(header, cells, strict=False):
-            columns[name].append((DECIMAL_COMMA.sub(r"\1.\2", cell) if mark == ";" else cell) or None)
-    return RawTable(path, columns, lines)
+            columns[name].append(cell or None)
+    return RawTable(path, _with_points(columns, path, mark), lines)
+
+
+def _with_points(columns: dict[str, list[Cell]], path: Path, mark: str) -> dict[str, list[Cell]]:
+    """Decimal commas as points: of all cells behind semicolons, else where none has a point and not all commas can be
+    of thousands."""
+    cells = [str(cell) for column in columns.values() for cell in column if cell]
+    commas = [cell for cell in cells if DECIMAL_COMMA.match(cell)]
+    if not commas or (mark != ";" and (all(map(THOUSANDS.match, commas)) or any(map(DECIMAL_POINT.match, cells)))):
+        return columns
+    print(f"warning: {path}: read with commas as decimal points", file=sys.stderr)
+    return {name: [cell and DECIMAL_COMMA.sub(r"\1.\2", str(cell)) for cell in column]
+            for name, column in columns.items()}
 
 
 def _separator(text: str, path: Path) -> str:
@@ -91,9 +104,7 @@ def _separator(text: str, path: Path) -> str:
     header = text.partition("\n")[0]
     for mark, name in ((";", "semicolons"), ("\t", "tabs")):
         if mark in header and "," not in header:
-            commas = mark == ";" and DECIMAL_COMMAS.search(text) is not None
-            print(f"warning: {path}: read with {name} between cells" + (", commas as decimal points" if commas else ""),
-                  file=sys.stderr)
+            print(f"warning: {path}: read with {name} between cells", file=sys.stderr)
             return mark
     return ","
 

@@ -30,6 +30,8 @@ def load(home: Path, shots: str, tracks: str = "") -> Dataset:
     "shot_id,distance_cm,hood_rad,wheel_main_rpm,outcome\na,304.8,1,1000, Two\n",
     " Shot ID ,Distance FT,HOOD_RAD,Wheel_Main_rpm,Outcome\na,10,1,1000,TWO\n",
     "\ufeffshot_id;distance_ft;hood_rad;wheel_main_rpm;outcome\na;10,0;1;1000;two\n",
+    'shot_id,distance_ft,hood_rad,wheel_main_rpm,outcome\na,"10,0","1,000000",1000,two\n',
+    "shot_id\tdistance_ft\thood_rad\twheel_main_rpm\toutcome\na\t10,00\t1,0\t1000\ttwo\n",
     "shot_id\tdistance_ft\thood_rad\twheel_main_rpm\toutcome\na\t10\t1\t1000\ttwo\n"])
 def test_shots_say_the_same_in_other_units(tmp_path: Path, shots: str) -> None:
     read = load(tmp_path, shots).shots
@@ -37,6 +39,19 @@ def test_shots_say_the_same_in_other_units(tmp_path: Path, shots: str) -> None:
     assert read.number("distance_m") == pytest.approx([3.048])
     assert read.number("hood_deg") == pytest.approx([math.degrees(1.0)])
     assert read.number("wheel_main_rad_s") == pytest.approx([1000 * 2 * math.pi / 60])
+
+
+@pytest.mark.parametrize(("cells", "wrong"), [
+    ('"1,234",40', "1,234"), ('"1,5",40.5', "1,5"), ('"1.234,5",40', "1.234,5")])
+def test_commas_that_may_be_of_thousands_are_refused(tmp_path: Path, cells: str, wrong: str) -> None:
+    with pytest.raises(InputError, match=rf"shots\.csv:2: distance_m: '{wrong}' is not a finite number; decimals have "
+                       "a point, thousands no mark"):
+        load(tmp_path, f"shot_id,distance_m,hood_deg\na,{cells}\n")
+
+
+def test_commas_that_were_read_as_points_are_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    load(tmp_path, 'shot_id,distance_m,hood_deg\na,"3,05","0,579"\n')
+    assert capsys.readouterr().err == f"warning: {tmp_path}/shots.csv: read with commas as decimal points\n"
 
 
 @pytest.mark.parametrize(("header", "factor"), [
