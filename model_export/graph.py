@@ -20,8 +20,8 @@ from truearc.sim.gate.novelty import describe_novelty
 
 OPSET = 17                            # old enough for every onnxruntime in use, new enough for all that is used here
 IR_VERSION = 8                        # the one that came with opset 17
-NAMED = 8                             # recorded settings outside a narrowed domain that are named
-APART = ("curve", "domain", "novelty")      # of the training record: not provenance
+NAMED = 8                             # recorded shots outside a narrowed domain that are named
+APART = ("curve", "domain", "novelty", "recorded")      # of the training record: not provenance
 
 
 def make_model(parts: Sequence[Part], domain: dict[str, list[float]], novelty: dict[str, Any],
@@ -54,7 +54,7 @@ def export_weights(directory: str | Path, path: str | Path) -> bytes:
 
     The provenance is the training record without its loss curve, plus the SHA-256 of the directory. InputError too when
     the graph cannot say what the trained model says (see truearc.model_export.trained). A domain that was narrowed for
-    that, and the recorded settings outside it, are warned of on stderr.
+    that, and the recorded shots outside it, are warned of on stderr.
     """
     trained = load_trained(directory)
     provenance = {key: value for key, value in trained.record.items() if key not in APART}
@@ -73,17 +73,16 @@ def export_weights(directory: str | Path, path: str | Path) -> bytes:
 
 
 def say_narrowed(trained: Trained, domain: dict[str, list[float]]) -> str:
-    """Say which of the recorded settings lie outside a domain over which the graph follows the physics."""
-    known = trained.novelty
-    settings = known.landmarks / known.scale + known.mean
+    """Say which of the recorded shots lie outside a domain over which the graph follows the physics."""
+    known = trained.novelty           # weights of earlier versions do not say which shot had which settings
+    recorded = trained.record.get("recorded") or dict(enumerate(known.landmarks / known.scale + known.mean, 1))
     low, high = np.array([domain[feature.name] for feature in contract.FEATURES]).T
-    outside = settings[((settings < low) | (settings > high)).any(axis=1)]
+    outside = [f"{name} ({row[0]:.2f} m, motor ratio {row[1]:.3f}, hood {row[2]:.1f} deg)"
+               for name, row in recorded.items() if ((np.array(row) < low) | (np.array(row) > high)).any()]
     edges = ", ".join(f"{name} {edge[0]:.4g} to {edge[1]:.4g}" for name, edge in domain.items())
-    named = "; ".join(f"{distance_m:.2f} m, motor ratio {ratio:.3f}, hood {hood_deg:.1f} deg"
-                      for distance_m, ratio, hood_deg in outside[:NAMED])
     return (f"the domain is narrowed to {edges}: beyond it no graph follows the physics closely; the robot holds "
-            f"there. {len(outside)} of {len(settings)} recorded settings lie outside" + (f": {named}" if named else "")
-            + ("; ..." if len(outside) > NAMED else ""))
+            f"there. {len(outside)} of {len(recorded)} recorded shots lie outside"
+            + (f": {'; '.join(outside[:NAMED])}" if outside else "") + ("; ..." if len(outside) > NAMED else ""))
 
 
 def _as_exported(array: np.ndarray) -> np.ndarray:

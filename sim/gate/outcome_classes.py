@@ -28,7 +28,7 @@ class OutcomeClasses(NamedTuple):
     features [n, 3] in the contract's order; cells [n, 5]: 1 where the height may have been, by the outcome and side;
     miss_m [n]: measured height minus the target's centre, nan where not measured (it then overrides the cells);
     level [n]: 0 miss, 1 two, 2 three, -1 not judged; aside [n]: a miss to the left or right, whose cells are all 1;
-    group [n]: rows of one configuration share a number.
+    group [n]: rows of one configuration share a number; shot_id [n].
     """
 
     features: np.ndarray
@@ -37,6 +37,7 @@ class OutcomeClasses(NamedTuple):
     level: np.ndarray
     aside: np.ndarray
     group: np.ndarray
+    shot_id: np.ndarray
 
     def take(self, rows: np.ndarray) -> "OutcomeClasses":
         return OutcomeClasses(*(column[rows] for column in self))
@@ -57,7 +58,8 @@ def outcome_classes_of(shots: Shots, name: str,
                       for row in kept], float)
     level = np.array([LEVEL.get(outcome[row], -1) for row in kept])
     aside = np.array([outcome[row] == MISS and side[row] in ASIDE for row in kept])
-    return OutcomeClasses(features, cells, miss_m[kept], level, aside, _groups(shots, kept)), left_out
+    return OutcomeClasses(features, cells, miss_m[kept], level, aside, _groups(shots, kept),
+                          np.array(shots.shot_id)[kept]), left_out
 
 
 def _groups(shots: Shots, kept: np.ndarray) -> np.ndarray:

@@ -117,6 +117,7 @@ def test_gate_is_exported_as_the_commands_export_it(folder, week, found, gate, t
     sha256 = gate.export(tmp_path / "gate.onnx")
     assert sha256 in capsys.readouterr().out
     assert (tmp_path / "gate.onnx").read_bytes() == (tmp_path / "command.onnx").read_bytes()
+    assert set(gate.record["recorded"]) == set(week.shots.shot_id)
     assert 0.0 <= gate.holdout.brier < 0.5 and isinstance(gate.plot_reliability(), Figure)
     assert main(["predict", "--gate", str(tmp_path / "gate.onnx"), str(folder)]) == 0
     rated = ta.predict(week, gate=tmp_path / "gate.onnx")

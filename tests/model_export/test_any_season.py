@@ -34,7 +34,8 @@ def export(seed: int, belief: Belief, folder: Path) -> tuple[Ratings, int]:
     season = make_season(seed)
     gate, _ = train_physics_gate(season.rig, belief, season.shots)
     features = np.stack([season.shots.number(one.name) for one in FEATURES], axis=1)
-    save_physics_gate(folder / "weights", gate, {"domain": domain_of(features), "version": "0", "seed": 0})
+    save_physics_gate(folder / "weights", gate, {"domain": domain_of(features), "version": "0", "seed": 0,
+                                                 "recorded": {f"s{k}": row for k, row in enumerate(features.tolist())}})
     export_weights(folder / "weights", folder / "gate.onnx")
     exported = load_gate(folder / "gate.onnx")
     box = np.array(exported.domain)
@@ -57,6 +58,6 @@ def test_a_domain_that_is_narrowed_is_said_with_the_settings_outside(tmp_path: P
     rated, outside = export(2, crooked, tmp_path)
     said = capsys.readouterr().err
     assert "the domain is narrowed to distance_m" in said and "the robot holds there" in said
-    counted = re.search(r"(\d+) of \d+ recorded settings lie outside: ", said)
-    assert counted and 0 < outside < 30 and abs(int(counted[1]) - outside) <= 1
+    counted = re.search(r"(\d+) of \d+ recorded shots lie outside: s\d+ \(.* m, motor ratio .*; s\d+ \(", said)
+    assert counted and 0 < outside < 30 and int(counted[1]) == outside
     assert np.isfinite(rated.p).all() and not rated.in_domain.all()

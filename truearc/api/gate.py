@@ -125,4 +125,5 @@ def _record(dataset: Dataset, belief: Belief, seed: int, marks: OutcomeClasses, 
     return {"version": version("truearc"), "seed": seed, "shots": len(marks.level),
             "real_sha256": hash_dataset(dataset), "coefficients": belief.coefficients, "scatter": belief.scatter,
             "temperature": gate.temperature, **({"accepted": dataset.accepted} if dataset.accepted else {}),
-            "heldout": figures, "domain": domain_of(marks.features)}
+            "heldout": figures, "domain": domain_of(marks.features),
+            "recorded": dict(zip(marks.shot_id.tolist(), marks.features.tolist(), strict=True))}
