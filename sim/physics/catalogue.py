@@ -7,6 +7,7 @@ truearc.sim.physics.plugins).
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import cache
 from importlib import import_module
 from pkgutil import walk_packages
@@ -64,7 +65,8 @@ class Catalogue:
         """
         wanted = set(names)
         for name in sorted(wanted - {term.name for term in (*self.terms, *NAMELESS)}):
-            raise InputError(f"there is no term {name!r}; the catalogue has {', '.join(sorted(self.names))}")
+            like = "".join(f" (did you mean {one!r}?)" for one in get_close_matches(name, self.names, 1))
+            raise InputError(f"there is no term {name!r}{like}; the catalogue has {', '.join(sorted(self.names))}")
         return tuple(term for term in (*self.terms, *NAMELESS) if term.name in wanted)
 
 

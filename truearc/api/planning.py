@@ -86,7 +86,8 @@ def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, 
     check_kind("rig_or_dataset", rig_or_dataset, (Rig, Dataset), "load_rig(...) or truearc.load_dataset(...)")
     rig = rig_or_dataset.rig if isinstance(rig_or_dataset, Dataset) else rig_or_dataset
     among = as_catalogue(terms)
-    believed = names_of(believe, "believe", among) or rig.believe.terms
+    believed = names_of(rig.believe.terms if believe is None else believe,
+                        "rig.toml: believe.terms" if believe is None else "believe", among) or ()
     if isinstance(rig_or_dataset, Dataset):
         if level is not None or shots is not None:
             raise InputError("level, shots: a dataset's own shots are looked at")

@@ -71,8 +71,9 @@ def foresee_dataset(dataset: Dataset, believed: tuple[str, ...], sides: bool = F
     if not is_planned(dataset):
         intake = take_in(dataset)
         if not len(intake.rows):
-            raise InputError("no shot can say anything: distance_m, and hood_deg with motor_ratio or the wheels' "
-                             "speeds (or exit_deg with exit_speed_m_s), are needed beside its outcome, or a track")
+            raise InputError("no shot can say anything: distance_m, and hood_deg with motor_ratio (and "
+                             "launcher.free_speed_rad_s in rig.toml) or every wheel's speed, or exit_deg with "
+                             "exit_speed_m_s, are needed beside its outcome, or a track")
         layout = lay_out(intake, believed, groups_of(dataset.shots, intake.rows), among)
         fitted = fit_believed(intake, layout, progress)
         return sight_of(fitted.evidence, intake.level, believed)

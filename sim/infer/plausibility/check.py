@@ -14,7 +14,7 @@ from truearc.robot.config.rig_spec import DENSEST_KG_M3, MOST, Rig, too_large
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.model import Dataset, Floats, Shots
 from truearc.sim.infer.plausibility.flaw import LENGTHS, TRACKS, Flaw
-from truearc.sim.infer.plausibility.speeds import MOTORS, judge_wheels, likeliest, speed_causes
+from truearc.sim.infer.plausibility.speeds import GEARS, MOTORS, judge_wheels, likeliest, speed_causes
 from truearc.sim.infer.plausibility.tracks import judge_tracks
 from truearc.sim.physics.simulate import by_wheels, launch_state
 
@@ -244,8 +244,8 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
     if low <= middle <= high:
         if middle > DOUBLED and by_wheels(shots).all():
             yield Flaw("reach", "rig.toml: launcher.wheel.radius_m", f"scoring shots leave with {middle:.2g} times the "
-                       "speed that gets a ball so far without air; make sure that it is not the diameter"
-                       + (f", nor the wheels' speeds {MOTORS}" if causes.get(MOTORS, 1.0) < 1.0 else ""), warns=True)
+                       "speed that gets a ball so far without air; make sure that it is not the diameter" + "".join(
+                       f", nor {cause}" for cause in (MOTORS, GEARS) if causes.get(cause, 1.0) < 1.0), warns=True)
         return
     if measured:
         near = sorted(SPEEDS, key=lambda one: abs(math.log(max(middle, 1e-9) * one[2] / TYPICAL)))

@@ -5,13 +5,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
+from msgspec import structs
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.model import Shots
 from truearc.sim.infer.plausibility.flaw import RPM, TRACKS, Flaw
 from truearc.sim.physics.simulate import launch_state
 
-MOTORS = "the motors', before the gears"
+MOTORS = "the motors' speeds, before the gears, given as the wheels'"
+GEARS = "gears upside down: launcher.wheel.gear is wheel speed / motor speed"
 SPEEDS = "launcher.free_speed_rad_s, or the wheels' speeds, in revolutions per "
 DROOPS = 1.3                          # a wheel's speed by its motor's, or the inverse, under load and by slack belts
 ALIKE = 1.2                           # causes that fit as well to within this are named together
@@ -22,11 +24,15 @@ def speed_causes(rig: Rig, shots: Shots) -> dict[str, float]:
     causes = {f"{SPEEDS}minute": RPM, f"{SPEEDS}second": 2.0 * math.pi, "a wheel's diameter given as its radius": 0.5,
               "half of a wheel's radius given as its radius": 2.0}
     geared = {(name := f"wheel_{wheel.name}_rad_s"): wheel.gear * shots.number(name) for wheel in rig.launcher.wheel}
-    before, after = (launch_state(rig, one).get("exit_speed_m_s", np.full(1, np.nan))
-                     for one in (shots, replace(shots, numbers={**shots.numbers, **geared})))
-    moved = (after / np.where(before > 0.0, before, np.nan))[np.isfinite(before) & (before > 0.0)]
-    if len(moved) and abs(np.median(moved) - 1.0) > 0.05:
-        causes[MOTORS] = float(np.median(moved))
+    turned = structs.replace(rig.launcher, wheel=tuple(
+        structs.replace(wheel, gear=1.0 / (wheel.gear or math.inf)) for wheel in rig.launcher.wheel))
+    before, *others = (launch_state(*one).get("exit_speed_m_s", np.full(len(shots), np.nan)) for one in (
+        (rig, shots), (rig, replace(shots, numbers={**shots.numbers, **geared})),
+        (structs.replace(rig, launcher=turned), shots)))
+    for cause, after in zip((MOTORS, GEARS), others, strict=True):
+        moved = after[before > 0.0] / before[before > 0.0]
+        if len(moved) and abs(np.median(moved) - 1.0) > 0.05:
+            causes[cause] = float(np.median(moved))
     return causes
 
 
@@ -60,4 +66,4 @@ def judge_wheels(rig: Rig, shots: Shots) -> Iterator[Flaw]:
     if (len(columns) > 1 and np.isfinite(columns[0]).sum() >= TRACKS and max(gears) > DROOPS * min(gears)
             and all(np.allclose(columns[0], one, equal_nan=True) for one in columns[1:])):
         yield Flaw("wheels", f"{shots.source}: {', '.join(name for _, name in named)}", "are equal although the "
-                   f"wheels' gears differ; make sure that they are not {MOTORS}", warns=True)
+                   "wheels' gears differ; make sure that they are not the motors', before the gears", warns=True)

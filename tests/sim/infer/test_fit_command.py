@@ -40,7 +40,8 @@ def test_a_fit_is_told_in_words_and_written_as_a_belief(directory, tmp_path, cap
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
-    (["--terms", "drag,magnetism"], "no term 'magnetism'"),
+    (["--terms", "drag,magnetism"], "--terms: there is no term 'magnetism'"),
+    (["--terms", "drga"], "--terms: there is no term 'drga' (did you mean 'drag'?)"),
     (["--terms", ""], "--terms: got ''; expected at least one entry"),
     (["--terms", "drag,drag"], "--terms: got drag more than once; keep one"),
     (["--terms", " , "], "--terms: got ' , '; expected at least one entry"),

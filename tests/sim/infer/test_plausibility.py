@@ -355,7 +355,7 @@ GEARED = (Wheel("upper", 0.05, 0.4, 0.0), Wheel("lower", 0.05, 0.4, 180.0))
 @pytest.mark.parametrize(("wrong", "said"), [
     (lambda one: numbers(one, **faster(one, 1.0 / (2.0 * np.pi))), "or the wheels' speeds, in revolutions per second"),
     (lambda one: wheels(numbers(one, **faster(one, 1.0 / 0.2)), [changed(wheel, gear=0.2) for wheel in WHEELS]),
-     "this looks like the motors', before the gears"),
+     "this looks like the motors' speeds, before the gears"),
     (lambda one: wheels(one, [changed(wheel, radius_m=0.025) for wheel in WHEELS]),
      "half of a wheel's radius given as its radius")])
 def test_speeds_of_wheels_that_are_not_theirs_are_called_so(filmed: Dataset, table: Dataset, wrong: Any,
@@ -375,6 +375,16 @@ def test_speeds_of_wheels_are_those_by_their_motors(table: Dataset, factor: floa
     assert check_plausible(numbers(geared, **speeds)).accepted == ()
     with pytest.raises(InputError, match=rf"wheel_upper_rad_s: is .* this looks like {said}"):
         ta.fit(numbers(geared, **faster(table, factor)), ("gravity", "drag"))
+
+
+def test_gears_that_may_be_upside_down_are_called_so(table: Dataset) -> None:
+    ratio = table.shots.number("wheel_upper_rad_s") / 1000.0
+    slow, fast = (numbers(wheels(by_motor(table, 1000.0), [changed(wheel, gear=gear) for wheel in WHEELS]),
+                          motor_ratio=gear * ratio) for gear in (0.2, 1.5))
+    with pytest.raises(InputError, match=r"this looks like gears upside down: launcher\.wheel\.gear is wheel speed /"):
+        check_plausible(slow)
+    (said,) = check_plausible(fast).accepted
+    assert "make sure that it is not the diameter, nor gears upside down" in said
 
 
 def test_equal_speeds_of_wheels_with_other_gears_are_warned_of(table: Dataset) -> None:

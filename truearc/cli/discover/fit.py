@@ -30,13 +30,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Return 1 where the fit did not settle or the posterior's chains did not mix."""
+    from truearc.api.terms import names_of
     if args.posterior is None:
         refuse(args, ("--seed",), "applies with --posterior only")
     elif args.out is not None:
         refuse_file(draws_path(args.out), args.force)
     dataset = ta.load_dataset(args.dataset)
-    terms = catalogue_of(args).find(args.terms or dataset.rig.believe.terms)
-    fit = ta.fit(dataset, terms, accept=args.accept, progress=make_progress("fit", args.quiet))
+    among, where = catalogue_of(args), "--terms" if args.terms else f"{args.dataset}/rig.toml: believe.terms"
+    terms = names_of(args.terms or dataset.rig.believe.terms, where, among)
+    fit = ta.fit(dataset, among.find(terms or ()), accept=args.accept, progress=make_progress("fit", args.quiet))
     print(fit)
     if not fit.converged:
         print("truearc fit: the search for the most probable parameters did not settle; nothing is written",
