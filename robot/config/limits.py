@@ -22,6 +22,8 @@ def contradictions(config: Any) -> Iterator[tuple[str, str]]:
         low, high = attrgetter(key, above)(config)
         if low > high:
             yield key, f"{low:g} is above {above.rpartition('.')[2]}, {high:g}"
+    if config.gate.policy not in ("collect", "model"):
+        yield "gate.policy", f"{config.gate.policy!r} is not known here; there are collect, model"
     hood, turn = (config.hood.low_deg, config.hood.high_deg), "a motor is turned round by its direction"
     for keys, (least, most), why in (
             ("flywheel.pid.kp flywheel.pid.ki flywheel.pid.kd hood.pid.kp hood.pid.ki hood.pid.kd", (0.0, math.inf),
@@ -30,6 +32,9 @@ def contradictions(config: Any) -> Iterator[tuple[str, str]]:
              "hood.friction_nm", (-MAX_TORQUE_NM, MAX_TORQUE_NM), "no motor gives more Nm"),
             ("hood.homing_torque_nm", (-MAX_TORQUE_NM, -1e-4), f"toward the switch; {turn}"),
             ("feeder.torque_nm", (0.0, MAX_TORQUE_NM), turn),
+            ("gate.reading_age_s gate.sighting_age_s feeder.feed_s flywheel.steady_s", (0.0, 10.0), "seconds"),
+            ("hood.screw_lead_m hood.pivot_to_motor_m hood.pivot_to_nut_m camera.height_m", (-5.0, 5.0), "metres"),
+            ("hood.tolerance_deg hood.crosscheck_deg hood.deadband_deg", (0.0, 15.0), "degrees"),
             ("collect.hood_low_deg collect.hood_high_deg", hood, "the hood goes no further"),
             ("collect.spread", (0.0, 0.5), "a share of the speed: 0.06 varies it by 6 %"),
             ("collect.efficiency", (0.1, 1.5), "exit speed by the wheels': about 0.65"),

@@ -118,6 +118,10 @@ def test_keys_of_rig_toml_that_nobody_reads_are_listed():
      "and points down: write 9.81"),
     ("torque_nm = 0.2", "torque_nm = 1e6", "feeder.torque_nm: 1e+06 is out of range (0 to 100); a "
      "motor is turned round by its direction"),
+    ('policy = "collect"', 'policy = "colect"', "gate.policy: 'colect' is not known here; there are collect, model"),
+    ("sighting_age_s = 0.3", "sighting_age_s = 300", "gate.sighting_age_s: 300 is out of range (0 to 10); seconds"),
+    ("pivot_to_nut_m = 0.25", "pivot_to_nut_m = 250", "hood.pivot_to_nut_m: 250 is out of range (-5 to 5); metres"),
+    ("tolerance_deg = 0.3", "tolerance_deg = 90", "hood.tolerance_deg: 90 is out of range (0 to 15); degrees"),
     ("kp = 0.03", "kp = -1", "flywheel.pid.kp: -1 is out of range (0 to inf); a gain of the other sign runs away; a "
      "motor is turned round by its direction"),
     ("homing_torque_nm = -0.05", "homing_torque_nm = 0.05", "hood.homing_torque_nm: 0.05 is out of range (-100 to "

@@ -85,7 +85,7 @@ def test_a_file_is_read_no_further_than_its_limit(monkeypatch, tmp_path):
     path = tmp_path / "large.bmp"
     path.write_bytes(WHOLE[".bmp"])
     monkeypatch.setattr(images, "MAX_BYTES", 1000)
-    with pytest.raises(InputError, match=r"large.bmp: a file of more than"):
+    with pytest.raises(InputError, match=r"large.bmp: is longer than 1000 bytes"):
         load_image(str(path))
 
 

@@ -183,7 +183,7 @@ def _heights(rig: Rig, shots: Shots) -> Iterator[Flaw]:
         yield Flaw("height", f"{shots.source}: {MISSED}", f"these look like heights above the floor in {name}: "
                    f"subtract that of the target's centre, {centre_m / metres:.4g}"
                    + (f", and rename the column to miss_height_{suffix}" if metres != 1.0 else ""))
-    if wrong < TRACKS or wrong < IMPOSSIBLE * known or floor:
+    if floor or wrong < max(TRACKS, IMPOSSIBLE * known):
         return
     likely = [f"{name}, rename the column to miss_height_{suffix}" for name, (suffix, metres) in
               reversed(LENGTHS.items()) if beyond(metres) < 0.1 * wrong]

@@ -29,8 +29,6 @@ def decode_image(data: bytes, colour: bool = True) -> npt.NDArray[np.uint8]:
     """As load_image, from a file's bytes; InputError without its name."""
     if not data:
         raise InputError("the file is empty")
-    if len(data) > MAX_BYTES:
-        raise InputError(f"a file of more than {MAX_BYTES // 1_000_000} MB")
     size = image_size(data)
     _check_end(data)
     try:
