@@ -5,8 +5,6 @@ from collections.abc import Iterator
 from operator import attrgetter
 from typing import Any
 
-import numpy as np
-
 from truearc.robot.config.rig_spec import DENSEST_KG_M3, Rig, too_large
 
 MAX_TORQUE_NM = 100.0                 # at the motor shaft; the strongest of a team's motors give 7
@@ -41,7 +39,8 @@ def contradictions(config: Any) -> Iterator[tuple[str, str]]:
             ("collect.walk_step", (0.0, 0.5), "log speed a mark: 0.02 corrects it by 2 %"),
             ("collect.walk_start", (-3.0, 3.0), "log speed; 0 corrects nothing")):
         for key in keys.split():
-            for value in np.ravel(attrgetter(key)(config)):
+            said = attrgetter(key)(config)
+            for value in said if isinstance(said, tuple) else (said,):
                 if not least <= value <= most:
                     yield key, f"{value:g} is out of range ({least:g} to {most:g}); {why}"
 

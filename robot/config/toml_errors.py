@@ -18,8 +18,8 @@ def joined(message: str) -> str:
 
 def reworded(message: str, table: Any = None) -> str:
     """msgspec's message in plain words, behind the key that it is about; table: what was decoded, for the value."""
-    what, _, place = message.removesuffix("`").partition(" - at `")
-    key = place.lstrip("$.")
+    what, _, place = message.partition(" - at `")
+    key = place.strip("$.`")
     if field := re.fullmatch(r"Object (contains unknown|missing required) field `(.*)`", what):
         return f"{key}.{field[2]}".lstrip(".") + (": unknown key" if "unknown" in field[1] else ": missing key")
     value = _at(table, key)

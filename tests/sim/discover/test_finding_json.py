@@ -23,7 +23,7 @@ def test_golden_findings_are_there() -> None:
 
 @pytest.mark.parametrize(("old", "new", "error"), [
     (b'"truearc.finding/1"', b'"truearc.finding/2"', "schema: got 'truearc.finding/2'"),
-    (b'"verdict"', b'"said"', "missing required field `verdict`"),
+    (b'"verdict"', b'"said"', r"finding\.json: verdict: missing key"),
     (b'"shots"', b'"shots', "finding.json: "),
 ])
 def test_load_finding_refuses_what_is_no_finding(tmp_path: Path, old: bytes, new: bytes, error: str) -> None:
