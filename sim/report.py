@@ -4,28 +4,14 @@ import base64
 import html
 import io
 from collections.abc import Iterable, Sequence
+from importlib.resources import files
 from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-STYLE = """
-:root { color-scheme: light dark; --ink: #1a1c20; --dim: #5c6470; --line: #d9dde3; --paper: #fff; --accent: #1f5fa8; }
-@media (prefers-color-scheme: dark) {
-  :root { --ink: #e6e8eb; --dim: #9aa3af; --line: #333a44; --paper: #14171b; --accent: #7db3ee; } }
-body { font: 16px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper); max-width: 62rem;
-       margin: 2rem auto; padding: 0 1rem; }
-h1 { font-size: 1.1rem; color: var(--dim); font-weight: 500; margin: 0 0 .5rem; }
-h2 { font-size: 1.15rem; margin: 2.2rem 0 .5rem; }
-.verdict { font-size: 1.35rem; line-height: 1.4; margin: 0 0 1rem; border-left: .3rem solid var(--accent);
-           padding-left: 1rem; }
-figure { margin: 1rem 0; } figure img { max-width: 100%; background: #fff; border-radius: .3rem; }
-figcaption, .dim { color: var(--dim); font-size: .9rem; }
-.scroll { overflow-x: auto; } table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; }
-th, td { text-align: left; padding: .25rem .8rem .25rem 0; border-bottom: 1px solid var(--line); vertical-align: top; }
-th { color: var(--dim); font-weight: 500; } td.number { text-align: right; }
-"""
+STYLE = (files("truearc.sim") / "report.css").read_text(encoding="utf-8")
 DPI = 130
 
 
@@ -34,7 +20,7 @@ def make_page(title: str, verdict: str, sections: Iterable[tuple[str, str]]) -> 
     parts = [f"<h2>{html.escape(heading)}</h2>\n{body}" if heading else body for heading, body in sections]
     return ("<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
             "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">"
-            f"<title>{html.escape(title)}</title><style>{STYLE}</style></head><body>\n<h1>{html.escape(title)}</h1>\n"
+            f"<title>{html.escape(title)}</title><style>\n{STYLE}</style></head><body>\n<h1>{html.escape(title)}</h1>\n"
             f"<p class=\"verdict\">{html.escape(verdict)}</p>\n" + "\n".join(parts) + "\n</body></html>\n")
 
 

@@ -1,6 +1,10 @@
-"""The files themselves: systemd unit, CAN bring-up, device names, and the script that installs them."""
+"""The files themselves: systemd unit, CAN bring-up, device names, and the script that installs them.
+
+`files/` has the longer ones, with places such as `@USER@` to fill in.
+"""
 
 import re
+from importlib.resources import files as resources
 from types import MappingProxyType
 
 from truearc.robot.config.schema import Config
@@ -12,6 +16,8 @@ STATE = "/var/lib/truearc"            # sessions
 INBOX = f"{STATE}/aims"               # aim files that are offered to the driver
 USER = "truearc"
 PROGRAM = f"{HOME}/venv/bin/truearc"
+FIXED = {"HOME": HOME, "SETTINGS": SETTINGS, "STATE": STATE, "INBOX": INBOX, "USER": USER, "PROGRAM": PROGRAM,
+         "HIGHEST_PRIORITY": HIGHEST_PRIORITY}
 QUEUE_FRAMES = 64                     # longer only makes set points older; the kernel's ten are refused in one tick
 RESTART_MS = 100                      # after bus-off
 UNIT, LINK, NETWORK, RULES, UNMANAGED, INSTALL = (
@@ -41,39 +47,7 @@ def make_unit(config: Config, parts: Parts) -> str:
     models = _models(parts) + (f" --aim-inbox {INBOX}" if parts.has_aim else "")
     core = "" if parts.core is None else f" --core {parts.core}"
     options = f"--out {STATE}/sessions --priority {parts.priority}{core}"
-    return f"""[Unit]
-Description=truearc, the launcher's controller
-{waits}StartLimitIntervalSec=0
-
-[Service]
-Type=notify
-NotifyAccess=main
-ExecStart={PROGRAM} run --config {SETTINGS}/launcher.toml{models} {options}
-# READY comes with the first full set of fresh readings; motors may be switched on long after the computer.
-TimeoutStartSec=infinity
-# Fed by the control tick alone.
-WatchdogSec=1
-Restart=always
-RestartSec=0.5
-TimeoutStopSec=90
-User={USER}
-SupplementaryGroups=dialout video
-StateDirectory={USER}
-# The control process is real-time; the processes that it starts (vision, recorder) are not.
-CPUSchedulingPolicy=fifo
-CPUSchedulingPriority={parts.priority}
-CPUSchedulingResetOnFork=yes
-LimitRTPRIO={HIGHEST_PRIORITY}
-LimitMEMLOCK=infinity
-OOMScoreAdjust=-900
-ProtectSystem=strict
-ProtectHome=yes
-PrivateTmp=yes
-NoNewPrivileges=yes
-
-[Install]
-WantedBy=multi-user.target
-"""
+    return _filled("truearc.service", WAITS=waits, OPTIONS=f"{models} {options}", PRIORITY=parts.priority)
 
 
 def make_link(channel: str, serial: str) -> str:
@@ -108,75 +82,25 @@ def make_rules(config: Config, parts: Parts) -> str:
 
 def make_install(config: Config, parts: Parts, files: tuple[str, ...]) -> str:
     """What root does on the robot's computer, in the folder that was copied there; exit code: the doctor's."""
-    steps = [HEAD, *(f"install -D -m 644 {name} {PLACES[name]}/{name}" for name in files), DEVICES]
+    networking = ""
     if config.can.interface == "socketcan":
-        steps.append(NETWORKING.replace("CHANNEL", config.can.channel))
+        networking = "\n" + _filled("networking.sh", CHANNEL=config.can.channel)
     endpoints = f" --endpoints {SETTINGS}/flat_endpoints.json" if parts.has_endpoints else ""
     look = (f"{PROGRAM} doctor --config {SETTINGS}/launcher.toml{_models(parts)}{endpoints} --out {STATE}/sessions "
             f"--priority {parts.priority}")
-    return "\n".join([*steps, TAIL.replace("DOCTOR", look)])
+    placed = "\n".join(f"install -D -m 644 {name} {PLACES[name]}/{name}" for name in files)
+    return _filled("install.sh", FILES=placed, NETWORKING=networking, DOCTOR=look)
+
+
+def _filled(name: str, **values: object) -> str:
+    """The text of a file of `files/`, with the values in their places."""
+    text = (resources("truearc.robot.deploy") / "files" / name).read_text(encoding="utf-8")
+    return re.sub("@([A-Z_]+)@", lambda place: str((FIXED | values)[place[1]]), text)
 
 
 def _models(parts: Parts) -> str:
     return "".join(f" --{option} {SETTINGS}/{file}" for option, file, carried in (
         ("gate", "gate.onnx", parts.has_gate), ("aim", "aim.json", parts.has_aim)) if carried)
-
-
-HEAD = f"""#!/bin/sh
-# Written by `truearc deploy`. Run as root in this folder; running it again does no harm.
-set -eu
-cd "$(dirname "$0")"
-finished=no
-trap 'test $finished = yes || echo "NOT FINISHED, and the robot is stopped: fix that and run it again" >&2' EXIT
-systemctl stop truearc.service 2>/dev/null || true
-id {USER} >/dev/null 2>&1 || useradd --system --user-group --home-dir {STATE} --shell /usr/sbin/nologin {USER}
-install -d -m 755 {HOME} {SETTINGS}
-install -d -m 755 -o {USER} -g {USER} {STATE} {STATE}/sessions {INBOX}
-
-# The program, and the motor drivers of other distributions in plugins/. With wheels for all they need in wheels/ no
-# network is asked.
-python3 -m venv {HOME}/venv
-offline=""
-if ls wheels/numpy-*.whl >/dev/null 2>&1; then offline="--no-index"; fi
-plugins=$(ls plugins/*.whl 2>/dev/null || true)
-{HOME}/venv/bin/python -m pip install --quiet --no-deps --no-index --force-reinstall wheels/truearc-*.whl $plugins
-{HOME}/venv/bin/python -m pip install --quiet $offline --find-links wheels --constraint constraints.txt \\
-    wheels/truearc-*.whl $plugins
-
-# What it runs with, and what starts it.
-for name in launcher.toml gate.onnx aim.json flat_endpoints.json; do
-    if [ -e "$name" ]; then install -m 644 "$name" {SETTINGS}/"$name"; else rm -f {SETTINGS}/"$name"; fi
-done"""
-
-DEVICES = """
-udevadm control --reload
-udevadm trigger --action=add --subsystem-match=tty --subsystem-match=video4linux"""
-
-NETWORKING = """
-# CAN is systemd-networkd's, whatever else looks after the network. A new name comes with the next plugging in.
-if [ -d /etc/NetworkManager ]; then systemctl try-reload-or-restart NetworkManager.service; fi
-if ! systemctl is-enabled --quiet systemd-networkd.service; then
-    systemctl enable systemd-networkd.service
-    # nothing but CAN is networkd's here: a start that waits for "online" would wait in vain
-    systemctl disable systemd-networkd-wait-online.service
-fi
-if [ -e /sys/class/net/CHANNEL ]; then udevadm trigger --action=add /sys/class/net/CHANNEL; fi
-systemctl restart systemd-networkd.service"""
-
-TAIL = f"""
-systemctl daemon-reload
-systemctl enable --quiet truearc.service
-
-# Everything is looked at while nothing else holds camera and button box, and with the service's own permissions.
-verdict=0
-systemd-run --quiet --pipe --wait --collect --property=User={USER} --property="SupplementaryGroups=dialout video" \\
-    --property=LimitRTPRIO={HIGHEST_PRIORITY} --property=LimitMEMLOCK=infinity \\
-    DOCTOR || verdict=$?
-systemctl restart --no-block truearc.service
-echo "truearc.service is started, and ready once every device has been heard: systemctl status truearc"
-finished=yes
-exit $verdict
-"""
 
 
 def _escape(name: str) -> str:

@@ -1,6 +1,8 @@
-"""The two MuJoCo models: the nip (a ball between two geared wheels) and free flight."""
+"""The two MuJoCo models of `scenes/`: the nip (a ball between two geared wheels) and free flight."""
 
 import math
+from functools import cache
+from importlib.resources import files
 
 import mujoco
 import numpy as np
@@ -30,49 +32,6 @@ LOWER_Z_M = -(LOWER_RADIUS_M + GAP_M / 2.0)
 UPPER_Z_M = UPPER_RADIUS_M + GAP_M / 2.0
 TOUCH_X_M = math.sqrt((RADIUS_M + LOWER_RADIUS_M) ** 2 - LOWER_Z_M**2)    # where a ball on the axis leaves the wheels
 
-_NIP = """
-<mujoco>
-  <option timestep="{step}" cone="elliptic" impratio="{impratio}" iterations="30"/>
-  <default><geom contype="0" conaffinity="0" fluidshape="ellipsoid" fluidcoef="0 0 0 0 0"/></default>
-  <worldbody>
-    <body name="lower" pos="0 0 {lower_z}">
-      <joint name="lower" type="hinge" axis="0 1 0"/>
-      <inertial pos="0 0 0" mass="1" diaginertia="{lower_j} {lower_j} {lower_j}"/>
-      <geom name="lower" type="cylinder" size="{lower_r} 0.04" zaxis="0 1 0"/>
-    </body>
-    <body name="upper" pos="0 0 {upper_z}">
-      <joint name="upper" type="hinge" axis="0 -1 0"/>
-      <inertial pos="0 0 0" mass="1" diaginertia="{upper_j} {upper_j} {upper_j}"/>
-      <geom name="upper" type="cylinder" size="{upper_r} 0.04" zaxis="0 1 0"/>
-    </body>
-    {ball}
-  </worldbody>
-  <contact>
-    <pair geom1="ball" geom2="lower" {pair}/>
-    <pair geom1="ball" geom2="upper" {pair}/>
-  </contact>
-  <equality>
-    <joint joint1="upper" joint2="lower" polycoef="0 {gear} 0 0 0" solref="0.0006 1" solimp="0.95 0.99 0.001"/>
-  </equality>
-</mujoco>"""
-
-_FLIGHT = """
-<mujoco>
-  <option timestep="{step}" integrator="RK4"/>
-  <worldbody>{ball}</worldbody>
-</mujoco>"""
-
-_BALL = """
-<body name="ball">
-  <freejoint/>
-  <inertial pos="0 0 0" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>
-  <geom name="ball" type="sphere" size="{radius}" contype="0" conaffinity="0" fluidshape="ellipsoid"
-        fluidcoef="{blunt} 0 {angular} 0 {magnus}"/>
-</body>"""
-
-_PAIR = ('condim="3" friction="{mu} {mu} 0.0001 0.0001 0.0001" solref="{k} {b}" solreffriction="{k} {bt}" '
-         'solimp="{d} {d} 0.001"')
-
 
 def air_density_kg_m3(options: Options) -> float:
     """Density at the option's temperature, at the same pressure."""
@@ -87,19 +46,19 @@ def make_nip(ball: Ball, options: Options, gravity_m_s2: np.ndarray, wind_m_s: n
     m (k r + b dr/dt). Tangentially it gives a traction proportional to slip, at most friction x normal force.
     """
     k_per_s2 = ball.stiffness_n_m / ball.mass_kg
-    pair = _PAIR.format(mu=FRICTION * ball.friction_scale, k=-k_per_s2, b=-2.0 * DAMPING_RATIO * math.sqrt(k_per_s2),
-                        bt=-TRACTION_KG_S * ball.friction_scale / ball.mass_kg, d=SOFTNESS)
     scale = options.flywheel_inertia_scale
-    xml = _NIP.format(step=NIP_STEP_S, impratio=FRICTION_OVER_NORMAL, lower_z=LOWER_Z_M, upper_z=UPPER_Z_M,
-                      lower_r=LOWER_RADIUS_M, upper_r=UPPER_RADIUS_M, lower_j=LOWER_INERTIA_KG_M2 * scale,
-                      upper_j=UPPER_INERTIA_KG_M2 * scale, gear=UPPER_GEAR, pair=pair, ball=_ball(ball, options))
+    xml = _scene("nip.xml").format(
+        step=NIP_STEP_S, impratio=FRICTION_OVER_NORMAL, lower_z=LOWER_Z_M, upper_z=UPPER_Z_M, lower_r=LOWER_RADIUS_M,
+        upper_r=UPPER_RADIUS_M, lower_j=LOWER_INERTIA_KG_M2 * scale, upper_j=UPPER_INERTIA_KG_M2 * scale,
+        gear=UPPER_GEAR, mu=FRICTION * ball.friction_scale, k=-k_per_s2, b=-2.0 * DAMPING_RATIO * math.sqrt(k_per_s2),
+        bt=-TRACTION_KG_S * ball.friction_scale / ball.mass_kg, d=SOFTNESS, ball=_ball(ball, options))
     return _compiled(xml, options, gravity_m_s2, wind_m_s)
 
 
 def make_flight(ball: Ball, options: Options) -> mujoco.MjModel:
     """One ball in the air, in field axes: x towards the target, y left, z up."""
     wind_m_s = np.array([options.wind_x_m_s, options.wind_y_m_s, options.wind_z_m_s])
-    xml = _FLIGHT.format(step=FLIGHT_STEP_S, ball=_ball(ball, options))
+    xml = _scene("flight.xml").format(step=FLIGHT_STEP_S, ball=_ball(ball, options))
     return _compiled(xml, options, np.array([0.0, 0.0, -GRAVITY_M_S2]), wind_m_s)
 
 
@@ -119,6 +78,12 @@ def _compiled(xml: str, options: Options, gravity_m_s2: np.ndarray, wind_m_s: np
 
 def _ball(ball: Ball, options: Options) -> str:
     # MuJoCo's drag is C rho A v^2, without the customary half.
-    return _BALL.format(mass=ball.mass_kg, inertia=0.4 * ball.mass_kg * ball.radius_m**2, radius=ball.radius_m,
-                        blunt=0.5 * options.drag_coefficient * ball.drag_scale,
-                        angular=options.spin_drag_coefficient, magnus=options.magnus_coefficient)
+    return _scene("ball.xml").format(
+        mass=ball.mass_kg, inertia=0.4 * ball.mass_kg * ball.radius_m**2, radius=ball.radius_m,
+        blunt=0.5 * options.drag_coefficient * ball.drag_scale, angular=options.spin_drag_coefficient,
+        magnus=options.magnus_coefficient)
+
+
+@cache
+def _scene(name: str) -> str:
+    return (files("truearc.sim.world") / "scenes" / name).read_text(encoding="utf-8")

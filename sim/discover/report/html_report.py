@@ -2,6 +2,7 @@
 
 import html
 from collections.abc import Iterable, Iterator
+from importlib.resources import files
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -21,15 +22,7 @@ from truearc.sim.metrics import POINTS_THREE
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.report import make_page, make_png, paragraph, picture, table
 
-STYLE = """<style>
-.bars { display: grid; grid-template-columns: max-content 1fr; gap: .35rem .9rem; align-items: center; }
-.bars .track { background: #8883; border-radius: .2rem; position: relative; height: 1.35rem; }
-.bars .fill { background: #1f5fa8; border-radius: .2rem; height: 100%; } .bars .fill.rest { background: #8889; }
-.bars .in { font-weight: 600; } .bars .fill.set { background: #c2571a; }
-.bars .much { position: absolute; left: .5rem; top: 0; font-size: .85rem; line-height: 1.35rem; }
-.bars .note { grid-column: 2; color: var(--dim); font-size: .88rem; margin: -.15rem 0 .3rem; }
-details summary { cursor: pointer; color: var(--accent); } li { margin: .2rem 0; }
-</style>"""
+STYLE = (files("truearc.sim.discover.report") / "finding.css").read_text(encoding="utf-8")
 METHOD = (
     "How it was judged. The believed coefficients and the scatter of the launch were fitted, each shot's own "
     "deviation integrated out. Every test asks whether one more effect is there: an effect of the catalogue, or a "
@@ -50,7 +43,7 @@ LEVELS = {"L0": "outcomes only", "L1": "outcomes with telemetry", "L2": "tracks 
 def make_report(name: str, investigation: Investigation) -> str:
     """HTML text of the answer about the dataset called `name`."""
     finding, among = investigation.finding, investigation.catalogue
-    sections = [("", STYLE + _summary(finding, among))]
+    sections = [("", f"<style>\n{STYLE}</style>" + _summary(finding, among))]
     if investigation.fitted is not None:
         sight = sight_of(investigation.fitted.evidence, finding.data.level, finding.data.believed)
         opened = finding.verdict == "none"

@@ -1,0 +1,42 @@
+#!/bin/sh
+# Written by `truearc deploy`. Run as root in this folder; running it again does no harm.
+set -eu
+cd "$(dirname "$0")"
+finished=no
+trap 'test $finished = yes || echo "NOT FINISHED, and the robot is stopped: fix that and run it again" >&2' EXIT
+systemctl stop truearc.service 2>/dev/null || true
+id @USER@ >/dev/null 2>&1 || useradd --system --user-group --home-dir @STATE@ --shell /usr/sbin/nologin @USER@
+install -d -m 755 @HOME@ @SETTINGS@
+install -d -m 755 -o @USER@ -g @USER@ @STATE@ @STATE@/sessions @INBOX@
+
+# The program, and the motor drivers of other distributions in plugins/. With wheels for all they need in wheels/ no
+# network is asked.
+python3 -m venv @HOME@/venv
+offline=""
+if ls wheels/numpy-*.whl >/dev/null 2>&1; then offline="--no-index"; fi
+plugins=$(ls plugins/*.whl 2>/dev/null || true)
+@HOME@/venv/bin/python -m pip install --quiet --no-deps --no-index --force-reinstall wheels/truearc-*.whl $plugins
+@HOME@/venv/bin/python -m pip install --quiet $offline --find-links wheels --constraint constraints.txt \
+    wheels/truearc-*.whl $plugins
+
+# What it runs with, and what starts it.
+for name in launcher.toml gate.onnx aim.json flat_endpoints.json; do
+    if [ -e "$name" ]; then install -m 644 "$name" @SETTINGS@/"$name"; else rm -f @SETTINGS@/"$name"; fi
+done
+@FILES@
+
+udevadm control --reload
+udevadm trigger --action=add --subsystem-match=tty --subsystem-match=video4linux
+@NETWORKING@
+systemctl daemon-reload
+systemctl enable --quiet truearc.service
+
+# Everything is looked at while nothing else holds camera and button box, and with the service's own permissions.
+verdict=0
+systemd-run --quiet --pipe --wait --collect --property=User=@USER@ --property="SupplementaryGroups=dialout video" \
+    --property=LimitRTPRIO=@HIGHEST_PRIORITY@ --property=LimitMEMLOCK=infinity \
+    @DOCTOR@ || verdict=$?
+systemctl restart --no-block truearc.service
+echo "truearc.service is started, and ready once every device has been heard: systemctl status truearc"
+finished=yes
+exit $verdict
