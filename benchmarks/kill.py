@@ -26,8 +26,7 @@ from msgspec.structs import replace
 
 from truearc.cli.common import SHIPPED
 from truearc.cli.robot.run_processes import RecorderProcess
-from truearc.hw.protocols import Frame
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame, Frame
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import load_config
 from truearc.robot.recording.candump import parse_candump

@@ -22,7 +22,7 @@ from benchmarks.vision_scenes import LOOKS, TURNING, WRITTEN, Shot, baseline, cl
 from truearc import robot
 from truearc.cli.common import make_progress
 from truearc.cli.robot.vision_tools.images import decode_image
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import CameraFile, Config, InputError, load_config, load_toml
 from truearc.robot.reasons import text
 from truearc.robot.vision import detect

@@ -8,8 +8,8 @@ import numpy as np
 
 from truearc.hw.emulated.imaging.camera import outline_m
 from truearc.hw.emulated.imaging.lens import project
-from truearc.hw.emulated.static_plant import NOTHING, Stage
-from truearc.hw.readings import CameraFrame
+from truearc.hw.emulated.plant import NOTHING, Stage
+from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import CameraConfig, Config
 from truearc.sim.world.emulated_vision import make_lens, make_tape
 from truearc_proof.world.camera_damage import USUAL, Look, StagedCamera

@@ -8,7 +8,7 @@ from collections import deque
 from typing import NamedTuple
 
 from truearc.hw.fault_codes import ENCODER_MISMATCH, ENCODER_STUCK
-from truearc.hw.readings import MotorReading
+from truearc.hw.protocols import MotorReading
 from truearc.hw.reason import Reason
 
 MS = 1_000_000

@@ -5,8 +5,7 @@ heartbeat obeys no other until its power is taken away (REV's CAN specification,
 """
 
 from truearc.hw.devices.spark import frames as spark
-from truearc.hw.protocols import BadFrame, Frame
-from truearc.hw.readings import MotorReading
+from truearc.hw.protocols import BadFrame, Frame, MotorReading
 
 CONTROLLER_HEARTBEAT = 0x01011840
 DEVICES = 0x3F

@@ -1,8 +1,9 @@
-"""Weights to a stamped ONNX file, float32."""
+"""Weights of any kind to a stamped ONNX file, float32."""
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -11,17 +12,60 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-from truearc.model_export.parts import Part, novelty_part
-from truearc.model_export.trained import Trained, load_trained
+from truearc.model_export.parts import Part, network_part, novelty_part, physics_part
+from truearc.model_export.tolerances import NETWORK_TOLERANCE, PHYSICS_TOLERANCE
 from truearc.robot.config.schema import InputError
 from truearc.robot.gate import contract
 from truearc.robot.gate.seal import KEY_SEAL, UNSEALED, seal
-from truearc.sim.gate.novelty import describe_novelty
+from truearc.sim.gate.model import KIND, MODEL_FILE, load_physics_gate
+from truearc.sim.gate.novelty import Novelty, describe_novelty, parse_novelty
+from truearc.sim.gate.surrogate import Domain, make_surrogate
+from truearc.sim.paper.network import RECORD_FILE, load_weights, probabilities, weights_hash
 
 OPSET = 17                            # old enough for every onnxruntime in use, new enough for all that is used here
 IR_VERSION = 8                        # the one that came with opset 17
 NAMED = 8                             # recorded shots outside a narrowed domain that are named
 APART = ("curve", "domain", "novelty", "recorded")      # of the training record: not provenance
+
+
+@dataclass(frozen=True)
+class Trained:
+    """`probabilities`: the trainer's own float64 p [n, 2] of features [n, 3]; `tolerance`: of the graph's p to it.
+
+    `make_part` makes the nodes that give p, figures of their own for the provenance, and the domain over which they do;
+    `sha256`: of the directory.
+    """
+
+    kind: str
+    record: dict[str, Any]
+    sha256: str
+    probabilities: Callable[[np.ndarray], np.ndarray]
+    make_part: Callable[[], tuple[Part, dict[str, Any], Domain]]
+    novelty: Novelty
+    tolerance: float
+    bounded: bool                     # the graph's p means something inside the domain only
+
+
+def load_trained(directory: str | Path) -> Trained:
+    """Read a weights directory; InputError names the file and what is wrong with it."""
+    if (Path(directory) / MODEL_FILE).is_file():
+        return _physics(directory)
+    network, record = load_weights(directory)
+    novelty = parse_novelty(record.get("novelty"), str(Path(directory) / RECORD_FILE))
+    return Trained("network", record, weights_hash(directory), lambda features: probabilities(network, features),
+                   lambda: (network_part(network), {}, record["domain"]), novelty, NETWORK_TOLERANCE, False)
+
+
+def _physics(directory: str | Path) -> Trained:
+    gate, record = load_physics_gate(directory)
+
+    def make_part() -> tuple[Part, dict[str, Any], Domain]:
+        surrogate, errors, domain = make_surrogate(gate, record["domain"])
+        return physics_part(surrogate, gate.shape, gate.aside), {"surrogate": {
+            "degree": surrogate.degree, "mean_error_m": errors.mean_m, "p_error": errors.p}}, domain
+
+    return Trained(KIND, record, weights_hash(directory, MODEL_FILE), gate.probabilities, make_part, gate.novelty,
+                   PHYSICS_TOLERANCE, True)
 
 
 def make_model(parts: Sequence[Part], domain: dict[str, list[float]], novelty: dict[str, Any],
@@ -53,7 +97,7 @@ def export_weights(directory: str | Path, path: str | Path) -> bytes:
     """Write the ONNX file of a weights directory and return its bytes; InputError when the directory is unusable.
 
     The provenance is the training record without its loss curve, plus the SHA-256 of the directory. InputError too when
-    the graph cannot say what the trained model says (see truearc.model_export.trained). A domain that was narrowed for
+    the graph cannot say what the trained model says (see truearc.model_export.graph). A domain that was narrowed for
     that, and the recorded shots outside it, are warned of on stderr.
     """
     trained = load_trained(directory)

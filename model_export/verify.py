@@ -1,4 +1,4 @@
-"""An exported gate against the trainer that made it, and against itself."""
+"""An exported gate against the trainer that made it, and against itself; its probabilities for shots of a dataset."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,21 +7,51 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.model_export.predict import features_of
-from truearc.model_export.trained import Trained, load_trained
-from truearc.robot.gate.contract import FEATURES, NOVELTY_LIMIT
+from truearc.model_export.graph import Trained, load_trained
+from truearc.robot.config.schema import InputError
+from truearc.robot.gate.contract import FEATURES, NOVELTY, NOVELTY_LIMIT, OUTPUTS
 from truearc.robot.gate.model import Gate, load_gate
-from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.printed import Printed
 
+HEADER = ("shot_id", *OUTPUTS, "in_domain", NOVELTY)
+NAMED = 5                             # shots that a message names before it only counts
 # Of one and the same graph on other numbers of rows: float32 sums of several hundred products in another order. Found:
-# 1.5e-5 on a gate from 59 shots; far below what a graph may differ from its trainer (model_export/trained.py).
+# 1.5e-5 on a gate from 59 shots; far below what a graph may differ from its trainer (model_export/graph.py).
 REPEAT_TOLERANCE = 1e-4
 # Of novelty: |z - y|^2 from products of float32, a small difference of large numbers where a row is a landmark.
 NOVELTY_TOLERANCE = 5e-3
 THRESHOLD = 0.5
 GRID_POINTS = 31                      # along each feature
 SINGLES = 500                         # rows that are also rated one by one
+
+
+def features_of(shots: Shots, name: str) -> np.ndarray:
+    """Feature rows [n, 3] of dataset `name` in the contract's order; InputError names column and shots that lack
+    one."""
+    for feature in FEATURES:
+        lacking = [shots.shot_id[row] for row in np.flatnonzero(np.isnan(shots.number(feature.name)))]
+        if lacking:
+            more = f" and {len(lacking) - NAMED} more" if len(lacking) > NAMED else ""
+            raise InputError(f"{name}: column {feature.name}: no value for shot_id {', '.join(lacking[:NAMED])}{more}")
+    return np.stack([shots.number(feature.name) for feature in FEATURES], axis=1)
+
+
+def rate_shots(gate: Gate, shots: Shots,
+               name: str) -> list[tuple[str, float | None, float | None, bool, float | None]]:
+    """Return (shot_id, p_two, p_three, in_domain, novelty) per shot; None where the gate gives no number.
+
+    Raises:
+        InputError: names `name`, the column and the shots that lack a feature.
+    """
+    p, inside, novelty = gate.rate_many(features_of(shots, name))
+    return [(shot_id, _number(two), _number(three), bool(within), _number(far))
+            for shot_id, (two, three), within, far in zip(shots.shot_id, p.tolist(), inside, novelty.tolist(),
+                                                          strict=True)]
+
+
+def _number(value: float) -> float | None:
+    return None if np.isnan(value) else value
 
 
 class Comparison(NamedTuple):

@@ -6,12 +6,30 @@ from msgspec.structs import replace
 
 from truearc.hw.fault_codes import FOREIGN_HOST
 from truearc.robot.aim import NOWHERE
-from truearc.robot.config.schema import Config
-from truearc.robot.pid import step_pid
+from truearc.robot.config.schema import Config, PidGains
 from truearc.robot.types import Aim, Command, Estimate, Inputs, Memory, Pid, Verdict
 
 NS = 1e-9
 RELEASED = Command(enable=False, flywheel_torque_nm=0.0, hood_torque_nm=0.0, feeder_torque_nm=0.0)
+
+
+def step_pid(gains: PidGains, memory: Pid, setpoint: float, measurement: float, feedforward: float,
+             low: float, high: float, dt_s: float) -> tuple[float, Pid]:
+    """One step of `dt_s`; returns the output within [low, high] and the loop's next memory.
+
+    The derivative acts on the measurement, so a stepped set point gives no kick. The integral term is kept in output
+    units and stands still while the output is clamped in the direction of the error.
+    """
+    error = setpoint - measurement
+    raw_rate = (measurement - memory.measurement) / dt_s if memory.primed else 0.0
+    rate = memory.rate + (raw_rate - memory.rate) * dt_s / (gains.derivative_tau_s + dt_s)
+    integral = memory.integral + gains.ki * error * dt_s
+    integral = min(max(integral, -gains.integral_limit), gains.integral_limit)
+    wanted = feedforward + gains.kp * error + integral - gains.kd * rate
+    output = min(max(wanted, low), high)
+    if (wanted - output) * error > 0.0:
+        integral = memory.integral
+    return output, Pid(integral, measurement, rate, True)
 
 
 def control(inputs: Inputs, estimate: Estimate, aim: Aim, verdict: Verdict, memory: Memory,

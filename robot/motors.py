@@ -2,7 +2,7 @@
 
 from truearc.hw.devices.axis import Axis
 from truearc.hw.devices.registry import family_of
-from truearc.hw.motor import Motor
+from truearc.hw.protocols import Motor
 from truearc.robot.config.schema import Config, InputError
 
 

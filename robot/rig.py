@@ -11,9 +11,18 @@ from msgspec.structs import replace
 from truearc.hw.devices.button_box.frames import parse_lines
 from truearc.hw.devices.button_box.press_sequence import PressCount
 from truearc.hw.devices.canandmag import frames as canandmag
-from truearc.hw.motor import Order
-from truearc.hw.protocols import BadFrame, Bus, Clock, Frame, LinkLost, Stream
-from truearc.hw.readings import AngleReading, ButtonEvent, CameraFrame
+from truearc.hw.protocols import (
+    AngleReading,
+    BadFrame,
+    Bus,
+    ButtonEvent,
+    CameraFrame,
+    Clock,
+    Frame,
+    LinkLost,
+    Order,
+    Stream,
+)
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Protocol
 
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import Config
 from truearc.robot.gate.model import Gate
 from truearc.robot.tick import step

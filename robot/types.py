@@ -9,7 +9,7 @@ Absent numbers are None, never NaN: JSON has no NaN, and a None cannot pass a co
 
 from msgspec import UNSET, Struct, UnsetType, field
 
-from truearc.hw.readings import AngleReading, ButtonEvent, MotorReading
+from truearc.hw.protocols import AngleReading, ButtonEvent, MotorReading
 from truearc.hw.reason import Reason
 
 

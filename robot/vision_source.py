@@ -3,8 +3,7 @@
 from collections.abc import Callable
 from typing import Protocol
 
-from truearc.hw.protocols import Camera, LinkLost
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import Camera, CameraFrame, LinkLost
 from truearc.hw.reason import Reason
 from truearc.robot.reasons import VISION_FAILED
 from truearc.robot.types import Sighting

@@ -20,10 +20,10 @@ def wilson(successes: int, trials: int, z: float = Z95) -> tuple[float, float]:
     return max(0.0, (centre - spread) / scale), min(1.0, (centre + spread) / scale)
 
 
-def student_half(values: Sequence[float] | np.ndarray, level: float = 0.95) -> float:
-    """Half the width of Student's interval of the mean of n >= 2 independent values; NaN for fewer."""
+def student_half(values: Sequence[float] | np.ndarray) -> float:
+    """Half the width of Student's 95 % interval of the mean of n >= 2 independent values; NaN for fewer."""
     numbers = np.asarray(values, float)
     if len(numbers) < 2:
         return math.nan
-    quantile = stdtrit(len(numbers) - 1, 0.5 + level / 2.0)
+    quantile = stdtrit(len(numbers) - 1, 0.975)
     return float(quantile * numbers.std(ddof=1) / math.sqrt(len(numbers)))

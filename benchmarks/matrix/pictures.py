@@ -8,10 +8,9 @@ import numpy as np
 
 from truearc.hw.emulated.imaging.camera import Image, outline_m
 from truearc.hw.emulated.imaging.lens import project
-from truearc.hw.emulated.static_plant import NOTHING, Stage
+from truearc.hw.emulated.plant import NOTHING, Stage
 from truearc.hw.fault_codes import CAMERA_ERROR
-from truearc.hw.protocols import Clock, LinkLost
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame, Clock, LinkLost
 from truearc.hw.real.camera import CameraThread
 from truearc.robot.config.schema import Config
 from truearc.sim.world.emulated_vision import make_lens, make_tape

@@ -15,9 +15,8 @@ from benchmarks.matrix.pictures import Scenery, SteppedCamera, open_camera
 from benchmarks.matrix.span import Span
 from benchmarks.matrix.wires import FlakyBus, StallingClock, StandingWall
 from truearc.cli.robot.run_processes import make_see
-from truearc.hw.protocols import Bus, Clock, Stream
+from truearc.hw.protocols import Bus, CameraFrame, Clock, Stream
 from truearc.hw.protocols import Camera as CameraLink
-from truearc.hw.readings import CameraFrame
 from truearc.hw.real.can_bus import CanBus, open_can
 from truearc.hw.real.reconnect import MendedCamera, MendedStream
 from truearc.hw.real.serial_port import open_serial

@@ -3,16 +3,14 @@
 from collections.abc import Callable, Iterable
 
 from truearc.hw.encoder_plausibility import Agreement
-from truearc.hw.motor import Order
-from truearc.hw.protocols import Frame
-from truearc.hw.readings import MotorReading
+from truearc.hw.protocols import Frame, MotorReading, Order
 from truearc.hw.reason import Reason
 
 Parse = Callable[[Frame, MotorReading], MotorReading]
 
 
 class HeardMotor:
-    """A truearc.hw.motor.Motor that sends no frame, whatever torque it is given.
+    """A truearc.hw.protocols.Motor that sends no frame, whatever torque it is given.
 
     device: as messages name it, such as "odrive node 1". frame_ids: of the frames that `parse` understands.
     """

@@ -7,9 +7,9 @@ class StepClock:
     """truearc.hw.protocols.Clock of a twin: sleeping makes the emulated world advance, as fast as it can be
     computed."""
 
-    def __init__(self, advance: Callable[[int], None], start_ns: int = 0) -> None:
+    def __init__(self, advance: Callable[[int], None]) -> None:
         self._advance = advance
-        self._now_ns = start_ns
+        self._now_ns = 0
 
     def now_ns(self) -> int:
         return self._now_ns

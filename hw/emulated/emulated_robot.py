@@ -16,12 +16,11 @@ class Twin:
     it was due, whatever the robot's own cadence. `steppers` (button box, camera, driver) run at its end, in order.
     """
 
-    def __init__(self, plant: Plant, bus: Bus, nodes: tuple[Node, ...], steppers: tuple[Stepper, ...] = (),
-                 start_ns: int = 0) -> None:
+    def __init__(self, plant: Plant, bus: Bus, nodes: tuple[Node, ...], steppers: tuple[Stepper, ...] = ()) -> None:
         self.refused = 0                          # frames that the bus had no room for
         self._plant, self._bus, self._nodes, self._steppers = plant, bus, nodes, steppers
         self._drives = tuple((node.motor, node) for node in nodes if node.motor is not None)
-        self._t_ns = start_ns
+        self._t_ns = 0
         self._listeners: dict[tuple[int, bool], list[Node]] = {}
         for node in nodes:
             for key in node.ids():

@@ -54,3 +54,16 @@ class Plant(Scene, Protocol):
 
     def hood_at_limit(self) -> bool:
         """The limit switch at the hood's lowest elevation is closed."""
+
+
+NOTHING = View(np.diag([1.0, -1.0, -1.0, 1.0]), 1.0, 1.0)     # the target is at the lens: it is not drawn
+
+
+class Stage:
+    """As much of Plant as a camera looks at; whoever has it changes `now`."""
+
+    def __init__(self, now: View) -> None:
+        self.now = now
+
+    def view(self) -> View:
+        return self.now

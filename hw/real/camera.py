@@ -7,8 +7,7 @@ import cv2
 import numpy as np
 
 from truearc.hw import fault_codes
-from truearc.hw.protocols import Clock, LinkLost
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame, Clock, LinkLost
 from truearc.hw.reason import Reason
 
 NS_PER_MS = 1_000_000

@@ -7,8 +7,7 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from truearc.hw.protocols import Camera, LinkLost, Stream
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import Camera, CameraFrame, LinkLost, Stream
 from truearc.hw.reason import Reason
 
 PAUSE_S = 0.5                                     # between tries; an open camera takes about as long

@@ -1,12 +1,14 @@
-"""Button box and camera."""
+"""Button box and camera; the computer: its clock, its promises to a process that must be on time, its disk."""
+
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
 from truearc.hw.devices.button_box.frames import parse_lines
 from truearc.hw.finding import Finding, failure, ok, warning
 from truearc.hw.machine import Exposure
-from truearc.hw.protocols import Camera, Clock, LinkLost, Stream
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import Camera, CameraFrame, Clock, LinkLost, Stream
 from truearc.robot.config.schema import CameraConfig
 from truearc.robot.reasons import text
 
@@ -15,6 +17,9 @@ LOOK_NS = 20_000_000
 BOX_S, CAMERA_S = 1.6, 3.0            # three heartbeats of the box; a camera that starts slowly
 GLARE = 0.25                          # of the image at full brightness: no target can be measured in it
 EXPOSURE_DO = "set it: `v4l2-ctl -d {} -c auto_exposure=1 -c exposure_time_absolute=50` (5 ms), or deploy --exposure-ms"
+RECORDING_BYTES_S = 100_000           # ticks and CAN frames: 90 kB/s on the emulated robot, and half a MB a shot
+FULL_BYTES = 200_000_000              # half an hour
+SCARCE_BYTES = 2_000_000_000          # half a day
 
 
 def check_box(box: Stream, clock: Clock) -> Finding:
@@ -80,3 +85,33 @@ def _judge(check: str, picture: CameraFrame) -> Finding:
     if not picture.image.any():
         return warning(check, "its image is black all over", "take the cap off, switch the ring light on")
     return ok(check, f"images of {width} x {height} pixels come")
+
+
+def check_clock(synchronised: bool | None) -> Finding:
+    """The time of day only names recordings, so a wrong one is never a failure."""
+    check = "time of day"
+    if synchronised:
+        return ok(check, "set by a time server")
+    says = "not known whether it is right" if synchronised is None else "not set since the computer was started"
+    return warning(check, f"{says}: recordings may bear wrong dates",
+                   "connect it to a network with a time server once, or give it a battery-backed clock")
+
+
+def check_real_time(answers: Sequence[tuple[str, str]]) -> list[Finding]:
+    """`answers`: (the request to the system, why it was refused, "" = it was granted)."""
+    return [warning("real time", f"{asked} is refused ({refused}): ticks may come late",
+                    "run it as the service of `truearc deploy`, which is allowed to") if refused
+            else ok("real time", f"{asked} is allowed") for asked, refused in answers]
+
+
+def check_disk(folder: Path, free_bytes: int | None, writable: bool) -> Finding:
+    """Room for recordings; `free_bytes` is None when the place cannot be asked."""
+    check = "disk"
+    if free_bytes is None or not writable:
+        return failure(check, f"{folder} cannot be written to", "give --out a folder that this user may write to")
+    room = f"{free_bytes / 1e9:.1f} GB are free in {folder}, {free_bytes / RECORDING_BYTES_S / 3600:.1f} h of recording"
+    if free_bytes < FULL_BYTES:
+        return failure(check, room, "copy recordings elsewhere and delete them here")
+    if free_bytes < SCARCE_BYTES:
+        return warning(check, room, "make room before a long day")
+    return ok(check, room)

@@ -9,7 +9,7 @@ from msgspec import UNSET, UnsetType
 
 from truearc.hw.devices.axis import Axis
 from truearc.hw.devices.registry import family_of
-from truearc.hw.readings import AngleReading, MotorReading
+from truearc.hw.protocols import AngleReading, MotorReading
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.aim import BEYOND, NO_FILE, is_planned

@@ -14,8 +14,7 @@ from urllib.parse import urlsplit
 
 import msgspec
 
-from truearc.hw.protocols import Clock
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame, Clock
 from truearc.robot.config.schema import Config
 from truearc.robot.operator_ui.aim_orders import MAX_AIM_BYTES, AimOrders
 from truearc.robot.operator_ui.page_option import parse_page

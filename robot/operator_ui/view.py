@@ -4,7 +4,7 @@ import math
 
 from msgspec import UNSET, Struct, UnsetType
 
-from truearc.hw.readings import MotorReading
+from truearc.hw.protocols import MotorReading
 from truearc.hw.reason import FAULT, YOU
 from truearc.robot.config.schema import Config
 from truearc.robot.gate.verdict import HEARTBEAT_S

@@ -10,7 +10,7 @@ from pathlib import Path
 from msgspec import UNSET
 from msgspec.structs import replace
 
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame
 from truearc.robot.aim_file import AimFile, load_aim_for
 from truearc.robot.config.schema import Config, InputError
 from truearc.robot.operator_ui.aim_orders import ACCEPT

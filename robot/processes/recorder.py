@@ -9,8 +9,7 @@ import msgspec
 import numpy as np
 from msgspec import Struct
 
-from truearc.hw.protocols import Clock, LinkLost
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame, Clock, LinkLost
 from truearc.hw.reason import Reason
 from truearc.hw.shared_latest import Room, Slots
 from truearc.robot.config.schema import in_words

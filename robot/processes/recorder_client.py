@@ -9,8 +9,7 @@ from typing import Protocol
 import msgspec
 import numpy as np
 
-from truearc.hw.protocols import Clock
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame, Clock
 from truearc.hw.reason import Reason
 from truearc.hw.shared_latest import Slots
 from truearc.robot.config.schema import InputError, in_words

@@ -6,7 +6,7 @@ from typing import Protocol
 
 from msgspec import Struct
 
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame
 from truearc.robot.runtime import RobotIo
 from truearc.robot.types import Command, Inputs, Sent
 

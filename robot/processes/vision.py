@@ -5,8 +5,7 @@ from collections.abc import Callable
 import msgspec
 from msgspec import Struct
 
-from truearc.hw.protocols import Camera, Clock, LinkLost
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import Camera, CameraFrame, Clock, LinkLost
 from truearc.hw.reason import Reason
 from truearc.hw.shared_latest import Room, Slots
 from truearc.robot.reasons import VISION_UNRESPONSIVE

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import Config
 from truearc.robot.gate.verdict import doubted_readings
 from truearc.robot.reasons import DEVICE_HEARTBEAT_STALE, DEVICE_NEVER_RECEIVED, DEVICE_STALE, text

@@ -9,12 +9,12 @@ from truearc.hw.reason import Reason
 _LINE = re.compile(r"\((\d+)\.(\d{6})\) \S+ ([0-9A-F]{3}|[0-9A-F]{8})#(R[1-8]?|(?:[0-9A-F]{2}){0,64}) ([RT])\n")
 
 
-def candump_line(frame: Frame, sent: bool, t_ns: int, channel: str = "can0") -> str:
+def candump_line(frame: Frame, sent: bool, t_ns: int) -> str:
     """One line of text, times on the rig's monotonic clock: when it was received, or the tick `t_ns` that sent it."""
     t_ns = t_ns if sent else frame.t_ns
     name = f"{frame.arbitration_id:08X}" if frame.is_extended else f"{frame.arbitration_id:03X}"
     data = f"R{len(frame.data) or ''}" if frame.is_remote else frame.data.hex().upper()
-    return f"({t_ns // 1_000_000_000}.{t_ns // 1000 % 1_000_000:06d}) {channel} {name}#{data} {'T' if sent else 'R'}\n"
+    return f"({t_ns // 1_000_000_000}.{t_ns // 1000 % 1_000_000:06d}) can0 {name}#{data} {'T' if sent else 'R'}\n"
 
 
 def parse_candump(line: str) -> tuple[Frame, bool] | None:

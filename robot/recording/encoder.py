@@ -5,8 +5,7 @@ from pathlib import Path
 
 import msgspec
 
-from truearc.hw.protocols import Frame
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame, Frame
 from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config
 from truearc.robot.processes.tick_timing import Second

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Protocol
 
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame
 from truearc.hw.reason import Reason
 from truearc.robot.config.schema import in_words
 from truearc.robot.reasons import DISK_ERROR, DISK_FULL, DISK_UNRESPONSIVE

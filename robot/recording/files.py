@@ -13,8 +13,7 @@ import msgspec
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
-from truearc.hw.protocols import Frame
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame, Frame
 from truearc.robot.config.schema import Config, InputError, naming
 from truearc.robot.reasons import IMAGE_NOT_ENCODED
 from truearc.robot.recording import session as layout

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import CameraConfig, Tape, Vision

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import CameraConfig, Tape, Vision
 from truearc.robot.types import Sighting
 from truearc.robot.vision import detect

@@ -13,9 +13,8 @@ from truearc.robot.aim_file import SCHEMA, AimContent, AimFile, Curve, Segment, 
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
 from truearc.robot.gate.seal import UNSEALED, seal
-from truearc.sim.aim.chances import chances_of
 from truearc.sim.aim.set_point import AimRow
-from truearc.sim.aim.solve import solve
+from truearc.sim.aim.solve import chances_of, solve
 from truearc.sim.infer.belief import Belief
 
 CHECKED = 40                          # distances at which a file is checked

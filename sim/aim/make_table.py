@@ -1,18 +1,26 @@
 """A belief and a rig -> the table of set points, with what errors cost and the band of speeds that score."""
 
 from collections.abc import Iterator, Mapping
+from functools import partial
+from typing import Any
 
+import jax
 import numpy as np
 from jaxtyping import Float
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
-from truearc.sim.aim.chances import Chances, chances_of
-from truearc.sim.aim.lead import lead_deg
 from truearc.sim.aim.set_point import DISTANCE_M, HOOD_DEG, SPEED_RPM, AimRow
 from truearc.sim.aim.snippets import RPM
-from truearc.sim.aim.solve import LEAST_POINTS, SAFE_SHARE, Solved, solve
+from truearc.sim.aim.solve import LEAST_POINTS, SAFE_SHARE, Chances, Solved, chances_of, solve
+from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import Belief
+from truearc.sim.infer.curve import before_the_shot
+from truearc.sim.infer.likelihood.heights import Values, configured
+from truearc.sim.infer.likelihood.launch_inputs import Given, given_of
+from truearc.sim.physics.catalogue import Catalogue, flight_terms
+from truearc.sim.physics.flight import make_law
+from truearc.sim.physics.flight_over_x import reach_plane
 from truearc.sim.progress import Progress
 
 BAND = np.linspace(-0.25, 0.25, 101)  # of the log of the motor's speed, in which the band is sought
@@ -85,3 +93,20 @@ def beyond(settings: Mapping[str, float], fitted: Mapping[str, list[float]]) -> 
     return "; ".join(f"{name} beyond the fitted {fitted[name][0]:.3g} to {fitted[name][1]:.3g}"
                      for name, value in settings.items()
                      if name in fitted and not fitted[name][0] - 1e-9 <= value <= fitted[name][1] + 1e-9)
+
+
+def lead_deg(rig: Rig, belief: Belief, distance_m: Float[np.ndarray, " n"], hood_deg: Float[np.ndarray, " n"],
+             motor_ratio: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Angle by which to turn the launcher to the left [n], in degrees, against the drift; NaN: does not come there."""
+    shots = Shots(tuple(map(str, range(len(distance_m)))),
+                  {"distance_m": distance_m, "hood_deg": hood_deg, "motor_ratio": motor_ratio}, {})
+    given = given_of(rig, shots, before_the_shot(belief.curves, rig, shots))
+    side_m = np.asarray(_drift(rig, belief.coefficients, given, belief.catalogue))
+    return np.asarray(np.degrees(np.arctan2(-side_m, distance_m)) + 0.0)
+
+
+@partial(jax.jit, static_argnames=("rig", "among"))
+def _drift(rig: Rig, values: Values, given: Given, among: Catalogue) -> Any:
+    at, exit, distance_m = configured(rig, values, given, among)
+    plane = reach_plane(rig, make_law(rig, flight_terms({"gravity", *values}, among), at), exit, distance_m)
+    return jax.numpy.where(plane.near, plane.side_m, jax.numpy.nan)

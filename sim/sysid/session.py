@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from truearc.hw.readings import MotorReading
+from truearc.hw.protocols import MotorReading
 from truearc.robot.config.schema import Config, InputError
 from truearc.robot.reasons import IDENTIFY_DONE, text
 from truearc.robot.recording.reader import TickReader

@@ -10,10 +10,9 @@ from truearc.hw.devices.button_box.emulator import open_button_box
 from truearc.hw.emulated.emulated_robot import Twin
 from truearc.hw.emulated.imaging.camera import EmulatedCamera
 from truearc.hw.emulated.imaging.picture_server import PictureServer
-from truearc.hw.emulated.plant import View
+from truearc.hw.emulated.plant import Stage, View
 from truearc.hw.emulated.serial_link import SocketCable, open_cable
 from truearc.hw.emulated.slcan_adapter import SlcanAdapter
-from truearc.hw.emulated.static_plant import Stage
 from truearc.hw.protocols import Bus, Clock, Frame, LinkLost
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
@@ -21,10 +20,9 @@ from truearc.robot.config.port_options import split_bus
 from truearc.robot.config.schema import CameraConfig, Config, InputError, Tape
 from truearc.robot.recording.candump import TappedBus
 from truearc.sim.world.driver import make_driver
-from truearc.sim.world.emulated_robot import make_nodes
+from truearc.sim.world.emulated_robot import Pace, make_nodes
 from truearc.sim.world.emulated_vision import make_lens, make_tape
 from truearc.sim.world.options import Options
-from truearc.sim.world.pacing import Pace
 from truearc.sim.world.parts.target import BallResult
 from truearc.sim.world.world import World
 

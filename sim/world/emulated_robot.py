@@ -19,7 +19,7 @@ from truearc.hw.emulated.clock import StepClock
 from truearc.hw.emulated.emulated_robot import Stepper, Twin
 from truearc.hw.emulated.nodes import Node
 from truearc.hw.emulated.plant import Plant
-from truearc.hw.protocols import Frame
+from truearc.hw.protocols import Clock, Frame
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.serial_port import open_serial
@@ -40,7 +40,6 @@ from truearc.sim.progress import Progress
 from truearc.sim.world.driver import make_driver
 from truearc.sim.world.emulated_vision import TwinEyes
 from truearc.sim.world.options import Options
-from truearc.sim.world.pacing import Pace
 from truearc.sim.world.parts.motor import FEEDER, FLYWHEEL, HOOD
 from truearc.sim.world.parts.target import BallResult
 from truearc.sim.world.world import World
@@ -51,6 +50,7 @@ WATCHDOG_MS = 100                     # of the motor drivers, where it can be se
 CHANNELS = itertools.count()          # every twin in this process has a wire of its own
 MakeNodes = Callable[[Config, World], dict[str, Node]]
 MakeEyes = Callable[[World, Config, int], TwinEyes]
+LATE_NS = 50_000_000                  # world time stands still where this machine did, rather than catch up
 
 
 def make_nodes(config: Config, world: Plant, watchdog_ms: int = WATCHDOG_MS) -> dict[str, Node]:
@@ -168,3 +168,17 @@ def emulated_rig(config: Config, world: World, nodes: Mapping[str, Node], box: B
         stream = wires.enter_context(closing(open_serial(box.port, config.buttons.baud)))
         bus = TappedBus(guard(near, config, clock, Counter()), tap)
         yield HardwareRig(config, bus, stream, eyes, clock, lambda: over(clock.now_ns())), clock
+
+
+class Pace:
+    """World time begins at 0 when this is made."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock, self._began_ns = clock, clock.now_ns()
+
+    def wait_until(self, t_ns: int) -> None:
+        """Return when it is `t_ns` in the world, at once where that is past."""
+        behind_ns = self._clock.now_ns() - (self._began_ns + t_ns)
+        if behind_ns > LATE_NS:
+            self._began_ns += behind_ns
+        self._clock.sleep_until_ns(self._began_ns + t_ns)

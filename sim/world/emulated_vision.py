@@ -15,11 +15,9 @@ import cv2
 
 from truearc.hw.emulated.imaging.camera import EmulatedCamera, TapeSize
 from truearc.hw.emulated.imaging.lens import Lens
-from truearc.hw.emulated.plant import Plant
-from truearc.hw.emulated.static_plant import NOTHING, Stage
+from truearc.hw.emulated.plant import NOTHING, Plant, Stage
 from truearc.hw.fault_codes import PROCESS_ENDED
-from truearc.hw.protocols import LinkLost
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame, LinkLost
 from truearc.robot.config.schema import CameraConfig, Config, Tape
 from truearc.robot.types import Sighting
 from truearc.robot.vision import detect

@@ -11,12 +11,10 @@ from tests.hw.spinning_plant import SpinningPlant
 from truearc.hw import fault_codes
 from truearc.hw.codec import Codec, read_codec
 from truearc.hw.devices.axis import Axis, driver_of
-from truearc.hw.devices.family import AttachedMotor, AxisCheck, MotorFamily
-from truearc.hw.devices.listening import Heard
+from truearc.hw.devices.family import AttachedMotor, AxisCheck, Heard, MotorFamily
 from truearc.hw.finding import FAILURE, OK, WARNING
 from truearc.hw.monitor import kind_of
-from truearc.hw.protocols import BadFrame, Frame
-from truearc.hw.readings import MotorReading
+from truearc.hw.protocols import BadFrame, Frame, MotorReading
 from truearc.hw.reason import render
 from truearc.hw.tx_allowlist import AllowList
 from truearc.robot.config.schema import read_axis

@@ -11,8 +11,7 @@ from tests.hw.dbc_facts import length, messages
 from truearc.hw.codec import load_codec
 from truearc.hw.devices.canandmag import frames as canandmag
 from truearc.hw.devices.canandmag.frames import Encoder
-from truearc.hw.protocols import BadFrame, Frame
-from truearc.hw.readings import AngleReading
+from truearc.hw.protocols import AngleReading, BadFrame, Frame
 
 ENCODER = Encoder(5)
 POSITION_ID, STATUS_ID = 0x070E07C5, 0x070E0185

@@ -16,8 +16,7 @@ from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.motor import SparkHeartbeat, SparkMotor
 from truearc.hw.encoder_plausibility import Agreement
 from truearc.hw.fault_codes import BY_NAME, ENCODER_MISMATCH
-from truearc.hw.protocols import Frame
-from truearc.hw.readings import MotorReading
+from truearc.hw.protocols import Frame, MotorReading
 from truearc.hw.reason import render
 
 MS = 1_000_000

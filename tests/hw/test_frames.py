@@ -18,7 +18,7 @@ from truearc.hw.devices.button_box.frames import (
     make_press,
     parse_lines,
 )
-from truearc.hw.readings import ButtonEvent
+from truearc.hw.protocols import ButtonEvent
 
 PAGE = Path(__file__).parents[2] / "docs" / "button-box.md"
 seqs = st.integers(0, 65535)

@@ -13,8 +13,7 @@ from truearc.hw import fault_codes as hw
 from truearc.hw.codec import load_codec
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.frames import OdriveAxis
-from truearc.hw.protocols import BadFrame, Frame
-from truearc.hw.readings import MotorReading
+from truearc.hw.protocols import BadFrame, Frame, MotorReading
 
 TURN = 2.0 * math.pi
 nodes = st.integers(0, 62)

@@ -8,8 +8,7 @@ import pytest
 
 from truearc.hw.devices.button_box.frames import make_heartbeat, make_press, parse_lines
 from truearc.hw.fault_codes import CAMERA_NOT_OPENED, CAMERA_STOPPED
-from truearc.hw.protocols import LinkLost
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame, LinkLost
 from truearc.hw.real.reconnect import LONGEST_S, MendedCamera, MendedStream
 from truearc.hw.real.serial_port import open_serial
 

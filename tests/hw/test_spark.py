@@ -13,8 +13,7 @@ from truearc.hw import fault_codes as hw
 from truearc.hw.codec import load_codec
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.frames import SparkAxis
-from truearc.hw.protocols import BadFrame, Frame
-from truearc.hw.readings import MotorReading
+from truearc.hw.protocols import BadFrame, Frame, MotorReading
 
 TURN = 2.0 * math.pi
 signs = st.sampled_from((-1, 1))

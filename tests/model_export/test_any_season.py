@@ -11,7 +11,7 @@ from tests.sim.gate.plausible import make_season
 from truearc.model_export.graph import export_weights
 from truearc.robot.gate.contract import FEATURES
 from truearc.robot.gate.model import Ratings, load_gate
-from truearc.sim.gate.store import save_physics_gate
+from truearc.sim.gate.model import save_physics_gate
 from truearc.sim.gate.train import train_physics_gate
 from truearc.sim.infer.belief import Belief
 from truearc.sim.paper.training import domain_of

@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from truearc import robot
 from truearc.hw.devices.odrive.frames import CLOSED_LOOP
-from truearc.hw.readings import AngleReading, ButtonEvent, MotorReading
+from truearc.hw.protocols import AngleReading, ButtonEvent, MotorReading
 from truearc.robot.aim import aim
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.estimate import estimate

@@ -14,7 +14,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from tests.robot.aim_files import BY_BELIEF, CONTENT, HOOD, LEAD, RATIO, SEGMENT, X, sealed, shifted, write
 from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs, good_memory, seconds
-from truearc.hw.readings import ButtonEvent
+from truearc.hw.protocols import ButtonEvent
 from truearc.robot.aim import REAIM_M, step_walk
 from truearc.robot.aim_file import AimFile, Curve, load_aim, load_aim_for
 from truearc.robot.config.schema import InputError

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from truearc.robot.config.schema import PidGains
-from truearc.robot.pid import step_pid
+from truearc.robot.control import step_pid
 from truearc.robot.types import Pid
 
 DT = 0.005

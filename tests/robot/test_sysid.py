@@ -12,7 +12,7 @@ from tests.robot.alike import codes
 from tests.robot.good_tick import CONFIG, HOOD_DEG, NOW_NS, good_inputs, good_memory, seconds
 from truearc.hw.devices.odrive.frames import IDLE
 from truearc.hw.fault_codes import CAN_BUS_OFF
-from truearc.hw.readings import ButtonEvent
+from truearc.hw.protocols import ButtonEvent
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import InputError
 from truearc.robot.control import RELEASED

@@ -17,8 +17,7 @@ from truearc.cli.common import SHIPPED
 from truearc.cli.robot.run_processes import ThreeProcesses
 from truearc.hw.emulated.imaging.picture_server import PictureServer
 from truearc.hw.fault_codes import CAMERA_SILENT, PROCESS_KILLED
-from truearc.hw.protocols import LinkLost
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame, LinkLost
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.shared_latest import Slots
 from truearc.robot.config.schema import load_config

@@ -18,10 +18,9 @@ from msgspec.structs import replace
 import truearc.cli.main as truearc
 from truearc import robot
 from truearc.cli.robot.vision_tools.tuner import COOKIE, Live, Recorded, Tuner, TuneServer, find_pictures
-from truearc.hw.emulated.static_plant import Stage
+from truearc.hw.emulated.plant import Stage
 from truearc.hw.fault_codes import CAMERA_SILENT
-from truearc.hw.protocols import LinkLost
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame, LinkLost
 from truearc.robot.config.schema import CameraFile, InputError, load_config, load_toml
 from truearc.sim.world.emulated_vision import make_lens, make_tape
 from truearc_proof.world.camera_damage import StagedCamera

@@ -14,13 +14,13 @@ from truearc.api.table import Table
 from truearc.api.terms import check_kind
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
-from truearc.sim.aim.chances import chances_of
 from truearc.sim.aim.set_point import AimRow
+from truearc.sim.aim.solve import chances_of
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.parts import take_shots
 from truearc.sim.discover.detect.always_valid import ChangeTest
 from truearc.sim.discover.finding import make_json
-from truearc.sim.discover.follow import follow_shots
+from truearc.sim.discover.investigate import follow_shots
 from truearc.sim.discover.proposal import AimProposal, BeliefFile, ProposedEffect, SetPointChange, with_id
 from truearc.sim.discover.report.effect_wording import plain, say_effect
 from truearc.sim.discover.report.finding_text import either

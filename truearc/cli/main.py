@@ -98,12 +98,11 @@ def _nearest(typed: str) -> list[str]:
 def _list(prefix: str) -> str:
     """Every command under the heading of its group; those of one prefix where there is one."""
     commands = [one for one in (COMMANDS if prefix else list_commands()) if one.name.startswith(f"{prefix} ".lstrip())]
-    titles = dict(GROUPS)
     lines = [f"usage: truearc {f'{prefix} '.lstrip()}COMMAND ...   (truearc COMMAND --help explains its options)"]
-    for group in dict.fromkeys([*titles, *(command.group for command in commands)]):
+    for group in dict.fromkeys([*GROUPS, *(command.group for command in commands)]):
         members = [command for command in commands if command.group == group]
         if members:
-            lines += ["", f"{group}: {titles[group]}" if group in titles else f"{group}:"]
+            lines += ["", f"{group}: {GROUPS[group]}" if group in GROUPS else f"{group}:"]
             lines += [f"  {command.name:17s} {command.summary}" for command in members]
     return "\n".join(lines)
 

@@ -1,18 +1,12 @@
-"""Every command as data, so that listing the commands imports none of them."""
+"""Every command as data, so that listing the commands imports none of them; `commands.toml` has truearc's own."""
 
+import tomllib
 from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
+from pathlib import Path
 from typing import NamedTuple
 
-GROUPS = (
-    ("start", "first steps"),
-    ("discover", "from recorded shots to what the simulation lacks"),
-    ("gate", "the classifier that lets shots through"),
-    ("robot", "run, check, emulate and calibrate a launcher"),
-    ("session", "recorded sessions"),
-    ("paper", "the paper's own method"),
-)
 ENTRY_POINTS = "truearc.commands"
 OTHER_GROUP = "other"                 # of a command from another distribution that names no group
 
@@ -36,43 +30,9 @@ class Command(NamedTuple):
     distribution: str = ""
 
 
-COMMANDS = (
-    Command("demo", "truearc.cli.start.demo", "start", "what was wrong, how large, what that was worth: emulated"),
-    Command("init", "truearc.cli.start.init", "start", "templates of a dataset, or of a launcher's configuration"),
-    Command("completion", "truearc.cli.start.completion", "start", "completion of commands and options for a shell"),
-    Command("import", "truearc.cli.discover.import_", "discover", "other people's recordings to a dataset"),
-    Command("shots", "truearc.cli.discover.shots", "discover", "recorded sessions to a dataset"),
-    Command("check", "truearc.cli.discover.check", "discover", "whether data are plausible, and what they could show"),
-    Command("fit", "truearc.cli.discover.fit", "discover", "coefficients and scatter by maximum a posteriori"),
-    Command("predict", "truearc.cli.discover.predict", "discover", "heights and outcomes, or a gate's probabilities"),
-    Command("aim", "truearc.cli.discover.aim", "discover", "hood angle and motor speed by distance, by a belief"),
-    Command("discover", "truearc.cli.discover.discover", "discover", "where recordings and simulation disagree"),
-    Command("follow", "truearc.cli.discover.follow", "discover", "shots as they come: has something changed?"),
-    Command("design", "truearc.cli.discover.design", "discover", "the next shots, to separate remaining candidates"),
-    Command("identifiability", "truearc.cli.discover.identifiability", "discover",
-            "which effects a season of shots could show"),
-    Command("train", "truearc.cli.gate.train", "gate", "a gate with the fitted physics in it"),
-    Command("export", "truearc.cli.gate.export", "gate", "weights to a stamped ONNX file"),
-    Command("verify", "truearc.cli.gate.verify", "gate", "an ONNX file against its trainer and its contract"),
-    Command("serve", "truearc.cli.gate.serve", "gate", "a page with a gate's map and sliders, without a robot"),
-    Command("run", "truearc.cli.robot.run", "robot", "run the launcher and record it"),
-    Command("doctor", "truearc.cli.robot.doctor", "robot", "check everything that a run needs"),
-    Command("deploy", "truearc.cli.robot.deploy", "robot", "install truearc as a service on the robot's computer"),
-    Command("emulate", "truearc.cli.robot.emulate", "robot", "the real runtime on the emulated robot"),
-    Command("sysid", "truearc.cli.robot.sysid", "robot", "friction, inertia and gains of flywheels and hood"),
-    Command("vision", "truearc.cli.robot.vision", "robot", "images to distances"),
-    Command("vision-calibrate", "truearc.cli.robot.vision_calibrate", "robot",
-            "a camera from pictures of a board or from taped distances"),
-    Command("vision-tune", "truearc.cli.robot.vision_tune", "robot", "a page with sliders for target detection"),
-    Command("session replay", "truearc.cli.session.replay", "session", "recompute every output of a recording"),
-    Command("session recover", "truearc.cli.session.recover", "session", "repair a truncated recording"),
-    Command("session convert", "truearc.cli.session.convert", "session",
-            "a recording as WPILOG, MCAP, CSV or Parquet"),
-    Command("paper fit", "truearc.cli.paper.fit", "paper", "drag and lift coefficients by grid search"),
-    Command("paper synth", "truearc.cli.paper.synth", "paper", "balanced simulated shots"),
-    Command("paper train", "truearc.cli.paper.train", "paper", "the paper's network on recorded and simulated shots"),
-    Command("paper sweep", "truearc.cli.paper.sweep", "paper", "how much simulated data, and how to weigh it"),
-)
+_TABLE = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
+GROUPS: dict[str, str] = _TABLE["groups"]         # name -> what its commands are about
+COMMANDS = tuple(Command(**row) for row in _TABLE["command"])
 NAMES = {command.name: command for command in COMMANDS}
 
 

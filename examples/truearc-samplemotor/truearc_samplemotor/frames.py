@@ -12,8 +12,7 @@ from msgspec.structs import replace
 
 from truearc.hw.codec import Codec, Values, read_codec
 from truearc.hw.fault_codes import ERROR_OVER_TEMPERATURE, FRAME_UNEXPECTED
-from truearc.hw.protocols import BadFrame, Frame
-from truearc.hw.readings import ErrorTable, MotorReading, errors_in
+from truearc.hw.protocols import BadFrame, ErrorTable, Frame, MotorReading, errors_in
 from truearc.hw.reason import Reason
 from truearc_samplemotor.reasons import SUPPLY_LOW
 

@@ -2,9 +2,7 @@
 
 from truearc.hw.dc_motor import DcMotor, duty_for, torque_of
 from truearc.hw.encoder_plausibility import Agreement
-from truearc.hw.motor import Order
-from truearc.hw.protocols import Frame
-from truearc.hw.readings import MotorReading
+from truearc.hw.protocols import Frame, MotorReading, Order
 from truearc.hw.reason import Reason
 from truearc_samplemotor import frames
 from truearc_samplemotor.frames import FIRMWARE, SampleAxis

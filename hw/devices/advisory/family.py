@@ -9,16 +9,15 @@ from msgspec.structs import replace
 
 from truearc.hw.devices.axis import Axis, CanNode, Direction
 from truearc.hw.devices.bus_rules import Rules
-from truearc.hw.devices.family import AttachedMotor, AxisCheck, MotorFamily
+from truearc.hw.devices.family import AttachedMotor, AxisCheck, Heard, MotorFamily
 from truearc.hw.devices.heard_motor import HeardMotor
-from truearc.hw.devices.listening import Heard
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.family import ODRIVE
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.family import SPARK
 from truearc.hw.emulated.nodes import Node
 from truearc.hw.finding import Finding, failure, ok
-from truearc.hw.readings import MotorReading
+from truearc.hw.protocols import MotorReading
 from truearc.hw.reason import Reason
 
 

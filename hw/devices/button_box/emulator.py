@@ -35,6 +35,6 @@ class ButtonBox:
             self._cable.write(line)
 
 
-def open_button_box(start_ns: int = 0, prompt: bool = True) -> ButtonBox:
+def open_button_box(prompt: bool = True) -> ButtonBox:
     """A box on a cable; `prompt` as truearc.hw.emulated.serial_link.open_cable has it."""
-    return ButtonBox(open_cable(prompt), start_ns)
+    return ButtonBox(open_cable(prompt))

@@ -14,7 +14,7 @@ import re
 from msgspec import Struct
 
 from truearc.hw.fault_codes import BOX_LINES_REFUSED
-from truearc.hw.readings import ButtonEvent
+from truearc.hw.protocols import ButtonEvent
 from truearc.hw.reason import Reason
 
 BUTTONS = ("arm", "fire", "miss-low", "miss-high", "two", "three", "reject", "accept")

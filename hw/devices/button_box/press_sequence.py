@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from truearc.hw.devices.button_box.frames import HEARTBEAT_NS, SEQ_COUNT, BoxHeartbeat, lost_presses
 from truearc.hw.fault_codes import BOX_PRESSES_LOST, BOX_PRESSES_REPEATED, BOX_RESTARTED
-from truearc.hw.readings import ButtonEvent
+from truearc.hw.protocols import ButtonEvent
 from truearc.hw.reason import Reason
 
 

@@ -4,9 +4,9 @@ from functools import partial
 
 from truearc.hw.devices.canandmag import frames as canandmag
 from truearc.hw.devices.canandmag.frames import Encoder
-from truearc.hw.devices.listening import Heard
+from truearc.hw.devices.family import Heard
 from truearc.hw.finding import Finding, failure, ok, warning
-from truearc.hw.readings import AngleReading
+from truearc.hw.protocols import AngleReading
 
 CHECK = "hood encoder"
 ENOUGH = 3                            # angles within the age that may still fire

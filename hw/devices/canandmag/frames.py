@@ -10,8 +10,7 @@ from msgspec.structs import replace
 
 from truearc.hw.codec import Values, load_codec
 from truearc.hw.fault_codes import FRAME_UNEXPECTED, PERIOD_RANGE
-from truearc.hw.protocols import BadFrame, Frame
-from truearc.hw.readings import AngleReading
+from truearc.hw.protocols import AngleReading, BadFrame, Frame
 
 MESSAGES = ("POSITION_OUTPUT", "STATUS")          # what becomes part of an AngleReading
 

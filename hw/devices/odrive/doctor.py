@@ -4,15 +4,13 @@ from collections.abc import Iterator, Mapping
 from functools import partial
 from types import MappingProxyType
 
-from truearc.hw.devices.family import AxisCheck, Endpoints
-from truearc.hw.devices.listening import Heard
+from truearc.hw.devices.family import AxisCheck, Endpoints, Heard
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.devices.odrive.parameters import check_parameters, parameter_queries
 from truearc.hw.fault_codes import BY_NAME
 from truearc.hw.finding import Finding, failure, ok, warning
-from truearc.hw.protocols import BadFrame, Frame
-from truearc.hw.readings import MotorReading
+from truearc.hw.protocols import BadFrame, Frame, MotorReading
 from truearc.hw.reason import listed
 
 FIRMWARE = (0, 6)                     # whose frames hw/dbc/odrive.dbc describes; 0.5 has other ones under the same ids

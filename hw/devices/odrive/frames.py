@@ -14,8 +14,7 @@ from truearc.hw import fault_codes as codes
 from truearc.hw.codec import Values, load_codec
 from truearc.hw.devices.axis import CanNode, Direction
 from truearc.hw.fault_codes import ENDSTOP_VALUE, FRAME_UNEXPECTED
-from truearc.hw.protocols import BadFrame, Frame
-from truearc.hw.readings import ErrorTable, MotorReading, errors_in
+from truearc.hw.protocols import BadFrame, ErrorTable, Frame, MotorReading, errors_in
 from truearc.hw.reason import Reason
 
 # Axis states

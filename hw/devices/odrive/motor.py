@@ -4,8 +4,7 @@ from functools import partial
 
 from truearc.hw.devices.heard_motor import HeardMotor
 from truearc.hw.devices.odrive import frames as odrive
-from truearc.hw.motor import Order
-from truearc.hw.protocols import Frame
+from truearc.hw.protocols import Frame, Order
 
 RETRY_NS = 100_000_000                # how often an axis that will not come up is asked again
 ENDSTOP_NS = 50_000_000               # how often the limit switch is read

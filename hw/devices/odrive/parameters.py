@@ -9,8 +9,7 @@ import math
 import struct
 from collections.abc import Iterator, Mapping
 
-from truearc.hw.devices.family import Endpoints
-from truearc.hw.devices.listening import Heard
+from truearc.hw.devices.family import Endpoints, Heard
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.finding import Finding, failure, ok, warning

@@ -3,14 +3,12 @@
 from collections.abc import Iterator
 from functools import partial
 
-from truearc.hw.devices.family import AxisCheck, Endpoints
-from truearc.hw.devices.listening import Heard
+from truearc.hw.devices.family import AxisCheck, Endpoints, Heard
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.frames import SparkAxis
 from truearc.hw.fault_codes import BY_NAME
 from truearc.hw.finding import Finding, failure, ok, warning
-from truearc.hw.protocols import BadFrame, Frame
-from truearc.hw.readings import MotorReading
+from truearc.hw.protocols import BadFrame, Frame, MotorReading
 from truearc.hw.reason import listed
 
 LOOK = "look at its power and plug, and at its CAN id in REV's hardware client"

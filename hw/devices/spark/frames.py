@@ -17,8 +17,7 @@ from truearc.hw import fault_codes as codes
 from truearc.hw.codec import Values, load_codec
 from truearc.hw.devices.axis import CanNode, Direction
 from truearc.hw.fault_codes import FRAME_UNEXPECTED, PARAMETER_VALUE
-from truearc.hw.protocols import BadFrame, Frame
-from truearc.hw.readings import ErrorTable, MotorReading, errors_in
+from truearc.hw.protocols import BadFrame, ErrorTable, Frame, MotorReading, errors_in
 from truearc.hw.reason import Reason
 
 RPM_RAD_S = math.tau / 60.0

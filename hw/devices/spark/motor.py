@@ -16,8 +16,7 @@ from truearc.hw.fault_codes import (
     SPARK_SETTINGS_UNCONFIRMED,
     SPARK_STATUS_OFF,
 )
-from truearc.hw.motor import Order
-from truearc.hw.protocols import BadFrame, Frame
+from truearc.hw.protocols import BadFrame, Frame, Order
 from truearc.hw.reason import Reason
 
 MS = 1_000_000

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from truearc.hw.emulated.imaging.lens import Array, Lens, Plane, distort, ideal_pixels, project
 from truearc.hw.emulated.plant import Scene, View
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame
 
 Image = npt.NDArray[np.uint8]
 

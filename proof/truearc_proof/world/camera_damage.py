@@ -13,7 +13,7 @@ from truearc.hw.emulated.imaging.camera import HALO_MARGIN_PX, EmulatedCamera, I
 from truearc.hw.emulated.imaging.camera import Look as PlainLook
 from truearc.hw.emulated.imaging.lens import Array, Lens, Plane
 from truearc.hw.emulated.plant import Scene, View
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame
 from truearc_proof.world.shutter import project_turning
 
 

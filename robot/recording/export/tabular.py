@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from truearc.hw.readings import ButtonEvent
+from truearc.hw.protocols import ButtonEvent
 from truearc.hw.reason import Reason
 from truearc.robot.reasons import text
 from truearc.robot.types import Outcome, Tick

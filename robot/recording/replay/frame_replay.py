@@ -11,8 +11,7 @@ from pathlib import Path
 from msgspec import Struct
 from msgspec.structs import replace
 
-from truearc.hw.protocols import Frame, LinkLost
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame, Frame, LinkLost
 from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config, InputError, naming
 from truearc.robot.reasons import BAD_FRAME, CAN_LOST

@@ -12,7 +12,7 @@ import msgspec
 from msgspec import UNSET
 from msgspec.structs import replace
 
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import Config, InputError
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.frame_replay import FramesRig, Recomputed

@@ -5,7 +5,7 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame
 from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config
 from truearc.robot.gate.model import Gate

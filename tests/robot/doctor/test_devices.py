@@ -12,7 +12,7 @@ from tests.robot.good_tick import CONFIG
 from truearc.cli.robot.doctor_checks import look_at_bus
 from truearc.hw.devices.canandmag.emulator import CanandmagNode
 from truearc.hw.devices.canandmag.frames import Encoder
-from truearc.hw.devices.listening import listen
+from truearc.hw.devices.family import listen
 from truearc.hw.devices.odrive.emulator import SETTINGS, OdriveNode, OdriveSettings
 from truearc.hw.emulated.clock import StepClock
 from truearc.hw.emulated.emulated_robot import Twin

@@ -18,17 +18,21 @@ from tests.robot.test_rig import Stream, Time
 from truearc import robot
 from truearc.cli.main import main
 from truearc.hw.devices.button_box.frames import make_heartbeat
-from truearc.hw.devices.listening import Heard
+from truearc.hw.devices.family import Heard
 from truearc.hw.fault_codes import CAMERA_ERROR
 from truearc.hw.finding import FAILURE, OK, WARNING, failure, line, ok
 from truearc.hw.machine import CanLink, Exposure, parse_link
-from truearc.hw.protocols import LinkLost
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame, LinkLost
 from truearc.hw.real.machine import read_exposure
-from truearc.robot.doctor.bus import check_adapter, check_bitrate
-from truearc.robot.doctor.devices import check_model
-from truearc.robot.doctor.machine import check_clock, check_disk, check_real_time
-from truearc.robot.doctor.senses import check_box, check_camera, check_exposure
+from truearc.robot.doctor.devices import check_adapter, check_bitrate, check_model
+from truearc.robot.doctor.senses import (
+    check_box,
+    check_camera,
+    check_clock,
+    check_disk,
+    check_exposure,
+    check_real_time,
+)
 
 # As iproute2 prints a gs_usb adapter and a virtual interface.
 CAN0 = ('[{"ifindex":3,"ifname":"can0","flags":["NOARP","UP","LOWER_UP","ECHO"],"mtu":16,"operstate":"UP",'

@@ -4,7 +4,7 @@ import pytest
 
 from tests.hw.spinning_plant import SpinningPlant
 from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, only_advice
-from truearc.hw.devices.listening import Heard
+from truearc.hw.devices.family import Heard
 from truearc.hw.devices.odrive.emulator import OdriveNode
 from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.devices.spark import frames as spark
@@ -14,8 +14,7 @@ from truearc.hw.emulated.nodes import Node
 from truearc.hw.finding import FAILURE, OK, WARNING, Finding
 from truearc.hw.frc import CONTROLLER_HEARTBEAT, locked_spark
 from truearc.hw.protocols import Frame
-from truearc.robot.doctor.bus import check_heartbeat_lock
-from truearc.robot.doctor.devices import check_devices, questions
+from truearc.robot.doctor.devices import check_devices, check_heartbeat_lock, questions
 from truearc.robot.motors import name_axes
 from truearc_proof.world.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
 

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from tests.robot.good_tick import CONFIG, NOW_NS, good_memory
 from tests.robot.sparks import ALL_SPARK, only_advice
 from truearc.hw import fault_codes as hw
-from truearc.hw.readings import AngleReading, ButtonEvent, MotorReading
+from truearc.hw.protocols import AngleReading, ButtonEvent, MotorReading
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config
 from truearc.robot.gate.model import Gate

@@ -16,7 +16,7 @@ from tests.robot.samples import check, sample
 from truearc.hw import fault_codes as hw
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.spark import frames as spark
-from truearc.hw.readings import AngleReading, CameraFrame, MotorReading
+from truearc.hw.protocols import AngleReading, CameraFrame, MotorReading
 from truearc.hw.reason import FAULT, WAIT, YOU, Reason
 from truearc.robot import reasons as bot
 from truearc.robot.aim import IDLE

@@ -14,8 +14,8 @@ from benchmarks.aim import make_case, shortfalls
 from tests.sim.physics.rigs import GUPPY
 from truearc.cli.main import main
 from truearc.robot.config.rig_spec import Noise
-from truearc.sim.aim.chances import chances_of
-from truearc.sim.aim.lead import lead_deg
+from truearc.sim.aim.make_table import lead_deg
+from truearc.sim.aim.solve import chances_of
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import point_belief
 from truearc.sim.physics.simulate import predict

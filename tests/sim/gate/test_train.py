@@ -11,9 +11,8 @@ from tests.sim.infer.independent import configurations, fired, heights, outcomes
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.gate.gate_text import tell_heldout, tell_residual
-from truearc.sim.gate.model import PhysicsGate, physics_of
+from truearc.sim.gate.model import MODEL_FILE, PhysicsGate, load_physics_gate, physics_of, save_physics_gate
 from truearc.sim.gate.outcome_classes import outcome_classes_of
-from truearc.sim.gate.store import MODEL_FILE, load_physics_gate, save_physics_gate
 from truearc.sim.gate.surrogate import compare, inside, make_surrogate
 from truearc.sim.gate.train import Heldout, train_physics_gate
 from truearc.sim.metrics import figures_of

@@ -10,8 +10,7 @@ from pathlib import Path
 import cv2
 import msgspec
 
-from truearc.hw.devices.family import Endpoints
-from truearc.hw.devices.listening import listen
+from truearc.hw.devices.family import Endpoints, listen
 from truearc.hw.finding import FAILURE, WARNING, Finding, count, failure, line
 from truearc.hw.machine import CanLink
 from truearc.hw.protocols import Bus, Clock, LinkLost
@@ -22,10 +21,24 @@ from truearc.hw.real.machine import is_clock_synchronised, read_exposure, read_l
 from truearc.hw.real.realtime import rehearse
 from truearc.hw.real.serial_port import open_serial
 from truearc.robot.config.schema import Config, load_config
-from truearc.robot.doctor.bus import check_adapter, check_bitrate, check_heartbeat_lock
-from truearc.robot.doctor.devices import check_aim, check_devices, check_model, load_endpoints, questions
-from truearc.robot.doctor.machine import check_clock, check_disk, check_real_time
-from truearc.robot.doctor.senses import check_box, check_camera, check_exposure
+from truearc.robot.doctor.devices import (
+    check_adapter,
+    check_aim,
+    check_bitrate,
+    check_devices,
+    check_heartbeat_lock,
+    check_model,
+    load_endpoints,
+    questions,
+)
+from truearc.robot.doctor.senses import (
+    check_box,
+    check_camera,
+    check_clock,
+    check_disk,
+    check_exposure,
+    check_real_time,
+)
 from truearc.robot.motors import name_axes
 
 

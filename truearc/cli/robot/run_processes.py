@@ -8,8 +8,7 @@ from pathlib import Path
 import cv2
 import msgspec
 
-from truearc.hw.protocols import Clock, LinkLost
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame, Clock, LinkLost
 from truearc.hw.real.camera import open_camera
 from truearc.hw.real.child_process import Child, Line, make_shared
 from truearc.hw.real.clock import MonotonicClock

@@ -8,8 +8,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from truearc.cli.robot.run_robot import Ending, open_bus
-from truearc.hw.protocols import LinkLost
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame, LinkLost
 from truearc.hw.real.clock import MonotonicClock, wall_clock
 from truearc.hw.real.serial_port import open_serial
 from truearc.hw.reason import Reason

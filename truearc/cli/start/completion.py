@@ -33,7 +33,7 @@ def make_root_parser(commands: tuple[Command, ...]) -> argparse.ArgumentParser:
     for word in dict.fromkeys(command.name.split()[0] for command in commands):
         members = {one.name.removeprefix(word).strip(): one for one in commands if one.name.split()[0] == word}
         own = members.pop("", None)
-        parser = first.add_parser(word, help=own.summary if own else dict(GROUPS).get(word))
+        parser = first.add_parser(word, help=own.summary if own else GROUPS.get(word))
         if members:
             second = parser.add_subparsers()
             for last, command in members.items():

@@ -14,7 +14,7 @@ from truearc.cli.common import make_progress, print_or_write
 from truearc.cli.robot.vision_tools.camera_file import load_camera, load_labels
 from truearc.cli.robot.vision_tools.images import load_image
 from truearc.cli.robot.vision_tools.measure import why_not
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import CameraConfig, CameraFile, InputError
 from truearc.robot.config.toml_text import make_toml
 from truearc.robot.vision import board as boards

@@ -23,8 +23,7 @@ from msgspec.structs import replace
 from truearc.cli.robot.vision_tools.camera_file import load_camera
 from truearc.cli.robot.vision_tools.images import load_image
 from truearc.cli.robot.vision_tools.measure import why_not
-from truearc.hw.protocols import Camera, LinkLost
-from truearc.hw.readings import CameraFrame
+from truearc.hw.protocols import Camera, CameraFrame, LinkLost
 from truearc.hw.real.camera import open_camera
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import CameraFile, InputError, Vision

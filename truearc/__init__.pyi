@@ -1,0 +1,43 @@
+# The public names, for static tools; truearc/__init__.py imports each from here when it is first used.
+from truearc.api import paper
+from truearc.api.aiming import AimTable, aim, export_aim, verify_aim
+from truearc.api.discovery import Finding, discover
+from truearc.api.fitting import Fit, fit
+from truearc.api.following import Following, follow
+from truearc.api.gate import GateTraining, train_gate
+from truearc.api.planning import Identifiability, ShotDesign, design_shots, identifiability
+from truearc.api.prediction import predict
+from truearc.api.recording import Recording
+from truearc.api.table import Table
+from truearc.model_export.graph import export_weights
+from truearc.model_export.verify import verify_gate
+from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.schema import InputError, load_config
+from truearc.sim.data.dataset import Dataset, dataset, load_dataset, load_rig, save_dataset
+from truearc.sim.data.recordings import shots_from_sessions
+from truearc.sim.discover.finding import load_finding
+from truearc.sim.infer.belief import Belief, load_belief
+from truearc.sim.physics.catalogue import catalogue
+from truearc.sim.physics.term import (
+    AirTerm,
+    ArrivalTerm,
+    FlightTerm,
+    LaunchTerm,
+    Parameter,
+    Prior,
+    SensingTerm,
+    WatchTerm,
+)
+from truearc.sim.world.emulated_robot import emulate
+
+__all__ = [
+    "AimTable", "AirTerm", "ArrivalTerm", "Belief", "Dataset", "Finding", "Fit", "FlightTerm", "Following",
+    "GateTraining", "Identifiability", "InputError", "LaunchTerm", "Parameter", "Prior", "Recording", "Rig",
+    "SensingTerm", "ShotDesign", "Table", "WatchTerm", "aim", "catalogue", "dataset", "design_shots", "discover",
+    "emulate", "export_aim", "export_weights", "fit", "follow", "identifiability", "load_belief", "load_config",
+    "load_dataset", "load_finding", "load_rig", "paper", "predict", "save_dataset", "shots_from_sessions",
+    "train_gate", "verify_aim",
+    "verify_gate",
+]
+
+__version__: str
