@@ -8,21 +8,10 @@ from collections.abc import Callable, Iterable, Iterator
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from truearc.hw import protocols as hw
 from truearc.hw.devices.button_box.frames import parse_lines
 from truearc.hw.devices.button_box.press_sequence import PressCount
 from truearc.hw.devices.canandmag import frames as canandmag
-from truearc.hw.protocols import (
-    AngleReading,
-    BadFrame,
-    Bus,
-    ButtonEvent,
-    CameraFrame,
-    Clock,
-    Frame,
-    LinkLost,
-    Order,
-    Stream,
-)
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config
@@ -42,14 +31,14 @@ class HardwareRig:
     `over` says, before each tick, whether there will be no more.
     """
 
-    def __init__(self, config: Config, bus: Bus, box: Stream, eyes: Eyes, clock: Clock,
+    def __init__(self, config: Config, bus: hw.Bus, box: hw.Stream, eyes: Eyes, clock: hw.Clock,
                  over: Callable[[], bool]) -> None:
         self._config, self._bus, self._box, self._eyes, self._clock = config, bus, box, eyes, clock
         self._over = over
         self._motors = make_motors(config)
         self._names = [name for name, _ in name_axes(config)]
         self._encoder = canandmag.Encoder(config.hood_encoder.device)
-        self._angle: AngleReading | None = None
+        self._angle: hw.AngleReading | None = None
         self._handlers = self._make_handlers()
         self._pending = b""
         self._heard_box_ns = 0
@@ -104,7 +93,7 @@ class HardwareRig:
         self._unsent = refused = sum(not self._send(frame) for frame in frames)
         return _sent(command.enable, orders, refused)
 
-    def picture(self) -> CameraFrame | None:
+    def picture(self) -> hw.CameraFrame | None:
         return self._eyes.picture()
 
     def release(self) -> None:
@@ -128,21 +117,21 @@ class HardwareRig:
         self._withheld = command.feeder_torque_nm != 0.0 and (self._withheld or late)
         return replace(command, feeder_torque_nm=0.0) if self._withheld else command
 
-    def _make_handlers(self) -> dict[tuple[int, bool], Callable[[Frame], None]]:
-        handlers: dict[tuple[int, bool], Callable[[Frame], None]] = {
+    def _make_handlers(self) -> dict[tuple[int, bool], Callable[[hw.Frame], None]]:
+        handlers: dict[tuple[int, bool], Callable[[hw.Frame], None]] = {
             key: motor.take for motor in self._motors for key in motor.ids()}
         for frame_id in canandmag.frame_ids(self._encoder):
             handlers[frame_id, True] = self._take_angle
         return handlers
 
-    def _take_angle(self, frame: Frame) -> None:
+    def _take_angle(self, frame: hw.Frame) -> None:
         self._angle = canandmag.parse(self._encoder, frame, self._angle)
 
     def _read_bus(self) -> None:
         self._frames = 0
         try:
             frames = self._bus.read()
-        except LinkLost as error:
+        except hw.LinkLost as error:
             self._faults.append(because.CAN_LOST(cause=error.reason))
             return
         self._frames = len(frames)
@@ -155,14 +144,14 @@ class HardwareRig:
                 continue
             try:
                 handler(frame)
-            except BadFrame as error:
+            except hw.BadFrame as error:
                 self._faults.append(because.BAD_FRAME(cause=error.reason))
 
-    def _read_box(self, t_ns: int) -> list[ButtonEvent]:
+    def _read_box(self, t_ns: int) -> list[hw.ButtonEvent]:
         self._missed = None
         try:
             events, self._pending, faults = parse_lines(self._pending, self._box.read(), t_ns)
-        except LinkLost as error:
+        except hw.LinkLost as error:
             self._pending, self._garbled = b"", True      # half a line was on its way when the plug was pulled
             self._faults.append(because.BOX_LOST(cause=error.reason))
             return []
@@ -179,7 +168,7 @@ class HardwareRig:
     def _read_eyes(self) -> Sighting | None:
         try:
             sighting = self._eyes.read()
-        except LinkLost as error:
+        except hw.LinkLost as error:
             self._unseen = None       # what an image showed before is no longer why
             self._faults.append(because.CAMERA_LOST(cause=error.reason))
             return None
@@ -187,7 +176,7 @@ class HardwareRig:
             self._unseen = sighting.reason
         return sighting
 
-    def _start(self) -> list[Frame]:
+    def _start(self) -> list[hw.Frame]:
         """Frames that are sent once, before all others."""
         period_ms = self._config.hood_encoder.period_ms
         if self._started or period_ms == 0:
@@ -201,10 +190,10 @@ class HardwareRig:
         return [*[flywheel] * len(config.axes.flywheels), _clamp(command.hood_torque_nm, config.hood.pid.output_high),
                 _clamp(command.feeder_torque_nm, config.feeder.torque_nm)]
 
-    def _send(self, frame: Frame) -> bool:
+    def _send(self, frame: hw.Frame) -> bool:
         try:
             return self._bus.write(frame)
-        except LinkLost:
+        except hw.LinkLost:
             return False              # the next read reports the lost bus
 
 
@@ -223,7 +212,7 @@ class ReplayRig:
         assert self.recorded is not None and self.recorded.sent is not None
         return self.recorded.sent
 
-    def picture(self) -> CameraFrame | None:
+    def picture(self) -> hw.CameraFrame | None:
         return None
 
 
@@ -246,7 +235,7 @@ class RecordingRig:
     def write(self, command: Command) -> Sent:
         return self._rig.write(command)
 
-    def picture(self) -> CameraFrame | None:
+    def picture(self) -> hw.CameraFrame | None:
         return self._rig.picture()
 
 
@@ -254,7 +243,7 @@ def _clamp(torque_nm: float, limit_nm: float) -> float:
     return min(max(torque_nm, -abs(limit_nm)), abs(limit_nm))
 
 
-def _sent(enable: bool, orders: list[Order], refused: int) -> Sent:
+def _sent(enable: bool, orders: list[hw.Order], refused: int) -> Sent:
     *flywheels, hood, feeder = (order.torque_nm for order in orders)
     duties = tuple(order.duty for order in orders)
     return Sent(enable, sum(flywheels) / len(flywheels), hood, feeder, refused,

@@ -16,19 +16,12 @@ import msgspec
 
 from truearc.hw.protocols import CameraFrame, Clock
 from truearc.robot.config.schema import Config
+from truearc.robot.operator_ui import what_if as asking
 from truearc.robot.operator_ui.aim_orders import MAX_AIM_BYTES, AimOrders
 from truearc.robot.operator_ui.page_option import parse_page
 from truearc.robot.operator_ui.page_state import Glance, look
 from truearc.robot.operator_ui.serving import LocalHandler, LocalServer
 from truearc.robot.operator_ui.view import describe
-from truearc.robot.operator_ui.what_if import (
-    MAX_BODY_BYTES,
-    Answer,
-    Answerer,
-    QuestionError,
-    make_answer,
-    make_refusal,
-)
 from truearc.robot.operator_ui.what_if_process import WhatIfProcess
 from truearc.robot.runtime import Recorder
 from truearc.robot.types import Sent, Tick
@@ -39,7 +32,8 @@ MOST_BROWSERS = 12
 BEHIND_BYTES = 16384                  # of events that may wait for a slow browser; the system doubles it
 DISCARD_BYTES = 1 << 16               # of a question that is too long; who sends more may not see why it was refused
 ASKED, KEPT, ACCEPTED, KIND = "/predict", "/aim", "/accept", "application/json"
-LIMITS = {("POST", ASKED): MAX_BODY_BYTES, ("POST", ACCEPTED): MAX_BODY_BYTES, ("PUT", KEPT): MAX_AIM_BYTES}
+LIMITS = {("POST", ASKED): asking.MAX_BODY_BYTES, ("POST", ACCEPTED): asking.MAX_BODY_BYTES,
+          ("PUT", KEPT): MAX_AIM_BYTES}
 
 
 class OperatorPage:
@@ -52,7 +46,7 @@ class OperatorPage:
     """
 
     def __init__(self, config: Config, recording: str, host: str, port: int, clock: Clock,
-                 what_if: Answerer | None = None, orders: AimOrders | None = None) -> None:
+                 what_if: asking.Answerer | None = None, orders: AimOrders | None = None) -> None:
         self._config, self._recording, self._clock = config, recording, clock
         self._glance = Glance()
         self._telling = threading.Lock()          # among browsers alone
@@ -132,7 +126,7 @@ def with_page(recorder: Recorder, page: OperatorPage | None) -> Recorder:
 class PageServer(LocalServer):
     """Serves the page; without `page` there is no robot and only the gate answers, without `what_if` it does not."""
 
-    def __init__(self, host: str, port: int, page: OperatorPage | None, what_if: Answerer | None,
+    def __init__(self, host: str, port: int, page: OperatorPage | None, what_if: asking.Answerer | None,
                  orders: AimOrders | None = None) -> None:
         super().__init__(host, port, _Handler)
         self.page, self.what_if, self.orders = page, what_if, orders
@@ -150,7 +144,7 @@ class _Handler(LocalHandler):
         elif path == "/events" and self.server.page is not None:
             self._admit(self.server.page)
         elif path == "/gate":
-            self._give_answer(make_answer({}) if self.server.what_if is None else self.server.what_if.facts())
+            self._give_answer(asking.make_answer({}) if self.server.what_if is None else self.server.what_if.facts())
         elif path in (ASKED, KEPT, ACCEPTED):
             self._refuse_method()
         else:
@@ -159,24 +153,24 @@ class _Handler(LocalHandler):
     def do_POST(self) -> None:
         try:
             self._give_answer(self._answer(self._read_body()))
-        except QuestionError as error:
-            self._give_answer(make_refusal(error), **({"Allow": self._allowed()} if error.status == 405 else {}))
+        except asking.QuestionError as error:
+            self._give_answer(asking.make_refusal(error), **({"Allow": self._allowed()} if error.status == 405 else {}))
 
     do_PUT = do_POST
 
-    def _answer(self, body: bytes) -> Answer:
+    def _answer(self, body: bytes) -> asking.Answer:
         path, server = urlsplit(self.path).path, self.server
         if path == ASKED:
             if server.what_if is None:
-                raise QuestionError(404, "this page has no gate")
+                raise asking.QuestionError(404, "this page has no gate")
             return server.what_if.answer(body)
         if server.orders is None:
-            raise QuestionError(404, "this page takes no aim files; start with --aim-inbox")
+            raise asking.QuestionError(404, "this page takes no aim files; start with --aim-inbox")
         order = server.orders.keep if path == KEPT else server.orders.accept
         said = order(self.headers.get("Authorization", ""), body)
         if said.status >= 400:
-            raise QuestionError(said.status, said.text)
-        return make_answer({"said": said.text})._replace(status=said.status)
+            raise asking.QuestionError(said.status, said.text)
+        return asking.make_answer({"said": said.text})._replace(status=said.status)
 
     def _allowed(self) -> str:
         path = urlsplit(self.path).path
@@ -184,7 +178,8 @@ class _Handler(LocalHandler):
 
     def _refuse_method(self) -> None:
         allowed = self._allowed()
-        self._give_answer(make_refusal(QuestionError(405, f"{self.command}: expected {allowed}")), Allow=allowed)
+        error = asking.QuestionError(405, f"{self.command}: expected {allowed}")
+        self._give_answer(asking.make_refusal(error), Allow=allowed)
 
     do_DELETE = do_PATCH = do_OPTIONS = _refuse_method
 
@@ -197,19 +192,20 @@ class _Handler(LocalHandler):
         # also of a refused one, which must hear of it
         body = self.rfile.read(min(length or 0, max(most or 0, DISCARD_BYTES)))
         if not self.is_ours() or not self.server.is_own_name(self.headers.get("Host", "")):
-            raise QuestionError(403, f"asked from another site; open {self.server.url}, or this machine's address")
+            raise asking.QuestionError(403, f"asked from another site; open {self.server.url}, or this machine's "
+                                       "address")
         if most is None:
             ways = ", ".join(f"{method} {at}" for method, at in LIMITS)
-            raise QuestionError(405, f"{self.command}: expected GET, or {ways}")
+            raise asking.QuestionError(405, f"{self.command}: expected GET, or {ways}")
         if self.headers.get_content_type() != KIND:
-            raise QuestionError(415, f"got {self.headers.get('Content-Type')}; expected {KIND}", "Content-Type")
+            raise asking.QuestionError(415, f"got {self.headers.get('Content-Type')}; expected {KIND}", "Content-Type")
         if length is None:
-            raise QuestionError(411 if not size else 400, "expected the number of bytes", "Content-Length")
+            raise asking.QuestionError(411 if not size else 400, "expected the number of bytes", "Content-Length")
         if length > most:
-            raise QuestionError(413, f"{length} bytes; expected at most {most}")
+            raise asking.QuestionError(413, f"{length} bytes; expected at most {most}")
         return body
 
-    def _give_answer(self, answer: Answer, **headers: str) -> None:
+    def _give_answer(self, answer: asking.Answer, **headers: str) -> None:
         body = answer.text
         if answer.retry_s:
             headers["Retry_After"] = str(answer.retry_s)

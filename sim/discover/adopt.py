@@ -21,13 +21,7 @@ from msgspec import structs
 from truearc.sim.discover.finding import Adoption
 from truearc.sim.discover.investigate import Investigation
 from truearc.sim.discover.report.finding_text import gained_interval, say_refused
-from truearc.sim.discover.select.expected_points import (
-    THRESHOLD,
-    JudgedFit,
-    hold_out,
-    points_of,
-    scored_points,
-)
+from truearc.sim.discover.select import expected_points as worth
 from truearc.sim.discover.select.forecast_error import track_errors
 from truearc.sim.discover.select.model_averaging import Mixed, mixed
 from truearc.sim.discover.select.name_effects import Step
@@ -72,7 +66,7 @@ def usual_gain(before: ScoreTable, after: ScoreTable) -> tuple[float, float]:
 
 
 def make_belief(investigation: Investigation, gain: Gain = usual_gain,
-                threshold: float | None = THRESHOLD) -> tuple[Belief, dict[str, Any]]:
+                threshold: float | None = worth.THRESHOLD) -> tuple[Belief, dict[str, Any]]:
     """(coefficients, scatter and covariance with all that was named, and the curve of the rest; provenance).
 
     Where several names of the last effect could not be told apart, the simulation is chosen that forecasts their
@@ -144,7 +138,7 @@ def with_worth(investigation: Investigation) -> Investigation:
     """The same, its finding with what it is worth in points, and whether it is adopted."""
     if not investigation.steps or investigation.fitted is None:
         return investigation
-    _, why, judged = _best(investigation, usual_gain, THRESHOLD)
+    _, why, judged = _best(investigation, usual_gain, worth.THRESHOLD)
     if judged is None:
         return investigation
     adoption = structs.replace(judged, refused=why or None)
@@ -175,7 +169,7 @@ def _best(investigation: Investigation, gain: Gain,
     return _take(investigation, ()), worse, first
 
 
-def judge_points(investigation: Investigation, taken: _Taken, threshold: float = THRESHOLD) -> Adoption | None:
+def judge_points(investigation: Investigation, taken: _Taken, threshold: float = worth.THRESHOLD) -> Adoption | None:
     """Points on hold-out shots by what was taken, and by the fit without it; None where nothing was taken, or no target
     tells points. threshold: of the gate."""
     fitted = investigation.fitted
@@ -184,10 +178,10 @@ def judge_points(investigation: Investigation, taken: _Taken, threshold: float =
     if fitted.evidence.plane is None or taken.evidence.plane is None:
         return None
     seen, rows = fitted.evidence.plane.seen, fitted.evidence.plane.rows
-    old = hold_out([_without(fitted)], [0.0])
-    new = hold_out(*_models(taken))
-    before, after = (points_of(seen, one, (old, new), threshold) for one in (old, new))
-    scored, held = scored_points(seen), POINTS_THREE * threshold
+    old = worth.hold_out([_without(fitted)], [0.0])
+    new = worth.hold_out(*_models(taken))
+    before, after = (worth.points_of(seen, one, (old, new), threshold) for one in (old, new))
+    scored, held = worth.scored_points(seen), POINTS_THREE * threshold
     gain = after.worth(scored, held) - before.worth(scored, held)
     error = NINETY * clustered_error(gain, fitted.together[rows])
     passed = [float(scored[one.fires].mean()) if one.fires.any() else None for one in (before, after)]
@@ -196,22 +190,22 @@ def judge_points(investigation: Investigation, taken: _Taken, threshold: float =
                     float(gain.mean() - error), float(gain.mean() + error), None)
 
 
-def _without(fitted: BaselineFit) -> JudgedFit:
+def _without(fitted: BaselineFit) -> worth.JudgedFit:
     """The fit with its shared columns alone."""
-    return JudgedFit(fitted.intake, only_shared(fitted.layout), fitted.spot, without(fitted.evidence))
+    return worth.JudgedFit(fitted.intake, only_shared(fitted.layout), fitted.spot, without(fitted.evidence))
 
 
-def _models(taken: _Taken) -> tuple[list[JudgedFit], list[float]]:
+def _models(taken: _Taken) -> tuple[list[worth.JudgedFit], list[float]]:
     """The simulations whose average is taken, and the nats of each."""
     if taken.free:
         fitted = taken.free[-1].fitted
-        return [JudgedFit(fitted.intake, only_shared(fitted.layout), fitted.spot, taken.evidence)], [0.0]
+        return [worth.JudgedFit(fitted.intake, only_shared(fitted.layout), fitted.spot, taken.evidence)], [0.0]
     last = taken.named[-1]
     if taken.several is None:
-        return [JudgedFit(last.fitted.intake, last.refit.layout, last.refit.spot, last.refit.evidence)], [0.0]
+        return [worth.JudgedFit(last.fitted.intake, last.refit.layout, last.refit.spot, last.refit.evidence)], [0.0]
     refits = [last.naming.refits[name] for name in taken.several.share]
     nothing = float(np.log(sum(candidate.visible for candidate in last.naming.candidates)))
-    return ([_without(last.fitted), *(JudgedFit(last.fitted.intake, one.layout, one.spot, one.evidence)
+    return ([_without(last.fitted), *(worth.JudgedFit(last.fitted.intake, one.layout, one.spot, one.evidence)
                                          for one in refits)],
             [nothing, *(last.naming.nats[name] for name in taken.several.share)])
 

@@ -16,17 +16,8 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
 from truearc.robot.gate.contract import FEATURES
 from truearc.sim.data.dataset import Shots
+from truearc.sim.gate import likelihood as chance
 from truearc.sim.gate.fit import GateFit
-from truearc.sim.gate.likelihood import (
-    RESIDUAL,
-    SIZE,
-    GateShape,
-    Widths,
-    cell_probabilities,
-    residual_basis,
-    shape_of,
-    spread_m,
-)
 from truearc.sim.gate.novelty import Novelty, finite_array, novelty_record, parse_novelty
 from truearc.sim.infer.belief import Belief, as_table, from_table
 from truearc.sim.infer.forecast import forecast
@@ -89,9 +80,10 @@ class PhysicsGate:
     novelty: Novelty
 
     @property
-    def shape(self) -> GateShape:
+    def shape(self) -> chance.GateShape:
         """Scale, floor_m, two_m, three_m and lapse, as plain numbers."""
-        return GateShape(*(float(value) for value in shape_of(self.fit.theta, np.array(halves_of(self.rig)))))
+        shape = chance.shape_of(self.fit.theta, np.array(halves_of(self.rig)))
+        return chance.GateShape(*map(float, shape))
 
     def latent(self, features: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean of the height at the plane minus the target's centre, and its standard deviation, [n] in m each.
@@ -104,7 +96,7 @@ class PhysicsGate:
     def correct(self, features: np.ndarray, physics: Physics) -> tuple[np.ndarray, np.ndarray]:
         """As latent, where the physics has been asked already."""
         mean_m, doubt_m = residual(self.fit, self.scaling(features), physics)
-        sigma_m = spread_m(self.shape, physics.sigma_m, doubt_m)
+        sigma_m = chance.spread_m(self.shape, physics.sigma_m, doubt_m)
         return physics.deviation_m + mean_m, self.temperature * np.asarray(sigma_m)
 
     def probabilities(self, features: np.ndarray) -> np.ndarray:
@@ -113,7 +105,7 @@ class PhysicsGate:
 
     def judge(self, mean_m: np.ndarray, sigma_m: np.ndarray) -> np.ndarray:
         """p [n, 2] of a height's mean and spread."""
-        cells = np.asarray(cell_probabilities(self.shape, jnp.asarray(mean_m), jnp.asarray(sigma_m)))
+        cells = np.asarray(chance.cell_probabilities(self.shape, jnp.asarray(mean_m), jnp.asarray(sigma_m)))
         return (1.0 - self.aside) * np.stack([cells[:, 1:4].sum(axis=1), cells[:, 2]], axis=1)
 
 
@@ -142,15 +134,15 @@ def halves_of(rig: Rig) -> tuple[float, float]:
     return opening.two_half_m, opening.three_half_m or FAR * opening.two_half_m
 
 
-_residual_basis = jax.jit(residual_basis)
+_residual_basis = jax.jit(chance.residual_basis)
 
 
 def residual(fit: GateFit, z: np.ndarray, physics: Physics) -> tuple[np.ndarray, np.ndarray]:
     """The learned residual and its own standard deviation a posteriori, [n] in m each; z [n, 3] standardised."""
     rows = np.resize(np.arange(len(z)), _size(len(z)))
     functions = np.asarray(_residual_basis(fit.widths, z[rows], physics.by_speed_m[rows]))[:len(z)]
-    doubt_m2 = np.einsum("ni,ij,nj->n", functions, fit.covariance[:RESIDUAL, :RESIDUAL], functions)
-    return functions @ fit.theta[:RESIDUAL], np.sqrt(np.maximum(doubt_m2, 0.0))
+    doubt_m2 = np.einsum("ni,ij,nj->n", functions, fit.covariance[:chance.RESIDUAL, :chance.RESIDUAL], functions)
+    return functions @ fit.theta[:chance.RESIDUAL], np.sqrt(np.maximum(doubt_m2, 0.0))
 
 
 def _size(count: int) -> int:
@@ -195,5 +187,7 @@ def _plain(gate: PhysicsGate) -> dict[str, Any]:
 
 
 def _fit(table: dict[str, Any]) -> GateFit:
-    return GateFit(Widths(float(table["height_m"]), float(table["speed"])), finite_array(table["theta"], (SIZE,)),
-               finite_array(table["covariance"], (SIZE, SIZE)), float(table["evidence"]))
+    size = chance.SIZE
+    return GateFit(chance.Widths(float(table["height_m"]), float(table["speed"])),
+                   finite_array(table["theta"], (size,)), finite_array(table["covariance"], (size, size)),
+                   float(table["evidence"]))

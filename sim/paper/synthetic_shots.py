@@ -29,16 +29,8 @@ from truearc.sim.infer.belief import SCATTERS, Belief, draw, load_belief
 from truearc.sim.infer.curve import before_the_shot, owners, resized
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.infer.likelihood.launch_inputs import given_of
+from truearc.sim.paper import synthetic_data as data
 from truearc.sim.paper.network import load_json
-from truearc.sim.paper.synthetic_data import (
-    AXES,
-    STEP_S,
-    check_draw,
-    grid_heights,
-    grid_shots,
-    label_grid,
-    sample_shots,
-)
 from truearc.sim.physics.catalogue import Catalogue, effective, flight_terms
 from truearc.sim.physics.flight import fly
 from truearc.sim.physics.launch import Exit
@@ -106,8 +98,8 @@ def say_synthetic(directory: str | Path, shots: Shots, draws: int | None = None)
     """Return how many shots of which outcome were written."""
     counts = ", ".join(f"{shots.text('outcome').count(outcome)} {outcome}" for outcome in OUTCOMES)
     more = f"; each with one of {draws} sets of coefficients, launch scatter and sensor noise" if draws else ""
-    return (f"{directory}: {len(shots)} simulated shots of {math.prod(axis.count for axis in AXES)} configurations: "
-            f"{counts}{more}")
+    return (f"{directory}: {len(shots)} simulated shots of {math.prod(axis.count for axis in data.AXES)} "
+            f"configurations: {counts}{more}")
 
 
 def check_belief(belief: Belief, name: str) -> None:
@@ -126,25 +118,25 @@ def synthesise(rig: Rig, belief: Belief, count: int, recorded: Shots | None, see
     draws: sets of coefficients drawn from the belief, with launch scatter and sensor noise on every shot; None: the
     belief's own coefficients, exactly. InputError when count or draws are too few.
     """
-    check_draw(count, seed)                      # before the work, not after it
+    data.check_draw(count, seed)                      # before the work, not after it
     if draws is None:
-        outcomes = label_grid(rig, belief.coefficients, progress, belief.curves, belief.catalogue)
+        outcomes = data.label_grid(rig, belief.coefficients, progress, belief.curves, belief.catalogue)
     elif draws < 1:
         raise InputError(f"--draws is {draws}; at least 1 is needed")
     else:
         outcomes = label_grid_draws(rig, belief, draws, seed, progress)
-    return sample_shots(outcomes, count, recorded, seed)
+    return data.sample_shots(outcomes, count, recorded, seed)
 
 
 def label_grid_draws(rig: Rig, belief: Belief, draws: int, seed: int,
                      progress: Progress = lambda done, note: None) -> np.ndarray:
     """Outcome of one uncertain shot at every configuration of the grid, flat."""
     classify(rig, np.zeros(0))                  # refuses a rig without target before the work
-    height_m = grid_heights(rig, belief.coefficients, lambda done, note: progress(0.5 * done, note), belief.curves,
+    height_m = data.grid_heights(rig, belief.coefficients, lambda done, note: progress(0.5 * done, note), belief.curves,
                             belief.catalogue)
     places = near_places(rig, belief, height_m)
     rng = np.random.default_rng([seed, 2])
-    shots = grid_shots(places)
+    shots = data.grid_shots(places)
     drawn = assign(draw(belief, draws, rng), len(places), rng)
     drawn_m = fly_draws(rig, shots, drawn, rng, lambda done, note: progress(0.5 + 0.5 * done, note),
                         before_the_shot(belief.curves, rig, shots), belief.catalogue)
@@ -157,7 +149,7 @@ def near_places(rig: Rig, belief: Belief, height_m: np.ndarray) -> np.ndarray:
     """Flat positions of the grid from which a draw may score: heights [grid] by the belief's own coefficients."""
     opening = _opening(rig, belief.coefficients, belief.catalogue)
     reached = np.flatnonzero(np.isfinite(height_m))
-    sigma_m = forecast(rig, belief, grid_shots(reached)).sigma_m
+    sigma_m = forecast(rig, belief, data.grid_shots(reached)).sigma_m
     beyond_m = np.abs(height_m[reached] - opening.centre_m) - opening.two_half_m
     near: np.ndarray = reached[~(beyond_m > MAX_DEVIATIONS * sigma_m)]          # an unknown sigma is flown too
     return near
@@ -214,7 +206,7 @@ def _fly(rig: Rig, values: Values, exit: Exit, distance_m: np.ndarray, progress:
     for first in range(0, len(order), BLOCK):
         rows = order[first:first + BLOCK]
         lanes = np.resize(rows, BLOCK)
-        crossing = fly(rig, terms, take_values(named, lanes), exit.take(lanes), distance_m[lanes], step_s=STEP_S)
+        crossing = fly(rig, terms, take_values(named, lanes), exit.take(lanes), distance_m[lanes], step_s=data.STEP_S)
         height_m[rows] = np.asarray(crossing.height_m)[:rows.size]
         progress((first + rows.size) / len(order), f"{first + rows.size} scattered flights")
     return height_m

@@ -11,15 +11,7 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.data.dataset import Shots
-from truearc.sim.physics.catalogue import (
-    Catalogue,
-    arrival_terms,
-    effective,
-    flight_terms,
-    launch_terms,
-    sensing_terms,
-    watch_terms,
-)
+from truearc.sim.physics import catalogue as known
 from truearc.sim.physics.flight import Balls, Crossing, fly, with_balls
 from truearc.sim.physics.launch import Exit, exit_no_slip, exit_opposed, is_opposed
 from truearc.sim.physics.term import Opening, complete
@@ -38,7 +30,7 @@ Values = Mapping[str, Mapping[str, Any]]
 
 def predict(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots,
             progress: Progress = lambda done, note: None,
-            circumstances: Circumstances = ORDINARY, among: Catalogue | None = None) -> Crossing:
+            circumstances: Circumstances = ORDINARY, among: known.Catalogue | None = None) -> Crossing:
     """Fly each recorded configuration to its plane with gravity and the terms that `coefficients` names.
 
     Sensing terms correct what the robot's sensors say and launch terms what the wheels do, never what was measured on
@@ -47,7 +39,7 @@ def predict(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Sh
     truearc.sim.physics.catalogue.catalogue() when not given, here and below. InputError names shots without a
     distance or a launch. Each shot's own mass_kg and radius_m fly, where they are given.
     """
-    values = effective(coefficients, circumstances, among)
+    values = known.effective(coefficients, circumstances, among)
     whose, balls = by_robot(shots), own_balls(rig, shots)
     own = with_balls(rig, balls)
     exit, distance_m = sense(own, values, launch_of(rig, shots), require(shots, "distance_m"), whose, among)
@@ -65,38 +57,38 @@ def own_balls(rig: Rig, shots: Shots) -> Balls | None:
 
 
 def sense(rig: Rig, values: Values, exit: Exit, distance_m: Any, where: Any = True,
-          among: Catalogue | None = None) -> tuple[Exit, Any]:
+          among: known.Catalogue | None = None) -> tuple[Exit, Any]:
     """(launch by the wheels, distance) in truth, by the sensing terms among `values`; numpy or JAX arrays [n].
 
     exit, distance_m: as the sensors have them. where: the parts of the launch from the robot's own sensors, an Exit of
     booleans (by_robot) or one for all; a distance is always theirs.
     """
     changed = exit, distance_m
-    for term in sensing_terms(values, among):
+    for term in known.sensing_terms(values, among):
         changed = term.sense(rig, values[term.name], *changed)
     return _where(where, changed[0], exit), changed[1]
 
 
-def leave(rig: Rig, values: Values, exit: Exit, where: Any = True, among: Catalogue | None = None) -> Exit:
+def leave(rig: Rig, values: Values, exit: Exit, where: Any = True, among: known.Catalogue | None = None) -> Exit:
     """The launch after the launch terms among `values` (effective); numpy or JAX arrays [n].
 
     exit: the launch by the wheels. Terms act on the parts that `where` names, an Exit of booleans (by_robot) or one for
     all; without such terms `exit` itself returns.
     """
     changed = exit
-    for term in launch_terms(values, among):
+    for term in known.launch_terms(values, among):
         changed = term.leave(rig, complete(term, values[term.name]), changed)
     return _where(where, changed, exit)
 
 
-def watch(values: Values, position_m: Vec, velocity_m_s: Vec, time_s: Any, among: Catalogue | None = None) -> Vec:
+def watch(values: Values, position_m: Vec, velocity_m_s: Vec, time_s: Any, among: known.Catalogue | None = None) -> Vec:
     """Where a tracker says a ball is, in m, that is in truth there time_s after release, by `values` (effective)."""
-    for term in watch_terms(values, among):
+    for term in known.watch_terms(values, among):
         position_m = term.watch(values[term.name], position_m, velocity_m_s, time_s)
     return position_m
 
 
-def opening_of(rig: Rig, values: Values, among: Catalogue | None = None) -> Opening:
+def opening_of(rig: Rig, values: Values, among: known.Catalogue | None = None) -> Opening:
     """The opening that the ball has to pass, by the rig's target and the arrival terms among `values` (effective).
 
     InputError when the rig has no target.
@@ -104,7 +96,7 @@ def opening_of(rig: Rig, values: Values, among: Catalogue | None = None) -> Open
     if rig.target is None:
         raise InputError("rig.toml: [target] is needed to tell an outcome")
     opening = Opening(rig.target.centre_height_m, rig.target.three_half_height_m, rig.target.two_half_height_m)
-    for term in arrival_terms(values, among):
+    for term in known.arrival_terms(values, among):
         opening = term.arrive(values[term.name], opening)
     return opening
 
@@ -125,13 +117,13 @@ def take_values(values: Values, rows: Any) -> dict[str, dict[str, Any]]:
 
 
 def fly_rows(rig: Rig, values: Values, exit: Exit, distance_m: np.ndarray,
-             progress: Progress = lambda done, note: None, among: Catalogue | None = None,
+             progress: Progress = lambda done, note: None, among: known.Catalogue | None = None,
              balls: Balls | None = None) -> Crossing:
     """Fly launches [n] as they leave the wheels, after sensing and launch terms, by effective `values`.
 
     Rows fly in blocks of those that stay aloft about equally long, and in few different sizes, since each is compiled.
     """
-    terms = flight_terms({"gravity", *values}, among)
+    terms = known.flight_terms({"gravity", *values}, among)
     named = {term.name: values[term.name] for term in terms if term.name in values}
     exit, distance_m = Exit(*map(np.asarray, exit)), np.asarray(distance_m)
     upward_m_s = exit.speed_m_s * np.sin(exit.elevation_rad)

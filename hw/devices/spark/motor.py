@@ -4,18 +4,10 @@ from functools import partial
 
 from msgspec.structs import replace
 
+from truearc.hw import fault_codes as codes
 from truearc.hw.dc_motor import DcMotor, duty_for, torque_of
 from truearc.hw.devices.heard_motor import HeardMotor
 from truearc.hw.devices.spark import frames as spark
-from truearc.hw.fault_codes import (
-    FRAME_UNEXPECTED,
-    SPARK_FAULTS_STALE,
-    SPARK_FIRMWARE_UNKNOWN,
-    SPARK_FIRMWARE_UNSUPPORTED,
-    SPARK_NOT_DRIVING,
-    SPARK_SETTINGS_UNCONFIRMED,
-    SPARK_STATUS_OFF,
-)
 from truearc.hw.protocols import BadFrame, Frame, Order
 from truearc.hw.reason import Reason
 
@@ -85,7 +77,7 @@ class SparkMotor(HeardMotor):
     def take(self, frame: Frame) -> None:
         taker = self._takers.get(frame.arbitration_id)
         if taker is None:
-            raise BadFrame(FRAME_UNEXPECTED(device=self._device, frame=frame.name, wanted=self._messages))
+            raise BadFrame(codes.FRAME_UNEXPECTED(device=self._device, frame=frame.name, wanted=self._messages))
         taker(frame)
 
     def faults(self, t_ns: int) -> tuple[Reason, ...]:
@@ -162,14 +154,14 @@ class SparkMotor(HeardMotor):
     def _setup_fault(self) -> Reason | None:
         device = self._axis.device
         if self._version is None:
-            return SPARK_FIRMWARE_UNKNOWN(spark=device)
+            return codes.SPARK_FIRMWARE_UNKNOWN(spark=device)
         if not self._speaks_our_frames():
-            return SPARK_FIRMWARE_UNSUPPORTED(spark=device, version=".".join(map(str, self._version)),
+            return codes.SPARK_FIRMWARE_UNSUPPORTED(spark=device, version=".".join(map(str, self._version)),
                                               oldest=spark.OLDEST_FIRMWARE, newest=spark.NEWEST_FIRMWARE)
         if not self._statuses_on:
-            return SPARK_STATUS_OFF(spark=device)
+            return codes.SPARK_STATUS_OFF(spark=device)
         if self._unset:
-            return SPARK_SETTINGS_UNCONFIRMED(spark=device, parameters=tuple(self._unset))
+            return codes.SPARK_SETTINGS_UNCONFIRMED(spark=device, parameters=tuple(self._unset))
         return None
 
     # --- driving
@@ -212,8 +204,8 @@ class SparkMotor(HeardMotor):
 
     def _driving_fault(self, t_ns: int) -> Reason | None:
         if not _is_young(self.reading.errors_t_ns or 0, t_ns, FAULTS_STALE_NS):
-            return SPARK_FAULTS_STALE(spark=self._axis.device)
-        return SPARK_NOT_DRIVING(spark=self._axis.device) if self._deaf else None
+            return codes.SPARK_FAULTS_STALE(spark=self._axis.device)
+        return codes.SPARK_NOT_DRIVING(spark=self._axis.device) if self._deaf else None
 
     def _note_state(self, state: int) -> None:
         if self.reading.axis_state != state:

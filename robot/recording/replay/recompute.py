@@ -14,15 +14,9 @@ from msgspec.structs import replace
 
 from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import Config, InputError
+from truearc.robot.recording import session as layout
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.frame_replay import FramesRig, Recomputed
-from truearc.robot.recording.session import (
-    TELEMETRY,
-    load_header,
-    load_session_aims,
-    load_session_config,
-    load_session_gate,
-)
 from truearc.robot.rig import ReplayRig
 from truearc.robot.runtime import RobotIo, run
 from truearc.robot.sysid.tick import POLICY, make_step
@@ -95,8 +89,8 @@ def replay_frames(session: Path) -> tuple[Replayed, Recomputed]:
         replayed = _replay(session, lambda rows, config: FramesRig(ReplayRig(rows), config, session, rows.format, done))
     except Difference as difference:
         if done.frames == 0:
-            raise InputError(f"{session / TELEMETRY}: does not say which frames each tick had read: recorded before "
-                             "that was kept") from difference
+            raise InputError(f"{session / layout.TELEMETRY}: does not say which frames each tick had read: recorded "
+                             "before that was kept") from difference
         raise
     if done.frames == 0:
         raise InputError(f"{session}: no frames to parse again")
@@ -104,10 +98,10 @@ def replay_frames(session: Path) -> tuple[Replayed, Recomputed]:
 
 
 def _replay(session: Path, make_rig: Callable[[RecordedRows, Config], RobotIo]) -> Replayed:
-    config, gate, reader = load_session_config(session), load_session_gate(session), TickReader(session)
+    config, gate, reader = layout.load_session_config(session), layout.load_session_gate(session), TickReader(session)
     rows = RecordedRows(reader)
-    aims = load_session_aims(session)
-    think = make_step(config) if load_header(session).policy == POLICY else partial(step, aims=aims)  # as recorded
+    aims = layout.load_session_aims(session)
+    think = make_step(config) if layout.load_header(session).policy == POLICY else partial(step, aims=aims)
     return matched(run(make_rig(rows, config), config, gate, Comparer(rows), think), reader)
 
 

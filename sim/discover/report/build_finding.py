@@ -13,15 +13,7 @@ from truearc.sim.discover.detect.score_test import Judged
 from truearc.sim.discover.detect.test_battery import TERMS, Asked, name_of
 from truearc.sim.discover.finding import Finding, FitSummary, Named, TestResult, Unknown, Where
 from truearc.sim.discover.plan.recommendations import blind_terms, measure_blind, next_steps
-from truearc.sim.discover.report.finding_text import (
-    NINETY,
-    say_blind,
-    say_limits,
-    say_named,
-    say_none,
-    say_smallest,
-    say_unknown,
-)
+from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report.formula import find_formula
 from truearc.sim.discover.select.forecast_error import end_errors
 from truearc.sim.discover.select.name_effects import Search, Step
@@ -46,7 +38,7 @@ def silent(dataset: Dataset, intake: Intake, terms: tuple[str, ...], false_alarm
                              dataset.accepted, _untested(dataset))
     nowhere = Where(None, None, None, None, {}, None, None, (), "the data carry no test")
     return Finding(data, parts.Mismatch(False, None, false_alarm, {}, 0, {}), nowhere, "none",
-                   say_none(terms, None, len(dataset.shots), false_alarm, among), None, None)
+                   wording.say_none(terms, None, len(dataset.shots), false_alarm, among), None, None)
 
 
 def _untested(dataset: Dataset) -> tuple[str, ...]:
@@ -77,17 +69,18 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
         threshold = judged.threshold(TERMS, false_alarm)
         blind = blind_terms(fitted.evidence, threshold, among) if np.isfinite(threshold) else []
         steps_to_see = measure_blind(blind, intake.samples is not None)
-        sentence = (say_none(terms, judged.p_any, data.shots, false_alarm, among)
-                    + say_blind(blind, steps_to_see, among) + say_smallest(fitted.evidence, threshold, among))
-        return Finding(data, mismatch, where, "none", sentence + say_limits(data.at_limit), None, fit,
+        sentence = (wording.say_none(terms, judged.p_any, data.shots, false_alarm, among)
+                    + wording.say_blind(blind, steps_to_see, among)
+                    + wording.say_smallest(fitted.evidence, threshold, among))
+        return Finding(data, mismatch, where, "none", sentence + wording.say_limits(data.at_limit), None, fit,
                        next=steps_to_see)
     first = steps[0]
     verdict = "unknown" if first.unknown else "named" if len(first.naming.chosen) == 1 else "set"
     where = _where(first, judged, search, first.naming.probability)
     leading, *rest = (_further(step, search.seed) for step in (first, *steps[1:]))
-    sentence = (say_unknown(terms, judged.p_any, where, leading, rest, fit, place, among) if first.unknown else
-                say_named(terms, judged.p_any, leading, rest, fit, place, among, data.topspin))
-    sentence += say_limits(data.at_limit)
+    sentence = (wording.say_unknown(terms, judged.p_any, where, leading, rest, fit, place, among) if first.unknown else
+                wording.say_named(terms, judged.p_any, leading, rest, fit, place, among, data.topspin))
+    sentence += wording.say_limits(data.at_limit)
     return Finding(data, mismatch, where, verdict, sentence, leading.unknown, fit, what=leading.what, set=leading.set,
                    next=next_steps(dataset, first, leading.set), also=tuple(rest), unexplained=first.unexplained)
 
@@ -172,7 +165,7 @@ def _named(step: Step, name: str, probability: dict[str, float]) -> Named:
         information = candidate.information + column.usual**-2.0
         value, sd = candidate.amplitude * candidate.information / information, information**-0.5
         value += 0.0 if before is None else before
-    interval = parts.Interval(value, sd, value - NINETY * sd, value + NINETY * sd, column.unit)
+    interval = parts.Interval(value, sd, value - wording.NINETY * sd, value + wording.NINETY * sd, column.unit)
     return Named(term_name, probability[name], {parameter: interval}, term.sentence, column.stage, before)
 
 
