@@ -40,8 +40,7 @@ from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.investigate import discover
 from truearc.sim.gate.novelty import fit_novelty
-from truearc.sim.gate.outcome_classes import OutcomeClasses, outcome_classes_of
-from truearc.sim.gate.train import train_physics_gate
+from truearc.sim.gate.train import OutcomeClasses, outcome_classes_of, train_physics_gate
 from truearc.sim.infer.belief import Belief
 from truearc.sim.metrics import figures_of
 from truearc.sim.paper.network import probabilities

@@ -8,7 +8,7 @@ import numpy as np
 
 from truearc.hw.emulated.imaging.camera import outline_m
 from truearc.hw.emulated.imaging.lens import project
-from truearc.hw.emulated.plant import NOTHING, Stage
+from truearc.hw.emulated.nodes import NOTHING, Stage
 from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import CameraConfig, Config
 from truearc.sim.world.emulated_vision import make_lens, make_tape

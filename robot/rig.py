@@ -9,8 +9,7 @@ from msgspec import UNSET
 from msgspec.structs import replace
 
 from truearc.hw import protocols as hw
-from truearc.hw.devices.button_box.frames import parse_lines
-from truearc.hw.devices.button_box.press_sequence import PressCount
+from truearc.hw.devices.button_box.frames import PressCount, parse_lines
 from truearc.hw.devices.canandmag import frames as canandmag
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because

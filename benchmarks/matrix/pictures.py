@@ -8,7 +8,7 @@ import numpy as np
 
 from truearc.hw.emulated.imaging.camera import Image, outline_m
 from truearc.hw.emulated.imaging.lens import project
-from truearc.hw.emulated.plant import NOTHING, Stage
+from truearc.hw.emulated.nodes import NOTHING, Stage
 from truearc.hw.fault_codes import CAMERA_ERROR
 from truearc.hw.protocols import CameraFrame, Clock, LinkLost
 from truearc.hw.real.camera import CameraThread

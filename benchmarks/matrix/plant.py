@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from truearc.hw.devices.spark.family import SparkConfig
-from truearc.hw.emulated.plant import MotorTruth, View
+from truearc.hw.emulated.nodes import MotorTruth, View
 from truearc.robot.config.schema import Config
 from truearc.robot.geometry import elevation_from_screw_deg
 
@@ -32,7 +32,7 @@ class Ball(NamedTuple):
 
 
 class SmallPlant:
-    """truearc.hw.emulated.plant.Plant: two motors on one belt, a hood on a screw that locks itself, a feeder."""
+    """truearc.hw.emulated.nodes.Plant: two motors on one belt, a hood on a screw that locks itself, a feeder."""
 
     motors = ("flywheel_a", "flywheel_b", "hood", "feeder")
 

@@ -8,8 +8,7 @@ from msgspec import Struct
 
 from truearc.hw.devices.axis import Axis
 from truearc.hw.devices.bus_rules import Rules
-from truearc.hw.emulated.nodes import Node
-from truearc.hw.emulated.plant import Plant
+from truearc.hw.emulated.nodes import Node, Plant
 from truearc.hw.finding import Finding
 from truearc.hw.protocols import BadFrame, Bus, Clock, Frame, Motor, MotorReading
 from truearc.hw.reason import Message, Reason

@@ -2,8 +2,7 @@
 
 from collections.abc import Callable
 
-from truearc.hw.emulated.nodes import Node
-from truearc.hw.emulated.plant import Plant
+from truearc.hw.emulated.nodes import Node, Plant
 from truearc.hw.protocols import Bus
 
 Stepper = Callable[[int], None]

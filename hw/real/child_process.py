@@ -12,7 +12,7 @@ from typing import Any
 
 from truearc.hw.fault_codes import PROCESS_ENDED, PROCESS_KILLED, PROCESS_STARTING
 from truearc.hw.protocols import LinkLost
-from truearc.hw.real.pauses import make_pauses_s
+from truearc.hw.real.clock import make_pauses_s
 from truearc.hw.reason import Reason
 
 CONTEXT = multiprocessing.get_context("spawn")    # forking a process that has threads may hang the child

@@ -1,6 +1,7 @@
-"""The only file that reads a clock."""
+"""The only file that reads a clock; and pauses between attempts to bring something back."""
 
 import time
+from collections.abc import Iterator
 from datetime import datetime
 
 
@@ -26,3 +27,11 @@ class MonotonicClock:
 def wall_clock() -> str:
     """The time of day where we are, ISO 8601 to the second: for names and headers, never for reckoning."""
     return datetime.now().astimezone().isoformat(timespec="seconds")
+
+
+def make_pauses_s(first_s: float, longest_s: float) -> Iterator[float]:
+    """How long to wait before each attempt: twice as long each time, up to `longest_s`."""
+    pause_s = first_s
+    while True:
+        yield pause_s
+        pause_s = min(2.0 * pause_s, longest_s)

@@ -12,7 +12,7 @@ from functools import partial
 from truearc.hw.fault_codes import CAN_ADAPTER_ERROR, CAN_CLOSED, CAN_OVERRUN, CAN_REOPENED, CAN_SILENT
 from truearc.hw.protocols import Clock, Frame, LinkLost
 from truearc.hw.real.can_bus import CanBus
-from truearc.hw.real.pauses import make_pauses_s
+from truearc.hw.real.clock import make_pauses_s
 from truearc.hw.reason import Reason
 
 WAIT_S = 0.02                         # how often a thread that receives no frames looks up

@@ -7,7 +7,7 @@ from truearc.hw.devices.axis import Axis
 from truearc.hw.devices.canandmag.doctor import check_encoder
 from truearc.hw.devices.canandmag.frames import Encoder
 from truearc.hw.devices.family import AxisCheck, Endpoints, Heard
-from truearc.hw.devices.odrive.parameters import parse_endpoints
+from truearc.hw.devices.odrive.doctor import parse_endpoints
 from truearc.hw.devices.registry import family_of
 from truearc.hw.finding import Finding, failure, ok, warning
 from truearc.hw.frc import is_controller_heartbeat, locked_spark

@@ -4,8 +4,7 @@ import numpy as np
 
 from truearc.robot.config.rig_spec import Target
 from truearc.sim.gate.model import Physics, PhysicsGate, residual
-from truearc.sim.gate.outcome_classes import LEVEL
-from truearc.sim.gate.train import Heldout
+from truearc.sim.gate.train import LEVEL, Heldout
 from truearc.sim.metrics import Figures
 
 SILENT_M = 0.02                       # a residual smaller than this is not worth a sentence

@@ -17,8 +17,7 @@ from truearc.hw.devices.family import AttachedMotor
 from truearc.hw.devices.registry import family_of
 from truearc.hw.emulated.clock import StepClock
 from truearc.hw.emulated.emulated_robot import Stepper, Twin
-from truearc.hw.emulated.nodes import Node
-from truearc.hw.emulated.plant import Plant
+from truearc.hw.emulated.nodes import Node, Plant
 from truearc.hw.protocols import Clock, Frame
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock

@@ -15,7 +15,7 @@ import cv2
 
 from truearc.hw.emulated.imaging.camera import EmulatedCamera, TapeSize
 from truearc.hw.emulated.imaging.lens import Lens
-from truearc.hw.emulated.plant import NOTHING, Plant, Stage
+from truearc.hw.emulated.nodes import NOTHING, Plant, Stage
 from truearc.hw.fault_codes import PROCESS_ENDED
 from truearc.hw.protocols import CameraFrame, LinkLost
 from truearc.robot.config.schema import CameraConfig, Config, Tape

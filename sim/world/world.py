@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from truearc.hw.emulated.plant import MotorTruth, View
+from truearc.hw.emulated.nodes import MotorTruth, View
 from truearc.sim.world.flight import Flight, Launch, from_exit_point, in_field
 from truearc.sim.world.options import Options
 from truearc.sim.world.parts.balls import Rack

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from truearc.hw.emulated.plant import MotorTruth, View
+from truearc.hw.emulated.nodes import MotorTruth, View
 
 TORQUE_NM_A = 0.02
 

@@ -8,7 +8,7 @@ import pytest
 
 from truearc.hw.emulated.imaging.camera import TAPE_BGR, TapeSize, outline_m
 from truearc.hw.emulated.imaging.lens import Lens, distort
-from truearc.hw.emulated.plant import View
+from truearc.hw.emulated.nodes import View
 from truearc_proof.world.camera_damage import Look, StagedCamera
 
 TAPE = TapeSize(0.99695, 0.49885, 0.4318, 0.0508)

@@ -14,8 +14,8 @@ from truearc.hw.fault_codes import CAMERA_NOT_OPENED, PIPE_ENDED, PROCESS_ENDED,
 from truearc.hw.protocols import LinkLost
 from truearc.hw.real import child_process as module
 from truearc.hw.real.child_process import Child
+from truearc.hw.real.clock import make_pauses_s
 from truearc.hw.real.ipc import Inbox, Outbox
-from truearc.hw.real.pauses import make_pauses_s
 
 ROOT = Path(__file__).parents[2]
 posix = pytest.mark.skipif(os.name != "posix", reason="signals")

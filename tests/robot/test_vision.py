@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from truearc import robot
 from truearc.hw.emulated.imaging.camera import TapeSize, outline_m
 from truearc.hw.emulated.imaging.lens import Lens, project
-from truearc.hw.emulated.plant import NOTHING, Stage
+from truearc.hw.emulated.nodes import NOTHING, Stage
 from truearc.hw.protocols import CameraFrame
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import CameraConfig, CameraFile, load_config, load_toml

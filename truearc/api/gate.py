@@ -16,8 +16,7 @@ from truearc.robot.gate.model import load_gate
 from truearc.sim.data.dataset import Dataset, hash_dataset
 from truearc.sim.gate.gate_text import tell_heldout, tell_residual
 from truearc.sim.gate.model import PhysicsGate, physics_of, save_physics_gate
-from truearc.sim.gate.outcome_classes import OutcomeClasses, outcome_classes_of
-from truearc.sim.gate.train import Heldout, train_physics_gate
+from truearc.sim.gate.train import Heldout, OutcomeClasses, outcome_classes_of, train_physics_gate
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.plausibility.check import check_plausible
 from truearc.sim.metrics import Figures

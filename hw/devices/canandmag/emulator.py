@@ -4,8 +4,7 @@ import math
 
 from truearc.hw.codec import load_codec
 from truearc.hw.devices.canandmag.frames import POSITION_PERIOD_SETTING, Encoder, frame_id, make
-from truearc.hw.emulated.nodes import MS, Report, ReportingNode, take_reports
-from truearc.hw.emulated.plant import Plant
+from truearc.hw.emulated.nodes import MS, Plant, Report, ReportingNode, take_reports
 from truearc.hw.protocols import Frame
 
 COUNTS = 16384                                    # per turn

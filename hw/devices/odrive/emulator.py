@@ -9,8 +9,7 @@ from msgspec import Struct
 from truearc.hw.codec import Values, load_codec
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.frames import OdriveAxis
-from truearc.hw.emulated.nodes import MS, NEVER_NS, Report, ReportingNode, take_reports
-from truearc.hw.emulated.plant import Plant
+from truearc.hw.emulated.nodes import MS, NEVER_NS, Plant, Report, ReportingNode, take_reports
 from truearc.hw.protocols import Frame
 
 DISARMED = 3                                      # procedure_result

@@ -10,8 +10,7 @@ from msgspec.structs import replace
 from truearc.hw.codec import Values, load_codec
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.frames import RPM_RAD_S, SparkAxis
-from truearc.hw.emulated.nodes import MS, NEVER_NS, Report, ReportingNode, take_reports
-from truearc.hw.emulated.plant import Plant
+from truearc.hw.emulated.nodes import MS, NEVER_NS, Plant, Report, ReportingNode, take_reports
 from truearc.hw.frc import CONTROLLER_HEARTBEAT
 from truearc.hw.protocols import BadFrame, Frame
 

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from truearc.hw.emulated.imaging.lens import Array, Lens, Plane, distort, ideal_pixels, project
-from truearc.hw.emulated.plant import Scene, View
+from truearc.hw.emulated.nodes import Scene, View
 from truearc.hw.protocols import CameraFrame
 
 Image = npt.NDArray[np.uint8]
@@ -136,7 +136,7 @@ class EmulatedCamera:
 
 
 def outline_m(tape: TapeSize) -> Array:
-    """(8, 3) corners in the target's frame (truearc.hw.emulated.plant.View): outer bottom right, bottom left, top
+    """(8, 3) corners in the target's frame (truearc.hw.emulated.nodes.View): outer bottom right, bottom left, top
     left, top right, then the same four of the tape's inner edge."""
     top, bottom, high, wide = tape.top_width_m / 2, tape.bottom_width_m / 2, tape.height_m / 2, tape.tape_width_m
     slope = (top - bottom) / tape.height_m

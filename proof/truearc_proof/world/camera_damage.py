@@ -12,7 +12,7 @@ import numpy.typing as npt
 from truearc.hw.emulated.imaging.camera import HALO_MARGIN_PX, EmulatedCamera, Image, TapeSize
 from truearc.hw.emulated.imaging.camera import Look as PlainLook
 from truearc.hw.emulated.imaging.lens import Array, Lens, Plane
-from truearc.hw.emulated.plant import Scene, View
+from truearc.hw.emulated.nodes import Scene, View
 from truearc.hw.protocols import CameraFrame
 from truearc_proof.world.shutter import project_turning
 

@@ -5,8 +5,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from truearc.hw.emulated.nodes import Node
-from truearc.hw.emulated.plant import Plant
+from truearc.hw.emulated.nodes import Node, Plant
 from truearc.hw.protocols import Frame
 from truearc.robot.config.schema import Config
 from truearc.sim.world.emulated_robot import MakeEyes, MakeNodes, make_nodes

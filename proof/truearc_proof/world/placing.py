@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from truearc.hw.emulated.plant import View
+from truearc.hw.emulated.nodes import View
 
 
 def place(distance_m: float, rise_m: float, pitch_deg: float, *, facing_deg: float = 0.0, bearing_deg: float = 0.0,

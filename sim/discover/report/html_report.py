@@ -22,20 +22,9 @@ from truearc.sim.metrics import POINTS_THREE
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.report import make_page, make_png, paragraph, picture, table
 
-STYLE = (files("truearc.sim.discover.report") / "finding.css").read_text(encoding="utf-8")
-METHOD = (
-    "How it was judged. The believed coefficients and the scatter of the launch were fitted, each shot's own "
-    "deviation integrated out. Every test asks whether one more effect is there: an effect of the catalogue, or a "
-    "free change of launch, distance or flight that goes with anything recorded, or with two such things together. "
-    "The part that fitted numbers could explain is projected out of its score first. The p-value is the chance that "
-    "the strongest of all tests comes out as strong when the signs of the shots' scores are drawn at random. Names are "
-    "ranked by refitting the simulation with each likely one; each has a prior on its size, and one that would have to "
-    "be absurdly large loses to one that need not. Gains and curves are judged on shots that the fit had not seen "
-    "(every fifth in turn).")
-UNTESTED = (
-    "Not tested: differences between balls (or sessions, where there are many) count as random effects; gravity is "
-    "taken as known; with tracks the tracker's scale, tilt and clock are fitted always. What two or more effects do "
-    "together is found one after another, three at most.")
+HERE = files("truearc.sim.discover.report")
+STYLE = (HERE / "finding.css").read_text(encoding="utf-8")
+FINE_PRINT = (HERE / "fine_print.txt").read_text(encoding="utf-8").split("\n\n")
 MOSTLY = 0.97                         # of the improvement: then a region tells nothing new
 LEVELS = {"L0": "outcomes only", "L1": "outcomes with telemetry", "L2": "tracks of the flight"}
 
@@ -240,7 +229,7 @@ def _fine_print(finding: Finding) -> str:
         said += paragraph(f"{mismatch.tests_made} tests, alarm at {mismatch.false_alarm:g}; all together p = "
                           f"{mismatch.p_value:.2g} ({families}). Signs are drawn for each {data.clusters['by']} "
                           f"({data.clusters['count']}).", dim=True)
-    said += paragraph(METHOD, dim=True) + paragraph(UNTESTED, dim=True)
+    said += "".join(paragraph(" ".join(text.split()), dim=True) for text in FINE_PRINT)
     if data.left_out:
         said += paragraph(f"Left out: {'; '.join(data.left_out)}.", dim=True)
     if fitted:

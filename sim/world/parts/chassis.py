@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.hw.emulated.plant import View
+from truearc.hw.emulated.nodes import View
 from truearc.sim.world.options import Options
 from truearc.sim.world.parts.target import TAPE_HEIGHT_M
 

@@ -5,7 +5,7 @@ import pytest
 
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Shots
-from truearc.sim.gate.outcome_classes import outcome_classes_of
+from truearc.sim.gate.train import outcome_classes_of
 
 
 def make(outcome: tuple[str, ...], side: tuple[str, ...] | None = None, **numbers: list[float]) -> Shots:

@@ -12,9 +12,8 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.gate.gate_text import tell_heldout, tell_residual
 from truearc.sim.gate.model import MODEL_FILE, PhysicsGate, load_physics_gate, physics_of, save_physics_gate
-from truearc.sim.gate.outcome_classes import outcome_classes_of
 from truearc.sim.gate.surrogate import compare, inside, make_surrogate
-from truearc.sim.gate.train import Heldout, train_physics_gate
+from truearc.sim.gate.train import Heldout, outcome_classes_of, train_physics_gate
 from truearc.sim.metrics import figures_of
 from truearc.sim.paper.training import domain_of
 

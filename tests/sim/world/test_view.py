@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.sim.world.calm import CALM, calm
-from truearc.hw.emulated.plant import View
+from truearc.hw.emulated.nodes import View
 from truearc.robot.config import schema as config
 from truearc.robot.config.schema import load_config
 from truearc.sim.world.options import Options
