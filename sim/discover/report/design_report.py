@@ -5,15 +5,13 @@ from typing import Any
 
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.discover.plan.experiment_design import MOST_RANDOM, Block, Design
-from truearc.sim.discover.report.effect_wording import plain
+from truearc.sim.discover.report.effect_wording import WORDING, plain
 from truearc.sim.discover.select.name_effects import Step
 from truearc.sim.physics.catalogue import Catalogue, find_terms
 
 SCHEMA = "truearc.design/1"
 # How a shot must be like the one it is named after, where a name that competes follows a circumstance.
-AS_THEN = {"age": "a ball that has been shot as often", "ball": "the same ball", "droop": "wheels that dip as far",
-           "closing_speed_m_s": "the robot driving as fast", "battery": "the battery as full", "density": "air as warm",
-           "hood_change": "the hood coming from the same side"}
+AS_THEN: dict[str, str] = WORDING["as_then"]
 SETTINGS = ("distance_m", "hood_deg", "motor_ratio", "exit_speed_m_s", "exit_deg")
 
 

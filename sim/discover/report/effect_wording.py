@@ -1,6 +1,8 @@
 """How large an effect is, in a driver coach's words: per cent, degrees, centimetres, and which way."""
 
 import math
+import tomllib
+from importlib.resources import files
 
 from truearc.sim.discover.finding import Interval
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
@@ -8,18 +10,8 @@ from truearc.sim.physics.nonparametric import Nameless
 from truearc.sim.physics.term_fields import ANGLE, LENGTH, SHARE, Phrase
 
 MOST_PLACES = 5                       # after the point; beyond, exponents
-# Columns of shots.csv, and what is derived from them or goes on inside a flight, as people say them.
-COLUMNS = {"battery_v": "the battery's voltage", "temperature_c": "the temperature", "pressure_pa": "the air pressure",
-           "distance_m": "the distance", "hood_deg": "the hood's angle", "motor_ratio": "the motor ratio",
-           "t_s": "the time in the session", "since_last_shot_s": "the time since the last shot",
-           "order_in_session": "the order in the session", "robot_speed_m_s": "the robot's speed",
-           "shots_of_ball": "the shots that a ball has had", "wheel_dip": "the dip of the wheels",
-           "hood_change": "the way the hood came", "exit_speed_m_s": "the launch speed",
-           "exit_spin_rev_s": "the launch spin", "exit_deg": "the launch elevation", "ball_id": "the ball",
-           "session": "the session", "speed_in_flight_m_s": "the speed in flight",
-           "time_in_flight_s": "the time in flight"}
-
-
+WORDING = tomllib.loads((files("truearc.sim.discover.report") / "wording.toml").read_text(encoding="utf-8"))
+COLUMNS: dict[str, str] = WORDING["columns"]
 IN_FLIGHT = ("speed_in_flight_m_s", "time_in_flight_s")      # what forces vary with inside one flight
 
 

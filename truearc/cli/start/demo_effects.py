@@ -6,6 +6,8 @@ simulator reads.
 
 import hashlib
 import secrets
+import tomllib
+from pathlib import Path
 from typing import NamedTuple
 
 from truearc.sim.world.options import Options
@@ -21,19 +23,8 @@ class WorldChange(NamedTuple):
 
 
 NOTHING = WorldChange("nothing changed", Options(), ())
-EFFECTS = (
-    WorldChange("head wind of 1.5 m/s", Options(wind_x_m_s=-1.5), ("wind_x",)),
-    WorldChange("hood reads 1.5 deg too much", Options(hood_offset_deg=1.5), ("hood_offset",)),
-    WorldChange("worn balls: radius -2 %, friction -15 %", Options(ball_radius_scale=0.98, ball_friction_scale=0.85),
-                ()),
-    WorldChange("cold: 2 C, air of 1.28 kg/m3", Options(temperature_c=2.0, air_density_kg_m3=1.28),
-                ("air_change", "air_density")),
-    WorldChange("wheel encoders read 3 % too much", Options(encoder_scale=1.03), ("encoder_scale",)),
-    WorldChange("camera sees everything 4 % nearer", Options(camera_focal_scale=1.04), ("distance_scale",)),
-    WorldChange("rising air of 1 m/s", Options(wind_z_m_s=1.0), ("wind_z",)),
-    WorldChange("wet balls: mass +8 %", Options(ball_mass_scale=1.08), ()),
-    WorldChange("balls leave 8 cm lower", Options(release_height_error_m=-0.08), ("release_height",)),
-)
+_TABLE = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+EFFECTS = tuple(WorldChange(row["name"], Options(**row["options"]), tuple(row["terms"])) for row in _TABLE["effect"])
 
 
 class Envelope(NamedTuple):
