@@ -156,16 +156,12 @@ def parse(axis: OdriveAxis, frame: Frame, previous: MotorReading) -> MotorReadin
 
 def parse_version(axis: OdriveAxis, frame: Frame) -> tuple[int, int, int]:
     """Firmware (major, minor, revision); BadFrame for anything else."""
-    if frame.arbitration_id != frame_id(axis, "Get_Version") or frame.is_remote:
-        raise BadFrame(_unexpected(axis, frame, "Get_Version"))
     values = _parse(axis, "Get_Version", frame)
     return int(values["firmware_major"]), int(values["firmware_minor"]), int(values["firmware_revision"])
 
 
 def parse_parameter(axis: OdriveAxis, frame: Frame) -> tuple[int, bytes]:
     """The parameter's number and its four bytes (shorter ones come first); BadFrame for anything else."""
-    if frame.arbitration_id != frame_id(axis, "TxSdo") or frame.is_remote:
-        raise BadFrame(_unexpected(axis, frame, "TxSdo"))
     values = _parse(axis, "TxSdo", frame)
     return int(values["endpoint"]), int(values["value"]).to_bytes(4, "little")
 
@@ -184,6 +180,8 @@ def make(axis: OdriveAxis, message: str, values: Values) -> Frame:
 
 
 def _parse(axis: OdriveAxis, message: str, frame: Frame) -> dict[str, float]:
+    if frame.arbitration_id != frame_id(axis, message) or frame.is_remote:
+        raise BadFrame(_unexpected(axis, frame, message))
     data = frame.data
     if message == "TxSdo" and 5 <= len(data) < 8:
         data = data.ljust(8, b"\0")               # an answer is only as long as the parameter, one byte for a switch
