@@ -21,34 +21,17 @@ from truearc.hw.real.machine import is_clock_synchronised, read_exposure, read_l
 from truearc.hw.real.realtime import rehearse
 from truearc.hw.real.serial_port import open_serial
 from truearc.robot.config.schema import Config, load_config
-from truearc.robot.doctor.devices import (
-    check_adapter,
-    check_aim,
-    check_bitrate,
-    check_devices,
-    check_heartbeat_lock,
-    check_model,
-    load_endpoints,
-    questions,
-)
-from truearc.robot.doctor.senses import (
-    check_box,
-    check_camera,
-    check_clock,
-    check_disk,
-    check_exposure,
-    check_real_time,
-)
+from truearc.robot.doctor import devices, senses
 from truearc.robot.motors import name_axes
 
 
 def check_robot(args: argparse.Namespace) -> int:
     """Print the findings; 1 if any is a failure. args: those of `truearc doctor`."""
     config = load_config(args.config)
-    endpoints = load_endpoints(args.endpoints) if args.endpoints else None
-    findings = [*_look_at_wires(config, endpoints, args.seconds), *check_real_time(rehearse(args.priority)),
-                check_clock(is_clock_synchronised()), check_model(config.gate, args.gate),
-                *check_aim(config, args.aim), _look_at_disk(args.out)]
+    endpoints = devices.load_endpoints(args.endpoints) if args.endpoints else None
+    findings = [*_look_at_wires(config, endpoints, args.seconds), *senses.check_real_time(rehearse(args.priority)),
+                senses.check_clock(is_clock_synchronised()), devices.check_model(config.gate, args.gate),
+                *devices.check_aim(config, args.aim), _look_at_disk(args.out)]
     failures, warnings = count(findings, FAILURE), count(findings, WARNING)
     if args.json:
         print(msgspec.json.encode({"failures": failures, "warnings": warnings, "findings": findings}).decode())
@@ -66,22 +49,22 @@ def _look_at_wires(config: Config, endpoints: Endpoints | None, seconds: float) 
         try:
             box = open_serial(config.buttons.port, config.buttons.baud)
             wires.callback(box.close)
-            yield check_box(box, clock)
+            yield senses.check_box(box, clock)
         except LinkLost as error:
             yield failure("button box", str(error), "plug it in; stop a running robot; see [buttons] port")
-        yield check_exposure(config.camera, read_exposure(config.camera.device))
+        yield senses.check_exposure(config.camera, read_exposure(config.camera.device))
         try:
             camera = open_camera(config.camera.device, config.camera.width_px, config.camera.height_px,
                                  config.camera.fps, clock, config.camera.exposure_s)
             wires.callback(camera.close)
-            yield check_camera(camera, clock)
+            yield senses.check_camera(camera, clock)
         except LinkLost as error:
             yield failure("camera", str(error), "plug it in; stop a running robot; see [camera] in the configuration")
 
 
 def _look_at_can(config: Config, clock: Clock, endpoints: Endpoints | None, seconds: float) -> Iterator[Finding]:
     link = read_link(config.can.channel) if config.can.interface == "socketcan" else None
-    adapter = check_adapter(config.can, link)
+    adapter = devices.check_adapter(config.can, link)
     try:
         bus = open_can(config.can.interface, config.can.channel, config.can.bitrate, clock)
     except LinkLost as error:
@@ -99,10 +82,10 @@ def _look_at_can(config: Config, clock: Clock, endpoints: Endpoints | None, seco
 def look_at_bus(config: Config, bus: Bus, clock: Clock, link: CanLink | None, endpoints: Endpoints | None,
                 seconds: float) -> Iterator[Finding]:
     """Everything that can be heard on the CAN bus in one stretch of listening; raises LinkLost."""
-    heard = listen(bus, clock, questions(config, endpoints), seconds)
-    yield check_bitrate(config.can, link, heard)
-    yield check_heartbeat_lock((axis for _, axis in name_axes(config)), heard)
-    yield from check_devices(config, endpoints, heard)
+    heard = listen(bus, clock, devices.questions(config, endpoints), seconds)
+    yield devices.check_bitrate(config.can, link, heard)
+    yield devices.check_heartbeat_lock((axis for _, axis in name_axes(config)), heard)
+    yield from devices.check_devices(config, endpoints, heard)
 
 
 def _look_at_disk(folder: Path) -> Finding:
@@ -110,5 +93,5 @@ def _look_at_disk(folder: Path) -> Finding:
     try:
         free_bytes = shutil.disk_usage(there).free
     except OSError:
-        return check_disk(folder, None, False)
-    return check_disk(folder, free_bytes, there.is_dir() and os.access(there, os.W_OK))
+        return senses.check_disk(folder, None, False)
+    return senses.check_disk(folder, free_bytes, there.is_dir() and os.access(there, os.W_OK))
