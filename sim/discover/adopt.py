@@ -71,8 +71,8 @@ def make_belief(investigation: Investigation, gain: Gain = usual_gain,
 
     Where several names of the last effect could not be told apart, the simulation is chosen that forecasts their
     average (truearc.sim.discover.select.model_averaging). gain: bounds of the forecasts' gain where the balls are
-    others. threshold: of the gate by which points are judged; None: they are not. Where nothing of what was found is
-    adopted, or even a number that was believed before stopped at the end of its range (provenance: at_limit), the
+    others. threshold: of the gate by which points are judged; None: they are not. Where nothing is found, or nothing
+    of it adopted, or even a number that was believed before stopped at the end of its range (provenance: at_limit), the
     belief that was started from stays. ValueError for data that carry no test.
     """
     if investigation.fitted is None:
@@ -100,8 +100,8 @@ def make_belief(investigation: Investigation, gain: Gain = usual_gain,
     refused: dict[str, Any] = {"refused": why} if why else {}
     if at_limit:                      # of what was believed before anything was found
         refused["at_limit"] = at_limit
-    if investigation.belief is not None and (at_limit or (investigation.steps and not named and not free)):
-        # fitted to what is missing, its numbers would be wrong
+    if investigation.belief is not None and (at_limit or (not named and not free)):
+        # of what is missing its numbers would take a part, and of nothing, what these few shots happened to do
         return investigation.belief, {"kept": True, **refused, **provenance}
     return Belief(coefficients, scatter_of(evidence), kept, covariance, curves, among), {**refused, **provenance}
 

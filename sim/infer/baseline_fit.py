@@ -128,11 +128,11 @@ def _top_from(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
     """The top that a climb from the spot comes to, after one over easier ground.
 
     A height that is a slip costs a few nats however far it is off, so that a climb from far away may end where half of
-    the heights are called slips, or where they scatter so much that none is off; and a tracker's errors, which may be
-    large, bend flights as any physics does. First no height may be a slip, physics does not change how heights scatter,
-    and the tracker has hardly any error.
+    the heights are called slips; where nothing scores yet, physics by which heights scatter more looks better than
+    physics that aims; and a tracker's errors, which may be large, bend flights as any physics does. First no height may
+    be a slip, physics does not change how heights scatter, and the tracker has hardly any error.
     """
-    if intake.seen.measured.any():
+    if intake.samples is None or intake.seen.measured.any():
         strict = replace(intake, seen=replace(intake.seen, slips=False))
         spot = climb(strict, replace(layout, steady=True), spot, part_of(progress, 0.0, 0.5))[0]
     tight = np.array([TIGHT if is_tracker(column, layout.chain.catalogue) else 1.0

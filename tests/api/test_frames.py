@@ -112,7 +112,7 @@ def test_a_rig_may_be_a_value_a_path_or_a_mapping(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("rig", "message"), [
     ({"ball": {"mass_kg": 0.0, "radius_m": 0.1}}, "rig: ball.mass_kg: 0.0 must be above 0"),
-    ({"ball": {"mass_kg": 0.1}}, "rig: Object missing required field `radius_m`"),
+    ({"ball": {"mass_kg": 0.1}}, "rig: ball.radius_m: missing key"),
     ({"ball": {"mass_kg": 0.1, "radius_m": 0.1, "colour": "red"}}, "rig: key ball.colour is not known"),
     ("nowhere.toml", "nowhere.toml")])
 def test_a_bad_rig_is_named_by_its_key(rig, message) -> None:
