@@ -6,7 +6,7 @@ the session's random effects of balls taken out: one that would then forecast it
 not adopted, even if this session's balls gain by it; and one that they do not gain by is, if it is not worse.
 
 Then it is judged by points (truearc.sim.discover.select.expected_points): where hold-out shots, aimed and gated by it,
-would have scored fewer than by the belief without it, it is refused. The mean decides, not its interval: what is
+would have scored fewer than by what stays without it, it is refused. The mean decides, not its interval: what is
 believed already costs nothing to keep, and a robot is not changed for something that is expected to lose.
 """
 
@@ -27,14 +27,14 @@ from truearc.sim.discover.select.model_averaging import Mixed, mixed
 from truearc.sim.discover.select.name_effects import Step
 from truearc.sim.discover.select.nonparametric_terms import Freed, all_freed
 from truearc.sim.discover.select.refit import Refit, further_values, refit
-from truearc.sim.infer.baseline_fit import BaselineFit, only_shared, stopped
+from truearc.sim.infer.baseline_fit import BaselineFit, only_shared, stopped, usual_spot
 from truearc.sim.infer.belief import Belief, moved_curves
 from truearc.sim.infer.coefficients import Coefficients
 from truearc.sim.infer.curve import Curve
 from truearc.sim.infer.fitted_belief import coefficients_of, covariance_of, scatter_of
 from truearc.sim.infer.held_out import clustered_error, unseen_change, without
 from truearc.sim.infer.likelihood.design_columns import is_tracker
-from truearc.sim.infer.likelihood.linearization import LinearizationPoint, ParameterLayout
+from truearc.sim.infer.likelihood.linearization import LinearizationPoint, ParameterLayout, linearise
 from truearc.sim.infer.likelihood.prepared_data import Intake
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.metrics import POINTS_THREE
@@ -170,19 +170,21 @@ def _best(investigation: Investigation, gain: Gain,
 
 
 def judge_points(investigation: Investigation, taken: _Taken, threshold: float = worth.THRESHOLD) -> Adoption | None:
-    """Points on hold-out shots by what was taken, and by the fit without it; None where nothing was taken, or no target
-    tells points. threshold: of the gate."""
+    """Points on hold-out shots by what was taken, and by what stays without it: the belief that was started from, as it
+    is, else the fit of what was believed. None where nothing was taken, or no target tells points. threshold: of the
+    gate."""
     fitted = investigation.fitted
     if fitted is None or not (taken.named or taken.free) or fitted.intake.rig.target is None:
         return None
     if fitted.evidence.plane is None or taken.evidence.plane is None:
         return None
     seen, rows = fitted.evidence.plane.seen, fitted.evidence.plane.rows
-    old = worth.hold_out([_without(fitted)], [0.0])
+    old = worth.hold_out([_without(fitted)], [0.0]) if investigation.belief is None else (
+        worth.as_believed(unfitted(fitted)))
     new = worth.hold_out(*_models(taken))
     before, after = (worth.points_of(seen, one, (old, new), threshold) for one in (old, new))
     scored, held = worth.scored_points(seen), POINTS_THREE * threshold
-    gain = after.worth(scored, held) - before.worth(scored, held)
+    gain = after.worth(held) - before.worth(held)
     error = NINETY * clustered_error(gain, fitted.together[rows])
     passed = [float(scored[one.fires].mean()) if one.fires.any() else None for one in (before, after)]
     return Adoption(len(rows), threshold, float(before.aimed.mean()), float(after.aimed.mean()),
@@ -193,6 +195,16 @@ def judge_points(investigation: Investigation, taken: _Taken, threshold: float =
 def _without(fitted: BaselineFit) -> worth.JudgedFit:
     """The fit with its shared columns alone."""
     return worth.JudgedFit(fitted.intake, only_shared(fitted.layout), fitted.spot, without(fitted.evidence))
+
+
+def unfitted(fitted: BaselineFit) -> worth.JudgedFit:
+    """The believed simulation as it was before these shots."""
+    layout = only_shared(fitted.layout)
+    spot = usual_spot(fitted.intake, layout)
+    log_scatter = np.array([usual if column < 0 else layout.centre[column - layout.first_shared]
+                            for usual, column in zip(spot.log_scatter, layout.scatters, strict=True)])
+    spot = replace(spot, log_scatter=log_scatter)
+    return worth.JudgedFit(fitted.intake, layout, spot, linearise(fitted.intake, layout, spot)[0])
 
 
 def _models(taken: _Taken) -> tuple[list[worth.JudgedFit], list[float]]:

@@ -7,8 +7,9 @@ the model serves for the difference of two neighbouring set points alone (as in 
 Dudik et al. 2014). An outcome leaves the error open within its class: there it is spread as both beliefs have it, each
 a priori as likely.
 
-Gate. Whether a belief's P(three) is high enough is compared with what the shot did score. A held ball is not lost: it
-counts what the threshold says that it is worth, three points times the least probability for which it would be fired.
+Gate. It lets the aimed ball through where the belief's P(three) is high enough. A held ball is not lost: it counts what
+the threshold says that it is worth, three points times the least probability for which it would be fired. How the gate
+judges shots as they were made is reported, and does not count: it would speak for a belief that overrates them.
 
 Every shot is judged by fits to the other folds.
 """
@@ -59,10 +60,10 @@ class ShotPoints:
     aimed_fires: Bool[np.ndarray, " m"]
     fires: Bool[np.ndarray, " m"]
 
-    def worth(self, scored: Float[np.ndarray, " m"], held: float) -> Float[np.ndarray, " m"]:
-        """Points [m] of aim and gate together: the mean of the shot aimed and of the shot as it was made, each fired or
-        held. scored [m]: what it scored; held: worth of a ball that is kept."""
-        return 0.5 * (np.where(self.aimed_fires, self.aimed, held) + np.where(self.fires, scored, held))
+    def worth(self, held: float) -> Float[np.ndarray, " m"]:
+        """Points [m] of aim and gate together: of the shot aimed, if its gate fires it. held: worth of a ball that is
+        kept."""
+        return np.where(self.aimed_fires, self.aimed, held)
 
 
 def hold_out(models: Sequence[JudgedFit], nats: Sequence[float]) -> HoldOut:
@@ -90,15 +91,27 @@ def _hold_out(model: JudgedFit) -> HoldOut:
     plane = _from_settings(model)
     _, mean_m, spread_m = plane.moved(evidence.deal.own(change))
     fold, doubt = folds_of(len(evidence.rows)), np.zeros(len(plane.rows))
-    place = evidence.deal.place[plane.rows]
-    by = np.where(group[place], 0.0, plane.by_column)
     for held in range(fold.max() + 1):
         train, mine = fold != held, fold[plane.rows] == held
-        known = np.linalg.pinv(evidence.deal.some(train).total(evidence.info[train]) + evidence.precision,
-                               hermitian=True)
-        own = known[place[mine][:, :, None], place[mine][:, None, :]]
-        doubt[mine] = np.einsum("mi,mij,mj->m", by[mine], own, by[mine])
-    return HoldOut(mean_m, np.sqrt(spread_m**2 + np.maximum(doubt, 0.0)))
+        doubt[mine] = _doubt(model, plane, evidence.deal.some(train).total(evidence.info[train]))[mine]
+    return HoldOut(mean_m, np.sqrt(spread_m**2 + doubt))
+
+
+def as_believed(model: JudgedFit) -> HoldOut:
+    """Forecasts by what was believed before these shots, where the model is linearised; nothing is fitted to them."""
+    plane = _from_settings(model)
+    return HoldOut(plane.mean_m, np.sqrt(plane.spread_m**2 + _doubt(model, plane, 0.0)))
+
+
+def _doubt(model: JudgedFit, plane: PlaneScores, known: Float[np.ndarray, "P P"] | float) -> Float[np.ndarray, " m"]:
+    """Variances of the means [m], by the columns' prior and the information `known`; of no ball's own effects."""
+    evidence = model.evidence
+    place = evidence.deal.place[plane.rows]
+    group = np.array([column.kind == "group" for column in evidence.columns])
+    by = np.where(group[place], 0.0, plane.by_column)
+    covariance = np.linalg.pinv(evidence.precision + known, hermitian=True)
+    own = covariance[place[:, :, None], place[:, None, :]]
+    return np.asarray(np.maximum(np.einsum("mi,mij,mj->m", by, own, by), 0.0))
 
 
 def _from_settings(model: JudgedFit) -> PlaneScores:

@@ -272,3 +272,20 @@ def test_nothing_is_adopted_beside_a_tracker_error_at_its_bound() -> None:
         tilted.adopt()
     started = level.adopt()
     assert make_belief(replace(tilted.investigation, belief=started))[0] is started
+
+
+def test_what_was_found_is_judged_beside_the_belief_as_it_is() -> None:
+    """A robot that adopts nothing keeps its numbers, so these are what a finding must beat: not a fit of them to the
+    very shots. Heights as another code flies the belief."""
+    home, event = (shoot(make_world(effects, "L0", 200, 12)) for effects in ({}, {"wind_x": -3.0}))
+    belief, _ = make_belief(replace(discover(home, seed=1), steps=()))
+    found = discover(event, seed=1, belief=belief)
+    assert found.fitted is not None
+    model = adopt.unfitted(found.fitted)
+    told = adopt.worth.as_believed(model)
+    assert model.evidence.plane is not None
+    rows = model.evidence.rows[model.evidence.plane.rows]
+    forecast = ta.predict(event, belief)
+    off_m = [row[forecast.columns.index("deviation_m")] for row in forecast.rows]
+    assert told.mean_m == pytest.approx([off_m[row] for row in rows], abs=5e-3)
+    assert told.mean_m.std() > 0.05
