@@ -28,7 +28,7 @@ def test_what_is_written_reads_back_the_same(tmp_path, level):
     assert hash_dataset(loaded) == hash_dataset(made) and loaded.name == made.name
     assert loaded.facts == made.facts
     assert (loaded.tracks is None, loaded.traces is None) == (level != "L2", level == "L0")
-    columns = {"distance_m", "hood_deg", "motor_ratio"}
+    columns = {"distance_m", "hood_deg", "motor_ratio", "t_s"}
     assert set(loaded.shots.numbers) == columns if level == "L0" else set(loaded.shots.numbers) > columns
 
 
