@@ -147,27 +147,6 @@ def see_slopes(chain: Chain, lanes: ShotBatch, point: Float[Array, " slots"], de
 
 
 @partial(jax.jit, static_argnames=("chain",))
-def plane_bends(chain: Chain, lanes: ShotBatch, point: Float[Array, " slots"], deviates: Float[Array, "n D"],
-                edges_s: Float[Array, " edges"], toward: Float[Array, "n D"]) -> Float[Array, "n size"]:
-    """Derivatives, by all of the chain's inputs, of the slope of the height at the plane along `toward`, a direction of
-    each shot's deviates."""
-    slots, rest = len(chain.slots), jnp.zeros(chain.pushes)
-
-    def one(lane: ShotBatch, deviate: Float[Array, " D"], ahead: Float[Array, " D"]) -> Float[jax.Array, " size"]:
-        here = jnp.concatenate([point, deviate, rest])
-        step = jnp.zeros(chain.size).at[slots:slots + chain.deviates].set(ahead)
-
-        def slope(at: Float[jax.Array, " size"]) -> Number:
-            by: Number = jax.jvp(lambda moved: _see(chain, lane, moved, edges_s).plane[0], (at,), (step,))[1]
-            return by
-
-        bends: Float[jax.Array, " size"] = jax.grad(slope)(here)
-        return bends
-
-    return jax.vmap(one)(lanes, deviates, toward)
-
-
-@partial(jax.jit, static_argnames=("chain",))
 def plane_grid(chain: Chain, lanes: ShotBatch,
                points: Float[Array, "g slots"]) -> tuple[Float[Array, "g n"], Bool[Array, "g n"]]:
     """Heights above the target's centre and whether the ball came there, at each of the parameters `points`."""

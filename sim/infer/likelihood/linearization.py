@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int
 
 from truearc.sim.infer.likelihood import outcome_likelihood as outcomes
 from truearc.sim.infer.likelihood.external_measurements import Measured
-from truearc.sim.infer.likelihood.forward_model import Chain, Prediction, ShotBatch, plane_bends, see_slopes
+from truearc.sim.infer.likelihood.forward_model import Chain, Prediction, ShotBatch, see_slopes
 from truearc.sim.infer.likelihood.noise import FLOOR_M
 from truearc.sim.infer.likelihood.normal_equations import Normal, multiply_out
 from truearc.sim.infer.likelihood.prepared_data import Intake
@@ -34,6 +34,7 @@ FAR_BELOW_M = -10.0                   # stands for a ball that never came near
 PAD = 32                              # lanes fly in multiples of this, since each size is compiled,
 BLOCK = 64                            # and at most this number at once: more do not fit the caches
 WIDTH = 12                            # slopes that are flown together
+BESIDE = 0.1                          # standard deviations of the height, between slopes that are compared
 
 
 @dataclass(frozen=True)
@@ -237,7 +238,8 @@ def _log_spread_by(intake: Intake, layout: ParameterLayout, spot: LinearizationP
                    slopes: Prediction, normal: Normal) -> Float[Array, "n inputs"]:
     """Slopes [n, inputs] of the log standard deviation of the height at the plane.
 
-    They say how the height's slopes by a shot's own deviations change with the inputs.
+    By how the height's slopes differ between shots that deviate a little to either side: compiling a second derivative
+    would take longer than all flights.
     """
     inputs = len(layout.inputs)
     result = np.zeros((len(intake.rows), inputs))
@@ -250,12 +252,10 @@ def _log_spread_by(intake: Intake, layout: ParameterLayout, spot: LinearizationP
     toward = np.einsum("nde,ne->nd", covariance, by_deviate)
     spread = np.sqrt((toward * by_deviate).sum(1) + FLOOR_M**2)
     toward /= spread[:, None]
-    padded, _ = pad_lanes(intake.lanes)
-    at, ahead = (np.resize(part, (len(padded.distance_m), part.shape[1])) for part in (spot.deviates, toward))
-    blocks = [slice(first, first + BLOCK) for first in range(0, len(at), BLOCK)]
-    bends = np.concatenate([plane_bends(layout.chain, padded.take(rows), jnp.asarray(spot.values), at[rows],
-                                        jnp.asarray(layout.edges_s), ahead[rows]) for rows in blocks])
-    change = bends[:len(result), layout.inputs] / spread[:, None]
+    basis = _basis(layout, layout.inputs)
+    spots = [replace(spot, deviates=spot.deviates + step * toward) for step in (BESIDE, -BESIDE)]
+    above, below = (_fly(layout, intake.lanes, one, basis)[1].plane[:, 0] for one in spots)
+    change = (above - below) / (2.0 * BESIDE * spread[:, None])
     return np.where(seen.near[:, None] & np.isfinite(change), change, result)
 
 
