@@ -7,6 +7,7 @@ and devices are in `truearc.hw.fault_codes`, the robot's in `truearc.robot.reaso
 import sys
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
+from string import Formatter
 from typing import Any
 
 from msgspec import Struct
@@ -14,6 +15,10 @@ from msgspec.structs import force_setattr, replace
 
 OPTIONAL = "?"                        # at the end of a parameter's unit: it may be absent
 LARGEST = sys.float_info.max          # what is beyond is not finite
+UNITS = (("_rad_s", "rad/s"), ("_rad", "rad"), ("_deg", "deg"), ("_nm", "Nm"), ("_ns", "ns"), ("_px", "px"),
+         ("_m", "m"), ("_s", "s"), ("_v", "V"), ("_a", "A"))       # by how a name ends
+KINDS = {"cause": "reason", "causes": "reasons", "errors": "reasons", "motor": "motor", "bytes": "count",
+         "frames": "count", "presses": "count", "spark": "count"}  # by the name itself
 WITHOUT_NUMBERS = {"text", "count", "flag", "motor", "device", "texts", "counts", "reason", "reasons"}
 NESTED = "~"                          # in a template's format: stands for the parameter's text, where there is one
 LISTED = ","                          # the format of several that commas separate
@@ -41,7 +46,8 @@ class Code(Struct, frozen=True):
     """One kind of reason.
 
     text: log text; fields are the parameters. `{cause: (~)}` is " (...)" with the text of `cause`, "" without it.
-    params: name -> unit, or "text", "count", "flag", "motor", "device", "texts", "counts", "reason", "reasons".
+    params: name -> unit, or "text", "count", "flag", "motor", "device", "texts", "counts", "reason", "reasons"; of the
+        text's fields only where the name does not tell (KINDS, UNITS, else "text"; with "~" it may be absent).
     """
 
     name: str
@@ -51,6 +57,10 @@ class Code(Struct, frozen=True):
     bare: Reason | None = None        # worked out: without parameters it is always the same
 
     def __post_init__(self) -> None:
+        told = {name: KINDS.get(name, unit_of(name) or "text") + (OPTIONAL if NESTED in (form or "") else "")
+                for _, name, form, _ in Formatter().parse(self.text) if name}
+        if not told.keys() <= self.params.keys():
+            force_setattr(self, "params", {**told, **self.params})
         kinds = {unit.rstrip(OPTIONAL) for unit in self.params.values()}
         force_setattr(self, "has_numbers", bool(kinds - WITHOUT_NUMBERS))
         force_setattr(self, "bare", Reason(self.name))
@@ -78,6 +88,12 @@ class Message(Struct, frozen=True):
     means: str
     do: str = ""
     case: str = ""
+
+
+def unit_of(name: str) -> str:
+    """Return the unit that ends a name, as in `speed_rad_s` or `outer_m.0`; "" without one."""
+    name = name.rstrip("0123456789.")
+    return next((unit for end, unit in UNITS if name.endswith(end)), "")
 
 
 def index(codes: Iterable[Code]) -> dict[str, Code]:

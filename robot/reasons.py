@@ -8,83 +8,75 @@ from truearc.hw.reason import Code, Reason, index, render
 
 # The operator
 NOT_ARMED = Code("not_armed", "not armed")
-DISARMED_BY_BOX = Code("disarmed_by_box", "not armed: {cause}", {"cause": "reason"})
+DISARMED_BY_BOX = Code("disarmed_by_box", "not armed: {cause}")
 SHOT_NOT_MARKED = Code("shot_not_marked", "last shot not marked")
 BALL_CLEARING = Code("ball_clearing", "last ball still clearing")
 FIRE_NOT_REQUESTED = Code("fire_not_requested", "waiting for the fire button")
 
 # Wires
-CAN_LOST = Code("can_lost", "CAN lost: {cause}", {"cause": "reason"})
-CAMERA_LOST = Code("camera_lost", "camera lost: {cause}", {"cause": "reason"})
-BOX_LOST = Code("box_lost", "button box lost: {cause}", {"cause": "reason"})
+CAN_LOST = Code("can_lost", "CAN lost: {cause}")
+CAMERA_LOST = Code("camera_lost", "camera lost: {cause}")
+BOX_LOST = Code("box_lost", "button box lost: {cause}")
 BOX_SILENT = Code("box_silent", "button box: no heartbeat, outcomes cannot be marked")
 BOX_PRESS_UNCERTAIN = Code("box_press_uncertain", "button box: a press may be lost")
-FRAMES_NOT_SENT = Code("frames_not_sent", "{frames} frames could not be sent", {"frames": "count"})
-BAD_FRAME = Code("bad_frame", "bad frame: {cause}", {"cause": "reason"})
-TICKS_STALLED = Code("ticks_stalled", "ticks stalled for {stall_s:.2f} s", {"stall_s": "s"})
+FRAMES_NOT_SENT = Code("frames_not_sent", "{frames} frames could not be sent")
+BAD_FRAME = Code("bad_frame", "bad frame: {cause}")
+TICKS_STALLED = Code("ticks_stalled", "ticks stalled for {stall_s:.2f} s")
 
 # Vision and recording
-VISION_FAILED = Code("vision_failed", "vision failed on an image ({detail})", {"detail": "text"})
+VISION_FAILED = Code("vision_failed", "vision failed on an image ({detail})")
 VISION_UNRESPONSIVE = Code("vision_unresponsive", "the vision process does not respond")
-NOT_RECORDING = Code("not_recording", "not recording: {cause}", {"cause": "reason"})
+NOT_RECORDING = Code("not_recording", "not recording: {cause}")
 DISK_FULL = Code("disk_full", "no space left on the disk")
-DISK_ERROR = Code("disk_error", "{detail}", {"detail": "text"})
+DISK_ERROR = Code("disk_error", "{detail}")
 DISK_BACKLOG_FULL = Code("disk_backlog_full", "the disk took nothing for so long that the rest is not kept")
-FILE_DELETED = Code("file_deleted", "{file} has been deleted", {"file": "text"})
-IMAGE_NOT_ENCODED = Code("image_not_encoded", "{file}: the image cannot be encoded", {"file": "text"})
+FILE_DELETED = Code("file_deleted", "{file} has been deleted")
+IMAGE_NOT_ENCODED = Code("image_not_encoded", "{file}: the image cannot be encoded")
 DISK_UNRESPONSIVE = Code("disk_unresponsive", "the disk does not respond")
 RECORDER_UNRESPONSIVE = Code("recorder_unresponsive", "the recorder does not respond")
 
 # Readings that firing needs. device: a motor or the hood encoder
 DEVICE_NEVER_RECEIVED = Code("device_never_received", "{device}: no frames received since the start",
                              {"device": "device"})
-DEVICE_STALE = Code("device_stale", "{device}: no frames for {age_s:.2f} s", {"device": "device", "age_s": "s"})
+DEVICE_STALE = Code("device_stale", "{device}: no frames for {age_s:.2f} s", {"device": "device"})
 DEVICE_HEARTBEAT_STALE = Code("device_heartbeat_stale", "{device}: no heartbeat for {age_s:.2f} s",
-                       {"device": "device", "age_s": "s"})
+                              {"device": "device"})
 DEVICE_FAULTS_NEVER_RECEIVED = Code("device_faults_never_received", "{device}: no fault report since the start",
                                     {"device": "device"})
-DEVICE_FAULTS_STALE = Code("device_faults_stale", "{device}: no fault report for {age_s:.2f} s",
-                           {"device": "device", "age_s": "s"})
-MOTOR_NOT_FINITE = Code("motor_not_finite", "{motor}: non-finite reading", {"motor": "motor"})
-MOTOR_ERROR = Code("motor_error", "{motor}: {errors:,}", {"motor": "motor", "errors": "reasons"})
-MOTOR_NOT_DRIVEN = Code("motor_not_driven", "{motor}: not under control (state {state})",
-                        {"motor": "motor", "state": "count"})
+DEVICE_FAULTS_STALE = Code("device_faults_stale", "{device}: no fault report for {age_s:.2f} s", {"device": "device"})
+MOTOR_NOT_FINITE = Code("motor_not_finite", "{motor}: non-finite reading")
+MOTOR_ERROR = Code("motor_error", "{motor}: {errors:,}")
+MOTOR_NOT_DRIVEN = Code("motor_not_driven", "{motor}: not under control (state {state})", {"state": "count"})
 MAGNET_LOST = Code("magnet_lost", "hood encoder: magnet out of range")
 
 # The launcher
 HOOD_NOT_HOMED = Code("hood_not_homed", "hood not homed")
 NO_AIM = Code("no_aim", "no aim")
 AIM_FILE_MISSING = Code("aim_file_missing", "no aim file loaded")
-NO_SET_POINT = Code("no_set_point", "the aim file has no set point for {distance_m:.2f} m", {"distance_m": "m"})
-NOT_AT_PLACE = Code("not_at_place", "stand at {place_m:.2f} m", {"place_m": "m"})
-WHEELS_OFF_SPEED = Code("wheels_off_speed", "wheels at {speed_rad_s:.0f} rad/s, set point {wanted_rad_s:.0f}",
-                        {"speed_rad_s": "rad/s", "wanted_rad_s": "rad/s"})
-FLYWHEELS_DIFFER = Code("flywheels_differ", "flywheel motors differ by {spread_rad_s:.0f} rad/s: belt?",
-                        {"spread_rad_s": "rad/s"})
+NO_SET_POINT = Code("no_set_point", "the aim file has no set point for {distance_m:.2f} m")
+NOT_AT_PLACE = Code("not_at_place", "stand at {place_m:.2f} m")
+WHEELS_OFF_SPEED = Code("wheels_off_speed", "wheels at {speed_rad_s:.0f} rad/s, set point {wanted_rad_s:.0f}")
+FLYWHEELS_DIFFER = Code("flywheels_differ", "flywheel motors differ by {spread_rad_s:.0f} rad/s: belt?")
 HOOD_UNKNOWN = Code("hood_unknown", "hood angle unknown")
 HOOD_ENCODERS_DISAGREE = Code("hood_encoders_disagree", "hood encoder reads {encoder_deg:.1f} deg, its screw "
-                              "{screw_deg:.1f}", {"encoder_deg": "deg", "screw_deg": "deg"})
-HOOD_OFF_ANGLE = Code("hood_off_angle", "hood at {angle_deg:.1f} deg, set point {wanted_deg:.1f}",
-                      {"angle_deg": "deg", "wanted_deg": "deg"})
+                              "{screw_deg:.1f}")
+HOOD_OFF_ANGLE = Code("hood_off_angle", "hood at {angle_deg:.1f} deg, set point {wanted_deg:.1f}")
 NOT_SETTLED = Code("not_settled", "wheels and hood not settled")
 
 # The target
-TARGET_NEVER_SEEN = Code("target_never_seen", "target not seen since the start{cause: (~)}", {"cause": "reason?"})
-TARGET_STALE = Code("target_stale", "target last seen {age_s:.1f} s ago{cause: (~)}",
-                    {"age_s": "s", "cause": "reason?"})
-TARGET_IMPLAUSIBLE = Code("target_implausible", "implausible target distance: {distance_m:.1f} ± {sigma_m:.1f} m",
-                          {"distance_m": "m", "sigma_m": "m"})
+TARGET_NEVER_SEEN = Code("target_never_seen", "target not seen since the start{cause: (~)}")
+TARGET_STALE = Code("target_stale", "target last seen {age_s:.1f} s ago{cause: (~)}")
+TARGET_IMPLAUSIBLE = Code("target_implausible", "implausible target distance: {distance_m:.1f} ± {sigma_m:.1f} m")
 
 # The model. p_three, threshold: probabilities; novelty: 1 is the edge of what the model was trained on
 MODEL_MISSING = Code("model_missing", "no gate model loaded")
 MODEL_NO_INPUT = Code("model_no_input", "model: distance or hood angle unknown")
-MODEL_FAILED = Code("model_failed", "model failed: {error}", {"error": "text"})
+MODEL_FAILED = Code("model_failed", "model failed: {error}")
 MODEL_NOT_FINITE = Code("model_not_finite", "model: non-finite probability")
 MODEL_OUTSIDE_DOMAIN = Code("model_outside_domain", "model: outside its training data{novelty: (novelty ~)}",
                             {"novelty": "ratio?"})
-MODEL_BELOW_THRESHOLD = Code("model_below_threshold", "model: three points {p_three:.0%} likely, "
-                             "{threshold:.0%} needed",
-                             {"p_three": "probability", "threshold": "probability"})
+MODEL_BELOW_THRESHOLD = Code("model_below_threshold", "model: three points {p_three:.0%} likely, {threshold:.0%} "
+                             "needed", {"p_three": "probability", "threshold": "probability"})
 
 # `truearc sysid`: where it stands and why it ended
 IDENTIFY_WAITING = Code("identify_waiting", "identify: waiting for the arm button")
@@ -92,36 +84,29 @@ IDENTIFY_STARTING = Code("identify_starting", "identify: waiting for the axes")
 IDENTIFY_RUNNING = Code("identify_running", "identify: {joint} {phase} ({number} of {last}, direction {sign:+d})",
                         {"joint": "text", "phase": "text", "sign": "count", "number": "count", "last": "count"})
 IDENTIFY_DONE = Code("identify_done", "identify: done")
-IDENTIFY_RELEASED = Code("identify_released", "identify: released by the operator ({button})", {"button": "text"})
-IDENTIFY_RELEASED_BY_BOX = Code("identify_released_by_box", "identify: released ({cause})", {"cause": "reason"})
-IDENTIFY_STOPPED = Code("identify_stopped", "identify: {causes}", {"causes": "reasons"})
+IDENTIFY_RELEASED = Code("identify_released", "identify: released by the operator ({button})")
+IDENTIFY_RELEASED_BY_BOX = Code("identify_released_by_box", "identify: released ({cause})")
+IDENTIFY_STOPPED = Code("identify_stopped", "identify: {causes}")
 JOINT_OVERSPEED = Code("joint_overspeed", "{joint} at {speed_rad_s:.0f} rad/s, above {factor:g} x {top_rad_s:.0f}",
-                 {"joint": "text", "speed_rad_s": "rad/s", "factor": "ratio", "top_rad_s": "rad/s"})
-JOINT_BACKWARDS = Code("joint_backwards", "{joint} turns against its torque: is its direction right?",
-                       {"joint": "text"})
-HOOD_AT_LIMIT = Code("hood_at_limit", "hood at {angle_deg:.1f} deg and still moving outwards", {"angle_deg": "deg"})
-SWITCH_NOT_REACHED = Code("switch_not_reached", "the hood's limit switch was not reached in {limit_s:g} s",
-                          {"limit_s": "s"})
-JOINT_STILL_TURNING = Code("joint_still_turning", "{joint} still turns after {limit_s:g} s of coasting",
-                     {"joint": "text", "limit_s": "s"})
-JOINT_NOT_TURNING = Code("joint_not_turning", "{joint} does not turn at {torque_nm:g} Nm",
-                         {"joint": "text", "torque_nm": "Nm"})
+                       {"factor": "ratio"})
+JOINT_BACKWARDS = Code("joint_backwards", "{joint} turns against its torque: is its direction right?")
+HOOD_AT_LIMIT = Code("hood_at_limit", "hood at {angle_deg:.1f} deg and still moving outwards")
+SWITCH_NOT_REACHED = Code("switch_not_reached", "the hood's limit switch was not reached in {limit_s:g} s")
+JOINT_STILL_TURNING = Code("joint_still_turning", "{joint} still turns after {limit_s:g} s of coasting")
+JOINT_NOT_TURNING = Code("joint_not_turning", "{joint} does not turn at {torque_nm:g} Nm")
 
 # Why an image shows no target
-IMAGE_TOO_SMALL = Code("image_too_small", "the image is only {width_px} x {height_px} pixels",
-                       {"width_px": "px", "height_px": "px"})
+IMAGE_TOO_SMALL = Code("image_too_small", "the image is only {width_px} x {height_px} pixels")
 IMAGE_BRIGHT = Code("image_bright", "the image is bright all over: exposure too long, or not locked")
 IMAGE_BURNT = Code("image_burnt", "large parts of the image are saturated: exposure too long, or not locked")
 IMAGE_DARK = Code("image_dark", "the image is dark all over: no tape in view, no light on it, or the lens covered")
 NO_TAPE_COLOUR = Code("no_tape_colour", "no region of the tape's colour is large enough")
 SEVERAL_TARGETS = Code("several_targets", "{count} things in view look like the target", {"count": "count"})
 NO_POSE = Code("no_pose", "no camera pose explains the four corners")
-POSE_OFF_MOUNTING = Code("pose_off_mounting", "the camera's {quantity} would be far from the configured value",
-                         {"quantity": "text"})
-POSE_CONTRADICTION = Code("pose_contradiction", "edges, mounting and calibration contradict each other by "
-                          "{sigmas:.0f} sigmas", {"sigmas": "ratio"})
-TAPE_OFF_SHAPE = Code("tape_off_shape", "the corners miss the tape's shape by {error_px:.1f} px",
-                         {"error_px": "px"})
+POSE_OFF_MOUNTING = Code("pose_off_mounting", "the camera's {quantity} would be far from the configured value")
+POSE_CONTRADICTION = Code("pose_contradiction", "edges, mounting and calibration contradict each other by {sigmas:.0f} "
+                          "sigmas", {"sigmas": "ratio"})
+TAPE_OFF_SHAPE = Code("tape_off_shape", "the corners miss the tape's shape by {error_px:.1f} px")
 TAPE_CUT_OFF = Code("tape_cut_off", "the region is cut off by the image's edge")
 TAPE_OUTLINE_UNLIT = Code("tape_outline_unlit", "only {lit:.0%} of the tape's outline is lit", {"lit": "share"})
 TAPE_OPENING_LIT = Code("tape_opening_lit", "the opening that the tape encloses is lit")
@@ -139,7 +124,7 @@ TAPE_UNEVEN = Code("tape_uneven", "the tape's straights are not equally wide: pa
                    "touches it")
 
 # A sentence of an old recording that no code stands for
-LEGACY_TEXT = Code("legacy_text", "{text}", {"text": "text"})
+LEGACY_TEXT = Code("legacy_text", "{text}")
 
 CODES = tuple(code for code in globals().values() if isinstance(code, Code))
 

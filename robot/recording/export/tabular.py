@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from truearc.hw.protocols import ButtonEvent
-from truearc.hw.reason import Reason
+from truearc.hw.reason import Reason, unit_of
 from truearc.robot.reasons import text
 from truearc.robot.types import Outcome, Tick
 
@@ -15,9 +15,6 @@ FLOAT, INT, BOOL, TEXT, TEXTS, FLOATS = "float", "int", "bool", "text", "texts",
 Value = float | int | bool | str | Sequence[str] | Sequence[float] | None
 Fill = Callable[[Any], list[Value]]
 
-# The end of a name and the unit that it stands for; the longest that fits
-UNITS = (("_rad_s", "rad/s"), ("_rad", "rad"), ("_deg", "deg"), ("_nm", "Nm"), ("_ns", "ns"), ("_px", "px"),
-         ("_m", "m"), ("_s", "s"), ("_v", "V"), ("_a", "A"))
 KINDS = {msgspec.inspect.FloatType: FLOAT, msgspec.inspect.IntType: INT, msgspec.inspect.BoolType: BOOL,
          msgspec.inspect.StrType: TEXT}
 # What one of several, as many as there happen to be, is called
@@ -80,12 +77,6 @@ class FlatTicks:
             return (Column(name, FLOATS, unit_of(name)),), lambda value: [[math.nan if part is None else part
                                                                           for part in value]]
         return (Column(name, FLOATS, unit_of(name)),), lambda value: [[part for item in value for part in item]]
-
-
-def unit_of(name: str) -> str:
-    """The unit that a name says, "" when it says none."""
-    name = name.rstrip("0123456789.")
-    return next((unit for end, unit in UNITS if name.endswith(end)), "")
 
 
 def _joined(parts: list[tuple[tuple[Column, ...], Fill]],
