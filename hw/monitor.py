@@ -56,9 +56,6 @@ class MonitoredBus:
                 *(FOREIGN_HOST(frame=name) for name, heard_ns in self._foreign.items() if t_ns - heard_ns < WINDOW_NS),
                 *(fault for pulse in self._pulses.values() if (fault := pulse.fault(t_ns)) is not None)]
 
-    def close(self) -> None:
-        self._bus.close()
-
     def _count_unknown(self, name: str) -> None:
         if len(self._unknown) < KINDS:
             self._unknown.add(name)

@@ -122,16 +122,12 @@ class Bus(Protocol):
     def faults(self) -> list[Reason]:
         """What has been wrong with the wire since the last call; empty when nothing was."""
 
-    def close(self) -> None: ...
-
 
 class Stream(Protocol):
-    """A byte stream such as a serial port. Neither call blocks; both raise LinkLost."""
+    """What comes over a serial port. Nothing blocks; reading raises LinkLost."""
 
     def read(self) -> bytes:
         """All bytes received since the last call; empty when there are none."""
-
-    def write(self, data: bytes) -> None: ...
 
     def close(self) -> None: ...
 

@@ -75,6 +75,3 @@ class AllowedBus:
     def faults(self) -> list[Reason]:
         refused, self._refused = self._refused, []
         return [*self._bus.faults(), *refused]
-
-    def close(self) -> None:
-        self._bus.close()

@@ -15,7 +15,7 @@ from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config
 from truearc.robot.motors import make_motors, name_axes
-from truearc.robot.runtime import RobotIo
+from truearc.robot.runtime import RigLayer, RobotIo
 from truearc.robot.types import Command, Inputs, Sent, Sighting, Tick
 from truearc.robot.vision_source import Eyes
 
@@ -36,7 +36,7 @@ class HardwareRig:
         self._over = over
         self._motors = make_motors(config)
         self._names = [name for name, _ in name_axes(config)]
-        self._encoder = canandmag.Encoder(config.hood_encoder.device)
+        self._encoder = config.hood_encoder.device    # its number on the bus
         self._angle: hw.AngleReading | None = None
         self._handlers = self._make_handlers()
         self._pending = b""
@@ -215,14 +215,15 @@ class ReplayRig:
         return None
 
 
-class RecordingRig:
+class RecordingRig(RigLayer):
     """A rig whose inputs also say when the recording is in trouble; a fault like any other, so it is a HOLD.
 
     `trouble`: why what is recorded is not reaching the disk; None while it is.
     """
 
     def __init__(self, rig: RobotIo, trouble: Callable[[], Reason | None]) -> None:
-        self._rig, self._trouble = rig, trouble
+        super().__init__(rig)
+        self._trouble = trouble
 
     def read(self) -> Inputs | None:
         inputs = self._rig.read()
@@ -230,12 +231,6 @@ class RecordingRig:
         if inputs is None or trouble is None:
             return inputs
         return replace(inputs, faults=(*inputs.faults, because.NOT_RECORDING(cause=trouble)))
-
-    def write(self, command: Command) -> Sent:
-        return self._rig.write(command)
-
-    def picture(self) -> hw.CameraFrame | None:
-        return self._rig.picture()
 
 
 def _clamp(torque_nm: float, limit_nm: float) -> float:

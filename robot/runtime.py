@@ -24,6 +24,19 @@ class RobotIo(Protocol):
         """The newest camera image, if this rig has one."""
 
 
+class RigLayer:
+    """A RobotIo around another that passes everything on; a layer on top overrides what it sees or changes."""
+
+    def __init__(self, rig: RobotIo) -> None:
+        self._rig = rig
+
+    def write(self, command: Command) -> Sent:
+        return self._rig.write(command)
+
+    def picture(self) -> CameraFrame | None:
+        return self._rig.picture()
+
+
 class Recorder(Protocol):
     """Whatever keeps ticks. Never blocks the loop."""
 

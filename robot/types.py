@@ -100,16 +100,13 @@ class Command(Struct, frozen=True):
     feeder_torque_nm: float
 
 
-class Sent(Struct, frozen=True):
+class Sent(Command, frozen=True):
     """What really went out, after all limits, and how many frames the bus refused.
 
-    Of an axis that takes duties the torque is what the duty means; of one that is not driven it is 0.
+    Of an axis that takes duties the torque is what the duty means; of one that is not driven it is 0. That of the
+    flywheels is the mean over their motors.
     """
 
-    enable: bool
-    flywheel_torque_nm: float                     # mean over the flywheel motors
-    hood_torque_nm: float
-    feeder_torque_nm: float
     refused: int = 0
     # flywheels, hood, feeder: the duty each was sent, None for none; absent when no axis was sent one
     duties: tuple[float | None, ...] | UnsetType = UNSET

@@ -16,7 +16,7 @@ def needed_frames(config: Config) -> dict[tuple[int, int], float]:
     axes = (*config.axes.flywheels, config.axes.hood, config.axes.feeder)
     ages_s = {(frame_id(axis, message), 8): age_s for axis in axes
               for message, age_s in (ODRIVE if is_odrive(axis) else SPARK).items()}
-    angle, status = canandmag.frame_ids(canandmag.Encoder(config.hood_encoder.device))
+    angle, status = canandmag.frame_ids(config.hood_encoder.device)
     return ages_s | {(angle, 6): AGE_S, (status, 8): BEAT_S}
 
 

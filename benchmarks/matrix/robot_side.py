@@ -104,7 +104,7 @@ def _open(config: Config, breaking: Breaking, bus: tuple[str, str], box_port: st
     def open_flaky() -> CanBus:
         return FlakyBus.over(open_can(*bus, config.can.bitrate, clock, WAIT_S, tally), what, span)
 
-    wire: Bus = open_can(*bus, config.can.bitrate, clock, 0.0, tally) if stepped else SupervisedBus(
+    wire: CanBus | SupervisedBus = open_can(*bus, config.can.bitrate, clock, 0.0, tally) if stepped else SupervisedBus(
         _watching(open_flaky, what, span), clock, tally, SMALL_ROOM if what == "overrun" else ROOM)
     if stepped:
         FlakyBus.over(wire, what, span)

@@ -92,9 +92,6 @@ class MendedStream(Mended[Stream]):
     def read(self) -> bytes:
         return self.ask(lambda stream: stream.read())
 
-    def write(self, data: bytes) -> None:
-        self.ask(lambda stream: stream.write(data))
-
 
 class MendedCamera(Mended[Camera]):
     """truearc.hw.protocols.Camera that comes back.

@@ -28,12 +28,6 @@ class SerialStream:
             raise LinkLost(SERIAL_ERROR(port=self.name, detail=str(error))) from error
         return b"".join(parts)
 
-    def write(self, data: bytes) -> None:
-        try:
-            self._port.write(data)
-        except (serial.SerialException, OSError) as error:
-            raise LinkLost(SERIAL_ERROR(port=self.name, detail=str(error))) from error
-
     def close(self) -> None:
         with contextlib.suppress(serial.SerialException, OSError):      # an unplugged port may refuse even this
             self._port.close()

@@ -5,7 +5,6 @@ from collections import Counter
 
 from truearc.hw.devices.bus_rules import Rules
 from truearc.hw.devices.canandmag.bus_rules import make_rules as make_encoder_rules
-from truearc.hw.devices.canandmag.frames import Encoder
 from truearc.hw.devices.registry import family_of
 from truearc.hw.monitor import MonitoredBus
 from truearc.hw.protocols import Bus, Clock
@@ -33,5 +32,5 @@ def make_rules(config: Config) -> tuple[Rules, ...]:
     """Of every device of the launcher."""
     each_tick = math.ceil(SPARE * config.tick_hz * WINDOW_NS / NS_PER_S) + 1
     encoder = config.hood_encoder
-    return (make_encoder_rules(Encoder(encoder.device), encoder.period_ms),
+    return (make_encoder_rules(encoder.device, encoder.period_ms),
             *(family_of(axis).make_rules(axis, each_tick) for _, axis in name_axes(config)))

@@ -1,6 +1,7 @@
 """The launcher's configuration: one TOML file, no defaults, so that a typo cannot become one."""
 
 import csv
+import math
 import re
 import tomllib
 from collections.abc import Iterator
@@ -317,6 +318,23 @@ def naming(path: str | Path) -> Iterator[None]:
         yield
     except (OSError, UnicodeDecodeError, csv.Error, msgspec.MsgspecError) as error:
         raise InputError(f"{path}: {in_words(error)}") from error
+
+
+@contextmanager
+def about(what: str, kind: type[Exception] = InputError) -> Iterator[None]:
+    """Errors of this kind become InputErrors that begin with what they are about."""
+    try:
+        yield
+    except kind as error:
+        raise InputError(f"{what}: {error}") from error
+
+
+def number_in(text: str) -> float:
+    """The number that a cell of a table states; NaN where it states none."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
 
 
 def in_words(error: Exception) -> str:

@@ -6,11 +6,12 @@ Read with the standard library alone, since the robot reads it too: `truearc run
 import csv
 import io
 import math
+from collections.abc import Iterator
 from pathlib import Path
 
 from msgspec.structs import replace
 
-from truearc.robot.config.schema import MAX_TEXT_BYTES, Config, InputError, Prescribed, load_bytes, naming
+from truearc.robot.config.schema import MAX_TEXT_BYTES, Config, InputError, Prescribed, load_bytes, naming, number_in
 
 COLUMNS = ("distance_m", "motor_ratio", "hood_deg")
 SHOWN = 5                             # bad rows that a message names before it only counts
@@ -23,15 +24,16 @@ def load_plan(path: str | Path, config: Config) -> tuple[Prescribed, ...]:
     within the hood's limits, distance above 0.
     """
     file = Path(path) / "shots.csv" if Path(path).is_dir() else Path(path)
-    rows = _rows(file)
-    bad: list[str] = []
-    plan = [_parse_row(f"{file}:{line}", row, config, bad) for line, row in rows]
+    plan, bad = [], []
+    for line, row in _rows(file):
+        plan.append({name: number_in(cell) for name, cell in row.items()})
+        bad += [f"{file}:{line}: {what}" for what in _errors(row, plan[-1], config)]
     if bad:
         more = [f"... and {len(bad) - SHOWN} more"] if len(bad) > SHOWN else []
         raise InputError("\n".join([*bad[:SHOWN], *more]))
     if not plan:
         raise InputError(f"{file}: no rows: there is nothing to shoot")
-    return tuple(row for row in plan if row is not None)
+    return tuple(Prescribed(**values) for values in plan)
 
 
 def with_plan(config: Config, plan: tuple[Prescribed, ...], repeats: int | None = None) -> Config:
@@ -54,23 +56,12 @@ def _rows(file: Path) -> list[tuple[int, dict[str, str]]]:
         return [(reader.line_num, {name: row[name] or "" for name in COLUMNS}) for row in reader]
 
 
-def _parse_row(place: str, row: dict[str, str], config: Config, bad: list[str]) -> Prescribed | None:
+def _errors(row: dict[str, str], values: dict[str, float], config: Config) -> Iterator[str]:
     limits = {"distance_m": (0.0, 1e3), "motor_ratio": (0.0, 1.0),
               "hood_deg": (config.hood.low_deg, config.hood.high_deg)}
-    values: dict[str, float] = {}
-    for name in COLUMNS:
+    for name, value in values.items():
         low, high = limits[name]
-        value = _number(row[name])
         if math.isnan(value):
-            bad.append(f"{place}: {name}: {row[name]!r} is not a number")
+            yield f"{name}: {row[name]!r} is not a number"
         elif not low <= value <= high or (value == 0.0 and name != "hood_deg"):
-            bad.append(f"{place}: {name}: {value:g} is out of the launcher's range ({low:g} to {high:g})")
-        values[name] = value
-    return None if bad else Prescribed(**values)
-
-
-def _number(cell: str) -> float:
-    try:
-        return float(cell)
-    except ValueError:
-        return math.nan
+            yield f"{name}: {value:g} is out of the launcher's range ({low:g} to {high:g})"

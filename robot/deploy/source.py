@@ -9,14 +9,11 @@ IGNORE = shutil.ignore_patterns("__pycache__", "*.pyc", "*.egg-info", "build", "
 
 def copy_source(checkout: Path, to: Path) -> Path:
     """Copy what a wheel of truearc is built from into the new folder `to`; returns `to`."""
-    to.mkdir(parents=True)
-    for name in PARTS:
-        path = checkout / name
-        if path.is_dir():
-            copy_folder(path, to / name)
-        elif path.exists():
-            shutil.copyfile(path, to / name)
-    return to
+    def ignore(folder: str, names: list[str]) -> set[str]:
+        others = set(names) - set(PARTS) if Path(folder) == checkout else set()
+        return others | IGNORE(folder, names)
+
+    return shutil.copytree(checkout, to, ignore=ignore)
 
 
 def copy_folder(folder: Path, to: Path) -> Path:

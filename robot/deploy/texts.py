@@ -42,7 +42,8 @@ def make_files(config: Config, parts: Parts) -> dict[str, str]:
 
 def make_unit(config: Config, parts: Parts) -> str:
     """The service. It waits for the CAN interface, but does not fall with it: an unplugged adapter is a HOLD."""
-    device = f"sys-subsystem-net-devices-{_escape(config.can.channel)}.device"
+    escaped = config.can.channel.replace("-", "\\x2d")         # as systemd-escape does
+    device = f"sys-subsystem-net-devices-{escaped}.device"
     waits = f"Wants={device}\nAfter={device}\n" if config.can.interface == "socketcan" else ""
     models = _models(parts) + (f" --aim-inbox {INBOX}" if parts.has_aim else "")
     core = "" if parts.core is None else f" --core {parts.core}"
@@ -101,8 +102,3 @@ def _filled(name: str, **values: object) -> str:
 def _models(parts: Parts) -> str:
     return "".join(f" --{option} {SETTINGS}/{file}" for option, file, carried in (
         ("gate", "gate.onnx", parts.has_gate), ("aim", "aim.json", parts.has_aim)) if carried)
-
-
-def _escape(name: str) -> str:
-    """As systemd-escape does, of an interface's name."""
-    return name.replace("-", "\\x2d")

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from truearc.hw.devices.axis import Axis
 from truearc.hw.devices.canandmag.doctor import check_encoder
-from truearc.hw.devices.canandmag.frames import Encoder
 from truearc.hw.devices.family import AxisCheck, Endpoints, Heard
 from truearc.hw.devices.odrive.doctor import parse_endpoints
 from truearc.hw.devices.registry import family_of
@@ -14,7 +13,7 @@ from truearc.hw.frc import is_controller_heartbeat, locked_spark
 from truearc.hw.machine import CanLink
 from truearc.hw.protocols import Frame
 from truearc.robot.aim_file import load_aim_for, needs_aim
-from truearc.robot.config.schema import Can, Config, GateConfig, InputError, load_text
+from truearc.robot.config.schema import Can, Config, GateConfig, InputError, about, load_text
 from truearc.robot.gate.contract import FEATURES
 from truearc.robot.gate.model import load_gate
 from truearc.robot.motors import name_axes
@@ -25,10 +24,8 @@ BRING_UP = "bring it up with the files of `truearc deploy`, or `ip link set {} u
 
 def load_endpoints(path: Path) -> Endpoints:
     """Read flat_endpoints.json; InputError names the file and what is missing."""
-    try:
+    with about(str(path), ValueError):
         return parse_endpoints(load_text(path))
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from error
 
 
 def questions(config: Config, endpoints: Endpoints | None) -> list[Frame]:
@@ -41,7 +38,7 @@ def check_devices(config: Config, endpoints: Endpoints | None, heard: Heard) -> 
     for name, axis in name_axes(config):
         yield from family_of(axis).examine(axis, AxisCheck(name, config.tick_hz, endpoints), heard)
     encoder = config.hood_encoder
-    yield check_encoder(Encoder(encoder.device), encoder.period_ms, config.gate.reading_age_s, heard)
+    yield check_encoder(encoder.device, encoder.period_ms, config.gate.reading_age_s, heard)
 
 
 def check_model(gate: GateConfig, path: Path | None) -> Finding:

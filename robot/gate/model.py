@@ -17,6 +17,7 @@ Box = tuple[tuple[float, float], ...]             # (low, high) of each feature,
 
 
 Floats = npt.NDArray[np.float64]
+Nodes = list[tuple[str, str, list[Any]]]        # name, type, shape: each a size, a name, or None
 
 
 class Rating(NamedTuple):
@@ -107,34 +108,22 @@ def load_gate(path: str | Path) -> Gate:
     novelty that is not a number anywhere on a grid of 27 points over the domain.
     """
     data = load_bytes(path)
-    opened = _open_session(path, data)
-    _check_contract(path, opened.metadata)
-    _check_nodes(path, "input", opened.inputs, {contract.INPUT: len(contract.FEATURES)})
-    _check_nodes(path, "output", opened.outputs, {contract.OUTPUT: len(contract.OUTPUTS), contract.NOVELTY: 1})
-    domain = _parse_domain(path, opened.metadata)
-    _parse_object(path, opened.metadata, contract.KEY_NOVELTY)
-    provenance = _parse_object(path, opened.metadata, contract.KEY_PROVENANCE)
-    if not is_intact(data, opened.metadata.get(KEY_SEAL, "")):
+    session, metadata, inputs, outputs = _open_session(path, data)
+    _check_contract(path, metadata)
+    _check_nodes(path, "input", inputs, {contract.INPUT: len(contract.FEATURES)})
+    _check_nodes(path, "output", outputs, {contract.OUTPUT: len(contract.OUTPUTS), contract.NOVELTY: 1})
+    domain = _parse_domain(path, metadata)
+    _parse_object(path, metadata, contract.KEY_NOVELTY)
+    provenance = _parse_object(path, metadata, contract.KEY_PROVENANCE)
+    if not is_intact(data, metadata.get(KEY_SEAL, "")):
         raise InputError(f"{path}: damaged or altered since it was exported (metadata key {KEY_SEAL!r} does not fit)")
-    gate = Gate(opened.session, domain, hashlib.sha256(data).hexdigest(), provenance)
+    gate = Gate(session, domain, hashlib.sha256(data).hexdigest(), provenance)
     _probe(path, gate)
     return gate
 
 
-class _Node(NamedTuple):
-    name: str
-    type: str
-    shape: list[Any]                              # a size, a name, or None
-
-
-class _Opened(NamedTuple):
-    session: Any
-    metadata: dict[str, str]
-    inputs: list[_Node]
-    outputs: list[_Node]
-
-
-def _open_session(path: str | Path, data: bytes) -> _Opened:
+def _open_session(path: str | Path, data: bytes) -> tuple[Any, dict[str, str], Nodes, Nodes]:
+    """The session, its metadata, its inputs and its outputs."""
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
     options.inter_op_num_threads = 1
@@ -145,9 +134,9 @@ def _open_session(path: str | Path, data: bytes) -> _Opened:
     try:
         # Without the fallback: it would print, and try the same again.
         session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"], enable_fallback=0)
-        inputs, outputs = ([_Node(node.name, node.type, node.shape) for node in nodes]
+        inputs, outputs = ([(node.name, node.type, node.shape) for node in nodes]
                            for nodes in (session.get_inputs(), session.get_outputs()))
-        return _Opened(session, dict(session.get_modelmeta().custom_metadata_map), inputs, outputs)
+        return session, dict(session.get_modelmeta().custom_metadata_map), inputs, outputs
     except Exception as error:                    # onnxruntime's own errors share no other base; names may not be UTF-8
         raise InputError(f"{path}: not a usable ONNX model ({_first_line(error)})") from error
 
@@ -164,17 +153,14 @@ def _check_contract(path: str | Path, metadata: dict[str, str]) -> None:
         raise InputError(f"{path}: metadata key {contract.KEY_CONTRACT!r} does not say what its hash stands for")
 
 
-def _check_nodes(path: str | Path, kind: str, nodes: list[_Node], wanted: dict[str, int]) -> None:
+def _check_nodes(path: str | Path, kind: str, nodes: Nodes, wanted: dict[str, int]) -> None:
     """`wanted`: name -> width, in the contract's order."""
-    if [node.name for node in nodes] != list(wanted) or not all(_is_rows(node, wanted[node.name]) for node in nodes):
-        said = ", ".join(f"{node.name} {node.type} {node.shape}" for node in nodes)
+    if [name for name, _, _ in nodes] != list(wanted) or not all(
+            type_ == "tensor(float)" and len(shape) == 2 and not isinstance(shape[0], int) and shape[1] == wanted[name]
+            for name, type_, shape in nodes):
+        said = ", ".join(f"{name} {type_} {shape}" for name, type_, shape in nodes)
         asked = ", ".join(f"{name} tensor(float) [n, {width}]" for name, width in wanted.items())
         raise InputError(f"{path}: the {kind} is {said}; the contract asks for {asked}")
-
-
-def _is_rows(node: _Node, width: int) -> bool:
-    return (node.type == "tensor(float)" and len(node.shape) == 2 and not isinstance(node.shape[0], int)
-            and bool(node.shape[1] == width))
 
 
 def _parse_domain(path: str | Path, metadata: dict[str, str]) -> Box:

@@ -9,23 +9,16 @@ import hmac
 import os
 import secrets
 from pathlib import Path
-from typing import NamedTuple
 
 import msgspec
 
 from truearc.robot.aim_file import load_aim_for
 from truearc.robot.config.schema import Config, InputError
 from truearc.robot.config.toml_errors import reworded
+from truearc.robot.operator_ui.what_if import Answer, QuestionError, make_answer
 
 TOKEN, ACCEPT = "token", "accept"
 MAX_AIM_BYTES = 1 << 18
-
-
-class Said(NamedTuple):
-    """HTTP status and text of an answer."""
-
-    status: int
-    text: str
 
 
 class _Accept(msgspec.Struct, forbid_unknown_fields=True):
@@ -44,40 +37,40 @@ class AimOrders:
                 file.write(secrets.token_urlsafe(18) + "\n")
         self._token = path.read_text(encoding="ascii").strip()
 
-    def keep(self, authorization: str, body: bytes) -> Said:
-        """Put an aim file into the inbox: 201, or why not."""
-        if refused := self._stranger(authorization):
-            return refused
+    def keep(self, authorization: str, body: bytes) -> Answer:
+        """Put an aim file into the inbox: 201. QuestionError says why not."""
+        self._check_token(authorization)
         half = self._folder / f".{secrets.token_hex(8)}"
         try:
             half.write_bytes(body)
             load_aim_for(half, self._config)
             half.replace(self._folder / f"{hashlib.sha256(body).hexdigest()}.json")
         except InputError as error:
-            return Said(400, str(error).replace(f"{half}: ", ""))
+            raise QuestionError(400, str(error).replace(f"{half}: ", "")) from error
         except OSError as error:
-            return Said(507, f"cannot be kept: {error.strerror or error}")
+            raise QuestionError(507, f"cannot be kept: {error.strerror or error}") from error
         finally:
             half.unlink(missing_ok=True)
-        return Said(201, "offered to the driver")
+        return make_answer({"said": "offered to the driver"}, 201)
 
-    def accept(self, authorization: str, body: bytes) -> Said:
-        """Accept the file with that hash, {"sha256": ...}: 202, or why not. It takes effect if it is on offer."""
-        if refused := self._stranger(authorization):
-            return refused
+    def accept(self, authorization: str, body: bytes) -> Answer:
+        """Accept the file with that hash, {"sha256": ...}: 202. It takes effect if it is on offer.
+
+        QuestionError says why not.
+        """
+        self._check_token(authorization)
         try:
             asked = msgspec.json.decode(body, type=_Accept)
         except (msgspec.MsgspecError, RecursionError) as error:
-            return Said(400, reworded(str(error)))
+            raise QuestionError(400, reworded(str(error))) from error
         if not any(hashlib.sha256(one.read_bytes()).hexdigest() == asked.sha256 for one in self._folder.glob("*.json")):
-            return Said(404, "sha256: no such aim file in the inbox")
+            raise QuestionError(404, "sha256: no such aim file in the inbox")
         try:
             (self._folder / ACCEPT).write_text(asked.sha256, encoding="ascii")
         except (OSError, UnicodeEncodeError) as error:
-            return Said(507, f"cannot be kept: {error}")
-        return Said(202, "taken if the launcher is disarmed and this file is on offer")
+            raise QuestionError(507, f"cannot be kept: {error}") from error
+        return make_answer({"said": "taken if the launcher is disarmed and this file is on offer"}, 202)
 
-    def _stranger(self, authorization: str) -> Said | None:
-        if hmac.compare_digest(authorization.encode(), f"Bearer {self._token}".encode()):
-            return None
-        return Said(401, f"the token in the inbox's file {TOKEN!r} is needed")
+    def _check_token(self, authorization: str) -> None:
+        if not hmac.compare_digest(authorization.encode(), f"Bearer {self._token}".encode()):
+            raise QuestionError(401, f"the token in the inbox's file {TOKEN!r} is needed")

@@ -50,10 +50,10 @@ class Answer(NamedTuple):
         return self.text.startswith(GZIP)
 
 
-def make_answer(said: dict[str, Any]) -> Answer:
-    """An answer of status 200."""
+def make_answer(said: dict[str, Any], status: int = 200) -> Answer:
+    """An answer, by gzip where it is long."""
     text = json.dumps(said, allow_nan=False, separators=(",", ":")).encode()
-    return Answer(200, gzip.compress(text, 1, mtime=0) if len(text) > SMALL_BYTES else text)
+    return Answer(status, gzip.compress(text, 1, mtime=0) if len(text) > SMALL_BYTES else text)
 
 
 def make_refusal(error: QuestionError) -> Answer:

@@ -10,14 +10,13 @@ from pathlib import Path
 from msgspec import UNSET
 from msgspec.structs import replace
 
-from truearc.hw.protocols import CameraFrame
 from truearc.robot.aim_file import AimFile, load_aim_for
 from truearc.robot.config.schema import Config, InputError
 from truearc.robot.operator_ui.aim_orders import ACCEPT
 from truearc.robot.recording.files import save_synced
 from truearc.robot.recording.session import AIMS
-from truearc.robot.runtime import RobotIo
-from truearc.robot.types import AimOffer, Command, Inputs, Sent
+from truearc.robot.runtime import RigLayer, RobotIo
+from truearc.robot.types import AimOffer, Inputs
 
 LOOK_S = 1.0
 
@@ -81,11 +80,12 @@ class AimInbox:
             self.look()
 
 
-class OfferingRig:
+class OfferingRig(RigLayer):
     """A RobotIo whose inputs say which aim file is on offer."""
 
     def __init__(self, rig: RobotIo, inbox: AimInbox) -> None:
-        self._rig, self._inbox = rig, inbox
+        super().__init__(rig)
+        self._inbox = inbox
 
     def read(self) -> Inputs | None:
         inputs, offer = self._rig.read(), self._inbox.offer
@@ -93,9 +93,3 @@ class OfferingRig:
             return inputs
         accepted, self._inbox.accepted = self._inbox.accepted, None
         return replace(inputs, aim_offer=offer, aim_accept=UNSET if accepted is None else accepted)
-
-    def write(self, command: Command) -> Sent:
-        return self._rig.write(command)
-
-    def picture(self) -> CameraFrame | None:
-        return self._rig.picture()

@@ -2,13 +2,13 @@
 
 from bisect import bisect_left
 from collections.abc import Callable
+from itertools import accumulate
 from typing import Protocol
 
 from msgspec import Struct
 
-from truearc.hw.protocols import CameraFrame
-from truearc.robot.runtime import RobotIo
-from truearc.robot.types import Command, Inputs, Sent
+from truearc.robot.runtime import RigLayer, RobotIo
+from truearc.robot.types import Inputs
 
 NS_PER_S = 1_000_000_000
 AT_MOST_US = (50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000)    # one more count holds what is later still
@@ -74,30 +74,21 @@ class Lateness:
                   for edge, count in zip(edges, self._totals, strict=True) if count)]
 
 
-class TimedRig:
+class TimedRig(RigLayer):
     """Passes everything through, and notes how late each tick came; the first one has nothing to be late for."""
 
     def __init__(self, rig: DueRig, lateness: Lateness) -> None:
-        self._rig, self._lateness = rig, lateness
+        super().__init__(rig)
+        self._due, self._lateness = rig, lateness
 
     def read(self) -> Inputs | None:
         inputs = self._rig.read()
         if inputs is not None and inputs.cycle > 1:
-            self._lateness.note(inputs.t_ns, self._rig.late_ns)
+            self._lateness.note(inputs.t_ns, self._due.late_ns)
         return inputs
-
-    def write(self, command: Command) -> Sent:
-        return self._rig.write(command)
-
-    def picture(self) -> CameraFrame | None:
-        return self._rig.picture()
 
 
 def _quantile(totals: list[int], share: float) -> str:
     """The upper edge of the count in which the tick lies."""
-    wanted, so_far = share * sum(totals), 0
-    for edge, count in zip(AT_MOST_US, totals, strict=False):
-        so_far += count
-        if so_far >= wanted:
-            return f"{edge / 1000:g} ms"
-    return f"more than {AT_MOST_US[-1] / 1000:g} ms"
+    place = bisect_left(list(accumulate(totals)), share * sum(totals))
+    return f"{AT_MOST_US[place] / 1000:g} ms" if place < len(AT_MOST_US) else f"more than {AT_MOST_US[-1] / 1000:g} ms"

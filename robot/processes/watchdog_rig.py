@@ -2,11 +2,10 @@
 
 from collections.abc import Callable
 
-from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import Config
 from truearc.robot.gate.verdict import doubted_readings
 from truearc.robot.reasons import DEVICE_HEARTBEAT_STALE, DEVICE_NEVER_RECEIVED, DEVICE_STALE, text
-from truearc.robot.runtime import RobotIo
+from truearc.robot.runtime import RigLayer, RobotIo
 from truearc.robot.types import Command, Inputs, Sent
 
 NS_PER_S = 1_000_000_000
@@ -14,7 +13,7 @@ NOT_FRESH = {code.name for code in (DEVICE_NEVER_RECEIVED, DEVICE_STALE, DEVICE_
 ALIVE_NS = 100_000_000                # how often the watchdog is fed; it wants to hear it once a second
 
 
-class WatchedRig:
+class WatchedRig(RigLayer):
     """Passes everything through, and says READY after the first full set of fresh readings, then WATCHDOG.
 
     WATCHDOG is said on the way out of a tick whose commands have been sent, and nowhere else: a loop that hangs falls
@@ -22,7 +21,8 @@ class WatchedRig:
     """
 
     def __init__(self, rig: RobotIo, config: Config, say: Callable[[str], None]) -> None:
-        self._rig, self._config, self._say = rig, config, say
+        super().__init__(rig)
+        self._config, self._say = config, say
         self._seen_ns: int | None = None          # when the newest image was taken, whatever it showed
         self._missing: str | None = None
         self._ready = False
@@ -43,9 +43,6 @@ class WatchedRig:
             self._alive_ns = self._t_ns
             self._say("WATCHDOG=1")
         return sent
-
-    def picture(self) -> CameraFrame | None:
-        return self._rig.picture()
 
     def _look(self, inputs: Inputs) -> None:
         if inputs.sighting is not None:

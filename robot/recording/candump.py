@@ -49,6 +49,3 @@ class TappedBus:
 
     def faults(self) -> list[Reason]:
         return self._bus.faults()
-
-    def close(self) -> None:
-        self._bus.close()

@@ -124,8 +124,7 @@ def _recover_trials(session: Path, told: _Told, repairs: list[str]) -> int:
     return len({trial.outcome.trial for trial in trials})
 
 
-def _recover_lines(session: Path, name: str, what: str, is_whole: Callable[[bytes], bool],
-                   repairs: list[str]) -> None:
+def _recover_lines(session: Path, name: str, what: str, is_whole: Callable[[bytes], bool], repairs: list[str]) -> None:
     """Leave only the whole lines of a text file."""
     path = session / name
     if not path.exists():

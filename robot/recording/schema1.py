@@ -10,7 +10,6 @@ recomputed is written as format 1 (`Rows1.encode_tick`), sentences and all, and 
 import ast
 import re
 import tomllib
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
 from importlib.resources import files
@@ -43,7 +42,7 @@ class Form:
 
     code: Code
     template: str
-    fixed: Mapping[str, Any]
+    fixed: dict[str, Any]
     within: str
 
     @cached_property
@@ -135,15 +134,11 @@ def read(sentence: str, within: str = "") -> Reason:
     """The reason that a sentence stands for; `within`: the code that it is the cause of, if any."""
     for form in load_forms():
         if form.within in ("", within) and (match := form.pattern.fullmatch(sentence)):
-            params = {name: _read_value(text, form, name) for name, text in match.groupdict().items()}
-            reason = Reason(form.code.name, _in_order(form.code, {**params, **form.fixed}))
+            params = {name: _read_value(text, form, name) for name, text in match.groupdict().items()} | form.fixed
+            reason = Reason(form.code.name, {name: params[name] for name in form.code.params if name in params})
             if write(reason) == sentence:
                 return reason
     return bot.LEGACY_TEXT(text=sentence)
-
-
-def _in_order(code: Code, params: dict[str, Any]) -> dict[str, Any]:
-    return {name: params[name] for name in code.params if name in params}
 
 
 def _shape(kind: str, spec: str) -> str:
@@ -203,7 +198,7 @@ def _write_value(value: Any, spec: str) -> str:
         return _write_box(value) if spec == "box" else write(value)
     if isinstance(value, tuple | list):
         if spec == "errors":
-            return ", ".join(map(_write_error, value))
+            return ", ".join(load_errors().get(error.code) or bot.text(error) for error in value)
         between = "; " if any(isinstance(one, Reason) for one in value) else ", "
         return between.join(write(one) if isinstance(one, Reason) else str(one) for one in value)
     if spec == "bytes":
@@ -220,10 +215,6 @@ def _read_errors(text: str) -> tuple[Reason, ...]:
     if not all(word in codes or BITS.fullmatch(word) for word in words):
         return ()
     return tuple(Reason(codes[word]) if word in codes else hw.ERROR_BITS(bits=int(word[-8:], 16)) for word in words)
-
-
-def _write_error(error: Any) -> str:
-    return load_errors().get(error.code) or bot.text(error)
 
 
 def _write_box(reason: Reason) -> str:

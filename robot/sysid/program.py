@@ -69,8 +69,7 @@ def _check(config: Config) -> None:
     free_rad_s = config.rig.launcher.free_speed_rad_s
     if free_rad_s and OVERSPEED * wheel.top_rad_s > free_rad_s:
         raise InputError(f"identify.flywheel.top_rad_s is {wheel.top_rad_s:g}; with {OVERSPEED - 1.0:.0%} to spare "
-                         f"that "
-                       f"is above rig.launcher.free_speed_rad_s, {free_rad_s:g}")
+                         f"that is above rig.launcher.free_speed_rad_s, {free_rad_s:g}")
     if not 0.0 < 2.0 * hood.margin_deg < config.hood.high_deg - config.hood.low_deg:
         raise InputError(f"identify.hood.margin_deg is {hood.margin_deg:g}: nothing is left of the hood's travel from "
                        f"{config.hood.low_deg:g} to {config.hood.high_deg:g} degrees")

@@ -13,8 +13,8 @@ from truearc.hw.emulated.imaging.picture_server import PictureServer
 from truearc.hw.emulated.nodes import Stage, View
 from truearc.hw.emulated.serial_link import SocketCable, open_cable
 from truearc.hw.emulated.slcan_adapter import SlcanAdapter
-from truearc.hw.protocols import Bus, Clock, Frame, LinkLost
-from truearc.hw.real.can_bus import open_can
+from truearc.hw.protocols import Clock, Frame, LinkLost
+from truearc.hw.real.can_bus import CanBus, open_can
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.port_options import split_bus
 from truearc.robot.config.schema import CameraConfig, Config, InputError, Tape
@@ -64,7 +64,7 @@ def serve(config: Config, config_path: Path, bus_name: str, watchdog_ms: int, tr
     return world.results
 
 
-def open_device_bus(name: str, config: Config, clock: Clock) -> tuple[Bus, str]:
+def open_device_bus(name: str, config: Config, clock: Clock) -> tuple[CanBus | SlcanAdapter, str]:
     """The devices' end of the bus called `name`, and what the robot is to open; InputError when there is none.
 
     slcan:auto is an adapter on a pseudo-terminal, or on a socket where the system has none; slcan:socket always that.

@@ -12,7 +12,6 @@ from msgspec.structs import replace
 from truearc.hw.devices.axis import Axis
 from truearc.hw.devices.button_box.emulator import ButtonBox, open_button_box
 from truearc.hw.devices.canandmag.emulator import CanandmagNode
-from truearc.hw.devices.canandmag.frames import Encoder
 from truearc.hw.devices.family import AttachedMotor
 from truearc.hw.devices.registry import family_of
 from truearc.hw.emulated.clock import StepClock
@@ -58,7 +57,7 @@ def make_nodes(config: Config, world: Plant, watchdog_ms: int = WATCHDOG_MS) -> 
     nodes: dict[str, Node] = {name: make_axis_node(axis, name, world, watchdog_ms)
                               for name, (_, axis) in zip(names, name_axes(config), strict=True)}
     encoder = config.hood_encoder
-    nodes["hood_encoder"] = CanandmagNode(Encoder(encoder.device), world, encoder.zero_deg, encoder.direction)
+    nodes["hood_encoder"] = CanandmagNode(encoder.device, world, encoder.zero_deg, encoder.direction)
     return nodes
 
 

@@ -72,6 +72,9 @@ def reads_of(tree: ast.Module, start: str) -> tuple[set[str], set[tuple[str, str
             if isinstance(node, ast.Name):
                 waiting.append(node.id)
                 called |= {imports[node.id]} if node.id in imports else set()
+            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+                package, name = imports.get(node.value.id, ("", ""))
+                called |= {(f"{package}.{name}", node.attr)} if package == "truearc.cli" else set()     # common.refuse
     return attributes, {(str(module), function) for module, function in called}
 
 

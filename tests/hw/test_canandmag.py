@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 from tests.hw.dbc_facts import length, messages
 from truearc.hw.codec import load_codec
 from truearc.hw.devices.canandmag import frames as canandmag
-from truearc.hw.devices.canandmag.frames import Encoder
 from truearc.hw.protocols import AngleReading, BadFrame, Frame
 
-ENCODER = Encoder(5)
+ENCODER = 5
 POSITION_ID, STATUS_ID = 0x070E07C5, 0x070E0185
 
 
@@ -123,7 +122,7 @@ def test_status_agrees_with_the_makers_dbc(theirs, data: bytes) -> None:
 @pytest.mark.data
 @given(period_ms=st.integers(1, 65535), device=st.integers(0, 63))
 def test_what_the_driver_sends_reads_there_as_meant(theirs, period_ms: int, device: int) -> None:
-    sent = canandmag.make_position_period(Encoder(device), period_ms)
+    sent = canandmag.make_position_period(device, period_ms)
     message = theirs.get_message_by_frame_id(sent.arbitration_id - device)
     assert sent.is_extended and message.name == "set_setting"
     meant = message.decode(sent.data, decode_choices=False)

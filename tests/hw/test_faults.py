@@ -7,7 +7,7 @@ import pytest
 
 from tests.hw.spinning_plant import SpinningPlant
 from truearc.hw.devices.canandmag.emulator import CanandmagNode
-from truearc.hw.devices.canandmag.frames import Encoder, make_position_period
+from truearc.hw.devices.canandmag.frames import make_position_period
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.emulator import OdriveNode
 from truearc.hw.devices.odrive.frames import CLOSED_LOOP, IDLE, PASSTHROUGH, TORQUE, OdriveAxis
@@ -113,9 +113,9 @@ def test_a_node_without_power_is_silent_drives_nothing_and_starts_anew(plant, wi
 
 def test_an_encoder_without_power_forgets_its_period_and_its_turns(plant, clock) -> None:
     near, far = (open_can("virtual", "test_faults_encoder", 1_000_000, clock) for _ in range(2))
-    node = CanandmagNode(Encoder(5), plant, 0.0, 1)
+    node = CanandmagNode(5, plant, 0.0, 1)
     twin = Twin(plant, far, (FaultyNode(node, (Fault(UNPOWERED, 200 * MS, 300 * MS),)),))
-    near.write(make_position_period(Encoder(5), 10))
+    near.write(make_position_period(5, 10))
     plant.hood_rad = 0.9
     twin.advance(199 * MS)
     before = [frame for frame in near.read() if frame.arbitration_id == 0x070E07C5]

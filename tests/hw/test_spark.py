@@ -102,11 +102,11 @@ def test_speeds_and_turns_become_radians_in_the_robots_sign(axis: SparkAxis, rpm
 def test_answers() -> None:
     axis = SparkAxis(5, 1)
     assert spark.parse_version(axis, frame(0x02052600, axis, bytes([25, 1, 0x01, 0x02, 0, 0, 0, 0]))) == (25, 1, 258)
-    assert spark.parse_statuses(axis, frame(0x02050440, axis, bytes([0, 7, 0, 7, 0]))) == (True, 7)
-    assert spark.parse_statuses(axis, frame(0x02050440, axis, bytes([1, 7, 0, 3, 0]))) == (False, 3)
-    assert spark.parse_setting(axis, frame(0x02053840, axis, bytes([71, 2, 16, 0, 0, 0, 0]))) == (71, True, 16.0)
+    assert spark.parse_statuses(axis, frame(0x02050440, axis, bytes([0, 7, 0, 7, 0]))) == 7
+    assert spark.parse_statuses(axis, frame(0x02050440, axis, bytes([1, 7, 0, 3, 0]))) == 0
+    assert spark.parse_setting(axis, frame(0x02053840, axis, bytes([71, 2, 16, 0, 0, 0, 0]))) == (71, 16.0)
     refused = bytes([136, 3]) + struct.pack("<f", 0.03125) + b"\x02"
-    assert spark.parse_setting(axis, frame(0x02053840, axis, refused)) == (136, False, 0.03125)
+    assert spark.parse_setting(axis, frame(0x02053840, axis, refused)) is None
     assert spark.parse_setting(axis, frame(0x02053840, axis, bytes([200, 2, 16, 0, 0, 0, 0]))) is None
     with pytest.raises(BadFrame, match="parameter 136"):
         spark.parse_setting(axis, frame(0x02053840, axis, bytes([136, 3]) + struct.pack("<f", math.nan) + b"\0"))
@@ -203,4 +203,4 @@ def test_a_setting_comes_back_as_it_went_out(axis: SparkAxis, parameter: int, da
     value = data.draw(st.floats(-1e6, 1e6, width=32) if parameter in spark.FLOATS else st.integers(0, 2**32 - 1))
     sent = spark.make_setting(axis, parameter, value)
     answer = Frame(1, sent.arbitration_id + 0x40, sent.data[:1] + b"\x02" + sent.data[1:] + b"\0", True)
-    assert spark.parse_setting(axis, answer) == (parameter, True, value)
+    assert spark.parse_setting(axis, answer) == (parameter, value)

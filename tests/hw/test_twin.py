@@ -10,7 +10,6 @@ from tests.hw.spinning_plant import TORQUE_NM_A
 from truearc.hw import fault_codes as hw
 from truearc.hw.devices.canandmag import frames as canandmag
 from truearc.hw.devices.canandmag.emulator import CanandmagNode
-from truearc.hw.devices.canandmag.frames import Encoder
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.emulator import OdriveNode, OdriveSettings
 from truearc.hw.devices.odrive.frames import CLOSED_LOOP, IDLE, PASSTHROUGH, TORQUE, OdriveAxis
@@ -20,7 +19,7 @@ from truearc.hw.protocols import Frame, MotorReading
 from truearc.hw.real.can_bus import open_can
 
 MS = 1_000_000
-LEFT, RIGHT, HOOD, ENCODER = OdriveAxis(1, 1), OdriveAxis(2, -1), OdriveAxis(3, 1, 596), Encoder(5)
+LEFT, RIGHT, HOOD, ENCODER = OdriveAxis(1, 1), OdriveAxis(2, -1), OdriveAxis(3, 1, 596), 5
 
 
 def limits(velocity_rad_s: float, current_a: float) -> Frame:

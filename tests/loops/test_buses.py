@@ -143,8 +143,6 @@ class Silent:
     def read(self) -> bytes | None:
         return b""
 
-    def write(self, data: bytes) -> None: ...
-
     def close(self) -> None: ...
 
 

@@ -23,6 +23,7 @@ from truearc.robot.operator_ui.aim_orders import AimOrders
 from truearc.robot.operator_ui.driver_messages import tell
 from truearc.robot.operator_ui.page_state import Glance
 from truearc.robot.operator_ui.view import describe
+from truearc.robot.operator_ui.what_if import QuestionError
 from truearc.robot.processes.aim_inbox import AimInbox, OfferingRig
 from truearc.robot.reasons import AIM_FILE_MISSING, FIRE_NOT_REQUESTED, NO_SET_POINT
 from truearc.robot.recording.rows import Rows2
@@ -177,6 +178,12 @@ def bearer(orders, tmp_path):
     return "Bearer " + (tmp_path / "in" / "token").read_text().strip()
 
 
+def refusal(order, token, body):
+    with pytest.raises(QuestionError) as refused:
+        order(token, body)
+    return refused.value
+
+
 def test_the_page_keeps_a_sound_file_for_who_has_the_token_and_hands_on_its_acceptance(orders, tmp_path):
     token, data = bearer(orders, tmp_path), sealed()
     assert (tmp_path / "in" / "token").stat().st_mode & 0o077 == 0
@@ -201,7 +208,8 @@ def test_the_page_keeps_a_sound_file_for_who_has_the_token_and_hands_on_its_acce
 
 @pytest.mark.parametrize("token", ["", "Bearer ", "Bearer x", "Basic abc", "Bearer \xe4"])
 def test_who_lacks_the_token_gives_no_order(orders, tmp_path, token):
-    assert orders.keep(token, sealed()).status == 401 and orders.accept(token, b'{"sha256":"a"}').status == 401
+    for order, body in ((orders.keep, sealed()), (orders.accept, b'{"sha256":"a"}')):
+        assert refusal(order, token, body).status == 401
     assert [one.name for one in (tmp_path / "in").iterdir()] == ["token"]
 
 
@@ -209,8 +217,8 @@ def test_who_lacks_the_token_gives_no_order(orders, tmp_path, token):
     (b"", "truncated"), (b"{", "truncated"), (sealed().replace(b"60.0", b"61.0"), "damaged or altered"),
     (sealed(replace(CONTENT, rig=replace(CONTENT.rig, target=None))), "rig.target")])
 def test_an_unsound_file_is_not_kept_and_the_answer_says_why(orders, tmp_path, data, words):
-    said = orders.keep(bearer(orders, tmp_path), data)
-    assert said.status == 400 and words in said.text and str(tmp_path) not in said.text
+    error = refusal(orders.keep, bearer(orders, tmp_path), data)
+    assert error.status == 400 and words in str(error) and str(tmp_path) not in str(error)
     assert [one.name for one in (tmp_path / "in").iterdir()] == ["token"]
 
 
@@ -218,7 +226,7 @@ def test_an_unsound_file_is_not_kept_and_the_answer_says_why(orders, tmp_path, d
                                   b"[" * 5000])
 def test_an_acceptance_of_what_is_not_there_is_refused(orders, tmp_path, body):
     orders.keep(bearer(orders, tmp_path), sealed())
-    assert orders.accept(bearer(orders, tmp_path), body).status in (400, 404)
+    assert refusal(orders.accept, bearer(orders, tmp_path), body).status in (400, 404)
     assert not (tmp_path / "in" / "accept").exists()
 
 

@@ -11,7 +11,7 @@ from msgspec import structs
 
 from truearc.api.table import Table
 from truearc.api.terms import check_kind, names_of
-from truearc.robot.config.schema import InputError
+from truearc.robot.config.schema import InputError, about
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover import investigate as engine
 from truearc.sim.discover.adopt import make_belief, with_worth
@@ -131,10 +131,8 @@ class Finding(Printed):
             InputError: the data carry no test, so nothing was fitted; or a coefficient, or an error of the tracker,
                 stopped at the end of its range, and there is no belief from before.
         """
-        try:
+        with about(self.name, ValueError):
             belief, provenance = make_belief(self.investigation)
-        except ValueError as error:
-            raise InputError(f"{self.name}: {error}") from error
         if "at_limit" in provenance and self.investigation.belief is None:
             why, stopped = provenance.get("refused", ""), ", ".join(provenance["at_limit"])
             raise InputError(f"{self.name}: nothing is adopted: {stopped} stopped at the end of its range"

@@ -1,7 +1,6 @@
 """Tidy tables: one row per observation, plain Python values."""
 
 import csv
-import html
 import io
 from dataclasses import dataclass
 from typing import Any
@@ -50,10 +49,8 @@ class Table(Printed):
         return make_text(self.columns, [tuple(map(_text, row)) for row in self.rows])
 
     def _repr_html_(self) -> str:
-        head = "".join(f"<th>{html.escape(name)}</th>" for name in self.columns)
-        body = "".join("<tr>" + "".join(f"<td>{html.escape(_text(cell))}</td>" for cell in row) + "</tr>"
-                       for row in self.rows)
-        return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+        from truearc.sim.report import table
+        return table(self.columns, self.rows)
 
 
 def _cell(cell: Any) -> str:

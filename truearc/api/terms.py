@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from truearc.robot.config.schema import InputError
+from truearc.robot.config.schema import InputError, about
 from truearc.sim.physics.catalogue import Catalogue, catalogue
 from truearc.sim.physics.term import Term
 
@@ -32,10 +32,8 @@ def names_of(terms: Iterable[str | Term] | None, argument: str, among: Catalogue
         raise InputError(f"{argument}: names no term")
     if twice := {name for name in names if names.count(name) > 1}:
         raise InputError(f"{argument}: names {', '.join(sorted(twice))} more than once; keep one")
-    try:
+    with about(argument):
         among.find(names)
-    except InputError as error:
-        raise InputError(f"{argument}: {error}") from error
     return names
 
 

@@ -56,13 +56,10 @@ def write_out(path: str | Path | None, text: str) -> None:
     """Write UTF-8 text as it is; nothing where there is no path.
 
     Raises:
-        InputError: the file cannot be written.
+        OSError: the file cannot be written; the command line says so.
     """
     if path is not None:
-        try:
-            Path(path).write_text(text, encoding="utf-8", newline="")
-        except OSError as error:
-            raise InputError(f"{path}: {error.strerror or error}") from error
+        Path(path).write_text(text, encoding="utf-8", newline="")
 
 
 def add_accept(parser: argparse.ArgumentParser) -> None:

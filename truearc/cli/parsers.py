@@ -94,8 +94,7 @@ def load_module(command: Command) -> CommandModule:
 def make_parser(command: Command) -> Parser:
     """Return the parser of a command: description, example, and its options."""
     module = load_module(command)
-    parser = Parser(prog=f"truearc {command.name}", description=module.__doc__,
-                    epilog=f"example: {module.EXAMPLE}")
+    parser = Parser(prog=f"truearc {command.name}", description=module.__doc__, epilog=f"example: {module.EXAMPLE}")
     fill_parser(parser, module)
     return parser
 

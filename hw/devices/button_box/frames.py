@@ -11,7 +11,6 @@ the characters between `$` and `*`, two upper-case hexadecimal digits. Whatever 
 
 import re
 from collections.abc import Sequence
-from typing import NamedTuple
 
 from msgspec import Struct
 
@@ -35,6 +34,9 @@ class BoxHeartbeat(Struct, frozen=True):
     seq: int
 
 
+BoxEvent = ButtonEvent | BoxHeartbeat
+
+
 def make_press(seq: int, button: str) -> bytes:
     """The line for one press; ValueError for an unknown button."""
     if button not in BUTTONS:
@@ -52,14 +54,14 @@ def lost_presses(previous_seq: int, seq: int) -> int:
     return (seq - previous_seq - 1) % SEQ_COUNT
 
 
-def parse_lines(pending: bytes, data: bytes, t_ns: int) -> tuple[list[ButtonEvent | BoxHeartbeat], bytes, list[Reason]]:
+def parse_lines(pending: bytes, data: bytes, t_ns: int) -> tuple[list[BoxEvent], bytes, list[Reason]]:
     """Events in `pending + data`, the rest to hand in next time, and at most one fault.
 
     `pending` is the rest of the previous call (empty at first); `t_ns` stamps every event. Garbage gives faults, never
     an exception and never an event, and the rest is never longer than a line.
     """
     *lines, rest = (pending + data).split(b"\n")
-    events: list[ButtonEvent | BoxHeartbeat] = []
+    events: list[BoxEvent] = []
     refused: list[bytes] = []
     for line in lines:
         before, start, body = line.rpartition(b"$")
@@ -76,7 +78,7 @@ def parse_lines(pending: bytes, data: bytes, t_ns: int) -> tuple[list[ButtonEven
     return events, rest, [BOX_LINES_REFUSED(lines=len(refused), first=refused[0][:LONGEST].decode("latin-1"))]
 
 
-def _parse(body: bytes, t_ns: int) -> ButtonEvent | BoxHeartbeat | None:
+def _parse(body: bytes, t_ns: int) -> BoxEvent | None:
     match = _LINE.fullmatch(body)
     if match is None or match[4] != b"%02X" % _crc(body[:-4]):
         return None
@@ -103,14 +105,6 @@ def _crc(text: bytes) -> int:
     return crc
 
 
-class Counted(NamedTuple):
-    """What came of some lines. `missed`: the newest fault by which presses may be lost; None: there is none."""
-
-    presses: list[ButtonEvent]
-    faults: list[Reason]
-    missed: Reason | None
-
-
 class PressCount:
     """Keeps the number of the newest press that was heard.
 
@@ -122,8 +116,11 @@ class PressCount:
         self._seq: int | None = None
         self._press: ButtonEvent | None = None
 
-    def take(self, events: Sequence[ButtonEvent | BoxHeartbeat]) -> Counted:
-        """The presses among what the box has said, and what is wrong with their numbers."""
+    def take(self, events: Sequence[BoxEvent]) -> tuple[list[ButtonEvent], list[Reason], Reason | None]:
+        """The presses among what the box has said, what is wrong with their numbers, and by what presses may be lost.
+
+        The last is the newest such fault; None: there is none.
+        """
         presses: list[ButtonEvent] = []
         faults: list[Reason] = []
         twice = 0
@@ -142,7 +139,7 @@ class PressCount:
                 # Half the count ahead is behind: a box that was without power counts from the start again.
                 faults.append(BOX_RESTARTED() if lost >= SEQ_COUNT // 2 else BOX_PRESSES_LOST(presses=lost))
         missed = faults[-1] if faults else None
-        return Counted(presses, faults + ([BOX_PRESSES_REPEATED(presses=twice)] if twice else []), missed)
+        return presses, faults + ([BOX_PRESSES_REPEATED(presses=twice)] if twice else []), missed
 
     def _is_known(self, event: ButtonEvent) -> bool:
         last = self._press

@@ -4,10 +4,10 @@ from truearc.hw.devices.bus_rules import NS_PER_MS, Rules, allow_seldom, kinds_o
 from truearc.hw.devices.canandmag import frames as canandmag
 
 
-def make_rules(encoder: canandmag.Encoder, period_ms: int) -> Rules:
+def make_rules(device: int, period_ms: int) -> Rules:
     """`period_ms`: between angles, as the device is set at start; 0: nothing is sent, its cadence is another's."""
-    by_host, by_device = (kinds_of(canandmag.ids_sent_by(encoder, node), True) for node in ("Host", "Encoder"))
+    by_host, by_device = (kinds_of(canandmag.ids_sent_by(device, node), True) for node in ("Host", "Encoder"))
     if not period_ms:
         return Rules((), by_host, by_device, {})
-    return Rules(allow_seldom([canandmag.make_position_period(encoder, period_ms)]), by_host, by_device,
-                 {(canandmag.frame_ids(encoder)[0], True, False): period_ms * NS_PER_MS})
+    return Rules(allow_seldom([canandmag.make_position_period(device, period_ms)]), by_host, by_device,
+                 {(canandmag.frame_ids(device)[0], True, False): period_ms * NS_PER_MS})

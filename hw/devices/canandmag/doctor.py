@@ -3,7 +3,6 @@
 from functools import partial
 
 from truearc.hw.devices.canandmag import frames as canandmag
-from truearc.hw.devices.canandmag.frames import Encoder
 from truearc.hw.devices.family import Heard
 from truearc.hw.finding import Finding, failure, ok, warning
 from truearc.hw.protocols import AngleReading
@@ -12,19 +11,18 @@ CHECK = "hood encoder"
 ENOUGH = 3                            # angles within the age that may still fire
 
 
-def check_encoder(encoder: Encoder, period_ms: int, longest_age_s: float, heard: Heard) -> Finding:
+def check_encoder(device: int, period_ms: int, longest_age_s: float, heard: Heard) -> Finding:
     """Whether the angle comes, often enough, from a healthy device. Its position is not filtered in the device.
 
     period_ms: between angles, as configured. longest_age_s: of an angle that may still fire.
     """
-    ids = canandmag.frame_ids(encoder)
+    ids = canandmag.frame_ids(device)
     start: AngleReading | None = None
-    reading, refused = heard.read([(frame_id, True) for frame_id in ids], partial(canandmag.parse, encoder), start)
+    reading, refused = heard.read([(frame_id, True) for frame_id in ids], partial(canandmag.parse, device), start)
     if refused:
         return failure(CHECK, f"sends what cannot be ({refused[0]})", "look at the wiring, and for another such device")
     if reading is None:
-        return failure(CHECK, f"device {encoder.device} is silent",
-                       "look at its power and plug, and at its device number")
+        return failure(CHECK, f"device {device} is silent", "look at its power and plug, and at its device number")
     if not reading.magnet_ok:
         return failure(CHECK, "cannot see its magnet", "look at the magnet on the hood's pivot and its distance")
     angles_s = len(heard.of(ids[0], extended=True)) / heard.seconds

@@ -3,7 +3,7 @@
 import math
 
 from truearc.hw.codec import load_codec
-from truearc.hw.devices.canandmag.frames import POSITION_PERIOD_SETTING, Encoder, frame_id, make
+from truearc.hw.devices.canandmag.frames import POSITION_PERIOD_SETTING, frame_id, make
 from truearc.hw.emulated.nodes import MS, Plant, Report, ReportingNode, take_reports
 from truearc.hw.protocols import Frame
 
@@ -24,9 +24,9 @@ class CanandmagNode(ReportingNode):
     `magnet_ok` may be set by whoever wants the magnet to fall off.
     """
 
-    def __init__(self, encoder: Encoder, plant: Plant, zero_deg: float, direction: int) -> None:
+    def __init__(self, device: int, plant: Plant, zero_deg: float, direction: int) -> None:
         self.magnet_ok = True
-        self._encoder, self._plant = encoder, plant
+        self._device, self._plant = device, plant
         self._zero_rad, self._direction = math.radians(zero_deg), direction
         self._codec = load_codec("canandmag")
         self.restart(0)
@@ -40,13 +40,13 @@ class CanandmagNode(ReportingNode):
         self._due_ns = t_ns
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
-        return tuple((frame_id(self._encoder, name), True) for name in ("SET_SETTING", "CLEAR_STICKY_FAULTS"))
+        return tuple((frame_id(self._device, name), True) for name in ("SET_SETTING", "CLEAR_STICKY_FAULTS"))
 
     def receive(self, frame: Frame, t_ns: int) -> list[Frame]:
         """Take a setting, or forget sticky faults; a malformed frame is ignored and counted."""
         if frame.is_remote:
             return []
-        if frame.arbitration_id == frame_id(self._encoder, "CLEAR_STICKY_FAULTS"):
+        if frame.arbitration_id == frame_id(self._device, "CLEAR_STICKY_FAULTS"):
             self._sticky = 0
             return []
         values = self._parse(self._codec, "SET_SETTING", frame)
@@ -64,7 +64,7 @@ class CanandmagNode(ReportingNode):
         if accepted:
             self._position.set_period(value * MS, t_ns)
             self._plan()
-        return make(self._encoder, "REPORT_SETTING", {"setting": setting, "value": value, "accepted": int(accepted),
+        return make(self._device, "REPORT_SETTING", {"setting": setting, "value": value, "accepted": int(accepted),
                                                       "committed": 0})
 
     def _counts(self) -> int:
@@ -74,12 +74,12 @@ class CanandmagNode(ReportingNode):
     def _make_position(self) -> Frame:
         counts = self._counts()
         relative = (counts - self._start_counts + RELATIVE_COUNTS) % (2 * RELATIVE_COUNTS) - RELATIVE_COUNTS
-        return make(self._encoder, "POSITION_OUTPUT", {
+        return make(self._device, "POSITION_OUTPUT", {
             "relative_rev": relative / COUNTS, "absolute_rev": counts % COUNTS / COUNTS,
             "magnet_status": 0 if self.magnet_ok else MAGNET_LOST_STATUS})
 
     def _make_status(self) -> Frame:
         faults = 0 if self.magnet_ok else MAGNET_OUT_OF_RANGE
         self._sticky |= faults
-        return make(self._encoder, "STATUS", {"faults": faults, "sticky_faults": self._sticky,
+        return make(self._device, "STATUS", {"faults": faults, "sticky_faults": self._sticky,
                                               "temperature_degc": TEMPERATURE_DEGC})

@@ -5,7 +5,6 @@ An arbitration id is 29 bits: that of device 0 plus the device's number.
 
 import math
 
-from msgspec import Struct
 from msgspec.structs import replace
 
 from truearc.hw.codec import Values, load_codec
@@ -22,57 +21,50 @@ FAULT_WORDS = (
 NO_ANGLE = 0x10 | 0x20                            # with one of these the angle means nothing
 
 
-class Encoder(Struct, frozen=True):
-    """One encoder on the bus."""
-
-    device: int                                   # 0-63
-
-
 def fault_words(faults: int) -> tuple[str, ...]:
     """Return the names of the faults in a STATUS bit field."""
     return tuple(word for bit, word in FAULT_WORDS if faults & bit)
 
 
-def frame_id(encoder: Encoder, message: str) -> int:
+def frame_id(device: int, message: str) -> int:
     """Arbitration id (29 bits) of one of the encoder's messages."""
-    return load_codec("canandmag").base_id(message) + encoder.device
+    return load_codec("canandmag").base_id(message) + device
 
 
-def frame_ids(encoder: Encoder) -> tuple[int, ...]:
+def frame_ids(device: int) -> tuple[int, ...]:
     """Arbitration ids of the frames that `parse` understands; the angle's comes first."""
-    return tuple(frame_id(encoder, message) for message in MESSAGES)
+    return tuple(frame_id(device, message) for message in MESSAGES)
 
 
-def ids_sent_by(encoder: Encoder, node: str) -> tuple[int, ...]:
+def ids_sent_by(device: int, node: str) -> tuple[int, ...]:
     """Arbitration ids (29 bits) of all frames about it that the "Encoder" or a "Host" sends, by the DBC file."""
-    return tuple(frame_id(encoder, message) for message in load_codec("canandmag").sent_by(node))
+    return tuple(frame_id(device, message) for message in load_codec("canandmag").sent_by(node))
 
 
-def make_position_period(encoder: Encoder, period_ms: int) -> Frame:
+def make_position_period(device: int, period_ms: int) -> Frame:
     """Ask for an angle every `period_ms` (1-65535) until the next power-down."""
     if not 1 <= period_ms <= 65535:
-        raise BadFrame(PERIOD_RANGE(device=f"canandmag device {encoder.device}", period_ms=period_ms))
-    return make(encoder, "SET_SETTING", {"setting": POSITION_PERIOD_SETTING, "value": period_ms, "ephemeral": 1})
+        raise BadFrame(PERIOD_RANGE(device=f"canandmag device {device}", period_ms=period_ms))
+    return make(device, "SET_SETTING", {"setting": POSITION_PERIOD_SETTING, "value": period_ms, "ephemeral": 1})
 
 
-def parse(encoder: Encoder, frame: Frame, previous: AngleReading | None) -> AngleReading | None:
+def parse(device: int, frame: Frame, previous: AngleReading | None) -> AngleReading | None:
     """`previous` brought up to date by one frame; None until the first angle. Angle in [0, 2 pi), the device's sign.
 
-    BadFrame: wrong length, or an id that is not among `frame_ids(encoder)`.
+    BadFrame: wrong length, or an id that is not among `frame_ids(device)`.
     """
     if frame.is_remote:
         return previous
     codec = load_codec("canandmag")
-    base_id = frame.arbitration_id - encoder.device
+    base_id = frame.arbitration_id - device
     try:
         if base_id == codec.base_id("POSITION_OUTPUT"):
             return _with_angle(codec.parse("POSITION_OUTPUT", frame.data), frame.t_ns, previous)
         if base_id == codec.base_id("STATUS"):
             return _with_faults(int(codec.parse("STATUS", frame.data)["faults"]), frame.t_ns, previous)
     except BadFrame as error:
-        raise BadFrame(error.reason.about(device=f"canandmag device {encoder.device}", frame=frame.name)) from error
-    raise BadFrame(FRAME_UNEXPECTED(device=f"canandmag device {encoder.device}", frame=frame.name,
-                                    wanted=MESSAGES))
+        raise BadFrame(error.reason.about(device=f"canandmag device {device}", frame=frame.name)) from error
+    raise BadFrame(FRAME_UNEXPECTED(device=f"canandmag device {device}", frame=frame.name, wanted=MESSAGES))
 
 
 def _with_angle(values: Values, t_ns: int, previous: AngleReading | None) -> AngleReading:
@@ -88,6 +80,6 @@ def _with_faults(faults: int, t_ns: int, previous: AngleReading | None) -> Angle
     return replace(previous, faults=faults, faults_t_ns=t_ns, magnet_ok=previous.magnet_ok and not faults & NO_ANGLE)
 
 
-def make(encoder: Encoder, message: str, values: Values) -> Frame:
+def make(device: int, message: str, values: Values) -> Frame:
     """One of the messages about this encoder, whichever node of the DBC file sends it."""
-    return Frame(0, frame_id(encoder, message), load_codec("canandmag").make(message, values), is_extended=True)
+    return Frame(0, frame_id(device, message), load_codec("canandmag").make(message, values), is_extended=True)

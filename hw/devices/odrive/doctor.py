@@ -41,7 +41,8 @@ GIVE = "give its firmware's flat_endpoints.json to --endpoints"
 
 def questions(axis: OdriveAxis, endpoints: Endpoints | None) -> list[Frame]:
     """Its version, and its parameters when their numbers are known."""
-    return [odrive.make_version_query(axis), *parameter_queries(axis, endpoints)]
+    numbers = [] if endpoints is None else [endpoints.ids[name] for name in ASKED]
+    return [odrive.make_version_query(axis), *(odrive.make_parameter_query(axis, number) for number in numbers)]
 
 
 def examine(axis: OdriveAxis, check: AxisCheck, heard: Heard) -> Iterator[Finding]:
@@ -120,11 +121,6 @@ def parse_endpoints(text: str) -> Endpoints:
         if name not in ids:
             raise ValueError(f"has no endpoint {name!r}")
     return Endpoints(firmware, ids)
-
-
-def parameter_queries(axis: OdriveAxis, endpoints: Endpoints | None) -> list[Frame]:
-    """What to ask of an axis: reads only."""
-    return [] if endpoints is None else [odrive.make_parameter_query(axis, endpoints.ids[name]) for name in ASKED]
 
 
 def check_parameters(name: str, axis: OdriveAxis, endpoints: Endpoints | None, tick_hz: int,

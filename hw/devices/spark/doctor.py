@@ -38,7 +38,7 @@ def check_firmware(name: str, axis: SparkAxis, heard: Heard) -> Finding:
     except BadFrame as error:
         return failure(check, f"answers what cannot be read ({error})", "is it a SPARK MAX or Flex?")
     said = ".".join(map(str, version))
-    if not spark.OLDEST_FIRMWARE <= version.major <= spark.NEWEST_FIRMWARE:
+    if not spark.OLDEST_FIRMWARE <= version[0] <= spark.NEWEST_FIRMWARE:
         return failure(check, f"has firmware {said}; its frames are not known to be those of "
                        f"{spark.OLDEST_FIRMWARE} and {spark.NEWEST_FIRMWARE}", "update it with REV's hardware client")
     return ok(check, f"firmware {said}")

@@ -8,7 +8,6 @@ import math
 import struct
 from collections.abc import Iterable
 from types import MappingProxyType
-from typing import NamedTuple
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -64,29 +63,6 @@ class SparkAxis(Struct, frozen=True):
     device: CanNode
     direction: Direction                          # device's sign that launches a ball or raises the hood
     has_endstop: bool = False                     # a limit switch ends its motion in the robot's negative direction
-
-
-class SparkVersion(NamedTuple):
-    """The firmware that a device says it runs."""
-
-    major: int
-    minor: int
-    build: int
-
-
-class Statuses(NamedTuple):
-    """An answer to `make_statuses`."""
-
-    taken: bool
-    enabled: int                                  # bit n: STATUS_n is on
-
-
-class Setting(NamedTuple):
-    """An answer to `make_setting`."""
-
-    parameter: int
-    taken: bool
-    value: float                                  # what holds now
 
 
 def errors_of(axis_error: int) -> tuple[Reason, ...]:
@@ -196,23 +172,25 @@ def parse_applied(axis: SparkAxis, frame: Frame) -> float:
     return axis.direction * _parse(axis, "STATUS_0", frame)["applied_duty"]
 
 
-def parse_version(axis: SparkAxis, frame: Frame) -> SparkVersion:
+def parse_version(axis: SparkAxis, frame: Frame) -> tuple[int, int, int]:
+    """Firmware (major, minor, build) that the device says it runs."""
     values = _parse(axis, "GET_FIRMWARE_VERSION", frame)
-    return SparkVersion(int(values["major"]), int(values["minor"]), int(values["build"]))
+    return int(values["major"]), int(values["minor"]), int(values["build"])
 
 
-def parse_statuses(axis: SparkAxis, frame: Frame) -> Statuses:
+def parse_statuses(axis: SparkAxis, frame: Frame) -> int:
+    """An answer to `make_statuses`; bit n: STATUS_n is on. 0 where it was refused."""
     values = _parse(axis, "SET_STATUSES_ENABLED_RESPONSE", frame)
-    return Statuses(values["result"] == 0, int(values["enabled"]))
+    return 0 if values["result"] else int(values["enabled"])
 
 
-def parse_setting(axis: SparkAxis, frame: Frame) -> Setting | None:
-    """None for a parameter that this house never sets."""
+def parse_setting(axis: SparkAxis, frame: Frame) -> tuple[int, float] | None:
+    """An answer to `make_setting`: the parameter and its value; None: refused, or a parameter that is never set."""
     values = _parse(axis, "PARAMETER_WRITE_RESPONSE", frame)
     parameter = int(values["parameter"])
-    if parameter not in PARAMETERS:
+    if parameter not in PARAMETERS or values["result"]:
         return None
-    return Setting(parameter, values["result"] == 0, setting_value(parameter, int(values["value"])))
+    return parameter, setting_value(parameter, int(values["value"]))
 
 
 def _errors(values: Values) -> int:

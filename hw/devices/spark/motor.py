@@ -61,7 +61,7 @@ class SparkMotor(HeardMotor):
         self._takers = {spark.frame_id(axis, name): take for name, take in takers.items()}
         super().__init__(spark.name_of(axis), self._takers, True, partial(spark.parse, axis))
         self._axis, self._motor, self._heartbeat = axis, motor, heartbeat
-        self._version: spark.SparkVersion | None = None
+        self._version: tuple[int, int, int] | None = None
         self._statuses_on = False
         self._statuses_ns = 0                     # since then STATUS_2 has had a chance to come
         self._unset = spark.settings(axis)        # settings that the device has not confirmed
@@ -108,19 +108,18 @@ class SparkMotor(HeardMotor):
             self._asked_ns = -RETRY_NS            # the next question need not wait
 
     def _take_statuses(self, frame: Frame) -> None:
-        answer = spark.parse_statuses(self._axis, frame)
-        self._statuses_on = answer.taken and answer.enabled & spark.STATUSES == spark.STATUSES
+        self._statuses_on = spark.parse_statuses(self._axis, frame) & spark.STATUSES == spark.STATUSES
         self._statuses_ns = frame.t_ns
         if self._statuses_on:
             self._asked_ns = -RETRY_NS
 
     def _take_setting(self, frame: Frame) -> None:
         answer = spark.parse_setting(self._axis, frame)
-        if answer is None or not answer.taken or answer.parameter not in self._unset:
+        if answer is None or answer[0] not in self._unset:
             return
-        wanted = self._unset[answer.parameter]
-        if spark.setting_bits(answer.parameter, wanted) == spark.setting_bits(answer.parameter, answer.value):
-            del self._unset[answer.parameter]
+        parameter, value = answer
+        if spark.setting_bits(parameter, self._unset[parameter]) == spark.setting_bits(parameter, value):
+            del self._unset[parameter]
 
     # --- setting up
 
@@ -134,8 +133,7 @@ class SparkMotor(HeardMotor):
         return [spark.make_clear_faults(self._axis)]
 
     def _speaks_our_frames(self) -> bool:
-        return self._version is not None and (
-            spark.OLDEST_FIRMWARE <= self._version.major <= spark.NEWEST_FIRMWARE)
+        return self._version is not None and (spark.OLDEST_FIRMWARE <= self._version[0] <= spark.NEWEST_FIRMWARE)
 
     def _is_ready(self) -> bool:
         return self._speaks_our_frames() and self._statuses_on and not self._unset

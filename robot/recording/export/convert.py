@@ -58,12 +58,13 @@ def trial_row(trial: Trial) -> list[Value]:
             shot.motor_rad_s, shot.battery_v, shot.since_last_shot_s, shot.p_two, shot.p_three]
 
 
-def write_csv(columns: tuple[Column, ...], rows: Iterator[list[Value]], file: IO[str]) -> None:
+def write_csv(columns: tuple[Column, ...], rows: Iterator[list[Value]], path: Path) -> None:
     """A header of names, whose ends are the units, and a line a row; lists are joined by '; ', absent cells empty."""
-    writer = csv.writer(file, lineterminator="\n")
-    writer.writerow([column.name for column in columns])
-    for row in rows:
-        writer.writerow([_cell(column.kind, value) for column, value in zip(columns, row, strict=True)])
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow([column.name for column in columns])
+        for row in rows:
+            writer.writerow([_cell(column.kind, value) for column, value in zip(columns, row, strict=True)])
 
 
 def write_wpilog(rows: ExportRows, file: IO[bytes]) -> None:

@@ -65,8 +65,6 @@ class LoggedBus:
     def faults(self) -> list[Reason]:
         return []
 
-    def close(self) -> None: ...
-
     def _read(self) -> Iterator[Frame]:
         with naming(self._path):
             file = self._path.open(encoding="ascii", errors="replace", newline="\n")
@@ -82,8 +80,7 @@ class LoggedBus:
 class FramesRig:
     """A ReplayRig whose inputs are recomputed by HardwareRig from the recorded frames and images."""
 
-    def __init__(self, ticks: ReplayRig, config: Config, session: Path, rows: RowFormat,
-                 done: Recomputed) -> None:
+    def __init__(self, ticks: ReplayRig, config: Config, session: Path, rows: RowFormat, done: Recomputed) -> None:
         self.done = done
         self.done.missing += not (session / INDEX).exists()
         self._ticks, self._config, self._session, self._rows = ticks, config, session, rows
@@ -121,8 +118,7 @@ class FramesRig:
         self.done.seen += image is not None
         self.done.taken += image is None
         self.done.missing += picture is not None and image is None
-        return sighting if image is None else detect(image, self._config.camera, self._config.tape,
-                                                     self._config.vision)
+        return sighting if image is None else detect(image, self._config.camera, self._config.tape, self._config.vision)
 
     def _faults(self, recorded: tuple[Reason, ...], parsed: tuple[Reason, ...]) -> tuple[Reason, ...]:
         """Faults that the frames show now, with the other recorded ones."""
@@ -146,7 +142,5 @@ class _RecordedClock:
 class _NoBox:
     def read(self) -> bytes:
         return b""
-
-    def write(self, data: bytes) -> None: ...
 
     def close(self) -> None: ...

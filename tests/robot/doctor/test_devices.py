@@ -11,7 +11,6 @@ from tests.hw.spinning_plant import SpinningPlant
 from tests.robot.good_tick import CONFIG
 from truearc.cli.robot.doctor_checks import look_at_bus
 from truearc.hw.devices.canandmag.emulator import CanandmagNode
-from truearc.hw.devices.canandmag.frames import Encoder
 from truearc.hw.devices.family import listen
 from truearc.hw.devices.odrive.emulator import SETTINGS, OdriveNode, OdriveSettings
 from truearc.hw.emulated.clock import StepClock
@@ -59,7 +58,7 @@ class Bench:
             well = replace(SETTINGS.get(name, OdriveSettings()), parameters=inside())
             self.nodes[name] = OdriveNode(axis, name, plant, (settings or {}).get(name, well),
                                           plant.hood_at_limit if axis.endstop_endpoint else None)
-        self.nodes["hood_encoder"] = CanandmagNode(Encoder(CONFIG.hood_encoder.device), plant, 40.0, 1)
+        self.nodes["hood_encoder"] = CanandmagNode(CONFIG.hood_encoder.device, plant, 40.0, 1)
         nodes = [FaultyNode(node, (faults or {})[name]) if name in (faults or {}) else node
                  for name, node in self.nodes.items()]
         self.clock = StepClock(lambda t_ns: self.twin.advance(t_ns))

@@ -9,15 +9,7 @@ import math
 import sys
 
 import truearc as ta
-from truearc.cli.common import (
-    add_accept,
-    add_terms_from,
-    catalogue_of,
-    load_any_rig,
-    make_progress,
-    print_or_write,
-    refuse,
-)
+from truearc.cli import common
 from truearc.cli.outputs import out_file
 
 EXAMPLE = "truearc aim belief.toml --rig rig.toml --distances 2:7:0.25 --picture aim.png"
@@ -42,20 +34,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--robot", type=out_file, metavar="FILE", help="aim file for `truearc run --aim`, checked "
                         "against the simulator; --rig should be the robot's launcher.toml then")
     parser.add_argument("--note", metavar="TEXT", help="one line in that file for the driver")
-    add_terms_from(parser)
-    add_accept(parser)
+    common.add_terms_from(parser)
+    common.add_accept(parser)
 
 
 def main(args: argparse.Namespace) -> int:
     """Return 0 once every set point is written."""
     from truearc.sim.compile_cache import keep_compiled
     keep_compiled()
-    rig, belief = load_any_rig(args.rig), ta.load_belief(args.belief, catalogue_of(args))
+    rig, belief = common.load_any_rig(args.rig), ta.load_belief(args.belief, common.catalogue_of(args))
     table = ta.aim(belief, rig, distances_m=args.distances, hood_deg=args.hood, accept=args.accept,
-                   progress=make_progress("aim", args.quiet))
+                   progress=common.make_progress("aim", args.quiet))
     if args.robot is None:
-        refuse(args, ("--note",), "applies with --robot only")
-    print_or_write(args.out, table.to_text(args.format))
+        common.refuse(args, ("--note",), "applies with --robot only")
+    common.print_or_write(args.out, table.to_text(args.format))
     if args.format != "text":         # which says so itself
         for distance_m, why in table.refused:
             print(f"warning: {distance_m:.2f} m has no set point: {why}", file=sys.stderr)

@@ -7,6 +7,7 @@ import argparse
 
 import truearc as ta
 from truearc.cli.common import add_accept, make_progress, number
+from truearc.robot.config.schema import about
 
 EXAMPLE = "truearc check shots/"
 
@@ -31,11 +32,9 @@ def main(args: argparse.Namespace) -> int:
     if few and dataset.rig.target is None:
         print(f"warning: {say_few(len(dataset.shots))}; no season can be planned: rig.toml has no [target]")
         return 0
-    try:
+    with about(args.dataset):
         could = ta.identifiability(dataset.rig if few else dataset, seed=args.seed,
                                    progress=make_progress("check", args.quiet))
-    except ta.InputError as error:
-        raise ta.InputError(f"{args.dataset}: {error}") from error
     if few:
         print(f"warning: {say_few(len(dataset.shots))}" if len(dataset.shots) else "\nno shots yet", end="")
     print("; of a season with this rig:" if few else "")

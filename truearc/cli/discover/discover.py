@@ -9,16 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import truearc as ta
-from truearc.cli.common import (
-    add_accept,
-    add_terms_from,
-    catalogue_of,
-    listed,
-    make_progress,
-    number,
-    write_out,
-)
+from truearc.cli import common
 from truearc.cli.outputs import out_file
+from truearc.robot.config.schema import about
 from truearc.sim.discover.settings import FALSE_ALARM, check_chances
 
 EXAMPLE = "truearc discover shots/ --believe gravity,drag --json finding.json --report finding.html"
@@ -43,10 +36,10 @@ def add_reports(parser: argparse.ArgumentParser) -> None:
 
 def add_believe(parser: argparse.ArgumentParser) -> None:
     """Options that say which terms there are: of discover, design and identifiability."""
-    parser.add_argument("--believe", type=listed(str), metavar="TERMS",
+    parser.add_argument("--believe", type=common.listed(str), metavar="TERMS",
                         help="terms of the simulation, comma-separated; else rig.toml's")
-    add_terms_from(parser)
-    parser.add_argument("--seed", type=number(int, 0), default=0, help="of everything drawn at random")
+    common.add_terms_from(parser)
+    parser.add_argument("--seed", type=common.number(int, 0), default=0, help="of everything drawn at random")
 
 
 def add_baseline(parser: argparse.ArgumentParser) -> None:
@@ -56,7 +49,7 @@ def add_baseline(parser: argparse.ArgumentParser) -> None:
                         "(discover --adopt, fit): the baseline, with its uncertainties; what has changed?")
     parser.add_argument("--since", metavar="DIR", help="dataset that --belief was adopted from: misfit that "
                         "is present there, too, is not evidence of change; tracks show it, and telemetry at times")
-    add_accept(parser)
+    common.add_accept(parser)
     parser.add_argument("--false-alarm", type=float, default=FALSE_ALARM, metavar="P",
                         help="probability of a finding where nothing is missing")
 
@@ -69,7 +62,7 @@ def main(args: argparse.Namespace) -> int:
         adopted = _adopt(found, args.dataset, args.adopt) if args.adopt else None
     except ta.InputError as error:
         refused = error
-    write_out(args.json, found.to_json())
+    common.write_out(args.json, found.to_json())
     if args.report:
         found.to_html(args.report)
     print(found)                      # last: whoever reads it may be gone
@@ -95,11 +88,9 @@ def investigate(args: argparse.Namespace, what: str, measured: Sequence[str] = (
     from truearc.sim.compile_cache import keep_compiled
     from truearc.sim.infer.likelihood.design_columns import check_believed
     from truearc.sim.infer.likelihood.external_measurements import read_measured
-    among = catalogue_of(args)
-    try:
+    among = common.catalogue_of(args)
+    with about("--believe"):
         check_believed(args.believe or (), among)
-    except ta.InputError as error:
-        raise ta.InputError(f"--believe: {error}") from error
     sizes = read_measured(measured, "--measured", among)
     keep_compiled()
     belief = None if args.belief is None else ta.load_belief(args.belief, among)
@@ -108,15 +99,13 @@ def investigate(args: argparse.Namespace, what: str, measured: Sequence[str] = (
     return dataset, ta.discover(
         dataset, belief=belief, believe=args.believe, terms=among, since=since, seed=args.seed,
         measured={name.partition(".")[0]: size for name, size in sizes.items()}, false_alarm=args.false_alarm,
-        accept=args.accept, progress=make_progress(what, args.quiet))
+        accept=args.accept, progress=common.make_progress(what, args.quiet))
 
 
 def _adopt(found: "ta.Finding", dataset: str, path: Path) -> str:
     """Write the belief that the finding leads to; a line that says what it has."""
     from truearc.sim.discover.report.finding_text import say_adopted
-    try:
+    with about("--adopt"):
         belief = found.adopt()
-    except ta.InputError as error:
-        raise ta.InputError(f"--adopt: {error}") from error
     replace(belief, provenance={**belief.provenance, "dataset": dataset}).save(path)
     return f"{say_adopted(found.record, belief.provenance)} -> {path}"

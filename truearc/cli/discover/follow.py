@@ -26,7 +26,7 @@ from truearc.cli.common import add_terms_from, catalogue_of, load_any_rig, make_
 from truearc.cli.discover.aim import parse_distances
 from truearc.cli.outputs import OutFolder
 from truearc.robot.aim_file import LONGEST_NOTE
-from truearc.robot.config.schema import naming
+from truearc.robot.config.schema import about, naming
 from truearc.sim.discover.settings import FALSE_ALARM, check_chances
 
 if TYPE_CHECKING:
@@ -198,10 +198,8 @@ def read_shots(paths: Sequence[Path]) -> "ta.Dataset":
     first, *rest = map(ta.load_dataset, paths)
     for path, one in zip(paths[1:], rest, strict=True):
         check_rig(first.rig, one, str(path))
-        try:
+        with about(str(path), ValueError):
             first = join_datasets(first, one)
-        except ValueError as error:
-            raise ta.InputError(f"{path}: {error}") from error
     return first
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import truearc as ta
 from truearc.cli.common import catalogue_of, make_progress, number, refuse, write_out
 from truearc.cli.discover.discover import add_believe, add_reports
+from truearc.robot.config.schema import about
 from truearc.sim.discover.settings import LEVEL, LEVELS, SEASON_SHOTS
 
 EXAMPLE = "truearc identifiability rig.toml --level L1 --shots 300 --report sight.html"
@@ -33,12 +34,10 @@ def main(args: argparse.Namespace) -> int:
     from truearc.sim.compile_cache import keep_compiled
     keep_compiled()
     source = ta.load_dataset(path) if path.is_dir() else ta.load_rig(path)
-    try:
+    with about(str(path)):
         answer = ta.identifiability(source, level=args.level, shots=args.shots, believe=args.believe,
                                     terms=catalogue_of(args), sides=args.sides, seed=args.seed, name=path.name,
                                     progress=make_progress("identifiability", args.quiet))
-    except ta.InputError as error:
-        raise ta.InputError(f"{path}: {error}") from error
     print(answer)
     write_out(args.json, answer.to_json())
     if args.report:

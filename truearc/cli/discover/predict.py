@@ -49,8 +49,7 @@ def _by_simulation(args: argparse.Namespace) -> str:
                  for name, height_m, deviation_m, outcome, note in forecast.rows)
     if noted := sum(note != "" for *_, note in rows):
         print(f"{noted} of {len(rows)} forecasts have a note: outside the fitted range, of another rig, or without a "
-              "height",
-              file=sys.stderr)
+              "height", file=sys.stderr)
     return ta.Table(forecast.columns, rows).to_csv()
 
 

@@ -6,6 +6,7 @@ P: threshold of p(three); SPEED: free speed of the motors, rad/s. It gives way t
 import os
 import signal
 import sys
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 from truearc.robot.config.schema import Config, InputError
@@ -25,7 +26,7 @@ def main(gate: str, threshold: str, speed_rad_s: str = "") -> int:
     from truearc.hw.real.clock import MonotonicClock
     from truearc.robot.gate.model import load_gate
     from truearc.robot.operator_ui.what_if import WhatIf
-    from truearc.robot.operator_ui.what_if_process import serve_frames
+    from truearc.robot.operator_ui.what_if_process import serve_questions
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # goes to the whole group; the page's process says when this one ends
     os.nice(NICE)
     try:
@@ -34,7 +35,7 @@ def main(gate: str, threshold: str, speed_rad_s: str = "") -> int:
     except InputError as error:
         print(f"truearc: the operator's page has no gate: {error}", file=sys.stderr)
         return 2
-    serve_frames(what_if, sys.stdin.buffer, sys.stdout.buffer)
+    serve_questions(what_if, Connection(sys.stdin.fileno()))
     return 0
 
 

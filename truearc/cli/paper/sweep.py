@@ -27,8 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="networks of each setting, each with its own splits")
     parser.add_argument("--seed", type=number(int, 0), default=0, help="the first of them")
     parser.add_argument("--steps", type=int, default=DEFAULT.steps, help="minibatches at most")
-    parser.add_argument("-o", "--out", type=OutFolder(WRITES), required=True, metavar="DIR",
-                        help="directory to write")
+    parser.add_argument("-o", "--out", type=OutFolder(WRITES), required=True, metavar="DIR", help="directory to write")
 
 
 def main(args: argparse.Namespace) -> int:

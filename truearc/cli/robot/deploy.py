@@ -63,8 +63,7 @@ def main(args: argparse.Namespace) -> int:
                                      args.priority, args.can_serial, args.box_usb, args.exposure_ms,
                                      args.aim is not None))
     copies = {"constraints.txt": SOURCE / "constraints.txt", "launcher.toml": args.config, "gate.onnx": args.gate,
-              "aim.json": args.aim,
-              "flat_endpoints.json": args.endpoints}
+              "aim.json": args.aim, "flat_endpoints.json": args.endpoints}
     files, carried = make_files(config, parts), {name: path for name, path in copies.items() if path}
     wheels, plugins = _wheels(args.wheels), [_plugin(path) for path in args.plugin]
     if not (SOURCE / "pyproject.toml").exists():
@@ -131,10 +130,7 @@ def _explain(host: str, files: dict[str, str], carried: dict[str, Path], wheels:
 
 def _run(command: list[str]) -> int:
     print(f"$ {shlex.join(command)}", flush=True)
-    try:
-        code = subprocess.run(command, check=False).returncode
-    except OSError as error:
-        raise InputError(f"{command[0]}: {error.strerror}") from error
+    code = subprocess.run(command, check=False).returncode
     if code:
         print(f"truearc deploy: exit code {code} from: {shlex.join(command)}", file=sys.stderr)
     return code

@@ -15,7 +15,7 @@ from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.ipc import Inbox, Outbox
 from truearc.hw.real.reconnect import MendedCamera
 from truearc.hw.shared_latest import Room, Slots
-from truearc.robot.config.schema import Config, InputError
+from truearc.robot.config.schema import Config, about
 from truearc.robot.operator_ui.server import OperatorPage, with_page
 from truearc.robot.processes.recorder import NEWS, Desk
 from truearc.robot.processes.recorder_client import FarKeeper
@@ -103,10 +103,8 @@ class RecorderProcess:
 
     def open_keeper(self, folder: Path) -> Keeper:
         """InputError when it cannot start, or the files cannot be opened."""
-        try:
+        with about("cannot start", LinkLost):
             self.child.wait()
-        except LinkLost as error:
-            raise InputError(f"cannot start: {error}") from error
         self._theirs.close()                      # the other process has it
         return FarKeeper(folder, self._outbox, self._news, self.child, MonotonicClock())
 

@@ -26,7 +26,7 @@ from truearc.hw.real.supervised_bus import WAIT_S, SupervisedBus
 from truearc.robot.aim_file import AimFile, load_aim_for, needs_aim
 from truearc.robot.config.can_policy import guard
 from truearc.robot.config.port_options import with_ports
-from truearc.robot.config.schema import Config, InputError, load_config
+from truearc.robot.config.schema import Config, InputError, about, load_config
 from truearc.robot.config.shot_plan import load_plan, with_plan
 from truearc.robot.gate.model import load_gate
 from truearc.robot.operator_ui.page_option import parse_page
@@ -139,13 +139,11 @@ def _open_wires(config: Config, layout: ProcessLayout, wires: ExitStack,
     happens on the CAN bus beside what should.
     """
     clock = MonotonicClock()
-    try:
+    with about("cannot start", LinkLost):
         bus = open_bus(config, clock, wires, tally)
         box = MendedStream(lambda: open_serial(config.buttons.port, config.buttons.baud))
         wires.callback(box.close)
         eyes = layout.open_eyes(clock)
-    except LinkLost as error:
-        raise InputError(f"cannot start: {error}") from error
     lost = [LinkLost(box.lost)] if box.lost is not None else []
     try:
         eyes.read()

@@ -12,7 +12,7 @@ from truearc.hw.protocols import CameraFrame, LinkLost
 from truearc.hw.real.clock import MonotonicClock, wall_clock
 from truearc.hw.real.serial_port import open_serial
 from truearc.hw.reason import Reason
-from truearc.robot.config.schema import Config, InputError
+from truearc.robot.config.schema import Config, InputError, about
 from truearc.robot.reasons import text
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter
@@ -59,12 +59,10 @@ def drive_robot(config: Config, folder: Path | None, tell: Say) -> Path:
     folder = folder or Path("sessions") / started.replace(":", "")
     with ExitStack() as wires:
         clock = MonotonicClock()
-        try:
+        with about("cannot start", LinkLost):
             bus = open_bus(config, clock, wires, Counter())
             box = open_serial(config.buttons.port, config.buttons.baud)
             wires.callback(box.close)
-        except LinkLost as error:
-            raise InputError(f"cannot start: {error}") from error
         recorder = open_recorder(folder, config, started, lossless=False)
         wires.callback(recorder.close)
         watch = Watch(recorder, config, tell)

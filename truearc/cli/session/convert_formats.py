@@ -51,11 +51,6 @@ def _to_two_files(write: WriteRows, rows: ExportRows, out: Path) -> tuple[Path, 
     return out, trials
 
 
-def _write_csv(columns: tuple[Column, ...], rows: Iterator[list[Value]], path: Path) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
-        exports.write_csv(columns, rows, file)
-
-
 def _write_parquet(columns: tuple[Column, ...], rows: Iterator[list[Value]], path: Path) -> None:
     """One column per name, absent values null; each column's metadata has its unit."""
     try:
@@ -92,6 +87,6 @@ def _part(path: Path) -> Path:
 
 
 FORMATS: dict[str, Callable[[ExportRows, Path], tuple[Path, ...]]] = {
-    "csv": partial(_to_two_files, _write_csv), "parquet": partial(_to_two_files, _write_parquet),
+    "csv": partial(_to_two_files, exports.write_csv), "parquet": partial(_to_two_files, _write_parquet),
     "mcap": partial(_to_one_file, exports.write_mcap),
     "wpilog": partial(_to_one_file, exports.write_wpilog)}

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from truearc.cli.common import SHIPPED
-from truearc.robot.config.schema import CameraFile, Config, InputError, load_text, load_toml, naming
+from truearc.robot.config.schema import CameraFile, Config, InputError, load_text, load_toml, naming, number_in
 
 CAMERAS = SHIPPED.parent / "cameras"
 
@@ -40,15 +40,7 @@ def load_labels(path: str, columns: tuple[str, ...] = ("label_distance_m",)) -> 
             if None in row:           # a comma too many, such as a decimal one
                 raise InputError(f"{path}:{rows.line_num}: more cells than columns: is a decimal point a comma?")
             if row[column]:
-                labels[row["file"]] = _number(row[column], f"{path}:{rows.line_num}: {column}")
+                labels[row["file"]] = distance_m = number_in(row[column])
+                if not 0.0 < distance_m < 1e4:
+                    raise InputError(f"{path}:{rows.line_num}: {column}: {row[column]!r} is not a distance in metres")
     return labels
-
-
-def _number(text: str, where: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not 0.0 < value < 1e4:
-        raise InputError(f"{where}: {text!r} is not a distance in metres")
-    return value
