@@ -74,16 +74,15 @@ class SetPoint(NamedTuple):
     lead_deg: float
 
 
-class AimFile:
+class AimFile(NamedTuple):
     """A loaded aim file. Made by load_aim only, which has checked it. `sha256`: of the file."""
 
-    def __init__(self, content: AimContent, sha256: str) -> None:
-        self.content, self.sha256 = content, sha256
-        self._segments = content.segments
+    content: AimContent
+    sha256: str
 
     def at(self, distance_m: float) -> SetPoint | None:
         """The set point for a distance; None where the file has none."""
-        for segment in self._segments:
+        for segment in self.content.segments:
             if segment.distance_m[0] <= distance_m <= segment.distance_m[-1]:
                 return _between(segment, distance_m)
         return None

@@ -16,7 +16,6 @@ class Twin:
     """
 
     def __init__(self, plant: Plant, bus: Bus, nodes: tuple[Node, ...], steppers: tuple[Stepper, ...] = ()) -> None:
-        self.refused = 0                          # frames that the bus had no room for
         self._plant, self._bus, self._nodes, self._steppers = plant, bus, nodes, steppers
         self._drives = tuple((node.motor, node) for node in nodes if node.motor is not None)
         self._t_ns = 0
@@ -41,10 +40,10 @@ class Twin:
         for frame in self._bus.read():
             for node in self._listeners.get((frame.arbitration_id, frame.is_extended), ()):
                 for answer in node.receive(frame, self._t_ns):
-                    self.refused += not self._bus.write(answer)
+                    self._bus.write(answer)
 
     def _speak(self) -> None:
         for node in self._nodes:
             if node.due_ns() <= self._t_ns:
                 for frame in node.step(self._t_ns):
-                    self.refused += not self._bus.write(frame)
+                    self._bus.write(frame)

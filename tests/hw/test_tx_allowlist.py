@@ -24,7 +24,7 @@ class Wire:
 
     def __init__(self) -> None:
         self.sent: list[Frame] = []
-        self.full = self.closed = False
+        self.full = False
 
     def read(self) -> list[Frame]:
         return [TORQUE]
@@ -35,9 +35,6 @@ class Wire:
 
     def faults(self) -> list[Reason]:
         return [WIRE]
-
-    def close(self) -> None:
-        self.closed = True
 
 
 @pytest.fixture
@@ -130,5 +127,3 @@ def test_a_full_queue_is_the_wires_own_refusal(bench) -> None:
     wire.full = True
     assert not bus.write(TORQUE) and not tally and bus.faults() == [WIRE] and bus.read() == [TORQUE]
     assert wire.sent == [TORQUE]
-    bus.close()
-    assert wire.closed

@@ -10,19 +10,19 @@ import argparse
 import contextlib
 import hashlib
 import http.client
-import os
 import sys
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import truearc as ta
-from truearc.cli.common import add_terms_from, catalogue_of, load_any_rig, make_progress, number, refuse
+from truearc.cli.common import add_terms_from, catalogue_of, load_any_rig, make_progress, number, refuse, write_out
 from truearc.cli.discover.aim import parse_distances
 from truearc.cli.outputs import OutFolder
 from truearc.robot.aim_file import LONGEST_NOTE
@@ -141,12 +141,10 @@ class ShotWatch:
         if self.args.out is not None:
             folder = Path(self.args.out)
             folder.mkdir(parents=True, exist_ok=True)
-            with_file = folder / f".{BELIEF}"
-            made.belief.save(with_file)
-            content = with_file.read_bytes()
-            os.replace(with_file, folder / BELIEF)
+            _replace(folder / BELIEF, made.belief.save)
+            content = (folder / BELIEF).read_bytes()
             proposal = sealed(made, content, datetime.now(UTC).isoformat(timespec="seconds"))
-            _replace(folder / PROPOSAL, proposal.to_json().encode())
+            _replace(folder / PROPOSAL, partial(write_out, text=proposal.to_json()))
             print(f"{folder / PROPOSAL}: {proposal.proposal.id}", flush=True)
             self._hand_over(made, rig, folder / AIM)
 
@@ -224,8 +222,8 @@ def _stamp(paths: Sequence[Path]) -> tuple[tuple[int, int], ...]:
     return tuple((one.stat().st_size, one.stat().st_mtime_ns) for one in inner)
 
 
-def _replace(path: Path, content: bytes) -> None:
-    """Write a file that readers see whole, or not at all."""
+def _replace(path: Path, write: Callable[[Path], object]) -> None:
+    """Let a file be written that readers see whole, or not at all."""
     beside = path.with_name(f".{path.name}")
-    beside.write_bytes(content)
-    os.replace(beside, path)
+    write(beside)
+    beside.replace(path)
