@@ -1,7 +1,5 @@
 """What one check found."""
 
-from collections.abc import Iterable
-
 from msgspec import Struct
 
 OK, WARNING, FAILURE = "ok", "warning", "failure"
@@ -26,10 +24,6 @@ def warning(check: str, says: str, do: str) -> Finding:
 
 def failure(check: str, says: str, do: str) -> Finding:
     return Finding(check, FAILURE, says, do)
-
-
-def count(findings: Iterable[Finding], level: str) -> int:
-    return sum(finding.level == level for finding in findings)
 
 
 def line(finding: Finding) -> str:

@@ -76,6 +76,11 @@ def print_or_write(path: Path | None, text: str) -> None:
         write_out(path, text)
 
 
+def fixed(value: float | None, digits: int) -> str:
+    """A cell with this number of decimals; empty for None."""
+    return "" if value is None else f"{value:.{digits}f}"
+
+
 def refuse(args: argparse.Namespace, options: tuple[str, ...], why: str) -> None:
     """Refuse options that do not apply in a mode of a command, so that none is ignored.
 

@@ -10,7 +10,7 @@ import argparse
 import sys
 
 import truearc as ta
-from truearc.cli.common import add_accept, add_terms_from, catalogue_of, make_progress, number, print_or_write, refuse
+from truearc.cli import common
 from truearc.cli.outputs import out_file
 
 EXAMPLE = "truearc predict shots/ --cd 0.91 --cl 0.06 -o predicted.csv"
@@ -21,22 +21,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument("dataset", metavar="DIR", help="dataset of shots (rig.toml and shots.csv or .parquet)")
     parser.add_argument("--gate", metavar="FILE", help="ONNX file, as `truearc export` writes it")
-    parser.add_argument("--cd", type=number(float, 0.0), help="drag coefficient of the paper's Eq. 3")
-    parser.add_argument("--cl", type=number(float), help="lift coefficient of the paper's Eq. 2")
+    parser.add_argument("--cd", type=common.number(float, 0.0), help="drag coefficient of the paper's Eq. 3")
+    parser.add_argument("--cl", type=common.number(float), help="lift coefficient of the paper's Eq. 2")
     parser.add_argument("--coefficients", metavar="FILE", help="coefficients.toml, instead of --cd and --cl")
-    add_terms_from(parser)
-    add_accept(parser)
+    common.add_terms_from(parser)
+    common.add_accept(parser)
     parser.add_argument("-o", "--out", type=out_file, metavar="FILE", help="CSV to write instead of standard output")
 
 
 def main(args: argparse.Namespace) -> int:
     """Return 0 once every row is written."""
-    print_or_write(args.out, _by_simulation(args) if args.gate is None else _by_gate(args))
+    common.print_or_write(args.out, _by_simulation(args) if args.gate is None else _by_gate(args))
     return 0
 
 
 def _by_gate(args: argparse.Namespace) -> str:
-    refuse(args, ("--cd", "--cl", "--coefficients", "--terms-from"), "does not apply with --gate")
+    common.refuse(args, ("--cd", "--cl", "--coefficients", "--terms-from"), "does not apply with --gate")
     return ta.predict(ta.load_dataset(args.dataset), gate=args.gate, accept=args.accept).to_csv()
 
 
@@ -44,8 +44,8 @@ def _by_simulation(args: argparse.Namespace) -> str:
     belief = _belief(args)
     dataset = ta.load_dataset(args.dataset)
     forecast = ta.predict(dataset, belief, accept=args.accept,
-                          progress=make_progress("predict", args.quiet or len(dataset.shots) < LONG))
-    rows = tuple((name, _fixed(height_m), _fixed(deviation_m), outcome, note)
+                          progress=common.make_progress("predict", args.quiet or len(dataset.shots) < LONG))
+    rows = tuple((name, common.fixed(height_m, 9), common.fixed(deviation_m, 9), outcome, note)
                  for name, height_m, deviation_m, outcome, note in forecast.rows)
     if noted := sum(note != "" for *_, note in rows):
         print(f"{noted} of {len(rows)} forecasts have a note: outside the fitted range, of another rig, or without a "
@@ -58,14 +58,10 @@ def _belief(args: argparse.Namespace) -> "ta.Belief":
     if args.coefficients is not None:
         if (args.cd, args.cl) != (None, None):
             raise ta.InputError("--coefficients and --cd, --cl exclude each other")
-        return ta.load_belief(args.coefficients, catalogue_of(args))
-    refuse(args, ("--terms-from",), "applies with --coefficients only, whose file names the terms")
+        return ta.load_belief(args.coefficients, common.catalogue_of(args))
+    common.refuse(args, ("--terms-from",), "applies with --coefficients only, whose file names the terms")
     for option, value in (("--cd", args.cd), ("--cl", args.cl)):
         if value is None:
             raise ta.InputError(f"{option} is needed (or --coefficients FILE)")
     from truearc.sim.infer.belief import point_belief
     return point_belief({"drag": {"cd": args.cd}, "magnus": {"cl": args.cl}})
-
-
-def _fixed(number: float | None) -> str:
-    return "" if number is None else f"{number:.9f}"

@@ -7,7 +7,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 import truearc as ta
-from truearc.cli.common import add_accept, make_progress, number, refuse
+from truearc.cli.common import add_accept, fixed, make_progress, number, refuse
 from truearc.cli.outputs import out_file
 from truearc.sim.paper.settings import STEP
 
@@ -51,13 +51,9 @@ def _write(args: argparse.Namespace, found: "GridSearch") -> None:
         found.belief.save(args.out)
     if args.tied is not None:
         table = found.table()
-        save_csv(args.tied, table.columns, [[f"{cd:.6g}", f"{cl:.6g}", _metres(mean_m), _metres(median_m)]
+        save_csv(args.tied, table.columns, [[f"{cd:.6g}", f"{cl:.6g}", fixed(mean_m, 6), fixed(median_m, 6)]
                                                   for cd, cl, mean_m, median_m in table.rows])
     if args.picture is not None:
         args.picture.write_bytes(make_png(found.plot()))
     if args.map is not None:
         found.save_map(args.map)
-
-
-def _metres(value: float | None) -> str:
-    return "" if value is None else f"{value:.6f}"

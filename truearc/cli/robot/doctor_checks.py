@@ -11,7 +11,7 @@ import cv2
 import msgspec
 
 from truearc.hw.devices.family import Endpoints, listen
-from truearc.hw.finding import FAILURE, WARNING, Finding, count, failure, line
+from truearc.hw.finding import FAILURE, WARNING, Finding, failure, line
 from truearc.hw.machine import CanLink
 from truearc.hw.protocols import Bus, Clock, LinkLost
 from truearc.hw.real.camera import open_camera
@@ -32,7 +32,8 @@ def check_robot(args: argparse.Namespace) -> int:
     findings = [*_look_at_wires(config, endpoints, args.seconds), *senses.check_real_time(rehearse(args.priority)),
                 senses.check_clock(is_clock_synchronised()), devices.check_model(config.gate, args.gate),
                 *devices.check_aim(config, args.aim), _look_at_disk(args.out)]
-    failures, warnings = count(findings, FAILURE), count(findings, WARNING)
+    levels = [finding.level for finding in findings]
+    failures, warnings = levels.count(FAILURE), levels.count(WARNING)
     if args.json:
         print(msgspec.json.encode({"failures": failures, "warnings": warnings, "findings": findings}).decode())
     else:
