@@ -22,7 +22,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig
-from truearc.sim.data.dataset import Dataset, take_shots
+from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.investigate import discover
 from truearc.sim.infer.likelihood.track_noise import Samples, Scatter, gather_samples, measure_scatter, whiten
 from truearc.sim.physics.catalogue import find_parameter, find_terms
@@ -113,8 +113,8 @@ def fitted_g(half: Half, terms: Sequence[str]) -> float:
 def only(dataset: Dataset, session: str, without: str = "") -> Dataset:
     """The drops of one session."""
     balls = dataset.shots.text("ball_id")
-    return take_shots(dataset, [row for row, name in enumerate(dataset.shots.text("session"))
-                                if name == session and balls[row] != without])
+    return dataset.take([row for row, name in enumerate(dataset.shots.text("session"))
+                         if name == session and balls[row] != without])
 
 
 def half_of(dataset: Dataset) -> Half:

@@ -72,12 +72,8 @@ def is_numeric(name: str, cells: list[Cell]) -> bool:
         return False
     filled = [parse_number(cell) is not None for cell in cells if cell is not None]
     if not filled or (any(filled) and not all(filled)):
-        return _has_unit(name)
+        return name.endswith(tuple(f"_{unit}" for unit in UNITS))
     return all(filled)
-
-
-def _has_unit(name: str) -> bool:
-    return any(name.endswith("_" + unit) for unit in UNITS)
 
 
 def need_columns(table: RawTable, names: Sequence[str]) -> None:

@@ -1,9 +1,10 @@
 """A dataset in memory: columns, SI, one row a shot."""
 
 import re
-from dataclasses import dataclass, fields, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import repeat
-from typing import Any, TypeVar
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -52,24 +53,44 @@ class Shots:
 
 
 @dataclass(frozen=True)
-class Tracks:
-    """Measured ball positions, launcher frame. `shot`: row in Shots; all [m]."""
+class Samples:
+    """Samples through shots. `shot`: row in Shots; all columns [m]."""
 
     shot: npt.NDArray[np.int64]
     t_s: Floats
+
+    def moved(self, place: npt.NDArray[np.int64]) -> Self:
+        """The samples by shot, of shots that have a place (0 or more), which is their new row."""
+        kept = np.flatnonzero(place[self.shot] >= 0)
+        rows = kept[np.argsort(place[self.shot[kept]], kind="stable")]
+        columns: dict[str, Any] = {name: tuple(column[row] for row in rows) if isinstance(column, tuple) else
+                                   column[rows] for name, column in vars(self).items()}
+        return replace(self, **{**columns, "shot": place[columns["shot"]]})
+
+
+@dataclass(frozen=True)
+class Tracks(Samples):
+    """Measured ball positions, launcher frame."""
+
     x_m: Floats
     y_m: Floats
     z_m: Floats
 
 
 @dataclass(frozen=True)
-class Traces:
-    """Telemetry through shots; `t_s` = 0 when the ball is fed. `shot`: row in Shots; all [m]."""
+class Traces(Samples):
+    """Telemetry through shots; `t_s` = 0 when the ball is fed."""
 
-    shot: npt.NDArray[np.int64]
-    t_s: Floats
     signal: tuple[str, ...]
     value: Floats
+
+    @classmethod
+    def of(cls, rows: Sequence[tuple[int, float, str, float]]) -> "Traces | None":
+        """Traces of samples (shot, t_s, signal, value); None of no sample."""
+        if not rows:
+            return None
+        shot, t_s, signal, value = zip(*rows, strict=True)
+        return cls(np.array(shot, dtype=np.int64), np.array(t_s), tuple(signal), np.array(value))
 
 
 @dataclass(frozen=True)
@@ -97,14 +118,15 @@ class Dataset(Printed):
 
         So what is drawn at random from the shots, and which of them are held out, is the same for every order of rows.
         """
-        shots = self.shots
-        rows = sorted(range(len(shots)), key=self._keys().__getitem__)
-        if rows == list(range(len(shots))):
-            return self
-        place = np.empty(len(rows), np.int64)
-        place[rows] = np.arange(len(rows))
-        return replace(self, shots=shots.take(rows), tracks=_moved(self.tracks, place),
-                       traces=_moved(self.traces, place))
+        rows = sorted(range(len(self.shots)), key=self._keys().__getitem__)
+        return self if rows == list(range(len(rows))) else self.take(rows)
+
+    def take(self, rows: Sequence[int]) -> "Dataset":
+        """The shots at these rows, in that order, with their tracks and traces."""
+        place = np.full(len(self.shots), -1)
+        place[list(rows)] = np.arange(len(rows))
+        return replace(self, shots=self.shots.take(list(rows)), tracks=self.tracks and self.tracks.moved(place),
+                       traces=self.traces and self.traces.moved(place))
 
     def _keys(self) -> list[tuple[Any, ...]]:
         """What each shot is sorted by: session and time first, if all times are known; its name last."""
@@ -131,31 +153,15 @@ class Dataset(Printed):
         return lines + [f"left out: {line}" for line in self.left_out]
 
 
-Samples = TypeVar("Samples", Tracks, Traces)
-
-
 def _counted(name: str) -> list[tuple[int, str]]:
     """A name to sort by, its numbers as such: day9 before day10."""
     return [(int(part) if part.isdecimal() else -1, part) for part in re.split(r"(\d+)", name)]
 
 
-def _moved(table: Samples | None, place: npt.NDArray[np.int64]) -> Samples | None:
-    """The samples by shot, once each shot has moved to its place."""
-    if table is None:
-        return None
-    rows = np.argsort(place[table.shot], kind="stable")
-    columns: dict[str, Any] = {one.name: np.asarray(getattr(table, one.name))[rows] for one in fields(table)}
-    columns["shot"] = place[columns["shot"]]
-    if "signal" in columns:
-        columns["signal"] = tuple(columns["signal"].tolist())
-    return replace(table, **columns)
-
-
-def _samples(table: Tracks | Traces | None, count: int) -> list[tuple[Any, ...]]:
+def _samples(table: Samples | None, count: int) -> list[tuple[Any, ...]]:
     """The samples of each of `count` shots, to tell shots apart of which all else is alike."""
     found: list[list[Any]] = [[] for _ in range(count)]
     if table is not None:
-        values = [getattr(table, one.name) for one in fields(table) if one.name != "shot"]
-        for shot, *sample in zip(table.shot.tolist(), *values, strict=True):
+        for shot, *sample in zip(*vars(table).values(), strict=True):
             found[shot].append(tuple(sample))
     return [tuple(one) for one in found]

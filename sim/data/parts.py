@@ -1,22 +1,13 @@
-"""Some shots of a dataset, and two datasets of one rig as one."""
+"""Two datasets of one rig as one."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
 
-from truearc.sim.data.model import Dataset, Shots, Traces, Tracks
+from truearc.sim.data.model import Dataset, Samples, Shots
 
-Samples = TypeVar("Samples", Tracks, Traces)
-
-
-def take_shots(dataset: Dataset, rows: Sequence[int]) -> Dataset:
-    """The shots at these rows, in that order, with their tracks and traces."""
-    place = np.full(len(dataset.shots), -1)
-    place[list(rows)] = np.arange(len(rows))
-    return replace(dataset, shots=dataset.shots.take(list(rows)), tracks=_take(dataset.tracks, place),
-                   traces=_take(dataset.traces, place))
+Table = TypeVar("Table", bound=Samples)
 
 
 def join_datasets(first: Dataset, second: Dataset) -> Dataset:
@@ -38,17 +29,7 @@ def _join_shots(first: Shots, second: Shots) -> Shots:
     return Shots(first.shot_id + second.shot_id, numbers, texts, first.source)
 
 
-def _take(table: Samples | None, place: np.ndarray) -> Samples | None:
-    """The samples of the shots that have a place, which is their new row."""
-    if table is None:
-        return None
-    kept = np.flatnonzero(place[table.shot] >= 0)
-    columns: dict[str, Any] = {name: tuple(column[k] for k in kept) if isinstance(column, tuple) else column[kept]
-                               for name, column in vars(table).items()}
-    return replace(table, **{**columns, "shot": place[columns["shot"]]})
-
-
-def _join(first: Samples | None, second: Samples | None, n: int) -> Samples | None:
+def _join(first: Table | None, second: Table | None, n: int) -> Table | None:
     """The samples of both; n: shots before those of the second."""
     if first is None or second is None:
         return first if second is None else replace(second, shot=second.shot + n)

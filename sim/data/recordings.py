@@ -51,7 +51,7 @@ def shots_from_sessions(sessions: Sequence[Path], name: str, telemetry: bool = T
         rows += [(session.resolve().name, trial) for trial in kept]
     if not rows:
         raise InputError(f"{', '.join(map(str, sessions))}: no marked shots")
-    return Dataset(name, configs[0].rig, _shots(rows), None, _columns(traces), tuple(left_out))
+    return Dataset(name, configs[0].rig, _shots(rows), None, Traces.of(traces), tuple(left_out))
 
 
 def _check_names(sessions: Sequence[Path]) -> None:
@@ -112,10 +112,3 @@ def _signals(tick: Tick, config: Config) -> list[tuple[str, int, float]]:
                     sum(motor.current_a for motor in motors)))
     signals.append(("battery_v", min(motor.bus_t_ns for motor in motors), tick.estimate.battery_v))
     return signals
-
-
-def _columns(rows: list[tuple[int, float, str, float]]) -> Traces | None:
-    if not rows:
-        return None
-    shot, t_s, signal, value = zip(*rows, strict=True)
-    return Traces(np.array(shot, dtype=np.int64), np.array(t_s), tuple(signal), np.array(value))

@@ -45,26 +45,21 @@ def take_circumstances(circumstances: Circumstances, rows: np.ndarray) -> Circum
 def gather_circumstances(dataset: Dataset) -> dict[str, Known]:
     """{field of Circumstances: its values, and of which shots the data say it}."""
     shots = dataset.shots
-    return {"battery": _departure(shots.number("battery_v")), "since_last_shot_s": _since(shots), "age": _age(shots),
-            "droop": _droop(dataset.traces, len(shots)), "density": _density(shots), "hood_change": _hood_change(shots),
-            "closing_speed_m_s": _plain(shots.number("robot_speed_m_s"))}
+    found = {"battery": _departure(shots.number("battery_v")), "since_last_shot_s": _since(shots), "age": _age(shots),
+             "droop": _droop(dataset.traces, len(shots)), "density": _density(shots),
+             "hood_change": _hood_change(shots), "closing_speed_m_s": shots.number("robot_speed_m_s")}
+    return {name: Known(np.nan_to_num(column, posinf=0.0, neginf=0.0), np.isfinite(column))
+            for name, column in found.items()}
 
 
-def _plain(column: np.ndarray) -> Known:
-    said = np.isfinite(column)
-    return Known(np.where(said, column, 0.0), said)
-
-
-def _departure(column: np.ndarray) -> Known:
-    """From the median, in shares of it."""
+def _departure(column: np.ndarray) -> np.ndarray:
+    """From the median, in shares of it; here and below NaN where unknown."""
     said = np.isfinite(column)
     median = np.median(column[said]) if said.any() else 0.0
-    if median == 0.0:
-        return _plain(np.full(len(column), np.nan))
-    return _plain(column / median - 1.0)
+    return column / median - 1.0 if median != 0.0 else np.full(len(column), np.nan)
 
 
-def _density(shots: Shots) -> Known:
+def _density(shots: Shots) -> np.ndarray:
     """By the ideal gas: pressure / temperature, a missing one of the two taken as its median, or as steady."""
     pressure, kelvin = shots.number("pressure_pa"), shots.number("temperature_c") + KELVIN
     said = np.isfinite(pressure) | np.isfinite(kelvin)
@@ -85,14 +80,13 @@ def _sessions(shots: Shots) -> Iterator[np.ndarray]:
         yield rows[np.argsort(t_s[rows], kind="stable")]
 
 
-def _since(shots: Shots) -> Known:
+def _since(shots: Shots) -> np.ndarray:
     value, t_s = shots.number("since_last_shot_s").copy(), shots.number("t_s")
     for rows in _sessions(shots):
         gaps = np.diff(t_s[rows])
         later = rows[1:]
         value[later] = np.where(np.isnan(value[later]), gaps, value[later])
-    said = np.isfinite(value) & (value >= 0.0)
-    return Known(np.where(said, value, 0.0), said)
+    return np.where(value >= 0.0, value, np.nan)
 
 
 def counts_shots(shots: Shots) -> bool:
@@ -100,15 +94,14 @@ def counts_shots(shots: Shots) -> bool:
     return shots.timed and all(shots.text("ball_id"))
 
 
-def _age(shots: Shots) -> Known:
-    value = np.full(len(shots), np.nan)
-    balls = np.array(shots.text("ball_id"))
+def _age(shots: Shots) -> np.ndarray:
     if counts_shots(shots):
-        return _plain(_shots_had(shots, balls))
+        return _shots_had(shots, np.array(shots.text("ball_id")))
+    value = np.full(len(shots), np.nan)
     for rows in _sessions(shots):
         t_s = shots.number("t_s")[rows]
         value[rows] = (t_s - t_s[0]) / (t_s[-1] - t_s[0]) if t_s[-1] > t_s[0] else np.nan
-    return _plain(value)
+    return value
 
 
 def _shots_had(shots: Shots, balls: np.ndarray) -> np.ndarray:
@@ -121,19 +114,18 @@ def _shots_had(shots: Shots, balls: np.ndarray) -> np.ndarray:
     return np.asarray(had / max(had.max(), 1.0))
 
 
-def _droop(traces: Traces | None, count: int) -> Known:
+def _droop(traces: Traces | None, count: int) -> np.ndarray:
+    unknown = np.full(count, np.nan)
     if traces is None:
-        return _plain(np.full(count, np.nan))
+        return unknown
     signals = np.array(traces.signal)
     wheels = [name for name in np.unique(signals) if name.startswith(WHEEL) and name.endswith(SPEED)]
-    dips = [_dips(traces, signals == name, count) for name in wheels]
-    if not dips:
-        return _plain(np.full(count, np.nan))
+    dips = [unknown, *(_dips(traces, signals == name, count) for name in wheels)]
     heard = np.isfinite(dips)
     dip = np.where(heard, dips, 0.0).sum(0) / np.maximum(heard.sum(0), 1)
     said = np.any(heard, axis=0)
     mean = dip[said].mean() if said.any() else 0.0
-    return Known(dip / mean, said) if mean > 0.0 else _plain(np.full(count, np.nan))
+    return np.where(said, dip / mean, np.nan) if mean > 0.0 else unknown
 
 
 def _dips(traces: Traces, here: np.ndarray, count: int) -> np.ndarray:
@@ -151,9 +143,9 @@ def _dips(traces: Traces, here: np.ndarray, count: int) -> np.ndarray:
     return dip
 
 
-def _hood_change(shots: Shots) -> Known:
+def _hood_change(shots: Shots) -> np.ndarray:
     hood_deg, change = shots.number("hood_deg"), np.full(len(shots), np.nan)
     for rows in _sessions(shots):
         moved = np.diff(hood_deg[rows])
         change[rows[1:]] = np.where(np.abs(moved) > LEAST_CHANGE_DEG, np.sign(moved), 0.0)
-    return _plain(np.where(np.isfinite(hood_deg), change, np.nan))
+    return np.where(np.isfinite(hood_deg), change, np.nan)

@@ -14,10 +14,8 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.curve import Curves, before_the_shot
-from truearc.sim.physics.catalogue import Catalogue, effective, flight_terms
-from truearc.sim.physics.flight import fly
-from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.simulate import ORDINARY, classify, launch_of, leave, opening_of, sense
+from truearc.sim.physics.catalogue import Catalogue, effective
+from truearc.sim.physics.simulate import ORDINARY, classify, opening_of, predict
 from truearc.sim.progress import Progress
 
 NONE: Curves = {}
@@ -63,18 +61,9 @@ def grid_heights(rig: Rig, coefficients: Mapping[str, Mapping[str, float]],
     truearc.sim.physics.catalogue.catalogue() when not given. InputError when the rig cannot turn a
     motor ratio into a launch.
     """
-    terms = flight_terms({"gravity", *coefficients}, among)
-    chunk = SHAPE[1] * SHAPE[2]                   # one motor ratio: flights of like length end together
-    heights_m = []
-    for number in range(SHAPE[0]):
-        shots = grid_shots(np.arange(number * chunk, (number + 1) * chunk))
-        values = effective(coefficients, before_the_shot(curves, rig, shots), among)
-        exit, distance_m = sense(rig, values, launch_of(rig, shots), shots.number("distance_m"), among=among)
-        start = Exit(*map(np.asarray, leave(rig, values, exit, among=among)))
-        crossing = fly(rig, terms, values, start, distance_m, step_s=STEP_S)
-        heights_m.append(np.asarray(crossing.height_m))
-        progress((number + 1) / SHAPE[0], f"{(number + 1) * chunk} flights")
-    return np.concatenate(heights_m)
+    shots = grid_shots(np.arange(np.prod(SHAPE)))
+    before = before_the_shot(curves, rig, shots)
+    return np.asarray(predict(rig, coefficients, shots, progress, before, among, STEP_S).height_m)
 
 
 def label_grid(rig: Rig, coefficients: Mapping[str, Mapping[str, float]],

@@ -31,16 +31,13 @@ from truearc.sim.infer.forecast import forecast
 from truearc.sim.infer.likelihood.launch_inputs import given_of
 from truearc.sim.paper import synthetic_data as data
 from truearc.sim.paper.network import load_json
-from truearc.sim.physics.catalogue import Catalogue, effective, flight_terms
-from truearc.sim.physics.flight import fly
+from truearc.sim.physics.catalogue import Catalogue, effective
 from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.simulate import MISS, ORDINARY, Values, classify, leave, opening_of, sense, take_values
-from truearc.sim.physics.term import Opening
+from truearc.sim.physics.simulate import MISS, ORDINARY, classify, fly_rows, leave, opening_of, sense
 from truearc.sim.progress import Progress
 
 PROVENANCE_FILE = "synth.json"
 MAX_DEVIATIONS = 4.0                  # one normal number in 16 000 is further out, on either side together
-BLOCK = 4096                          # flights at once
 
 
 class Draws(NamedTuple):
@@ -141,23 +138,19 @@ def label_grid_draws(rig: Rig, belief: Belief, draws: int, seed: int,
     drawn_m = fly_draws(rig, shots, drawn, rng, lambda done, note: progress(0.5 + 0.5 * done, note),
                         before_the_shot(belief.curves, rig, shots), belief.catalogue)
     outcomes = np.full(len(height_m), MISS, dtype="<U5")
-    outcomes[places] = classify(rig, drawn_m, _opening(rig, drawn.coefficients, belief.catalogue))
+    opening = opening_of(rig, effective(drawn.coefficients, ORDINARY, belief.catalogue), belief.catalogue)
+    outcomes[places] = classify(rig, drawn_m, opening)
     return outcomes
 
 
 def near_places(rig: Rig, belief: Belief, height_m: np.ndarray) -> np.ndarray:
     """Flat positions of the grid from which a draw may score: heights [grid] by the belief's own coefficients."""
-    opening = _opening(rig, belief.coefficients, belief.catalogue)
+    opening = opening_of(rig, effective(belief.coefficients, ORDINARY, belief.catalogue), belief.catalogue)
     reached = np.flatnonzero(np.isfinite(height_m))
     sigma_m = forecast(rig, belief, data.grid_shots(reached)).sigma_m
     beyond_m = np.abs(height_m[reached] - opening.centre_m) - opening.two_half_m
     near: np.ndarray = reached[~(beyond_m > MAX_DEVIATIONS * sigma_m)]          # an unknown sigma is flown too
     return near
-
-
-def _opening(rig: Rig, coefficients: Values, among: Catalogue) -> Opening:
-    """The target's, by the arrival terms among the coefficients."""
-    return opening_of(rig, effective(coefficients, ORDINARY, among), among)
 
 
 def assign(beliefs: list[Belief], count: int, rng: np.random.Generator) -> Draws:
@@ -193,20 +186,4 @@ def fly_draws(rig: Rig, shots: Shots, draws: Draws, rng: np.random.Generator,
                      left.elevation_rad + np.radians(draws.scatter["elevation_deg"]) * rng.standard_normal(count),
                      left.spin_rev_s, left.above_m)
     distance_m = np.asarray(true_m) + given.distance_sd_m * rng.standard_normal(count)
-    return _fly(rig, values, scattered, distance_m, progress, among)
-
-
-def _fly(rig: Rig, values: Values, exit: Exit, distance_m: np.ndarray, progress: Progress,
-         among: Catalogue | None) -> np.ndarray:
-    """Blocks of one size, since each is compiled, of flights that stay aloft about equally long."""
-    terms = flight_terms({"gravity", *values}, among)
-    named = {term.name: values.get(term.name, {}) for term in terms}
-    order = np.argsort(exit.speed_m_s * np.sin(exit.elevation_rad), kind="stable")
-    height_m = np.full(len(order), np.nan)
-    for first in range(0, len(order), BLOCK):
-        rows = order[first:first + BLOCK]
-        lanes = np.resize(rows, BLOCK)
-        crossing = fly(rig, terms, take_values(named, lanes), exit.take(lanes), distance_m[lanes], step_s=data.STEP_S)
-        height_m[rows] = np.asarray(crossing.height_m)[:rows.size]
-        progress((first + rows.size) / len(order), f"{first + rows.size} scattered flights")
-    return height_m
+    return np.asarray(fly_rows(rig, values, scattered, distance_m, progress, among, step_s=data.STEP_S).height_m)

@@ -43,7 +43,7 @@ class _Flight(NamedTuple):
     steps: Any
     flying: Any
     time_s: Any
-    ball: BallState                   # without its time
+    ball: Any                         # in the loop what `kept` keeps of it, then a BallState
 
 
 @partial(jax.jit, static_argnames=("rig", "terms", "step_s", "turn_rad", "limit_s", "floor"))
@@ -61,11 +61,9 @@ def fly(rig: Rig, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[str,
     law = make_law(with_balls(rig, balls), terms, params)
     shape = _shape(params, exit, distance_m)
     distance = jnp.broadcast_to(jnp.asarray(distance_m, dtype=float), shape)
-    start = start_of(rig, exit, shape)
-    start = _settle(law, start)
+    start = settle(law, start_of(rig, exit, shape))
     step = _step_for(law, start, step_s, turn_rad)
-    stops = partial(_ends, floor=floor)
-    end = _fly_until(law, start, step, distance, math.ceil(limit_s / (step_s * SHORTEST)), limit_s, stops)
+    end = _fly_until(law, start, step, distance, math.ceil(limit_s / (step_s * SHORTEST)), limit_s, floor)
     return _cross(law, end, step, distance, floor)
 
 
@@ -148,7 +146,7 @@ def _weigh(k1: Vec, k2: Vec, k3: Vec, k4: Vec) -> Vec:
     return add(add(k1, k4), scale(2.0, add(k2, k3)))
 
 
-def _settle(law: Law, ball: BallState) -> BallState:
+def settle(law: Law, ball: BallState) -> BallState:
     """Give the sideways components arrays if the law pushes sideways, so that the loop's state keeps its form."""
     if absent(law(ball).y) and absent(ball.velocity_m_s.y):
         return ball
@@ -157,7 +155,8 @@ def _settle(law: Law, ball: BallState) -> BallState:
 
 def _dense(ball: BallState) -> BallState:
     zero = jnp.zeros_like(ball.position_m.x)
-    return _each(ball, lambda part: plus(part, zero), plus(ball.time_s, zero))
+    place, velocity, spin = (Vec(*(plus(part, zero) for part in vec)) for vec in ball[:3])
+    return BallState(place, velocity, spin, plus(ball.time_s, zero))
 
 
 def _step_for(law: Law, start: BallState, step_s: float, turn_rad: float) -> Any:
@@ -171,34 +170,33 @@ def _step_for(law: Law, start: BallState, step_s: float, turn_rad: float) -> Any
 
 
 def _fly_until(law: Law, start: BallState, step: Any, distance: Any, most_steps: int, limit_s: float,
-               ends: Callable[[BallState, BallState, Any, Any], Any]) -> _Flight:
+               floor: bool) -> _Flight:
     def go_on(flight: _Flight) -> Any:
         return jnp.any(flight.flying) & (flight.steps < most_steps)
 
     def advance(flight: _Flight) -> _Flight:
-        old = _unpack(flight.ball, flight.time_s)
+        old = full(start, flight.ball)._replace(time_s=flight.time_s)
         new = rk4(law, old, step)
-        moves = flight.flying & ~ends(old, new, step, distance) & (flight.time_s < limit_s)
-        ball = jax.tree.map(lambda a, b: jnp.where(moves, b, a), flight.ball, _pack(new))
+        moves = flight.flying & ~_ends(old, new, step, distance, floor) & (flight.time_s < limit_s)
+        ball = jax.tree.map(lambda a, b: jnp.where(moves, b, a), flight.ball, kept(new._replace(time_s=0.0)))
         return _Flight(flight.steps + 1, moves, flight.time_s + jnp.where(moves, step, 0.0), ball)
 
     flying = (start.velocity_m_s.x > 0.0) & (start.position_m.x < distance)
-    end = lax.while_loop(go_on, advance, _Flight(0, flying, jnp.zeros_like(step), _pack(start)))
-    return end._replace(ball=_unpack(end.ball, end.time_s))
+    end = lax.while_loop(go_on, advance, _Flight(0, flying, jnp.zeros_like(step), kept(start)))
+    return end._replace(ball=full(start, end.ball)._replace(time_s=end.time_s))
 
 
-def _pack(ball: BallState) -> BallState:
-    """For JAX's loops, which drop None whereas 0.0 would become an array; the loop itself has the time."""
-    return _each(ball, lambda part: None if absent(part) else part, None)
+def kept(ball: BallState) -> tuple[Any, ...]:
+    """State of a flight for JAX's loops: the components of place and velocity, and the time, that are not absent."""
+    return tuple(part for part in (*ball.position_m, *ball.velocity_m_s, ball.time_s) if not absent(part))
 
 
-def _unpack(ball: BallState, time_s: Any) -> BallState:
-    return _each(ball, lambda part: 0.0 if part is None else part, time_s)
-
-
-def _each(ball: BallState, change: Callable[[Any], Any], time_s: Any) -> BallState:
-    position_m, velocity_m_s, spin_rev_s = (Vec(*map(change, vec)) for vec in ball[:3])
-    return BallState(position_m, velocity_m_s, spin_rev_s, time_s)
+def full(like: BallState, state: tuple[Any, ...]) -> BallState:
+    """The inverse of kept, of a flight that carries what `like` has."""
+    rest = iter(state)
+    place, velocity = (Vec(*(part if absent(part) else next(rest) for part in vec)) for vec in like[:2])
+    return like._replace(position_m=place, velocity_m_s=velocity,
+                         time_s=like.time_s if absent(like.time_s) else next(rest))
 
 
 def _ends(old: BallState, new: BallState, step: Any, distance: Any, floor: bool) -> Any:

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.physics.flight import Law, needs_time, start_of
+from truearc.sim.physics.flight import Law, full, kept, needs_time, settle, start_of
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.term import BallState
 from truearc.sim.physics.vector import Vec, absent, plus, scale
@@ -38,37 +38,21 @@ def reach_plane(rig: Rig, law: Law, exit: Exit, distance_m: Any, steps: int = ST
     Where `near` is False height and climb are numbers without meaning.
     """
     shape = jnp.shape(distance_m)
-    ball = start_of(rig, exit, shape)
-    zero = jnp.zeros(shape)
-    if not absent(law(ball).y):
-        ball = BallState(*(Vec(*(plus(part, zero) for part in vec)) for vec in ball[:3]))
+    ball, zero = settle(law, start_of(rig, exit, shape)), jnp.zeros(shape)
     if needs_time(law, ball):
         ball = ball._replace(time_s=zero)
     step_m = distance_m / steps
     near = (ball.velocity_m_s.x > SLOWEST_M_S) & (step_m > 0.0)
 
     def advance(carry: Any, _: None) -> tuple[Any, None]:
-        kept, near = carry
-        new, slowest_m_s = _step(law, ball, kept, step_m)
-        near = near & (jnp.minimum(slowest_m_s, _full(ball, new).velocity_m_s.x) > SLOWEST_M_S)
+        state, near = carry
+        new, slowest_m_s = _step(law, ball, state, step_m)
+        near = near & (jnp.minimum(slowest_m_s, full(ball, new).velocity_m_s.x) > SLOWEST_M_S)
         return (new, near), None
 
-    kept, near = lax.scan(advance, (_kept(ball), near), None, length=steps)[0]
-    end = _full(ball, kept)
+    state, near = lax.scan(advance, (kept(ball), near), None, length=steps)[0]
+    end = full(ball, state)
     return Plane(end.position_m.z, end.velocity_m_s.z / _pace(end.velocity_m_s.x), near, plus(end.position_m.y, zero))
-
-
-def _kept(ball: BallState) -> tuple[Any, ...]:
-    """State of a flight: the components of place and velocity, and the time, that are not absent."""
-    return tuple(part for part in (*ball.position_m, *ball.velocity_m_s, ball.time_s) if not absent(part))
-
-
-def _full(like: BallState, kept: tuple[Any, ...]) -> BallState:
-    """The inverse of _kept, of a flight that carries what `like` has."""
-    rest = iter(kept)
-    place, velocity = (Vec(*(part if absent(part) else next(rest) for part in vec)) for vec in like[:2])
-    return like._replace(position_m=place, velocity_m_s=velocity,
-                         time_s=like.time_s if absent(like.time_s) else next(rest))
 
 
 def _pace(speed_m_s: Any) -> Any:
@@ -81,8 +65,8 @@ def _step(law: Law, like: BallState, start: tuple[Any, ...], step_m: Any) -> tup
     The four stages are a loop of their own: derivatives of derivatives compile in a third of the time.
     """
     def stage(carry: Any, weights: Any) -> tuple[Any, None]:
-        kept, total, slowest_m_s = carry
-        here = _full(like, kept)
+        state, total, slowest_m_s = carry
+        here = full(like, state)
         rate = _rate(law, here)
         total = jax.tree.map(lambda sum_, part: sum_ + weights[1] * part, total, rate)
         moved = jax.tree.map(lambda begin, part: begin + weights[0] * step_m * part, start, rate)
@@ -90,16 +74,15 @@ def _step(law: Law, like: BallState, start: tuple[Any, ...], step_m: Any) -> tup
 
     zero = jax.tree.map(jnp.zeros_like, start)
     weights = (jnp.array(AHEAD), jnp.array(SHARE))
-    first = (start, zero, _full(like, start).velocity_m_s.x)
+    first = (start, zero, full(like, start).velocity_m_s.x)
     _, total, slowest_m_s = lax.scan(stage, first, weights)[0]
     return jax.tree.map(lambda begin, part: begin + step_m * part, start, total), slowest_m_s
 
 
 def _rate(law: Law, ball: BallState) -> tuple[Any, ...]:
     per_m = 1.0 / _pace(ball.velocity_m_s.x)
-    carried = BallState(scale(per_m, ball.velocity_m_s), scale(per_m, _dense_like(law(ball), ball)), ball.spin_rev_s,
-                        ball.time_s if absent(ball.time_s) else per_m)
-    return _kept(carried)
+    return kept(BallState(scale(per_m, ball.velocity_m_s), scale(per_m, _dense_like(law(ball), ball)), ball.spin_rev_s,
+                          ball.time_s if absent(ball.time_s) else per_m))
 
 
 def _dense_like(pushed: Vec, ball: BallState) -> Vec:

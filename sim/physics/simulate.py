@@ -12,7 +12,7 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.data.dataset import Shots
 from truearc.sim.physics import catalogue as known
-from truearc.sim.physics.flight import Balls, Crossing, fly, with_balls
+from truearc.sim.physics.flight import STEP_S, Balls, Crossing, fly, with_balls
 from truearc.sim.physics.launch import Exit, exit_no_slip, exit_opposed, is_opposed
 from truearc.sim.physics.term import Opening, complete
 from truearc.sim.physics.vector import Vec
@@ -30,20 +30,22 @@ Values = Mapping[str, Mapping[str, Any]]
 
 def predict(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots,
             progress: Progress = lambda done, note: None,
-            circumstances: Circumstances = ORDINARY, among: known.Catalogue | None = None) -> Crossing:
+            circumstances: Circumstances = ORDINARY, among: known.Catalogue | None = None,
+            step_s: float = STEP_S) -> Crossing:
     """Fly each recorded configuration to its plane with gravity and the terms that `coefficients` names.
 
     Sensing terms correct what the robot's sensors say and launch terms what the wheels do, never what was measured on
     the ball. Returns numpy arrays, one row a shot. circumstances: of these shots (truearc.sim.data.shot_conditions);
     terms that follow one are absent from ordinary shots. among: the catalogue of the terms,
-    truearc.sim.physics.catalogue.catalogue() when not given, here and below. InputError names shots without a
-    distance or a launch. Each shot's own mass_kg and radius_m fly, where they are given.
+    truearc.sim.physics.catalogue.catalogue() when not given, here and below. step_s: the longest step of the
+    flight. InputError names shots without a distance or a launch. Each shot's own mass_kg and radius_m fly, where they
+    are given.
     """
     values = known.effective(coefficients, circumstances, among)
     whose, balls = by_robot(shots), own_balls(rig, shots)
     own = with_balls(rig, balls)
     exit, distance_m = sense(own, values, launch_of(rig, shots), require(shots, "distance_m"), whose, among)
-    return fly_rows(rig, values, leave(own, values, exit, whose, among), distance_m, progress, among, balls)
+    return fly_rows(rig, values, leave(own, values, exit, whose, among), distance_m, progress, among, balls, step_s)
 
 
 def own_balls(rig: Rig, shots: Shots) -> Balls | None:
@@ -118,7 +120,7 @@ def take_values(values: Values, rows: Any) -> dict[str, dict[str, Any]]:
 
 def fly_rows(rig: Rig, values: Values, exit: Exit, distance_m: np.ndarray,
              progress: Progress = lambda done, note: None, among: known.Catalogue | None = None,
-             balls: Balls | None = None) -> Crossing:
+             balls: Balls | None = None, step_s: float = STEP_S) -> Crossing:
     """Fly launches [n] as they leave the wheels, after sensing and launch terms, by effective `values`.
 
     Rows fly in blocks of those that stay aloft about equally long, and in few different sizes, since each is compiled.
@@ -134,7 +136,7 @@ def fly_rows(rig: Rig, values: Values, exit: Exit, distance_m: np.ndarray,
         rows = order[first:first + lanes]
         padded = np.resize(rows, lanes)
         mine = None if balls is None else (balls[0][padded], balls[1][padded])
-        part = fly(rig, terms, take_values(named, padded), exit.take(padded), distance_m[padded], balls=mine)
+        part = fly(rig, terms, take_values(named, padded), exit.take(padded), distance_m[padded], step_s, balls=mine)
         height_m[rows] = np.asarray(part.height_m)[:rows.size]
         time_s[rows] = np.asarray(part.time_s)[:rows.size]
         progress(min(first + lanes, len(order)) / len(order), f"{min(first + lanes, len(order))} shots")

@@ -87,8 +87,9 @@ def shoot(rig: Rig, options: Options, seed: int, settings: Sequence[ShotSetting]
 
 def season_of(rig: Rig, seed: int, trials: Sequence[Trial], level: str, marks: Sequence[tuple[str, str]]) -> Season:
     """The season of trials with their marks (outcome, side); of a level other than "L0" with telemetry."""
+    rows = [(shot, *row) for shot, trial in enumerate(trials) for row in trial.traces]
     dataset = Dataset(f"world-{seed}", rig, _shots(trials, level, marks), None,
-                      _traces(trials) if level != "L0" else None)
+                      Traces.of(rows) if level != "L0" else None)
     return Season(dataset, tuple(trial.result for trial in trials))
 
 
@@ -133,9 +134,3 @@ def _shots(trials: Sequence[Trial], level: str, marks: Sequence[tuple[str, str]]
                  {name: np.array([trial.read[name] for trial in trials]) for name in names},
                  {"outcome": tuple(mark for mark, _ in marks), "side": tuple(side for _, side in marks),
                   "session": ("1",) * len(trials)})
-
-
-def _traces(trials: Sequence[Trial]) -> Traces:
-    rows = [(shot, *row) for shot, trial in enumerate(trials) for row in trial.traces]
-    shot, t_s, signal, value = zip(*rows, strict=True)
-    return Traces(np.array(shot, dtype=np.int64), np.array(t_s), tuple(signal), np.array(value))

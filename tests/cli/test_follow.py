@@ -20,7 +20,7 @@ from truearc.robot.config.schema import load_config
 from truearc.robot.operator_ui.aim_orders import AimOrders
 from truearc.robot.operator_ui.server import OperatorPage
 from truearc.robot.processes.aim_inbox import AimInbox
-from truearc.sim.data.parts import join_datasets, take_shots
+from truearc.sim.data.parts import join_datasets
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.investigate import discover
 from truearc.sim.discover.proposal import AimProposal, BeliefFile
@@ -69,7 +69,7 @@ def test_follow_finds_since_when(found: "ta.Following") -> None:
 
 def test_e_values_of_earlier_shots_do_not_depend_on_later_ones(found: "ta.Following", changed: ta.Dataset,
                                                                belief: ta.Belief) -> None:
-    part = ta.follow(take_shots(changed, range(45)), belief)
+    part = ta.follow(changed.take(range(45)), belief)
     assert part.e_values == pytest.approx(found.e_values[:45], rel=1e-6)
 
 
@@ -161,7 +161,7 @@ def test_watch_looks_again_only_after_the_files_have_changed(belief: ta.Belief, 
     watch = ShotWatch(args, belief)       # type: ignore[arg-type]  # the options that it reads
     watch.look_if_grown()
     assert capsys.readouterr().err.startswith("waiting: ")
-    ta.save_dataset(tmp_path / "event", take_shots(whole, range(12)))
+    ta.save_dataset(tmp_path / "event", whole.take(range(12)))
     watch.look_if_grown()
     assert "12 shots: e-value" in capsys.readouterr().out
     watch.look_if_grown()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.proof.test_truth_flight import quiet
-from truearc.sim.data.dataset import join_datasets, take_shots
+from truearc.sim.data.dataset import join_datasets
 from truearc_proof.truth.followup import Asked, follow
 from truearc_proof.truth.generate import play
 from truearc_proof.truth.world import make_world
@@ -56,7 +56,7 @@ def test_both_sessions_as_one_dataset_and_taken_apart_again() -> None:
     first, second = play(world).dataset, follow(world, ASKED)
     both = join_datasets(first, second)
     assert len(both.shots) == 60
-    back = take_shots(both, range(40, 60))
+    back = both.take(range(40, 60))
     assert back.shots.shot_id == second.shots.shot_id
     np.testing.assert_array_equal(back.shots.number("since_last_shot_s"), second.shots.number("since_last_shot_s"))
     for name in ("tracks", "traces"):

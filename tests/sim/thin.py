@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from truearc.sim.data.dataset import Dataset, Tracks, take_shots
+from truearc.sim.data.dataset import Dataset, Tracks
 
 
 def thinned(dataset: Dataset, shots: int = 32) -> Dataset:
     """The first shots, and every third picture of their tracks."""
-    some = take_shots(dataset, range(shots))
+    some = dataset.take(range(shots))
     assert some.tracks is not None
     third = np.arange(len(some.tracks.shot)) % 3 == 0
     return replace(some, tracks=Tracks(*(getattr(some.tracks, name)[third]

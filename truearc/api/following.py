@@ -17,7 +17,6 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.aim.set_point import AimRow
 from truearc.sim.aim.solve import chances_of
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.data.parts import take_shots
 from truearc.sim.discover.detect.always_valid import ChangeTest
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.investigate import follow_shots
@@ -84,7 +83,7 @@ class Following(Printed):
         if not self.can_be_named:
             raise InputError(f"{self.dataset.name}: {len(self.test.rows) - self.since + 1} shots since the change; "
                              f"{FEWEST_SINCE} at least are needed to say what it is")
-        later = take_shots(self.dataset, [int(row) for row in self.test.rows[self.since - 1:]])
+        later = self.dataset.take([int(row) for row in self.test.rows[self.since - 1:]])
         return discover(later, belief=self.belief, seed=self.seed, false_alarm=EVERY_FINDING, progress=progress)
 
     def table(self) -> Table:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.sim.data.dataset import Dataset, Shots, take_shots
+from truearc.sim.data.dataset import Dataset, Shots
 from truearc_proof.truth.aiming import intended_s
 from truearc_proof.truth.generate import play, record
 from truearc_proof.truth.plan import Floats, Plan, plan_shots
@@ -45,7 +45,7 @@ def follow(world: World, asked: Sequence[Asked], number: int = 1) -> Dataset:
     seen = see_places(own, plan)
     ratio = np.concatenate([season.motor_ratio, ratio])
     told = record(own, plan, seen, ratio, intended_s(own, replace(plan, distance_m=seen[0], hood_deg=seen[1]), ratio))
-    dataset = take_shots(told.dataset, range(world.shots, own.shots))
+    dataset = told.dataset.take(range(world.shots, own.shots))
     ids = tuple(f"f{number}-{k:04d}" for k in range(1, extra + 1))
     return replace(dataset, shots=Shots(ids, dataset.shots.numbers, dataset.shots.texts))
 

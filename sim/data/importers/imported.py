@@ -3,7 +3,7 @@
 import numpy as np
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.data.dataset import Dataset, take_shots
+from truearc.sim.data.dataset import Dataset
 
 
 def only(dataset: Dataset, wanted: str) -> Dataset:
@@ -21,7 +21,7 @@ def only(dataset: Dataset, wanted: str) -> Dataset:
         if part not in column:
             known = ", ".join(repr(text) for text in dict.fromkeys(column))
             raise InputError(f"--only: no shot has {part!r} as its {name}; there are {known}")
-    return take_shots(dataset, [row for row, text in enumerate(column) if text in parts])
+    return dataset.take([row for row, text in enumerate(column) if text in parts])
 
 
 def doubts_of(dataset: Dataset) -> tuple[str, ...]:

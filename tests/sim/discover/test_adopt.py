@@ -10,7 +10,6 @@ from msgspec import structs
 import truearc as ta
 from tests.sim.discover.odd_rigs import make_drops
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.parts import take_shots
 from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.discover import adopt
 from truearc.sim.discover.adopt import make_belief, with_worth
@@ -48,7 +47,7 @@ def hasty() -> tuple[Dataset, Investigation]:
 def season() -> tuple[Dataset, Dataset]:
     """Earlier and later shots of a world with an unexplained effect."""
     whole = shoot(make_world({"far_kick": 0.15}, "L2", 160, 3))
-    return take_shots(whole, range(96)), take_shots(whole, range(96, 160))
+    return whole.take(range(96)), whole.take(range(96, 160))
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import pytest
 
 from tests.sim.discover.odd_rigs import make_drops, make_three_wheels
 from truearc.robot.config.schema import InputError
-from truearc.sim.data.dataset import Dataset, Shots, join_datasets, take_shots
+from truearc.sim.data.dataset import Dataset, Shots, join_datasets
 from truearc.sim.discover.finding import Finding, make_json
 from truearc.sim.discover.investigate import Investigation, discover
 from truearc.sim.discover.select.refit import promote
@@ -185,7 +185,7 @@ def test_bad_input_is_named() -> None:
 def test_what_changes_at_once_is_told_as_a_step() -> None:
     """A hood that slips by two degrees half way through one long session, and a driver who goes on aiming."""
     before, after = (shoot(make_world(effects, "L0", 300, 825)) for effects in ({}, {"hood_offset": 2.0}))
-    whole = join_datasets(take_shots(before, range(150)), take_shots(after, range(150, 300)))
+    whole = join_datasets(before.take(range(150)), after.take(range(150, 300)))
     shots = replace(whole.shots, numbers={**whole.shots.numbers, "t_s": 20.0 * np.arange(300)},
                     texts={**whole.shots.texts, "session": ("day1",) * 300})
     finding = discover(replace(whole, shots=shots), seed=1).finding

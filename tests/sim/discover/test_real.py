@@ -12,7 +12,6 @@ from truearc.cli.main import main
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import save_dataset
 from truearc.sim.data.importers.imported import doubts_of, only
-from truearc.sim.data.parts import take_shots
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.detect.localization import locate
 from truearc.sim.discover.investigate import detect, discover, make_search
@@ -72,7 +71,7 @@ def test_what_only_a_wrong_camera_makes_right_is_not_adopted(data_dir: Path, tmp
 
 def test_two_imports_of_one_launcher_have_one_rig(data_dir: Path) -> None:
     whole = import_mpi(data_dir / "real/mpi_launches.csv", data_dir / "real/mpi_tracks.csv")
-    first, other = (take_shots(whole, np.arange(start, len(whole.shots), 2)) for start in (0, 1))
+    first, other = (whole.take(np.arange(start, len(whole.shots), 2)) for start in (0, 1))
     assert first.rig == other.rig == whole.rig
     _check_since(first, point_belief({"drag": {"cd": 0.4}}), other)      # they are compared, and not refused
 

@@ -9,7 +9,7 @@ import pytest
 
 from truearc.cli.main import main
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.parts import join_datasets, take_shots
+from truearc.sim.data.parts import join_datasets
 from truearc.sim.data.save import save_dataset
 from truearc.sim.infer.belief import load_belief
 from truearc_proof.truth.generate import shoot
@@ -24,8 +24,8 @@ SUPPLIER = ("north", "south")         # shot by shot in turn, so that no time go
 def two_suppliers() -> Dataset:
     world = make_world(level="L2", shots=SHOTS, seed=5)
     north, south = (shoot(replace(world, efficiency=world.efficiency * times)) for times in (1.0, FASTER))
-    both = join_datasets(take_shots(north, range(0, SHOTS, 2)), take_shots(south, range(1, SHOTS, 2)))
-    whole = take_shots(both, np.arange(SHOTS).reshape(2, -1).T.ravel().tolist())
+    both = join_datasets(north.take(range(0, SHOTS, 2)), south.take(range(1, SHOTS, 2)))
+    whole = both.take(np.arange(SHOTS).reshape(2, -1).T.ravel().tolist())
     return replace(whole, shots=Shots(whole.shots.shot_id, whole.shots.numbers,
                                       {**whole.shots.texts, "ball_supplier": SUPPLIER * (SHOTS // 2)}))
 
