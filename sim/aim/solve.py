@@ -33,6 +33,8 @@ SPIN_UP_POINTS = 0.02                 # and going from rest to free speed: of wh
 LEAST_POINTS = 0.02                   # expected; with less a distance is refused
 SAFE_SHARE = 0.5                      # of the best points, which set points within the band have at least
 
+Rows = Float[np.ndarray, " n"]
+
 
 @dataclass(frozen=True, eq=False)
 class Chances:
@@ -40,24 +42,20 @@ class Chances:
 
     p_two: the ball passes the outer opening (which holds the inner one); p_three: the inner one; points: expected;
     of a hit-or-miss target p_three is 0 and a hit counts two. height_m: at the target, NaN where the ball does not
-    come there, whose probabilities are 0. per_log_speed, per_rad, per_m: change of that height by the log of the
-    exit speed, by the launch elevation and by the distance.
+    come there, whose probabilities are 0. per_log_speed: change of that height by the log of the exit speed.
     """
 
-    height_m: Float[np.ndarray, " n"]
-    p_two: Float[np.ndarray, " n"]
-    p_three: Float[np.ndarray, " n"]
-    per_log_speed: Float[np.ndarray, " n"]
-    per_rad: Float[np.ndarray, " n"]
-    per_m: Float[np.ndarray, " n"]
+    height_m: Rows
+    p_two: Rows
+    p_three: Rows
+    per_log_speed: Rows
 
     @property
-    def points(self) -> Float[np.ndarray, " n"]:
+    def points(self) -> Rows:
         return POINTS_TWO * self.p_two + (POINTS_THREE - POINTS_TWO) * self.p_three
 
 
-def chances_of(rig: Rig, belief: Belief, distance_m: Float[np.ndarray, " n"], hood_deg: Float[np.ndarray, " n"],
-               motor_ratio: Float[np.ndarray, " n"]) -> Chances:
+def chances_of(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, motor_ratio: Rows) -> Chances:
     """Probabilities under the belief's covariance, the launcher's scatter and the sensors' noise.
 
     InputError where the rig has no target or no free speed.
@@ -67,7 +65,7 @@ def chances_of(rig: Rig, belief: Belief, distance_m: Float[np.ndarray, " n"], ho
     opening = believed_opening(rig, belief)
     two, three = (_between(seen.height_m - opening.centre_m, half_m, seen.sigma_m)
                   for half_m in (opening.two_half_m, opening.three_half_m))
-    return Chances(seen.height_m, two, three, *seen.by_launch[:, [0, 1, 3]].T)
+    return Chances(seen.height_m, two, three, seen.by_launch[:, 0])
 
 
 def believed_opening(rig: Rig, belief: Belief) -> Opening:
@@ -75,8 +73,7 @@ def believed_opening(rig: Rig, belief: Belief) -> Opening:
     return opening_of(rig, effective(belief.coefficients, ORDINARY, belief.catalogue), belief.catalogue)
 
 
-def _between(off_m: Float[np.ndarray, " n"], half_m: float,
-             sigma_m: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+def _between(off_m: Rows, half_m: float, sigma_m: Rows) -> Rows:
     with np.errstate(divide="ignore", invalid="ignore"):
         p = ndtr((half_m - off_m) / sigma_m) - ndtr((-half_m - off_m) / sigma_m)
     exact = (np.abs(off_m) <= half_m).astype(float) if half_m > 0.0 else np.zeros_like(off_m)
@@ -86,8 +83,8 @@ def _between(off_m: Float[np.ndarray, " n"], half_m: float,
 class Solved(NamedTuple):
     """Set points [n], a row per distance; nothing scores where `points` is below LEAST_POINTS."""
 
-    hood_deg: Float[np.ndarray, " n"]
-    motor_ratio: Float[np.ndarray, " n"]
+    hood_deg: Rows
+    motor_ratio: Rows
     chances: Chances
     reason: tuple[str, ...]
 
@@ -106,7 +103,7 @@ REASONS = ("no set point scores", "the ball does not come so far at the motors' 
            "the ball passes above the target even at the lowest speed")
 
 
-def solve(rig: Rig, belief: Belief, distance_m: Float[np.ndarray, " n"], hood_deg: tuple[float, float],
+def solve(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: tuple[float, float],
           progress: Progress = lambda done, note: None) -> Solved:
     """The best set point of each ascending distance, with a hood angle within `hood_deg` (lowest, highest)."""
     if rig.launcher.free_speed_rad_s is None or not rig.launcher.wheel:
@@ -129,14 +126,13 @@ def solve(rig: Rig, belief: Belief, distance_m: Float[np.ndarray, " n"], hood_de
     return Solved(hood, ratio, chances, reasons)
 
 
-def best_ratios(rig: Rig, belief: Belief, distance_m: Float[np.ndarray, " n"],
-                hood_deg: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], Chances]:
+def best_ratios(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows) -> tuple[Rows, Chances]:
     """Motor speed over free speed [n] that scores most at a distance with a given hood angle, and its chances."""
     ratio = _ratios(rig, belief, distance_m, hood_deg, _starts(rig, belief, distance_m, hood_deg)[0])
     return ratio, chances_of(rig, belief, distance_m, hood_deg, ratio)
 
 
-def _search(rig: Rig, belief: Belief, distance_m: Float[np.ndarray, " n"], hood_deg: Float[np.ndarray, " m"],
+def _search(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Float[np.ndarray, " m"],
             progress: Progress) -> _Field:
     n, m = len(distance_m), len(hood_deg)
     ratio, reason = np.empty((n, m)), np.zeros((n, m), int)
@@ -148,8 +144,7 @@ def _search(rig: Rig, belief: Belief, distance_m: Float[np.ndarray, " n"], hood_
     return _Field(hood_deg, best.reshape(n, m), chances_of(rig, belief, *flat, best).points.reshape(n, m), reason)
 
 
-def _starts(rig: Rig, belief: Belief, distance_m: Float[np.ndarray, " k"],
-            hood_deg: Float[np.ndarray, " k"]) -> tuple[Float[np.ndarray, " k"], Int[np.ndarray, " k"]]:
+def _starts(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows) -> tuple[Rows, Int[np.ndarray, " n"]]:
     """About the ratio at which the ball meets the centre's height, and why there is none: index of REASONS."""
     grid = chances_of(rig, belief, np.repeat(distance_m, len(RATIOS)), np.repeat(hood_deg, len(RATIOS)),
                       np.tile(RATIOS, len(hood_deg)))
@@ -170,8 +165,7 @@ def _crossing(off_m: Float[np.ndarray, " ratios"]) -> tuple[float, int]:
     return float(RATIOS[first - 1] * (RATIOS[first] / RATIOS[first - 1])**share), 0
 
 
-def _ratios(rig: Rig, belief: Belief, distance_m: Float[np.ndarray, " k"], hood_deg: Float[np.ndarray, " k"],
-            start: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+def _ratios(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, start: Rows) -> Rows:
     """The ratios with the most points near those where a height meets the target's centre."""
     opening = believed_opening(rig, belief)
     ratio = start
@@ -190,7 +184,7 @@ def _ratios(rig: Rig, belief: Belief, distance_m: Float[np.ndarray, " k"], hood_
     return ratio
 
 
-def _peak(tried: Float[np.ndarray, "k t"], points: Float[np.ndarray, "k t"]) -> Float[np.ndarray, " k"]:
+def _peak(tried: Float[np.ndarray, "k t"], points: Float[np.ndarray, "k t"]) -> Rows:
     """Where the parabola through the best of each row and its neighbours has its top; of equals, their middle."""
     row = np.arange(len(tried))
     flat = points >= points.max(axis=1, keepdims=True) - 1e-12
@@ -205,7 +199,7 @@ def _peak(tried: Float[np.ndarray, "k t"], points: Float[np.ndarray, "k t"]) -> 
     return np.asarray(np.exp(place + shift * step))
 
 
-def _smooth_path(field: _Field, distance_m: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
+def _smooth_path(field: _Field, distance_m: Rows) -> Int[np.ndarray, " n"]:
     """The hood angle [n] (index) of each distance: most points, less what its changes and the speeds cost."""
     cost = SPIN_UP_POINTS * field.motor_ratio - field.points
     change = STIFF_POINTS_M * np.abs(field.hood_deg[:, None] - field.hood_deg)
@@ -221,8 +215,7 @@ def _smooth_path(field: _Field, distance_m: Float[np.ndarray, " n"]) -> Int[np.n
     return path
 
 
-def _rounded_off(hood_deg: Float[np.ndarray, " n"], distance_m: Float[np.ndarray, " n"],
-                 limits: tuple[float, float]) -> Float[np.ndarray, " n"]:
+def _rounded_off(hood_deg: Rows, distance_m: Rows, limits: tuple[float, float]) -> Rows:
     """Without the steps of the grid: weighted means of each angle's neighbours."""
     weight = np.maximum(1.0 - np.abs(distance_m[:, None] - distance_m) / NEAR_M, 0.0)
     return np.asarray(np.clip((weight @ hood_deg) / weight.sum(axis=1), *limits))

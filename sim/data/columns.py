@@ -9,8 +9,7 @@ import numpy as np
 from truearc.robot.config.rig_spec import MOST
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.model import Floats
-from truearc.sim.data.problems import Problems
-from truearc.sim.data.table import Cell, RawTable
+from truearc.sim.data.table import Cell, Problems, RawTable
 
 OUTCOMES = ("miss", "two", "three")
 SPELLINGS = {"2": "two", "3": "three", "2.0": "two", "3.0": "three", "n/a": "", "na": "", "-": ""}

@@ -2,8 +2,7 @@
 
 from truearc.sim.data.frames import dataset
 from truearc.sim.data.load import hash_dataset, load_dataset
-from truearc.sim.data.model import Dataset, Shots, Traces, Tracks
-from truearc.sim.data.parts import join_datasets
+from truearc.sim.data.model import Dataset, Shots, Traces, Tracks, join_datasets
 from truearc.sim.data.rig import load_rig, save_rig
 from truearc.sim.data.save import check_free, save_dataset
 

@@ -12,9 +12,8 @@ from truearc.robot.config.schema import InputError
 from truearc.robot.config.toml_errors import reworded
 from truearc.sim.data.load import assemble
 from truearc.sim.data.model import Dataset
-from truearc.sim.data.problems import gathered
 from truearc.sim.data.rig import check_rig, load_rig, states_three
-from truearc.sim.data.table import Cell, RawTable, as_cell
+from truearc.sim.data.table import Cell, RawTable, as_cell, gathered
 
 
 class Frame(Protocol):

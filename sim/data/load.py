@@ -14,9 +14,8 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import WHEEL, WORDS, is_numeric, need_columns, number_column, text_column, text_of
 from truearc.sim.data.model import Dataset, Shots, Traces, Tracks
-from truearc.sim.data.problems import Problems, gathered
 from truearc.sim.data.rig import RIG, load_rig, states_three
-from truearc.sim.data.table import RawTable, find_table, load_table
+from truearc.sim.data.table import Problems, RawTable, find_table, gathered, load_table
 from truearc.sim.data.units import in_read_units, is_shot_column
 
 TRACK_COLUMNS = ("shot_id", "t_s", "x_m", "y_m", "z_m")

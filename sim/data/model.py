@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import repeat
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,7 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.sim.printed import Printed
 
 Floats = npt.NDArray[np.float64]
+Table = TypeVar("Table", bound="ShotSamples")
 
 
 @dataclass(frozen=True)
@@ -53,8 +54,8 @@ class Shots:
 
 
 @dataclass(frozen=True)
-class Samples:
-    """Samples through shots. `shot`: row in Shots; all columns [m]."""
+class ShotSamples:
+    """ShotSamples through shots. `shot`: row in Shots; all columns [m]."""
 
     shot: npt.NDArray[np.int64]
     t_s: Floats
@@ -69,7 +70,7 @@ class Samples:
 
 
 @dataclass(frozen=True)
-class Tracks(Samples):
+class Tracks(ShotSamples):
     """Measured ball positions, launcher frame."""
 
     x_m: Floats
@@ -78,7 +79,7 @@ class Tracks(Samples):
 
 
 @dataclass(frozen=True)
-class Traces(Samples):
+class Traces(ShotSamples):
     """Telemetry through shots; `t_s` = 0 when the ball is fed."""
 
     signal: tuple[str, ...]
@@ -158,10 +159,39 @@ def _counted(name: str) -> list[tuple[int, str]]:
     return [(int(part) if part.isdecimal() else -1, part) for part in re.split(r"(\d+)", name)]
 
 
-def _samples(table: Samples | None, count: int) -> list[tuple[Any, ...]]:
+def _samples(table: ShotSamples | None, count: int) -> list[tuple[Any, ...]]:
     """The samples of each of `count` shots, to tell shots apart of which all else is alike."""
     found: list[list[Any]] = [[] for _ in range(count)]
     if table is not None:
         for shot, *sample in zip(*vars(table).values(), strict=True):
             found[shot].append(tuple(sample))
     return [tuple(one) for one in found]
+
+
+def join_datasets(first: Dataset, second: Dataset) -> Dataset:
+    """The shots of both, the first's before the second's; name, rig and what was left out are the first's.
+
+    A column that only one of them has is missing in the other's shots. ValueError when a shot_id is in both.
+    """
+    if set(first.shots.shot_id) & set(second.shots.shot_id):
+        raise ValueError("the two datasets have a shot_id in common")
+    n = len(first.shots)
+    return replace(first, shots=_join_shots(first.shots, second.shots),
+                   tracks=_join(first.tracks, second.tracks, n), traces=_join(first.traces, second.traces, n))
+
+
+def _join_shots(first: Shots, second: Shots) -> Shots:
+    numbers = {name: np.concatenate([first.number(name), second.number(name)])
+               for name in dict.fromkeys([*first.numbers, *second.numbers])}
+    texts = {name: first.text(name) + second.text(name) for name in dict.fromkeys([*first.texts, *second.texts])}
+    return Shots(first.shot_id + second.shot_id, numbers, texts, first.source)
+
+
+def _join(first: Table | None, second: Table | None, n: int) -> Table | None:
+    """The samples of both; n: shots before those of the second."""
+    if first is None or second is None:
+        return first if second is None else replace(second, shot=second.shot + n)
+    later = vars(replace(second, shot=second.shot + n))
+    columns: dict[str, Any] = {name: column + later[name] if isinstance(column, tuple) else
+                               np.concatenate([column, later[name]]) for name, column in vars(first).items()}
+    return replace(first, **columns)

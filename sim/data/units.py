@@ -6,8 +6,7 @@ import re
 from collections.abc import Callable
 
 from truearc.sim.data.columns import RANGES, TEXTS, WHEEL, WORDS, parse_number
-from truearc.sim.data.problems import Problems
-from truearc.sim.data.table import Cell, RawTable
+from truearc.sim.data.table import Cell, Problems, RawTable
 
 # unit that is read -> suffix of another one -> how many of the first are one of the second
 CONVERTED = {

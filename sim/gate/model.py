@@ -17,7 +17,7 @@ from truearc.robot.config.schema import InputError
 from truearc.robot.gate.contract import FEATURES
 from truearc.sim.data.dataset import Shots
 from truearc.sim.gate import likelihood as chance
-from truearc.sim.gate.fit import GateFit
+from truearc.sim.gate.likelihood import GateFit
 from truearc.sim.gate.novelty import Novelty, finite_array, novelty_record, parse_novelty
 from truearc.sim.infer.belief import Belief, as_table, from_table
 from truearc.sim.infer.forecast import forecast

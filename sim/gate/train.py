@@ -7,8 +7,7 @@ import numpy as np
 
 from truearc.robot.config.rig_spec import Rig, Target
 from truearc.sim.data.dataset import Shots
-from truearc.sim.gate.fit import fit_widest
-from truearc.sim.gate.likelihood import PRIORS, GateData, GateShape, cell_probabilities, spread_m
+from truearc.sim.gate.likelihood import PRIORS, GateData, GateShape, cell_probabilities, fit_widest, spread_m
 from truearc.sim.gate.model import Physics, PhysicsGate, Scaling, halves_of, physics_of
 from truearc.sim.gate.novelty import fit_novelty
 from truearc.sim.infer.belief import Belief

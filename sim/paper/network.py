@@ -119,12 +119,12 @@ def weights_hash(directory: str | Path, model_file: str = WEIGHTS_FILE) -> str:
     """SHA-256 over the bytes of the model's file and training.json; InputError when either cannot be read."""
     digest = hashlib.sha256()
     for name in (model_file, RECORD_FILE):
-        digest.update(_read(Path(directory) / name))
+        digest.update(load_bytes(Path(directory) / name))
     return digest.hexdigest()
 
 
 def _load_arrays(path: Path) -> dict[str, np.ndarray]:
-    _read(path)
+    load_bytes(path)
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: np.asarray(file[name], np.float64) for name in file.files}
@@ -153,7 +153,7 @@ def load_record(path: Path) -> dict[str, Any]:
 def load_json(path: Path, schema: str | None = None) -> dict[str, Any]:
     """Read a JSON object, of this schema where one is given; InputError names the file and what is wrong with it."""
     try:
-        table = json.loads(_read(path))
+        table = json.loads(load_bytes(path))
     except ValueError as error:
         raise InputError(f"{path}: not JSON ({error})") from error
     if not isinstance(table, dict):
@@ -161,7 +161,3 @@ def load_json(path: Path, schema: str | None = None) -> dict[str, Any]:
     if schema is not None and table.get("schema") != schema:
         raise InputError(f"{path}: key 'schema' is not {schema!r}")
     return table
-
-
-def _read(path: Path) -> bytes:
-    return load_bytes(path)

@@ -9,8 +9,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from truearc.sim.sysid.motion import Law, expect, lay_out
-from truearc.sim.sysid.record import Floats, Record, Run, cut, find_runs
+from truearc.sim.sysid.motion import Floats, Law, Record, Run, cut, expect, find_runs, lay_out
 from truearc.sim.sysid.solve import fit_least_squares, fit_start_speeds, jackknife_covariance
 
 FOLDS = 3

@@ -14,7 +14,7 @@ from truearc.robot.recording.session import load_header, load_session_config
 from truearc.robot.sysid.program import FLYWHEEL, HOME, HOOD, READY, phases
 from truearc.robot.sysid.tick import POLICY
 from truearc.robot.types import Progress, Tick
-from truearc.sim.sysid.record import Floats, Record
+from truearc.sim.sysid.motion import Floats, Record
 
 NS = 1e-9
 SHORT_SHARE = 0.15                    # of the largest current: a larger deviation from the expected one is not noise

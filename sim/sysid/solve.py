@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.sysid.motion import Law, Pieces, expect, lay_out
-from truearc.sim.sysid.record import MARGIN_S, Floats, Record, Run
+from truearc.sim.sysid.motion import MARGIN_S, Floats, Law, Pieces, Record, Run, expect, lay_out
 
 MAX_STEPS = 100
 SETTLED = 1e-9                        # relative fall of the sum of squares that ends the search

@@ -6,9 +6,8 @@ import numpy as np
 
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import need_columns, number_column
-from truearc.sim.data.problems import gathered
-from truearc.sim.data.table import RawTable, load_table
-from truearc.sim.sysid.record import Record
+from truearc.sim.data.table import RawTable, gathered, load_table
+from truearc.sim.sysid.motion import Record
 
 EFFORTS = ("nm", "v")
 

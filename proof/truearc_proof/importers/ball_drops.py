@@ -13,8 +13,7 @@ from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noi
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import need_columns, number_column, text_column
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
-from truearc.sim.data.problems import Problems, gathered
-from truearc.sim.data.table import RawTable, load_table
+from truearc.sim.data.table import Problems, RawTable, gathered, load_table
 from truearc_proof.importers.ball_sheets import load_sheets
 
 COLUMNS = ("ball", "drop", "t_s", "height_m", "mass_kg", "diameter_m")

@@ -7,8 +7,7 @@ from typing import Any
 
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import parse_number
-from truearc.sim.data.problems import Problems
-from truearc.sim.data.table import Cell, RawTable, text_of
+from truearc.sim.data.table import Cell, Problems, RawTable, text_of
 from truearc_proof.importers.originals import needed, part
 
 COLUMNS = {"drop": "Drop #", "t_s": "Time (s)", "height_m": "Height (m)"}     # ours -> theirs

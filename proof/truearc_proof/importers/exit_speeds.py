@@ -11,8 +11,7 @@ import numpy as np
 from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Rig, Wheel
 from truearc.sim.data.columns import need_columns, number_column
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.problems import Problems, gathered
-from truearc.sim.data.table import RawTable, load_table
+from truearc.sim.data.table import Problems, RawTable, gathered, load_table
 from truearc_proof.importers.fuel import load_fuel
 from truearc_proof.importers.originals import matching
 from truearc_proof.importers.set_points import BALL, RELEASE_M, WHEEL_M

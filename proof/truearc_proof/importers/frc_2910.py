@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from truearc.sim.data.problems import Problems
-from truearc.sim.data.table import Cell, RawTable, load_table
+from truearc.sim.data.table import Cell, Problems, RawTable, load_table
 from truearc_proof.importers.originals import INCH_M, matching, scaled
 
 # a distance in inches, and a vector of the hood's elevation and the wheel's speed

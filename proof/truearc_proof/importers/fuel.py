@@ -6,8 +6,7 @@ from pathlib import Path
 
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import parse_number
-from truearc.sim.data.problems import Problems
-from truearc.sim.data.table import Cell, RawTable, load_table
+from truearc.sim.data.table import Cell, Problems, RawTable, load_table
 from truearc_proof.importers.originals import PYTHON_COMMENT, matching, scaled
 
 ARRAY = r"(?m)^{}[ \t]*=[ \t]*np\.array\(\[(?P<cells>[^\[\]]*)\]\)"

@@ -12,8 +12,7 @@ import numpy as np
 from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Tracker, Wheel
 from truearc.sim.data.columns import need_columns, number_column, text_column
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
-from truearc.sim.data.problems import Problems, gathered
-from truearc.sim.data.table import RawTable, load_table
+from truearc.sim.data.table import Problems, RawTable, gathered, load_table
 from truearc_proof.importers.mpi_recordings import load_recording
 
 LAUNCH_COLUMNS = ("set", "launch", "phi_cmd", "theta_cmd", "motor_top_left_rpm", "motor_top_right_rpm",

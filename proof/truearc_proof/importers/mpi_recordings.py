@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.data.problems import Problems
-from truearc.sim.data.table import Cell, RawTable
+from truearc.sim.data.table import Cell, Problems, RawTable
 from truearc_proof.importers.originals import needed, part
 
 PARAMETERS = ("phi_cmd", "theta_cmd", "motor_top_left_rpm", "motor_top_right_rpm", "motor_bottom_rpm")

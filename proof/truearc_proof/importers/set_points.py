@@ -15,8 +15,7 @@ from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noi
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import need_columns, number_column, text_column
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.problems import Problems, gathered
-from truearc.sim.data.table import RawTable, load_table
+from truearc.sim.data.table import Problems, RawTable, gathered, load_table
 from truearc_proof.importers.frc_254 import load_254
 from truearc_proof.importers.frc_2910 import load_2910
 from truearc_proof.importers.frc_3476 import load_3476

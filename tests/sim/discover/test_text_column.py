@@ -9,7 +9,7 @@ import pytest
 
 from truearc.cli.main import main
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.parts import join_datasets
+from truearc.sim.data.model import join_datasets
 from truearc.sim.data.save import save_dataset
 from truearc.sim.infer.belief import load_belief
 from truearc_proof.truth.generate import shoot

@@ -8,7 +8,7 @@ import pytest
 from tests.robot.good_tick import CONFIG
 from tests.sim.sysid.wheel import stair_record
 from truearc.sim.sysid.fit import fit_law
-from truearc.sim.sysid.record import Record
+from truearc.sim.sysid.motion import Record
 from truearc.sim.sysid.sysid_text import fewest_rad_per_deg, flywheel_gains, hood_gains
 
 FREQUENCIES = np.logspace(-2, 3.5, 4000) * 1j

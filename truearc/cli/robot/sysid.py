@@ -20,7 +20,7 @@ from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.sysid.program import FLYWHEEL, HOOD
 
 if TYPE_CHECKING:
-    from truearc.sim.sysid.record import Record
+    from truearc.sim.sysid.motion import Record
 
 EXAMPLE = "truearc sysid --config launcher.toml -o gains.toml --report sysid.html"
 
