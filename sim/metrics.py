@@ -57,8 +57,7 @@ def log_scores(p: np.ndarray, level: np.ndarray) -> np.ndarray:
     three = np.minimum(p[:, 1], p[:, 0])
     classes = np.maximum(np.stack([1.0 - p[:, 0], p[:, 0] - three, three], axis=1), 1e-9)
     classes /= classes.sum(axis=1, keepdims=True)
-    scores: np.ndarray = np.log(classes[np.arange(len(level)), level])
-    return scores
+    return np.asarray(np.log(classes[np.arange(len(level)), level]))
 
 
 def reliability(stated: np.ndarray, came_true: np.ndarray, bins: int = BINS) -> Reliability:

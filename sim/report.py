@@ -47,8 +47,10 @@ def make_png(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
-def picture(png: bytes, alt: str, caption: str = "") -> str:
-    """An image, inline."""
+def picture(png: bytes | None, alt: str, caption: str = "") -> str:
+    """An image, inline; nothing where there is none."""
+    if png is None:
+        return ""
     data = base64.b64encode(png).decode("ascii")
     below = f"<figcaption>{html.escape(caption)}</figcaption>" if caption else ""
     return f"<figure><img alt=\"{html.escape(alt)}\" src=\"data:image/png;base64,{data}\">{below}</figure>"

@@ -16,9 +16,7 @@ from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.metrics import POINTS_THREE, POINTS_TWO
-from truearc.sim.physics.catalogue import effective
-from truearc.sim.physics.simulate import ORDINARY, opening_of
-from truearc.sim.physics.term import Opening
+from truearc.sim.physics.simulate import opening_of
 from truearc.sim.progress import Progress
 
 STEP_DEG = 1.0                        # of the hood angles that are tried
@@ -62,15 +60,10 @@ def chances_of(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, motor
     """
     numbers = {"distance_m": distance_m, "hood_deg": hood_deg, "motor_ratio": motor_ratio}
     seen = forecast(rig, belief, Shots(tuple(map(str, range(len(distance_m)))), numbers, {}))
-    opening = believed_opening(rig, belief)
+    opening = opening_of(rig, belief.coefficients, belief.catalogue)
     two, three = (_between(seen.height_m - opening.centre_m, half_m, seen.sigma_m)
                   for half_m in (opening.two_half_m, opening.three_half_m))
     return Chances(seen.height_m, two, three, seen.by_launch[:, 0])
-
-
-def believed_opening(rig: Rig, belief: Belief) -> Opening:
-    """The opening that a ball has to pass, with the belief's arrival terms."""
-    return opening_of(rig, effective(belief.coefficients, ORDINARY, belief.catalogue), belief.catalogue)
 
 
 def _between(off_m: Rows, half_m: float, sigma_m: Rows) -> Rows:
@@ -148,7 +141,7 @@ def _starts(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows) -> tuple
     """About the ratio at which the ball meets the centre's height, and why there is none: index of REASONS."""
     grid = chances_of(rig, belief, np.repeat(distance_m, len(RATIOS)), np.repeat(hood_deg, len(RATIOS)),
                       np.tile(RATIOS, len(hood_deg)))
-    off_m = grid.height_m.reshape(len(hood_deg), -1) - believed_opening(rig, belief).centre_m
+    off_m = grid.height_m.reshape(len(hood_deg), -1) - opening_of(rig, belief.coefficients, belief.catalogue).centre_m
     ratio, reason = zip(*map(_crossing, off_m), strict=True)
     return np.array(ratio), np.array(reason)
 
@@ -167,7 +160,7 @@ def _crossing(off_m: Float[np.ndarray, " ratios"]) -> tuple[float, int]:
 
 def _ratios(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, start: Rows) -> Rows:
     """The ratios with the most points near those where a height meets the target's centre."""
-    opening = believed_opening(rig, belief)
+    opening = opening_of(rig, belief.coefficients, belief.catalogue)
     ratio = start
     for _ in range(NEWTON):
         at = chances_of(rig, belief, distance_m, hood_deg, ratio)

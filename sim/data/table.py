@@ -22,27 +22,19 @@ Cell = str | float | None             # CSV gives text; Parquet numbers, text or
 SHOWN = 20                            # problems a message lists before it only counts
 
 
-class Problems:
-    """Collects messages; `close` raises them as one InputError."""
-
-    def __init__(self) -> None:
-        self._messages: list[str] = []
+class Problems(list[str]):
+    """Messages, each with its place."""
 
     def add(self, place: str, column: str, what: str) -> None:
         """place: file and line; column: name, or '' when it is the row."""
-        self._messages.append(f"{place}: {column}: {what}" if column else f"{place}: {what}")
-
-    def add_message(self, message: str) -> None:
-        """One that names its place itself."""
-        self._messages.append(message)
+        self.append(f"{place}: {column}: {what}" if column else f"{place}: {what}")
 
     def close(self) -> None:
         """Raise InputError with the first problems and how many there are, if there are any."""
-        if not self._messages:
-            return
-        more = len(self._messages) - SHOWN
-        tail = [f"... and {more} more problems ({len(self._messages)} in all)"] if more > 0 else []
-        raise InputError("\n".join(self._messages[:SHOWN] + tail))
+        more = len(self) - SHOWN
+        tail = [f"... and {more} more problems ({len(self)} in all)"] if more > 0 else []
+        if self:
+            raise InputError("\n".join(self[:SHOWN] + tail))
 
 
 @contextmanager
@@ -52,7 +44,7 @@ def gathered() -> Iterator[Problems]:
     try:
         yield problems
     except InputError as error:
-        problems.add_message(str(error))
+        problems.append(str(error))
     problems.close()
 
 

@@ -19,7 +19,7 @@ from jaxtyping import Float, Int
 from msgspec import structs
 
 from truearc.sim.discover.finding import Adoption
-from truearc.sim.discover.investigate import Investigation
+from truearc.sim.discover.investigate import Investigation, believed_spot
 from truearc.sim.discover.report.finding_text import gained_interval, say_refused
 from truearc.sim.discover.select import expected_points as worth
 from truearc.sim.discover.select.forecast_error import track_errors
@@ -27,14 +27,14 @@ from truearc.sim.discover.select.model_averaging import Mixed, mixed
 from truearc.sim.discover.select.name_effects import Step
 from truearc.sim.discover.select.nonparametric_terms import Freed, all_freed
 from truearc.sim.discover.select.refit import Refit, further_values, refit
-from truearc.sim.infer.baseline_fit import BaselineFit, only_shared, stopped, usual_spot
+from truearc.sim.infer.baseline_fit import BaselineFit, only_shared, stopped
 from truearc.sim.infer.belief import Belief, moved_curves
 from truearc.sim.infer.coefficients import Coefficients
 from truearc.sim.infer.curve import Curve
 from truearc.sim.infer.fitted_belief import coefficients_of, covariance_of, scatter_of
 from truearc.sim.infer.held_out import clustered_error, unseen_change, without
 from truearc.sim.infer.likelihood.design_columns import is_tracker
-from truearc.sim.infer.likelihood.linearization import LinearizationPoint, ParameterLayout, linearise
+from truearc.sim.infer.likelihood.linearization import linearise
 from truearc.sim.infer.likelihood.prepared_data import Intake
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.metrics import POINTS_THREE
@@ -200,10 +200,7 @@ def _without(fitted: BaselineFit) -> worth.JudgedFit:
 def unfitted(fitted: BaselineFit) -> worth.JudgedFit:
     """The believed simulation as it was before these shots."""
     layout = only_shared(fitted.layout)
-    spot = usual_spot(fitted.intake, layout)
-    log_scatter = np.array([usual if column < 0 else layout.centre[column - layout.first_shared]
-                            for usual, column in zip(spot.log_scatter, layout.scatters, strict=True)])
-    spot = replace(spot, log_scatter=log_scatter)
+    spot = believed_spot(fitted.intake, layout)
     return worth.JudgedFit(fitted.intake, layout, spot, linearise(fitted.intake, layout, spot)[0])
 
 
@@ -272,8 +269,8 @@ def _worse(investigation: Investigation, taken: _Taken, gain: Gain) -> str:
         return f"beside them {', '.join(at_limit)} stopped at the end of its range"
     if taken.named and investigation.fitted.intake.samples is not None:
         fitted, among = investigation.fitted, investigation.catalogue
-        believed = _AsFitted(only_shared(fitted.layout), fitted.spot, without(fitted.evidence))
-        before_m, after_m = (flown_error(fitted.intake, one, among) for one in (believed, taken.named[-1].refit))
+        before_m, after_m = (flown_error(fitted.intake, one, among)
+                             for one in (_without(fitted), taken.named[-1].refit))
         if after_m >= before_m:
             return (f"without the tracker's own errors hold-out tracks end {after_m:.3f} m from where they are "
                     f"forecast to, by what is believed {before_m:.3f} m")
@@ -286,13 +283,7 @@ def _worse(investigation: Investigation, taken: _Taken, gain: Gain) -> str:
     return "forecasts of hold-out shots are worse (90 % interval)" if interval and interval[1] < 0.0 else ""
 
 
-class _AsFitted(NamedTuple):
-    layout: ParameterLayout
-    spot: LinearizationPoint
-    evidence: ScoreTable
-
-
-def flown_error(intake: Intake, found: Refit | _AsFitted, among: Catalogue) -> float:
+def flown_error(intake: Intake, found: Refit | worth.JudgedFit, among: Catalogue) -> float:
     """RMS error in m of where tracks end, each shot by a fit to the other folds, flown as an adopted belief is: from
     its settings alone, and without the errors of the tracker that were fitted beside it."""
     layout, spot, evidence = found.layout, found.spot, found.evidence

@@ -4,7 +4,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots
@@ -22,7 +21,7 @@ from truearc.sim.infer.baseline_fit import BaselineFit, climb, fit_believed, onl
 from truearc.sim.infer.belief import Belief, launcher_of, ranges_of
 from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
 from truearc.sim.infer.likelihood.external_measurements import Measured
-from truearc.sim.infer.likelihood.linearization import ParameterLayout, linearise
+from truearc.sim.infer.likelihood.linearization import LinearizationPoint, ParameterLayout, linearise
 from truearc.sim.infer.likelihood.prepared_data import Intake, take_in
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc.sim.infer.likelihood.shot_columns import every_column
@@ -159,15 +158,15 @@ def score_since(dataset: Dataset, belief: Belief) -> ScoreTable | None:
     if not len(intake.marked):
         return None
     layout = lay_out(intake, names, None, belief.catalogue, belief)
-    spot = replace(usual_spot(intake, layout), log_scatter=_scatter(intake, layout))
-    return linearise(intake, layout, spot)[0]
+    return linearise(intake, layout, believed_spot(intake, layout))[0]
 
 
-def _scatter(intake: Intake, layout: ParameterLayout) -> Float[np.ndarray, " scatters"]:
-    """Logs of the scatters as the belief has them."""
-    usual = usual_spot(intake, layout).log_scatter
-    return np.array([layout.centre[place - layout.first_shared] if place >= 0 else usual[number]
-                     for number, place in enumerate(layout.scatters)])
+def believed_spot(intake: Intake, layout: ParameterLayout) -> LinearizationPoint:
+    """The usual spot, with the scatters as the belief has them."""
+    spot = usual_spot(intake, layout)
+    log_scatter = np.array([usual if column < 0 else layout.centre[column - layout.first_shared]
+                            for usual, column in zip(spot.log_scatter, layout.scatters, strict=True)])
+    return replace(spot, log_scatter=log_scatter)
 
 
 def before_flight(dataset: Dataset) -> Dataset:

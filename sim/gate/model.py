@@ -22,8 +22,7 @@ from truearc.sim.gate.novelty import Novelty, finite_array, novelty_record, pars
 from truearc.sim.infer.belief import Belief, as_table, from_table
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.paper.network import RECORD_FILE, as_json, load_json, load_record, save_with_record
-from truearc.sim.physics.catalogue import effective
-from truearc.sim.physics.simulate import ORDINARY, opening_of
+from truearc.sim.physics.simulate import opening_of
 
 # Of a launcher whose scatter has not been fitted; the gate fits one number that scales it.
 TYPICAL_SCATTER = {"speed": 0.02, "elevation_deg": 0.5}
@@ -59,8 +58,7 @@ class Scaling:
     high: np.ndarray
 
     def __call__(self, features: np.ndarray) -> np.ndarray:
-        z: np.ndarray = np.clip((features - self.mean) / self.deviation, self.low, self.high)
-        return z
+        return np.asarray(np.clip((features - self.mean) / self.deviation, self.low, self.high))
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +112,7 @@ def physics_of(rig: Rig, belief: Belief, features: np.ndarray) -> Physics:
 
     InputError when the rig has no target.
     """
-    centre_m = opening_of(rig, effective(belief.coefficients, ORDINARY, belief.catalogue), belief.catalogue).centre_m
+    centre_m = opening_of(rig, belief.coefficients, belief.catalogue).centre_m
     numbers = {feature.name: np.array(features[:, k], float) for k, feature in enumerate(FEATURES)}
     scattered = belief if belief.scatter else replace(belief, scatter=dict(TYPICAL_SCATTER))
     ahead = forecast(rig, scattered, Shots(tuple(map(str, range(len(features)))), numbers, {}))
@@ -139,14 +137,10 @@ _residual_basis = jax.jit(chance.residual_basis)
 
 def residual(fit: GateFit, z: np.ndarray, physics: Physics) -> tuple[np.ndarray, np.ndarray]:
     """The learned residual and its own standard deviation a posteriori, [n] in m each; z [n, 3] standardised."""
-    rows = np.resize(np.arange(len(z)), _size(len(z)))
+    rows = np.resize(np.arange(len(z)), 1 << max(len(z) - 1, 15).bit_length())
     functions = np.asarray(_residual_basis(fit.widths, z[rows], physics.by_speed_m[rows]))[:len(z)]
     doubt_m2 = np.einsum("ni,ij,nj->n", functions, fit.covariance[:chance.RESIDUAL, :chance.RESIDUAL], functions)
     return functions @ fit.theta[:chance.RESIDUAL], np.sqrt(np.maximum(doubt_m2, 0.0))
-
-
-def _size(count: int) -> int:
-    return 1 << max(count - 1, 15).bit_length()
 
 
 def save_physics_gate(directory: str | Path, gate: PhysicsGate, record: dict[str, Any]) -> None:

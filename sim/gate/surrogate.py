@@ -201,8 +201,7 @@ def products(u: np.ndarray, orders: np.ndarray) -> np.ndarray:
     """T_i T_j T_k at u [n, 3] in [-1, 1] for orders [M, 3]: [n, M]."""
     turn = np.arccos(u)
     single = np.cos(turn[:, :, None] * np.arange(orders.max() + 1))
-    product: np.ndarray = single[:, 0, orders[:, 0]] * single[:, 1, orders[:, 1]] * single[:, 2, orders[:, 2]]
-    return product
+    return np.asarray(single[:, 0, orders[:, 0]] * single[:, 1, orders[:, 1]] * single[:, 2, orders[:, 2]])
 
 
 def as_cosines(surrogate: Surrogate) -> tuple[np.ndarray, np.ndarray]:

@@ -118,7 +118,9 @@ def train_physics_gate(rig: Rig, belief: Belief, shots: Shots, seed: int = 0, na
     heldout = []
     for number in range(FOLDS):
         fitted = _fit(rig, belief, marks, physics, (fold != number).astype(float))
-        heldout.append(_latent_of(fitted, marks, physics, np.flatnonzero((fold == number) & (marks.level >= 0))))
+        rows = np.flatnonzero((fold == number) & (marks.level >= 0))
+        latent = fitted.correct(marks.features[rows], Physics(*(column[rows] for column in physics)))
+        heldout.append(_Fold(fitted, *latent, marks.level[rows]))
         progress(0.5 + 0.5 * (number + 1) / FOLDS, f"fold {number + 1} of {FOLDS}")
     return _calibrate(gate, heldout, _alone(gate, physics, marks))
 
@@ -160,11 +162,6 @@ def scaling_of(features: np.ndarray) -> Scaling:
     low, high = ((edge - mean) / deviation for edge in (features.min(axis=0), features.max(axis=0)))
     margin = BEYOND * (high - low)
     return Scaling(mean, deviation, low - margin, high + margin)
-
-
-def _latent_of(gate: PhysicsGate, marks: OutcomeClasses, physics: Physics, rows: np.ndarray) -> _Fold:
-    part = Physics(*(column[rows] for column in physics))
-    return _Fold(gate, *gate.correct(marks.features[rows], part), marks.level[rows])
 
 
 def _calibrate(gate: PhysicsGate, parts: list[_Fold], alone: Figures) -> tuple[PhysicsGate, Heldout]:

@@ -170,8 +170,7 @@ def _tied(fit: GridFit, scoring: Scoring, weight: np.ndarray) -> np.ndarray:
     """Pairs best in threes and among those in twos, as indices of [cl, cd] laid flat."""
     three, two = (part.ravel() for part in count_hits(fit.hits, scoring.is_three, weight, fit.axis.size))
     best = np.flatnonzero(three == three.max())
-    tied: np.ndarray = best[two[best] == two[best].max()]
-    return tied
+    return np.asarray(best[two[best] == two[best].max()])
 
 
 def _choose(scoring: Scoring, axis: np.ndarray, tied: list[np.ndarray], weights: np.ndarray) -> np.ndarray:

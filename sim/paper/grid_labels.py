@@ -10,7 +10,7 @@ import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.paper import grid_cells as cells_of
-from truearc.sim.paper.grid_cells import DOUBTFUL, LEAF, MISS, NODES, NODES_AT, SPLIT, TABLES, TRANSFORM
+from truearc.sim.paper.grid_cells import DOUBTFUL, LEAF, MISS, NODES, NODES_AT, SPLIT, TABLES, TRANSFORM, Target
 from truearc.sim.physics.catalogue import flight_terms
 from truearc.sim.physics.compiled import facts_values, load_kernel, make_source
 from truearc.sim.physics.flight import LIMIT_S, SHORTEST
@@ -69,7 +69,7 @@ def make_flyer(rig: Rig, exit: Exit, distance_m: np.ndarray) -> Flyer:
     return Flyer(kernel, facts_values(rig), float(rig.launcher.release_height_m), launch)
 
 
-def label_launches(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, float], rows: range) -> np.ndarray:
+def label_launches(flyer: Flyer, axis: np.ndarray, target: Target, rows: range) -> np.ndarray:
     """Labels 0 miss, 1 two, 2 three [launches, cl, cd] of launches `rows` at every pair of the axis.
 
     target: centre, three's and two's half height in m.
@@ -88,8 +88,7 @@ def label_launches(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, f
     return labels
 
 
-def _look(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, float], cells: np.ndarray,
-          labels: np.ndarray) -> np.ndarray:
+def _look(flyer: Flyer, axis: np.ndarray, target: Target, cells: np.ndarray, labels: np.ndarray) -> np.ndarray:
     """Judge cells by flights at their nodes, and label those that an interpolant settles; their verdicts [n]."""
     which = np.empty(len(cells) * LANES, np.int64)
     cd, cl = np.empty(which.shape), np.empty(which.shape)
@@ -100,15 +99,15 @@ def _look(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, float], ce
     return verdict
 
 
-def _fly_doubtful(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, float], labels: np.ndarray,
-                  steps: tuple[float, float], final: bool) -> int:
+def _fly_doubtful(flyer: Flyer, axis: np.ndarray, target: Target, labels: np.ndarray, steps: tuple[float, float],
+                  final: bool) -> int:
     """Fly every point labelled DOUBTFUL and label it; returns how many stay so, none if `final`."""
     points = np.stack(np.unravel_index(np.flatnonzero(labels == DOUBTFUL), labels.shape), axis=1)
     height_m, gap_m, under = flyer.fly(points[:, 0], axis[points[:, 2]], axis[points[:, 1]], steps)
     return cells_of.label_points(points, height_m, gap_m, under, target, final, labels)
 
 
-def find_hits(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, float], progress: Progress) -> Hits:
+def find_hits(flyer: Flyer, axis: np.ndarray, target: Target, progress: Progress) -> Hits:
     """Fly every launch over the whole grid; one thread a core, and the same result however many there are."""
     launches = len(flyer.launch)
 

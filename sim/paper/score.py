@@ -8,8 +8,7 @@ from jaxtyping import Bool
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Shots
-from truearc.sim.physics.catalogue import effective
-from truearc.sim.physics.simulate import MISS, ORDINARY, THREE, TWO, classify, opening_of, predict
+from truearc.sim.physics.simulate import MISS, THREE, TWO, classify, opening_of, predict
 
 
 class Score(NamedTuple):
@@ -32,7 +31,7 @@ def score(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shot
     known = shots.take(np.flatnonzero(np.isin(shots.text("outcome"), (MISS, TWO, THREE))))
     outcome = np.array(known.text("outcome"), dtype=str)
     height_m = predict(rig, coefficients, known).height_m
-    opening = opening_of(rig, effective(coefficients, ORDINARY))
+    opening = opening_of(rig, coefficients)
     said = classify(rig, height_m, opening)
     is_three = outcome == THREE
     deviation_m = np.nan_to_num(np.abs(height_m - opening.centre_m), nan=np.inf)[is_three]

@@ -146,8 +146,7 @@ class _Batch:
         self.best_loss[better] = self.losses[better, -1]
         self.best[:, better] = self.state[0][:, better]
         self.best_step[better] = step
-        still: np.ndarray = active[step - self.best_step[active] < patience]
-        return still
+        return np.asarray(active[step - self.best_step[active] < patience])
 
     def _check_finite(self, active: np.ndarray, step: int) -> None:
         sound = np.isfinite(self.losses[active, 0]) & np.isfinite(self.state[0][:, active]).all(axis=0)

@@ -14,8 +14,8 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.curve import Curves, before_the_shot
-from truearc.sim.physics.catalogue import Catalogue, effective
-from truearc.sim.physics.simulate import ORDINARY, classify, opening_of, predict
+from truearc.sim.physics.catalogue import Catalogue
+from truearc.sim.physics.simulate import classify, opening_of, predict
 from truearc.sim.progress import Progress
 
 NONE: Curves = {}
@@ -70,7 +70,7 @@ def label_grid(rig: Rig, coefficients: Mapping[str, Mapping[str, float]],
                progress: Progress = lambda done, note: None, curves: Curves = NONE,
                among: Catalogue | None = None) -> np.ndarray:
     """Outcome of every configuration of the grid, flat; InputError as grid_heights, or when the rig has no target."""
-    opening = opening_of(rig, effective(coefficients, ORDINARY, among), among)     # a rig without target: no work
+    opening = opening_of(rig, coefficients, among)     # a rig without target: no work
     return classify(rig, grid_heights(rig, coefficients, progress, curves, among), opening)
 
 

@@ -138,19 +138,17 @@ def label_grid_draws(rig: Rig, belief: Belief, draws: int, seed: int,
     drawn_m = fly_draws(rig, shots, drawn, rng, lambda done, note: progress(0.5 + 0.5 * done, note),
                         before_the_shot(belief.curves, rig, shots), belief.catalogue)
     outcomes = np.full(len(height_m), MISS, dtype="<U5")
-    opening = opening_of(rig, effective(drawn.coefficients, ORDINARY, belief.catalogue), belief.catalogue)
-    outcomes[places] = classify(rig, drawn_m, opening)
+    outcomes[places] = classify(rig, drawn_m, opening_of(rig, drawn.coefficients, belief.catalogue))
     return outcomes
 
 
 def near_places(rig: Rig, belief: Belief, height_m: np.ndarray) -> np.ndarray:
     """Flat positions of the grid from which a draw may score: heights [grid] by the belief's own coefficients."""
-    opening = opening_of(rig, effective(belief.coefficients, ORDINARY, belief.catalogue), belief.catalogue)
+    opening = opening_of(rig, belief.coefficients, belief.catalogue)
     reached = np.flatnonzero(np.isfinite(height_m))
     sigma_m = forecast(rig, belief, data.grid_shots(reached)).sigma_m
     beyond_m = np.abs(height_m[reached] - opening.centre_m) - opening.two_half_m
-    near: np.ndarray = reached[~(beyond_m > MAX_DEVIATIONS * sigma_m)]          # an unknown sigma is flown too
-    return near
+    return np.asarray(reached[~(beyond_m > MAX_DEVIATIONS * sigma_m)])          # an unknown sigma is flown too
 
 
 def assign(beliefs: list[Belief], count: int, rng: np.random.Generator) -> Draws:
@@ -158,8 +156,7 @@ def assign(beliefs: list[Belief], count: int, rng: np.random.Generator) -> Draws
     which = rng.permutation(np.resize(np.arange(len(beliefs)), count))
 
     def column(tables: list[Mapping[str, float]], key: str) -> np.ndarray:
-        drawn: np.ndarray = np.array([table[key] for table in tables])[which]
-        return drawn
+        return np.asarray(np.array([table[key] for table in tables])[which])
 
     first = beliefs[0]
     coefficients = {term: {key: column([one.coefficients[term] for one in beliefs], key) for key in values}

@@ -81,11 +81,7 @@ def _step(law: Law, like: BallState, start: tuple[Any, ...], step_m: Any) -> tup
 
 def _rate(law: Law, ball: BallState) -> tuple[Any, ...]:
     per_m = 1.0 / _pace(ball.velocity_m_s.x)
-    return kept(BallState(scale(per_m, ball.velocity_m_s), scale(per_m, _dense_like(law(ball), ball)), ball.spin_rev_s,
+    pushed = Vec(*(part if absent(speed) else plus(part, jnp.zeros_like(speed))      # wherever the velocity has one
+                   for part, speed in zip(law(ball), ball.velocity_m_s, strict=True)))
+    return kept(BallState(scale(per_m, ball.velocity_m_s), scale(per_m, pushed), ball.spin_rev_s,
                           ball.time_s if absent(ball.time_s) else per_m))
-
-
-def _dense_like(pushed: Vec, ball: BallState) -> Vec:
-    """With a component, be it zero, wherever the velocity has one."""
-    return Vec(*(part if absent(speed) else plus(part, jnp.zeros_like(speed))
-                 for part, speed in zip(pushed, ball.velocity_m_s, strict=True)))

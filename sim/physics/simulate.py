@@ -90,14 +90,16 @@ def watch(values: Values, position_m: Vec, velocity_m_s: Vec, time_s: Any, among
     return position_m
 
 
-def opening_of(rig: Rig, values: Values, among: known.Catalogue | None = None) -> Opening:
-    """The opening that the ball has to pass, by the rig's target and the arrival terms among `values` (effective).
+def opening_of(rig: Rig, coefficients: Values, among: known.Catalogue | None = None,
+               circumstances: Circumstances = ORDINARY) -> Opening:
+    """The opening that the ball has to pass, by the rig's target and the arrival terms among `coefficients`.
 
     InputError when the rig has no target.
     """
     if rig.target is None:
         raise InputError("rig.toml: [target] is needed to tell an outcome")
     opening = Opening(rig.target.centre_height_m, rig.target.three_half_height_m, rig.target.two_half_height_m)
+    values = known.effective(coefficients, circumstances, among)
     for term in known.arrival_terms(values, among):
         opening = term.arrive(values[term.name], opening)
     return opening
@@ -159,12 +161,14 @@ def launch_of(rig: Rig, shots: Shots) -> Exit:
     A measured speed without a spin, measured or of wheels, means a ball without spin. InputError names shots that have
     too little of these, or no elevation.
     """
-    speed_m_s = _prefer(shots.number("exit_speed_m_s"), _from_wheels(rig, shots)[0])
+    rolled_m_s, rolled_rev_s = _from_wheels(rig, shots)
+    speed_m_s = _prefer(shots.number("exit_speed_m_s"), rolled_m_s)
     elevation_deg = _prefer(shots.number("exit_deg"), shots.number("hood_deg"))
     _need(shots, np.isnan(speed_m_s), "motor_ratio (with launcher.free_speed_rad_s in rig.toml), every "
           "wheel_<name>_rad_s, or exit_speed_m_s")
     _need(shots, np.isnan(elevation_deg), "hood_deg or exit_deg")
-    return Exit(speed_m_s, np.radians(elevation_deg), spin_of(rig, shots))
+    spin_rev_s = _prefer(shots.number("exit_spin_rev_s"), rolled_rev_s)
+    return Exit(speed_m_s, np.radians(elevation_deg), _prefer(spin_rev_s, np.zeros(len(shots))))
 
 
 def launch_state(rig: Rig, shots: Shots) -> dict[str, np.ndarray]:
@@ -176,12 +180,6 @@ def launch_state(rig: Rig, shots: Shots) -> dict[str, np.ndarray]:
         return {}
     return {name: np.round(np.asarray(column), DIGITS) + 0.0      # no -0.0
             for name, column in zip(LAUNCH_STATE, (leaving.speed_m_s, leaving.spin_rev_s), strict=True)}
-
-
-def spin_of(rig: Rig, shots: Shots) -> np.ndarray:
-    """Backspin in rev/s as it was measured, else by the wheels, else none; one a shot."""
-    spin_rev_s = _prefer(shots.number("exit_spin_rev_s"), _from_wheels(rig, shots)[1])
-    return np.where(np.isnan(spin_rev_s), 0.0, spin_rev_s)
 
 
 def by_wheels(shots: Shots) -> np.ndarray:
@@ -224,18 +222,9 @@ def _from_wheels(rig: Rig, shots: Shots) -> tuple[np.ndarray, np.ndarray]:
     wheels = rig.launcher.wheel
     if not wheels:
         return np.full(len(shots), np.nan), np.full(len(shots), np.nan)
-    surface_m_s = np.stack([_wheel_rad_s(rig, shots, index) * wheel.radius_m for index, wheel in enumerate(wheels)],
-                           axis=1)
-    return roll(rig, surface_m_s)
-
-
-def _wheel_rad_s(rig: Rig, shots: Shots, index: int) -> np.ndarray:
-    wheel = rig.launcher.wheel[index]
-    measured = shots.number(f"wheel_{wheel.name}_rad_s")
-    free_speed_rad_s = rig.launcher.free_speed_rad_s
-    if free_speed_rad_s is None:
-        return measured
-    return _prefer(measured, shots.number("motor_ratio") * wheel.gear * free_speed_rad_s)
+    ratio, free_rad_s = shots.number("motor_ratio"), rig.launcher.free_speed_rad_s or np.nan
+    turning = [_prefer(shots.number(f"wheel_{wheel.name}_rad_s"), ratio * wheel.gear * free_rad_s) for wheel in wheels]
+    return roll(rig, np.stack([rad_s * wheel.radius_m for rad_s, wheel in zip(turning, wheels, strict=True)], axis=1))
 
 
 def _prefer(first: np.ndarray, second: np.ndarray) -> np.ndarray:

@@ -89,8 +89,7 @@ def jackknife_covariance(record: Record, law: Law, values: Floats, start: Floats
     noise = float(residual @ residual) / (len(residual) - len(values) - len(start))
     alone = noise * np.diag(np.linalg.inv(whole)) / scale**2
     widen = np.sqrt(np.maximum(alone / np.maximum(np.diag(jackknife), np.finfo(float).tiny), 1.0))
-    covariance: Floats = jackknife * np.outer(widen, widen)
-    return covariance
+    return np.asarray(jackknife * np.outer(widen, widen))
 
 
 def _part(slopes: Floats, own: Floats, residual: Floats, mine: np.ndarray) -> tuple[Floats, Floats]:
@@ -116,8 +115,7 @@ def _damped(slopes: Floats, residual: Floats, damping: float) -> Floats:
     scale[scale == 0.0] = 1.0
     scaled = slopes / scale
     matrix = scaled.T @ scaled + damping * np.eye(slopes.shape[1])
-    step: Floats = np.linalg.solve(matrix, scaled.T @ residual) / scale
-    return step
+    return np.asarray(np.linalg.solve(matrix, scaled.T @ residual) / scale)
 
 
 def _by_piece(values: Floats, pieces: Pieces) -> Floats:

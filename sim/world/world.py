@@ -159,7 +159,7 @@ class World:
         self.flying.append(launch)
         self._rack.use(self._shots)
         self._shots += 1
-        self._battery.count_shot()
+        self._battery.shots += 1
         self._feeder.expect_ball()
         launch.flight.step(left_s)
 

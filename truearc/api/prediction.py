@@ -18,7 +18,6 @@ from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.curve import along
 from truearc.sim.infer.likelihood.shot_columns import every_column
 from truearc.sim.infer.plausibility.check import check_plausible
-from truearc.sim.physics.catalogue import effective
 from truearc.sim.physics.simulate import classify, opening_of
 from truearc.sim.physics.simulate import predict as fly_shots
 from truearc.sim.progress import Progress
@@ -80,7 +79,7 @@ def _flown(dataset: Dataset, belief: Belief, progress: Progress) -> tuple[list[f
         raise InputError("rig.toml: [target] is needed to tell deviation and outcome")
     circumstances = along(belief.curves, circumstances_of(dataset), every_column(dataset), len(dataset.shots))
     among = belief.catalogue
-    opening = opening_of(dataset.rig, effective(belief.coefficients, circumstances, among), among)
+    opening = opening_of(dataset.rig, belief.coefficients, among, circumstances)
     flown = fly_shots(dataset.rig, belief.coefficients, dataset.shots, progress, circumstances, among)
     height_m = np.asarray(flown.height_m)
     return (height_m.tolist(), np.asarray(height_m - opening.centre_m).tolist(),

@@ -14,7 +14,6 @@ from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.curve import along
 from truearc.sim.infer.likelihood.shot_columns import every_column
-from truearc.sim.physics.catalogue import effective
 from truearc.sim.physics.simulate import opening_of, predict
 from truearc_proof.truth.generate import play
 from truearc_proof.truth.world import make_world
@@ -55,7 +54,7 @@ def off_m(belief: Belief, unseen: Unseen) -> float:
     """
     dataset, n = unseen.dataset, len(unseen.dataset.shots)
     around = along(belief.curves, circumstances_of(dataset), every_column(dataset), n)
-    centre_m = opening_of(dataset.facts, effective(belief.coefficients, around)).centre_m
+    centre_m = opening_of(dataset.facts, belief.coefficients, None, around).centre_m
     height_m = np.asarray(predict(dataset.facts, belief.coefficients, dataset.shots, circumstances=around).height_m)
     told_m = np.where(np.isfinite(height_m), height_m, 0.0) - centre_m
     return float(np.sqrt(np.nanmean((unseen.above_m - told_m)**2)))

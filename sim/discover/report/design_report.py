@@ -1,6 +1,7 @@
 """A plan of further shots as text and as plain values (truearc.design/1)."""
 
 from collections import Counter
+from dataclasses import replace
 from typing import Any
 
 from truearc.sim.data.dataset import Dataset, Shots
@@ -56,10 +57,8 @@ def design_lines(table: dict[str, Any], among: Catalogue | None = None) -> list[
 
 def _together(blocks: tuple[Block, ...]) -> list[Block]:
     """Blocks of one configuration as one."""
-    shots = Counter[tuple[int, float]]()
-    for block in blocks:
-        shots[block.row, block.pace] += block.shots
-    return [Block(row, count, pace) for (row, pace), count in shots.items()]
+    times = Counter(blocks)
+    return [replace(block, shots=block.shots * count) for block, count in times.items()]
 
 
 def _settings(shots: Shots, row: int, pace: float) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """Pictures of the report: residuals against what they follow, along the flight, over the field; shots needed."""
 
 from collections.abc import Sequence
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -28,14 +29,12 @@ Series = Sequence[tuple[str, ScoreTable, str]]
 Each = Float[Array, " n"]             # a number of each shot
 Edges = Sequence[Float[Array, " _"]]
 Cells = Float[Array, "across up"]
+Shown = TypeVar("Shown")
 
 
 def residual_figure(residual: Residual, along: Along, rows: Int[Array, " n"], what: str) -> Figure:
     """Residual by bins of `along`, as simulated on the left, with `what` put in on the right (when something was)."""
-    bins = bins_of(along, rows)
-    parts = [("as simulated", residual.before, BEFORE)]
-    if residual.after is not None:
-        parts.append((f"with {what}", residual.after, AFTER))
+    bins, parts = bins_of(along, rows), _both(residual.before, residual.after, what)
     figure = new_figure(9.0 if len(parts) == 2 else 6.0, 3.5)
     panels = figure.subplots(1, len(parts), sharey=True, squeeze=False)[0]
     for axes, (title, part, colour) in zip(panels, parts, strict=True):
@@ -48,6 +47,11 @@ def residual_figure(residual: Residual, along: Along, rows: Int[Array, " n"], wh
         panels[0].plot(bins.middle, gone, color=AFTER, lw=2.0, alpha=0.8, zorder=1, label=f"{what}, as fitted")
         panels[0].legend(frameon=False, fontsize=9)
     return figure
+
+
+def _both(before: Shown, after: Shown | None, what: str) -> list[tuple[str, Shown, str]]:
+    """(title, what is shown, colour) as simulated, and with `what` put in where something was."""
+    return [("as simulated", before, BEFORE), *([] if after is None else [(f"with {what}", after, AFTER)])]
 
 
 def _points(axes: Axes, bins: Bins, part: Part, factor: float, colour: str) -> None:
@@ -67,15 +71,12 @@ def flight_png(before: ScoreTable, after: ScoreTable | None, what: str,
     """Missing acceleration by flight time, a row a group of shots (label, [n] booleans); None without bands."""
     if not any(column.times_s for column in before.columns):
         return None
-    series: list[tuple[str, ScoreTable, str]] = [("as simulated", before, BEFORE)]
-    if after is not None:
-        series.append((f"with {what}", after, AFTER))
     directions = [way for way in DIRECTIONS if _bands(before, way)]
     figure = new_figure(9.0, 3.1 if len(groups) == 1 else 5.0)
     grid = figure.subplots(len(groups), len(directions), sharex=True, sharey=True, squeeze=False)
     for row, (label, chosen) in zip(grid, groups, strict=True):
         for axes, way in zip(row, directions, strict=True):
-            _band_panel(axes, way, series, chosen)
+            _band_panel(axes, way, _both(before, after, what), chosen)
         row[0].set_ylabel(f"{label}\n[m/s²]" if label else "real − simulated\n[m/s²]")
     for axes, way in zip(grid[0], directions, strict=True):
         axes.set_title(DIRECTION_LABELS[way], loc="left", fontsize=11)
@@ -122,11 +123,11 @@ def field_png(residual: Residual, across: tuple[str, Each], up: tuple[str, Each]
     edges = [_edges(values, count) for _, values in (across, up)]
     if any(len(edge) < 3 for edge in edges):
         return None
-    parts = [("as simulated", residual.before)] + ([(f"with {what}", residual.after)] if residual.after else [])
-    cells = [_cells(part, (across[1], up[1]), edges) for _, part in parts]
+    parts = _both(residual.before, residual.after, what)
     figure = new_figure(9.0 if len(parts) == 2 else 5.5, 3.6)
     panels = figure.subplots(1, len(parts), sharey=True, squeeze=False)[0]
-    for axes, (title, _), (values, error), colour in zip(panels, parts, cells, (BEFORE, AFTER), strict=False):
+    for axes, (title, part, colour) in zip(panels, parts, strict=True):
+        values, error = _cells(part, (across[1], up[1]), edges)
         image = axes.pcolormesh(*edges, (values / error).T, cmap="RdBu_r", vmin=-SURE_SD, vmax=SURE_SD,
                                 edgecolor="white", lw=1.5)
         _write_cells(axes, edges, values * residual.factor, values / error)

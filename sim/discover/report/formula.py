@@ -110,8 +110,7 @@ def _pressure(intake: Intake) -> Float[Array, " n"]:
     lanes = intake.lanes
     area_m2 = np.pi * np.asarray(lanes.ball_m)**2
     speed_m_s = np.asarray(lanes.rolling.speed_m_s)
-    pull_m_s2: Array = 0.5 * intake.rig.air.density_kg_m3 * area_m2 * speed_m_s**2 / lanes.ball_kg
-    return pull_m_s2
+    return np.asarray(0.5 * intake.rig.air.density_kg_m3 * area_m2 * speed_m_s**2 / lanes.ball_kg)
 
 
 def _spin_parameter(intake: Intake) -> Float[Array, " n"] | None:

@@ -103,7 +103,7 @@ def _along_flight(view: View, what: str) -> str:
     """Along the flight; "" where no picture of it can be made."""
     in_flight = view.residual.column is not None and view.before.columns[view.residual.column].stage == "flight"
     png = flight_png(view.before, view.after, what, halves(view.stated if in_flight else None, view.before.rows))
-    return "" if png is None else picture(
+    return picture(
         png, "missing acceleration along the flight", "Acceleration that the simulation lacks, by time in flight, each "
         "shot's own launch left free. Bars are one standard error.")
 
@@ -119,7 +119,7 @@ def _field(view: View, investigation: Investigation, what: str) -> str:
                                                                                               speed)
     elevation = ("launch elevation [°]", np.degrees(np.asarray(lanes.rolling.elevation_rad)))
     png = field_png(view.residual, across, elevation, what)
-    return "" if png is None else picture(
+    return picture(
         png, "residual over the field", f"The same {view.residual.name}, by where and how steeply the shot was made. "
         "Numbers: the mean of a cell; colour: how many standard errors that is, so that pale ones may be chance. Cells "
         "with fewer than four shots are empty.")
@@ -230,8 +230,6 @@ def _fine_print(finding: Finding) -> str:
                           f"{mismatch.p_value:.2g} ({families}). Signs are drawn for each {data.clusters['by']} "
                           f"({data.clusters['count']}).", dim=True)
     said += "".join(paragraph(" ".join(text.split()), dim=True) for text in FINE_PRINT)
-    if data.left_out:
-        said += paragraph(f"Left out: {'; '.join(data.left_out)}.", dim=True)
     if fitted:
         said += table(("fitted", "value"), fitted)
     return said + (_tests(finding) if mismatch.tests else "")

@@ -65,9 +65,8 @@ def why_not(one: TermIdentifiability, among: Catalogue | None = None) -> str:
 
 def sight_section(sight: Sight, opened: bool = False, among: Catalogue | None = None) -> str:
     """The summary, with picture and tables to unfold; or these opened, for where the summary stands already."""
-    png = sight_png(sight, among)
-    inner = "" if png is None else picture(png, "shots needed for each effect", "Full colour: fewer than these shots "
-                                           "will do.")
+    inner = picture(sight_png(sight, among), "shots needed for each effect",
+                    "Full colour: fewer than these shots will do.")
     inner += _table(sight, among) + _never(sight, among) + _fitted(sight) + paragraph(METHOD, dim=True)
     if opened:
         return _alike(sight, among) + inner

@@ -17,15 +17,12 @@ class Battery:
         self._resistance_ohm = options.battery_resistance_ohm
         self._drop_v_per_shot = options.battery_drop_v_per_shot
         self._used_c = 0.0
-        self._shots = 0
+        self.shots = 0                # made with it
         self.bus_v = self._start_v
 
     @property
     def open_circuit_v(self) -> float:
-        return self._start_v - FALL_V * self._used_c / CHARGE_C - self._drop_v_per_shot * self._shots
-
-    def count_shot(self) -> None:
-        self._shots += 1
+        return self._start_v - FALL_V * self._used_c / CHARGE_C - self._drop_v_per_shot * self.shots
 
     def draw(self, power_w: float, dt_s: float) -> None:
         """Deliver power for dt_s: the bus sits where U (E - U) / R equals it, at worst at maximum power transfer."""

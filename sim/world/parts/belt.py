@@ -21,9 +21,9 @@ class Belt:
     def step(self, torque_nm: float, dt_s: float) -> None:
         """Turn freely; windage is taken as linear within one step."""
         viscous = VISCOUS_NM_S + WINDAGE_NM_S2 * abs(self.speed_rad_s)
-        turned = step_shaft(self.speed_rad_s, torque_nm, dt_s, self._inertia_kg_m2, viscous, COULOMB_NM)
-        self.speed_rad_s = turned.speed_rad_s
-        self.position_rad += turned.turned_rad
+        self.speed_rad_s, turned_rad = step_shaft(self.speed_rad_s, torque_nm, dt_s, self._inertia_kg_m2, viscous,
+                                                  COULOMB_NM)
+        self.position_rad += turned_rad
 
     def loss_nm(self) -> float:
         """Friction torque at the present speed, against the motion; for the time that the nip turns the wheels."""

@@ -33,13 +33,15 @@ class Feeder:
 
     def step(self, torque_nm: float, dt_s: float) -> float | None:
         """Turn for dt_s; when the ball reaches the wheels, the part of dt_s that was left then, else None."""
-        turned = step_shaft(self.speed_rad_s, torque_nm, dt_s, INERTIA_KG_M2, VISCOUS_NM_S, COULOMB_NM)
-        self.speed_rad_s = turned.speed_rad_s
-        self.position_rad += turned.turned_rad
-        self._reload(dt_s)
+        self.speed_rad_s, turned_rad = step_shaft(self.speed_rad_s, torque_nm, dt_s, INERTIA_KG_M2, VISCOUS_NM_S,
+                                                  COULOMB_NM)
+        self.position_rad += turned_rad
+        if self._reload_s > 0.0:
+            self._reload_s -= dt_s
+            self.ball_x_m = WAIT_X_M if self._reload_s <= 0.0 else self.ball_x_m
         if self.ball_x_m is None:
             return None
-        ahead_m = turned.turned_rad * ROLLER_M
+        ahead_m = turned_rad * ROLLER_M
         place_m = max(self.ball_x_m + ahead_m, WAIT_X_M)
         if place_m < START_X_M:
             self.ball_x_m = place_m
@@ -61,9 +63,3 @@ class Feeder:
     def take_back(self, x_m: float) -> None:
         """The wheels threw the ball back into the chute."""
         self.ball_x_m = max(min(x_m, START_X_M - 1e-4), WAIT_X_M)
-
-    def _reload(self, dt_s: float) -> None:
-        if self._reload_s > 0.0:
-            self._reload_s -= dt_s
-            if self._reload_s <= 0.0:
-                self.ball_x_m = WAIT_X_M

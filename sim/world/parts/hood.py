@@ -73,10 +73,10 @@ class Hood:
         """Turn the screw; the thread is self-locking, so nothing comes back from the hood; the stops take all."""
         if self.speed_rad_s == 0.0 and abs(torque_nm) <= COULOMB_NM:
             return
-        turned = step_shaft(self.speed_rad_s, torque_nm, dt_s, INERTIA_KG_M2, VISCOUS_NM_S, COULOMB_NM)
-        wanted_rad = self._screw_rad + turned.turned_rad
+        speed_rad_s, turned_rad = step_shaft(self.speed_rad_s, torque_nm, dt_s, INERTIA_KG_M2, VISCOUS_NM_S, COULOMB_NM)
+        wanted_rad = self._screw_rad + turned_rad
         self._screw_rad = min(max(wanted_rad, LOW_RAD), HIGH_RAD)
-        self.speed_rad_s = turned.speed_rad_s if wanted_rad == self._screw_rad else 0.0
+        self.speed_rad_s = speed_rad_s if wanted_rad == self._screw_rad else 0.0
         nut_deg = elevation_deg(self._screw_rad)
         carried = min(max(self.elevation_deg, nut_deg - self._half_play_deg), nut_deg + self._half_play_deg)
         self.elevation_deg = min(max(carried, LOW_DEG), HIGH_DEG)

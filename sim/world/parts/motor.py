@@ -44,17 +44,15 @@ def drive_motor(motor: Motor, asked_nm: float, speed_rad_s: float, bus_v: float,
     return Drawn(kt * current_a, current_a, power_w)
 
 
-class Turned(NamedTuple):
-    speed_rad_s: float
-    turned_rad: float
-
-
 def step_shaft(speed_rad_s: float, torque_nm: float, dt_s: float, inertia_kg_m2: float, viscous_nm_s: float,
-               coulomb_nm: float) -> Turned:
-    """Turn a shaft for `dt_s` under constant torque, viscous and Coulomb friction: closed form, stops included."""
+               coulomb_nm: float) -> tuple[float, float]:
+    """Turn a shaft for `dt_s` under constant torque, viscous and Coulomb friction: closed form, stops included.
+
+    Returns the speed in rad/s afterwards and the angle in rad turned.
+    """
     if speed_rad_s == 0.0:
         if abs(torque_nm) <= coulomb_nm:
-            return Turned(0.0, 0.0)
+            return 0.0, 0.0
         direction = math.copysign(1.0, torque_nm)
     else:
         direction = math.copysign(1.0, speed_rad_s)
@@ -64,8 +62,8 @@ def step_shaft(speed_rad_s: float, torque_nm: float, dt_s: float, inertia_kg_m2:
     reached_rad_s = final_rad_s + (speed_rad_s - final_rad_s) * decay
     if reached_rad_s * direction > 0.0 or speed_rad_s == 0.0:
         turned_rad = final_rad_s * dt_s + (speed_rad_s - final_rad_s) * tau_s * (1.0 - decay)
-        return Turned(reached_rad_s, turned_rad)
+        return reached_rad_s, turned_rad
     stop_s = tau_s * math.log((speed_rad_s - final_rad_s) / -final_rad_s)
     turned_rad = final_rad_s * stop_s + speed_rad_s * tau_s
-    after = step_shaft(0.0, torque_nm, dt_s - stop_s, inertia_kg_m2, viscous_nm_s, coulomb_nm)
-    return Turned(after.speed_rad_s, turned_rad + after.turned_rad)
+    speed_rad_s, after_rad = step_shaft(0.0, torque_nm, dt_s - stop_s, inertia_kg_m2, viscous_nm_s, coulomb_nm)
+    return speed_rad_s, turned_rad + after_rad

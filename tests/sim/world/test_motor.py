@@ -37,13 +37,13 @@ def _integrated(speed: float, torque: float, dt: float) -> tuple[float, float]:
 def test_a_shaft_turns_as_an_integrator_says(speed: float, torque: float, dt: float) -> None:
     turned = step_shaft(speed, torque, dt, INERTIA, VISCOUS, COULOMB)
     expected = _integrated(speed, torque, dt)
-    assert turned.speed_rad_s == pytest.approx(expected[0], rel=1e-6, abs=1e-5)
-    assert turned.turned_rad == pytest.approx(expected[1], rel=1e-6, abs=1e-7)
+    assert turned[0] == pytest.approx(expected[0], rel=1e-6, abs=1e-5)
+    assert turned[1] == pytest.approx(expected[1], rel=1e-6, abs=1e-7)
 
 
 def test_a_shaft_that_is_pushed_less_than_it_sticks_stays() -> None:
     assert step_shaft(0.0, 0.019, 1.0, INERTIA, VISCOUS, COULOMB) == (0.0, 0.0)
-    assert step_shaft(0.0, -0.021, 0.01, INERTIA, VISCOUS, COULOMB).speed_rad_s < 0.0
+    assert step_shaft(0.0, -0.021, 0.01, INERTIA, VISCOUS, COULOMB)[0] < 0.0
 
 
 def test_the_motor_follows_its_data_sheet_at_twelve_volt() -> None:
