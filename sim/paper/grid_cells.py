@@ -66,19 +66,6 @@ def split(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 @compiled
-def fill_nodes(cells: Ints, axis: Floats, nodes: Floats, which: Ints, cd: Floats, cl: Floats) -> None:
-    """The flights at the nodes of every cell, NODES * NODES a cell."""
-    for cell in range(len(cells)):
-        launch, top, bottom, left, right = cells[cell]
-        for row in range(NODES):
-            for column in range(NODES):
-                lane = (cell * NODES + row) * NODES + column
-                which[lane] = launch
-                cl[lane] = axis[top] + (axis[bottom] - axis[top]) * nodes[row]
-                cd[lane] = axis[left] + (axis[right] - axis[left]) * nodes[column]
-
-
-@compiled
 def mark(cells: Ints, labels: Labels, label: int) -> None:
     """Give every point of the cells one label."""
     for cell in range(len(cells)):
@@ -112,13 +99,9 @@ def label_points(points: Ints, height_m: Floats, gap_m: Floats, under: Bools, ta
 @compiled
 def largest_step(values: Floats) -> float:
     """Largest difference between two of four neighbouring nodes of a [NODES, NODES] array."""
-    most = 0.0
-    for row in range(NODES - 1):
-        for column in range(NODES - 1):
-            a, b = values[row, column], values[row, column + 1]
-            c, d = values[row + 1, column], values[row + 1, column + 1]
-            most = max(most, max(max(a, b), max(c, d)) - min(min(a, b), min(c, d)))
-    return most
+    a, b, c, d = values[:-1, :-1], values[:-1, 1:], values[1:, :-1], values[1:, 1:]
+    highest = np.maximum(np.maximum(a, b), np.maximum(c, d))
+    return float((highest - np.minimum(np.minimum(a, b), np.minimum(c, d))).max())
 
 
 @compiled
@@ -155,11 +138,7 @@ def judge(height: Floats, gap: Floats, under: Bools, low: float, high: float) ->
         return NOTHING
     if height.min() > high + jump and not has_cusp(gap):
         return NOTHING
-    for row in range(NODES):
-        for column in range(NODES):
-            if gap[row, column] > 0.0 or (under[row, column] and height[row, column] > 0.0):
-                return SPLIT
-    return PAINTED
+    return SPLIT if np.any((gap > 0.0) | (under & (height > 0.0))) else PAINTED
 
 
 @compiled
@@ -201,24 +180,11 @@ def settle(cells: Ints, height_m: Floats, gap_m: Floats, under: Bools, target: T
 def paint(shape: Floats, rows: Floats, columns: Floats, unsure: float, centre: float, three: float, two: float,
           labels: Labels) -> int:
     """Label a cell's points from its polynomial; returns how many are DOUBTFUL."""
-    along = np.empty((NODES, labels.shape[1]))
-    for order in range(NODES):
-        for column in range(labels.shape[1]):
-            total = 0.0
-            for k in range(NODES):
-                total += shape[order, k] * columns[column, k]
-            along[order, column] = total
-    heights = np.empty(labels.shape[1])
+    heights = rows[:labels.shape[0]] @ shape @ columns[:labels.shape[1]].T
     found = 0
     for row in range(labels.shape[0]):
         for column in range(labels.shape[1]):
-            heights[column] = -centre
-        for order in range(NODES):
-            part = rows[row, order]
-            for column in range(labels.shape[1]):
-                heights[column] += part * along[order, column]
-        for column in range(labels.shape[1]):
-            off = abs(heights[column])
+            off = abs(heights[row, column] - centre)
             label = (1 if off <= two else 0) + (1 if off <= three else 0)
             near = (abs(off - two) < unsure) | (abs(off - three) < unsure)
             labels[row, column] = DOUBTFUL if near else label

@@ -90,10 +90,11 @@ def label_launches(flyer: Flyer, axis: np.ndarray, target: Target, rows: range) 
 
 def _look(flyer: Flyer, axis: np.ndarray, target: Target, cells: np.ndarray, labels: np.ndarray) -> np.ndarray:
     """Judge cells by flights at their nodes, and label those that an interpolant settles; their verdicts [n]."""
-    which = np.empty(len(cells) * LANES, np.int64)
-    cd, cl = np.empty(which.shape), np.empty(which.shape)
-    cells_of.fill_nodes(cells, axis, NODES_AT, which, cd, cl)
-    height_m, gap_m, under = flyer.fly(which, cd, cl, LONG)
+    launch, top, bottom, left, right = cells.T
+    cl, cd = (axis[first, None] + (axis[last] - axis[first])[:, None] * NODES_AT
+              for first, last in ((top, bottom), (left, right)))
+    height_m, gap_m, under = flyer.fly(np.repeat(launch, LANES).astype(np.int64), np.tile(cd, NODES).ravel(),
+                                       np.repeat(cl, NODES), LONG)
     verdict = np.zeros(len(cells), np.int64)
     cells_of.settle(cells, height_m, gap_m, under, target, TRANSFORM, TABLES, labels, verdict)
     return verdict
