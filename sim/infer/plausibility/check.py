@@ -13,16 +13,8 @@ import numpy as np
 from truearc.robot.config.rig_spec import DENSEST_KG_M3, MOST, Rig, too_large
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.model import Dataset, Floats, Shots
-from truearc.sim.infer.plausibility.speeds import (
-    GEARS,
-    LENGTHS,
-    MOTORS,
-    TRACKS,
-    Flaw,
-    judge_wheels,
-    likeliest,
-    speed_causes,
-)
+from truearc.sim.infer.plausibility.flaw import LENGTHS, TRACKS, Flaw
+from truearc.sim.infer.plausibility.speeds import GEARS, MOTORS, judge_wheels, likeliest, speed_causes
 from truearc.sim.infer.plausibility.tracks import judge_tracks
 from truearc.sim.physics.simulate import by_wheels, launch_state
 

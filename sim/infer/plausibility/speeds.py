@@ -1,37 +1,22 @@
-"""An implausible thing in a dataset; what may be wrong of wheels' speeds, beside those of their motors."""
+"""What may be wrong of wheels' speeds, and speeds of wheels beside those of their motors."""
 
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from msgspec import structs
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.model import Shots
+from truearc.sim.infer.plausibility.flaw import RPM, TRACKS, Flaw
 from truearc.sim.physics.simulate import launch_state
 
-LENGTHS = {"millimetres": ("mm", 1e-3), "centimetres": ("cm", 0.01), "inches": ("in", 0.0254), "feet": ("ft", 0.3048)}
-RPM = math.pi / 30.0
-TRACKS = 3                            # fewest tracks, angles and heights that are judged
 MOTORS = "the motors' speeds, before the gears, given as the wheels'"
 GEARS = "gears upside down: launcher.wheel.gear is wheel speed / motor speed"
 SPEEDS = "launcher.free_speed_rad_s, or the wheels' speeds, in revolutions per "
 DROOPS = 1.3                          # a wheel's speed by its motor's, or the inverse, under load and by slack belts
 ALIKE = 1.2                           # causes that fit as well to within this are named together
-
-
-class Flaw(NamedTuple):
-    """One implausible thing: which check, the file and key, and a sentence with what to do."""
-
-    check: str
-    place: str
-    what: str
-    warns: bool = False               # it may well be true
-
-    def __str__(self) -> str:
-        return f"{self.place}: {self.what}"
 
 
 def speed_causes(rig: Rig, shots: Shots) -> dict[str, float]:

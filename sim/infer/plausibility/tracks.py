@@ -9,7 +9,8 @@ from jaxtyping import Bool, Float
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.model import Dataset, Floats, Tracks
-from truearc.sim.infer.plausibility.speeds import LENGTHS, TRACKS, Flaw, likeliest, speed_causes
+from truearc.sim.infer.plausibility.flaw import LENGTHS, TRACKS, Flaw
+from truearc.sim.infer.plausibility.speeds import likeliest, speed_causes
 from truearc.sim.physics.simulate import launch_state
 
 GRAVITY = (0.45, 1.7)                 # share of the rig's that drag and lift leave of it, at the least and at the most
