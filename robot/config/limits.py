@@ -1,8 +1,10 @@
 """Numbers of a launcher's configuration that are of the right kind and still cannot be."""
 
 import math
+import sys
 from collections.abc import Iterator
 from operator import attrgetter
+from pathlib import Path
 from typing import Any
 
 from truearc.robot.config.rig_spec import DENSEST_KG_M3, Rig, too_large
@@ -15,6 +17,10 @@ def contradictions(config: Any) -> Iterator[tuple[str, str]]:
 
     config: truearc.robot.config.schema.Config, whose module calls this one.
     """
+    for key, small_deg in (("hood.low_deg", 1.0), ("hood.high_deg", 0.5 * math.pi)):
+        if 0.0 < abs(angle := attrgetter(key)(config)) < small_deg:
+            yield key, (f"{angle:g} degrees are hardly a limit; if radians, write {math.degrees(angle):.3g}; if turns, "
+                        f"{360.0 * angle:.3g}")
     for key in ("hood.low_deg", "collect.hood_low_deg", "hood.pid.output_low", "flywheel.pid.output_low"):
         above = key.replace("low_deg", "high_deg").replace("_low", "_high")
         low, high = attrgetter(key, above)(config)
@@ -43,6 +49,13 @@ def contradictions(config: Any) -> Iterator[tuple[str, str]]:
             for value in said if isinstance(said, tuple) else (said,):
                 if not least <= value <= most:
                     yield key, f"{value:g} is out of range ({least:g} to {most:g}); {why}"
+
+
+def warn_of_pitch(path: str | Path, camera: Any) -> None:
+    """Warn on stderr of a camera's pitch that may be radians. camera: truearc.robot.config.schema.CameraConfig."""
+    if 0.0 < abs(camera.pitch_deg) < 0.5 * math.pi:
+        print(f"warning: {path}: camera.pitch_deg: {camera.pitch_deg:g} is nearly level; if radians, write "
+              f"{math.degrees(camera.pitch_deg):.3g}", file=sys.stderr)
 
 
 def cannot_throw(rig: Rig) -> Iterator[tuple[str, str]]:

@@ -13,7 +13,7 @@ import msgspec
 from msgspec import Struct
 
 from truearc.hw.devices.axis import Axis, CanNode, Direction, Positive
-from truearc.robot.config.limits import cannot_throw, contradictions
+from truearc.robot.config.limits import cannot_throw, contradictions, warn_of_pitch
 from truearc.robot.config.rig_spec import Rig, missing_keys, rig_errors, unknown_keys
 from truearc.robot.config.toml_errors import joined, line_of, reworded
 
@@ -269,6 +269,7 @@ def load_config(path: str | Path) -> Config:
     for key, what in (*((f"rig.{key}", what) for key, what in rig_errors(config.rig)), *contradictions(config),
                       *cannot_throw(config.rig)):
         raise InputError(f"{path}: {key}: {what}")
+    warn_of_pitch(path, config.camera)
     return config
 
 

@@ -92,13 +92,15 @@ def number_column(table: RawTable, name: str, problems: Problems, needed: bool =
         number = parse_number(cell)
         if cell is None:
             if needed:
-                problems.add(table.place(row), name, "is missing")
+                table.fault(problems, row, name, "is missing")
         elif number is None or not math.isfinite(number):
-            problems.add(table.place(row), name, f"{cell!r} is not a finite number"
-                         + ("; decimals have a point, thousands no mark" if "," in str(cell) else ""))
+            table.fault(problems, row, name, f"{cell!r} is not a finite number"
+                        + ("; decimals have a point, thousands no mark" if "," in str(cell) else ""))
         elif not low <= number <= high:
-            problems.add(table.place(row), name, f"{number:g} is out of range ({low:g} to {high:g})"
-                         + (f"; {LOOKS[name]}" if name in LOOKS else ""))
+            said, least, most = (table.shown(name, value) for value in (number, low, high))
+            looks = "make sure that its unit is as its name says" if table.converted(name) else LOOKS.get(name, "")
+            table.fault(problems, row, name, f"{said} is out of range ({least} to {most})"
+                        + (f"; {looks}" if looks else ""))
         else:
             values[row] = number
     return values
@@ -113,10 +115,10 @@ def text_column(table: RawTable, name: str, problems: Problems, needed: bool = T
         values = tuple(SPELLINGS.get(plain := value.strip().lower(), plain) for value in values)
     for row, value in enumerate(values):
         if needed and not value:
-            problems.add(table.place(row), name, "is missing")
+            table.fault(problems, row, name, "is missing")
         elif words and value and value not in words:
-            problems.add(table.place(row), name, f"{value!r} is none of {', '.join(words)}"
-                         + ("; if 0 says that it missed, write miss" if value in ("0", "false") else ""))
+            table.fault(problems, row, name, f"{value!r} is none of {', '.join(words)}"
+                        + ("; if 0 says that it missed, write miss" if value in ("0", "false") else ""))
     return values
 
 

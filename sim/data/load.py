@@ -58,11 +58,13 @@ def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: R
     """
     shots = in_read_units(shots, is_shot_column, problems)
     shots, rig = _settle_hits(shots, rig, has_three, problems)
-    checked = _shots(shots, problems)
+    checked = replace(_shots(shots, problems), written=_names(shots))
     _check_wheels(shots, rig, problems)
     _warn_of_copies(checked)
     row_of = {name: row for row, name in enumerate(checked.shot_id)}
-    return Dataset(name, rig, checked, _tracks(tracks, row_of, problems), _traces(traces, row_of, problems))
+    tracks = tracks and in_read_units(tracks, TRACK_COLUMNS.__contains__, problems)
+    return Dataset(name, rig, checked, _tracks(tracks, row_of, problems), _traces(traces, row_of, problems),
+                   track_columns=_names(tracks) if tracks else {})
 
 
 def hash_dataset(dataset: Dataset) -> str:
@@ -86,6 +88,10 @@ def _feed(digest: "hashlib._Hash", table: str, columns: dict[str, Sequence[str] 
         digest.update(msgspec.json.encode([table, name, cells]))
 
 
+def _names(table: RawTable) -> dict[str, str]:
+    return {name: written for name, (written, *_) in table.written.items()}
+
+
 def _shots(table: RawTable, problems: Problems) -> Shots:
     need_columns(table, ("shot_id",))
     shot_id = _ids(table, problems)
@@ -107,7 +113,7 @@ def _check_wheels(table: RawTable, rig: Rig, problems: Problems) -> None:
     absent = [name for name in own if name not in table.columns]
     for name in table.columns if absent else ():
         if WHEEL.fullmatch(name) and name not in own:
-            problems.add(table.place(-1), name, f"rig.toml has no such wheel; it has {', '.join(own)}: rename the "
+            table.fault(problems, -1, name, f"rig.toml has no such wheel; it has {', '.join(own)}: rename the "
                          "column, or the wheel")
 
 
@@ -131,7 +137,7 @@ def _settle_hits(table: RawTable, rig: Rig, has_three: bool, problems: Problems)
         target = msgspec.structs.replace(rig.target, three_half_height_m=0.0)
         return replace(table, columns=table.columns | {"outcome": cells}), msgspec.structs.replace(rig, target=target)
     for row in hits:
-        problems.add(table.place(row), "outcome", "'hit' may be a two or a three: write which; where every hit counts "
+        table.fault(problems, row, "outcome", "'hit' may be a two or a three: write which; where every hit counts "
                      "alike, write no three, and leave target.three_half_height_m out of rig.toml")
     return table, rig
 
@@ -141,9 +147,9 @@ def _ids(table: RawTable, problems: Problems) -> tuple[str, ...]:
     ids = tuple(text_of(cell) for cell in table.columns["shot_id"])
     for row, name in enumerate(ids):
         if not name:
-            problems.add(table.place(row), "shot_id", "is missing")
+            table.fault(problems, row, "shot_id", "is missing")
         elif name in first:
-            problems.add(table.place(row), "shot_id", f"{name!r} stands already in {table.place(first[name])}")
+            table.fault(problems, row, "shot_id", f"{name!r} stands already in {table.place(first[name])}")
         else:
             first[name] = row
     return ids
@@ -153,13 +159,12 @@ def _check_sides(table: RawTable, texts: dict[str, tuple[str, ...]], problems: P
     """A ball through the inner target passed on no side of it."""
     for row, (outcome, side) in enumerate(zip(texts.get("outcome", ()), texts.get("side", ()), strict=False)):
         if outcome == "three" and side in WORDS["side"]:
-            problems.add(table.place(row), "side", f"outcome three cannot have the miss side {side!r}")
+            table.fault(problems, row, "side", f"outcome three cannot have the miss side {side!r}")
 
 
 def _tracks(table: RawTable | None, row_of: dict[str, int], problems: Problems) -> Tracks | None:
     if table is None:
         return None
-    table = in_read_units(table, TRACK_COLUMNS.__contains__, problems)
     need_columns(table, TRACK_COLUMNS)
     shot = _shot_rows(table, row_of, problems)
     t_s, x_m, y_m, z_m = (number_column(table, name, problems) for name in ("t_s", "x_m", "y_m", "z_m"))
@@ -183,7 +188,7 @@ def _shot_rows(table: RawTable, row_of: dict[str, int], problems: Problems) -> n
         if name in row_of:
             rows[row] = row_of[name]
         else:
-            problems.add(table.place(row), "shot_id", f"{name!r} is not among the shots" if name else "is missing")
+            table.fault(problems, row, "shot_id", f"{name!r} is not among the shots" if name else "is missing")
     return rows
 
 
@@ -192,5 +197,6 @@ def _check_order(table: RawTable, shot: np.ndarray, t_s: np.ndarray, problems: P
     last: dict[int, float] = {}
     for row, (index, time_s) in enumerate(zip(shot.tolist(), t_s.tolist(), strict=True)):
         if index in last and time_s <= last[index]:
-            problems.add(table.place(row), "t_s", f"{time_s:g} does not follow {last[index]:g} of the same shot")
+            table.fault(problems, row, "t_s", f"{table.shown('t_s', time_s)} does not follow "
+                        f"{table.shown('t_s', last[index])} of the same shot")
         last[index] = time_s

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import repeat
 from typing import Any, Self, TypeVar
 
@@ -20,13 +20,14 @@ Table = TypeVar("Table", bound="ShotSamples")
 class Shots:
     """Shots in columns. `numbers`: float64 [n], nan = missing. `texts`: one string a shot, "" = missing.
 
-    `source`: the file they were read from, for messages about them.
+    `source`: the file they were read from, for messages about them; `written`: column -> its name there, if another.
     """
 
     shot_id: tuple[str, ...]
     numbers: dict[str, Floats]
     texts: dict[str, tuple[str, ...]]
     source: str = "shots"
+    written: dict[str, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.shot_id)
@@ -50,7 +51,8 @@ class Shots:
         rows = np.arange(len(self))[np.asarray(index)]
         return Shots(tuple(self.shot_id[row] for row in rows),
                      {name: column[rows] for name, column in self.numbers.items()},
-                     {name: tuple(column[row] for row in rows) for name, column in self.texts.items()}, self.source)
+                     {name: tuple(column[row] for row in rows) for name, column in self.texts.items()}, self.source,
+                     self.written)
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,8 @@ class Traces(ShotSamples):
 class Dataset(Printed):
     """All that a directory of shots says; `left_out`: what its maker left out and why, one line each.
 
-    `accepted`: objections to its plausibility that the user accepted or that only warn.
+    `accepted`: objections to its plausibility that the user accepted or that only warn. `track_columns`: as
+    Shots.written, of the tracks.
     """
 
     name: str
@@ -108,6 +111,7 @@ class Dataset(Printed):
     traces: Traces | None = None
     left_out: tuple[str, ...] = ()
     accepted: tuple[str, ...] = ()
+    track_columns: dict[str, str] = field(default_factory=dict)
 
     @property
     def rig(self) -> Rig:

@@ -7,7 +7,7 @@ import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import pyarrow as pa
@@ -52,13 +52,28 @@ def gathered() -> Iterator[Problems]:
 class RawTable:
     """`columns`: name -> one cell a row, None = missing; `lines`: line (CSV) or row (else) of each, from 1.
 
-    `in_memory`: not read from a file; `path` is then the name of the argument.
+    `in_memory`: not read from a file; `path` is then the name of the argument. `written`: of columns that are
+    read as others, name -> (name in the file, how many of the column's unit are one of the file's, its zero).
     """
 
     path: Path
     columns: dict[str, list[Cell]]
     lines: list[int]
     in_memory: bool = False
+    written: dict[str, tuple[str, float, float]] = field(default_factory=dict)
+
+    def converted(self, name: str) -> bool:
+        """Whether a column's numbers have another unit in the file."""
+        return self.written.get(name, ("", 1.0, 0.0))[1:] != (1.0, 0.0)
+
+    def shown(self, name: str, number: float) -> str:
+        """A number of a column as the file has it."""
+        _, factor, zero = self.written.get(name, ("", 1.0, 0.0))
+        return f"{number / factor + zero:g}"
+
+    def fault(self, problems: Problems, row: int, name: str, what: str) -> None:
+        """Add a problem of a cell, or of the header (row -1), with the column's name as the file has it."""
+        problems.add(self.place(row), self.written.get(name, (name,))[0], what)
 
     def place(self, row: int) -> str:
         """File and line as messages name them; row -1 is the header."""

@@ -4,6 +4,7 @@ import difflib
 import math
 import re
 from collections.abc import Callable
+from dataclasses import replace
 
 from truearc.sim.data.columns import RANGES, TEXTS, WHEEL, WORDS, parse_number
 from truearc.sim.data.table import Cell, Problems, RawTable
@@ -53,10 +54,13 @@ def in_read_units(table: RawTable, is_read: Callable[[str], bool], problems: Pro
     one which is there too, or whose name is nearly that of one which is read and is not there.
     """
     columns: dict[str, list[Cell]] = {}
+    written = {}
     for name, cells in table.columns.items():
         read, factor, zero = _read_as(name, is_read)
         if read in columns:
             problems.add(table.place(-1), name, f"stands for {read}, which is there already; keep one")
+        if read != name:
+            written[read] = (name, factor, zero)
         columns[read] = (cells if (factor, zero) == (1.0, 0.0) else
                          [_converted(cell, factor, zero) for cell in cells])
     driven = any(re.fullmatch(one, have) for one in ("motor_ratio", *SAID["motor_ratio"][1]) for have in columns)
@@ -67,7 +71,7 @@ def in_read_units(table: RawTable, is_read: Callable[[str], bool], problems: Pro
         meant = _meant(name, is_read, set(columns))
         if meant:
             problems.add(table.place(-1), name, f"is not a column that is read; did you mean {meant!r}?")
-    return RawTable(table.path, columns, table.lines, table.in_memory)
+    return replace(table, columns=columns, written=written)
 
 
 def _read_as(name: str, is_read: Callable[[str], bool]) -> tuple[str, float, float]:

@@ -237,4 +237,5 @@ def _need(shots: Shots, lacking: np.ndarray, what: str) -> None:
     if lacking.any():
         names = [shots.shot_id[row] for row in np.flatnonzero(lacking)]
         more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-        raise InputError(f"{shots.source}: shots {', '.join(names[:NAMED])}{more}: {what} is needed and missing")
+        raise InputError(f"{shots.source}: shots {', '.join(names[:NAMED])}{more}: {shots.written.get(what, what)} is "
+                         "needed and missing")

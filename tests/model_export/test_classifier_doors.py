@@ -119,6 +119,9 @@ def test_bad_input_is_named(home: Path, tmp_path: Path, capsys: pytest.CaptureFi
     bad = tmp_path / "bad.onnx"
     bad.write_bytes((home / "weights.onnx").read_bytes()[:-100])
     assert str(bad) in refusal(capsys, "verify", str(bad))
+    kept = tmp_path / "weights.json"
+    kept.write_text('{"layers": []}\n')
+    assert "neither an ONNX file nor an aim file; of weights give the file that" in refusal(capsys, "verify", str(kept))
     assert str(bad) in refusal(capsys, "predict", "--gate", str(bad), f"{home}/real")
     assert "nothing" in refusal(capsys, "paper", "train", "--real", f"{home}/nothing", "-o", f"{tmp_path}/w")
     assert "--holdout" in refusal(

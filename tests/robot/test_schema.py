@@ -4,6 +4,7 @@ import hashlib
 import math
 import os
 import pickle
+import re
 from pathlib import Path
 
 import msgspec
@@ -11,6 +12,7 @@ import pytest
 from msgspec.structs import replace
 
 from truearc.cli.common import SHIPPED, load_any_rig
+from truearc.cli.robot.vision_tools.camera_file import CAMERAS, load_camera
 from truearc.cli.robot.vision_tools.images import load_image
 from truearc.robot.config.hashing import config_hash, is_hash_of
 from truearc.robot.config.rig_spec import unknown_keys
@@ -109,6 +111,10 @@ def test_keys_of_rig_toml_that_nobody_reads_are_listed():
     ("mass_kg = 0.14", "mass_kg = -0.14", "rig.ball.mass_kg: -0.14 must be above 0"),
     ("mass_kg = 0.14", "mass_kg = 0.14\nmass_g = 140.0", "rig.ball.mass_g: unknown key"),
     ("low_deg = 15.0", "low_deg = 80.0", "hood.low_deg: 80 is above high_deg, 75"),
+    ("low_deg = 15.0", "low_deg = 0.26", "hood.low_deg: 0.26 degrees are hardly a limit; if radians, write 14.9; if "
+     "turns, 93.6"),
+    ("high_deg = 75.0", "high_deg = 1.31", "hood.high_deg: 1.31 degrees are hardly a limit; if radians, write 75.1; if "
+     "turns, 472"),
     ("free_speed_rad_s = 594.0", "free_speed_rad_s = 5672.0", "rig.launcher.free_speed_rad_s: 5672 is more than any "
      "launcher's 3000; this looks like revolutions per minute"),
     ("mass_kg = 0.14", "mass_kg = 140", "rig.ball.mass_kg: 140 kg in a ball of 0.0889 m radius is denser than "
@@ -146,6 +152,17 @@ def test_a_rig_or_limit_that_cannot_be_is_refused(tmp_path, old, new, said):
     with pytest.raises(InputError) as error:
         load_config(path)
     assert str(error.value) == f"{path}: {said}"
+
+
+def test_a_pitch_that_may_be_radians_is_warned_of(tmp_path, capsys):
+    for name, shipped, load in (("launcher", SHIPPED, load_config), ("camera", CAMERAS / "lifecam_hd3000_480p.toml",
+                                                                     lambda path: load_camera(str(path)))):
+        path, text = tmp_path / f"{name}.toml", shipped.read_text(encoding="utf-8")
+        for pitch in ("0.35", "0.0", "-3"):
+            path.write_text(re.sub(r"(?m)^pitch_deg = \S+", f"pitch_deg = {pitch}", text))
+            load(path)
+        said = capsys.readouterr().err
+        assert said == f"warning: {path}: camera.pitch_deg: 0.35 is nearly level; if radians, write 20.1\n"
 
 
 def test_files_without_an_end_and_values_without_a_bottom_are_refused(tmp_path):

@@ -4,6 +4,7 @@ Each check has a name, and can be accepted by it. A check passes where the data 
 """
 
 import math
+import re
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -57,12 +58,23 @@ def check_plausible(dataset: Dataset, accept: Collection[str] = ()) -> Dataset:
     for name in accept:
         if name not in CHECKS:
             raise InputError(f"accept: there is no check {name!r}; there are {', '.join(CHECKS)}")
-    objections = list(_objections(dataset))
+    objections = [_named(objection, dataset) for objection in _objections(dataset)]
     refused = [objection for objection in objections if not objection.warns and objection.check not in accept]
     if refused:
         raise InputError("\n".join(f"{_placed(objection, dataset.shots.source)} (check {objection.check!r}; accept it "
                                    "by name if it is so)" for objection in refused))
     return replace(dataset, accepted=tuple(f"{objection.check}: {objection}" for objection in objections))
+
+
+def _named(objection: Flaw, dataset: Dataset) -> Flaw:
+    """With columns as the files name them, and what they are read as."""
+    file, _, keys = objection.place.rpartition(": ")
+    names = {"tracks": dataset.track_columns, dataset.shots.source: dataset.shots.written}.get(file, {})
+    read = [f"{names[key]} is read as {key}" for key in re.findall(r"\w+", keys) if key in names]
+    if not read:
+        return objection
+    own = re.sub(r"\w+", lambda key: names.get(key[0], key[0]), keys)
+    return objection._replace(place=f"{file}: {own}", what=f"{objection.what} ({', '.join(read)})")
 
 
 def _placed(objection: Flaw, shots: str) -> str:
@@ -74,7 +86,8 @@ def _placed(objection: Flaw, shots: str) -> str:
 
 def _objections(dataset: Dataset) -> Iterator[Flaw]:
     ball = list(_ball(dataset.rig))
-    yield from ball or _balls(dataset.rig, dataset.shots)
+    yield from ball
+    yield from _balls(dataset.rig, dataset.shots) if all(flaw.warns for flaw in ball) else ()
     launcher = [*_launcher(dataset.rig), *judge_wheels(dataset.rig, dataset.shots)]
     yield from launcher
     hood = list(_hood(dataset.shots))
@@ -126,9 +139,9 @@ def _balls(rig: Rig, shots: Shots) -> Iterator[Flaw]:
                    f"radius of {radius_m[density.argmin()]:g} m; make sure that it is not the diameter", warns=True)
     if max(np.ptp(np.log(np.append(mass_kg, rig.ball.mass_kg))),
            np.ptp(np.log(np.append(radius_m, rig.ball.radius_m)))) > ALIKE_BALLS:
-        yield Flaw("balls", f"{shots.source}: mass_kg, radius_m", "differ from the ball of rig.toml, which train "
-                   "and aim simulate; fit, predict and discover simulate each shot's. State in rig.toml the ball that "
-                   "the robot will shoot", warns=True)
+        yield Flaw("balls", f"{shots.source}: mass_kg, radius_m", "differ from the ball of rig.toml, which train, "
+                   "aim, gates and paper fit simulate; fit, discover and predict by coefficients simulate each shot's. "
+                   "State in rig.toml the ball that the robot will shoot", warns=True)
 
 
 def _launcher(rig: Rig) -> Iterator[Flaw]:

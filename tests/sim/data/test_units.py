@@ -9,6 +9,7 @@ import pytest
 import truearc as ta
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, load_dataset, load_rig
+from truearc.sim.physics.simulate import require
 
 RIG = "[ball]\nmass_kg = 0.14\nradius_m = 0.09\n"
 SI = "shot_id,distance_m,hood_deg,wheel_main_rad_s,outcome\na,3.048,57.29577951308232,104.71975511965978,two\n"
@@ -170,3 +171,29 @@ def test_a_table_in_another_encoding_says_how_to_save_it(tmp_path: Path) -> None
     (home / "shots.csv").write_bytes(SI.encode("utf-16"))
     with pytest.raises(InputError, match=r"shots\.csv:1: not UTF-8 text; save the table as UTF-8"):
         load_dataset(home)
+
+
+@pytest.mark.parametrize(("header", "cells", "message"), [
+    ("distance_cm,hood_deg", "12000,40", "2: distance_cm: 12000 is out of range (0 to 10000); make sure that its unit"),
+    ("distance_m,hood_rad", "4,30", "2: hood_rad: 30 is out of range (0 to 1.5708); make sure that its unit"),
+    ("distance_m,temperature_f", "4,-460", "2: temperature_f: -460 is out of range (-130 to 140)"),
+    ("distance_in,hood_deg", "far,40", "2: distance_in: 'far' is not a finite number"),
+    ("Distance M,hood_deg", "400,40", "2: Distance M: 400 is out of range (0 to 100); if centimetres"),
+    ("distance_m,Outcome", "4,hit it", "2: Outcome: 'hit it' is none of miss, two, three"),
+])
+def test_a_bad_cell_is_named_by_the_files_own_column_and_value(tmp_path: Path, header: str, cells: str,
+                                                              message: str) -> None:
+    with pytest.raises(InputError) as error:
+        load(tmp_path, f"shot_id,{header}\na,{cells}\n")
+    assert f"shots.csv:{message}" in str(error.value)
+
+
+def test_times_of_tracks_are_named_by_the_files_own_column_and_value(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"tracks\.csv:3: t_ms: 12 does not follow 14 of the same shot"):
+        load(tmp_path, SI, "shot_id,t_ms,x_m,y_m,z_m\na,14,0,0,1\na,12,1,0,1\n")
+
+
+def test_a_missing_cell_is_named_by_the_files_own_column(tmp_path: Path) -> None:
+    shots = load(tmp_path, "shot_id,distance_cm,hood_deg\na,400,40\nb,,41\n").shots
+    with pytest.raises(InputError, match=r"shots\.csv: shots b: distance_cm is needed and missing"):
+        require(shots, "distance_m")

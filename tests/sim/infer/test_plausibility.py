@@ -166,7 +166,9 @@ def test_balls_that_are_not_the_rigs_are_warned_of(table: Dataset) -> None:
     other = replace(table.shots, numbers={**table.shots.numbers, "mass_kg": np.full(len(table.shots),
                                                                                     2.0 * table.rig.ball.mass_kg)})
     (said,) = check_plausible(replace(table, shots=other)).accepted
-    assert said.startswith("balls: ") and "train and aim simulate" in said
+    assert said.startswith("balls: ") and "which train, aim, gates and paper fit simulate" in said
+    light = ball(replace(table, shots=other), mass_kg=10.0 * 4.0 / 3.0 * np.pi * table.rig.ball.radius_m**3)
+    assert [said.split(":")[0] for said in check_plausible(light).accepted] == ["radius", "balls"]
     same = replace(table.shots, numbers={**table.shots.numbers,
                                          "mass_kg": np.full(len(table.shots), 1.01 * table.rig.ball.mass_kg)})
     assert check_plausible(replace(table, shots=same)).accepted == ()
@@ -426,6 +428,14 @@ def test_train_predict_and_aim_refuse_as_fit_does(table: Dataset) -> None:
     assert len(ta.predict(radians, belief, accept="hood").rows) == 40
 
 
+def test_predict_says_what_only_warns(table: Dataset, tmp_path: Path, capsys: Any) -> None:
+    heavy = numbers(table, mass_kg=np.full(len(table.shots), 2.0 * table.rig.ball.mass_kg))
+    save_dataset(tmp_path / "data", heavy)
+    assert main(["predict", str(tmp_path / "data"), "--cd", "0.4", "--cl", "0.1"]) == 0
+    said = capsys.readouterr()
+    assert said.err.startswith("warning: balls: ") and said.out.startswith("shot_id,")
+
+
 def test_the_papers_network_is_not_trained_on_implausible_shots(table: Dataset, tmp_path: Path, capsys: Any) -> None:
     motors = by_motor(table, 576.0)
     save_dataset(tmp_path / "data", numbers(motors, hood_deg=np.radians(motors.shots.number("hood_deg"))))
@@ -475,3 +485,11 @@ def test_real_recordings_pass(data_dir: Path, tmp_path: Path) -> None:
         assert main(["import", source, *(str(real / name) for name in files), "-o", str(home)]) == 0
         said = check_plausible(load_dataset(home)).accepted
         assert [one.partition(":")[0] for one in said] == (["balls", "axes"] if source == "ball-drops" else [])
+
+
+def test_an_objection_names_columns_as_the_files_do(table: Dataset, filmed: Dataset) -> None:
+    feet = numbers(table, distance_m=table.shots.number("distance_m") / 0.3048)
+    with pytest.raises(InputError, match=r"shots: distance_cm: .*\(distance_cm is read as distance_m\)"):
+        check_plausible(replace(feet, shots=replace(feet.shots, written={"distance_m": "distance_cm"})))
+    with pytest.raises(InputError, match=r"tracks: x_m, y_m, z_cm: z points down.*\(z_cm is read as z_m\)"):
+        check_plausible(replace(tracks(filmed, z_m=-filmed.tracks.z_m), track_columns={"z_m": "z_cm"}))

@@ -37,12 +37,20 @@ def main(args: argparse.Namespace) -> int:
 
 def _by_gate(args: argparse.Namespace) -> str:
     common.refuse(args, ("--cd", "--cl", "--coefficients", "--terms-from"), "does not apply with --gate")
-    return ta.predict(ta.load_dataset(args.dataset), gate=args.gate, accept=args.accept).to_csv()
+    return ta.predict(_plausible(args), gate=args.gate, accept=args.accept).to_csv()
+
+
+def _plausible(args: argparse.Namespace) -> "ta.Dataset":
+    """Return the dataset; what is accepted or only warns is on stderr, as the table goes to stdout."""
+    dataset = ta.paper.check_plausible(ta.load_dataset(args.dataset), args.accept)
+    for objection in dataset.accepted:
+        print(f"warning: {objection}", file=sys.stderr)
+    return dataset
 
 
 def _by_simulation(args: argparse.Namespace) -> str:
     belief = _belief(args)
-    dataset = ta.load_dataset(args.dataset)
+    dataset = _plausible(args)
     forecast = ta.predict(dataset, belief, accept=args.accept,
                           progress=common.make_progress("predict", args.quiet or len(dataset.shots) < LONG))
     rows = tuple((name, common.fixed(height_m, 9), common.fixed(deviation_m, 9), outcome, note)

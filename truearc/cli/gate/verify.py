@@ -32,7 +32,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Return 1 where a check failed."""
-    if load_bytes(Path(args.file))[:1] == b"{":
+    data = load_bytes(Path(args.file))
+    if data.lstrip()[:1] == b"{":
+        if b'"truearc.aim/' not in data:
+            raise ta.InputError(f"{args.file}: neither an ONNX file nor an aim file; of weights give the file that "
+                                "`truearc export` wrote, and their folder as --weights")
         return _verify_aim(args)
     refuse(args, ("--belief", "--rig"), "applies to an aim file only")
     found = ta.verify_gate(args.file, args.weights, {name: ta.load_dataset(name) for name in args.data})

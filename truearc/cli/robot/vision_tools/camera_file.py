@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 from truearc.cli.common import SHIPPED
+from truearc.robot.config.limits import warn_of_pitch
 from truearc.robot.config.schema import CameraFile, Config, InputError, load_text, load_toml, naming, number_in
 
 CAMERAS = SHIPPED.parent / "cameras"
@@ -16,10 +17,10 @@ def load_camera(name: str | None) -> CameraFile:
     path = SHIPPED if name is None else Path(name)
     if name in packaged_cameras():
         path = CAMERAS / f"{name}.toml"
-    if re.search(r"^\s*\[gate\]", load_text(path), re.MULTILINE) is None:
-        return load_toml(path, CameraFile)
-    config = load_toml(path, Config)
-    return CameraFile(config.camera, config.tape, config.vision)
+    is_launcher = re.search(r"^\s*\[gate\]", load_text(path), re.MULTILINE) is not None
+    file = load_toml(path, Config) if is_launcher else load_toml(path, CameraFile)
+    warn_of_pitch(path, file.camera)
+    return CameraFile(file.camera, file.tape, file.vision)
 
 
 def packaged_cameras() -> list[str]:
