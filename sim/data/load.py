@@ -127,19 +127,19 @@ def _warn_of_copies(shots: Shots) -> None:
 
 
 def _settle_hits(table: RawTable, rig: Rig, has_three: bool, problems: Problems) -> tuple[RawTable, Rig]:
-    """Hits as twos of a rig without a three; a problem is each hit that could be a two or a three."""
+    """Hits as twos of a rig without a three; a problem are hits that could be twos or threes."""
     outcome = [text_of(cell).strip().lower() for cell in table.columns.get("outcome", ())]
     hits = [row for row, word in enumerate(outcome) if word == HIT]
     if not hits or rig.target is None:
         return table, rig
     if rig.target.hit_or_miss or not (has_three or {"three", "3", "3.0"} & set(outcome)):
-        cells = ["two" if word == HIT else cell for word, cell in zip(outcome, table.columns["outcome"], strict=True)]
-        target = msgspec.structs.replace(rig.target, three_half_height_m=0.0)
-        return replace(table, columns=table.columns | {"outcome": cells}), msgspec.structs.replace(rig, target=target)
-    for row in hits:
-        table.fault(problems, row, "outcome", "'hit' may be a two or a three: write which; where every hit counts "
-                     "alike, write no three, and leave target.three_half_height_m out of rig.toml")
-    return table, rig
+        rig = msgspec.structs.replace(rig, target=msgspec.structs.replace(rig.target, three_half_height_m=0.0))
+    else:
+        more = f", here and in {len(hits) - 1} more rows" if hits[1:] else ""
+        table.fault(problems, hits[0], "outcome", f"'hit' may be a two or a three: write which{more}; where every hit "
+                    "counts alike, write no three, and leave target.three_half_height_m out of rig.toml")
+    cells = ["two" if word == HIT else cell for word, cell in zip(outcome, table.columns["outcome"], strict=True)]
+    return replace(table, columns=table.columns | {"outcome": cells}), rig
 
 
 def _ids(table: RawTable, problems: Problems) -> tuple[str, ...]:
