@@ -37,6 +37,8 @@ def contradictions(config: Any) -> Iterator[tuple[str, str]]:
             ("hood.homing_torque_nm", (-MAX_TORQUE_NM, -1e-4), f"toward the switch; {turn}"),
             ("feeder.torque_nm", (0.0, MAX_TORQUE_NM), turn),
             ("gate.reading_age_s gate.sighting_age_s feeder.feed_s flywheel.steady_s", (0.0, 10.0), "seconds"),
+            ("gate.request_s gate.doubt_s feeder.clear_s", (0.0, 60.0), "seconds"),
+            ("flywheel.tolerance_rad_s flywheel.spread_rad_s", (0.0, 100.0), "rad/s at the motor"),
             ("hood.screw_lead_m hood.pivot_to_motor_m hood.pivot_to_nut_m camera.height_m", (-5.0, 5.0), "metres"),
             ("hood.tolerance_deg hood.crosscheck_deg hood.deadband_deg", (0.0, 15.0), "degrees"),
             ("collect.hood_low_deg collect.hood_high_deg", hood, "the hood goes no further"),

@@ -119,7 +119,8 @@ MOST = {"ball.radius_m": 0.5, "launcher.wheel.radius_m": 0.5, "launcher.release_
         "noise.distance_m": 2.0, "noise.hood_deg": 15.0, "noise.wheel_rad_s": 100.0, "noise.track_m": 0.5,
         "tracker.scale_sd": 0.5, "tracker.tilt_sd_deg": 45.0, "tracker.clock_sd": 0.5}
 DENSEST_KG_M3 = 23_000.0              # of a ball: no metal is heavier
-OTHER_UNITS = {"m": "centimetres or inches", "s": "revolutions per minute", "m3": "another unit",
+LENGTHS_M = {"centimetres": 0.01, "inches": 0.0254, "millimetres": 0.001}
+OTHER_UNITS = {"m": "another unit", "s": "revolutions per minute", "m3": "another unit",
                "s2": "feet or centimetres per second squared; on Earth it is 9.81", "deg": "another unit"}
 RADIAN_STEP, RADIAN_SLIP = math.pi / 12.0, 0.005  # clock angles in radians are multiples of it, as rounded
 
@@ -135,8 +136,10 @@ def too_large(rig: Rig) -> Iterator[tuple[str, str]]:
         yield "launcher.wheel.clock_deg", f"these look like radians; write degrees: {degrees}"
     for key, value in _leaves(msgspec.to_builtins(rig), ""):
         if key in MOST and isinstance(value, int | float) and value > MOST[key]:
+            lengths = [name for name, metres in LENGTHS_M.items() if key.endswith("_m")
+                       and 0.02 * MOST[key] < value * metres <= MOST[key]]
             yield key, (f"{value:g} is more than any launcher's {MOST[key]:g}; this looks like "
-                        + OTHER_UNITS[key.rpartition("_")[2]])
+                        + (" or ".join(lengths) or OTHER_UNITS[key.rpartition("_")[2]]))
 
 
 def rig_errors(rig: Rig) -> Iterator[tuple[str, str]]:

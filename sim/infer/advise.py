@@ -20,6 +20,7 @@ SHOTS = 20                            # of each proposal
 AIMS_M = (-0.3, 0.0, 0.3)             # of the forecast height from the centre
 PLACES = (0.0, 0.5, 1.0)              # of the dataset's own range of distances and elevations
 HALVINGS = 40
+WORTHWHILE = 0.98                     # of the standard deviation: shots that leave more are not proposed
 KINDS = ("outcome", "outcome and high or low", "height at the plane", "exit speed, by camera or radar")
 
 
@@ -36,10 +37,12 @@ class Proposal:
 
 
 def advise(fit: MapFit, most: int = 3) -> tuple[Proposal, ...]:
-    """The best proposal of each kind of observation, best first; none where the rig's wheels cannot be set by ratio."""
+    """The best proposal of each kind of observation, best first; none where the rig's wheels cannot be set by ratio, no
+    coefficient is fitted, or no shots would help."""
     rig = fit.dataset.facts
     shots = fit.dataset.shots.take(fit.evidence.rows)
-    if rig.launcher.free_speed_rad_s is None or not rig.launcher.wheel or rig.target is None or not len(shots):
+    if rig.launcher.free_speed_rad_s is None or not rig.launcher.wheel or rig.target is None or not len(shots) or all(
+            one.scatters for one in fit.sought):
         return ()
     designs, aim_m = _designs(fit, shots, rig.target)
     if not len(designs):
@@ -55,7 +58,7 @@ def advise(fit: MapFit, most: int = 3) -> tuple[Proposal, ...]:
                                        for name in ("distance_m", "hood_deg", "motor_ratio"))
         proposals.append(Proposal(kind, distance_m, hood_deg, ratio, float(aim_m[best]),
                                   float(np.sqrt(after[best] / before))))
-    return tuple(sorted(proposals, key=lambda one: one.sd_ratio)[:most])
+    return tuple(sorted((one for one in proposals if one.sd_ratio < WORTHWHILE), key=lambda one: one.sd_ratio)[:most])
 
 
 def _designs(fit: MapFit, shots: Shots, target: Target) -> tuple[Shots, Float[np.ndarray, " n"]]:

@@ -117,6 +117,13 @@ def test_keys_of_rig_toml_that_nobody_reads_are_listed():
      "turns, 472"),
     ("free_speed_rad_s = 594.0", "free_speed_rad_s = 5672.0", "rig.launcher.free_speed_rad_s: 5672 is more than any "
      "launcher's 3000; this looks like revolutions per minute"),
+    ("radius_m = 0.0889", "radius_m = 88.9", "rig.ball.radius_m: 88.9 is more than any launcher's 0.5; this looks like "
+     "millimetres"),
+    ("radius_m = 0.0889", "radius_m = 8.89", "rig.ball.radius_m: 8.89 is more than any launcher's 0.5; this looks like "
+     "centimetres or inches"),
+    ("tolerance_rad_s = 3.0", "tolerance_rad_s = 1e5", "flywheel.tolerance_rad_s: 100000 is out of range (0 to 100); "
+     "rad/s at the motor"),
+    ("request_s = 8.0", "request_s = 8000", "gate.request_s: 8000 is out of range (0 to 60); seconds"),
     ("mass_kg = 0.14", "mass_kg = 140", "rig.ball.mass_kg: 140 kg in a ball of 0.0889 m radius is denser than "
      "any metal; are these grams?"),
     ("centre_height_m = 2.44", "centre_height_m = -2.0", "rig.target.centre_height_m: -2 must be above 0, the floor"),

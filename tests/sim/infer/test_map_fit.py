@@ -13,7 +13,8 @@ from tests.sim.physics.rigs import GUPPY
 from truearc.robot.config.rig_spec import Tracker
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
-from truearc.sim.infer.advise import advise
+from truearc.sim.data.parts import take_shots
+from truearc.sim.infer.advise import WORTHWHILE, advise
 from truearc.sim.infer.crossval import cross_validate
 from truearc.sim.infer.identifiability import identify
 from truearc.sim.infer.likelihood.prepared_data import take_in
@@ -190,3 +191,13 @@ def test_a_fit_starts_far_from_its_heights_and_still_fits_them_all():
     dataset = make_dataset(12, 60, dataclasses.replace(TRUTH, loss=0.5), height=True)
     fit = fit_map(dataset, TERMS)
     assert deviance_at(fit, "exit_efficiency.loss", 0.5) < 9.0
+
+
+def test_a_fit_of_scatter_alone_proposes_no_shots(outcomes):
+    alone = fit_map(outcomes.dataset, ())
+    assert all(one.scatters for one in alone.sought) and advise(alone) == ()
+
+
+def test_shots_that_would_not_help_are_not_proposed():
+    six = fit_map(take_shots(make_dataset(11, 100), list(range(6))), ("drag", "magnus"))
+    assert all(one.sd_ratio < WORTHWHILE for one in advise(six))
