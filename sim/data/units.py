@@ -11,7 +11,7 @@ from truearc.sim.data.table import Cell, Problems, RawTable
 
 # unit that is read -> suffix of another one -> how many of the first are one of the second
 CONVERTED = {
-    "m": {"mm": 1e-3, "cm": 0.01, "in": 0.0254, "ft": 0.3048},
+    "m": {"mm": 1e-3, "cm": 0.01, "in": 0.0254, "ft": 0.3048, "yd": 0.9144},
     "s": {"ms": 1e-3, "us": 1e-6},
     "deg": {"rad": 180.0 / math.pi},
     "rad_s": {"rpm": math.pi / 30.0, "rev_s": 2.0 * math.pi, "deg_s": math.pi / 180.0},
@@ -70,7 +70,10 @@ def in_read_units(table: RawTable, is_read: Callable[[str], bool], problems: Pro
             continue
         meant = _meant(name, is_read, set(columns))
         if meant:
-            problems.add(table.place(-1), name, f"is not a column that is read; did you mean {meant!r}?")
+            stem, _, unit = meant.rpartition("_")
+            others = ", ".join(f"{stem}_{suffix}" for suffix in CONVERTED.get(unit, {}))
+            problems.add(table.place(-1), name, f"is not a column that is read; did you mean {meant!r}?"
+                         + (f" Of another unit: {others}" if others else ""))
     return replace(table, columns=columns, written=written)
 
 

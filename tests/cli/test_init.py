@@ -120,6 +120,6 @@ def test_shots_in_the_users_units(tmp_path: Path, capsys: pytest.CaptureFixture[
     shots = ta.load_dataset(folder).shots
     assert shots.number("distance_m")[0] == pytest.approx(3.048)
     assert shots.number("hood_deg")[0] == pytest.approx(45.0)
-    assert main(["init", str(tmp_path / "other"), "--units", "yd"]) == 2
-    assert "'yd' is not a unit of a distance or an angle; there are m, mm, cm, in, ft, deg" in capsys.readouterr().err
+    assert main(["init", str(tmp_path / "other"), "--units", "rods"]) == 2
+    assert "'rods' is not a unit of a distance or an angle; there are m, mm, cm, in, ft, yd" in capsys.readouterr().err
     assert not (tmp_path / "other" / "shots.csv").exists()

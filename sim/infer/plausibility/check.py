@@ -210,8 +210,9 @@ def _hood(shots: Shots) -> Iterator[Flaw]:
         angle_deg = shots.number(name)
         known = np.abs(angle_deg[np.isfinite(angle_deg)])
         if len(known) >= TRACKS and known.max() <= math.pi / 2 and np.median(known) > 0.05:
+            turns = "turns: multiply them by 360; or like " if known.max() <= 0.25 else ""
             yield Flaw("hood", f"{shots.source}: {name}", f"no shot exceeds {known.max():.2f} degrees; these look like "
-                       f"radians: rename the column to {name.removesuffix('_deg')}_rad or multiply it by 57.3")
+                       f"{turns}radians: rename the column to {name.removesuffix('_deg')}_rad or multiply it by 57.3")
 
 
 def needed_speed(distance_m: Floats, rise_m: float, hood_deg: Floats, gravity_m_s2: float) -> Floats:

@@ -29,6 +29,7 @@ def load(home: Path, shots: str, tracks: str = "") -> Dataset:
     SI, "shot_id,distance_ft,hood_rad,wheel_main_rpm,outcome\na,10,1,1000,two\n",
     "shot_id,distance_in,hood_rad,wheel_main_rpm,outcome\na,120,1,1000,2\n",
     "shot_id,distance_cm,hood_rad,wheel_main_rpm,outcome\na,304.8,1,1000, Two\n",
+    "shot_id,distance_yd,hood_rad,wheel_main_rpm,outcome\na,3.3333333333,1,1000,two\n",
     " Shot ID ,Distance FT,HOOD_RAD,Wheel_Main_rpm,Outcome\na,10,1,1000,TWO\n",
     "\ufeffshot_id;distance_ft;hood_rad;wheel_main_rpm;outcome\na;10,0;1;1000;two\n",
     'shot_id,distance_ft,hood_rad,wheel_main_rpm,outcome\na,"10,0","1,000000",1000,two\n',
@@ -75,10 +76,16 @@ def test_near_misses_are_named(tmp_path: Path, name: str, meant: str) -> None:
         load(tmp_path, f"shot_id,{name}\na,1\n")
 
 
+def test_a_near_miss_is_told_the_names_of_other_units(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"did you mean 'distance_m'\? Of another unit: distance_mm, .*, distance_yd"):
+        load(tmp_path, "shot_id,distance_rods\na,1\n")
+
+
 def test_a_missing_column_is_named_beside_near_misses(tmp_path: Path) -> None:
     with pytest.raises(InputError) as error:
         load(tmp_path, "shot,dist,hood_deg\na,1,45\n")
-    assert [line.partition("shots.csv:1: ")[2] for line in str(error.value).splitlines()] == [
+    lines = str(error.value).replace(" Of another unit", "\0").splitlines()
+    assert [line.partition("shots.csv:1: ")[2].partition("\0")[0] for line in lines] == [
         "shot: is not a column that is read; did you mean 'shot_id'?",
         "dist: is not a column that is read; did you mean 'distance_m'?", "column shot_id is missing"]
 

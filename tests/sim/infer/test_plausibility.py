@@ -271,6 +271,7 @@ def test_wheels_in_revolutions_a_minute_are_refused(filmed: Dataset, table: Data
 
 @pytest.mark.parametrize(("wrong", "said"), [
     (lambda one: numbers(one, hood_deg=np.radians(one.shots.number("hood_deg"))), r"hood_deg: .* radians: rename the"),
+    (lambda one: numbers(one, hood_deg=one.shots.number("hood_deg") / 360.0), r"hood_deg: .* like turns: multiply"),
     (lambda one: numbers(one, hood_deg=90.0 - one.shots.number("hood_deg")), r"hood_deg: .* is from the vertical"),
     (lambda one: ball(one, mass_kg=one.rig.ball.mass_kg * 1000.0), r"ball.mass_kg: .* looks like grams"),
     (lambda one: ball(one, radius_m=one.rig.ball.radius_m * 1000.0), r"ball.radius_m: .* looks like millimetres"),
