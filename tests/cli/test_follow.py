@@ -141,6 +141,14 @@ def test_ids_differ_with_the_content_and_not_with_the_time(found: "ta.Following"
     assert one.id == same.id != other.id
 
 
+def test_implausible_shots_are_refused_unless_accepted(changed: ta.Dataset, belief: ta.Belief) -> None:
+    numbers = changed.shots.numbers | {"hood_deg": np.radians(changed.shots.number("hood_deg"))}
+    radians = replace(changed, shots=replace(changed.shots, numbers=numbers))
+    with pytest.raises(ta.InputError, match=r"hood_deg: .* radians"):
+        ta.follow(radians, belief)
+    assert ta.follow(radians, belief, accept=["hood"]).accept == ["hood"]
+
+
 def test_nothing_is_found_without_an_alarm(belief: ta.Belief) -> None:
     quiet = ta.follow(session(33, 20, {}, "c"), belief)
     assert quiet.alarm is None and quiet.since is None

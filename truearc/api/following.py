@@ -1,7 +1,7 @@
 """Follow the shots since a belief, and propose another where something has changed."""
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -25,6 +25,7 @@ from truearc.sim.discover.report.effect_wording import plain, say_effect
 from truearc.sim.discover.report.finding_text import either
 from truearc.sim.discover.settings import FALSE_ALARM, check_chances
 from truearc.sim.infer.belief import Belief
+from truearc.sim.infer.plausibility.check import check_plausible
 from truearc.sim.printed import Printed
 from truearc.sim.progress import Progress
 
@@ -38,7 +39,8 @@ class Following(Printed):
     """The marked shots since a belief, in their order, and whether something changed.
 
     dataset: the shots; belief: that they are tested against; test: e-values after each shot; false_alarm: probability
-    of an alarm in an endless session in which nothing changes, looked at after every shot.
+    of an alarm in an endless session in which nothing changes, looked at after every shot; accept: plausibility checks
+    whose objections are accepted.
     """
 
     dataset: Dataset
@@ -46,6 +48,7 @@ class Following(Printed):
     test: ChangeTest
     false_alarm: float
     seed: int = 0
+    accept: Collection[str] = ()
 
     @property
     def e_values(self) -> tuple[float, ...]:
@@ -84,7 +87,8 @@ class Following(Printed):
             raise InputError(f"{self.dataset.name}: {len(self.test.rows) - self.since + 1} shots since the change; "
                              f"{FEWEST_SINCE} at least are needed to say what it is")
         later = self.dataset.take([int(row) for row in self.test.rows[self.since - 1:]])
-        return discover(later, belief=self.belief, seed=self.seed, false_alarm=EVERY_FINDING, progress=progress)
+        return discover(later, belief=self.belief, seed=self.seed, false_alarm=EVERY_FINDING,
+                        accept=self.accept, progress=progress)
 
     def table(self) -> Table:
         """Return a row per shot: its shot_id, the e-value after it, and whether that is an alarm."""
@@ -103,7 +107,8 @@ class Following(Printed):
                       f"({self.shot(since)})"]
 
 
-def follow(dataset: Dataset, belief: Belief, *, false_alarm: float = FALSE_ALARM, seed: int = 0) -> Following:
+def follow(dataset: Dataset, belief: Belief, *, false_alarm: float = FALSE_ALARM, seed: int = 0,
+           accept: Collection[str] = ()) -> Following:
     """Test the shots since a belief for a change, with an answer that is valid after every shot.
 
     Call it again as the dataset grows: however often it is looked at, the probability of an alarm is at most
@@ -114,15 +119,17 @@ def follow(dataset: Dataset, belief: Belief, *, false_alarm: float = FALSE_ALARM
         belief: Coefficients, scatter and covariance, from an earlier session.
         false_alarm: Probability of an alarm where nothing changes.
         seed: Of the draws from the belief.
+        accept: Names of plausibility checks whose objections are accepted.
 
     Raises:
-        InputError: no shot has an outcome or a height with its distance and launch; or outcomes without a target.
+        InputError: implausible data; no shot has an outcome or a height with its distance and launch; or outcomes
+            without a target.
     """
     check_chances(false_alarm, seed)
     check_kind("dataset", dataset, Dataset, "load_dataset(...)")
     check_kind("belief", belief, Belief, "load_belief(...)")
-    dataset = dataset.in_order()
-    return Following(dataset, belief, follow_shots(dataset, belief, seed), false_alarm, seed)
+    dataset = check_plausible(dataset, accept).in_order()
+    return Following(dataset, belief, follow_shots(dataset, belief, seed), false_alarm, seed, accept)
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import truearc as ta
-from truearc.cli.common import add_terms_from, catalogue_of, load_any_rig, make_progress, number, refuse, write_out
+from truearc.cli.common import (
+    add_accept,
+    add_terms_from,
+    catalogue_of,
+    load_any_rig,
+    make_progress,
+    number,
+    refuse,
+    write_out,
+)
 from truearc.cli.discover.aim import parse_distances
 from truearc.cli.outputs import OutFolder
 from truearc.robot.aim_file import LONGEST_NOTE
@@ -59,6 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--false-alarm", type=float, default=FALSE_ALARM, metavar="P", help="probability of an alarm "
                         "in an endless session in which nothing changes")
     parser.add_argument("--seed", type=number(int, 0), default=0, help="of everything drawn at random")
+    add_accept(parser)
     add_terms_from(parser)
 
 
@@ -115,7 +125,8 @@ class ShotWatch:
         dataset = read_shots(self.args.paths)
         rig = dataset.rig if self.rig is None else self.rig
         check_rig(rig, dataset, self.args.rig)
-        found = ta.follow(dataset, self.belief, false_alarm=self.args.false_alarm, seed=self.args.seed)
+        found = ta.follow(dataset, self.belief, false_alarm=self.args.false_alarm, seed=self.args.seed,
+                          accept=self.args.accept)
         print(found, flush=True)
         shots = len(found.e_values)
         if found.alarm is None or (self.tried and shots < self.tried + AGAIN):
