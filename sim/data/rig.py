@@ -17,10 +17,9 @@ RIG = "rig.toml"
 def load_rig(path: str | Path) -> Rig:
     """Read rig.toml; unknown keys are warned of on stderr; InputError names file and key of a bad one."""
     text = load_text(path)
-    rig = parse_toml(text, Rig, str(path))
     for key in unknown_keys(parse_table(text, str(path))):
         print(f"warning: {path}: key {key} is not known and has no effect", file=sys.stderr)
-    return check_rig(rig, path)
+    return check_rig(parse_toml(text, Rig, str(path)), path)
 
 
 def states_three(rig: Rig | str | Path | Mapping[str, Any]) -> bool:

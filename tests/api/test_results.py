@@ -166,5 +166,6 @@ def test_since_needs_the_belief_of_the_same_rig(week, found) -> None:
         ta.discover(week, belief=found.adopt(), believe=BELIEVE)
     rig = ta.dataset({"shot_id": ["a"]}, rig={"ball": {"mass_kg": 1.0, "radius_m": 1.0}}).rig
     other = dataclasses.replace(week, facts=rig)
-    with pytest.raises(ta.InputError, match=r"another rig: rig\.toml: ball\.mass_kg: 1\.0 there, 0\.14 in "):
+    with pytest.raises(ta.InputError, match=r"another rig: rig\.toml: ball\.mass_kg: 1\.0 there, 0\.14 in ") as error:
         ta.discover(week, belief=found.adopt(), since=other)
+    assert "free_speed_rad_s: not stated there, 594" in str(error.value) and "Wheel(" not in str(error.value)

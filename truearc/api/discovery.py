@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from msgspec import structs
+from msgspec import json, structs
 
 from truearc.api.table import Table
 from truearc.api.terms import check_kind, names_of
@@ -201,9 +201,13 @@ def _check_since(since: Dataset, belief: Belief | None, later: Dataset) -> None:
     """InputError unless `since` goes with a belief and was recorded with the same ball and launcher as `later`."""
     if belief is None:
         raise InputError("since goes with belief, which was adopted from that dataset")
-    differ = [f"rig.toml: {part}.{name}: {value} there, {getattr(getattr(later.rig, part), name)} in {later.name}"
-              for part in ("ball", "launcher") for name, value in structs.asdict(getattr(since.rig, part)).items()
-              if value != getattr(getattr(later.rig, part), name)]
+    def said(value: object) -> str:
+        return "not stated" if value is None else json.encode(value).decode().replace('"', "")
+
+    parts = [(f"{part}.{name}", value, getattr(getattr(later.rig, part), name)) for part in ("ball", "launcher")
+             for name, value in structs.asdict(getattr(since.rig, part)).items()]
+    differ = [f"rig.toml: {key}: {said(value)} there, {said(other)} in {later.name}" for key, value, other in parts
+              if value != other]
     if differ:
         raise InputError(f"since: {since.name}: was recorded with another rig: {'; '.join(differ)}")
 

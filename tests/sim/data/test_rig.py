@@ -1,5 +1,7 @@
 """rig.toml: it reads back, and whatever is wrong is named with its key."""
 
+from pathlib import Path
+
 import pytest
 
 from tests.sim.data.files import FACTS, GOOD, HEADER, RIG, write
@@ -47,3 +49,21 @@ def test_a_rig_that_cannot_be_read_is_named_without_the_systems_number(tmp_path)
 def test_a_rig_reads_back(tmp_path):
     save_rig(tmp_path / "rig.toml", FACTS)
     assert load_rig(tmp_path / "rig.toml") == FACTS
+
+
+def test_a_key_that_is_not_known_is_named_beside_the_one_that_is_missing(tmp_path: Path,
+                                                                        capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text("[ball]\nmass_g = 140\nradius_m = 0.09\n")
+    with pytest.raises(InputError, match=r"ball\.mass_kg: missing key"):
+        load_rig(path)
+    assert "key ball.mass_g is not known" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", ["ball = 3\n", "[[ball]]\nmass_kg = 1\n", "[launcher]\nwheel = 1\n",
+                                  "ball = [1, [2]]\n"])
+def test_tables_of_another_kind_are_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"rig\.toml:?\d*: "):
+        load_rig(path)
