@@ -18,7 +18,7 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import Config
 from truearc.robot.recording.session import Header
 from truearc.sim.data.columns import UNITS
-from truearc.sim.discover.finding import Finding
+from truearc.sim.discover.finding import FindingRecord
 from truearc.sim.discover.plan.detectability import Sight
 from truearc.sim.discover.proposal import AimProposal
 
@@ -66,7 +66,7 @@ class Design(Struct):
 
 
 DOCUMENTS: dict[str, tuple[type[Struct], str, str]] = {
-    "finding": (Finding, "schema", "`truearc discover DIR --json FILE`"),
+    "finding": (FindingRecord, "schema", "`truearc discover DIR --json FILE`"),
     "identifiability": (Sight, "schema", "`truearc identifiability DIR --json FILE`"),
     "design": (Design, "schema", "`truearc design DIR --json FILE`"),
     "aim": (AimContent, "schema", "`truearc aim BELIEF --rig FILE --robot FILE`"),

@@ -2,6 +2,8 @@
 from truearc.api import paper
 from truearc.api.aiming import AimTable, aim, export_aim, verify_aim
 from truearc.api.discovery import Finding, discover
+from truearc.api.emulation import emulate
+from truearc.api.finding_report import load_finding
 from truearc.api.fitting import Fit, fit
 from truearc.api.following import Following, follow
 from truearc.api.gate import GateTraining, train_gate
@@ -15,7 +17,6 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError, load_config
 from truearc.sim.data.dataset import Dataset, dataset, load_dataset, load_rig, save_dataset
 from truearc.sim.data.recordings import shots_from_sessions
-from truearc.sim.discover.finding import load_finding
 from truearc.sim.infer.belief import Belief, load_belief
 from truearc.sim.physics.catalogue import catalogue
 from truearc.sim.physics.term import (
@@ -28,7 +29,6 @@ from truearc.sim.physics.term import (
     SensingTerm,
     WatchTerm,
 )
-from truearc.sim.world.emulated_robot import emulate
 
 __all__ = [
     "AimTable", "AirTerm", "ArrivalTerm", "Belief", "Dataset", "Finding", "Fit", "FlightTerm", "Following",

@@ -1,8 +1,9 @@
 """The robot's aim file of a table of set points, and its check against the simulator."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -16,13 +17,15 @@ from truearc.robot.gate.seal import UNSEALED, seal
 from truearc.sim.aim.set_point import AimRow
 from truearc.sim.aim.solve import chances_of, solve
 from truearc.sim.infer.belief import Belief
+from truearc.sim.printed import Printed
 
 CHECKED = 40                          # distances at which a file is checked
 MOST_LOST = 0.05                      # points that a set point of the file may fall short of the best by
 Rows = Float[np.ndarray, " n"]
 
 
-class AimCheck(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class AimCheck(Printed):
     """An aim file against the simulator, at distances [n] between its ends.
 
     points, best: expected points of the file's set points, and of those found again.
@@ -40,6 +43,10 @@ class AimCheck(NamedTuple):
     @property
     def passed(self) -> bool:
         return self.lost <= MOST_LOST
+
+    def lines(self) -> list[str]:
+        """Return how far the file's set points fall short of the best."""
+        return [f"at {len(self.distance_m)} random distances at most {self.lost:.2f} points short of the best"]
 
 
 def aim_bytes(rows: Sequence[AimRow], refused: Iterable[tuple[float, str]], rig: Rig, note: str,

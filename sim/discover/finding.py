@@ -92,7 +92,7 @@ class Unknown(Struct, frozen=True):
 
 
 class Further(Struct, frozen=True):
-    """One effect, those found before it put in: names as in Finding; `unknown` where none of them is it."""
+    """One effect, those found before it put in: names as in FindingRecord; `unknown` where none of them is it."""
 
     what: tuple[Named, ...]           # as in the finding
     set: tuple[str, ...] | None       # as in the finding
@@ -132,7 +132,9 @@ class Adoption(Struct, frozen=True):
     refused: str | None               # why it is not adopted, or not as a whole; null: it is adopted
 
 
-class Finding(Struct, frozen=True):
+class FindingRecord(Struct, frozen=True):
+    """Every figure of a finding, as its JSON file has it."""
+
     data: DataSummary                 # what was looked at
     mismatch: Mismatch                # whether simulation and data differ
     where: Where                      # location of the mismatch
@@ -149,14 +151,14 @@ class Finding(Struct, frozen=True):
     adoption: Adoption | UnsetType = UNSET         # absent where nothing was found, or no target tells points
 
 
-def load_finding(path: str | Path) -> Finding:
+def load_record(path: str | Path) -> FindingRecord:
     """Read a finding that `make_json` wrote, by this version or an earlier one.
 
     Raises:
         InputError: `path` cannot be read, or is not a truearc.finding/1; with the key.
     """
     with naming(path):
-        finding = msgspec.json.decode(load_bytes(path), type=Finding)
+        finding = msgspec.json.decode(load_bytes(path), type=FindingRecord)
     if finding.schema != SCHEMA:
         raise InputError(f"{path}: schema: got {finding.schema!r}; expected {SCHEMA!r}")
     return finding

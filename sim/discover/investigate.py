@@ -13,7 +13,7 @@ from truearc.sim.discover.detect.localization import locate
 from truearc.sim.discover.detect.reference_session import ReferenceSession
 from truearc.sim.discover.detect.score_test import Judged, judge
 from truearc.sim.discover.detect.test_battery import ALLOWANCE, Asked
-from truearc.sim.discover.finding import Finding
+from truearc.sim.discover.finding import FindingRecord
 from truearc.sim.discover.report.build_finding import make_finding, silent
 from truearc.sim.discover.select.name_effects import Search, Step, name_effects
 from truearc.sim.discover.settings import FALSE_ALARM
@@ -41,7 +41,7 @@ class Investigation:
     the data carry no test. belief: of the earlier session that was started from; search: settings of every step's
     tests; catalogue: of the terms that were tested; ranges: of the shots' settings; launcher: ball and wheels."""
 
-    finding: Finding
+    finding: FindingRecord
     fitted: BaselineFit | None = None
     asked: Asked | None = None
     steps: tuple[Step, ...] = ()

@@ -73,28 +73,9 @@ def emulate(config: Config, folder: Path, trials: int, seed: int, options: Optio
             gate_path: Path | None = None, progress: Progress = lambda done, note: None,
             page: OperatorPage | None = None, nodes_of: MakeNodes = make_nodes,
             eyes_of: MakeEyes = TwinEyes, aim_path: Path | None = None) -> list[BallResult]:
-    """Record trials of the emulated robot: the real runtime, real frames and images, a MuJoCo world.
+    """Record trials, as truearc.api.emulation.emulate describes; the true result of each ball.
 
-    Args:
-        config: Of the launcher (`load_config`).
-        folder: Session folder to make.
-        trials: How many balls are shot, at most, or held.
-        seed: Of the world and the driver.
-        options: How the world differs from the rig of the configuration; None: not at all.
-        gate_path: ONNX gate that must agree before the robot fires; the policy becomes "model".
-        progress: Called with the share done, 0 to 1, and a note.
-        page: Operator page to serve; time then passes no faster than it does.
-        nodes_of: Makes the emulated devices.
-        eyes_of: Makes the camera.
-        aim_path: Aim file (`truearc aim --robot`) to aim by; the aim policy becomes "belief".
-
-    Returns:
-        The true result of each ball, for tests and reports; neither runtime nor fit may see it.
-
-    Raises:
-        InputError: the folder exists, the gate is not one, the aim file is not one or for another rig, or the
-            configuration asks for an aim file and there is none.
-        OSError: the session cannot be written.
+    `nodes_of` makes the emulated devices, `eyes_of` the camera.
     """
     gate = None if gate_path is None else load_gate(gate_path)
     if gate is not None:

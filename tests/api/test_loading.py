@@ -6,11 +6,14 @@ import json
 import re
 import subprocess
 import sys
+import types
+import typing
 from pathlib import Path
 
 import pytest
 
 import truearc as ta
+from truearc.sim.printed import Printed
 
 HEAVY = {"numpy", "jax", "scipy", "mujoco", "cv2", "cantools", "pandas", "polars", "matplotlib", "pyarrow", "onnx",
          "onnxruntime", "numba", "msgspec"}
@@ -55,8 +58,19 @@ def test_golden_findings_load_without_a_simulation(path: Path) -> None:
     read = json.loads(path.read_text())
     finding = ta.load_finding(path)
     assert (finding.verdict, finding.sentence) == (read["verdict"], read["sentence"])
-    assert [one.term for one in finding.what] == [one["term"] for one in read["what"]]
+    assert [one.term for one in finding.effects] == [one["term"] for one in read["what"]]
     assert not loaded_by(f"import truearc; truearc.load_finding({str(path)!r})") & UNWANTED
+    assert str(finding).startswith(f"{finding.sentence}\n") and finding._repr_html_().startswith("<p><b>")
+
+
+PLAIN = {"catalogue", "export_weights", "load_config", "load_rig", "save_dataset"}    # terms, bytes, settings, nothing
+
+
+@pytest.mark.parametrize("name", sorted(name for name in ta.__all__ if inspect.isfunction(getattr(ta, name))))
+def test_a_result_prints_as_a_report(name: str) -> None:
+    returned = typing.get_type_hints(getattr(ta, name))["return"]
+    kinds = typing.get_args(returned) if isinstance(returned, types.UnionType) else (returned,)
+    assert all(isinstance(kind, type) and issubclass(kind, Printed) for kind in kinds) == (name not in PLAIN), returned
 
 
 def test_every_name_is_there_and_documented() -> None:

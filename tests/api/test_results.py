@@ -48,7 +48,9 @@ def test_finding_equals_what_the_command_prints_and_writes(folder, week, found, 
 def test_finding_is_read_back_as_it_was_written(found, tmp_path) -> None:
     path = tmp_path / "finding.json"
     path.write_text(found.to_json())
-    assert ta.load_finding(path) == found.record
+    kept = ta.load_finding(path)
+    assert kept.record == found.record and str(kept) == str(found) and kept._repr_html_() == found._repr_html_()
+    assert (kept.verdict, kept.effects, kept.to_json()) == (found.verdict, found.effects, found.to_json())
     path.write_text(found.to_json().replace("truearc.finding/1", "truearc.finding/9"))
     with pytest.raises(ta.InputError, match=r"finding\.json: schema: got 'truearc\.finding/9'"):
         ta.load_finding(path)

@@ -11,14 +11,14 @@ import truearc as ta
 from tests.golden.artefacts import unpack
 from truearc.robot.gate.contract import FEATURES
 from truearc.robot.gate.model import load_gate
-from truearc.sim.discover.finding import load_finding, make_json
+from truearc.sim.discover.finding import load_record, make_json
 
 OLD = Path(__file__).with_name("proof_1")
 
 
 @pytest.mark.parametrize("path", sorted(OLD.glob("*.json")), ids=lambda path: path.stem)
 def test_findings_are_written_again_to_the_byte(path: Path) -> None:
-    assert make_json(load_finding(path)) == path.read_bytes()
+    assert make_json(load_record(path)) == path.read_bytes()
 
 
 def test_findings_are_all_there() -> None:

@@ -1,6 +1,5 @@
 """Find where recordings and simulation disagree, and which physics explains it."""
 
-import html
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,14 +8,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from msgspec import json, structs
 
-from truearc.api.table import Table
+from truearc.api.finding_report import FindingReport
 from truearc.api.terms import check_kind, names_of
 from truearc.robot.config.schema import InputError, about
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover import investigate as engine
 from truearc.sim.discover.adopt import make_belief, with_worth
-from truearc.sim.discover.finding import Finding as FindingRecord
-from truearc.sim.discover.finding import Interval, Named, make_json
+from truearc.sim.discover.finding import FindingRecord
 from truearc.sim.discover.report.finding_text import console_lines
 from truearc.sim.discover.report.html_report import make_report, plot_residuals
 from truearc.sim.discover.settings import FALSE_ALARM, check_chances
@@ -26,34 +24,11 @@ from truearc.sim.infer.likelihood.external_measurements import Measurement, colu
 from truearc.sim.infer.plausibility.check import check_plausible
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.physics.term import Term
-from truearc.sim.printed import Printed
 from truearc.sim.progress import Progress
-
-COLUMNS = ("term", "probability", "value", "low90", "high90", "unit", "stage")
-
-
-@dataclass(frozen=True)
-class Effect:
-    """One candidate term for what the simulation lacks.
-
-    `probability`: that this term is it. `value`, `sd`, `interval90`: its amplitude, in `unit`. `stage`: sensing,
-    launch, flight or arrival. `believed`: what the amplitude was thought to be, where a belief was tested; else None.
-    """
-
-    term: str
-    probability: float
-    value: float
-    sd: float
-    interval90: tuple[float, float]
-    unit: str
-    stage: str
-    sentence: str
-    parameters: dict[str, Interval]
-    believed: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class Finding(Printed):
+class Finding(FindingReport):
     """What discovery answers about a dataset.
 
     `name`: of the dataset. `investigation`: everything that the report is drawn from. It can be pickled.
@@ -66,45 +41,6 @@ class Finding(Printed):
     def record(self) -> FindingRecord:
         """Every figure of the answer, as the JSON schema truearc.finding/1 has it."""
         return self.investigation.finding
-
-    @property
-    def verdict(self) -> str:
-        """named (one term), set (several that cannot be told apart), unknown (no term explains it) or none."""
-        return self.record.verdict
-
-    @property
-    def sentence(self) -> str:
-        """The verdict for a reader: what is missing, how large, and what it is worth on hold-out shots."""
-        return self.record.sentence
-
-    @property
-    def p_value(self) -> float | None:
-        """Of the largest of all tests, adjusted for their number; None where the data carry no test."""
-        return self.record.mismatch.p_value
-
-    @property
-    def effects(self) -> tuple[Effect, ...]:
-        """Candidate terms, most probable first; empty where nothing was found."""
-        return tuple(map(_effect, self.record.what))
-
-    @property
-    def best(self) -> Effect | None:
-        """The most probable term; None for the verdicts unknown and none."""
-        return self.effects[0] if self.verdict in ("named", "set") else None
-
-    @property
-    def alternatives(self) -> tuple[Effect, ...]:
-        """The other terms that these data cannot tell from the best one, most probable first."""
-        return tuple(one for one in self.effects[1:] if one.term in (self.record.set or ()))
-
-    def table(self) -> Table:
-        """Return a row per candidate term: probability, amplitude with its 90 % interval in `unit`, stage."""
-        return Table(COLUMNS, tuple((one.term, one.probability, one.value, *one.interval90, one.unit, one.stage)
-                                    for one in self.effects))
-
-    def to_json(self) -> str:
-        """Return the answer as JSON (schema truearc.finding/1), as `truearc discover --json` writes it."""
-        return make_json(self.record).decode()
 
     def to_html(self, path: str | Path) -> None:
         """Write the whole report as one HTML file; OSError where it cannot be written."""
@@ -145,11 +81,6 @@ class Finding(Printed):
     def lines(self) -> list[str]:
         """Return the report: the verdict in a sentence, and a few lines below it."""
         return console_lines(self.record, self.investigation.catalogue)
-
-    def _repr_html_(self) -> str:
-        head, *rest = map(html.escape, self.lines())
-        return (f"<p><b>{self.verdict}</b>: {head}</p>{self.table()._repr_html_() if self.effects else ''}"
-                f"<pre>{chr(10).join(rest)}</pre>")
 
 
 def discover(dataset: Dataset, *, belief: Belief | None = None, believe: Iterable[str | Term] | None = None,
@@ -217,9 +148,3 @@ def _measured(measured: Mapping[str, tuple[float, float]], among: Catalogue) -> 
         if not np.isfinite([value, sd]).all() or sd <= 0.0:
             raise InputError(f"measured: {term}: a finite value and a standard deviation above 0 are needed")
     return {column_of(term, among): Measurement(float(value), float(sd)) for term, (value, sd) in measured.items()}
-
-
-def _effect(one: Named) -> Effect:
-    size = next(iter(one.parameters.values()))
-    return Effect(one.term, one.probability, size.value, size.sd, (size.low90, size.high90), size.unit, one.stage,
-                  one.sentence, one.parameters, one.believed)

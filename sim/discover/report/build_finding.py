@@ -11,7 +11,7 @@ from truearc.sim.discover.detect.covariates import Covariate, carried_by, follow
 from truearc.sim.discover.detect.localization import Place, amplitude_of, times_of
 from truearc.sim.discover.detect.score_test import Judged
 from truearc.sim.discover.detect.test_battery import TERMS, Asked, name_of
-from truearc.sim.discover.finding import Finding, FitSummary, Named, TestResult, Unknown, Where
+from truearc.sim.discover.finding import FindingRecord, FitSummary, Named, TestResult, Unknown, Where
 from truearc.sim.discover.plan.recommendations import blind_terms, measure_blind, next_steps
 from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report.formula import find_formula
@@ -32,12 +32,12 @@ UNSURE = 0.5
 
 
 def silent(dataset: Dataset, intake: Intake, terms: tuple[str, ...], false_alarm: float,
-           among: Catalogue | None = None) -> Finding:
+           among: Catalogue | None = None) -> FindingRecord:
     """The finding of data that carry no test."""
     data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {}, {"by": "shot", "count": 0},
                              dataset.accepted, _untested(dataset))
     nowhere = Where(None, None, None, None, {}, None, None, (), "the data carry no test")
-    return Finding(data, parts.Mismatch(False, None, false_alarm, {}, 0, {}), nowhere, "none",
+    return FindingRecord(data, parts.Mismatch(False, None, false_alarm, {}, 0, {}), nowhere, "none",
                    wording.say_none(terms, None, len(dataset.shots), false_alarm, among), None, None)
 
 
@@ -54,7 +54,7 @@ def _has_topspin(dataset: Dataset) -> bool:
 
 
 def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, asked: Asked, judged: Judged,
-                 place: Place | None, steps: Sequence[Step], search: Search) -> Finding:
+                 place: Place | None, steps: Sequence[Step], search: Search) -> FindingRecord:
     """Put it together; without steps nothing was found."""
     intake, among, false_alarm = fitted.intake, fitted.layout.chain.catalogue, search.false_alarm
     data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {"all": fitted.values},
@@ -72,7 +72,7 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
         sentence = (wording.say_none(terms, judged.p_any, data.shots, false_alarm, among)
                     + wording.say_blind(blind, steps_to_see, among)
                     + wording.say_smallest(fitted.evidence, threshold, among))
-        return Finding(data, mismatch, where, "none", sentence + wording.say_limits(data.at_limit), None, fit,
+        return FindingRecord(data, mismatch, where, "none", sentence + wording.say_limits(data.at_limit), None, fit,
                        next=steps_to_see)
     first = steps[0]
     verdict = "unknown" if first.unknown else "named" if len(first.naming.chosen) == 1 else "set"
@@ -81,8 +81,9 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
     sentence = (wording.say_unknown(terms, judged.p_any, where, leading, rest, fit, place, among) if first.unknown else
                 wording.say_named(terms, judged.p_any, leading, rest, fit, place, among, data.topspin))
     sentence += wording.say_limits(data.at_limit)
-    return Finding(data, mismatch, where, verdict, sentence, leading.unknown, fit, what=leading.what, set=leading.set,
-                   next=next_steps(dataset, first, leading.set), also=tuple(rest), unexplained=first.unexplained)
+    return FindingRecord(data, mismatch, where, verdict, sentence, leading.unknown, fit, what=leading.what,
+                         set=leading.set, next=next_steps(dataset, first, leading.set), also=tuple(rest),
+                         unexplained=first.unexplained)
 
 
 def best_of(fitted: BaselineFit, steps: Sequence[Step]) -> ScoreTable:

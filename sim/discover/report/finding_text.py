@@ -10,7 +10,7 @@ from scipy.special import ndtri
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.localization import Place
 from truearc.sim.discover.detect.weight_functions import STEP
-from truearc.sim.discover.finding import Adoption, Finding, FitSummary, Further, Named, Unknown, Where
+from truearc.sim.discover.finding import Adoption, FindingRecord, FitSummary, Further, Named, Unknown, Where
 from truearc.sim.discover.plan.detectability import EIGHTY, sight_of
 from truearc.sim.discover.report.effect_wording import in_words, plain, say_effect, scale_of, size_of
 from truearc.sim.infer.likelihood.score_table import ScoreTable
@@ -93,7 +93,7 @@ def say_limits(at_limit: Mapping[str, float]) -> str:
     return f" A fit stopped at the end of a range ({found}): what it stands for may be something else."
 
 
-def say_adopted(finding: Finding, provenance: Mapping[str, Any]) -> str:
+def say_adopted(finding: FindingRecord, provenance: Mapping[str, Any]) -> str:
     """Return which effects a belief that was adopted from the finding has, and why not all."""
     vague = too_little(finding.also)
     named = [f"{name} (as fitted, though too little to be named)" if name in vague else name
@@ -203,7 +203,7 @@ def say_smallest(evidence: ScoreTable, threshold: float, among: Catalogue | None
     return f" Smallest effects that they would have shown, four times in five: {', '.join(parts)}."
 
 
-def console_lines(finding: Finding, among: Catalogue | None = None) -> list[str]:
+def console_lines(finding: FindingRecord, among: Catalogue | None = None) -> list[str]:
     """The verdict and a few lines below it."""
     data, where = finding.data, finding.where
     made = finding.mismatch.tests_made

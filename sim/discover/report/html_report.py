@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from msgspec import UnsetType
 
 from truearc.sim.discover.detect.residuals import View, halves, views_of
-from truearc.sim.discover.finding import Finding
+from truearc.sim.discover.finding import FindingRecord
 from truearc.sim.discover.investigate import Investigation
 from truearc.sim.discover.plan.detectability import sight_of
 from truearc.sim.discover.report import finding_text as wording
@@ -125,7 +125,7 @@ def _field(view: View, investigation: Investigation, what: str) -> str:
         "with fewer than four shots are empty.")
 
 
-def _summary(finding: Finding, among: Catalogue) -> str:
+def _summary(finding: FindingRecord, among: Catalogue) -> str:
     data = finding.data
     lines = [f"{data.shots} shots, {LEVELS[data.level]} ({data.level}); believed: "
              f"{', '.join(plain(name, among) for name in data.believed)}."]
@@ -144,7 +144,7 @@ def _listed(kind: str, lines: Iterable[str]) -> str:
     return f"<{kind}>{''.join(f'<li>{html.escape(line)}</li>' for line in lines)}</{kind}>"
 
 
-def _where(finding: Finding) -> str:
+def _where(finding: FindingRecord) -> str:
     where = finding.where
     if not where.stage_probability:
         return ""
@@ -163,7 +163,7 @@ def _where(finding: Finding) -> str:
     return paragraph(said)
 
 
-def _names(finding: Finding, among: Catalogue) -> str:
+def _names(finding: FindingRecord, among: Catalogue) -> str:
     """Names with their probabilities as bars; members of the set in another colour."""
     members = set(finding.set or ())
     rows = [_bar(plain(one.term, among), one.probability, "set" if one.term in members else "", one.term in members,
@@ -188,7 +188,7 @@ def _bar(name: str, probability: float, kind: str, bold: bool, note: str) -> str
             f'style="width:{100.0 * probability:.1f}%"></div><span class="much">{probability:.0%}</span></div>{below}')
 
 
-def _worth(finding: Finding) -> str:
+def _worth(finding: FindingRecord) -> str:
     fit = finding.fit
     interval = None if fit is None else wording.gained_interval(fit)
     if fit is None or interval is None:
@@ -202,7 +202,7 @@ def _worth(finding: Finding) -> str:
         "the corrected simulation is the better forecast.") + _points(finding)
 
 
-def _points(finding: Finding) -> str:
+def _points(finding: FindingRecord) -> str:
     """Points by what was believed and by what was found."""
     worth = finding.adoption
     if isinstance(worth, UnsetType):
@@ -220,7 +220,7 @@ def _percent(share: float | None) -> float | None:
     return None if share is None else 100.0 * share
 
 
-def _fine_print(finding: Finding) -> str:
+def _fine_print(finding: FindingRecord) -> str:
     data, mismatch = finding.data, finding.mismatch
     fitted = [(name, value) for values in data.fitted.values() for name, value in values.items()]
     said = ""
@@ -235,7 +235,7 @@ def _fine_print(finding: Finding) -> str:
     return said + (_tests(finding) if mismatch.tests else "")
 
 
-def _tests(finding: Finding) -> str:
+def _tests(finding: FindingRecord) -> str:
     rows = [(key, test.stage, test.direction, test.shape, test.statistic, test.p_value, test.amplitude, test.unit,
              test.log_gain) for key, test in finding.mismatch.tests.items()]
     return "<details><summary>The strongest tests</summary>" + table(

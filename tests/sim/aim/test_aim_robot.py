@@ -30,14 +30,16 @@ def table() -> ta.AimTable:
 def aim_file(table: ta.AimTable, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("aim") / "aim.json"
     check = ta.export_aim(table, BELIEF, CONFIG.rig, path, note="first")
-    assert check.passed and len(check.distance_m) == 40
+    assert check.passed and str(check).startswith("at 40 random distances")
     return path
 
 
 @pytest.fixture(scope="module")
 def session(aim_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("session") / "s"
-    ta.emulate(CONFIG, folder, 4, 3, aim_path=aim_file)
+    played = ta.emulate(CONFIG, folder, 4, 3, aim_path=aim_file)
+    assert str(played).startswith(f"{folder}: {len(played.balls)} balls launched (")
+    assert len(played.table()) == len(played.balls) > 0
     return folder
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from truearc.sim.discover.adopt import ball_effects, make_belief
-from truearc.sim.discover.finding import Finding
+from truearc.sim.discover.finding import FindingRecord
 from truearc.sim.discover.investigate import discover
 from truearc.sim.discover.plan.recommendations import moved_by, parting_shot
 from truearc.sim.infer.belief import Belief
@@ -31,7 +31,7 @@ def later(seed: int, **changes: float) -> World:
                    efficiency=FIRST.efficiency)
 
 
-def ask(world: World, belief: Belief) -> Finding:
+def ask(world: World, belief: Belief) -> FindingRecord:
     return discover(shoot(world), belief=belief).finding
 
 

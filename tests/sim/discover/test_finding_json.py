@@ -5,14 +5,14 @@ from pathlib import Path
 import pytest
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.discover.finding import load_finding, make_json
+from truearc.sim.discover.finding import load_record, make_json
 
 GOLDEN = sorted((Path(__file__).parents[2] / "golden" / "reference").glob("finding-*/finding.json"))
 
 
 @pytest.mark.parametrize("path", GOLDEN, ids=lambda path: path.parent.name)
 def test_golden_finding_is_written_again_to_the_byte(path: Path) -> None:
-    finding = load_finding(path)
+    finding = load_record(path)
     assert make_json(finding) == path.read_bytes()
     assert finding.mismatch.found == (finding.verdict != "none") and finding.data.shots > 0
 
@@ -26,13 +26,13 @@ def test_golden_findings_are_there() -> None:
     (b'"verdict"', b'"said"', r"finding\.json: verdict: missing key"),
     (b'"shots"', b'"shots', "finding.json: "),
 ])
-def test_load_finding_refuses_what_is_no_finding(tmp_path: Path, old: bytes, new: bytes, error: str) -> None:
+def test_load_record_refuses_what_is_no_finding(tmp_path: Path, old: bytes, new: bytes, error: str) -> None:
     path = tmp_path / "finding.json"
     path.write_bytes(GOLDEN[0].read_bytes().replace(old, new, 1))
     with pytest.raises(InputError, match=error):
-        load_finding(path)
+        load_record(path)
 
 
-def test_load_finding_names_a_file_that_is_missing(tmp_path: Path) -> None:
+def test_load_record_names_a_file_that_is_missing(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"finding\.json: No such file"):
-        load_finding(tmp_path / "finding.json")
+        load_record(tmp_path / "finding.json")

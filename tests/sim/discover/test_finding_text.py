@@ -13,7 +13,7 @@ from truearc.sim.discover.detect.localization import Place
 from truearc.sim.discover.detect.test_battery import Test
 from truearc.sim.discover.finding import (
     DataSummary,
-    Finding,
+    FindingRecord,
     FitSummary,
     Further,
     Interval,
@@ -220,7 +220,7 @@ def test_console_lines_name_steps_and_what_was_left_out() -> None:
     steps = ({"do": "measure", "what": "ball mass with a scale"},
              {"do": "shoot", "distance_m": 6.6, "hood_deg": 38.0, "motor_ratio": 0.62, "shots": 20,
               "separates": ["hood_offset", "wind_x"]})
-    finding = Finding(DataSummary(20, "L0", ("2 shots",), ("gravity",), {}, {"by": "shot", "count": 20}),
+    finding = FindingRecord(DataSummary(20, "L0", ("2 shots",), ("gravity",), {}, {"by": "shot", "count": 20}),
                       Mismatch(True, 0.01, 0.05, {}, 7, {}), WHERE, "set", "Verdict.", None, None,
                       what=(named("drag", 0.5, 0.1, 0.7),), next=steps)
     lines = console_lines(finding)

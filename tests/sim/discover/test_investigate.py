@@ -11,7 +11,7 @@ import pytest
 from tests.sim.discover.odd_rigs import make_drops, make_three_wheels
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots, join_datasets
-from truearc.sim.discover.finding import Finding, make_json
+from truearc.sim.discover.finding import FindingRecord, make_json
 from truearc.sim.discover.investigate import Investigation, discover
 from truearc.sim.discover.select.refit import promote
 from truearc_proof.truth.generate import shoot
@@ -31,7 +31,7 @@ def look(level: str, effects: Mapping[str, float], seed: int = 1, shots: int | N
     return discover(concealed(level, effects, seed, shots), seed=seed)
 
 
-def assert_named(finding: Finding, name: str, amount: float) -> None:
+def assert_named(finding: FindingRecord, name: str, amount: float) -> None:
     """Leading or in the set, with an amplitude about right."""
     assert finding.mismatch.found and finding.verdict in ("named", "set"), finding.sentence
     assert finding.set is not None and name in finding.set, finding.set

@@ -66,7 +66,7 @@ def test_what_only_a_wrong_camera_makes_right_is_not_adopted(data_dir: Path, tmp
     assert "nothing is adopted: track_scale.share, track_clock.share stopped at the end of its range" in said.err
     assert "A fit stopped at the end of a range (" in said.out and "track_scale.share at " in said.out
     assert not (tmp_path / "out.toml").exists()
-    assert "track_scale.share" in ta.load_finding(tmp_path / "out.json").data.at_limit
+    assert "track_scale.share" in ta.load_finding(tmp_path / "out.json").record.data.at_limit
 
 
 def test_two_imports_of_one_launcher_have_one_rig(data_dir: Path) -> None:

@@ -53,8 +53,7 @@ def main(args: argparse.Namespace) -> int:
             print(f"warning: {distance_m:.2f} m has no set point: {why}", file=sys.stderr)
     if args.robot:
         check = ta.export_aim(table, belief, rig, args.robot, note=args.note or "")
-        print(f"{args.robot}: aim file; at {len(check.distance_m)} random distances at most {check.lost:.2f} points "
-              "short of the best", file=sys.stderr)
+        print(f"{args.robot}: aim file; {check}", file=sys.stderr)
     if args.picture:
         from truearc.sim.report import make_png
         args.picture.write_bytes(make_png(table.plot()))

@@ -49,5 +49,5 @@ def _verify_aim(args: argparse.Namespace) -> int:
     if not (args.belief and args.rig):
         raise ta.InputError(f"{args.file}: an aim file; --belief and --rig are needed to check it")
     check = ta.verify_aim(args.file, ta.load_belief(args.belief), load_any_rig(args.rig))
-    print(f"{args.file}: at {len(check.distance_m)} random distances at most {check.lost:.2f} points short of the best")
+    print(f"{args.file}: {check}")
     return 0

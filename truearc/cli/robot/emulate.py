@@ -1,7 +1,6 @@
 """Record trials of the emulated robot: the real runtime, real frames and images, a MuJoCo world."""
 
 import argparse
-from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +11,7 @@ from truearc.robot.config.shot_plan import load_plan, with_plan
 from truearc.robot.operator_ui.page_option import OFF, add_page_argument, parse_page
 
 if TYPE_CHECKING:
-    from truearc.sim.world.parts.target import BallResult
+    from truearc.api.emulation import Emulation
 
 EXAMPLE = "truearc emulate --trials 50 --out sessions/first --world windy.toml --seed 7"
 VIRTUAL = "virtual"
@@ -44,14 +43,11 @@ def main(args: argparse.Namespace) -> int:
     config = load_config(args.config)
     config = with_plan(config, load_plan(args.plan, config) if args.plan else (), args.repeats)
     trials = _trials(args.trials, config)
-    results = _serve(args, config, trials) if args.bus != VIRTUAL else _emulate(args, config, trials)
-    counts = Counter(result.outcome for result in results)
-    marks = ", ".join(f"{counts[kind]} {kind}" for kind in ("three", "two", "miss-high", "miss-low"))
-    print(f"{args.out or args.bus}: {len(results)} balls launched ({marks})")
+    print(_serve(args, config, trials) if args.bus != VIRTUAL else _emulate(args, config, trials))
     return 0
 
 
-def _emulate(args: argparse.Namespace, config: Config, trials: int) -> "list[BallResult]":
+def _emulate(args: argparse.Namespace, config: Config, trials: int) -> "Emulation":
     refuse(args, ("--watchdog-ms",), "applies with --bus only")
     if args.out is None:
         raise InputError("--out is needed: the folder to record into")
@@ -71,19 +67,20 @@ def _emulate(args: argparse.Namespace, config: Config, trials: int) -> "list[Bal
             page.close()
 
 
-def _serve(args: argparse.Namespace, config: Config, trials: int) -> "list[BallResult]":
+def _serve(args: argparse.Namespace, config: Config, trials: int) -> "Emulation":
     for option, value in (("--out", args.out), ("--gate", args.gate), ("--aim", args.aim),
                           ("--page", parse_page(args.page))):
         if value is not None:
             raise InputError(f"{option} is for `truearc run` with --bus {args.bus}: that process is the robot")
+    from truearc.api.emulation import Emulation
     from truearc.sim.world.device_server import serve
     from truearc.sim.world.options import load_options
 
     def say(command: str) -> None:
         print(f"the devices wait on {args.bus}; start the robot in another terminal:\n  {command}", flush=True)
 
-    return serve(config, args.config, args.bus, args.watchdog_ms or WATCHDOG_MS, trials, args.seed,
-                 load_options(args.world), say)
+    return Emulation(args.bus, tuple(serve(config, args.config, args.bus, args.watchdog_ms or WATCHDOG_MS, trials,
+                                           args.seed, load_options(args.world), say)))
 
 
 def _trials(asked: int | None, config: Config) -> int:

@@ -1,0 +1,63 @@
+"""Play the emulated robot."""
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+from truearc.api.table import Table
+from truearc.robot.config.schema import Config
+from truearc.robot.operator_ui.server import OperatorPage
+from truearc.sim.printed import Printed
+from truearc.sim.progress import Progress
+from truearc.sim.world import emulated_robot as engine
+from truearc.sim.world.options import Options
+from truearc.sim.world.parts.target import BallResult
+
+KINDS = ("three", "two", "miss-high", "miss-low")
+
+
+@dataclass(frozen=True)
+class Emulation(Printed):
+    """What became of each ball that the emulated robot launched; `where`: its session's folder, or its bus."""
+
+    where: str | Path
+    balls: tuple[BallResult, ...]
+
+    def table(self) -> Table:
+        """Return a row per ball: configuration, launch, where it crossed the target's plane, and its outcome."""
+        return Table(BallResult._fields, self.balls)
+
+    def lines(self) -> list[str]:
+        """Return how many balls were launched, and how many had each outcome."""
+        counts = Counter(ball.outcome for ball in self.balls)
+        told = ", ".join(f"{counts[kind]} {kind}" for kind in KINDS)
+        return [f"{self.where}: {len(self.balls)} balls launched ({told})"]
+
+
+def emulate(config: Config, folder: str | Path, trials: int, seed: int, options: Options | None = None,
+            gate_path: Path | None = None, progress: Progress = lambda done, note: None,
+            page: OperatorPage | None = None, aim_path: Path | None = None) -> Emulation:
+    """Record trials of the emulated robot: the real runtime, real frames and images, a MuJoCo world.
+
+    Args:
+        config: Of the launcher (`load_config`).
+        folder: Session folder to make.
+        trials: How many balls are launched, at most, or held.
+        seed: Of the world and the driver.
+        options: How the world differs from the rig of the configuration; None: not at all.
+        gate_path: ONNX gate that must agree before the robot fires; the policy becomes "model".
+        progress: Called with the share done, 0 to 1, and a note.
+        page: Operator page to serve; time then passes no faster than it does.
+        aim_path: Aim file (`truearc aim --robot`) to aim by; the aim policy becomes "belief".
+
+    Returns:
+        The true result of each ball, for tests and reports; neither runtime nor fit may see it.
+
+    Raises:
+        InputError: the folder exists, the gate is not one, the aim file is not one or for another rig, or the
+            configuration asks for an aim file and there is none.
+        OSError: the session cannot be written.
+    """
+    folder = Path(folder)
+    return Emulation(folder, tuple(engine.emulate(config, folder, trials, seed, options, gate_path, progress, page,
+                                                  aim_path=aim_path)))
