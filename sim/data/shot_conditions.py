@@ -37,11 +37,6 @@ def circumstances_of(dataset: Dataset) -> Circumstances:
                             for name, known in found.items()}, ball=np.zeros(len(dataset.shots)))
 
 
-def take_circumstances(circumstances: Circumstances, rows: np.ndarray) -> Circumstances:
-    """Those of the shots `rows`; numbers that all shots share stay as they are."""
-    return Circumstances(*(part if np.ndim(part) == 0 else part[rows] for part in circumstances))
-
-
 def gather_circumstances(dataset: Dataset) -> dict[str, Known]:
     """{field of Circumstances: its values, and of which shots the data say it}."""
     shots = dataset.shots

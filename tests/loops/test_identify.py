@@ -7,6 +7,7 @@ import time
 import pytest
 from msgspec.structs import replace
 
+from tests.faulty_robot import nodes_with
 from tests.robot.alike import codes
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
@@ -19,7 +20,7 @@ from truearc.robot.recording.replay.recompute import replay
 from truearc.sim.sysid.session import load_driven
 from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.world import World
-from truearc_proof.world.faults import SILENT, Fault, nodes_with
+from truearc_proof.world.faults import SILENT, Fault
 
 CONFIG = load_config(SHIPPED)
 SECOND = 1_000_000_000

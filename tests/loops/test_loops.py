@@ -10,6 +10,7 @@ import pytest
 from msgspec.structs import replace
 
 from benchmarks.matrix.signs import find, says
+from tests.faulty_robot import parts_with
 from truearc import robot
 from truearc.cli.main import main
 from truearc.hw import fault_codes as hw
@@ -25,7 +26,7 @@ from truearc.robot.rig import ReplayRig
 from truearc.robot.types import Command
 from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.world.emulated_robot import emulate
-from truearc_proof.world.faults import OVERWRITTEN, SILENT, TRUNCATED, Fault, parts_with
+from truearc_proof.world.faults import OVERWRITTEN, SILENT, TRUNCATED, Fault
 
 CONFIGURATION = load_config(Path(robot.__file__).parent / "launcher.toml")
 SECOND = 1_000_000_000

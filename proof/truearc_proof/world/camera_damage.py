@@ -49,7 +49,7 @@ class StagedCamera(EmulatedCamera):
         self._due_ns: int | None = None
         self._now_ns = 0
         self._waiting: deque[CameraFrame] = deque()
-        self._frozen, self._black, self._hidden_share = False, False, 0.0
+        self._frozen, self._black = False, False
         self._patches: tuple[Patch, ...] = ()
 
     def freeze(self, on: bool = True) -> None:
@@ -59,10 +59,6 @@ class StagedCamera(EmulatedCamera):
     def black(self, on: bool = True) -> None:
         """Images keep coming and show nothing but noise, as with a lens cap on."""
         self._black = on
-
-    def occlude(self, share: float) -> None:
-        """Something dark hides this share (0-1) of the tape's box, from its left."""
-        self._hidden_share = share
 
     def clutter(self, patches: tuple[Patch, ...]) -> None:
         """From now on these stand before the scene, instead of any earlier ones."""
@@ -100,13 +96,6 @@ class StagedCamera(EmulatedCamera):
     def _project(self, view: View) -> tuple[Array, Array]:
         return project_turning(self._outline_m, view.camera_from_target, self._lens, view.focal_scale,
                                self._damage.turn_deg_s, self._damage.readout_s)
-
-    def _tape(self, edges: Array, box: tuple[int, int, int, int]) -> Plane:
-        tape = super()._tape(edges, box)
-        if self._hidden_share > 0.0:
-            wide = box[2] - box[0] - 2 * HALO_MARGIN_PX
-            tape[:, :round(HALO_MARGIN_PX + self._hidden_share * wide)] = 0.0
-        return tape
 
     def _spread(self, plane: Plane) -> Plane:
         blurred = super()._spread(plane)

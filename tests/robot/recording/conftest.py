@@ -5,11 +5,12 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
+from tests.faulty_robot import parts_with
 from tests.robot.gate.test_model import build
 from truearc import robot
 from truearc.robot.config.schema import load_config
 from truearc.sim.world.emulated_robot import emulate
-from truearc_proof.world.faults import SILENT, TRUNCATED, Fault, parts_with
+from truearc_proof.world.faults import SILENT, TRUNCATED, Fault
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 SECOND = 1_000_000_000

@@ -12,6 +12,7 @@ import sys
 from collections import Counter
 from pathlib import Path
 
+from tests.faulty_robot import eyes_with, nodes_with
 from truearc import robot
 from truearc.hw.devices.button_box.emulator import open_button_box
 from truearc.hw.devices.button_box.frames import make_heartbeat
@@ -40,8 +41,6 @@ from truearc_proof.world.faults import (
     STUCK,
     TRUNCATED,
     Fault,
-    eyes_with,
-    nodes_with,
 )
 
 SEED, MS = 13, 1_000_000

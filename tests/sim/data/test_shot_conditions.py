@@ -6,7 +6,7 @@ import pytest
 from tests.sim.physics.rigs import GUPPY
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.data.dataset import Dataset, Shots, Traces
-from truearc.sim.data.shot_conditions import circumstances_of, gather_circumstances, take_circumstances
+from truearc.sim.data.shot_conditions import circumstances_of, gather_circumstances
 
 NAN = np.nan
 
@@ -105,9 +105,3 @@ def test_the_dip_of_the_wheels_by_its_mean():
     assert known(dataset) == {"droop"}
     noise = _dataset(motor_ratio=[0.5, 0.5], traces=_traces((0, 0.0, "battery_v", 12.0), (0, 0.1, "battery_v", 11.0)))
     np.testing.assert_array_equal(circumstances_of(noise).droop, 1.0)
-
-
-def test_some_shots_circumstances():
-    found = circumstances_of(_dataset(battery_v=[12.0, 11.0, 13.0]))
-    np.testing.assert_array_equal(take_circumstances(found, np.array([2, 0])).battery, found.battery[[2, 0]])
-    assert take_circumstances(Circumstances(), np.array([2, 0])) == Circumstances()
