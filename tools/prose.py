@@ -1,7 +1,6 @@
-"""Phrases that the project's text avoids: where they are, and which files are still to be rewritten.
+"""Phrases that the project's text avoids, and where they are.
 
     python tools/prose.py [PATH...]      list every hit (of these files)
-    python tools/prose.py --todo         print tests/house/phrases_todo.txt as the files are now
 
 Text is docstrings (D), comments (C) and messages (M, string literals with a space) of Python files, and Markdown
 outside code (T). A line with `prose: allow` is an exception; in a string of several lines, any of its lines.
@@ -20,7 +19,6 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 PHRASES = ROOT / "tests" / "house" / "phrases.toml"
-TODO = ROOT / "tests" / "house" / "phrases_todo.txt"
 CODE = ("hw", "robot", "sim", "model_export", "truearc", "proof", "benchmarks", "tools", "examples")
 PAGES = ("docs", "benchmarks", "examples", ".github")
 ALLOW = "prose: allow"
@@ -54,12 +52,6 @@ def load_phrases(path: Path = PHRASES) -> list[Phrase]:
     """Return the phrases of a TOML file."""
     entries = tomllib.loads(path.read_text(encoding="utf-8"))["phrase"]
     return [Phrase(re.compile(entry["pattern"]), entry["use"], entry["scope"]) for entry in entries]
-
-
-def load_todo(path: Path = TODO) -> dict[str, int]:
-    """Return {file: number of hits} of the files that are still to be rewritten."""
-    lines = [line.split(maxsplit=1) for line in path.read_text(encoding="utf-8").splitlines() if line[:1] != "#"]
-    return {name: int(count) for count, name in lines}
 
 
 def find_files(root: Path = ROOT) -> list[Path]:
@@ -133,19 +125,10 @@ def _comments(source: str, lines: list[str]) -> Iterator[Piece]:
         yield Piece("C", first, " ".join(texts))
 
 
-def make_todo(counts: dict[str, int]) -> str:
-    """Return the text of the to-do list: number of hits and file."""
-    head = "# files whose text is still to be rewritten, and how many phrases each has; counts only fall\n"
-    return head + "".join(f"{count} {name}\n" for name, count in sorted(counts.items()) if count)
-
-
 def main(words: list[str]) -> int:
-    """List hits, or print the to-do list."""
+    """List hits."""
     phrases = load_phrases()
-    paths = [Path(word).resolve() for word in words if word != "--todo"] or find_files()
-    if "--todo" in words:
-        print(make_todo({path.relative_to(ROOT).as_posix(): len(find_hits(path, phrases)) for path in paths}), end="")
-        return 0
+    paths = [Path(word).resolve() for word in words] or find_files()
     tally: Counter[str] = Counter()
     for path in paths:
         for hit in find_hits(path, phrases):

@@ -238,7 +238,7 @@ def _best_flown(investigation: Investigation) -> tuple[tuple[Step, ...], str]:
 
 
 def _cut(fitted: BaselineFit, steps: tuple[Step, ...]) -> tuple[Step, ...]:
-    """The steps, the last of them without a name beside it that is not among them."""
+    """Return the steps, the last of them fitted without shared effects that no step has."""
     last = steps[-1]
     shared = [{column.name for column in one.layout.columns[one.layout.first_shared:]} for one in (fitted, last.fitted)]
     if shared[1] - shared[0] <= {step.naming.leader for step in steps}:

@@ -1,4 +1,4 @@
-"""What a fit reports of each fitted number: its name in a belief, unit, meaning, and how wide its prior is."""
+"""Report of each fitted number: its name in a belief, unit, meaning, and the width of its prior."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Docstrings, comments, messages and pages avoid the phrases of phrases.toml; phrases_todo.txt has what is left."""
+"""Docstrings, comments, messages and pages avoid the phrases of phrases.toml."""
 
 from pathlib import Path
 
@@ -10,14 +10,11 @@ from tools.prose import (
     find_files,
     find_hits,
     load_phrases,
-    load_todo,
-    make_todo,
     split_markdown,
     split_python,
 )
 
 PHRASES = load_phrases()
-LEFT = load_todo()
 FILES = find_files()
 
 
@@ -28,22 +25,9 @@ def hits_of(tmp_path: Path, name: str, source: str) -> list[Hit]:
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_file_has_no_more_phrases_than_listed(path: Path) -> None:
-    name, hits = path.relative_to(ROOT).as_posix(), find_hits(path, PHRASES)
-    listed = LEFT.get(name, 0)
-    told = "\n".join(f"{name}:{hit.line}: {hit.found!r}; write: {hit.use}" for hit in hits)
-    assert len(hits) <= listed, f"{len(hits)} phrases to avoid, {listed} allowed by phrases_todo.txt:\n{told}"
-    assert len(hits) == listed, f"phrases_todo.txt: lower {name} from {listed} to {len(hits)} (0: delete the line)"
-
-
-def test_todo_lists_only_files_that_exist() -> None:
-    assert set(LEFT) <= {path.relative_to(ROOT).as_posix() for path in FILES}
-    assert all(count > 0 for count in LEFT.values())
-
-
-def test_todo_is_read_as_it_is_written(tmp_path: Path) -> None:
-    (tmp_path / "todo.txt").write_text(make_todo({"b.py": 2, "a.py": 0}), encoding="utf-8")
-    assert load_todo(tmp_path / "todo.txt") == {"b.py": 2}
+def test_file_has_none_of_the_phrases(path: Path) -> None:
+    told = [f"line {hit.line}: {hit.found!r}; write: {hit.use}" for hit in find_hits(path, PHRASES)]
+    assert not told, "\n".join(told)
 
 
 @pytest.mark.parametrize(("source", "found"), [

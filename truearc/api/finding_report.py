@@ -1,4 +1,4 @@
-"""What a finding prints, and its figures: of one just made, and of one read from a file."""
+"""Figures and report of a finding: of one just made, and of one read from a file."""
 
 import html
 from abc import abstractmethod

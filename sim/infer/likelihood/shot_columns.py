@@ -1,4 +1,4 @@
-"""What is known of each shot by name: every column as recorded, and what can be derived from it."""
+"""Columns of shots by name: each as recorded, and those that are derived from them."""
 
 from typing import Any
 
