@@ -6,13 +6,17 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 from http.client import HTTPConnection
 from pathlib import Path
 
 import pytest
 
 from truearc import robot
+from truearc.cli.gate.serve import make_server
 from truearc.cli.main import main
+from truearc.cli.parsers import make_parser
+from truearc.cli.registry import NAMES
 from truearc.robot.gate.model import load_gate
 
 GATE = Path(__file__).parents[1] / "golden" / "reference" / "export-physics" / "gate.onnx"
@@ -54,18 +58,18 @@ def test_serves_page_and_gate_until_ctrl_c(tmp_path):
     assert served.returncode == 0 and not errors
 
 
-def test_threshold_and_free_speed_are_the_configurations(monkeypatch, capsys):
-    facts = []
-
-    def stop(server):
-        facts.append(json.loads(server.what_if.facts().text))
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("truearc.robot.operator_ui.server.PageServer.serve_forever", stop)
-    assert main(["serve", str(GATE), "--config", str(LAUNCHER), "--port", "0"]) == 0
-    assert facts[0]["threshold"] == 0.3 and facts[0]["free_speed_rad_s"] == 594.0
-    assert main(["serve", str(GATE), "--config", str(LAUNCHER), "--port", "0", "--threshold", "0.7"]) == 0
-    assert facts[1]["threshold"] == 0.7 and "Ctrl-C" in capsys.readouterr().out
+@pytest.mark.parametrize(("words", "threshold"), [([], 0.3), (["--threshold", "0.7"], 0.7)])
+def test_threshold_and_free_speed_are_the_configurations(words, threshold):
+    args = make_parser(NAMES["serve"]).parse([str(GATE), "--config", str(LAUNCHER), "--port", "0", *words])
+    with make_server(args) as server:
+        serving = threading.Thread(target=server.serve_forever)
+        serving.start()
+        try:
+            facts = json.loads(ask(server.server_port, "GET", "/gate")[1])
+        finally:
+            server.shutdown()
+            serving.join()
+    assert (facts["threshold"], facts["free_speed_rad_s"]) == (threshold, 594.0)
 
 
 @pytest.mark.parametrize(("change", "words"), [

@@ -5,9 +5,13 @@ It answers what the gate would say of a distance, a wheel speed and a hood angle
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from truearc.cli.common import SHIPPED, number
 from truearc.robot.config.schema import InputError
+
+if TYPE_CHECKING:
+    from truearc.robot.operator_ui.server import PageServer
 
 EXAMPLE = "truearc serve gate.onnx"
 PROGRESS = False
@@ -26,6 +30,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Return 0 once Ctrl-C has ended it."""
+    with make_server(args) as server:
+        try:
+            print(f"{server.url}  (Ctrl-C ends)", flush=True)
+            server.serve_forever()
+        except KeyboardInterrupt:
+            print("ended")
+    return 0
+
+
+def make_server(args: argparse.Namespace) -> "PageServer":
+    """Return the server that the arguments ask for; it does not serve yet. InputError where it cannot listen."""
     from truearc.hw.real.clock import MonotonicClock
     from truearc.robot.config.schema import load_config
     from truearc.robot.gate.model import load_gate
@@ -36,13 +51,6 @@ def main(args: argparse.Namespace) -> int:
     free_speed_rad_s = config.rig.launcher.free_speed_rad_s if args.config else None
     what_if = WhatIf(gate, threshold, free_speed_rad_s, MonotonicClock(), LAPTOP_RATE_PER_S)
     try:
-        server = PageServer(args.host, args.port, None, what_if)
+        return PageServer(args.host, args.port, None, what_if)
     except OSError as error:
         raise InputError(f"--host {args.host} --port {args.port}: {error.strerror or error}") from error
-    with server:
-        try:
-            print(f"{server.url}  (Ctrl-C ends)", flush=True)
-            server.serve_forever()
-        except KeyboardInterrupt:
-            print("ended")
-    return 0
