@@ -19,6 +19,7 @@ from truearc.cli.registry import NAMES
     ("train --model network --real r -o w", "paper train --real r -o w"),
     ("train --model physics --real r --coefficients c -o w", "train --real r --coefficients c -o w"),
     ("train --real r --coefficients c -o w", "train --real r --coefficients c -o w"),
+    ("train --real r --coefficients c --lambda 0.1 -o w", "train --real r --coefficients c --lambda 0.1 -o w"),
     ("predict-gate g.onnx d", "predict --gate g.onnx d"),
     ("predict-gate -o out.csv g.onnx d --quiet", "predict --gate g.onnx d --quiet -o out.csv"),
     ("predict-gate g.onnx d --out out.csv", "predict --gate g.onnx d -o out.csv"),

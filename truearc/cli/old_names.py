@@ -20,7 +20,8 @@ def _fit(words: list[str]) -> list[str] | None:
 
 def _train(words: list[str]) -> list[str] | None:
     model, rest = _take("--model", words)
-    simulated = any(word.partition("=")[0] in ("--sim", "--lambda") for word in words)
+    options = {word.partition("=")[0] for word in words}
+    simulated = "--coefficients" not in options and options & {"--sim", "--lambda"}
     if model == "physics":
         return ["train", *rest]
     return ["paper", "train", *rest] if model == "network" or (model is None and simulated) else None
