@@ -92,7 +92,7 @@ def _on_cluster(function: Callable[[Job], Result], jobs: list[Job], scheduler: s
         from distributed import Client, as_completed  # an extra of its own: only who names a scheduler needs it
     except ModuleNotFoundError as error:
         raise InputError(f"--scheduler {scheduler}: needs {error.name}: "
-                         "pip install 'truearc-proof[cluster]'") from error
+                         "pip install './proof[cluster]' in a checkout") from error
     with _connect(Client, scheduler, patience_s) as client:
         futures = client.map(function, jobs, pure=False, retries=ATTEMPTS)
         place = {future.key: number for number, future in enumerate(futures)}

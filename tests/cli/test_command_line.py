@@ -7,9 +7,8 @@ import sys
 import pytest
 
 from truearc.cli.main import main
-from truearc.cli.parsers import Parser, load_module, make_parser
+from truearc.cli.parsers import load_module, make_parser
 from truearc.cli.registry import GROUPS, Command, list_commands
-from truearc.robot.config.schema import InputError
 
 COMMANDS = list_commands()
 
@@ -97,6 +96,7 @@ def test_every_missing_argument_is_named_with_the_example(command: Command,
 @pytest.mark.parametrize(("words", "said"), [
     ("discover d --seeed 1", "--seeed: there is no such option; did you mean --seed?"),
     ("discover d --see 1", "--see: there is no such option; did you mean --seed?"),
+    ("train --real d --coefficients c --lambda 0.1 -o w", "--lambda: there is no such option"),
     ("discover --seeed=1", "--seeed: there is no such option; did you mean --seed?"),
     ("discover d --seed x", "--seed: 'x' is not a whole number; give one such as 0"),
     ("discover d --seed 1.5", "--seed: '1.5' is not a whole number; give one such as 0"),
@@ -116,11 +116,27 @@ def test_an_unusable_argument_is_named_with_what_to_do(words: str, said: str,
     assert refused(words.split(), capsys).startswith(said)
 
 
-def test_a_choice_of_none_says_what_the_help_says() -> None:
-    parser = Parser(epilog="example: truearc import mpi")
-    parser.add_argument("source", choices=[], help="none is installed: pip install truearc-proof")
-    with pytest.raises(InputError, match="source: 'mpi' is not a choice; none is installed: pip"):
-        parser.parse(["mpi"])
+# as an install of truearc alone sees its distributions
+ALONE = """import importlib.metadata as metadata, sys
+every = metadata.entry_points
+metadata.entry_points = lambda **of: [point for point in every(**of) if point.dist.name != "truearc-proof"]
+from truearc.cli.main import main
+sys.exit(main({words!r}))
+"""
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    (["import", "--help"], "no importer is installed; the repository's proof/ has some: "),
+    (["import", "mpi", "a.csv", "-o", "d"], "no importer is installed; the repository's proof/ has some: "),
+    (["prove", "--worlds", "1"], "is part of the repository's proof/: "),
+    (["reproduce"], "is part of the repository's proof/: "),
+], ids=" ".join)
+def test_what_proof_adds_is_refused_with_what_to_install(words: list[str], said: str) -> None:
+    done = subprocess.run([sys.executable, "-c", ALONE.format(words=words)], capture_output=True, text=True)
+    install = "pip install ./proof (in a checkout of the repository)"
+    assert (done.returncode, done.stderr) == (2, f"truearc {words[0]}: {said}{install}\n")
+    listed = subprocess.run([sys.executable, "-c", ALONE.format(words=["--help"])], capture_output=True, text=True)
+    assert f"  {words[0]} " not in listed.stdout and "  discover " in listed.stdout
 
 
 @pytest.mark.parametrize("words", [[], ["xyzzy"]])
@@ -169,12 +185,12 @@ def test_impossible_values_are_refused_and_leave_nothing_behind(words, tmp_path,
 
 
 @pytest.mark.parametrize(("package", "install", "words"), [
-    ("jax", "truearc[sim]", ["discover", "x"]), ("sklearn", "truearc-proof", ["reproduce", "-o", "x", "--quick"]),
+    ("jax", "'truearc[sim]'", ["discover", "x"]), ("sklearn", "./proof", ["reproduce", "-o", "x", "--quick"]),
 ])
 def test_a_missing_package_says_what_to_install(package, install, words, tmp_path):
     code = f"import sys; sys.modules[{package!r}] = None\nfrom truearc.cli.main import main\nsys.exit(main({words!r}))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path)
-    assert done.returncode == 2 and f"pip install '{install}'" in done.stderr and "Traceback" not in done.stderr
+    assert done.returncode == 2 and f"pip install {install}" in done.stderr and "Traceback" not in done.stderr
 
 
 def test_help_is_printed_by_python_m_truearc():

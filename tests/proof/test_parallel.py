@@ -117,7 +117,7 @@ def test_an_address_that_is_none_is_told(address):
 
 def test_without_distributed_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InputError, match=r"truearc-proof\[cluster\]"):
+    with pytest.raises(InputError, match=r"\./proof\[cluster\]"):
         fan_out(draw, JOBS, scheduler="tcp://127.0.0.1:8786")
 
 

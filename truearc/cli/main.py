@@ -8,14 +8,13 @@ import truearc
 from truearc.cli.old_names import RENAMED, forward
 from truearc.cli.outputs import fresh_outputs
 from truearc.cli.parsers import load_module, make_parser
-from truearc.cli.registry import COMMANDS, GROUPS, NAMES, Command, find_command, list_commands
+from truearc.cli.registry import ABSENT, COMMANDS, GROUPS, NAMES, Command, find_command, install_hint, list_commands
 from truearc.robot.config.schema import InputError
 
 # Arrays here are small: threads of the linear algebra would only wait for one another and, where another process keeps
 # a core busy, for that. Set before NumPy is imported.
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 PREFIXES = tuple(dict.fromkeys(name.partition(" ")[0] for name in NAMES if name.partition(" ")[0] not in NAMES))
-EXTRAS = {"distributed": "truearc-proof[cluster]"}      # package -> what to install; any other is in truearc[sim]
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -40,8 +39,7 @@ def main(argv: list[str] | None = None) -> int:
         package = (error.name or "").partition(".")[0]
         if package in ("", "truearc", "truearc_proof"):
             raise                     # ours: a defect, not an install without the companion
-        install = command.distribution or EXTRAS.get(package, "truearc[sim]")
-        print(f"truearc {command.name}: needs {error.name}, which is not installed: pip install '{install}'",
+        print(f"truearc {command.name}: needs {error.name}, which is not installed: {install_hint(command)}",
               file=sys.stderr)
         return 2
 
@@ -78,8 +76,9 @@ def _explain(argv: list[str]) -> int:
     if not words:
         print(_list(prefix), file=sys.stderr)
         return 2
-    if argv[0] in RENAMED:
-        print(f"truearc {argv[0]}: was renamed; use: truearc {RENAMED[argv[0]]}", file=sys.stderr)
+    refusal = ABSENT.get(argv[0]) or (f"was renamed; use: truearc {RENAMED[argv[0]]}" if argv[0] in RENAMED else "")
+    if refusal:
+        print(f"truearc {argv[0]}: {refusal}", file=sys.stderr)
         return 2
     typed = f"{prefix} {words[0]}".strip()
     near = _nearest(typed)

@@ -75,8 +75,7 @@ class Parser(argparse.ArgumentParser):
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
-            advice = _nearest(value, action.choices) if action.choices else f"; {action.help}"
-            raise argparse.ArgumentError(action, f"{value!r} is not a choice{advice}")
+            raise argparse.ArgumentError(action, f"{value!r} is not a choice{_nearest(value, action.choices)}")
 
 
 def _nearest(typed: str, known: Any) -> str:

@@ -23,7 +23,7 @@ def find_rival(name: str, find: Callable[[str], object] = find_spec) -> "Rival":
         raise InputError(f"there is no rival {name!r}; there are {', '.join(RIVALS)}")
     package = NEEDS.get(name)
     if package and find(package) is None:
-        raise InputError(f"{name} needs {package}: pip install truearc-proof")
+        raise InputError(f"{name} needs {package}: pip install ./proof in a checkout")
     return cast("Rival", import_module(f"truearc_proof.rivals.{MODULES[name]}").answer)
 
 

@@ -14,8 +14,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     importers = load_importers()
     known = "; ".join(f"{importer.name}: {', or '.join(importer.ways)}" for importer in importers)
-    parser.add_argument("source", choices=[importer.name for importer in importers],
-                        help="whose recordings" if importers else "none is installed: pip install truearc-proof")
+    parser.add_argument("source", choices=[importer.name for importer in importers], help="whose recordings")
     parser.add_argument("files", nargs="+", metavar="FILE", help=f"the public originals, or tables of them: {known}")
     parser.add_argument("-o", "--out", type=OutFolder(DATASET), required=True, metavar="DIR",
                         help="dataset directory to write")
