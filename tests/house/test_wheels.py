@@ -1,8 +1,10 @@
 """What ships: every tracked module and data file, one top-level name, and commands that work outside the checkout."""
 
 import os
+import shutil
 import subprocess
 import sys
+import tarfile
 from pathlib import Path
 
 import cv2
@@ -38,6 +40,22 @@ def test_wheels_hold_what_git_tracks(site: Path) -> None:
 def test_wheel_has_one_top_level_name(site: Path) -> None:
     names = {path.name for path in site.iterdir() if not path.name.endswith(".dist-info")}
     assert names == {"truearc", "truearc_proof"}
+
+
+def test_source_distribution_holds_what_git_tracks(tmp_path: Path) -> None:
+    """All but settings of tools, whose names begin with a dot."""
+    done = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=False)
+    names = {name for name in done.stdout.splitlines() if (ROOT / name).exists()}
+    if not names:
+        pytest.skip("not a git checkout")
+    for name in names:
+        (tmp_path / "source" / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(ROOT / name, tmp_path / "source" / name)
+    code = f"from setuptools import build_meta; build_meta.build_sdist({str(tmp_path)!r})"
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path / "source", capture_output=True, check=True)
+    with tarfile.open(next(tmp_path.glob("*.tar.gz"))) as archive:
+        held = {name.partition("/")[2] for name in archive.getnames()}
+    assert {name for name in names - held if not name.startswith(".")} == set()
 
 
 def run(site: Path, folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
