@@ -12,7 +12,7 @@ SLOT = struct.Struct("<IqIIII")       # checksum of header and text, number, byt
 COLOURS = 3
 
 
-class Room(NamedTuple):
+class Capacity(NamedTuple):
     """How much there is room for. `places`: this number of words later an image is overwritten."""
 
     places: int
@@ -36,7 +36,7 @@ class Slots:
     sees writes. Memory is all zeros at first; a writer that takes another's place goes on where that one ended.
     """
 
-    def __init__(self, memory: Any, room: Room) -> None:
+    def __init__(self, memory: Any, room: Capacity) -> None:
         self._room = room
         self._memory = memoryview(memory).cast("B")
         self._head = self._memory[:HEAD].cast("q")

@@ -11,13 +11,13 @@ from msgspec import Struct
 
 from truearc.hw.protocols import CameraFrame, Clock, LinkLost
 from truearc.hw.reason import Reason
-from truearc.hw.shared_latest import Room, Slots
+from truearc.hw.shared_latest import Capacity, Slots
 from truearc.robot.config.schema import in_words
 from truearc.robot.recording.file_writers import LaneKeeper
 from truearc.robot.recording.files import Row
 
 LOOK_S = 0.1                          # it says this often, at least, that it is alive and how the files are
-NEWS = Room(4, 4096)
+NEWS = Capacity(4, 4096)
 LONGEST_WORDS = 1000
 
 

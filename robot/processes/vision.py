@@ -7,7 +7,7 @@ from msgspec import Struct
 
 from truearc.hw.protocols import Camera, CameraFrame, Clock, LinkLost
 from truearc.hw.reason import Reason
-from truearc.hw.shared_latest import Room, Slots
+from truearc.hw.shared_latest import Capacity, Slots
 from truearc.robot.reasons import VISION_UNRESPONSIVE
 from truearc.robot.types import Sighting
 from truearc.robot.vision_source import LONGEST_DETAIL, vision_failed
@@ -26,9 +26,9 @@ class News(Struct, frozen=True):
     lost: Reason | None = None
 
 
-def make_room(width_px: int, height_px: int) -> Room:
+def make_room(width_px: int, height_px: int) -> Capacity:
     """What news and images of that size need."""
-    return Room(IMAGES, TEXT_BYTES, 3 * width_px * height_px)
+    return Capacity(IMAGES, TEXT_BYTES, 3 * width_px * height_px)
 
 
 def watch(camera: Camera, see: See, slots: Slots, clock: Clock, is_over: Callable[[float], bool]) -> None:

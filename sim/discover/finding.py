@@ -91,7 +91,7 @@ class Unknown(Struct, frozen=True):
     formula: str | None               # a power law where the data show one
 
 
-class Further(Struct, frozen=True):
+class FoundEffect(Struct, frozen=True):
     """One effect, those found before it put in: names as in FindingRecord; `unknown` where none of them is it."""
 
     what: tuple[Named, ...]           # as in the finding
@@ -146,7 +146,7 @@ class FindingRecord(Struct, frozen=True):
     what: tuple[Named, ...] = ()      # candidate terms, most probable first
     set: tuple[str, ...] | None = None # terms that these data cannot tell apart; null: one stands alone
     next: tuple[dict[str, Any], ...] = () # shots or measurements to make next, as in truearc.design/1
-    also: tuple[Further, ...] = ()    # further effects, in the order in which they were found
+    also: tuple[FoundEffect, ...] = ()    # further effects, in the order in which they were found
     unexplained: float | UnsetType = UNSET         # probability of an effect of no term, alone or beside a term
     adoption: Adoption | UnsetType = UNSET         # absent where nothing was found, or no target tells points
 

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from truearc.hw.real.child_process import make_shared
-from truearc.hw.shared_latest import Room, Slots
+from truearc.hw.shared_latest import Capacity, Slots
 
-ROOM = Room(3, 100, 4 * 5 * 3)
+ROOM = Capacity(3, 100, 4 * 5 * 3)
 
 
 def pair():
@@ -74,7 +74,7 @@ def test_a_byte_that_is_not_there_yet_is_noticed(at, to):
         assert reader.read() == b"all of it"
 
 
-BIG = Room(2, 64, 200 * 300 * 3)
+BIG = Capacity(2, 64, 200 * 300 * 3)
 
 
 def hammer(memory, count):

@@ -92,12 +92,12 @@ def best_of(fitted: BaselineFit, steps: Sequence[Step]) -> ScoreTable:
     return named[-1] if named else without(fitted.evidence)
 
 
-def _further(step: Step, seed: int) -> parts.Further:
+def _further(step: Step, seed: int) -> parts.FoundEffect:
     """The result of one step."""
     probability = step.naming.probability
     what = tuple(_named(step, name, probability) for name in list(step.naming.probability)[:RANKED])
     chosen = None if step.unknown else tuple(name.partition(".")[0] for name in step.naming.chosen)
-    return parts.Further(what, chosen, _unknown(step, seed) if step.unknown else None, step.unexplained)
+    return parts.FoundEffect(what, chosen, _unknown(step, seed) if step.unknown else None, step.unexplained)
 
 
 def _where(step: Step, judged: Judged, search: Search, probability: dict[str, float]) -> Where:

@@ -10,7 +10,7 @@ from scipy.special import ndtri
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.localization import Place
 from truearc.sim.discover.detect.weight_functions import STEP
-from truearc.sim.discover.finding import Adoption, FindingRecord, FitSummary, Further, Named, Unknown, Where
+from truearc.sim.discover.finding import Adoption, FindingRecord, FitSummary, FoundEffect, Named, Unknown, Where
 from truearc.sim.discover.plan.detectability import EIGHTY, sight_of
 from truearc.sim.discover.report.effect_wording import in_words, plain, say_effect, scale_of, size_of
 from truearc.sim.infer.likelihood.score_table import ScoreTable
@@ -29,8 +29,8 @@ LISTED = 4                            # names of a set that a sentence lists
 THEN = ("With that put in", "And with that, too")
 
 
-def say_named(believed: tuple[str, ...], p_value: float, leading: Further, also: Sequence[Further], fit: FitSummary,
-              place: Place | None, among: Catalogue | None = None, topspin: bool = False) -> str:
+def say_named(believed: tuple[str, ...], p_value: float, leading: FoundEffect, also: Sequence[FoundEffect],
+              fit: FitSummary, place: Place | None, among: Catalogue | None = None, topspin: bool = False) -> str:
     """One name, or those that cannot be told apart, with the size and what it gains."""
     what = leading.what
     names = leading.set or (what[0].term,)
@@ -65,7 +65,7 @@ def _since(place: Place | None) -> str:
     return f" It shows best as a step where {in_words(name)} is above {cut}." if name in TIMES else ""
 
 
-def besides(further: Further, then: str, among: Catalogue | None = None, topspin: bool = False) -> str:
+def besides(further: FoundEffect, then: str, among: Catalogue | None = None, topspin: bool = False) -> str:
     """A further effect, after `then`: its likeliest name only, since it may well be an error of the one named first."""
     if further.unknown is not None:
         goes = f", and goes with {in_words(further.unknown.covariate)}" if further.unknown.covariate else ""
@@ -80,7 +80,7 @@ def besides(further: Further, then: str, among: Catalogue | None = None, topspin
     return f" {then}, what is left looks most as if {_effect(clear[0], among, topspin)}{instead}."
 
 
-def too_little(also: Sequence[Further]) -> list[str]:
+def too_little(also: Sequence[FoundEffect]) -> list[str]:
     """Terms that lead further effects whose 90 % intervals all include zero: good for forecasts, but not findings."""
     return [further.what[0].term for further in also if further.unknown is None and not _clear(further)]
 
@@ -124,14 +124,15 @@ def say_points(adoption: Adoption) -> str:
             f"{adoption.gain:+.2f} per shot (90 %: {adoption.low90:+.2f} to {adoption.high90:+.2f}); {verdict}")
 
 
-def _clear(further: Further) -> list[Named]:
+def _clear(further: FoundEffect) -> list[Named]:
     """Of its set, those whose sign is sure."""
     sizes = [(one, next(iter(one.parameters.values()))) for one in further.what if one.term in (further.set or ())]
     return [one for one, size in sizes if size.low90 * size.high90 > 0.0]
 
 
-def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, leading: Further, also: Sequence[Further],
-                fit: FitSummary, place: Place | None, among: Catalogue | None = None) -> str:
+def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, leading: FoundEffect,
+                also: Sequence[FoundEffect], fit: FitSummary, place: Place | None,
+                among: Catalogue | None = None) -> str:
     """No term of the catalogue explains it; its shape all the same. also: the rest beside the nearest name."""
     said = f"{_missing(believed, among)} that no term of the catalogue explains."
     if leading.unknown is None or place is None:

@@ -15,7 +15,7 @@ from truearc.sim.discover.finding import (
     DataSummary,
     FindingRecord,
     FitSummary,
-    Further,
+    FoundEffect,
     Interval,
     Mismatch,
     Named,
@@ -56,13 +56,13 @@ def named(term: str, value: float, sd: float, probability: float = 0.9, unit: st
 def told(
     what: tuple[Named, ...],
     chosen: tuple[str, ...] = (),
-    also: tuple[Further, ...] = (),
+    also: tuple[FoundEffect, ...] = (),
     fit: FitSummary = NO_FIT,
     believed: tuple[str, ...] = ("gravity",),
     p_value: float = 0.01,
 ) -> str:
     """The sentence for these names; the first alone unless more are chosen."""
-    leading = Further(what, chosen or (what[0].term,), None)
+    leading = FoundEffect(what, chosen or (what[0].term,), None)
     return say_named(believed, p_value, leading, also, fit, None)
 
 
@@ -133,21 +133,21 @@ def test_one_name_and_several() -> None:
 def test_what_is_left_besides_is_what_it_looks_like() -> None:
     first = named("rapid_fire", 0.08, 0.01)
     sure, unsure = named("wind_x", 1.0, 0.1, unit="m/s"), named("target_height", 0.01, 0.02, unit="m")
-    alone, either, vague = (told((first,), also=(Further(what, tuple(one.term for one in what), None),))
+    alone, either, vague = (told((first,), also=(FoundEffect(what, tuple(one.term for one in what), None),))
                             for what in ((sure,), (sure, unsure), (unsure,)))
     assert "looks most as if there is wind of 1.00 m/s (90 %: 0.80 to 1.20 m/s) toward the target." in alone
     assert "toward the target; or target height." in either
     assert "too little to be named: perhaps target height" in vague and "target stands" not in vague
-    assert too_little((Further((unsure,), ("target_height",), None), Further((sure,), ("wind_x",), None))) == [
+    assert too_little((FoundEffect((unsure,), ("target_height",), None), FoundEffect((sure,), ("wind_x",), None))) == [
         "target_height"]
-    nameless = Further((sure,), None, Unknown("battery_v", "along", 0.1, "1", None))
+    nameless = FoundEffect((sure,), None, Unknown("battery_v", "along", 0.1, "1", None))
     rest = "a smaller effect remains that no term explains, and goes with the battery's voltage."
     assert rest in told((first,), also=(nameless,))
 
 
 def test_a_name_that_a_free_curve_rivals_is_said_with_that_doubt() -> None:
     what = (named("wind_x", 1.0, 0.1, 0.5, "m/s"),)
-    sure, unsure = (say_named(("gravity",), 0.01, Further(what, ("wind_x",), None, share), (), NO_FIT, None)
+    sure, unsure = (say_named(("gravity",), 0.01, FoundEffect(what, ("wind_x",), None, share), (), NO_FIT, None)
                     for share in (0.05, 0.5))
     assert "effect of no term" not in sure and "effect of no term (50%)" in unsure
 
@@ -176,7 +176,7 @@ def test_what_is_gained_is_told_in_outcomes_and_centimetres() -> None:
 def test_nothing_found_and_nothing_to_say() -> None:
     assert "No mismatch: 80 shots" in say_none(("gravity",), 0.4, 80, 0.05)
     assert "cannot say anything" in say_none(("gravity",), None, 20, 0.05)
-    leading = Further((), None, Unknown(None, "along", 0.1, "1", None))
+    leading = FoundEffect((), None, Unknown(None, "along", 0.1, "1", None))
     unnamed = say_unknown(("gravity",), 0.01, WHERE, leading, (), NO_FIT, None)
     assert "no term of the catalogue explains" in unnamed
 
@@ -193,13 +193,13 @@ def test_what_has_no_name_is_described(what: Covariate | CovariatePair | Factor 
     correction = stand_in(Correction)
     place = Place(Test("free", 0, what, shape, np.zeros(4)), column, 0, correction, {}, {}, None)
     unknown = Unknown(None if what is None else what.name, "along", 0.12, "1", None)
-    assert said in say_unknown(("gravity",), 0.01, WHERE, Further((), None, unknown), (), NO_FIT, place)
+    assert said in say_unknown(("gravity",), 0.01, WHERE, FoundEffect((), None, unknown), (), NO_FIT, place)
 
 
 def test_a_name_that_shows_as_a_step_in_time_says_since_when() -> None:
     column = Column("launch elevation", "free", "launch", "vertical", "rad", 0.02, ("steeper", "flatter"))
     time = Covariate((("t_s", np.arange(4.0)),))
-    leading = Further((named("ball_wear", 0.1, 0.01),), ("ball_wear",), None)
+    leading = FoundEffect((named("ball_wear", 0.1, 0.01),), ("ball_wear",), None)
     for what, shape, told in ((time, "step at 2990", True), (time, "straight", False), (BATTERY, "step at 12", False)):
         place = Place(Test("free", 0, what, shape, np.zeros(4)), column, 0, stand_in(Correction), {}, {}, None)
         said = say_named(("gravity",), 0.01, leading, (), NO_FIT, place)

@@ -10,7 +10,7 @@ import pytest
 
 from tests.sim.discover.worlds import FACTS, World, make_outcomes
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.discover.finding import Further, Interval, Named
+from truearc.sim.discover.finding import FoundEffect, Interval, Named
 from truearc.sim.discover.investigate import Investigation, discover
 from truearc.sim.discover.plan.expected_information import foresee
 from truearc.sim.discover.report.html_report import make_pictures, make_report
@@ -86,7 +86,7 @@ def test_a_set_is_marked_and_a_name_besides_is_told(drifting: Investigation) -> 
     wind = Named("wind_x", 0.4, {"speed_m_s": size}, find_terms(["wind_x"])[0].sentence, "flight")
     first = replace_probability(finding.what[0], 0.5)
     both = msgspec.structs.replace(finding, what=(first, wind), set=(first.term, "wind_x"), verdict="set",
-                                  also=(Further((wind,), ("wind_x",), None),), unexplained=0.1)
+                                  also=(FoundEffect((wind,), ("wind_x",), None),), unexplained=0.1)
     page = make_report("set", replace(drifting, finding=both))
     text = read(page)
     assert page.count('class="fill set"') == 2 and "apart; together they hold the orange bars" in text

@@ -14,7 +14,7 @@ from truearc.hw.real.child_process import Child, Line, make_shared
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.ipc import Inbox, Outbox
 from truearc.hw.real.reconnect import MendedCamera
-from truearc.hw.shared_latest import Room, Slots
+from truearc.hw.shared_latest import Capacity, Slots
 from truearc.robot.config.schema import Config, about
 from truearc.robot.operator_ui.server import OperatorPage, with_page
 from truearc.robot.processes.recorder import NEWS, Desk
@@ -113,7 +113,7 @@ ProcessLayout = OneProcess | ThreeProcesses
 LAYOUTS: dict[str, type[ProcessLayout]] = {"three": ThreeProcesses, "one": OneProcess}
 
 
-def look(line: Line, is_first: bool, config: Config, memory: object, room: Room) -> None:
+def look(line: Line, is_first: bool, config: Config, memory: object, room: Capacity) -> None:
     """The vision process; its camera may come later."""
     cv2.setNumThreads(1)
     clock, slots = MonotonicClock(), Slots(memory, room)
