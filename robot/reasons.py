@@ -22,6 +22,7 @@ BOX_PRESS_UNCERTAIN = Code("box_press_uncertain", "button box: a press may be lo
 FRAMES_NOT_SENT = Code("frames_not_sent", "{frames} frames could not be sent")
 BAD_FRAME = Code("bad_frame", "bad frame: {cause}")
 TICKS_STALLED = Code("ticks_stalled", "ticks stalled for {stall_s:.2f} s")
+BALL_WITHHELD = Code("ball_withheld", "ball not fed: its tick took {late_s:.2f} s")
 
 # Vision and recording
 VISION_FAILED = Code("vision_failed", "vision failed on an image ({detail})")

@@ -51,7 +51,7 @@ class HardwareRig:
         self._stood_ns = self._stalled_ns = 0     # for how long ticks have stood still, and until when
         self._read_ns = 0
         self._unsent = 0              # frames of the last tick that the bus did not take
-        self._withheld = False        # the ball that is being fed was asked for too long ago
+        self._withheld: Reason | None = None      # why the ball that is being fed is not
         self._started = False
         self._faults: list[Reason] = []
         self._frames = 0
@@ -67,7 +67,7 @@ class HardwareRig:
         self._due_ns = turn_ns + missed * period
         self._clock.sleep_until_ns(self._due_ns)
         self.late_ns = self._clock.now_ns() - turn_ns
-        self._faults = self._stall()
+        self._faults = self._stall() + ([] if self._withheld is None else [self._withheld])
         self._read_bus()
         self._faults += self._bus.faults()
         sighting = self._read_eyes()
@@ -112,9 +112,12 @@ class HardwareRig:
 
     def _withhold(self, command: Command, t_ns: int) -> Command:
         """A tick that took too long knew its readings too long ago: its ball is not fed, now or in the next tick."""
-        late = t_ns - self._read_ns > self._patience_ns
-        self._withheld = command.feeder_torque_nm != 0.0 and (self._withheld or late)
-        return replace(command, feeder_torque_nm=0.0) if self._withheld else command
+        late_ns = t_ns - self._read_ns
+        if command.feeder_torque_nm == 0.0:
+            self._withheld = None
+        elif self._withheld is None and late_ns > self._patience_ns:
+            self._withheld = because.BALL_WITHHELD(late_s=late_ns / NS_PER_S)
+        return command if self._withheld is None else replace(command, feeder_torque_nm=0.0)
 
     def _make_handlers(self) -> dict[tuple[int, bool], Callable[[hw.Frame], None]]:
         handlers: dict[tuple[int, bool], Callable[[hw.Frame], None]] = {

@@ -290,10 +290,12 @@ def test_a_tick_that_took_too_long_feeds_no_ball(bench):
     clock.t_ns += 150_000_000                             # a model that thinks for so long
     bus.sent.clear()
     assert rig.write(ASKED).feeder_torque_nm == 0.0
-    rig.read()
+    withheld = because.BALL_WITHHELD(late_s=0.15)
+    assert withheld in rig.read().faults
     assert rig.write(ASKED).feeder_torque_nm == 0.0       # the same ball still
-    rig.read()
+    assert withheld in rig.read().faults
     rig.write(Command(True, 0.1, -0.02, 0.0))
+    assert withheld not in rig.read().faults
     assert all(odrive.make_torque(odrive.OdriveAxis(4, 1), 0.2).data != frame.data for frame in commands(bus.sent, 0x0E)
                if frame.arbitration_id >> 5 == 4)
     rig.read()
