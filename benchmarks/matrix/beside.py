@@ -10,7 +10,7 @@ from truearc.cli.robot.run_processes import CLOSE_S, RecorderProcess, make_see
 from truearc.hw.protocols import Clock
 from truearc.hw.real.child_process import Child, Line, make_shared
 from truearc.hw.real.clock import MonotonicClock
-from truearc.hw.shared_latest import Room, Slots
+from truearc.hw.shared_latest import Capacity, Slots
 from truearc.robot.config.schema import Config
 from truearc.robot.processes.vision import FarEyes, make_room, watch
 from truearc.robot.recording.file_writers import Keeper
@@ -41,7 +41,7 @@ class Beside:
         (self._folder / f"{name}.pid").write_text(str(child.pid))
 
 
-def look(line: Line, is_first: bool, config: Config, memory: object, room: Room) -> None:
+def look(line: Line, is_first: bool, config: Config, memory: object, room: Capacity) -> None:
     """The vision process."""
     cv2.setNumThreads(1)
     clock = MonotonicClock()
