@@ -90,12 +90,19 @@ class Tracker(Struct, frozen=True):
     clock_sd: float | None = None
 
 
+class Site(Struct, frozen=True):
+    """Where the shots are taken. indoor: in a closed hall, whose air hardly moves."""
+
+    indoor: bool = False
+
+
 class Believe(Struct, frozen=True):
     terms: tuple[str, ...] = ("gravity", "drag", "magnus")
 
 
 class Rig(Struct, frozen=True):
-    """What rig.toml says: ball, launcher, target, air, world, noise, tracker and believed terms; SI units and degrees.
+    """What rig.toml says: ball, launcher, target, air, world, noise, tracker, site and believed terms; SI units and
+    degrees.
 
     `target`: None where no opening was shot at. Keys and their meaning: docs/dataset.md.
     """
@@ -108,6 +115,7 @@ class Rig(Struct, frozen=True):
     noise: Noise = field(default_factory=Noise)
     believe: Believe = field(default_factory=Believe)
     tracker: Tracker | UnsetType = UNSET      # not written where it is not stated, so that hashes stay
+    site: Site | UnsetType = UNSET
 
 
 # more than any launcher's; beyond is another unit

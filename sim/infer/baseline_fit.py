@@ -1,7 +1,7 @@
 """The believed simulation fitted to a dataset: coefficients and scatter that all shots share."""
 
 import itertools
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import NamedTuple
@@ -371,7 +371,7 @@ def usual_starts(intake: Intake, layout: ParameterLayout) -> tuple[Linearization
     points = np.tile(usual.values, (len(steps), 1))
     for number, (slot, centre, sd) in enumerate(axes):
         points[:, slot] = centre + steps[:, number] * sd
-    likelihood = _rough(intake, layout, points) - 0.5 * (steps**2).sum(1)[:, None]
+    likelihood = rough_likelihood(intake, layout, points) - 0.5 * (steps**2).sum(1)[:, None]
     return tuple(replace(usual, values=points[likelihood[:, k].argmax()],
                          log_scatter=usual.log_scatter + np.log(SCATTER_GRID[k]) * OF_LAUNCH)
                  for k in np.argsort(-likelihood.max(0)))
@@ -385,12 +385,13 @@ def usual_spot(intake: Intake, layout: ParameterLayout) -> LinearizationPoint:
     return LinearizationPoint.still(layout, len(intake.rows), values, USUAL_SCATTER)
 
 
-def _rough(intake: Intake, layout: ParameterLayout,
-           points: Float[Array, "points slots"]) -> Float[Array, "points scatters"]:
-    """Log-likelihood of some of the outcomes, at some sizes of one scatter of the height."""
+def rough_likelihood(intake: Intake, layout: ParameterLayout, points: Float[Array, "points slots"],
+                     kept: Sequence[int] = ()) -> Float[Array, "points scatters"]:
+    """Log-likelihood of some of the outcomes, at some sizes of one scatter of the height; with the terms of the `kept`
+    columns in the air."""
     some = np.arange(len(intake.marked))[::-(-len(intake.marked) // SOME)]
     lanes = intake.lanes.take(np.resize(intake.marked[some], SOME))
-    chain = replace(_lean(layout, []), track=False, bands=0)
+    chain = replace(_lean(layout, list(kept)), track=False, bands=0)
     mean, near = (np.asarray(part)[:, :len(some)] for part in plane_grid(chain, lanes, jnp.asarray(points)))
     mean = np.where(near, mean, -10.0)
     seen = intake.seen.take(some)

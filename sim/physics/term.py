@@ -99,6 +99,7 @@ class Term(ABC):
         positive: Probability, before any shot, that the amplitude is above 0, where nature prefers a side.
         law_sd: Of a law of physics, whose amplitude is 1 wherever the simulation lacks it: one standard deviation of
             how far it may be off; None: any size is possible.
+        indoor_sd: One standard deviation of the amplitude in a closed hall, where that makes a difference.
         calibration_sd: Of a tracker's calibration that is fitted with every track: one standard deviation of the
             amplitude's prior there; None: the amplitude is tested like any other.
     """
@@ -120,6 +121,7 @@ class Term(ABC):
     unseen: ClassVar[str] = ""
     positive: ClassVar[float] = 0.5
     law_sd: ClassVar[float | None] = None
+    indoor_sd: ClassVar[float | None] = None
     calibration_sd: ClassVar[float | None] = None
 
     def __init_subclass__(cls) -> None:
@@ -271,6 +273,7 @@ class WindTerm(AirTerm):
     """The air moves in its `direction` at the amplitude, a speed in m/s."""
 
     instrument = Instrument("anemometer", "the wind with an anemometer", 0.2)
+    indoor_sd = 0.2                   # a hall's draught
 
     def meet(self, rig: Rig, values: Values, ball: BallState) -> BallState:
         axis, through = AXES[self.direction], ball.velocity_m_s

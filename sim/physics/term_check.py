@@ -78,6 +78,8 @@ def _recording(term: Term) -> Iterator[str]:
         yield "positive: is a probability between 0 and 1"
     if term.law_sd is not None and not term.law_sd > 0.0:
         yield "law_sd: above 0, or None"
+    if term.indoor_sd is not None and not term.indoor_sd > 0.0:
+        yield "indoor_sd: above 0, or None"
     if term.calibration_sd is not None and not (isinstance(term, WatchTerm) and term.calibration_sd > 0.0):
         yield "calibration_sd: is for terms about a tracker, and above 0"
 

@@ -9,19 +9,15 @@ from jaxtyping import Float, Int
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor, spline_knots
 from truearc.sim.discover.detect.free_curve import Correction, correct
 from truearc.sim.discover.detect.test_battery import FREE, Test
+from truearc.sim.discover.select.flown_curves import climb_with, term_of
 from truearc.sim.discover.select.name_effects import Search, Step, clearly, judge_left
-from truearc.sim.infer.baseline_fit import BaselineFit, climb, only_shared, out_of_range
+from truearc.sim.infer.baseline_fit import BaselineFit, out_of_range
 from truearc.sim.infer.curve import Curve, natural
-from truearc.sim.infer.likelihood.belief_prior import with_curve
 from truearc.sim.infer.likelihood.design_columns import is_tracker
 from truearc.sim.infer.likelihood.linearization import linearise
-from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.simulate import LAUNCH_STATE
 
-TERMS = {"launch speed": ("free_speed", {"share": 1.0}), "launch elevation": ("free_elevation", {"angle_rad": 1.0}),
-         "distance": ("free_distance", {"bias_m": 1.0})}
-SIDES = {"along": "along", "vertical": "up", "lateral": "left"}
-LONGEST_S = 60.0
 MOST = 3                              # curves
 BEFORE = frozenset(("distance_m", "hood_deg", "motor_ratio", *LAUNCH_STATE))
 HALF = 0.5
@@ -109,8 +105,8 @@ def _foreseeable(fitted: BaselineFit, correction: Correction, search: Search) ->
 def freed(fitted: BaselineFit, correction: Correction) -> Freed | None:
     """None for what cannot be taken."""
     column = fitted.evidence.columns[correction.test.column]
-    taken, curve = _term(column), _curve(correction)
-    if taken is None or curve is None or taken[0] in fitted.layout.chain.terms:
+    taken, curve = term_of(column, fitted.layout), _curve(correction)
+    if taken is None or curve is None:
         return None
     curve, whole, evidence = _fly(fitted, correction, *taken, curve)
     goes = f" by {curve.covariate}" if curve.covariate else ""
@@ -139,22 +135,14 @@ def _what_is_left(fitted: BaselineFit, search: Search) -> Correction | None:
 
 
 def _can(fitted: BaselineFit, test: Test) -> bool:
-    taken = _term(fitted.evidence.columns[test.column])
-    return taken is not None and taken[0] not in fitted.layout.chain.terms
+    return term_of(fitted.evidence.columns[test.column], fitted.layout) is not None
 
 
 def _fly(fitted: BaselineFit, correction: Correction, term: str, values: dict[str, float],
          curve: Curve) -> tuple[Curve, BaselineFit, ScoreTable]:
-    """(the curve, all, shared evidence) where the simulation that has both fits best, uphill from a curve of zero: the
-    correction was but a step on slopes, and may lie where the flown simulation is worse than without it."""
-    lanes, n = fitted.intake.lanes, len(fitted.intake.rows)
-    by, before = curve.by(_columns(correction), n), np.asarray(lanes.circumstances.curve_by)
-    curve_by = np.concatenate([before, by], axis=1) if before.ndim == 2 else by
-    intake = replace(fitted.intake, lanes=lanes._replace(circumstances=lanes.circumstances._replace(curve_by=curve_by)))
-    layout = with_curve(fitted.layout, term, values, curve.moved(dict.fromkeys(curve.fitted, 0.0)))
-    new = len(layout.usual) - len(fitted.spot.values)
-    start = replace(fitted.spot, values=np.concatenate([fitted.spot.values, layout.usual[-new:]]))
-    top, evidence = climb(intake, only_shared(layout), start)
+    """(the curve, all, shared evidence) where the simulation that has both fits best."""
+    by = curve.by(_columns(correction), len(fitted.intake.rows))
+    intake, layout, top, evidence = climb_with(fitted, term, values, curve, by)
     found = curve.moved({key: float(evidence.point[k]) for k, key in enumerate(curve.fitted)})
     if curve.covariate:
         found = found.moved({curve.keys[-1]: float(by.mean(0) @ found.points)})
@@ -168,20 +156,6 @@ def _columns(correction: Correction) -> dict[str, Any]:
         return {what.name: what.values[rows]}
     return {what.name: [what.levels[code] if code >= 0 else "" for code in what.codes[rows]]} if isinstance(
         what, Factor) else {}
-
-
-def _term(column: Column) -> tuple[str, dict[str, float]] | None:
-    if column.name in TERMS:
-        name, values = TERMS[column.name]
-        return name, dict(values)
-    if not column.name.startswith("push "):
-        return None
-    values = {"size_m_s2": 1.0, SIDES[column.direction]: 1.0}
-    if column.times_s is not None:
-        values |= {"from_s": column.times_s[0], "to_s": min(column.times_s[1], LONGEST_S)}
-    elif column.follows:
-        values |= {"with_speed": 1.0}
-    return "free_push", values
 
 
 def _curve(correction: Correction) -> Curve | None:

@@ -2,7 +2,8 @@
 
 Each hypothesis has a share of the prior and a log evidence: of single terms by true refits of the likely (name_terms),
 of what stands beside a likely term on the table linearised at that term's refit, of an unexplained change on the
-table of the fit, its size and smoothness averaged over. Of pairs that matter, true refits replace these.
+table of the fit, its size and smoothness averaged over. Of pairs and of unexplained changes that matter, true refits
+replace these.
 """
 
 from collections.abc import Collection, Sequence
@@ -14,6 +15,7 @@ from scipy.special import log_ndtr, logsumexp, ndtr
 from scipy.stats import norm
 
 from truearc.sim.discover.detect.covariates import Covariate, Factor, varies
+from truearc.sim.discover.select.flown_curves import nats_flown
 from truearc.sim.discover.select.hypotheses import (
     LENGTHS,
     SIZES,
@@ -38,11 +40,13 @@ LEADERS = 3                           # likeliest terms, beside which a second t
 TERM_SIZES = (0.5, 1.0, 2.0, 4.0)     # of a term's amplitude, by the usual one
 WITHIN = 8.0                          # nats of the likeliest, beyond which none is a leader
 SECONDS, FAMILIES = 10, 4             # of one step, beside a leader or alone, that are climbed to their top
-PAIRS = 3                             # refitted
+PAIRS, GUESS = 4, 0.04                # refitted; share of its nats by which a pair's guess may be too low
+FLOWN, MINOR = 4, 0.05                # unexplained changes that are flown, and the probability from which one is
 BALLS = "ball_id"                     # balls differ; sessions may differ by chance alone
 MORE = 0.5                            # probability from which there is more than one thing,
 MORE_ODDS = 10.0                      # if the data have raised its odds that many times
 Guesses = dict[frozenset[str], tuple[float, tuple[str, str], tuple[float, float]]]   # pair -> nats, names, amplitudes
+Bases = dict[tuple[str, ...], tuple[BaselineFit, float]]     # names -> fit with these, and its nats
 
 
 @dataclass(frozen=True)
@@ -126,6 +130,7 @@ def weigh(fitted: BaselineFit, naming: Naming, covariates: Sequence[Covariate],
     found = [Hypothesis((name,), None, nats, single_prior) for name, nats in singles.items()]
     families = families_of(fitted.evidence, covariates, factors)
     count = max(len(families), 1)
+    bases: Bases = {(): (fitted, 0.0)}
     null = log_evidence(without(fitted.evidence))[0]
     found += [Hypothesis((), one, nats, np.log(SHARES["unexplained"] / count))
               for one, nats in _climbed(fitted.evidence, families, null)]
@@ -137,6 +142,7 @@ def weigh(fitted: BaselineFit, naming: Naming, covariates: Sequence[Covariate],
     usual = {one.name: fitted.evidence.columns[one.column].usual for one in visible}
     for first in leaders:
         base = promote(fitted, naming.refits[first])
+        bases[(first,)] = base, singles[first]
         floor = log_evidence(without(base.evidence))[0]
         for second in sorted((c for c in one_step(base.evidence)[0] if c.visible), key=lambda c: -c.nats)[:SECONDS]:
             own = base.evidence.columns[second.column]
@@ -160,9 +166,40 @@ def weigh(fitted: BaselineFit, naming: Naming, covariates: Sequence[Covariate],
     pairs = _refitted(fitted, guesses, top + single_prior - pair_prior - WITHIN)
     found += [Hypothesis(names, None, pairs[names][1] if names in pairs else nats, pair_prior)
               for nats, names, _ in guesses.values()]
+    found = _flown(found, bases)
+    return Hypotheses(tuple(found), _probability(found), {names: one for names, (one, _) in pairs.items()})
+
+
+def _probability(found: Sequence[Hypothesis]) -> Float[Array, " h"]:
     weight = np.array([one.nats + one.log_prior for one in found])
-    return Hypotheses(tuple(found), np.exp(weight - logsumexp(weight)),
-                     {names: one for names, (one, _) in pairs.items()})
+    return np.asarray(np.exp(weight - logsumexp(weight)))
+
+
+def _flown(found: Sequence[Hypothesis], bases: Bases) -> list[Hypothesis]:
+    """The hypotheses, unexplained changes that matter truly flown, and the others beside the same names worth the share
+    of their nats that the flown ones are."""
+    table, found = list(found), list(found)
+    true: dict[int, float] = {}       # number of a hypothesis -> share of its nats on the table that is left once flown
+    for _ in range(FLOWN):
+        probability = _probability(found)
+        able = [k for k, one in enumerate(table) if kind_of(one) in ("unexplained", "both") and k not in true]
+        k = max(able, key=lambda number: float(probability[number]), default=None)
+        if k is None or probability[k] < MINOR:
+            break
+        one, (base, floor) = table[k], bases[table[k].names]
+        assert one.family is not None
+        flown = nats_flown(base, one.family.part)
+        guessed = one.nats - floor - one.family.spread
+        if flown is None or guessed <= 0.0:
+            true[k] = 1.0
+            continue
+        true[k] = flown / guessed
+        found[k] = replace(one, nats=floor + flown + one.family.spread)
+        share = min(float(np.mean([true[n] for n in true if table[n].names == one.names])), 1.0)
+        for n in able:
+            if n != k and table[n].names == one.names and table[n].nats > floor:
+                found[n] = replace(table[n], nats=floor + share * (table[n].nats - floor))
+    return found
 
 
 def _at_once(fitted: BaselineFit, visible: Sequence[Candidate], null: float) -> Guesses:
@@ -191,11 +228,14 @@ def _at_once(fitted: BaselineFit, visible: Sequence[Candidate], null: float) -> 
 
 
 def _refitted(fitted: BaselineFit, guesses: Guesses, least: float) -> dict[tuple[str, str], tuple[Refit, float]]:
-    """{names: (refit, nats)} of pairs, the likeliest first, until one that is refitted is the likeliest of all."""
+    """{names: (refit, nats)} of pairs, the likeliest first, until no guess may be as likely as one that is refitted."""
     usual = {column.name: column.usual for column in fitted.evidence.columns[:fitted.evidence.first_shared]}
     left = sorted(guesses.values(), reverse=True)
     found: dict[tuple[str, str], tuple[Refit, float]] = {}
-    while left and len(found) < PAIRS and left[0][0] > max([least, *(nats for _, nats in found.values())]):
+    while left and len(found) < PAIRS:
+        best = max([least, *(nats for _, nats in found.values())])
+        if left[0][0] <= best - GUESS * abs(best):
+            break
         _, names, start = left.pop(0)
         one, nats = refit(fitted, names, np.array(start)), NEVER
         if is_possible(one, *(usual[name] for name in one.names)):

@@ -148,18 +148,23 @@ def _refit_at(fitted: BaselineFit, names: tuple[str, ...], start: Float[Array, "
     scattered = covariance @ (evidence.score.T @ evidence.score) @ covariance
     sd = np.sqrt(np.maximum(np.diag(covariance), np.diag(scattered)))
     k = len(names)
-    null = without(fitted.evidence)
-    null_info = null.information + null.precision
-    gained = objective(evidence, layout) - objective(null, only_shared(fitted.layout))
-    priors = np.linalg.slogdet(layout.precision)[1] - np.linalg.slogdet(fitted.layout.precision)[1]
-    volume = 0.5 * (priors - np.linalg.slogdet(info)[1] + np.linalg.slogdet(null_info)[1])
     value = evidence.point[:k]
     believed = {column.name for column in fitted.layout.columns[fitted.layout.first_shared:]}
     usual = np.array([centre if name in believed else 0.0 for name, centre in zip(order, layout.centre, strict=False)])
     wanted = value + (covariance @ (evidence.score.sum(0) + evidence.pull))[:k]
-    nats = float(gained + volume)
     return Refit(tuple(order), layout, spot, evidence, value - usual, value, wanted, sd[:k],
-                 nats if np.isfinite(nats) else NEVER)
+                 log_evidence_at(fitted, layout, evidence))
+
+
+def log_evidence_at(fitted: BaselineFit, layout: ParameterLayout, evidence: ScoreTable) -> float:
+    """Nats by which the data favour a layout of more shared columns, at its optimum, over those of the fit (Laplace).
+    """
+    null = without(fitted.evidence)
+    info, null_info = evidence.information + evidence.precision, null.information + null.precision
+    gained = objective(evidence, layout) - objective(null, only_shared(fitted.layout))
+    priors = np.linalg.slogdet(layout.precision)[1] - np.linalg.slogdet(fitted.layout.precision)[1]
+    nats = float(gained + 0.5 * (priors - np.linalg.slogdet(info)[1] + np.linalg.slogdet(null_info)[1]))
+    return nats if np.isfinite(nats) else NEVER
 
 
 def promote(fitted: BaselineFit, found: Refit) -> BaselineFit:

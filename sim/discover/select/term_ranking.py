@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from truearc.sim.discover.select.refit import Refit, refit
-from truearc.sim.infer.baseline_fit import BaselineFit
+from truearc.sim.infer.baseline_fit import BaselineFit, rough_likelihood, usual_spot
 from truearc.sim.infer.likelihood.external_measurements import nats_measured
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import find_parameter
@@ -26,6 +26,8 @@ ALIAS = 0.95                          # correlation of two efficient slopes from
 TOLD_APART = 2.0                      # nats by which one of two such fits the better, all the same
 MASS = 0.9                            # that the set of names holds
 LEAST_INFORMATION = 1e-4              # of a term's own, that must be left by the shared columns
+SCAN = (-3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 3.0)     # usual sizes that are flown where the fit is lost,
+FIRM = 100.0                          # and from which a refit starts, hardly drawn towards zero
 BUSY = 1e-12
 MOST_USUAL = 6.0                      # usual sizes beyond which an amplitude is not what its name says,
 SPARE_SD = 2.0                           # by more standard deviations than this
@@ -100,7 +102,8 @@ def name_terms(fitted: BaselineFit, progress: Progress, starts: Mapping[str, flo
     """Rank the terms. At least one must be visible. starts: {name: amplitude} refitted from there in any case."""
     candidates, alike = one_step(fitted.evidence)
     visible = [c for c in candidates if c.visible]
-    likely = sorted(visible, key=lambda c: -c.nats)
+    slopes_tell = not fitted.lost or len(fitted.intake.marked) == 0
+    likely = sorted(visible if slopes_tell else _scan(fitted, visible), key=lambda c: -c.nats)
     within = max(WITHIN, SHARE * likely[0].nats)
     likely = [c for c in likely[:REFITTED] if c.nats > likely[0].nats - within]
     refits: dict[str, Refit] = {}
@@ -131,6 +134,25 @@ def name_terms(fitted: BaselineFit, progress: Progress, starts: Mapping[str, flo
     chosen = _smallest_set(ranked, probability, aliases)
     return Naming(candidates, refits, nats, probability, chosen, aliases,
                   {name: tuple(c.name for c in kin(name)) for name in refits})
+
+
+def _scanned(fitted: BaselineFit, one: Candidate, nats: Float[Array, " sizes"]) -> Candidate:
+    """The candidate by what outcomes say of it at the sizes of SCAN."""
+    best, usual = int(nats.argmax()), fitted.evidence.columns[one.column].usual
+    return replace(one, nats=float(nats[best]), amplitude=SCAN[best] * usual, information=FIRM * usual**-2.0)
+
+
+def _scan(fitted: BaselineFit, candidates: Sequence[Candidate]) -> list[Candidate]:
+    """The candidates by outcomes at some sizes of each, flown from the prior's middle: where the fit calls so much
+    scatter that its slopes tell of no term."""
+    columns = [one.column for one in candidates]
+    spot = usual_spot(fitted.intake, fitted.layout)
+    points = np.tile(spot.values, (len(columns), len(SCAN), 1))
+    for number, k in enumerate(columns):
+        points[number, :, fitted.layout.source[k]] += np.array(SCAN) * fitted.evidence.columns[k].usual
+    told = rough_likelihood(fitted.intake, fitted.layout, points.reshape(-1, points.shape[-1]), columns).max(1)
+    told = told.reshape(len(columns), -1) - 0.5 * np.square(SCAN)
+    return [_scanned(fitted, one, nats) for one, nats in zip(candidates, told, strict=True)]
 
 
 def _refit(fitted: BaselineFit, candidate: Candidate, refits: dict[str, Refit], nats: dict[str, float],

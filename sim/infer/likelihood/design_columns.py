@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from truearc.robot.config.rig_spec import Tracker
+from truearc.robot.config.rig_spec import Rig, Tracker
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import Belief
@@ -103,8 +103,8 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Int[Ar
     known = {*believed, *catalogue.always, *(term.name for term in calibrated(catalogue) if tracked)}
     asked = [term for term in catalogue if term.name not in known and (belief is not None or not term.relative)]
     found += [(Column(f"{term.name}.{term.amplitude.name}", "term", term.stage, term.direction, term.amplitude.unit,
-                      usual_of(term), follows=term.follows or ""), slots.index((term.name, term.amplitude.name)))
-              for term in asked]
+                      usual_of(term, intake.rig), follows=term.follows or ""),
+               slots.index((term.name, term.amplitude.name))) for term in asked]
     shared = _shared(intake, believed, slots, catalogue)
     found += _changed(shared, belief)
     scatters = tuple(_scatter_place(intake, len(found) + len(shared), k) for k in range(len(SCATTERS)))
@@ -167,9 +167,11 @@ def _as_shots_differ(belief: Belief, slots: tuple[tuple[str, str], ...]) -> tupl
     return [len(slots), len(slots) + 1], [float(np.sqrt(BALLS_PART) * value) for value in spread]
 
 
-def usual_of(term: Term) -> float:
+def usual_of(term: Term, rig: Rig) -> float:
     """One standard deviation of a term's amplitude, in its own unit, where it is at work at all."""
     prior = term.parameters[0].prior
+    if term.indoor_sd is not None and rig.site and rig.site.indoor:
+        return term.indoor_sd
     if prior is None:
         return 1.0
     if prior.scale == "linear":

@@ -35,6 +35,7 @@ PAD = 32                              # lanes fly in multiples of this, since ea
 BLOCK = 64                            # and at most this number at once: more do not fit the caches
 WIDTH = 12                            # slopes that are flown together
 BESIDE = 0.1                          # standard deviations of the height, between slopes that are compared
+STEEPEST = 1e6                        # m by a deviate: of a flight that goes astray
 
 
 @dataclass(frozen=True)
@@ -248,7 +249,7 @@ def _log_spread_by(intake: Intake, layout: ParameterLayout, spot: LinearizationP
     sd = np.sqrt(variance_of(intake, spot.log_scatter))[:, :layout.chain.deviates]
     inner = np.eye(sd.shape[1]) + sd[:, :, None] * normal.inner[:, inputs:, inputs:] * sd[:, None, :]
     covariance = sd[:, :, None] * np.linalg.inv(inner) * sd[:, None, :]
-    by_deviate = slopes.plane[:, 0, inputs:]
+    by_deviate = np.clip(slopes.plane[:, 0, inputs:], -STEEPEST, STEEPEST)
     toward = np.einsum("nde,ne->nd", covariance, by_deviate)
     spread = np.sqrt((toward * by_deviate).sum(1) + FLOOR_M**2)
     toward /= spread[:, None]

@@ -109,7 +109,8 @@ def take_in(dataset: Dataset, curves: Curves = NONE, fewest: int = FEWEST_SHOTS)
 
 def without_noise(rig: Rig) -> Rig:
     """Without noise, tracker and beliefs, on which no flight depends: compiled code is kept by rig."""
-    return msgspec.structs.replace(rig, noise=Noise(), tracker=msgspec.UNSET, believe=Believe())
+    return msgspec.structs.replace(rig, noise=Noise(), tracker=msgspec.UNSET, site=msgspec.UNSET,
+                                   believe=Believe())
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,11 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import structs
 from scipy.interpolate import RegularGridInterpolator
 
 import truearc as ta
-from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.rig_spec import Rig, Site
 from truearc.sim.aim.solve import best_ratios
 from truearc.sim.data.dataset import join_datasets
 from truearc.sim.discover.adopt import make_belief
@@ -73,11 +74,13 @@ class Act(NamedTuple):
 
 
 def practise(rig: Rig, seed: int, sizes: Sizes, recorded: ta.Dataset | None, progress: Progress) -> Act:
-    """Practice: believed is the paper's physics; `recorded`: shots of the whole emulated robot, which come first."""
+    """Practice in a closed hall: believed is the paper's physics; `recorded`: shots of the whole emulated robot, which
+    come first."""
     own, count = APART * seed, sizes.practice - (0 if recorded is None else len(recorded.shots))
     settings = practice_settings(own, count)
     shots = play_season(rig, Options(), own, settings, "L1", ORDINARY, _part(progress, 0.0, 0.2)).dataset
     shots = shots if recorded is None else join_datasets(recorded, shots)
+    shots = replace(shots, facts=structs.replace(shots.rig, site=Site(indoor=True)))
     finding = ta.discover(shots, believe=PAPER, seed=seed, progress=_part(progress, 0.2, 0.7))
     paper, _ = make_belief(replace(finding.investigation, steps=()))
     before = ta.aim(paper, rig, distances_m=DISTANCES_M, hood_deg=AIMED_DEG)
