@@ -104,7 +104,7 @@ def name_terms(fitted: BaselineFit, progress: Progress, starts: Mapping[str, flo
     visible = [c for c in candidates if c.visible]
     slopes_tell = not fitted.lost or len(fitted.intake.marked) == 0
     likely = sorted(visible if slopes_tell else _scan(fitted, visible), key=lambda c: -c.nats)
-    within = max(WITHIN, SHARE * likely[0].nats)
+    within = max(WITHIN, SHARE * likely[0].nats) if slopes_tell else np.inf
     likely = [c for c in likely[:REFITTED] if c.nats > likely[0].nats - within]
     refits: dict[str, Refit] = {}
     nats = {c.name: c.nats + nats_measured(fitted.layout.measured, c.name, c.amplitude, c.information**-0.5)
