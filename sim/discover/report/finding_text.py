@@ -21,6 +21,7 @@ STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", 
                "arrival": "at the target"}
 NINETY = 1.6448536269514722
 SHOWN = 6
+LEAST_SHOWN = 0.005                   # probability of a name on the console: not 0 %
 UNSURE = 0.25                       # probability of an unexplained effect, from which a sentence says so
 FOUR_IN_FIVE = 0.8
 HEIGHTS = {"plane": "heights", "track end": "where tracks end, from their first 40 %,"}
@@ -212,8 +213,8 @@ def console_lines(finding: FindingRecord, among: Catalogue | None = None) -> lis
                                f"{data.clusters['count']} clusters ({data.clusters['by']})"]
     lines += [f"fitted: {', '.join(f'{name} {value:.3g}' for name, value in values.items())}"
               for values in data.fitted.values() if values]
-    if finding.what:
-        lines.append("names: " + ", ".join(f"{one.term} {one.probability:.0%}" for one in finding.what[:SHOWN]))
+    if likely := [one for one in finding.what[:SHOWN] if one.probability >= LEAST_SHOWN]:
+        lines.append("names: " + ", ".join(f"{one.term} {one.probability:.0%}" for one in likely))
     if finding.mismatch.found and where.stage_probability:
         lines.append("stages: " + ", ".join(f"{stage} {p:.0%}" for stage, p in where.stage_probability.items()))
     if where.inseparable:

@@ -222,7 +222,7 @@ def test_console_lines_name_steps_and_what_was_left_out() -> None:
               "separates": ["hood_offset", "wind_x"]})
     finding = FindingRecord(DataSummary(20, "L0", ("2 shots",), ("gravity",), {}, {"by": "shot", "count": 20}),
                       Mismatch(True, 0.01, 0.05, {}, 7, {}), WHERE, "set", "Verdict.", None, None,
-                      what=(named("drag", 0.5, 0.1, 0.7),), next=steps)
+                      what=(named("drag", 0.5, 0.1, 0.7), named("wind_x", 1.0, 0.1, 0.0001)), next=steps)
     lines = console_lines(finding)
     assert lines[0] == "Verdict."
     assert "next: 20 shots at 6.6 m, hood 38°, motor 0.62, to tell hood offset from head or tail wind" in lines
