@@ -71,20 +71,24 @@ def log_evidence(table: ScoreTable) -> tuple[float, Float[Array, " P"], Float[Ar
     return float(value + 0.5 * volume), top, sd
 
 
-def process_shapes(values: Float[Array, " n"], length: float) -> Float[Array, "n q"]:
-    """Shapes of a Gaussian process of variance 1 over values in EDGES (0 where unknown), less their mean."""
+def process_shapes(values: Float[Array, " n"], length: float,
+                   at: Float[Array, " m"] | None = None) -> Float[Array, "m q"]:
+    """Shapes of a Gaussian process of variance 1 over values in EDGES (0 where unknown), less their mean; the same
+    `at` other values, if given."""
     known = np.isfinite(values)
     low, high = np.percentile(values[known], EDGES)
-    place = np.clip((values - low) / max(high - low, 1e-12), 0.0, 1.0)
     knots = np.linspace(0.0, 1.0, KNOTS)
 
     def kernel(a: Float[Array, " n"], b: Float[Array, " m"]) -> Float[Array, "n m"]:
         return np.asarray(np.exp(-0.5 * ((a[:, None] - b[None, :]) / length)**2))
 
     size, turn = np.linalg.eigh(kernel(knots, knots) + JITTER * np.eye(KNOTS))
-    shapes = kernel(np.nan_to_num(place), knots) @ (turn * size**-0.5)
-    shapes = np.where(known[:, None], shapes - shapes[known].mean(0), 0.0)
-    return np.asarray(shapes[:, size > 1e-4])
+    def shapes(x: Float[Array, " n"]) -> Float[Array, "n q"]:
+        place = np.clip((x - low) / max(high - low, 1e-12), 0.0, 1.0)
+        return np.asarray(kernel(place, knots) @ (turn * size**-0.5)[:, size > 1e-4])
+
+    wanted = values if at is None else at
+    return np.asarray(np.nan_to_num(shapes(wanted) - shapes(values[known]).mean(0)))
 
 
 def group_shapes(codes: Int[Array, " n"], levels: int) -> Float[Array, "n q"]:
@@ -102,8 +106,21 @@ class Projected:
 
     def nats(self, sd: float) -> float:
         """Log evidence of normal coefficients of this deviation against none, in closed form."""
-        inner = np.eye(len(self.score)) + sd**2 * self.info
-        return float(0.5 * sd**2 * self.score @ np.linalg.solve(inner, self.score) - 0.5 * np.linalg.slogdet(inner)[1])
+        return _gained(self.score, self.info, sd**2 * np.eye(len(self.score)))
+
+    def nats_since(self, home: "Projected", sd: float) -> float:
+        """Log evidence that the coefficients have changed since an earlier session by this deviation; what they were
+        there, known by its scores and as large before these, may be here, too."""
+        covariance = np.linalg.inv(home.info + sd**-2.0 * np.eye(len(self.score)))
+        left = self.score - self.info @ covariance @ home.score
+        changed = covariance + sd**2 * np.eye(len(self.score))
+        return _gained(left, self.info, changed) - _gained(left, self.info, covariance)
+
+
+def _gained(score: Float[Array, " q"], info: Float[Array, "q q"], covariance: Float[Array, "q q"]) -> float:
+    """Log evidence of normal coefficients about 0 against none."""
+    inner = np.eye(len(score)) + covariance @ info
+    return float(0.5 * score @ np.linalg.solve(inner, covariance @ score) - 0.5 * np.linalg.slogdet(inner)[1])
 
 
 class Projector:

@@ -85,7 +85,7 @@ class Search:
     def weigh(self, fitted: BaselineFit, progress: Progress) -> tuple[Naming, Hypotheses]:
         """Every term alone, with its probability among all that may be missing in the fit."""
         naming = name_terms(fitted, lambda done, note: progress(0.5 * done, note))
-        posterior = weigh(fitted, naming, self.covariates, self.factors)
+        posterior = weigh(fitted, naming, self.covariates, self.factors, self.home)
         progress(1.0, "weighed")
         return with_probabilities(naming, posterior), posterior
 

@@ -10,11 +10,12 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.special import log_ndtr, logsumexp, ndtr
 from scipy.stats import norm
 
 from truearc.sim.discover.detect.covariates import Covariate, Factor, varies
+from truearc.sim.discover.detect.reference_session import ReferenceSession
 from truearc.sim.discover.select.flown_curves import nats_flown
 from truearc.sim.discover.select.hypotheses import (
     LENGTHS,
@@ -45,6 +46,7 @@ FLOWN, MINOR = 4, 0.05                # unexplained changes that are flown, and 
 BALLS = "ball_id"                     # balls differ; sessions may differ by chance alone
 MORE = 0.5                            # probability from which there is more than one thing,
 MORE_ODDS = 10.0                      # if the data have raised its odds that many times
+Shapes = tuple[Float[Array, "n _"], Float[Array, "m _"] | None]     # here, and the same at home
 Guesses = dict[frozenset[str], tuple[float, tuple[str, str], tuple[float, float]]]   # pair -> nats, names, amplitudes
 Bases = dict[tuple[str, ...], tuple[BaselineFit, float]]     # names -> fit with these, and its nats
 
@@ -52,7 +54,7 @@ Bases = dict[tuple[str, ...], tuple[BaselineFit, float]]     # names -> fit with
 @dataclass(frozen=True)
 class Family:
     """An unexplained change of one column, along a covariate or the same in all shots; `part`: at its likeliest size
-    and length; spread: nats of the average over these, less that one's."""
+    and length; spread: nats of the average over these, less that one's without regard to home."""
 
     column: str
     what: Covariate | Factor | None
@@ -120,15 +122,16 @@ def kind_of(one: Hypothesis) -> str:
     return "unexplained" if not one.names else "varies" if one.family.column in one.names else "both"
 
 
-def weigh(fitted: BaselineFit, naming: Naming, covariates: Sequence[Covariate],
-          factors: Sequence[Factor]) -> Hypotheses:
-    """The posterior over what is missing in `fitted`, whose single terms `naming` has ranked."""
+def weigh(fitted: BaselineFit, naming: Naming, covariates: Sequence[Covariate], factors: Sequence[Factor],
+          home: ReferenceSession | None = None) -> Hypotheses:
+    """The posterior over what is missing in `fitted`, whose single terms `naming` has ranked; or over what has changed
+    since `home`, whose own misfit an unexplained change must exceed."""
     visible = [c for c in naming.candidates if c.visible]
     singles = {name: nats + range_nats(fitted, naming, name) for name, nats in naming.nats.items() if nats > NEVER}
     top = max(singles.values(), default=0.0)
     single_prior = np.log(SHARES["one"] / len(visible))
     found = [Hypothesis((name,), None, nats, single_prior) for name, nats in singles.items()]
-    families = families_of(fitted.evidence, covariates, factors)
+    families = families_of(fitted.evidence, covariates, factors, home)
     count = max(len(families), 1)
     bases: Bases = {(): (fitted, 0.0)}
     null = log_evidence(without(fitted.evidence))[0]
@@ -154,13 +157,13 @@ def weigh(fitted: BaselineFit, naming: Naming, covariates: Sequence[Covariate],
             if nats > guesses.get(both, (-np.inf,))[0]:
                 guesses[both] = nats, (first, second.name), (float(naming.refits[first].amplitude[0]),
                                                              float(change[0]))
-        own_factors = [(one, shapes) for one, shapes in _factors_of(base.evidence, factors) if one.name == BALLS]
-        varied = [_family(Projector(base.evidence), base.evidence.index(first), first, usual[first], one, [shapes])
-                  for one, shapes in own_factors]
+        own_factors = [(one, many) for one, many in _factors_of(base.evidence, factors) if one.name == BALLS]
+        varied = [_family(Projector(base.evidence), base.evidence.index(first), first, usual[first], one, many)
+                  for one, many in own_factors]
         varies_prior = np.log(SHARES["varies"] / (len(visible) * max(len(own_factors), 1)))
         found += [Hypothesis((first,), one, singles[first] + nats, varies_prior)
                   for one, nats in _climbed(base.evidence, varied, floor)]
-        beside = families_of(base.evidence, covariates, factors)
+        beside = families_of(base.evidence, covariates, factors, home)
         found += [Hypothesis((first,), one, singles[first] + nats, both_prior)
                   for one, nats in _climbed(base.evidence, beside, floor)]
     pairs = _refitted(fitted, guesses, top + single_prior - pair_prior - WITHIN)
@@ -297,43 +300,59 @@ def _own_prior(term: Term, places: Float[Array, " k"], ends: tuple[float, float]
     return np.asarray(logsumexp(density, axis=1) - np.log(len(sizes)) + np.log(weight) - np.log(max(whole, 1e-300)))
 
 
-def families_of(evidence: ScoreTable, covariates: Sequence[Covariate], factors: Sequence[Factor]) -> list[Family]:
+def families_of(evidence: ScoreTable, covariates: Sequence[Covariate], factors: Sequence[Factor],
+                home: ReferenceSession | None = None) -> list[Family]:
     """Every unexplained change that the table can show, by closed form; likeliest first."""
-    rows, projector = evidence.rows, Projector(evidence)
-    shapes: list[tuple[Covariate | Factor, list[Float[Array, "n _"]]]] = [
-        (one, [process_shapes(one.values[rows], length) for length in LENGTHS])
-        for one in covariates if varies(one.values[rows])]
-    shapes += [(one, [shape]) for one, shape in _factors_of(evidence, factors)]
+    rows, projector, ones = evidence.rows, Projector(evidence), np.ones((len(evidence.rows), 1))
+    earlier = None if home is None else Projector(home.fitted.evidence)
+    shapes: list[tuple[Covariate | Factor, list[Shapes]]] = [
+        (one, _processes(one, rows, home)) for one in covariates if varies(one.values[rows])]
+    shapes += _factors_of(evidence, factors)
+    constant: list[Shapes] = [(ones, None if home is None else np.ones((len(home.fitted.evidence.rows), 1)))]
     found = []
     for number, column in enumerate(evidence.columns[:evidence.first_shared]):
         if column.kind != "free":
             continue
+        there = None if earlier is None or home is None or (own := home.index(column.name)) is None else (earlier, own)
         if column.name.startswith("push") or column.follows:
-            found.append(_family(projector, number, column.name, column.usual, None, [np.ones((len(rows), 1))]))
+            found.append(_family(projector, number, column.name, column.usual, None, constant, there))
         if not column.follows:
-            found += [_family(projector, number, column.name, column.usual, what, many) for what, many in shapes]
+            found += [_family(projector, number, column.name, column.usual, what, many, there) for what, many in shapes]
     return sorted(found, key=lambda one: -one.nats)
 
 
-def _factors_of(evidence: ScoreTable, factors: Sequence[Factor]) -> list[tuple[Factor, Float[Array, "n q"]]]:
+def _processes(one: Covariate, rows: Int[Array, " n"], home: ReferenceSession | None) -> list[Shapes]:
+    """Shapes over a covariate for each length, and at the shots of home where it varied there."""
+    own = None if home is None else home.own(one)
+    values = one.values[rows]
+    if home is None or not isinstance(own, Covariate):
+        return [(process_shapes(values, length), None) for length in LENGTHS]
+    there = own.values[home.fitted.evidence.rows]
+    return [(process_shapes(values, length), process_shapes(values, length, there)) for length in LENGTHS]
+
+
+def _factors_of(evidence: ScoreTable, factors: Sequence[Factor]) -> list[tuple[Factor, list[Shapes]]]:
     """Factors that differ among the shots and have no random effects, with their shapes."""
     grouped = next((column.name.partition(" ")[0] for column in evidence.columns if column.kind == "group"), "")
-    return [(one, group_shapes(one.codes[evidence.rows], len(one.levels))) for one in factors
+    return [(one, [(group_shapes(one.codes[evidence.rows], len(one.levels)), None)]) for one in factors
             if one.name != grouped and len(set(one.codes[evidence.rows].tolist())) > 1]
 
 
 def _family(projector: Projector, number: int, name: str, usual: float, what: Covariate | Factor | None,
-            shapes: Sequence[Float[Array, "n _"]]) -> Family:
+            shapes: Sequence[Shapes], there: tuple[Projector, int] | None = None) -> Family:
+    """there: of home, and the number of the column there."""
     each = []
-    for one in shapes:
+    for one, at_home in shapes:
         projected = projector.of(number, one)
-        each += [(projected.nats(size * usual), one, size * usual) for size in SIZES]
-    values = np.array([nats for nats, _, _ in each])
-    best = int(values.argmax())
+        earlier = None if there is None or at_home is None else there[0].of(there[1], at_home)
+        for size in SIZES:
+            sd = size * usual
+            nats = projected.nats(sd) if earlier is None else projected.nats_since(earlier, sd)
+            each.append((nats, projected.nats(sd), one, sd))
+    values = np.array([nats for nats, *_ in each])
     mean = float(logsumexp(values) - np.log(len(values)))
-    _, best_shapes, sd = each[best]
-    return Family(name, what, Part(number, best_shapes, np.full(best_shapes.shape[1], sd)), mean,
-                  mean - float(values[best]))
+    _, alone, best_shapes, sd = each[int(values.argmax())]
+    return Family(name, what, Part(number, best_shapes, np.full(best_shapes.shape[1], sd)), mean, mean - alone)
 
 
 def _climbed(evidence: ScoreTable, families: Sequence[Family], null: float) -> list[tuple[Family, float]]:

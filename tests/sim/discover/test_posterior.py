@@ -7,11 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from scipy.stats import norm
+from scipy.stats import multivariate_normal, norm
 
 from tests.sim.discover.straight import ASKED, fit_straight
 from truearc.sim.discover.detect.covariates import Covariate, Factor
-from truearc.sim.discover.select.hypotheses import Part, Projector, log_evidence, process_shapes, with_parts
+from truearc.sim.discover.select.hypotheses import (
+    Part,
+    Projected,
+    Projector,
+    log_evidence,
+    process_shapes,
+    with_parts,
+)
 from truearc.sim.discover.select.posterior import (
     Hypotheses,
     Hypothesis,
@@ -94,6 +101,23 @@ def test_shapes_of_a_process_have_its_covariance() -> None:
         exact = exact - exact.mean(0) - exact.mean(1)[:, None] + exact.mean()
         np.testing.assert_allclose((shapes @ shapes.T)[np.ix_(known, known)], exact, atol=0.02)
         assert (shapes[~known] == 0.0).all()
+
+
+def test_a_change_since_home_is_weighed_as_a_joint_normal_model_says() -> None:
+    """Scores there ~ N(J' m, J'), here ~ N(J (m + c), J); m and, if there is a change, c ~ N(0, sd^2)."""
+    rng = np.random.default_rng(4)
+    roots = rng.normal(size=(2, 3, 3))
+    here, there = (root @ root.T + 0.5 * np.eye(3) for root in roots)
+    sd, scores = 0.7, rng.normal(size=6) * 2.0
+
+    def joint(changed: bool) -> float:
+        cross = sd**2 * here @ there
+        own = here + (1.0 + changed) * sd**2 * here @ here
+        covariance = np.block([[own, cross], [cross.T, there + sd**2 * there @ there]])
+        return float(multivariate_normal.logpdf(scores, np.zeros(6), covariance))
+
+    nats = Projected(scores[:3], here).nats_since(Projected(scores[3:], there), sd)
+    assert nats == pytest.approx(joint(True) - joint(False), abs=1e-9)
 
 
 def with_free(fitted: BaselineFit, name: str) -> BaselineFit:
