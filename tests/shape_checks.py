@@ -12,20 +12,40 @@ from types import FunctionType
 from typing import Any
 
 MOST_CALLS = 50                       # of one function in one test
+MOST_MADE = 3                         # of one function inside another, in one test: to check one takes a millisecond
 
 _calls: Counter[tuple[str, str]] = Counter()
+_made: Counter[tuple[str, str]] = Counter()
 _let_pass: list[FunctionType] = []
 
 
 def install() -> None:
     """Have modules that declare shapes of arrays check them, from their import on."""
-    from jaxtyping import install_import_hook  # not before the environment is set: it imports NumPy
+    import jaxtyping  # not before the environment is set: it imports NumPy
+    from jaxtyping import install_import_hook
 
     root = Path(__file__).parents[1]
     shaped = ["truearc." + ".".join(path.relative_to(root).with_suffix("").parts)
               for path in sorted((root / "sim").rglob("*.py"))
               if "from jaxtyping import" in path.read_text(encoding="utf-8")]
     install_import_hook(shaped, "tests.shape_checks.check")
+    jaxtyping.jaxtyped = functools.partial(_first_ones, jaxtyping.jaxtyped)  # what the hook puts before each function
+
+
+def _first_ones(jaxtyped: Any, *args: Any, **kwargs: Any) -> Any:
+    """jaxtyped, which leaves a function inside another one as it is where a test has made it several times."""
+    decorated = jaxtyped(*args, **kwargs)
+    if args:
+        return decorated
+
+    def decorate(function: Any) -> Any:
+        name = getattr(function, "__module__", ""), getattr(function, "__qualname__", "")
+        if "<locals>" not in name[1]:
+            return decorated(function)
+        _made[name] += 1
+        return decorated(function) if _made[name] <= MOST_MADE else function
+
+    return decorate
 
 
 def check(stand_in: Any) -> Any:
@@ -47,6 +67,7 @@ def check(stand_in: Any) -> Any:
 def start_again() -> None:
     """Check all functions again, as at the start of a test."""
     _calls.clear()
+    _made.clear()
     while _let_pass:
         vars(_let_pass.pop()).pop("__no_type_check__", None)
 
