@@ -47,15 +47,15 @@ APART = 1000                          # seeds of one number of world from the ne
 Line = dict[str, Any]
 
 
-def run_as_is(facts: Rig, world: tuple[str, int, int]) -> Line:
-    """An unmodified world (level, shots, seed): what was found, and RMS errors in m of heights in a session that
-    nothing was fitted to."""
+def run_as_is(facts: Rig, more: int, world: tuple[str, int, int]) -> Line:
+    """An unmodified world (level, shots, seed): what was found, and RMS errors in m of heights in a session of
+    `more` shots that nothing was fitted to."""
     keep_compiled()
     level, shots, seed = world
     dataset = play_season(facts, Options(), seed, plan_season(seed, shots), level, ORDINARY).dataset
     found = discover(dataset, BELIEVED, seed=seed)
     after, before = make_belief(found)[0], make_belief(replace(found, steps=()))[0]
-    settings = plan_season(seed + 1, UNSEEN)
+    settings = plan_season(seed + 1, more)
     other = play_season(facts, Options(), seed + 1, settings, "L0", EXACT)
     still = play_season(facts, Options(scatter_scale=0.0), seed + 1, settings, "L0", EXACT)
     return {"name": AS_IS, "level": level, "shots": shots, "seed": seed, **_said(found),
@@ -92,9 +92,10 @@ def _run_all(args: argparse.Namespace, path: Path) -> dict[str, Line]:
     """All worlds as they are, then, where asked for, those changed against what each left."""
     facts = load_config(SHIPPED).rig
     progress, levels = make_progress("worlds"), args.level.split(",")
-    homes = {_key(AS_IS, level, args.shots, seed): (level, args.shots, seed)
+    other = "" if args.unseen == UNSEEN else f"/{args.unseen} unseen"
+    homes = {_key(AS_IS, level, args.shots, seed) + other: (level, args.shots, seed)
              for seed in (APART * (args.seed + number) for number in range(args.worlds)) for level in levels}
-    lines = fill(path, homes, partial(run_as_is, facts), progress, args.processes)
+    lines = fill(path, homes, partial(run_as_is, facts, args.unseen), progress, args.processes)
     if args.what == AS_IS:
         return lines
     changed = {_key(change.name, *home): (change, lines[key]) for key, home in homes.items()
@@ -111,6 +112,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--what", default=AS_IS, choices=(AS_IS, f"{AS_IS},changed"))
     parser.add_argument("--level", default="L1,L2")
     parser.add_argument("--shots", type=int, default=300)
+    parser.add_argument("--unseen", type=int, default=UNSEEN, help="shots of the other session (%(default)s)")
     parser.add_argument("--worlds", type=int, default=10, help="of each kind")
     parser.add_argument("--seed", type=int, default=11, help="of the first number of world; the next has the next")
     parser.add_argument("--only", help="changes, comma-separated; else all")

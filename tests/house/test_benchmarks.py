@@ -22,7 +22,7 @@ COMMANDS = {name.partition(".")[2] for name, path in zip(NAMES, FILES, strict=Tr
 QUICK = {
     "aim": "--rigs 1",
     "aim_tick": "--trials 1 --rounds 1",
-    "adoption": "--worlds 1 --shots 40 --unseen 40 --seed 11 --only nothing --processes 1 --out worlds.jsonl",
+    "adoption": "--worlds 1 --shots 24 --unseen 12 --seed 11 --only nothing --processes 1 --out worlds.jsonl",
     "ball_drops": "DATA/real/ball_drops.csv --quick",
     "coverage": "--replicates 1 --shots 30",
     "naming": "--level L0 --worlds 4 --shots 60 --seed 3 --processes 1 --out worlds.jsonl",
@@ -32,7 +32,7 @@ QUICK = {
                  "--out worlds.jsonl",
     "discovery_speed": "--shots 60 --level L0",
     "fault_matrix": "--bus virtual --only strangers --out faults.jsonl",
-    "faults": "--worlds 1 --shots 60 --seed 11 --only none --processes 1 --out worlds.jsonl",
+    "faults": "--worlds 1 --shots 24 --seed 11 --only none --processes 1 --out worlds.jsonl",
     "field": "--what nulls --only clean --shots 60 --worlds 1 --seed 11 --rivals argmax --processes 1 "
              "--out worlds.jsonl",
     "follow": "--practices 1 --sessions 2 --seasons 0 --seed 11 --processes 1 --out practices.jsonl",
@@ -40,7 +40,7 @@ QUICK = {
     "grid_fit": "--quick --runs 1 --launches 12",
     "kill": "--kills 2",
     "ladder": "--worlds 1 --shots 60",
-    "launcher_world": "--worlds 1 --level L1 --shots 40 --seed 11 --processes 1 --out worlds.jsonl",
+    "launcher_world": "--worlds 1 --level L1 --shots 24 --unseen 12 --seed 11 --processes 1 --out worlds.jsonl",
     "loop": "--trials 3",
     "season_agreement": "--trials 6",
     "soak": "--minutes 0.1",
