@@ -28,6 +28,7 @@ from truearc_proof.cli import prove_apart
 from truearc_proof.rounds import solver
 
 ROOT = Path(__file__).parents[2]
+ROWS = 16                             # of the datasets that a reader brings
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "ARCHITECTURE.md", *sorted((ROOT / "docs").rglob("*.md")),
          *sorted((ROOT / "examples").glob("*/README.md"))]
 PROGRAMS = ("truearc", "make", "python", "pytest", "pip", "sudo", "systemctl")
@@ -38,7 +39,9 @@ SHORTER = (
     (r"^make (?!-)", "make -n "),
     (r"^(pytest .*)", r"\1 -n 0 -q --collect-only"),
     (r"^(truearc emulate) --trials \d+ (.* --page)$", r"\1 --trials 1 \2 127.0.0.1:0"),
-    (r"^(truearc emulate) --trials \d\d+(?! --bus)", r"\1 --trials 12"),
+    (r"^(truearc emulate) --trials \d\d+(?! --bus)(.*windy.*)", r"\1 --trials 12\2"),
+    (r"^(truearc emulate) --trials \d\d+(?! --bus)(?!.*windy)", r"\1 --trials 2"),
+    (r"^(truearc sysid --emulate)", r"\1 --only hood"),
     (r"^(truearc prove --worlds.*) --level L[12]", r"\1 --level L0"),
     (r"^(truearc identifiability rig.toml.*) --shots 300", r"\1 --shots 40"),
     (r"^truearc prove (?:--worlds \d+)", "truearc prove --worlds 1 --processes 1"),
@@ -76,6 +79,11 @@ ELSEWHERE = {
 }
 # Exit codes that are documented: templates not filled in, no launcher is there, six shots are too few
 EXIT = {r"^truearc check my_shots": 2, r"^truearc doctor": 1, r"^truearc discover old --belief": 2}
+
+
+# commands of several pages that need nothing of the page: the first page that has one runs it
+ONCE = ("truearc discover examples/spreadsheet ", "pytest ")
+_done: set[str] = set()
 
 
 class Workspace:
@@ -200,7 +208,7 @@ def is_fragment(command: str) -> bool:
 def monday(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recorded session, as `truearc emulate` makes it."""
     session = tmp_path_factory.mktemp("recorded") / "monday"
-    assert main(["emulate", "--trials", "24", "--seed", "3", "--out", str(session), "--quiet"]) == 0
+    assert main(["emulate", "--trials", "14", "--seed", "3", "--out", str(session), "--quiet"]) == 0
     return session
 
 
@@ -220,6 +228,8 @@ def workspace(tmp_path: Path, data_dir: Path, monday: Path, monkeypatch: pytest.
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("*.egg-info", "__pycache__", "*.png"))
     for name in ("challenge", "shots", "my_dir", "home", "event"):
         shutil.copytree(ROOT / "examples" / "spreadsheet", folder / name, ignore=shutil.ignore_patterns("README.md"))
+        rows = (folder / name / "shots.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+        (folder / name / "shots.csv").write_text("".join(rows[:1 + ROWS]), encoding="utf-8")
     shutil.copytree(monday, folder / "sessions" / "monday")
     shutil.copy(ROOT / "examples" / "spreadsheet" / "rig.toml", folder)
     for name in ("launcher.toml", "my_launcher.toml", "other.toml"):
@@ -245,8 +255,9 @@ def test_every_command_of_a_page_does_what_it_says(page: Path, workspace: Worksp
         try:
             if is_elsewhere(command) or (not in_block and is_fragment(command)):
                 check_options(command)
-            else:
+            elif command not in _done:
                 workspace.run(shortened(command))
+                _done.update({command} if command.startswith(ONCE) else ())
         except AssertionError as error:
             failed.append(str(error))
         if time.monotonic() - began > 2:
