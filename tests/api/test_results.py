@@ -89,6 +89,7 @@ def test_shot_plan_equals_what_the_command_prints(folder, week, found, tmp_path,
     assert main(["design", str(folder), "--believe", ",".join(BELIEVE), "--shots", "20", "--json", str(out),
                  "--quiet"]) == 0
     plan = ta.design_shots(week, found, shots=20)
+    assert plan.verdict == found.verdict
     assert capsys.readouterr().out == f"{plan}\n" and out.read_text() == plan.to_json()
     assert sum(plan.table().column("shots")) == 20 or not plan.plan
     with pytest.raises(ta.InputError, match="at least one shot each"):
