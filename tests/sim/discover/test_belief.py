@@ -14,7 +14,7 @@ from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import World, make_world
 
 pytestmark = pytest.mark.slow
-SHOTS = 60
+SHOTS = 32                            # few sizes: each is compiled
 FIRST = make_world({}, "L2", SHOTS, 21, side=True)
 
 
@@ -66,7 +66,7 @@ def test_a_change_is_adopted_unless_other_balls_would_be_foretold_worse_by_it(be
 
 
 def test_the_shot_that_parts_a_changed_number_from_another_name_goes_by_what_their_refits_do(belief: Belief) -> None:
-    world = replace(make_world({}, "L1", 200, 33, side=True), cd=1.4 * FIRST.cd, lift_slope=FIRST.lift_slope,
+    world = replace(make_world({}, "L1", 96, 33, side=True), cd=1.4 * FIRST.cd, lift_slope=FIRST.lift_slope,
                     efficiency=FIRST.efficiency)
     dataset = shoot(world)
     step = discover(dataset, belief=belief).steps[0]

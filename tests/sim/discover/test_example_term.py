@@ -27,7 +27,7 @@ from truearc.sim.physics.simulate import launch_of, leave, predict
 ROOT = Path(sim.__file__).parent.parent
 EXAMPLE = ROOT / "examples" / "truearc-hoodflex"
 FILE = EXAMPLE / "truearc_hoodflex.py"
-SHOTS, FRAMES, FRAME_S = 60, 40, 1.0 / 60.0
+SHOTS, FRAMES, FRAME_S = 32, 40, 1.0 / 60.0
 TRUTH = {"gravity": {"scale": 1.0}, "drag": {"cd": 0.5}, "magnus": {"cl": 0.06}, "hood_flex": {"angle_deg": 3.0}}
 
 
@@ -116,7 +116,7 @@ def rig(tmp_path: Path) -> Path:
 
 
 def test_before_any_data_its_file_says_how_many_shots_it_takes(rig: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["identifiability", str(rig), "--shots", "64", "--level", "L2", "--quiet"]
+    words = ["identifiability", str(rig), "--shots", "32", "--level", "L0", "--quiet"]
     assert truearc.main([*words, "--terms-from", str(FILE)]) == 0
     assert "hood_flex" in capsys.readouterr().out
     assert truearc.main(words) == 0

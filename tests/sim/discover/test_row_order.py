@@ -33,15 +33,16 @@ def with_columns(dataset: ta.Dataset, **columns: np.ndarray) -> ta.Dataset:
 
 
 @cache
-def finding_as_written() -> str:
-    return ta.discover(renumbered(SHEET), seed=3).to_json()
+def finding_as_written() -> ta.Finding:
+    return ta.discover(renumbered(SHEET), seed=3)
 
 
 @pytest.mark.slow
-@settings(max_examples=2)
-@given(order=st.permutations(range(len(SHEET.shots))))
-def test_a_finding_is_the_same_for_every_order_of_rows(order: list[int]) -> None:
-    assert ta.discover(renumbered(shuffled(SHEET, order)), seed=3).to_json() == finding_as_written()
+def test_a_finding_is_the_same_for_every_order_of_rows() -> None:
+    """Of one order at random: each takes seconds."""
+    order = np.random.default_rng().permutation(len(SHEET.shots)).tolist()
+    again = ta.discover(renumbered(shuffled(SHEET, order)), seed=3)
+    assert again.to_json() == finding_as_written().to_json(), order
 
 
 @pytest.mark.slow
@@ -90,6 +91,6 @@ def test_with_times_the_order_is_theirs() -> None:
 
 
 def test_what_needs_an_order_is_said_to_be_untested() -> None:
-    found, timed = ta.discover(SHEET, seed=3), ta.discover(with_columns(SHEET, t_s=10.0 * np.arange(48)), seed=3)
+    found, timed = finding_as_written(), ta.discover(with_columns(SHEET, t_s=10.0 * np.arange(48)), seed=3)
     assert any(line.startswith("not tested: what goes with the order of the shots") for line in found.lines())
     assert found.record.data.untested and timed.record.data.untested == ()
