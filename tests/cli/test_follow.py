@@ -58,6 +58,11 @@ def found(changed: ta.Dataset, belief: ta.Belief) -> "ta.Following":
     return ta.follow(changed, belief)
 
 
+@pytest.fixture(scope="module")
+def named(found: "ta.Following") -> ta.Finding:
+    return found.find()
+
+
 def test_follow_finds_since_when(found: "ta.Following") -> None:
     assert found.alarm is not None and found.since is not None
     assert BEFORE < found.alarm <= BEFORE + AFTER and abs(found.since - BEFORE - 1) <= 6
@@ -105,9 +110,9 @@ def test_follow_proposes_a_belief_and_its_aim(changed: ta.Dataset, belief: ta.Be
 
 
 def test_follow_sends_the_aim_file_to_the_robot_that_offers_it(
-        found: "ta.Following", changed: ta.Dataset, belief: ta.Belief, tmp_path: Path,
+        named: ta.Finding, changed: ta.Dataset, belief: ta.Belief, tmp_path: Path,
         capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    named = found.find()              # the same shots have the same finding; how it is sent is asked here
+    # the same shots have the same finding; how it is sent is asked here
     monkeypatch.setattr(ta.Following, "find", lambda following, progress: named)
     config = load_config(SHIPPED)
     config = structs.replace(config, rig=changed.rig, hood=structs.replace(config.hood, low_deg=10.0, high_deg=80.0))
@@ -134,8 +139,9 @@ def test_follow_sends_the_aim_file_to_the_robot_that_offers_it(
     assert main(asked[:-1]) == 2 and main([*asked[:-4], "--token", "t"]) == 2
 
 
-def test_ids_differ_with_the_content_and_not_with_the_time(found: "ta.Following", changed: ta.Dataset) -> None:
-    made = propose(found, found.find(), changed.rig, (BeliefFile("home.toml", "0" * 64), "belief.toml"), [4.0])
+def test_ids_differ_with_the_content_and_not_with_the_time(found: "ta.Following", named: ta.Finding,
+                                                           changed: ta.Dataset) -> None:
+    made = propose(found, named, changed.rig, (BeliefFile("home.toml", "0" * 64), "belief.toml"), [4.0])
     one, same, other = (sealed(made, content, at).proposal for content, at in (
         (b"one", "2026-03-01T10:00:00+00:00"), (b"one", None), (b"other", None)))
     assert one.id == same.id != other.id
