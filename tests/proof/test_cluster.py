@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.proof import playing
 from tests.proof.forging import ask
 from truearc_proof.rounds.ledger import read_ledger
 from truearc_proof.rounds.round_layout import Room
@@ -52,7 +53,5 @@ def test_a_round_is_played_to_its_end_by_a_worker_that_is_refused_the_seals(addr
 
 
 def test_a_cluster_is_refused_where_none_is_used(tmp_path: Path) -> None:
-    done = subprocess.run([sys.executable, "-m", "truearc", "prove", "drive", "--shots", "60", "--seed", "1",
-                           "--scheduler", "tcp://127.0.0.1:9", "--out", str(tmp_path / "round")], capture_output=True,
-                          text=True, check=False)
+    done = playing.prove(tmp_path / "round", "drive", "--shots", "60", "--seed", "1", "--scheduler", "tcp://127.0.0.1:9")
     assert done.returncode == 2 and "--scheduler: drive" in done.stderr

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.proof.playing import prove
 from truearc.robot.config.schema import InputError
 from truearc_proof.rounds.file_lock import alone
 from truearc_proof.rounds.round_layout import Room
@@ -66,6 +67,5 @@ def test_who_takes_up_a_round_that_is_being_solved_is_refused(tmp_path: Path) ->
     (tmp_path / "ledger.jsonl").touch()
     with alone(tmp_path):
         for role in (["seal", "--seed", "1"], ["solve"], ["answer"], ["grade"]):
-            words = [sys.executable, "-m", "truearc", "prove", *role, "--out", str(tmp_path)]
-            done = subprocess.run(words, capture_output=True, text=True, check=False)
+            done = prove(tmp_path, *role)
             assert done.returncode == 2 and "played by another process" in done.stderr, done.stderr

@@ -200,7 +200,7 @@ def test_a_decoys_battery_falls_and_does_nothing() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("change", UNCATALOGUED, ids=lambda change: change.name)
 def test_what_is_in_no_catalogue_moves_heights_by_5_to_30_cm(change: Change) -> None:
-    settings, calm = plan_season(5, 40), {"scatter_scale": 0.0, "pose_scale": 0.0}
+    settings, calm = plan_season(5, 20), {"scatter_scale": 0.0, "pose_scale": 0.0}
     still = heights_m(played(calm, settings))
     ends = [(sign, factor) for sign in ((1.0, -1.0) if change.signed else (1.0,)) for factor in PLAIN_FACTORS]
     for sign, factor in ends:
