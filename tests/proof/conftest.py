@@ -1,23 +1,43 @@
 """A round as it is played, and played to its end: made once, copied for whoever spoils it."""
 
+import os
 import shutil
+import time
 from pathlib import Path
 
 import pytest
 
-from tests.proof.playing import ARGUMENTS, prove_apart, quiet
+from tests.proof.playing import ARGUMENTS, prove, prove_apart, quiet
+from truearc.robot.config.schema import InputError
+from truearc_proof.rounds.file_lock import alone
 from truearc_proof.rounds.grader import grade_round
 from truearc_proof.rounds.round_layout import Room
 
 
 @pytest.fixture(scope="session")
 def played(tmp_path_factory: pytest.TempPathFactory) -> Room:
-    """Sealed and claimed; nothing opened yet."""
-    room = Room(tmp_path_factory.mktemp("prove") / "round")
-    for role in (["seal", *ARGUMENTS], ["solve", "--processes", "1"]):
-        done = prove_apart(room.root, *role)
-        assert done.returncode == 0, done.stderr
-    return room
+    """Sealed and claimed; nothing opened yet. All workers have one: the first that needs it plays it, others wait."""
+    worker = "PYTEST_XDIST_WORKER" in os.environ
+    shared = (tmp_path_factory.getbasetemp().parent if worker else tmp_path_factory.mktemp("prove")) / "played"
+    shared.mkdir(exist_ok=True)
+    while not (shared / "whole").exists():
+        try:
+            with alone(shared):
+                if not (shared / "whole").exists():
+                    shutil.rmtree(shared / "round", ignore_errors=True)
+                    play(Room(shared / "round"))
+                    (shared / "whole").touch()
+        except InputError:            # another worker is at it
+            time.sleep(0.2)
+    return Room(shared / "round")
+
+
+def play(room: Room) -> None:
+    """The solver has a process of its own: one that has solved may open no seal any more."""
+    sealed = prove(room.root, "seal", *ARGUMENTS)
+    assert sealed.returncode == 0, sealed.stderr
+    solved = prove_apart(room.root, "solve", "--processes", "1")
+    assert solved.returncode == 0, solved.stderr
 
 
 @pytest.fixture
