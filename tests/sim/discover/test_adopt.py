@@ -46,8 +46,8 @@ def hasty() -> tuple[Dataset, Investigation]:
 @pytest.fixture(scope="module")
 def season() -> tuple[Dataset, Dataset]:
     """Earlier and later shots of a world with an unexplained effect."""
-    whole = shoot(make_world({"far_kick": 0.15}, "L2", 160, 3))
-    return whole.take(range(96)), whole.take(range(96, 160))
+    whole = shoot(make_world({"far_kick": 0.15}, "L2", 128, 3))
+    return whole.take(range(64)), whole.take(range(64, 128))
 
 
 @pytest.fixture(scope="module")
@@ -276,7 +276,7 @@ def test_nothing_is_adopted_beside_a_tracker_error_at_its_bound() -> None:
 def test_what_was_found_is_judged_beside_the_belief_as_it_is() -> None:
     """A robot that adopts nothing keeps its numbers, so these are what a finding must beat: not a fit of them to the
     very shots. Heights as another code flies the belief."""
-    home, event = (shoot(make_world(effects, "L0", 200, 12)) for effects in ({}, {"wind_x": -3.0}))
+    home, event = (shoot(make_world(effects, "L0", 60, 12)) for effects in ({}, {"wind_x": -3.0}))
     belief, _ = make_belief(replace(discover(home, seed=1), steps=()))
     found = discover(event, seed=1, belief=belief)
     assert found.fitted is not None
