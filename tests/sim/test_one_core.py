@@ -25,7 +25,7 @@ REAL: dict[str, Callable[[Path], Dataset]] = {
 def _check(dataset: Dataset, terms: tuple[str, ...]) -> None:
     """The belief that `fit` writes is what discovery starts from, and adopts where it finds nothing."""
     by_fit = ta.fit(dataset, terms).belief
-    found = discover(dataset, terms)
+    found = discover(dataset, terms, false_alarm=0.0)         # nothing is missing surely enough to be named
     assert found.fitted is not None
     evidence, among = without(found.fitted.evidence), found.catalogue
     assert coefficients_of(evidence, terms, among) == {
@@ -39,7 +39,7 @@ def _check(dataset: Dataset, terms: tuple[str, ...]) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("level", "seed"), [("L0", 3), ("L1", 4), ("L2", 5)])
 def test_made_shots_have_one_belief(level: str, seed: int) -> None:
-    _check(shoot(make_world({}, level, 40, seed)), TERMS)
+    _check(shoot(make_world({}, level, 32, seed)), TERMS)
 
 
 @pytest.mark.slow
