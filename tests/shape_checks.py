@@ -12,7 +12,7 @@ from types import FunctionType
 from typing import Any
 
 MOST_CALLS = 50                       # of one function in one test
-MOST_MADE = 3                         # of one function inside another, in one test: to check one takes a millisecond
+MOST_MADE = 1                         # of one function inside another, in one test: to check one takes a millisecond
 
 _calls: Counter[tuple[str, str]] = Counter()
 _made: Counter[tuple[str, str]] = Counter()
