@@ -13,7 +13,7 @@ from truearc_proof.rounds.round_layout import Room
 from truearc_proof.worlds.sampling_plan import MUJOCO, NUMPY
 
 pytestmark = pytest.mark.slow
-ARGUMENTS = ["--worlds", "6", "--level", "L1", "--shots", "60", "--seed", "49", "--follow-up", "--processes", "1"]
+ARGUMENTS = ["--worlds", "6", "--level", "L1", "--shots", "24", "--seed", "68", "--follow-up", "--processes", "1"]
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ def test_marks_follow_from_claims_and_seals(played: Room) -> None:
 
 
 def test_figures_are_there_as_a_page_and_as_json(played: Room) -> None:
-    figures = msgspec.json.decode(played.figures.read_bytes())["L1, 60"]
+    figures = msgspec.json.decode(played.figures.read_bytes())["L1, 24"]
     clean, dirty = figures["false_alarms_clean"], figures["false_alarms_dirty"]
     assert clean["value"] is None                              # the clean world is MuJoCo's, in a row of its own
     assert dirty["of"] == 1 and dirty["yes"] == dirty["value"] and dirty["low95"] <= dirty["value"] <= dirty["high95"]

@@ -39,7 +39,7 @@ def test_scores_of_tracks_lean_to_no_side_under_the_truth() -> None:
     """Slopes taken at a track's own deviations go with its noise, and what bends with them would seem to be there."""
     found = []
     for seed in TRACKED:
-        fitted = believed_fit(shoot(make_world({}, "L2", 60, seed)))
+        fitted = believed_fit(shoot(make_world({}, "L2", 32, seed)))
         found.append({one.name.partition(".")[0]: one.z for one in one_step(fitted.evidence)[0]})
     mean = {name: float(np.mean([one[name] for one in found])) for name in found[0]}
     bound = 3.5 / np.sqrt(len(TRACKED))
