@@ -32,7 +32,7 @@ TARGET = "target_height.rise_m"
 @pytest.fixture(scope="module")
 def raised() -> tuple[Dataset, Investigation]:
     """A target that stands too high: at L0 the same as a launcher that is too low, or a camera that is off."""
-    dataset = shoot(make_world({"target_height": 0.25}, "L0", 300, 7, side=True))
+    dataset = shoot(make_world({"target_height": 0.25}, "L0", 192, 7, side=True))
     return dataset, discover(dataset, seed=1)
 
 
