@@ -6,7 +6,9 @@ the one real vcan0 belongs to one file. `-n 0` runs everything in one process.
 
 import gc
 import os
+import signal
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -111,6 +113,9 @@ def pytest_configure(config: pytest.Config) -> None:
     """What XLA has compiled every process may take (FRUGAL); what Numba has compiled each worker keeps to itself."""
     if "MUTANT_UNDER_TEST" in os.environ:
         check_mutated_copy()
+    # a shell starts what runs behind it deaf to Ctrl-C; commands that tests start and end so must not inherit that
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     worker = os.environ.get("PYTEST_XDIST_WORKER")
     if worker:
         # Numba names what it keeps by counting: two processes may give one name to code for different arguments

@@ -28,7 +28,7 @@ def salvage(data: bytes) -> Iterator[bytes]:
 
 
 def _read_chunk(file: BytesIO, start: int) -> list[McapRecord]:
-    """What the chunk that begins at `start` holds; nothing when it is not whole. `file` is then at its end."""
+    """Return the records of the chunk that begins at `start`, none when it is not whole. `file` is then at its end."""
     file.seek(max(start, 0))
     stream = ReadDataStream(file)
     try:

@@ -165,6 +165,7 @@ def test_nothing_is_found_without_an_alarm(belief: ta.Belief) -> None:
 class _Args:
     paths: tuple[Path, ...]
     belief, rig, out, distances, false_alarm, seed, quiet = "home.toml", None, None, None, 0.05, 0, True
+    accept: tuple[str, ...] = ()
 
 
 def test_watch_looks_again_only_after_the_files_have_changed(belief: ta.Belief, tmp_path: Path,
