@@ -24,7 +24,6 @@ NESTED = "~"                          # in a template's format: stands for the p
 LISTED = ","                          # the format of several that commas separate
 FAULT = "fault"                       # something is not as it should be
 YOU = "you"                           # it is the driver's turn
-WAIT = "wait"                         # comes by itself
 
 
 class Reason(Struct, frozen=True, omit_defaults=True):
@@ -78,7 +77,7 @@ class Code(Struct, frozen=True):
 class Message(Struct, frozen=True):
     """One kind of reason on the operator's page.
 
-    kind: FAULT, YOU or WAIT.
+    kind: FAULT, YOU, or "wait" where it comes by itself.
     means, do: templates over the reason's parameters; `do` is "" where there is nothing to do.
     case: only where this is the code of the reason's cause, or of a motor's single error; "": otherwise.
     """

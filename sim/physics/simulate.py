@@ -15,7 +15,6 @@ from truearc.sim.physics import catalogue as known
 from truearc.sim.physics.flight import STEP_S, Balls, Crossing, fly, with_balls
 from truearc.sim.physics.launch import Exit, exit_no_slip, exit_opposed, is_opposed
 from truearc.sim.physics.term import Opening, complete
-from truearc.sim.physics.vector import Vec
 from truearc.sim.progress import Progress
 
 MISS, TWO, THREE = "miss", "two", "three"
@@ -81,13 +80,6 @@ def leave(rig: Rig, values: Values, exit: Exit, where: Any = True, among: known.
     for term in known.launch_terms(values, among):
         changed = term.leave(rig, complete(term, values[term.name]), changed)
     return _where(where, changed, exit)
-
-
-def watch(values: Values, position_m: Vec, velocity_m_s: Vec, time_s: Any, among: known.Catalogue | None = None) -> Vec:
-    """Where a tracker says a ball is, in m, that is in truth there time_s after release, by `values` (effective)."""
-    for term in known.watch_terms(values, among):
-        position_m = term.watch(values[term.name], position_m, velocity_m_s, time_s)
-    return position_m
 
 
 def opening_of(rig: Rig, coefficients: Values, among: known.Catalogue | None = None,

@@ -50,13 +50,6 @@ Values = Mapping[str, Any]            # of one term: {parameter: value}
 Forces = Mapping[str, Vec]            # {term: acceleration in m/s2}
 
 
-class Order(NamedTuple):
-    """When a term acts among those of its stage: by `place`, ascending; `reason`: why there."""
-
-    place: float
-    reason: str
-
-
 class BallState(NamedTuple):
     """The ball in flight, launcher frame (x toward the target, y left, z up; origin on the floor below the exit)."""
 

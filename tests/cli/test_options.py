@@ -32,11 +32,24 @@ def test_the_check_finds_an_option_that_nothing_reads() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("words", ["identifiability DIR --sides", "identifiability DIR --seed 1", "check DIR --seed 1"])
+@pytest.mark.parametrize("words", ["identifiability DIR --sides", "identifiability DIR --seed 0", "check DIR --seed 1"])
 def test_options_of_planned_shots_are_refused_with_results(words: str, capsys: pytest.CaptureFixture[str]) -> None:
     sheet = str(Path(__file__).parents[2] / "examples" / "spreadsheet")
     assert main([*words.replace("DIR", sheet).split(), "--quiet"]) == 2
     assert "applies to planned shots only; these have results" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("words", "why"), [
+    ("predict DIR --gate g.onnx --cd 0", "--cd: does not apply with --gate"),
+    ("follow DIR --belief BELIEF --once --every 7", "--every: does not apply with --once"),
+    ("emulate --bus slcan:auto --trials 1 --quiet", "--quiet: does not apply with --bus")])
+def test_an_option_that_does_not_apply_is_refused_even_if_it_is_zero(words: str, why: str,
+                                                                      capsys: pytest.CaptureFixture[str]) -> None:
+    root = Path(__file__).parents[2]
+    belief = next((root / "tests" / "golden" / "reference" / "belief").rglob("*.toml"))
+    places = {"DIR": str(root / "examples" / "spreadsheet"), "BELIEF": str(belief)}
+    assert main([places.get(word, word) for word in words.split()]) == 2
+    assert why in capsys.readouterr().err
 
 
 def read_by(module: str) -> set[str]:

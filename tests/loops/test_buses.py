@@ -114,7 +114,7 @@ def check_session(session: Path, said: str, recorded: str, reference: Trial) -> 
     assert not re.search("not allowed|unknown|another host|garbled", recorded), recorded
     assert (session / "trials.jsonl").read_bytes(), said + recorded + tell(session)
     trial = read_trial(session)
-    assert "1 balls launched (" in said and f"1 {trial.outcome.outcome}" in said      # as the world saw it
+    assert "1 ball launched (" in said and f"1 {trial.outcome.outcome}" in said      # as the world saw it
     assert trial.shot is not None and reference.shot is not None
     assert trial.shot.distance_m == pytest.approx(reference.shot.distance_m, abs=0.06)
     assert trial.shot.hood_deg == pytest.approx(reference.shot.hood_deg, abs=0.7)      # both within 0.3 of the aim

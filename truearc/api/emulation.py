@@ -31,7 +31,7 @@ class Emulation(Printed):
         """Return how many balls were launched, and how many had each outcome."""
         counts = Counter(ball.outcome for ball in self.balls)
         told = ", ".join(f"{counts[kind]} {kind}" for kind in KINDS)
-        return [f"{self.where}: {len(self.balls)} balls launched ({told})"]
+        return [f"{self.where}: {len(self.balls)} ball{'s' * (len(self.balls) != 1)} launched ({told})"]
 
 
 def emulate(config: Config, folder: str | Path, trials: int, seed: int, options: Options | None = None,

@@ -22,6 +22,7 @@ from truearc.sim.physics.simulate import classify, opening_of
 from truearc.sim.physics.simulate import predict as fly_shots
 from truearc.sim.progress import Progress
 
+ROUNDING = 1e-6                       # of a fitted range: a converted unit is not outside it
 COLUMNS = ("shot_id", "height_m", "deviation_m", "outcome", "note")
 NOT_REACHED = "does not reach the target: it meets the floor or turns back first"
 
@@ -67,8 +68,9 @@ def _notes(shots: Shots, height_m: list[float], provenance: Mapping[str, Any]) -
     notes: list[list[str]] = [[NOT_REACHED] if height != height else [] for height in height_m]
     fitted = provenance.get("range", {})
     for name, (low, high) in fitted.items() if isinstance(fitted, Mapping) else ():
+        room = ROUNDING * (high - low)
         for note, value in zip(notes, shots.number(name).tolist(), strict=True):
-            if value < low or value > high:
+            if value < low - room or value > high + room:
                 note.append(f"{name} {value:.4g} is outside the fitted {low:.4g} to {high:.4g}")
     return ["; ".join(note) for note in notes]
 

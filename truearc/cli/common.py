@@ -93,7 +93,8 @@ def refuse(args: argparse.Namespace, options: tuple[str, ...], why: str) -> None
         InputError: One of the options was given; the message names it.
     """
     for option in options:
-        if getattr(args, option.lstrip("-").replace("-", "_")) not in (None, False, []):
+        given = getattr(args, option.lstrip("-").replace("-", "_"))
+        if given is not None and given is not False and given != []:       # a given 0 is given
             raise InputError(f"{option}: {why}")
 
 

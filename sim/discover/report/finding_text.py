@@ -35,11 +35,11 @@ def say_named(believed: tuple[str, ...], p_value: float, leading: FoundEffect, a
     """One name, or those that cannot be told apart, with the size and what it gains."""
     what = leading.what
     names = leading.set or (what[0].term,)
-    likeliest = _effect(what[0], among, topspin)
+    members = [one for one in what if one.term in names]
+    likeliest = _effect(members[0], among, topspin)
     if len(names) == 1:
         said = f"{_missing(believed, among)}: {likeliest}."
     else:
-        members = [one for one in what if one.term in names]
         listed = members[:LISTED if len(names) > LISTED + 1 else LISTED + 1]
         rest = [f"{plain(one.term, among)} ({one.probability:.0%})" for one in listed]
         rest += [f"one of {len(names) - LISTED} others"] if len(names) > LISTED + 1 else []

@@ -105,14 +105,17 @@ def name_effects(fitted: BaselineFit, place: Place | None, search: Search, progr
     named = promote(fitted, first.refit)
     left = search.left(named)
     if left is None:
-        return (whole if posterior.share("both") < UNKNOWN else first,)
+        beside = sum(float(p) for one, p in zip(posterior.hypotheses, posterior.probability, strict=True)
+                     if naming.leader in one.names)
+        return (first if posterior.share("both") >= UNKNOWN and beside >= UNKNOWN else whole,)
     if varies:
         return (first, *_rest(named, search.where(named, left), naming.leader))
     if posterior.share("both") > posterior.share("two"):
         rest = search.where(named, left)
         if rest is not None and place is not None and rest.column.direction == first.column.direction:
             return (replace(whole, unknown=True),)         # the name stands for the rest, too
-        return (first, *_rest(named, rest, naming.leader))
+        steps = _rest(named, rest, naming.leader)
+        return (first, *steps) if steps else (whole,)
     pair = posterior.likeliest_pair()
     return (whole,) if pair is None else _two_and_rest(fitted, first, pair, search, part_of(progress, 0.5, 0.5))
 

@@ -111,10 +111,10 @@ def _ball(rig: Rig) -> Iterator[Flaw]:
                    f"in ounces, which would be {ball.mass_kg * OUNCE_KG:.3g} kg, and that ball.radius_m is not half of "
                    "the radius", warns=True)
     elif density < LIGHTEST_KG_M3:
-        name, (_, metres) = next((one for one in reversed(LENGTHS.items())
-                                  if density / one[1][1]**3 > LIGHT_KG_M3), ("millimetres", ("mm", 1e-3)))
+        units = {name: ball.radius_m * metres for name, (_, metres) in LENGTHS.items()
+                 if LIGHT_KG_M3 < density / metres**3 < DENSEST_KG_M3} or {"millimetres": ball.radius_m / 1000.0}
         yield Flaw("radius", "rig.toml: ball.radius_m", f"{said} weighs little more than the air in its place; this "
-                    f"looks like {name}: {ball.radius_m * metres:g} m")
+                   f"looks like {' or '.join(f'{name} ({radius_m:.4g} m)' for name, radius_m in units.items())}")
     elif density < LIGHT_KG_M3:
         yield Flaw("radius", "rig.toml: ball.radius_m", f"{ball.radius_m:g} m is much for a ball of {ball.mass_kg:g} "
                     "kg; make sure that it is not the diameter", warns=True)

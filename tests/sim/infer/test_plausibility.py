@@ -275,6 +275,8 @@ def test_wheels_in_revolutions_a_minute_are_refused(filmed: Dataset, table: Data
     (lambda one: numbers(one, hood_deg=90.0 - one.shots.number("hood_deg")), r"hood_deg: .* is from the vertical"),
     (lambda one: ball(one, mass_kg=one.rig.ball.mass_kg * 1000.0), r"ball.mass_kg: .* looks like grams"),
     (lambda one: ball(one, radius_m=one.rig.ball.radius_m * 1000.0), r"ball.radius_m: .* looks like millimetres"),
+    (lambda one: ball(one, radius_m=one.rig.ball.radius_m * 100.0),
+     r"ball.radius_m: .* looks like centimetres \(0\.\d+ m\)"),
     (lambda one: numbers(one, distance_m=one.shots.number("distance_m") / 0.3048), r"rename the column to distance_ft"),
     (lambda one: by_motor(one, free_speed_rad_s=5500.0), r"free_speed_rad_s: .*looks like revolutions per minute")])
 def test_wrong_units_of_shots_and_rig_are_refused(table: Dataset, wrong: Any, said: str) -> None:

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from tests.sim.physics.rigs import GUPPY
+from tests.sim.physics.tracker import watch
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.physics.catalogue import TERMS, effective, find_terms, flight_terms
 from truearc.sim.physics.flight import make_law, path, rk4, start_of
 from truearc.sim.physics.flight_over_x import reach_plane
 from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.simulate import leave, opening_of, sense, watch
+from truearc.sim.physics.simulate import leave, opening_of, sense
 
 BELIEVED = {"gravity": {"scale": 1.0}, "drag": {"cd": 0.6}, "magnus": {"cl": 0.1}}
 FLYING = flight_terms(term.name for term in TERMS)

@@ -56,8 +56,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rig", metavar="FILE", help="rig.toml or launcher.toml to aim with (default: the rig of the "
                         "recordings)")
     parser.add_argument("--once", action="store_true", help="look once at what is there, and end")
-    parser.add_argument("--every", type=number(float, 0.1, 3600.0), default=1.0, metavar="S", help="seconds between "
-                        "looks (default 1)")
+    parser.add_argument("--every", type=number(float, 0.1, 3600.0), metavar="S", help="seconds between looks "
+                        "(default 1)")
     parser.add_argument("--out", type=OutFolder((PROPOSAL, BELIEF, AIM)), metavar="DIR", help=f"folder for {PROPOSAL}, "
                         f"{BELIEF} and the robot's {AIM}, written where a change is proposed")
     parser.add_argument("--send", type=_url, metavar="URL", help="address of the robot's operator page: the aim file "
@@ -84,12 +84,13 @@ def main(args: argparse.Namespace) -> int:
     belief = ta.load_belief(args.belief, catalogue_of(args))
     watch = ShotWatch(args, belief, None if args.rig is None else load_any_rig(args.rig))
     if args.once:
+        refuse(args, ("--every",), "does not apply with --once")
         watch.look()
         return 0
     with contextlib.suppress(KeyboardInterrupt):
         while True:
             watch.look_if_grown()
-            time.sleep(args.every)
+            time.sleep(args.every or 1.0)
     return 0
 
 

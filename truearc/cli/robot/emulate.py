@@ -68,6 +68,7 @@ def _emulate(args: argparse.Namespace, config: Config, trials: int) -> "Emulatio
 
 
 def _serve(args: argparse.Namespace, config: Config, trials: int) -> "Emulation":
+    refuse(args, ("--quiet",), "does not apply with --bus: no progress is shown")
     for option, value in (("--out", args.out), ("--gate", args.gate), ("--aim", args.aim),
                           ("--page", parse_page(args.page))):
         if value is not None:
