@@ -7,7 +7,7 @@ For each seed the acts of `truearc demo` (truearc.cli.start.demo_acts): practice
 and the control, in which nothing has changed. All 300 shots of practice are the season's; the robot with images and CAN
 frames is left out. Before and after are the same balls from the same places; threes of 120. `significant`: two-sided
 test of two proportions over all acts of all seeds, adjusted by Holm's method. A line of FILE a seed, with every act's
-outcome; one that is there is not run again. Development used seeds below 4000.
+outcome; one that is there is not run again. Development used seeds below 5000.
 """
 
 import argparse
