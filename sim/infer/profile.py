@@ -139,3 +139,11 @@ def profile_interval(fit: MapFit, name: str) -> ProfileInterval:
     high, high_data, high_closed = walk.end(1.0)
     return ProfileInterval(name, one.value(point), one.value(point + low), one.value(point + high), low_data, high_data,
                            low_closed and high_closed)
+
+
+def deviance_at(fit: MapFit, name: str, value: float) -> float:
+    """Twice the adjusted log posterior lost with one parameter held at `value`; at most 2.706 inside its interval."""
+    one = fit.sought[fit.names.index(name)]
+    walk = _Profile(fit, one)
+    there = walk.flown(walk.at(one.at(value) - float(fit.evidence.point[one.column])).change)
+    return 2.0 * (there.cost - walk.ground.cost)

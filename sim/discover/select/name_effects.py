@@ -26,6 +26,7 @@ from truearc.sim.progress import Progress
 DRAWS = 999                           # after the first step, whose probability is the one that is promised
 SURE = 0.9                            # probability of one name, or that a set holds of what is explained
 TWIN = 0.5                            # of a name's probability, that what hardly differs from it must have
+ANY = 0.01                            # probability of names, below which they do not stand for what is unexplained
 UNKNOWN = 0.5                         # probability of something unexplained, from which that is the verdict
 CLEARLY = 2.0                         # standard errors by which a free curve is better on unseen shots
 Each = Float[Array, " n"]             # a number of each shot
@@ -102,12 +103,11 @@ def name_effects(fitted: BaselineFit, place: Place | None, search: Search, progr
     if _says_nothing(naming) or not (varies or posterior.holds_more()):
         return (whole,)
     first = replace(whole, unknown=False)
+    named_at_all = 1.0 - posterior.unexplained() > ANY
     named = promote(fitted, first.refit)
     left = search.left(named)
     if left is None:
-        beside = sum(float(p) for one, p in zip(posterior.hypotheses, posterior.probability, strict=True)
-                     if naming.leader in one.names)
-        return (first if posterior.share("both") >= UNKNOWN and beside >= UNKNOWN else whole,)
+        return (first if posterior.share("both") >= UNKNOWN and named_at_all else whole,)
     if varies:
         return (first, *_rest(named, search.where(named, left), naming.leader))
     if posterior.share("both") > posterior.share("two"):
@@ -115,7 +115,7 @@ def name_effects(fitted: BaselineFit, place: Place | None, search: Search, progr
         if rest is not None and place is not None and rest.column.direction == first.column.direction:
             return (replace(whole, unknown=True),)         # the name stands for the rest, too
         steps = _rest(named, rest, naming.leader)
-        return (first, *steps) if steps else (whole,)
+        return (first, *steps) if steps or named_at_all else (whole,)
     pair = posterior.likeliest_pair()
     return (whole,) if pair is None else _two_and_rest(fitted, first, pair, search, part_of(progress, 0.5, 0.5))
 

@@ -19,20 +19,12 @@ from truearc.sim.infer.crossval import cross_validate
 from truearc.sim.infer.identifiability import identify
 from truearc.sim.infer.likelihood.prepared_data import take_in
 from truearc.sim.infer.map_fit import MapFit, fit_map
-from truearc.sim.infer.profile import Z90, _Profile, profile_interval
+from truearc.sim.infer.profile import Z90, deviance_at, profile_interval
 
 TERMS = ("drag", "magnus", "exit_efficiency")
 TRUTH = Truth()
 TRUE = {"drag.cd": TRUTH.cd, "magnus.cl": TRUTH.cl, "exit_efficiency.loss": TRUTH.loss,
         "scatter.speed": TRUTH.speed_sd, "scatter.elevation_deg": TRUTH.elevation_sd_deg}
-
-
-def deviance_at(fit: MapFit, name: str, value: float) -> float:
-    """Twice the adjusted log posterior lost with one parameter held at `value`; at most 2.706 inside its interval."""
-    one = fit.sought[fit.names.index(name)]
-    walk = _Profile(fit, one)
-    there = walk.flown(walk.at(one.at(value) - float(fit.evidence.point[one.column])).change)
-    return 2.0 * (there.cost - walk.ground.cost)
 
 
 @pytest.fixture(scope="module")
