@@ -19,6 +19,7 @@ UNITS = (("_rad_s", "rad/s"), ("_rad", "rad"), ("_deg", "deg"), ("_nm", "Nm"), (
          ("_m", "m"), ("_s", "s"), ("_v", "V"), ("_a", "A"))       # by how a name ends
 KINDS = {"cause": "reason", "causes": "reasons", "errors": "reasons", "motor": "motor", "bytes": "count",
          "frames": "count", "presses": "count", "spark": "count"}  # by the name itself
+NUMERIC = "efg"                       # how the format of a number ends
 WITHOUT_NUMBERS = {"text", "count", "flag", "motor", "device", "texts", "counts", "reason", "reasons"}
 NESTED = "~"                          # in a template's format: stands for the parameter's text, where there is one
 LISTED = ","                          # the format of several that commas separate
@@ -56,10 +57,16 @@ class Code(Struct, frozen=True):
     bare: Reason | None = None        # worked out: without parameters it is always the same
 
     def __post_init__(self) -> None:
-        told = {name: KINDS.get(name, unit_of(name) or "text") + (OPTIONAL if NESTED in (form or "") else "")
-                for _, name, form, _ in Formatter().parse(self.text) if name}
-        if not told.keys() <= self.params.keys():
-            force_setattr(self, "params", {**told, **self.params})
+        inferred = {}
+        for _, name, form, _ in Formatter().parse(self.text):
+            if name and name not in self.params:
+                kind = KINDS.get(name) or unit_of(name)
+                if not kind and form and form[-1] in NUMERIC:
+                    raise ValueError(f"code {self.name}: declare the unit of {name}; its name does not end with one")
+                inferred[name] = (kind or "text") + (OPTIONAL if NESTED in (form or "") else "")
+        if inferred:
+            fields = {name: None for _, name, *_ in Formatter().parse(self.text) if name}
+            force_setattr(self, "params", {**fields, **inferred, **self.params})
         kinds = {unit.rstrip(OPTIONAL) for unit in self.params.values()}
         force_setattr(self, "has_numbers", bool(kinds - WITHOUT_NUMBERS))
         force_setattr(self, "bare", Reason(self.name))
