@@ -30,8 +30,8 @@ class Emulation(Printed):
     def lines(self) -> list[str]:
         """Return how many balls were launched, and how many had each outcome."""
         counts = Counter(ball.outcome for ball in self.balls)
-        told = ", ".join(f"{counts[kind]} {kind}" for kind in KINDS)
-        return [f"{self.where}: {len(self.balls)} ball{'s' * (len(self.balls) != 1)} launched ({told})"]
+        marks = ", ".join(f"{counts[kind]} {kind}" for kind in KINDS)
+        return [f"{self.where}: {len(self.balls)} ball{'s' * (len(self.balls) != 1)} launched ({marks})"]
 
 
 def emulate(config: Config, folder: str | Path, trials: int, seed: int, options: Options | None = None,

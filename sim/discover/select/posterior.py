@@ -198,7 +198,7 @@ def _flown(found: Sequence[Hypothesis], bases: Bases) -> list[Hypothesis]:
             continue
         true[k] = flown / guessed
         found[k] = replace(one, nats=floor + flown + one.family.spread)
-        share = min(float(np.mean([true[n] for n in true if table[n].names == one.names])), 1.0)
+        share = float(np.clip(np.mean([true[n] for n in true if table[n].names == one.names]), 0.0, 1.0))
         for n in able:
             if n != k and table[n].names == one.names and table[n].nats > floor:
                 found[n] = replace(table[n], nats=floor + share * (table[n].nats - floor))

@@ -8,9 +8,11 @@ from msgspec import structs
 
 from tests.sim.discover.worlds import FACTS, World, make_outcomes
 from truearc.robot.config.rig_spec import Site
+from truearc.sim.discover.detect.covariates import Covariate
 from truearc.sim.discover.select.flown_curves import nats_flown, term_of
 from truearc.sim.discover.select.hypotheses import Part, log_evidence, process_shapes, with_parts
-from truearc.sim.discover.select.term_ranking import _scan, one_step
+from truearc.sim.discover.select.posterior import weigh
+from truearc.sim.discover.select.term_ranking import _scan, name_terms, one_step
 from truearc.sim.infer.baseline_fit import BaselineFit, fit_believed
 from truearc.sim.infer.held_out import without
 from truearc.sim.infer.likelihood.design_columns import lay_out
@@ -39,6 +41,19 @@ def test_a_small_change_is_worth_flown_what_the_table_says_and_no_change_costs()
         flown = nats_flown(fitted, part)
         assert flown is not None and flown == pytest.approx(table, abs=0.6)
         assert flown < 0.0 if drift == 0.0 else flown > 5.0
+
+
+@pytest.mark.slow
+def test_an_unexplained_change_that_matters_is_weighed_as_it_flies() -> None:
+    fitted, _ = fit_drifting(0.06)
+    t_s = make_outcomes(World(measured=True, speed_drift=0.06), 80, 4).shots.number("t_s")
+    posterior = weigh(fitted, name_terms(fitted, lambda done, note: None), (Covariate((("t_s", t_s),)),), ())
+    alone = [one for one in posterior.hypotheses if one.family is not None and not one.names]
+    likeliest = max(alone, key=lambda one: one.nats)
+    assert likeliest.family is not None
+    flown = nats_flown(fitted, likeliest.family.part)
+    assert flown is not None and likeliest.nats == pytest.approx(flown + likeliest.family.spread, abs=1e-6)
+    assert posterior.probability.sum() == pytest.approx(1.0)
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ from scipy.stats import multivariate_normal, norm
 
 from tests.sim.discover.straight import ASKED, fit_straight
 from truearc.sim.discover.detect.covariates import Covariate, Factor
+from truearc.sim.discover.detect.reference_session import ReferenceSession
 from truearc.sim.discover.select.hypotheses import (
     Part,
     Projected,
@@ -142,6 +143,24 @@ def test_a_change_that_goes_with_a_covariate_is_unexplained(wave: float, unexpla
     assert (first.nats > 5.0) == unexplained
     if not unexplained:
         assert next(iter(posterior.inclusion())) == "wind_z.speed_m_s"
+
+
+def test_an_unexplained_change_counts_by_what_home_did_not_show() -> None:
+    """The same wave in both sessions is no change; one that home lacks is."""
+    name, place = "release_height.above_m", np.random.default_rng(0).uniform(size=300)
+    covariate = Covariate((("humidity", place),))
+
+    def session(wave: float, seed: int) -> BaselineFit:
+        varying = {name: wave * np.sin(2.0 * np.pi * place)}
+        return with_free(fit_straight({}, seed, 300, varying=varying), name)
+
+    here = session(1.0, 2)
+    alike, without_it = (ReferenceSession(session(wave, 7), {"humidity": place}) for wave in (1.0, 0.0))
+    alone, same, new = (families_of(here.evidence, (covariate,), (), home)[0].nats
+                        for home in (None, alike, without_it))
+    # the difference of two equal samples has twice the variance of one: half the nats
+    assert alone > 20.0 and same < 3.0 and new == pytest.approx(0.5 * alone, rel=0.2)
+    assert weigh(here, name_terms(here, lambda done, note: None), (covariate,), (), alike).unexplained() < 0.9
 
 
 def test_a_term_whose_size_differs_from_group_to_group_is_named() -> None:
