@@ -3,7 +3,7 @@
 import pytest
 
 from truearc.hw.fault_codes import BOX_LINES_REFUSED, BY_NAME
-from truearc.hw.reason import render
+from truearc.hw.reason import Code, render
 
 
 def test_unprintable_characters_of_a_parameter_are_escaped() -> None:

@@ -12,6 +12,7 @@ from tests.robot.good_tick import CONFIG, DISTANCE_M, HOOD_DEG, NOW_NS, good_inp
 from truearc.hw import fault_codes as hw
 from truearc.hw.fault_codes import BOX_PRESSES_LOST, CAN_BUS_OFF
 from truearc.robot import reasons as because
+from truearc.robot.aim import BEYOND, NO_FILE
 from truearc.robot.estimate import estimate
 from truearc.robot.gate.model import Rating
 from truearc.robot.gate.verdict import judge, only_the_model_doubts
@@ -71,6 +72,8 @@ def test_each_interlock_of_the_memory_holds(change, reasons):
     ({"motor_ratio": math.nan}, [because.WHEELS_OFF_SPEED(speed_rad_s=SPEED, wanted_rad_s=math.nan)]),
     ({"hood_deg": 60.0}, [because.HOOD_OFF_ANGLE(angle_deg=HOOD, wanted_deg=60.0)]),
     ({"stand_m": 4.0}, [because.NOT_AT_PLACE(place_m=4.0)]), ({"source": "idle"}, [because.NO_AIM()]),
+    ({"motor_ratio": 0.0, "source": NO_FILE.source}, [because.AIM_FILE_MISSING()]),
+    ({"motor_ratio": 0.0, "source": BEYOND.source}, [because.NO_SET_POINT(distance_m=DISTANCE_M)]),
 ])
 def test_an_aim_that_is_not_met_holds(change, reasons):
     memory = good_memory()
