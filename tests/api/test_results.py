@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from msgspec import structs
 
 import truearc as ta
+from truearc.api.finding_report import SavedFinding
 from truearc.cli.main import main
 
 pytestmark = pytest.mark.slow
@@ -62,6 +64,9 @@ def test_finding_says_what_was_planted(found) -> None:
     low, high = best.interval90
     assert low < best.value < high and 0.0 < best.probability <= 1.0 and best.unit
     assert {one.term for one in found.alternatives} <= set(found.record.set)
+    last = found.effects[-1].term
+    turned = SavedFinding(structs.replace(found.record, verdict="set", set=(last,)))
+    assert turned.best is not None and turned.best.term == last and turned.alternatives == ()
     assert found.table().column("term") == [one.term for one in found.effects]
     assert json.loads(found.to_json())["schema"] == "truearc.finding/1"
     assert isinstance(found.plot_residuals(), Figure)

@@ -63,12 +63,17 @@ class FindingReport(Printed):
     @property
     def best(self) -> Effect | None:
         """The most probable term; None for the verdicts unknown and none."""
-        return self.effects[0] if self.verdict in ("named", "set") else None
+        return self._members()[0] if self.verdict in ("named", "set") else None
 
     @property
     def alternatives(self) -> tuple[Effect, ...]:
         """The other terms that these data cannot tell from the best one, most probable first."""
-        return tuple(one for one in self.effects[1:] if one.term in (self.record.set or ()))
+        return self._members()[1:] if self.record.set else ()
+
+    def _members(self) -> tuple[Effect, ...]:
+        """The effects that the verdict names, most probable first; one left out of a set may be more probable."""
+        names = self.record.set
+        return tuple(one for one in self.effects if names is None or one.term in names)
 
     def table(self) -> Table:
         """Return a row per candidate term: probability, amplitude with its 90 % interval in `unit`, stage."""
