@@ -57,7 +57,7 @@ class Shots:
 
 @dataclass(frozen=True)
 class ShotSamples:
-    """What was measured through shots. `shot`: row in Shots; all columns [m]."""
+    """Measurements made through shots. `shot`: row in Shots; all columns [m]."""
 
     shot: npt.NDArray[np.int64]
     t_s: Floats
