@@ -43,7 +43,12 @@ LOOKS = {
     "mass_kg": "if grams, rename the column to mass_g; if ounces, to mass_oz",
     "radius_m": "if millimetres, rename the column to radius_mm; if centimetres, to radius_cm; if inches, to radius_in",
 }
+LOWER = {                                                     # the same of a negative number
+    "distance_m": "it is from the exit to the target along the floor, and has no sign",
+    "hood_deg": "it is the elevation above the horizontal",
+}
 NO_RANGE = (-math.inf, math.inf)
+ALIKE = 3                                                     # fewest bad numbers of a column that are one problem
 WORDS = {"outcome": OUTCOMES, "side": SIDES}
 TEXTS = ("session", "ball_id")
 
@@ -88,6 +93,7 @@ def number_column(table: RawTable, name: str, problems: Problems, needed: bool =
     empty cell where one is needed."""
     low, high = RANGES.get(name, NO_RANGE)
     values = np.full(len(table.lines), np.nan)
+    beyond: dict[int, float] = {}
     for row, cell in enumerate(table.columns[name]):
         number = parse_number(cell)
         if cell is None:
@@ -97,13 +103,24 @@ def number_column(table: RawTable, name: str, problems: Problems, needed: bool =
             table.fault(problems, row, name, f"{cell!r} is not a finite number"
                         + ("; decimals have a point, thousands no mark" if "," in str(cell) else ""))
         elif not low <= number <= high:
-            said, least, most = (table.shown(name, value) for value in (number, low, high))
-            looks = "make sure that its unit is as its name says" if table.converted(name) else LOOKS.get(name, "")
-            table.fault(problems, row, name, f"{said} is out of range ({least} to {most})"
-                        + (f"; {looks}" if looks else ""))
+            beyond[row] = number
         else:
             values[row] = number
+    alike = len(beyond) >= ALIKE and len(beyond) > np.isfinite(values).sum()
+    for row, number in list(beyond.items())[:1 if alike else None]:
+        table.fault(problems, row, name, _beyond(table, name, number)
+                    + (f"; here and in {len(beyond) - 1} more rows" if alike else ""))
     return values
+
+
+def _beyond(table: RawTable, name: str, number: float) -> str:
+    """What to say of a number out of its column's range."""
+    low, high = RANGES[name]
+    looks = "make sure that its unit is as its name says" if table.converted(name) else LOOKS.get(name, "")
+    if number < low == 0.0:
+        looks = LOWER.get(name, "")
+    said, least, most = (table.shown(name, value) for value in (number, low, high))
+    return f"{said} is out of range ({least} to {most})" + (f"; {looks}" if looks else "")
 
 
 def text_column(table: RawTable, name: str, problems: Problems, needed: bool = True) -> tuple[str, ...]:

@@ -13,7 +13,6 @@ from truearc.sim.paper.settings import HIGH, LOW, STEP
 from truearc.sim.physics.simulate import THREE, TWO, launch_of, require
 from truearc.sim.progress import Progress
 
-FLOWN_AT_ONCE = 200_000               # flights of tied pairs worked out together by the bootstrap
 MAX_PARTS = 10000                     # of the range: a hundred times the paper's pairs
 
 
@@ -72,7 +71,7 @@ def fit_grid(rig: Rig, shots: Shots, step: float = STEP, progress: Progress = la
     progress(0.0, "the law of motion is compiled when it is new")
     scoring = make_scoring(rig, shots)
     hits = find_hits(scoring.flyer, axis, scoring.target, progress)
-    three, two = count_hits(hits, scoring.is_three, np.ones(len(scoring.is_three)), axis.size)
+    three, two = count_hits(hits, scoring.is_three, axis.size)
     if not two.any():
         raise InputError("no pair of coefficients puts any of the scoring shots into the target: distances, launch, "
                        "release height and target of rig.toml cannot all be right")
@@ -108,11 +107,10 @@ def make_scoring(rig: Rig, shots: Shots) -> Scoring:
     return Scoring(flyer, np.array(scoring.text("outcome")) == THREE, target)
 
 
-def count_hits(hits: Hits, is_three: np.ndarray, weight: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray]:
-    """Maps [cl, cd]: three-shots flown into the three, and all shots flown into the two, each shot so often."""
+def count_hits(hits: Hits, is_three: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray]:
+    """Maps [cl, cd]: three-shots flown into the three, and all shots flown into the two."""
     in_three = (hits.label >= LABEL_THREE) & is_three[hits.launch]
-    three = np.bincount(hits.pair[in_three], weight[hits.launch[in_three]], points**2)
-    two = np.bincount(hits.pair, weight[hits.launch], points**2)
+    three, two = (np.bincount(pair, minlength=points**2) for pair in (hits.pair[in_three], hits.pair))
     return three.reshape(points, points), two.reshape(points, points)
 
 
@@ -131,59 +129,3 @@ def map_deviation(rig: Rig, shots: Shots, cd: np.ndarray, cl: np.ndarray) -> np.
     """
     mean_m: np.ndarray = make_scoring(rig, shots).deviation_m(np.ravel(cd), np.ravel(cl)).mean(axis=1)
     return mean_m.reshape(np.shape(cd))
-
-
-@dataclass(frozen=True)
-class Bootstrap:
-    """The pair chosen from each resample: `cd`, `cl` [resamples]; `without_three`: resamples that held no three."""
-
-    cd: np.ndarray
-    cl: np.ndarray
-    without_three: int
-    seed: int
-
-    def interval90(self, name: str) -> tuple[float, float]:
-        """5 % and 95 % of `cd` or `cl` over the resamples; nan when there are none."""
-        values = self.cd if name == "cd" else self.cl
-        if not values.size:
-            return float("nan"), float("nan")
-        low, high = np.quantile(values, (0.05, 0.95), method="inverted_cdf")
-        return float(low), float(high)
-
-
-def bootstrap_grid(rig: Rig, shots: Shots, fit: GridFit, resamples: int, seed: int) -> Bootstrap:
-    """Choose as fit_grid does from `resamples` draws with replacement of the scoring shots, by the labels it found.
-
-    Only deviations at tied pairs are flown again. A draw without a three cannot be chosen from, and is counted.
-    """
-    scoring = make_scoring(rig, shots)
-    count = len(scoring.is_three)
-    draws = np.random.default_rng(seed).integers(count, size=(resamples, count))
-    weights = np.stack([np.bincount(draw, minlength=count) for draw in draws])
-    weights = weights[weights[:, scoring.is_three].any(axis=1)]
-    tied = [_tied(fit, scoring, weight) for weight in weights]
-    chosen = _choose(scoring, fit.axis, tied, weights[:, scoring.is_three])
-    return Bootstrap(chosen[:, 0], chosen[:, 1], resamples - len(weights), seed)
-
-
-def _tied(fit: GridFit, scoring: Scoring, weight: np.ndarray) -> np.ndarray:
-    """Pairs best in threes and among those in twos, as indices of [cl, cd] laid flat."""
-    three, two = (part.ravel() for part in count_hits(fit.hits, scoring.is_three, weight, fit.axis.size))
-    best = np.flatnonzero(three == three.max())
-    return np.asarray(best[two[best] == two[best].max()])
-
-
-def _choose(scoring: Scoring, axis: np.ndarray, tied: list[np.ndarray], weights: np.ndarray) -> np.ndarray:
-    """(cd, cl) of each draw: least mean deviation, then median, cd, cl, of its tied pairs."""
-    pairs = np.unique(np.concatenate(tied)) if tied else np.zeros(0, int)
-    cl, cd = axis[pairs // axis.size], axis[pairs % axis.size]
-    block = max(1, FLOWN_AT_ONCE // weights.shape[1])
-    parts = [scoring.deviation_m(cd[at:at + block], cl[at:at + block]) for at in range(0, len(pairs), block)]
-    deviation_m = np.concatenate(parts) if parts else np.zeros((0, weights.shape[1]))
-    chosen = np.zeros((len(tied), 2))
-    for draw, (candidates, weight) in enumerate(zip(tied, weights, strict=True)):
-        at = np.searchsorted(pairs, candidates)
-        drawn_m = np.repeat(deviation_m[at], weight, axis=1)
-        order = np.lexsort((cl[at], cd[at], np.median(drawn_m, axis=1), drawn_m.mean(axis=1)))
-        chosen[draw] = cd[at][order[0]], cl[at][order[0]]
-    return chosen

@@ -12,7 +12,7 @@ from matplotlib.patches import Rectangle
 
 from truearc.sim.data.dataset import Dataset, hash_dataset
 from truearc.sim.infer.belief import launcher_of, ranges_of
-from truearc.sim.paper.grid_fit import Bootstrap, GridFit, map_deviation
+from truearc.sim.paper.grid_fit import GridFit, map_deviation
 from truearc.sim.paper.score import Score
 from truearc.sim.paper.settings import HIGH, LOW
 from truearc.sim.report import new_figure
@@ -24,9 +24,9 @@ ZOOM_POINTS = 90                      # a side at most, of the picture's second 
 POOR_THREE, POOR_TWO = 0.6, 0.8       # the paper reports 0.92 and 0.98 on the shots it was fitted to
 
 
-def explain(dataset: Dataset, fit: GridFit, scored: Score, again: Bootstrap | None) -> list[str]:
-    """Report the fit line by line: the pair, its uncertainty, and warnings."""
-    return [*_found(dataset, fit), *_ties(fit), *_chosen(fit, scored), *_bootstrap(again), *_warnings(fit)]
+def explain(dataset: Dataset, fit: GridFit, scored: Score) -> list[str]:
+    """Report the fit line by line: the pair, those tied with it, and warnings."""
+    return [*_found(dataset, fit), *_ties(fit), *_chosen(fit, scored), *_warnings(fit)]
 
 
 def _found(dataset: Dataset, fit: GridFit) -> Iterator[str]:
@@ -72,19 +72,6 @@ def _chosen(fit: GridFit, scored: Score) -> Iterator[str]:
            f"{scored.all:.2%} ({scored.shots} shots)")
 
 
-def _bootstrap(again: Bootstrap | None) -> Iterator[str]:
-    if again is None:
-        return
-    if not again.cd.size:
-        yield "bootstrap: no resample held a three-pointer"
-        return
-    yield (f"bootstrap: with the shots drawn again {len(again.cd)} times (seed {again.seed}), 90 % of the choices lie "
-           "in " + " and ".join(f"{name} {low:.3f} to {high:.3f}"
-                          for name, (low, high) in (("cd", again.interval90("cd")), ("cl", again.interval90("cl")))))
-    if again.without_three:
-        yield f"  draws left out because they held no three-pointer: {again.without_three}"
-
-
 def _warnings(fit: GridFit) -> Iterator[str]:
     for name, value in (("cd", fit.cd), ("cl", fit.cl)):
         if np.isclose(value, LOW) or np.isclose(value, HIGH):
@@ -96,7 +83,7 @@ def _warnings(fit: GridFit) -> Iterator[str]:
                "or physics that the simulator lacks; `truearc discover` says which")
     if fit.shots_three < FEW_THREES:
         yield (f"warning: only {fit.shots_three} three-pointer{'s' if fit.shots_three > 1 else ''}; every further one "
-               "may move the choice (--bootstrap 200 says how far)")
+               "may move the choice (`truearc fit` gives intervals)")
 
 
 def _metres(value: float) -> str:
@@ -157,17 +144,11 @@ def _around(at: np.ndarray, axis: np.ndarray) -> np.ndarray:
     return part[::-(-len(part) // ZOOM_POINTS)]
 
 
-def provenance_of(step: float, dataset: Dataset, fit: GridFit, scored: Score,
-                  again: Bootstrap | None) -> dict[str, Any]:
+def provenance_of(step: float, dataset: Dataset, fit: GridFit, scored: Score) -> dict[str, Any]:
     """Return how the chosen pair came about, in plain values for the coefficients file."""
     said = {"method": "grid", "step": step, "dataset": dataset.name, "dataset_sha256": hash_dataset(dataset),
             "truearc": version("truearc"), "tied_pairs": len(fit.ties), "shots_three": fit.shots_three,
             "shots_two": fit.shots_two, "accuracy_three": scored.three, "accuracy_two": scored.two,
             "range": ranges_of(dataset.shots), "rig": launcher_of(dataset.rig)}
-    said |= {name: value for name, value in (("mean_deviation_m", fit.mean_m), ("median_deviation_m", fit.median_m))
-             if np.isfinite(value)}
-    if again is not None and again.cd.size:
-        (cd_low, cd_high), (cl_low, cl_high) = again.interval90("cd"), again.interval90("cl")
-        said |= {"bootstrap_resamples": len(again.cd), "bootstrap_seed": again.seed, "cd_low90": cd_low,
-                 "cd_high90": cd_high, "cl_low90": cl_low, "cl_high90": cl_high}
-    return said
+    return said | {name: value for name, value in (("mean_deviation_m", fit.mean_m),
+                                                   ("median_deviation_m", fit.median_m)) if np.isfinite(value)}

@@ -30,7 +30,7 @@ def script(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize(("words", "completed"), [
     (["dis"], {"discover"}), (["paper", ""], {"fit", "synth", "train", "sweep"}),
-    (["session", "re"], {"replay", "recover"}), (["paper", "fit", "--boot"], {"--bootstrap"}),
+    (["session", "re"], {"replay", "recover"}), (["paper", "fit", "--pi"], {"--picture"}),
     (["vision-c"], {"vision-calibrate"}), (["vision", "a.jpg", "--l"], {"--labels"}),
     (["vision-calibrate", "--b"], {"--board", "--bias-sigma"}),
     (["session", "convert", "s", "--to", ""], {"csv", "mcap", "parquet", "wpilog"}), (["prov"], {"prove"}),

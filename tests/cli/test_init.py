@@ -76,6 +76,17 @@ def test_check_says_what_filled_in_shots_could_show(made: Path, capsys: pytest.C
     assert "48 shots of this kind (L0) would show" in said and "hood_deg             31.1 to 53.6" in said
 
 
+def test_check_says_that_speeds_were_not_compared_where_nothing_scored(
+        made: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("rig.toml", "shots.csv"):
+        shutil.copy(SHOTS / name, made / name)
+    needed = "not checked without 6 scoring shots"
+    assert main(["check", "week", "--quiet"]) == 0 and needed not in capsys.readouterr().out
+    rows = (made / "shots.csv").read_text()
+    (made / "shots.csv").write_text(rows.replace(",two", ",miss").replace(",three", ",miss"))
+    assert main(["check", "week", "--quiet"]) == 0 and needed in capsys.readouterr().out
+
+
 def test_check_refuses_implausible_data_by_name_unless_accepted(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rig = (SHOTS / "rig.toml").read_text().replace("mass_kg = 0.14 ", "mass_kg = 140.0 ")
     (made / "rig.toml").write_text(rig.replace("mass_kg = 0.14", "mass_kg = 140.0"))

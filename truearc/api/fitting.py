@@ -21,7 +21,7 @@ from truearc.sim.infer.fit_text import fit_lines
 from truearc.sim.infer.map_fit import MapFit, fit_map
 from truearc.sim.infer.plausibility.check import check_plausible
 from truearc.sim.infer.profile import ProfileInterval, profile_interval
-from truearc.sim.paper.grid_fit import Bootstrap, GridFit, bootstrap_grid, fit_grid, map_deviation
+from truearc.sim.paper.grid_fit import GridFit, fit_grid, map_deviation
 from truearc.sim.paper.grid_report import draw_map, explain, provenance_of
 from truearc.sim.paper.score import Score, score
 from truearc.sim.paper.settings import STEP
@@ -105,19 +105,17 @@ class GridSearch(Printed):
     """The paper's search: the pair of drag and lift coefficient under which most outcomes are reproduced.
 
     `step`: of the grid. `solution`: the whole map, the tied pairs and the chosen one. `accuracy`: of the chosen pair.
-    `bootstrap`: how far the choice moves when the shots are drawn again; None where that was not wanted.
     """
 
     dataset: Dataset
     step: float
     solution: GridFit
     accuracy: Score
-    bootstrap: Bootstrap | None
 
     @property
     def belief(self) -> Belief:
         """The chosen pair, without a covariance: the grid gives none."""
-        said = provenance_of(self.step, self.dataset, self.solution, self.accuracy, self.bootstrap)
+        said = provenance_of(self.step, self.dataset, self.solution, self.accuracy)
         return replace(point_belief(self.solution.coefficients), provenance=said)
 
     def save_map(self, path: str | Path) -> None:
@@ -144,17 +142,17 @@ class GridSearch(Printed):
     def lines(self) -> list[str]:
         """Return the report: shots used, tied pairs, the chosen pair and its accuracy, warnings."""
         return [*(f"warning: {line}" for line in self.dataset.accepted),
-                *explain(self.dataset, self.solution, self.accuracy, self.bootstrap)]
+                *explain(self.dataset, self.solution, self.accuracy)]
 
 
 @overload
 def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: Literal["map"] = "map",
         accept: Collection[str] = ..., progress: Progress = ...) -> Fit: ...
 @overload
-def fit(dataset: Dataset, *, method: Literal["grid"], step: float = STEP, bootstrap: int = 0, seed: int = 0,
-        accept: Collection[str] = ..., progress: Progress = ...) -> GridSearch: ...
+def fit(dataset: Dataset, *, method: Literal["grid"], step: float = STEP, accept: Collection[str] = ...,
+        progress: Progress = ...) -> GridSearch: ...
 def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: str = "map",
-        step: float | None = None, bootstrap: int = 0, seed: int = 0, accept: Collection[str] = (),
+        step: float | None = None, accept: Collection[str] = (),
         progress: Progress = lambda done, note: None) -> Fit | GridSearch:
     """Fit parameters of the physics to everything that a dataset records.
 
@@ -165,8 +163,6 @@ def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: 
         method: "map": maximum a posteriori of all records, with 90 % intervals. "grid": the paper's search over drag
             and lift by outcomes alone; terms do not apply.
         step: Grid only: distance of neighbouring coefficients; divides 5.
-        bootstrap: Grid only: how many times the shots are drawn again.
-        seed: Grid only: of the bootstrap.
         accept: Names of plausibility checks (truearc.sim.infer.plausibility) whose objections are accepted; recorded.
         progress: Called with the share done, 0 to 1, and a note.
 
@@ -179,19 +175,16 @@ def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: 
     check_kind("dataset", dataset, Dataset, "load_dataset(...)")
     dataset = check_plausible(dataset, accept)
     if method == "map":
-        if step is not None or bootstrap or seed:
-            raise InputError("step, bootstrap, seed: method 'map' makes no use of them; method 'grid' does")
+        if step is not None:
+            raise InputError("step: method 'map' makes no use of it; method 'grid' does")
         return _fit_map(dataset, terms, progress)
     if method != "grid":
         raise InputError(f"method: there is no {method!r}; there are 'map' and 'grid'")
     if terms is not None:
         raise InputError("terms: method 'grid' makes no use of them; method 'map' does")
-    if bootstrap < 0 or seed < 0:
-        raise InputError("bootstrap and seed cannot be negative")
     step = STEP if step is None else step
     found = fit_grid(dataset.rig, dataset.shots, step, progress)
-    again = bootstrap_grid(dataset.rig, dataset.shots, found, bootstrap, seed) if bootstrap else None
-    return GridSearch(dataset, step, found, score(dataset.rig, found.coefficients, dataset.shots), again)
+    return GridSearch(dataset, step, found, score(dataset.rig, found.coefficients, dataset.shots))
 
 
 def _fit_map(dataset: Dataset, terms: Iterable[str | Term] | None, progress: Progress) -> Fit:

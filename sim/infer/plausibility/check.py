@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Bool, Float
 
 from truearc.robot.config.rig_spec import DENSEST_KG_M3, MOST, Rig, too_large
 from truearc.robot.config.schema import InputError
@@ -224,14 +225,24 @@ def needed_speed(distance_m: Floats, rise_m: float, hood_deg: Floats, gravity_m_
     return np.where(above_m > 0.0, speed, np.inf)
 
 
-def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
-    """Scoring shots got to the target: their launch speed must have been enough, and not many times as much."""
+def judges_reach(dataset: Dataset) -> bool:
+    """Whether enough shots score, with known distance, angle and speed, to compare these with each other."""
+    return dataset.rig.target is not None and _scoring(dataset.rig, dataset.shots)[1].shape[1] >= SCORES
+
+
+def _scoring(rig: Rig, shots: Shots) -> tuple[Bool[np.ndarray, " n"], Float[np.ndarray, "3 m"]]:
+    """Which shots score, and distance [m], angle [deg] and launch speed [m/s] of those where all are known."""
     scoring = np.isin(shots.text("outcome"), ("two", "three"))
     speed_m_s = launch_state(rig, shots).get("exit_speed_m_s", np.full(len(shots), np.nan))
     seen_deg = shots.number("exit_deg")
     columns = np.array([shots.number("distance_m"),
                         np.where(np.isfinite(seen_deg), seen_deg, shots.number("hood_deg")), speed_m_s])
-    distance_m, hood_deg, speed_m_s = columns[:, scoring & np.isfinite(columns).all(axis=0)]
+    return scoring, columns[:, scoring & np.isfinite(columns).all(axis=0)]
+
+
+def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
+    """Scoring shots got to the target: their launch speed must have been enough, and not many times as much."""
+    scoring, (distance_m, hood_deg, speed_m_s) = _scoring(rig, shots)
     if rig.target is None or len(distance_m) < SCORES:
         return
     centre_m = rig.target.centre_height_m

@@ -20,7 +20,9 @@ SPEED = (0.2, 1.6)                    # of a tracked ball, by that of the wheels
 SLIPS = 0.85                          # usual
 ALIKE = 1.15                          # gravity in the unit that a message names, over the rig's, or the inverse
 FAR_M = 0.5                           # tracks that go less far have no direction
-NEAR_M = 1.5                          # tracks that begin farther off do not tell where the ball left
+NEAR_M = 5.0                          # tracks that begin farther off do not tell where the ball left
+BENT = 0.1                            # share of the way back by which drag may bend it
+BEHIND_M = 0.5                        # a ball may be seen before it leaves the launcher
 OFF_RELEASE_M = 0.2                   # a release height is misjudged by centimetres (term release_height: 0.04 usual)
 SAMPLES = 8                           # fewest of a track that is judged
 APART = 2.5                           # times the others' gravity, or a share of it, in tracks of another unit
@@ -35,7 +37,7 @@ class Motion(NamedTuple):
     from_m: Floats                    # [tracks, 3]: where each begins
     velocity_m_s: Floats              # [tracks, 3]: there
     shot: Floats                      # [tracks]: row in Shots
-    alone_m_s2: Floats                # [tracks]: size of the acceleration without drag, of each by itself
+    alone_m_s2: Floats                # [tracks]: size of each one's acceleration, drag included
     reach_m: Floats                   # [tracks]: horizontal distance travelled
     toward_m: Floats                  # [tracks, 2]: along x and y
 
@@ -64,7 +66,8 @@ def measure_motion(tracks: Tracks) -> Motion | None:
     if len(rows) < TRACKS:
         return None
     solutions = np.array([_gravity_of([row]) for row in rows])
-    alone = np.linalg.norm(solutions, axis=1)
+    # one track alone does not part drag from gravity
+    alone = np.array([np.linalg.norm(row[1].mean(axis=1)) for row in rows])
     like = ~_apart(alone)
     whole = _gravity_of([row for row, one in zip(rows, like, strict=True) if one])
     error = float(np.linalg.norm(1.25 * np.median(np.abs(solutions - np.median(solutions, axis=0)), axis=0)))
@@ -118,8 +121,8 @@ def _mixed(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:
     likely = f"these look like {name}; " if abs(math.log(other * LENGTHS[name][1] / usual)) < math.log(ALIKE) else ""
     ids = [dataset.shots.shot_id[int(row)] for row in motion.shot[apart]]
     yield Flaw("gravity", "tracks: x_m, y_m, z_m, t_s", f"{apart.sum()} of {len(apart)} tracks have another unit than "
-               f"the others: gravity would be {other:,.3g} m/s2 in them, {usual:,.3g} in the others; {likely}convert "
-               f"{', '.join(ids[:3])}{', ...' if len(ids) > 3 else ''}")
+               f"the others: gravity and drag would be {other:,.3g} m/s2 in them, {usual:,.3g} in the others; {likely}"
+               f"convert {', '.join(ids[:3])}{', ...' if len(ids) > 3 else ''}")
 
 
 def _unmeasured(tracks: Tracks) -> Iterator[Flaw]:
@@ -196,18 +199,27 @@ def _direction(motion: Motion) -> Iterator[Flaw]:
 
 
 def _release(rig: Rig, motion: Motion) -> Iterator[Flaw]:
-    """Tracks that begin near the launcher, carried back to x = 0 in vacuum, begin at the stated height."""
-    stated_m = rig.launcher.release_height_m
-    forwards = motion.velocity_m_s[:, 0] > 0.0
-    back_s = motion.from_m[:, 0] / np.where(forwards, motion.velocity_m_s[:, 0], np.inf)
-    near = (np.abs(motion.from_m[:, 0]) < NEAR_M) & forwards
-    if stated_m <= 0.0 or near.sum() < TRACKS:
+    """Tracks, carried back to x = 0 in vacuum, begin at the stated height and at y = 0; none begins behind that."""
+    stated_m, begin_m = rig.launcher.release_height_m, motion.from_m[:, 0]
+    near = (begin_m < NEAR_M) & (motion.velocity_m_s[:, 0] > 0.0)
+    if near.sum() < TRACKS:
         return
-    height_m = motion.from_m[:, 2] - motion.velocity_m_s[:, 2] * back_s - 0.5 * rig.world.gravity_m_s2 * back_s**2
-    found_m = float(np.median(height_m[near]))
-    if abs(found_m - stated_m) > OFF_RELEASE_M:
+    first_m, velocity_m_s = motion.from_m[near], motion.velocity_m_s[near]
+    begins_m = float(np.median(first_m[:, 0]))
+    if begins_m < -BEHIND_M:
+        yield Flaw("release", "tracks: x_m", f"balls are first seen {-begins_m:.2f} m behind the exit; x_m is measured "
+                   "from the exit: subtract where the exit is")
+        return
+    back_s = first_m[:, 0] / velocity_m_s[:, 0]
+    allowed_m = OFF_RELEASE_M + BENT * abs(begins_m)
+    aside_m = float(np.median(first_m[:, 1] - velocity_m_s[:, 1] * back_s))
+    if abs(aside_m) > allowed_m:
+        yield Flaw("release", "tracks: y_m", f"balls leave at y = {aside_m:.2f} m; y_m is measured from the exit: "
+                   "subtract where the exit is")
+    found_m = float(np.median(first_m[:, 2] - velocity_m_s[:, 2] * back_s - 0.5 * rig.world.gravity_m_s2 * back_s**2))
+    if stated_m > 0.0 and abs(found_m - stated_m) > allowed_m:
         cause = ("z_m is measured from the exit; add that height" if abs(found_m) < 0.3 * stated_m else
-                 "z_m is the height above the floor; correct it or the stated height")
+                 "z_m is the height above the floor, x_m the distance from the exit; correct these or that height")
         yield Flaw("release", "tracks: z_m", f"balls leave at {found_m:.2f} m by their tracks, at {stated_m:g} m by "
                    f"rig.toml (launcher.release_height_m): {cause}")
 

@@ -48,7 +48,7 @@ def test_a_blank_line_and_a_cell_of_two_lines_do_not_shift_the_count(tmp_path):
 
 
 def test_all_problems_are_listed_up_to_twenty(tmp_path):
-    rows = "\n".join(f"r{number},-1,50,0.5,two,,," for number in range(23))
+    rows = "\n".join(f"r{number},far,50,0.5,two,,," for number in range(23))
     write(tmp_path, f"{HEADER}\n{rows}\n", tracks="shot_id,t_s,x_m,y_m,z_m\nr0,0,0,0,\n")
     with pytest.raises(InputError) as error:
         load_dataset(tmp_path)

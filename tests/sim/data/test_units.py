@@ -125,6 +125,21 @@ def test_numbers_that_cannot_be_name_the_likely_unit(tmp_path: Path, name: str, 
         load(tmp_path, f"shot_id,{name}\na,{value}\n")
 
 
+def test_a_negative_distance_is_not_called_another_unit(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as raised:
+        load(tmp_path, "shot_id,distance_m\na,-5\nb,4\n")
+    assert str(raised.value).endswith("shots.csv:2: distance_m: -5 is out of range (0 to 100); it is from the exit to "
+                                      "the target along the floor, and has no sign")
+
+
+def test_a_column_in_another_unit_is_one_problem_and_a_few_bad_cells_are_each_one(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as raised:
+        load(tmp_path, "shot_id,distance_m,hood_deg\na,400,91\nb,3,92\nc,500,93\nd,450,40\ne,,41\nf,,42\ng,,43\n")
+    assert [line.partition("shots.csv:")[2].partition(" is out")[0] for line in str(raised.value).splitlines()] == [
+        "2: distance_m: 400", "2: hood_deg: 91", "3: hood_deg: 92", "4: hood_deg: 93"]
+    assert "to distance_in; here and in 2 more rows" in str(raised.value)
+
+
 @pytest.mark.parametrize(("name", "value", "read", "is_"), [
     ("temperature_k", 293.15, "temperature_c", 20.0), ("temperature_f", 68.0, "temperature_c", 20.0),
     ("pressure_hpa", 1013.0, "pressure_pa", 101300.0), ("battery_mv", 12600.0, "battery_v", 12.6),

@@ -111,11 +111,6 @@ def test_paper_fit_refuses_options_of_fit(home, capsys, option, value):
     assert f": {option}: there is no such option" in capsys.readouterr().err
 
 
-def test_paper_fit_refuses_a_seed_without_bootstrap(home, capsys):
-    assert main(["paper", "fit", str(home), "--seed", "1", "--quiet"]) == 2
-    assert "truearc paper fit: --seed: applies with --bootstrap only" in capsys.readouterr().err
-
-
 def test_fit_says_what_it_found_and_where_to_be_careful(home, tmp_path, capsys):
     """Four shots: the tied pairs are listed, and one or two three-pointers are called few."""
     tied, picture = tmp_path / "tied.csv", tmp_path / "map.png"
@@ -143,16 +138,6 @@ def test_fit_lists_ten_of_many_ties(home, capsys):
     assert more == header + 11
 
 
-def test_fit_puts_the_bootstrap_into_the_provenance(home, tmp_path, capsys):
-    out = tmp_path / "c.toml"
-    assert main(["paper", "fit", str(home), "--step", "0.1", "--bootstrap", "20", "--seed", "3", "-o", str(out),
-                 "--quiet"]) == 0
-    said, told = capsys.readouterr().out, load_belief(out).provenance
-    assert f"drawn again {told['bootstrap_resamples']} times (seed 3)" in said
-    assert f"cd {told['cd_low90']:.3f} to {told['cd_high90']:.3f}" in said
-    assert told["cl_low90"] <= load_belief(out).coefficients["magnus"]["cl"] <= told["cl_high90"]
-
-
 def test_fit_in_words_when_no_pair_reaches_all(tmp_path, capsys):
     """One three-pointer no drag and lift can have flown: never `inf`, and no deviation in the file."""
     rows = [*ROWS[:1], (16.0, 0.1, 20.0)]
@@ -164,4 +149,4 @@ def test_fit_in_words_when_no_pair_reaches_all(tmp_path, capsys):
     assert "do not reach the target at all" in said and "inf" not in said
     assert "warning: no drag and lift explain these shots well" in said
     assert "mean_deviation_m" not in load_belief(out).provenance
-    assert main(["paper", "fit", str(tmp_path / "odd"), "--bootstrap", "-1"]) == 2
+    assert main(["paper", "fit", str(tmp_path / "odd"), "--step", "-1"]) == 2

@@ -130,6 +130,24 @@ def test_gravity_is_measured_without_being_believed(filmed: Dataset) -> None:
     assert check_plausible(filmed).accepted == ()
 
 
+@pytest.mark.parametrize(("axis", "shift_m", "said"), [
+    ("x_m", 2.0, r"tracks: z_m: balls leave at -\d.* m by their tracks, at 0.6 m .* x_m the distance from the exit"),
+    ("x_m", -2.0, r"tracks: x_m: balls are first seen [12]\.\d+ m behind the exit; .* subtract where the exit is"),
+    ("y_m", 1.5, r"tracks: y_m: balls leave at y = 1\.5\d? m; y_m is measured from the exit"),
+    ("z_m", 0.5, r"tracks: z_m: balls leave at 1\.\d+ m by their tracks, at 0.6 m")])
+def test_tracks_from_another_origin_are_refused(filmed: Dataset, axis: str, shift_m: float, said: str) -> None:
+    with pytest.raises(InputError, match=said + r".*\(check 'release'"):
+        check_plausible(tracks(filmed, **{axis: getattr(filmed.tracks, axis) + shift_m}))
+
+
+@pytest.mark.parametrize("from_s", [0.1, 0.3, 0.45])
+def test_tracks_that_begin_where_the_camera_sees_the_ball_are_plausible(filmed: Dataset, from_s: float) -> None:
+    assert filmed.tracks is not None
+    seen = filmed.tracks.t_s >= from_s
+    late = Tracks(*(column[seen] for column in vars(filmed.tracks).values()))
+    assert check_plausible(replace(filmed, tracks=late)).accepted == ()
+
+
 @pytest.mark.parametrize(("factor", "unit", "suffix"), [
     (1000.0, "millimetres", "mm"), (100.0, "centimetres", "cm"), (1 / 0.0254, "inches", "in"),
     (1 / 0.3048, "feet", "ft")])

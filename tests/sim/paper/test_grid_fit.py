@@ -7,7 +7,7 @@ from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Shots
-from truearc.sim.paper.grid_fit import bootstrap_grid, fit_grid, make_axis, map_deviation
+from truearc.sim.paper.grid_fit import fit_grid, make_axis, map_deviation
 from truearc.sim.paper.score import score
 
 TRUTH = (0.9, 0.05)
@@ -117,30 +117,3 @@ def test_shots_that_no_pair_explains_are_refused_in_words():
     """Eight metres with the slowest wheels."""
     with pytest.raises(InputError, match="no pair of coefficients"):
         fit_grid(GUPPY, _shots([(8.0, 0.05, 50.0)], ["three"]), 0.5)
-
-
-def test_a_bootstrap_is_the_fit_of_the_shots_drawn(recorded):
-    """Each draw, made into a dataset of its own and fitted from scratch, chooses the same pair."""
-    fit = fit_grid(GUPPY, recorded, 0.1)
-    again = bootstrap_grid(GUPPY, recorded, fit, 8, 5)
-    scoring = np.flatnonzero(np.array(recorded.text("outcome")) != "miss")
-    draws = np.random.default_rng(5).integers(len(scoring), size=(8, len(scoring)))
-    outcome = np.array(recorded.text("outcome"))
-    fits = [fit_grid(GUPPY, recorded.take(scoring[draw]), 0.1) for draw in draws
-            if (outcome[scoring[draw]] == "three").any()]
-    assert again.without_three == 8 - len(fits)
-    np.testing.assert_allclose(np.stack([again.cd, again.cl], 1), [(one.cd, one.cl) for one in fits], rtol=1e-12)
-    low, high = again.interval90("cd")
-    assert low == again.cd.min() and high == again.cd.max()
-    same = bootstrap_grid(GUPPY, recorded, fit, 8, 5)
-    np.testing.assert_array_equal(same.cd, again.cd)
-
-
-def test_a_bootstrap_counts_draws_without_a_three():
-    """One three among four: of 200 draws about (3/4)^4 hold none."""
-    shots = _recorded(23, 3)
-    outcome = np.array(shots.text("outcome"))
-    shots = shots.take([*np.flatnonzero(outcome == "three")[:1], *np.flatnonzero(outcome == "two")[:3]])
-    again = bootstrap_grid(GUPPY, shots, fit_grid(GUPPY, shots, 0.25), 200, 6)
-    assert again.without_three + len(again.cd) == 200
-    assert abs(again.without_three / 200 - 0.75**4) < 0.1

@@ -57,6 +57,9 @@ def ranges(dataset: "ta.Dataset") -> list[str]:
 
 def plausibility(dataset: "ta.Dataset") -> list[str]:
     """Return what the plausibility checks of a dataset that passed them have to say."""
+    from truearc.sim.infer.plausibility.check import SCORES, judges_reach
     objections = [f"warning: {objection}" for objection in dataset.accepted] or ["plausible: no check objects"]
-    return objections + (["  not checked without tracks.csv: gravity, axes, units of length and time"]
-                         if dataset.tracks is None else [])
+    unjudged = [("tracks.csv", "gravity, axes, units of length and time", dataset.tracks is None),
+                (f"{SCORES} scoring shots of known distance, angle and speed",
+                 "distances, angles and speeds by each other", not judges_reach(dataset))]
+    return objections + [f"  not checked without {needed}: {what}" for needed, what, missing in unjudged if missing]

@@ -7,7 +7,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 import truearc as ta
-from truearc.cli.common import add_accept, fixed, make_progress, number, refuse
+from truearc.cli.common import add_accept, fixed, make_progress
 from truearc.cli.outputs import out_file
 from truearc.sim.paper.settings import STEP
 
@@ -27,18 +27,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--picture", type=out_file, metavar="FILE", help="png to draw the map to")
     parser.add_argument("--tied", type=out_file, metavar="FILE",
                         help="csv to write all tied pairs to, the chosen one first")
-    parser.add_argument("--bootstrap", type=number(int, 0), metavar="N",
-                        help="resample the shots N times, for intervals")
     add_accept(parser)
-    parser.add_argument("--seed", type=number(int, 0), help="seed of --bootstrap (default 0)")
 
 
 def main(args: argparse.Namespace) -> int:
     """Return 0 when a pair was chosen."""
-    if not args.bootstrap:
-        refuse(args, ("--seed",), "applies with --bootstrap only")
-    found = ta.fit(ta.load_dataset(args.dataset), method="grid", step=args.step, bootstrap=args.bootstrap or 0,
-                   seed=args.seed or 0, accept=args.accept, progress=make_progress("fit", args.quiet))
+    found = ta.fit(ta.load_dataset(args.dataset), method="grid", step=args.step, accept=args.accept,
+                   progress=make_progress("fit", args.quiet))
     print(found)
     _write(args, found)
     return 0
