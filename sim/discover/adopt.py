@@ -253,6 +253,9 @@ def _take(investigation: Investigation, steps: tuple[Step, ...]) -> _Taken:
     assert investigation.fitted is not None
     named = tuple(step for step in steps if not step.unknown)
     free, why = _free(investigation, steps)
+    if free and (name := free[0].beside):
+        naming = replace(steps[-1].naming, chosen=(name,))
+        named += (replace(steps[-1], unknown=False, naming=naming),)
     several = mixed(named[-1]) if named and not free else None
     evidence = (free[-1].evidence if free else several.evidence if several else named[-1].refit.evidence if named
                 else without(investigation.fitted.evidence))

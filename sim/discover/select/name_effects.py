@@ -15,7 +15,7 @@ from truearc.sim.discover.detect.localization import Place, locate
 from truearc.sim.discover.detect.reference_session import ReferenceSession
 from truearc.sim.discover.detect.score_test import Judged, judge
 from truearc.sim.discover.detect.test_battery import ALLOWANCE, Asked, ask_everything
-from truearc.sim.discover.select.posterior import Hypotheses, weigh
+from truearc.sim.discover.select.posterior import Hypotheses, Hypothesis, weigh
 from truearc.sim.discover.select.refit import Refit, promote, refit
 from truearc.sim.discover.select.term_ranking import Naming, name_terms
 from truearc.sim.infer.baseline_fit import BaselineFit, part_of
@@ -26,7 +26,6 @@ from truearc.sim.progress import Progress
 DRAWS = 999                           # after the first step, whose probability is the one that is promised
 SURE = 0.9                            # probability of one name, or that a set holds of what is explained
 TWIN = 0.5                            # of a name's probability, that what hardly differs from it must have
-ANY = 0.01                            # probability of names, below which they do not stand for what is unexplained
 UNKNOWN = 0.5                         # probability of something unexplained, from which that is the verdict
 CLEARLY = 2.0                         # standard errors by which a free curve is better on unseen shots
 Each = Float[Array, " n"]             # a number of each shot
@@ -50,6 +49,7 @@ class Step:
     base: tuple[str, ...]             # names put in before
     fitted: BaselineFit               # without this effect
     unexplained: float = 0.0          # probability of a change that no term explains, alone or beside one
+    change: Hypothesis | None = None  # the likeliest such change, with the name that it stands beside
 
     @property
     def refit(self) -> Refit:
@@ -102,30 +102,35 @@ def name_effects(fitted: BaselineFit, place: Place | None, search: Search, progr
     varies = posterior.share("varies") >= UNKNOWN
     if _says_nothing(naming) or not (varies or posterior.holds_more()):
         return (whole,)
-    first = replace(whole, unknown=False)
-    named_at_all = 1.0 - posterior.unexplained() > ANY
+    first, both = replace(whole, unknown=False), not varies and posterior.share("both") > posterior.share("two")
+    if both:                          # what is unexplained is another effect, beside which names count
+        first = replace(first, naming=with_probabilities(naming, posterior, beside=True),
+                        unexplained=posterior.share("unexplained"))
     named = promote(fitted, first.refit)
     left = search.left(named)
     if left is None:
-        return (first if posterior.share("both") >= UNKNOWN and named_at_all else whole,)
-    if varies:
-        return (first, *_rest(named, search.where(named, left), naming.leader))
-    if posterior.share("both") > posterior.share("two"):
-        rest = search.where(named, left)
-        if rest is not None and place is not None and rest.column.direction == first.column.direction:
+        return (first if posterior.share("both") >= UNKNOWN else whole,)
+    if varies or both:
+        change = posterior.likeliest_change(first.naming.leader)
+        if both and place is not None and change is not None and _direction(fitted, change) == first.column.direction:
             return (replace(whole, unknown=True),)         # the name stands for the rest, too
-        steps = _rest(named, rest, naming.leader)
-        return (first, *steps) if steps or named_at_all else (whole,)
+        return (first, *_rest(named, search.where(named, left), first.naming.leader, change))
     pair = posterior.likeliest_pair()
     return (whole,) if pair is None else _two_and_rest(fitted, first, pair, search, part_of(progress, 0.5, 0.5))
 
 
-def _rest(named: BaselineFit, place: Place | None, name: str) -> tuple[Step, ...]:
+def _direction(fitted: BaselineFit, change: Hypothesis) -> str:
+    assert change.family is not None
+    return fitted.evidence.columns[fitted.evidence.index(change.family.column)].direction
+
+
+def _rest(named: BaselineFit, place: Place | None, name: str, change: Hypothesis | None) -> tuple[Step, ...]:
     """The unexplained step beside a name, where it can be placed."""
     if place is None:
         return ()
     naming = name_terms(named, lambda done, note: None)
-    return (replace(_unnamed(naming, place, (name,), named), unknown=True),)
+    return (replace(_unnamed(naming, place, (name,), named), unknown=True,
+                    change=change and replace(change, names=())),)
 
 
 def _two_and_rest(fitted: BaselineFit, first: Step, pair: Refit, search: Search,
@@ -154,7 +159,8 @@ def _two_and_rest(fitted: BaselineFit, first: Step, pair: Refit, search: Search,
 def _step(naming: Naming, place: Place | None, base: tuple[str, ...], fitted: BaselineFit,
           posterior: Hypotheses) -> Step:
     unknown = _says_nothing(naming) or posterior.unexplained() >= UNKNOWN
-    return replace(_unnamed(naming, place, base, fitted), unknown=unknown, unexplained=posterior.unexplained())
+    return replace(_unnamed(naming, place, base, fitted), unknown=unknown, unexplained=posterior.unexplained(),
+                   change=posterior.likeliest_change())
 
 
 def _says_nothing(naming: Naming) -> bool:
@@ -170,17 +176,17 @@ def _unnamed(naming: Naming, place: Place | None, base: tuple[str, ...], fitted:
     return Step(naming, place, before, after, average, free, False, base, fitted)
 
 
-def with_probabilities(naming: Naming, posterior: Hypotheses) -> Naming:
+def with_probabilities(naming: Naming, posterior: Hypotheses, beside: bool = False) -> Naming:
     """The names with their inclusion probabilities, the likeliest first, and the smallest set that holds SURE of what
     is explained; whoever is in it is there with what hardly differs from it. One name alone must be as sure as that by
-    itself."""
-    inclusion = posterior.inclusion()
+    itself. beside: names count beside what is unexplained, too."""
+    inclusion = posterior.inclusion(beside)
     probability = {name: inclusion.get(name, 0.0) for name in naming.probability}
     ranked = sorted((name for name in naming.refits if name in probability), key=lambda name: -probability[name])
-    explained = 1.0 - posterior.unexplained()
+    explained = 1.0 - (posterior.share("unexplained") if beside else posterior.unexplained())
     chosen: list[str] = []
     for name in ranked:
-        held = posterior.held_by(chosen)
+        held = posterior.held_by(chosen, beside)
         if chosen and held >= SURE * explained and (len(chosen) > 1 or probability[chosen[0]] >= SURE):
             break
         chosen.append(name)

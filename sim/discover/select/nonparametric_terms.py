@@ -11,6 +11,7 @@ from truearc.sim.discover.detect.free_curve import Correction, correct
 from truearc.sim.discover.detect.test_battery import FREE, Test
 from truearc.sim.discover.select.flown_curves import climb_with, term_of
 from truearc.sim.discover.select.name_effects import Search, Step, clearly, judge_left
+from truearc.sim.discover.select.refit import promote
 from truearc.sim.infer.baseline_fit import BaselineFit, out_of_range
 from truearc.sim.infer.curve import Curve, natural
 from truearc.sim.infer.likelihood.design_columns import is_tracker
@@ -28,7 +29,7 @@ APART = ("scatter.", "curve.")        # columns that are not coefficients, besid
 @dataclass(frozen=True)
 class Freed:
     """`term` with `values` holds the curve; fitted: with its points among the shared columns; evidence: these and the
-    other shared ones alone; `said` in short."""
+    other shared ones alone; `said` in short. beside: the step's name that was put in before it, if any."""
 
     term: str
     values: dict[str, float]
@@ -36,6 +37,7 @@ class Freed:
     fitted: BaselineFit
     evidence: ScoreTable
     said: str
+    beside: str = ""
 
 
 def all_freed(step: Step, search: Search) -> tuple[tuple[Freed, ...], str]:
@@ -47,23 +49,35 @@ def all_freed(step: Step, search: Search) -> tuple[tuple[Freed, ...], str]:
     height depends); a second curve of the same thing. Without tracks also the first where it is not clearly better on
     unseen shots: outcomes let a curve follow chance (of fourteen such ten forecast another session worse).
     """
-    if step.place is None:
+    fitted, correction = _likeliest(step)
+    if correction is None:
         return (), ""
-    if step.fitted.intake.samples is None and not clearly(step.place.correction.gain, step.fitted):
+    if fitted.intake.samples is None and not (correction.gain.sum() > 0.0 if step.change else clearly(
+            correction.gain, fitted)):
         return (), "the free curve is not clearly better on unseen shots"
     found: list[Freed] = []
-    fitted = step.fitted
-    correction: Correction | None = step.place.correction
     while correction is not None and len(found) < MOST:
         foreseeable = _foreseeable(fitted, correction, search)
         others = () if foreseeable is correction else (correction,)
         one, why = _first_possible(fitted, (foreseeable, *others))
         if one is None:
             return tuple(found), "" if found and why == UNABLE else why
-        found.append(one)
+        found.append(one if found or step.change is None else replace(one, beside="".join(step.change.names)))
         fitted = one.fitted
         correction = _what_is_left(fitted, search)
     return tuple(found), ""
+
+
+def _likeliest(step: Step) -> tuple[BaselineFit, Correction | None]:
+    """(the fit, with the name beside which the likeliest change stands; that change, else the one that was found)."""
+    place, change, fitted = step.place, step.change, step.fitted
+    if change is None or change.family is None:
+        return fitted, place and place.correction
+    if change.names:
+        fitted = promote(fitted, step.naming.refits[change.names[0]])
+    column = fitted.evidence.index(change.family.column)
+    return fitted, correct(fitted.evidence, Test(FREE, column, change.family.what, "smooth",
+                                                 np.ones(len(fitted.evidence.rows))))
 
 
 def _first_possible(fitted: BaselineFit, corrections: tuple[Correction, ...]) -> tuple[Freed | None, str]:

@@ -39,7 +39,7 @@ from truearc.sim.physics.term import Term
 SHARES = {"one": 0.55, "varies": 0.03, "two": 0.18, "unexplained": 0.22, "both": 0.05}
 LEADERS = 3                           # likeliest terms, beside which a second thing is looked for
 TERM_SIZES = (0.5, 1.0, 2.0, 4.0)     # of a term's amplitude, by the usual one
-WITHIN = 8.0                          # nats of the likeliest, beyond which none is a leader
+WITHIN, SHARE = 8.0, 0.2              # nats of the likeliest, or share of its nats, beyond which none is a leader
 SECONDS, FAMILIES = 10, 4             # of one step, beside a leader or alone, that are climbed to their top
 PAIRS, GUESS = 4, 0.04                # refitted; share of its nats by which a pair's guess may be too low
 FLOWN, MINOR = 4, 0.05                # unexplained changes that are flown, and the probability from which one is
@@ -85,18 +85,18 @@ class Hypotheses:
         """Of an unexplained change, alone or beside a term."""
         return self.share("unexplained") + self.share("both")
 
-    def inclusion(self) -> dict[str, float]:
-        """Of each name among what is missing with nothing unexplained; likeliest first."""
+    def inclusion(self, beside: bool = False) -> dict[str, float]:
+        """Of each name among what is missing, with nothing unexplained or even `beside` that; likeliest first."""
         found: dict[str, float] = {}
         for one, p in zip(self.hypotheses, self.probability, strict=True):
-            for name in one.names if kind_of(one) != "both" else ():
+            for name in one.names if beside or kind_of(one) != "both" else ():
                 found[name] = found.get(name, 0.0) + float(p)
         return dict(sorted(found.items(), key=lambda item: -item[1]))
 
-    def held_by(self, names: Collection[str]) -> float:
-        """Probability that one of these is among what is missing, and nothing unexplained."""
+    def held_by(self, names: Collection[str], beside: bool = False) -> float:
+        """Probability that one of these is among what is missing; `beside` as above."""
         return float(sum(p for one, p in zip(self.hypotheses, self.probability, strict=True)
-                         if kind_of(one) != "both" and any(name in names for name in one.names)))
+                         if (beside or kind_of(one) != "both") and any(name in names for name in one.names)))
 
     def holds_more(self) -> bool:
         """Whether two things are likelier than one, and that by the data: pairs have their share of the prior."""
@@ -109,6 +109,12 @@ class Hypotheses:
         pairs = {one.names: p for one, p in zip(self.hypotheses, self.probability, strict=True)
                  if one.names in self.pairs and one.family is None}
         return self.pairs[max(pairs, key=lambda names: pairs[names])] if pairs else None
+
+    def likeliest_change(self, beside: str = "") -> Hypothesis | None:
+        """The likeliest unexplained change, alone or beside a term; or only beside that one."""
+        able = {k: float(self.probability[k]) for k, one in enumerate(self.hypotheses)
+                if kind_of(one) in ("unexplained", "both") and (not beside or one.names == (beside,))}
+        return self.hypotheses[max(able, key=lambda k: able[k])] if able else None
 
     def share(self, kind: str) -> float:
         """Of the hypotheses of one kind of SHARES."""
@@ -140,7 +146,7 @@ def weigh(fitted: BaselineFit, naming: Naming, covariates: Sequence[Covariate], 
     pair_prior = np.log(SHARES["two"] / max(0.5 * len(visible) * (len(visible) - 1), 1.0))
     both_prior = np.log(SHARES["both"] / (count * len(visible)))
     leaders = [name for name in sorted(naming.refits, key=lambda name: -singles.get(name, NEVER))[:LEADERS]
-               if singles.get(name, NEVER) > top - WITHIN]
+               if singles.get(name, NEVER) > top - max(WITHIN, SHARE * top)]
     guesses = _at_once(fitted, visible, null)
     usual = {one.name: fitted.evidence.columns[one.column].usual for one in visible}
     for first in leaders:
