@@ -14,6 +14,7 @@ from truearc.robot.gate.model import Gate, load_gate
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.printed import Printed
 
+GRID = "grid over the domain"
 HEADER = ("shot_id", *OUTPUTS, "in_domain", NOVELTY)
 NAMED = 5                             # shots that a message names before it only counts
 # Of one and the same graph on other numbers of rows: float32 sums of several hundred products in another order. Found:
@@ -149,7 +150,7 @@ def verify_gate(path: str | Path, weights: str | Path | None = None,
     domain = ", ".join(f"{feature.name} {low:.3f} to {high:.3f}"
                        for feature, (low, high) in zip(FEATURES, gate.domain, strict=True))
     lines = [f"{path}: sha256 {gate.sha256}", "contract: agrees", f"domain: {domain}"]
-    sets = [("grid over the domain", domain_grid(gate))]
+    sets = [(GRID, domain_grid(gate))]
     sets += [(name, features_of(one.shots, name)) for name, one in (data or {}).items()]
     checked = [_check(gate, trained, name, features) for name, features in sets]
     lines += [line for one in checked for line in one.report]
@@ -169,6 +170,8 @@ def _check(gate: Gate, trained: Trained | None, name: str, features: np.ndarray)
         aside = f" ({len(features) - result.rows} outside the domain left out)" if result.rows < len(features) else ""
         lines.append(f"{name}: {result.rows} rows{aside}, max |dp| {result.worst:.2e}, {result.flips} class flips at "
                      f"0.5, max |d novelty| {result.novelty:.1e}")
+        if not result.rows and name == GRID:
+            faults.append("nothing of it is inside the domain, so the gate will always hold: shots vary too little")
         if not result.passed:
             faults.append(f"onnxruntime and trainer differ by more than {trained.tolerance:g} in p "
                           f"or {NOVELTY_TOLERANCE:g} in novelty")

@@ -50,6 +50,8 @@ LOWER = {                                                     # the same of a ne
 NO_RANGE = (-math.inf, math.inf)
 ALIKE = 3                                                     # fewest bad numbers of a column that are one problem
 WORDS = {"outcome": OUTCOMES, "side": SIDES}
+MEANT = {**dict.fromkeys(("0", "0.0", "false", "no", "n", "missed"), "; if it says that it missed, write miss"),
+         **dict.fromkeys(("1", "1.0", "true", "yes", "y", "goal", "in"), "; if it says that it went in, write hit")}
 TEXTS = ("session", "ball_id")
 
 # An undeclared column is one of numbers when its cells are, or when some are and its name ends in a unit (then
@@ -130,12 +132,15 @@ def text_column(table: RawTable, name: str, problems: Problems, needed: bool = T
     values = tuple(map(text_of, table.columns[name]))
     if name == "outcome":
         values = tuple(SPELLINGS.get(plain := value.strip().lower(), plain) for value in values)
+    told: set[str] = set()
     for row, value in enumerate(values):
         if needed and not value:
             table.fault(problems, row, name, "is missing")
-        elif words and value and value not in words:
-            table.fault(problems, row, name, f"{value!r} is none of {', '.join(words)}"
-                        + ("; if 0 says that it missed, write miss" if value in ("0", "false") else ""))
+        elif words and value and value not in words and value not in told:
+            told.add(value)
+            more = values.count(value) - 1
+            table.fault(problems, row, name, f"{value!r} is none of {', '.join(words)}" + MEANT.get(value, "")
+                        + (f"; here and in {more} more rows" if more else ""))
     return values
 
 

@@ -39,6 +39,7 @@ MOTOR = re.compile(r"(motors?|flywheels?|shooter)_?(rpm|speed|velocity|rad_?s|re
 MOTOR_HOW = ("is not read; motor_ratio is the motors' speed by their free speed: divide by the free speed in the same "
              "unit, percent of it by 100, and name the column motor_ratio; or state each wheel: wheel_<name>_rpm, "
              "wheel_<name>_rad_s")
+WHEELS = re.compile(r"wheels?_(rpm|rad_s|rev_s|speed|rps)")
 NEAR = 0.85                           # likeness of a column's name to one that is read, above which it is a slip
 
 
@@ -69,7 +70,10 @@ def in_read_units(table: RawTable, is_read: Callable[[str], bool], problems: Pro
             problems.add(table.place(-1), name, MOTOR_HOW)
             continue
         meant = _meant(name, is_read, set(columns))
-        if meant:
+        if is_read("motor_ratio") and WHEELS.fullmatch("_".join(name.lower().split())):
+            problems.add(table.place(-1), name, "names no wheel of the rig: wheel_<name>_rpm, or wheel_<name>_rad_s, "
+                         "with the name of a [[launcher.wheel]] of rig.toml")
+        elif meant:
             stem, _, unit = meant.rpartition("_")
             others = ", ".join(f"{stem}_{suffix}" for suffix in CONVERTED.get(unit, {}))
             problems.add(table.place(-1), name, f"is not a column that is read; did you mean {meant!r}?"

@@ -43,6 +43,7 @@ from truearc.sim.physics.nonparametric import CURVE
 
 Gain = Callable[[ScoreTable, ScoreTable], tuple[float, float]]
 NINETY = 1.645
+IMPOSSIBLE = 3.5                      # standard deviations of a tracker's error, from which tracks are not believed
 
 
 def ball_effects(evidence: ScoreTable) -> Int[Array, " k"]:
@@ -100,6 +101,8 @@ def make_belief(investigation: Investigation, gain: Gain = usual_gain,
     refused: dict[str, Any] = {"refused": why} if why else {}
     if at_limit:                      # of what was believed before anything was found
         refused["at_limit"] = at_limit
+    if not named and not free and (unfit := _ill_flown(investigation, taken)):
+        refused["unfit"] = unfit
     if investigation.belief is not None and (at_limit or (not named and not free)):
         # of what is missing its numbers would take a part, and of nothing, what these few shots happened to do
         return investigation.belief, {"kept": True, **refused, **provenance}
@@ -277,6 +280,8 @@ def _worse(investigation: Investigation, taken: _Taken, gain: Gain) -> str:
         if after_m >= before_m:
             return (f"without the tracker's own errors hold-out tracks end {after_m:.3f} m from where they are "
                     f"forecast to, by what is believed {before_m:.3f} m")
+    if (taken.named or taken.free) and (unfit := _ill_flown(investigation, taken)):
+        return unfit
     before = without(investigation.fitted.evidence)
     if len(ball_effects(before)):
         high = gain(before, evidence)[1]
@@ -284,6 +289,27 @@ def _worse(investigation: Investigation, taken: _Taken, gain: Gain) -> str:
     fit = investigation.finding.fit
     interval = None if fit is None else gained_interval(fit)
     return "forecasts of hold-out shots are worse (90 % interval)" if interval and interval[1] < 0.0 else ""
+
+
+def _ill_flown(investigation: Investigation, taken: _Taken) -> str:
+    """Why tracks and outcomes contradict each other: an error of the tracker that was believed all but impossible, or
+    outcomes that are forecast worse from the settings than by their plain shares; "" where they do not."""
+    fitted, evidence = investigation.fitted, taken.evidence
+    if fitted is None or fitted.intake.samples is None:
+        return ""
+    off = np.abs(np.linalg.solve(evidence.precision, evidence.pull)) * np.sqrt(np.diag(evidence.precision))
+    for column, sds in zip(evidence.columns[evidence.first_shared:], off, strict=True):
+        if is_tracker(column, investigation.catalogue) and sds > IMPOSSIBLE:
+            return (f"beside them {column.name} would be {sds:.1f} standard deviations from what is believed of the "
+                    "tracker; correct the tracks, or state [tracker] in rig.toml")
+    plane = fitted.evidence.plane
+    if plane is None or evidence.plane is None:
+        return ""
+    models = _models(taken) if taken.named or taken.free else ([_without(fitted)], [0.0])
+    beaten = worth.shares_beaten(plane.seen, worth.hold_out(*models))
+    return "" if beaten is None or beaten >= 0.0 else (
+        "from the settings alone it forecasts outcomes worse than their plain shares do: tracks and outcomes "
+        "contradict each other")
 
 
 def flown_error(intake: Intake, found: Refit | worth.JudgedFit, among: Catalogue) -> float:

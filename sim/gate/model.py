@@ -137,6 +137,8 @@ _residual_basis = jax.jit(chance.residual_basis)
 
 def residual(fit: GateFit, z: np.ndarray, physics: Physics) -> tuple[np.ndarray, np.ndarray]:
     """The learned residual and its own standard deviation a posteriori, [n] in m each; z [n, 3] standardised."""
+    if not len(z):
+        return np.zeros(0), np.zeros(0)
     rows = np.resize(np.arange(len(z)), 1 << max(len(z) - 1, 15).bit_length())
     functions = np.asarray(_residual_basis(fit.widths, z[rows], physics.by_speed_m[rows]))[:len(z)]
     doubt_m2 = np.einsum("ni,ij,nj->n", functions, fit.covariance[:chance.RESIDUAL, :chance.RESIDUAL], functions)

@@ -285,10 +285,11 @@ def out_of_range(values: Mapping[str, float], among: Catalogue) -> list[str]:
 
 
 def stopped(evidence: ScoreTable, among: Catalogue) -> dict[str, float]:
-    """Fitted numbers of terms, a tracker's among them, that stopped at the end of their range, by name."""
-    values = {column.name: float(value) for column, value in zip(evidence.columns, evidence.point, strict=True)
-              if column.kind in ("shared", "term") and among.get(column.term) is not None}
-    return {name: values[name] for name in out_of_range(values, among)}
+    """Fitted numbers of terms, a tracker's among them, and scatters that stopped at the end of their range, by name."""
+    points = [(one, float(at)) for one, at in zip(evidence.columns, evidence.point, strict=True) if one.kind != "group"]
+    values = {one.name: at for one, at in points if among.get(one.term) is not None}
+    found = {name: values[name] for name in out_of_range(values, among)}
+    return found | {one.name: float(np.exp(at)) for one, at in points if one.name in SCATTERS and at >= MOST_LOG}
 
 
 def limits_of(layout: ParameterLayout, column: int) -> tuple[float, float]:

@@ -65,7 +65,8 @@ class Finding(FindingReport):
 
         Raises:
             InputError: the data carry no test, so nothing was fitted; or a coefficient, or an error of the tracker,
-                stopped at the end of its range, and there is no belief from before.
+                stopped at the end of its range, or tracks and outcomes contradict each other, and there is no belief
+                from before.
         """
         with about(self.name, ValueError):
             belief, provenance = make_belief(self.investigation)
@@ -73,6 +74,8 @@ class Finding(FindingReport):
             why, stopped = provenance.get("refused", ""), ", ".join(provenance["at_limit"])
             raise InputError(f"{self.name}: nothing is adopted: {stopped} stopped at the end of its range"
                              + (f"; {why}" if why and stopped not in why else ""))
+        if "unfit" in provenance and self.investigation.belief is None:
+            raise InputError(f"{self.name}: nothing is adopted: {provenance['unfit']}")
         accepted = {"accepted": list(self.record.data.accepted)} if self.record.data.accepted else {}
         return replace(belief, provenance={"dataset": self.name, **accepted, **provenance,
                                            "range": self.investigation.ranges,

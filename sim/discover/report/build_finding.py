@@ -60,7 +60,8 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
     data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {"all": fitted.values},
                              {"by": "shot", "count": len(dataset.shots)}, dataset.accepted, _untested(dataset),
                              _has_topspin(dataset),
-                             stopped(without(fitted.evidence), among) | stopped(best_of(fitted, steps), among))
+                             _terms_only(stopped(without(fitted.evidence), among))
+                             | stopped(best_of(fitted, steps), among))
     results = _results(fitted.evidence, asked, judged, false_alarm)
     mismatch = parts.Mismatch(bool(steps), judged.p_any, false_alarm, results, len(asked.tests), judged.families)
     fit = _fit(fitted, steps)
@@ -84,6 +85,11 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
     return FindingRecord(data, mismatch, where, verdict, sentence, leading.unknown, fit, what=leading.what,
                          set=leading.set, next=next_steps(dataset, first, leading.set), also=tuple(rest),
                          unexplained=first.unexplained)
+
+
+def _terms_only(at_limit: dict[str, float]) -> dict[str, float]:
+    """Without scatters, which take what is missing."""
+    return {name: value for name, value in at_limit.items() if not name.startswith("scatter.")}
 
 
 def best_of(fitted: BaselineFit, steps: Sequence[Step]) -> ScoreTable:

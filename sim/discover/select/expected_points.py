@@ -24,12 +24,14 @@ from scipy.special import ndtr, softmax
 
 from truearc.sim.infer.held_out import folds_of, unseen_change, unseen_score
 from truearc.sim.infer.likelihood.linearization import LinearizationPoint, ParameterLayout, linearise
+from truearc.sim.infer.likelihood.noise import LAPSE
 from truearc.sim.infer.likelihood.outcome_likelihood import OutcomeObservations
 from truearc.sim.infer.likelihood.prepared_data import Intake
 from truearc.sim.infer.likelihood.score_table import PlaneScores, ScoreTable
 from truearc.sim.metrics import POINTS_THREE, POINTS_TWO
 
 THRESHOLD = 0.3                       # of P(three), as launcher.toml ships it
+FEWEST = 20                           # outcomes by which forecasts are compared with plain shares
 
 
 class JudgedFit(NamedTuple):
@@ -142,6 +144,18 @@ def points_of(seen: OutcomeObservations, mine: HoldOut, both: Sequence[HoldOut],
             aimed += points * np.where(seen.measured, off_m <= half, inside.sum(0) / chance.sum(0))
     at_centre = replace(mine, mean_m=np.zeros_like(mine.mean_m))
     return ShotPoints(np.minimum(aimed, POINTS_THREE), *(_within(least, one) >= threshold for one in (at_centre, mine)))
+
+
+def shares_beaten(seen: OutcomeObservations, mine: HoldOut) -> float | None:
+    """Log score that each outcome gains by the forecasts over the plain shares of miss, two and three; None where fewer
+    than FEWEST outcomes are known without their height, or all are alike."""
+    known = np.isfinite(seen.classes) & ~seen.measured
+    level, count = np.unique(seen.classes[known], return_counts=True)
+    if known.sum() < FEWEST or len(level) < 2:
+        return None
+    chance = (1.0 - LAPSE) * _share(seen.low, seen.high, mine).sum(1)[known] + LAPSE / 3.0
+    plain = count[np.searchsorted(level, seen.classes[known])] / known.sum()
+    return float(np.mean(np.log(chance) - np.log(plain)))
 
 
 def scored_points(seen: OutcomeObservations) -> Float[np.ndarray, " m"]:

@@ -26,6 +26,7 @@ from truearc.sim.progress import Progress
 DRAWS = 999                           # after the first step, whose probability is the one that is promised
 SURE = 0.9                            # probability of one name, or that a set holds of what is explained
 TWIN = 0.5                            # of a name's probability, that what hardly differs from it must have
+ANY = 0.01                            # probability of names, below which they do not stand for what is unexplained
 UNKNOWN = 0.5                         # probability of something unexplained, from which that is the verdict
 CLEARLY = 2.0                         # standard errors by which a free curve is better on unseen shots
 Each = Float[Array, " n"]             # a number of each shot
@@ -108,8 +109,9 @@ def name_effects(fitted: BaselineFit, place: Place | None, search: Search, progr
                         unexplained=posterior.share("unexplained"))
     named = promote(fitted, first.refit)
     left = search.left(named)
-    if left is None:
-        return (first if posterior.share("both") >= UNKNOWN else whole,)
+    if left is None:                  # nothing is found beside it, so names count without that
+        alone = posterior.share("both") >= UNKNOWN and 1.0 - posterior.unexplained() > ANY
+        return (replace(whole, unknown=False) if alone else whole,)
     if varies or both:
         change = posterior.likeliest_change(first.naming.leader)
         if both and place is not None and change is not None and _direction(fitted, change) == first.column.direction:

@@ -70,9 +70,9 @@ def all_freed(step: Step, search: Search) -> tuple[tuple[Freed, ...], str]:
 
 def _likeliest(step: Step) -> tuple[BaselineFit, Correction | None]:
     """(the fit, with the name beside which the likeliest change stands; that change, else the one that was found)."""
-    place, change, fitted = step.place, step.change, step.fitted
+    change, fitted = step.change, step.fitted
     if change is None or change.family is None:
-        return fitted, place and place.correction
+        return fitted, None if step.place is None else step.place.correction
     if change.names:
         fitted = promote(fitted, step.naming.refits[change.names[0]])
     column = fitted.evidence.index(change.family.column)

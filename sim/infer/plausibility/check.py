@@ -5,7 +5,7 @@ Each check has a name, and can be accepted by it. A check passes where the data 
 
 import math
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,8 +20,8 @@ from truearc.sim.infer.plausibility.speeds import GEARS, MOTORS, judge_wheels, l
 from truearc.sim.infer.plausibility.tracks import judge_tracks
 from truearc.sim.physics.simulate import by_wheels, launch_state
 
-CHECKS = ("gravity", "axes", "sample-interval", "track-length", "speed", "hood", "mass", "radius", "reach", "air",
-          "target", "noise", "wheels", "height", "release", "balls")
+CHECKS = ("gravity", "axes", "sample-interval", "track-length", "track-shots", "speed", "hood", "mass", "radius",
+          "reach", "air", "target", "noise", "wheels", "height", "release", "balls")
 LIGHTEST_KG_M3 = 3.0                  # of a ball: lighter is a balloon
 LIGHT_KG_M3 = 12.0                    # below this the radius may be the diameter
 HEAVY_KG_M3 = 1500.0                  # above this the mass may be in ounces; a bowling ball has 1400, a golf ball 1150
@@ -30,6 +30,8 @@ DOUBLED = 1.9                         # of it: a light ball, or the wheels' diam
 TYPICAL = 1.3                         # of foam balls
 MEASURED = (0.85, 2.0)                # of it where the speed itself was measured: slip does not add to drag
 STRAIGHTER = 0.65                     # spread of that ratio with the other angle, by its spread as recorded
+APART, LIKE = 0.35, 0.25              # logs of that ratio, by which shots are far from the others, and like them,
+ALL_BUT = 0.8                         # at least this share of those that are far
 UNEVEN = 0.05                        # and the least spread as recorded that is judged
 SCORES = 6                            # fewest scoring shots that are judged
 LOWEST_M = 0.3                        # of a target's height in another unit
@@ -81,8 +83,10 @@ def _named(objection: Flaw, dataset: Dataset) -> Flaw:
 def _placed(objection: Flaw, shots: str) -> str:
     """With the folder of the shots' file before the names of files beside it."""
     folder = Path(shots).parent if Path(shots).suffix in (".csv", ".parquet") else None
-    beside = folder is not None and objection.place.startswith(("rig.toml:", "tracks:"))
-    return f"{folder}/{objection}" if beside else str(objection)
+    if folder is None or not objection.place.startswith(("rig.toml:", "tracks:")):
+        return str(objection)
+    kind = Path(shots).suffix if (folder / f"tracks{Path(shots).suffix}").exists() else ".csv"
+    return f"{folder}/{objection._replace(place=objection.place.replace('tracks:', f'tracks{kind}:', 1))}"
 
 
 def _objections(dataset: Dataset) -> Iterator[Flaw]:
@@ -264,6 +268,10 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
             yield Flaw("reach", f"{shots.source}: distance_m", "the speeds of scoring shots fit their distances far "
                        f"better if these are {name}: rename the column to distance_{suffix}")
             return
+    if mixed := _mixed_units(ratio, lambda far, metres: ratios(distance_m[far] * metres, hood_deg[far],
+                                                               speed_m_s[far])):
+        yield Flaw("reach", f"{shots.source}: distance_m", mixed)
+        return
     measured = np.isfinite(shots.number("exit_speed_m_s")[scoring]).all() and "exit_speed_m_s" in shots.numbers
     (low, high), causes = MEASURED if measured else REACH, speed_causes(rig, shots)
     if low <= middle <= high:
@@ -289,6 +297,19 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
                        if LOWEST_M <= centre_m * metres <= MOST["target.centre_height_m"]},
                     **{cause: middle * share for cause, share in causes.items()}}, REACH, TYPICAL,
                     "wrong distances, wheels or hood angles"))
+
+
+def _mixed_units(ratio: Floats, other: Callable[[Bool[np.ndarray, " n"], float], Floats]) -> str:
+    """What to say where some shots' ratios are like the others' only with their distances in another unit."""
+    if (ratio <= 0.0).any():
+        return ""
+    usual = float(np.quantile(ratio, 0.75))
+    far = np.abs(np.log(ratio / usual)) > APART
+    for name, (suffix, metres) in LENGTHS.items() if far.sum() >= TRACKS else ():
+        if (np.abs(np.log(np.maximum(other(far, metres), 1e-9) / usual)) < LIKE).mean() > ALL_BUT:
+            return (f"{far.sum()} of {len(far)} scoring shots fit the others only if their distances are {name}: "
+                    f"convert these, for instance in a file of their own with a column distance_{suffix}")
+    return ""
 
 
 def _is_straighter(other: Floats, ratio: Floats) -> bool:

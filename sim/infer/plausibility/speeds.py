@@ -8,6 +8,7 @@ import numpy as np
 from msgspec import structs
 
 from truearc.robot.config.rig_spec import Rig
+from truearc.sim.data.columns import WHEEL
 from truearc.sim.data.model import Shots
 from truearc.sim.infer.plausibility.flaw import RPM, TRACKS, Flaw
 from truearc.sim.physics.simulate import launch_state
@@ -23,6 +24,8 @@ def speed_causes(rig: Rig, shots: Shots) -> dict[str, float]:
     """What may be wrong of the wheels, and by what share of the recorded one a ball then leaves."""
     causes = {f"{SPEEDS}minute": RPM, f"{SPEEDS}second": 2.0 * math.pi, "a wheel's diameter given as its radius": 0.5,
               "half of a wheel's radius given as its radius": 2.0}
+    if np.isfinite(shots.number("motor_ratio")).any() and not any(map(WHEEL.fullmatch, shots.numbers)):
+        causes["half of launcher.free_speed_rad_s or of motor_ratio"] = 2.0
     geared = {(name := f"wheel_{wheel.name}_rad_s"): wheel.gear * shots.number(name) for wheel in rig.launcher.wheel}
     turned = structs.replace(rig.launcher, wheel=tuple(
         structs.replace(wheel, gear=1.0 / (wheel.gear or math.inf)) for wheel in rig.launcher.wheel))

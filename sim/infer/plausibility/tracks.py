@@ -1,7 +1,7 @@
 """Plausibility of tracks: what they say by themselves of units and axes, and beside the launcher that threw them."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +22,12 @@ ALIKE = 1.15                          # gravity in the unit that a message names
 FAR_M = 0.5                           # tracks that go less far have no direction
 NEAR_M = 5.0                          # tracks that begin farther off do not tell where the ball left
 BENT = 0.1                            # share of the way back by which drag may bend it
+TILT = 0.27                           # sine of the tilt that a fit allows a camera: it moves what is high aside
 BEHIND_M = 0.5                        # a ball may be seen before it leaves the launcher
+TURNED_DEG = 60.0                     # of a track's fall against that of the others
+ASIDE_DEG = 20.0                      # of where balls go against x
+UPRIGHT_DEG = 85.0                    # hood angles from which a ball need not go forwards
+ALIGNED, SPREAD_DEG = 0.5, 3.0        # correlation of the tracks' elevations with their shots', where both vary so much
 OFF_RELEASE_M = 0.2                   # a release height is misjudged by centimetres (term release_height: 0.04 usual)
 SAMPLES = 8                           # fewest of a track that is judged
 APART = 2.5                           # times the others' gravity, or a share of it, in tracks of another unit
@@ -37,7 +42,7 @@ class Motion(NamedTuple):
     from_m: Floats                    # [tracks, 3]: where each begins
     velocity_m_s: Floats              # [tracks, 3]: there
     shot: Floats                      # [tracks]: row in Shots
-    alone_m_s2: Floats                # [tracks]: size of each one's acceleration, drag included
+    pull_m_s2: Floats                 # [tracks, 3]: acceleration of each, drag included
     reach_m: Floats                   # [tracks]: horizontal distance travelled
     toward_m: Floats                  # [tracks, 2]: along x and y
 
@@ -67,13 +72,13 @@ def measure_motion(tracks: Tracks) -> Motion | None:
         return None
     solutions = np.array([_gravity_of([row]) for row in rows])
     # one track alone does not part drag from gravity
-    alone = np.array([np.linalg.norm(row[1].mean(axis=1)) for row in rows])
-    like = ~_apart(alone)
+    pull = np.array([row[1].mean(axis=1) for row in rows])
+    like = ~_apart(np.linalg.norm(pull, axis=1))
     whole = _gravity_of([row for row, one in zip(rows, like, strict=True) if one])
     error = float(np.linalg.norm(1.25 * np.median(np.abs(solutions - np.median(solutions, axis=0)), axis=0)))
     along, (places, velocities) = np.array(toward), np.array(begins).transpose(1, 0, 2)
     return Motion(whole, 1.5 * error / math.sqrt(len(rows)), np.array(starts), places, velocities, np.array(shots),
-                  alone, np.linalg.norm(along, axis=1), along)
+                  pull, np.linalg.norm(along, axis=1), along)
 
 
 def _apart(alone_m_s2: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
@@ -94,7 +99,10 @@ def _gravity_of(rows: list[tuple[Floats, Floats]]) -> Floats:
 
 def judge_tracks(dataset: Dataset, tracks: Tracks) -> Iterator[Flaw]:
     """Yield what is implausible of the tracks; nothing where there are too few."""
-    yield from _unmeasured(tracks)
+    unmeasured = list(_unmeasured(dataset, tracks))
+    yield from unmeasured
+    if not all(flaw.warns for flaw in unmeasured):
+        return
     steps = np.diff(tracks.t_s)[np.diff(tracks.shot) == 0]
     step_s = float(np.median(steps)) if len(steps) else 0.01
     motion = measure_motion(tracks)
@@ -112,26 +120,40 @@ def judge_tracks(dataset: Dataset, tracks: Tracks) -> Iterator[Flaw]:
 
 
 def _mixed(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:
-    """Some tracks in another unit than the others."""
-    apart = _apart(motion.alone_m_s2)
+    """Some tracks in another unit than the others, or with other axes."""
+    alone = np.linalg.norm(motion.pull_m_s2, axis=1)
+    turned = motion.pull_m_s2 @ np.median(motion.pull_m_s2, axis=0) < math.cos(math.radians(TURNED_DEG)) * (
+        alone * np.linalg.norm(np.median(motion.pull_m_s2, axis=0)))
+    if turned.any() and 2 * turned.sum() < len(turned):
+        yield Flaw("axes", "tracks: x_m, y_m, z_m", f"{turned.sum()} of {len(turned)} tracks fall in another direction "
+                   f"than the others: correct the axes of {_ids(dataset, motion.shot[turned].tolist())}")
+        return
+    apart = _apart(alone)
     if not apart.any() or 2 * apart.sum() >= len(apart):
         return
-    usual, other = float(np.median(motion.alone_m_s2)), float(np.median(motion.alone_m_s2[apart]))
+    usual, other = float(np.median(alone)), float(np.median(alone[apart]))
     name = min(LENGTHS, key=lambda one: abs(math.log(other * LENGTHS[one][1] / usual)))
     likely = f"these look like {name}; " if abs(math.log(other * LENGTHS[name][1] / usual)) < math.log(ALIKE) else ""
-    ids = [dataset.shots.shot_id[int(row)] for row in motion.shot[apart]]
     yield Flaw("gravity", "tracks: x_m, y_m, z_m, t_s", f"{apart.sum()} of {len(apart)} tracks have another unit than "
                f"the others: gravity and drag would be {other:,.3g} m/s2 in them, {usual:,.3g} in the others; {likely}"
-               f"convert {', '.join(ids[:3])}{', ...' if len(ids) > 3 else ''}")
+               f"convert {_ids(dataset, motion.shot[apart].tolist())}")
 
 
-def _unmeasured(tracks: Tracks) -> Iterator[Flaw]:
-    """A coordinate that never varies was not measured."""
-    for name, values in (("y_m", tracks.y_m), ("z_m", tracks.z_m)):
+def _ids(dataset: Dataset, rows: Sequence[int]) -> str:
+    """The first of these shots."""
+    return ", ".join([*(dataset.shots.shot_id[row] for row in rows[:3]), *["..."][:len(rows) > 3]])
+
+
+def _unmeasured(dataset: Dataset, tracks: Tracks) -> Iterator[Flaw]:
+    """A coordinate that never varies was not measured; a ball goes forwards unless it is thrown upright, and falls."""
+    upright = not (dataset.shots.number("hood_deg") < UPRIGHT_DEG).any()
+    for name, values, why in (("x_m", tracks.x_m, "" if upright else "the distance from the exit to the target's side"),
+                              ("y_m", tracks.y_m, ""), ("z_m", tracks.z_m, "the height above the floor")):
         known = values[np.isfinite(values)]
-        if len(known) > 1 and np.ptp(known) == 0.0:
-            yield Flaw("axes", f"tracks: {name}", f"is {known[0]:g} in every sample, so it is taken as not measured: "
-                       "nothing can be found in that direction", warns=True)
+        if len(known) > 1 and np.ptp(known) == 0.0 and (name != "x_m" or why):
+            yield Flaw("axes", f"tracks: {name}", f"is {known[0]:g} in every sample" + (
+                f"; it is {why}" if why else ", so it is taken as not measured: nothing can be found that way"),
+                       warns=not why)
 
 
 def _gravity(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:
@@ -193,6 +215,9 @@ def _direction(motion: Motion) -> Iterator[Flaw]:
     if abs(aside) > 2.0 * abs(along) and (np.abs(far[:, 1]) > np.abs(far[:, 0])).mean() > 0.9:
         yield Flaw("axes", "tracks: x_m, y_m", "balls travel along y; x_m must point to the target: exchange x_m and "
                    "y_m")
+    elif abs(turn_deg := math.degrees(math.atan2(aside, abs(along)))) > ASIDE_DEG:
+        yield Flaw("axes", "tracks: x_m, y_m", f"balls travel {abs(turn_deg):.0f} degrees to the "
+                   f"{'left' if aside > 0.0 else 'right'} of x; x_m must point to the target: turn the axes")
     elif (far[:, 0] < 0.0).mean() > 0.9:
         yield Flaw("axes", "tracks: x_m", "balls travel backwards; x_m must point to the target: change its sign, and "
                    "that of y_m")
@@ -205,15 +230,15 @@ def _release(rig: Rig, motion: Motion) -> Iterator[Flaw]:
     if near.sum() < TRACKS:
         return
     first_m, velocity_m_s = motion.from_m[near], motion.velocity_m_s[near]
-    begins_m = float(np.median(first_m[:, 0]))
-    if begins_m < -BEHIND_M:
+    begins_m, tilted_m = float(np.median(first_m[:, 0])), TILT * abs(float(np.median(first_m[:, 2])))
+    if begins_m < -BEHIND_M - tilted_m:
         yield Flaw("release", "tracks: x_m", f"balls are first seen {-begins_m:.2f} m behind the exit; x_m is measured "
                    "from the exit: subtract where the exit is")
         return
     back_s = first_m[:, 0] / velocity_m_s[:, 0]
     allowed_m = OFF_RELEASE_M + BENT * abs(begins_m)
     aside_m = float(np.median(first_m[:, 1] - velocity_m_s[:, 1] * back_s))
-    if abs(aside_m) > allowed_m:
+    if abs(aside_m) > allowed_m + tilted_m:
         yield Flaw("release", "tracks: y_m", f"balls leave at y = {aside_m:.2f} m; y_m is measured from the exit: "
                    "subtract where the exit is")
     found_m = float(np.median(first_m[:, 2] - velocity_m_s[:, 2] * back_s - 0.5 * rig.world.gravity_m_s2 * back_s**2))
@@ -224,7 +249,23 @@ def _release(rig: Rig, motion: Motion) -> Iterator[Flaw]:
                    f"rig.toml (launcher.release_height_m): {cause}")
 
 
+def _elevations(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:
+    """Tracks rise as the hoods of their shots say."""
+    rows, shots = motion.shot.astype(int), dataset.shots
+    seen_deg, (along, aside, up) = shots.number("exit_deg"), motion.velocity_m_s.T
+    stated_deg = np.where(np.isfinite(seen_deg), seen_deg, shots.number("hood_deg"))[rows]
+    begin_s = np.clip(motion.from_m[:, 0] / np.where(along > 0.0, along, np.inf), 0.0, None)
+    found_deg = np.degrees(np.arctan2(up + dataset.rig.world.gravity_m_s2 * begin_s, np.hypot(along, aside)))
+    both = np.array([found_deg, stated_deg])[:, np.isfinite(stated_deg) & (motion.from_m[:, 0] < NEAR_M)]
+    if both.shape[1] < SAMPLES or both.std(axis=1).min() < SPREAD_DEG:
+        return
+    if (alike := float(np.corrcoef(both)[0, 1])) < ALIGNED:
+        yield Flaw("track-shots", "tracks: shot_id", f"the tracks do not rise as the hood angles of their shots say "
+                   f"(correlation {alike:.2f}): make sure that each track has the shot_id of its shot")
+
+
 def _against_launcher(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:
+    yield from _elevations(dataset, motion)
     rows = motion.shot.astype(int)
     far = motion.reach_m / dataset.shots.number("distance_m")[rows]
     if np.isfinite(far).sum() >= TRACKS and np.nanmedian(far) > 2.5:

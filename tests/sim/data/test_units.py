@@ -125,6 +125,20 @@ def test_numbers_that_cannot_be_name_the_likely_unit(tmp_path: Path, name: str, 
         load(tmp_path, f"shot_id,{name}\na,{value}\n")
 
 
+def test_a_wheels_speed_without_its_name_says_how_it_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"shots\.csv:1: wheel_rpm: names no wheel of the rig: wheel_<name>_rpm"):
+        load(tmp_path, "shot_id,hood_deg,wheel_rpm\na,40,3000\n")
+
+
+def test_each_word_that_is_no_outcome_is_told_once_with_what_to_write(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as raised:
+        load(tmp_path, "shot_id,outcome\na,1\nb,0\nc,1\nd,1\ne,lost\n")
+    assert [line.partition("csv:")[2] for line in str(raised.value).splitlines()] == [
+        "2: outcome: '1' is none of miss, two, three; if it says that it went in, write hit; here and in 2 more rows",
+        "3: outcome: '0' is none of miss, two, three; if it says that it missed, write miss",
+        "6: outcome: 'lost' is none of miss, two, three"]
+
+
 def test_a_negative_distance_is_not_called_another_unit(tmp_path: Path) -> None:
     with pytest.raises(InputError) as raised:
         load(tmp_path, "shot_id,distance_m\na,-5\nb,4\n")

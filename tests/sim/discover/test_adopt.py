@@ -109,7 +109,7 @@ def test_of_an_unexplained_effect_the_nearest_names_are_adopted_where_they_clear
         hasty: tuple[Dataset, Investigation], monkeypatch: pytest.MonkeyPatch) -> None:
     """Else nothing; and then a belief that was started from stays as it is, not fitted to what no term explains."""
     found = hasty[1]
-    unnamed = replace(found, steps=tuple(replace(step, unknown=True, place=None) for step in found.steps))
+    unnamed = replace(found, steps=tuple(replace(step, unknown=True, place=None, change=None) for step in found.steps))
     belief, provenance = make_belief(unnamed)
     assert provenance["adopted"][0].startswith("rapid_fire") and "rapid_fire" in belief.coefficients
     judged = with_worth(found).finding.adoption
@@ -171,7 +171,7 @@ def test_without_tracks_a_curve_that_is_not_surely_better_is_not_adopted(nameles
                                                    - gain + luck))
     blind = replace(step.fitted, intake=replace(step.fitted.intake, samples=None))
     for fitted, adopts in ((step.fitted, True), (blind, False)):
-        curves, why = freed.all_freed(replace(step, place=place, fitted=fitted), nameless.search)
+        curves, why = freed.all_freed(replace(step, place=place, fitted=fitted, change=None), nameless.search)
         assert bool(curves) == adopts and ("not clearly" in why) != adopts
 
 

@@ -140,6 +140,42 @@ def test_tracks_from_another_origin_are_refused(filmed: Dataset, axis: str, shif
         check_plausible(tracks(filmed, **{axis: getattr(filmed.tracks, axis) + shift_m}))
 
 
+def test_one_track_with_z_downwards_is_refused_by_its_shot(filmed: Dataset) -> None:
+    assert filmed.tracks is not None
+    seventh = filmed.tracks.shot == 7
+    with pytest.raises(InputError, match=r"1 of 12 tracks fall in another direction .* the axes of 07 \(check 'axes'"):
+        check_plausible(tracks(filmed, z_m=np.where(seventh, -filmed.tracks.z_m, filmed.tracks.z_m)))
+
+
+def test_tracks_of_other_shots_are_refused(filmed: Dataset) -> None:
+    assert filmed.tracks is not None
+    with pytest.raises(InputError, match=r"tracks: shot_id: the tracks do not rise as .* \(check 'track-shots'"):
+        check_plausible(tracks(filmed, shot=(filmed.tracks.shot + 5) % 12))
+
+
+@pytest.mark.parametrize(("turn_deg", "said"), [(60.0, "60 degrees to the left of x"), (-35.0, "to the right of x")])
+def test_axes_turned_about_the_vertical_are_refused(filmed: Dataset, turn_deg: float, said: str) -> None:
+    assert filmed.tracks is not None
+    turned = (filmed.tracks.x_m + 1j * filmed.tracks.y_m) * np.exp(1j * np.radians(turn_deg))
+    with pytest.raises(InputError, match=rf"balls travel .*{said}"):
+        check_plausible(tracks(filmed, x_m=turned.real, y_m=turned.imag))
+
+
+@pytest.mark.parametrize(("axis", "said"), [("x_m", "the distance from the exit"), ("z_m", "the height above")])
+def test_a_coordinate_that_is_needed_and_never_varies_is_refused(filmed: Dataset, axis: str, said: str) -> None:
+    assert filmed.tracks is not None
+    with pytest.raises(InputError, match=rf"tracks: {axis}: is 0 in every sample; it is {said}"):
+        check_plausible(tracks(filmed, **{axis: np.zeros(len(filmed.tracks.t_s))}))
+
+
+@pytest.mark.parametrize("every", [2, 4])
+def test_some_distances_in_feet_are_refused(table: Dataset, every: int) -> None:
+    distance_m = table.shots.number("distance_m").copy()
+    distance_m[::every] /= 0.3048
+    with pytest.raises(InputError, match=r"scoring shots fit the others only if their distances are feet: convert"):
+        check_plausible(numbers(table, distance_m=distance_m))
+
+
 @pytest.mark.parametrize("from_s", [0.1, 0.3, 0.45])
 def test_tracks_that_begin_where_the_camera_sees_the_ball_are_plausible(filmed: Dataset, from_s: float) -> None:
     assert filmed.tracks is not None
