@@ -43,6 +43,7 @@ from truearc.sim.physics.nonparametric import CURVE
 
 Gain = Callable[[ScoreTable, ScoreTable], tuple[float, float]]
 NINETY = 1.645
+CLEARLY = 2.0                         # standard errors
 IMPOSSIBLE = 3.5                      # standard deviations of a tracker's error, from which tracks are not believed
 
 
@@ -307,7 +308,7 @@ def _ill_flown(investigation: Investigation, taken: _Taken) -> str:
         return ""
     models = _models(taken) if taken.named or taken.free else ([_without(fitted)], [0.0])
     beaten = worth.shares_beaten(plane.seen, worth.hold_out(*models))
-    return "" if beaten is None or beaten >= 0.0 else (
+    return "" if beaten is None or beaten > -CLEARLY else (
         "from the settings alone it forecasts outcomes worse than their plain shares do: tracks and outcomes "
         "contradict each other")
 

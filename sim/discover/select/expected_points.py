@@ -14,6 +14,7 @@ judges shots as they were made is reported, and does not count: it would speak f
 Every shot is judged by fits to the other folds.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -147,15 +148,16 @@ def points_of(seen: OutcomeObservations, mine: HoldOut, both: Sequence[HoldOut],
 
 
 def shares_beaten(seen: OutcomeObservations, mine: HoldOut) -> float | None:
-    """Log score that each outcome gains by the forecasts over the plain shares of miss, two and three; None where fewer
-    than FEWEST outcomes are known without their height, or all are alike."""
+    """Standard errors by which outcomes' log score by the forecasts is above that by the plain shares of miss, two and
+    three; None where fewer than FEWEST outcomes are known without their height, or all are alike."""
     known = np.isfinite(seen.classes) & ~seen.measured
     level, count = np.unique(seen.classes[known], return_counts=True)
     if known.sum() < FEWEST or len(level) < 2:
         return None
     chance = (1.0 - LAPSE) * _share(seen.low, seen.high, mine).sum(1)[known] + LAPSE / 3.0
     plain = count[np.searchsorted(level, seen.classes[known])] / known.sum()
-    return float(np.mean(np.log(chance) - np.log(plain)))
+    gain = np.log(chance) - np.log(plain)
+    return float(gain.mean() / (gain.std() / math.sqrt(len(gain)) + 1e-12))
 
 
 def scored_points(seen: OutcomeObservations) -> Float[np.ndarray, " m"]:

@@ -47,7 +47,7 @@ def all_freed(step: Step, search: Search) -> tuple[tuple[Freed, ...], str]:
     Left out: beside which a coefficient comes to the end of what is possible; which explains nothing once it is flown;
     an effect that no simulation of single shots can hold (two covariates together; a launch to one side, on which no
     height depends); a second curve of the same thing. Without tracks also the first where it is not clearly better on
-    unseen shots: outcomes let a curve follow chance (of fourteen such ten forecast another session worse).
+    unseen shots, and any other: outcomes let a curve follow chance (of fourteen ten forecast another session worse).
     """
     fitted, correction = _likeliest(step)
     if correction is None:
@@ -64,7 +64,7 @@ def all_freed(step: Step, search: Search) -> tuple[tuple[Freed, ...], str]:
             return tuple(found), "" if found and why == UNABLE else why
         found.append(one if found or step.change is None else replace(one, beside="".join(step.change.names)))
         fitted = one.fitted
-        correction = _what_is_left(fitted, search)
+        correction = None if fitted.intake.samples is None else _what_is_left(fitted, search)
     return tuple(found), ""
 
 

@@ -63,7 +63,7 @@ def quiet() -> Investigation:
 
 
 def test_the_verdict_comes_first_then_where_then_what_then_the_fine_print(drifting: Investigation) -> None:
-    assert drifting.finding.verdict in ("named", "set")
+    assert drifting.finding.verdict != "none"
     text = read(make_report("week <1>", drifting))
     places = [text.index(part) for part in (drifting.finding.sentence, "What these 120 shots could show", "Where it is",
                                             "What it is", "What it is worth", "Fine print")]
