@@ -12,6 +12,8 @@ from truearc.hw.fault_codes import CAN_ADAPTER_ERROR, CAN_BUS_OFF
 from truearc.hw.protocols import Clock, Frame, LinkLost
 from truearc.hw.reason import Reason
 
+ADVICE = {errno.EAFNOSUPPORT: ": this kernel has no CAN; load it with modprobe can_raw",
+          errno.ENODEV: ": there is no such interface; docs/buses.md says how to bring it up"}
 QUEUE_FULL = (errno.ENOBUFS, errno.EAGAIN)
 # python-can 4.6 raises a bare CanOperationError for these two (socketcan's send, virtual's): no code, no class of their
 # own, no cause. Every other refusal is recognised by its code or class.
@@ -150,7 +152,8 @@ def open_can(interface: str, channel: str, bitrate: int, clock: Clock, wait_s: f
     try:
         bus = can.Bus(interface=interface, channel=channel, ignore_config=True, **options)
     except (can.CanError, NotImplementedError, OSError, ValueError, TypeError) as error:
-        raise LinkLost(CAN_ADAPTER_ERROR(bus=name, detail=str(error))) from error
+        advice = ADVICE.get(getattr(error, "errno", None) or getattr(error, "error_code", None) or 0, "")
+        raise LinkLost(CAN_ADAPTER_ERROR(bus=name, detail=f"{error}{advice}")) from error
     return CanBus(bus, clock, name, SLCAN_WRITE_S if is_slcan else 0.0, serial_lines=is_slcan, tally=tally)
 
 

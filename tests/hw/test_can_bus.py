@@ -1,6 +1,7 @@
 """python-can behind truearc.hw.protocols.Bus: a real virtual bus, a real slcan adapter's line protocol over a
 pseudo-terminal."""
 
+import errno
 import os
 import select
 import threading
@@ -153,6 +154,16 @@ def read_until(bus, count: int) -> list[Frame]:
             break
         done.wait(0.002)
     return frames
+
+
+@pytest.mark.parametrize(("code", "advice"), [(errno.EAFNOSUPPORT, "modprobe can_raw"), (errno.ENODEV, "docs/buses")])
+def test_a_missing_kernel_module_or_interface_comes_with_advice(clock, monkeypatch, code: int, advice: str) -> None:
+    def refuse(**options: object) -> None:
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr(can, "Bus", refuse)
+    with pytest.raises(LinkLost, match=rf"CAN socketcan can0.*{advice}"):
+        open_can("socketcan", "can0", 1_000_000, clock)
 
 
 def test_slcan_speaks_the_adapters_lines(adapter, clock) -> None:

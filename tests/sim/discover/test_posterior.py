@@ -181,6 +181,10 @@ def test_probabilities_are_counted_by_what_hypotheses_hold() -> None:
                       np.array([0.4, 0.3, 0.2, 0.1]), {})
     assert found.inclusion() == pytest.approx({"a.x": 0.7, "b.x": 0.3})
     assert found.held_by(["b.x"]) == pytest.approx(0.3) and found.held_by(["a.x", "b.x"]) == pytest.approx(0.7)
+    assert found.inclusion(beside=True) == pytest.approx({"a.x": 0.7, "b.x": 0.5})
+    assert found.held_by(["b.x"], beside=True) == pytest.approx(0.5)
+    assert found.likeliest_change() is found.hypotheses[2] and found.likeliest_change("b.x") is found.hypotheses[2]
+    assert found.likeliest_change("a.x") is None
     assert found.unexplained() == pytest.approx(0.3)
     assert [found.share(kind) for kind in ("one", "two", "both", "unexplained")] == pytest.approx([0.4, 0.3, 0.2, 0.1])
 
