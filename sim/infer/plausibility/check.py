@@ -32,7 +32,7 @@ MEASURED = (0.85, 2.0)                # of it where the speed itself was measure
 STRAIGHTER = 0.65                     # spread of that ratio with the other angle, by its spread as recorded
 APART, LIKE = 0.35, 0.25              # logs of that ratio, by which shots are far from the others, and like them,
 ALL_BUT = 0.8                         # at least this share of those that are far
-UNEVEN = 0.05                        # and the least spread as recorded that is judged
+UNEVEN = 0.04                        # and the least spread as recorded that is judged
 SCORES = 6                            # fewest scoring shots that are judged
 LOWEST_M = 0.3                        # of a target's height in another unit
 THIN_KG_M3 = 0.5                      # air at 8 km
@@ -316,5 +316,11 @@ def _is_straighter(other: Floats, ratio: Floats) -> bool:
     """Whether the other reading explains the speeds much better; both are zero where no speed would do."""
     if len(ratio) < 2 * SCORES or (other <= 0.0).any():
         return False
-    spread = np.inf if (ratio <= 0.0).any() else float(np.std(np.log(ratio)))
-    return spread > UNEVEN and float(np.std(np.log(other))) < STRAIGHTER * spread
+    flies = ratio > 0.0
+    spread = _spread(np.log(ratio[flies])) if flies.mean() > ALL_BUT else np.inf
+    return spread > UNEVEN and _spread(np.log(other)) < STRAIGHTER * spread
+
+
+def _spread(values: Floats) -> float:
+    """Standard deviation by what the middle 90 % take: one shot with a lucky bounce does not widen it."""
+    return float(np.ptp(np.quantile(values, (0.05, 0.95)))) / 3.29

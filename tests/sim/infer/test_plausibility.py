@@ -550,3 +550,11 @@ def test_an_objection_names_columns_as_the_files_do(table: Dataset, filmed: Data
         check_plausible(replace(feet, shots=replace(feet.shots, written={"distance_m": "distance_cm"})))
     with pytest.raises(InputError, match=r"tracks: x_m, y_m, z_cm: z points down.*\(z_cm is read as z_m\)"):
         check_plausible(replace(tracks(filmed, z_m=-filmed.tracks.z_m), track_columns={"z_m": "z_cm"}))
+
+
+def test_one_shot_with_a_wrong_speed_makes_no_other_angle_likelier(table: Dataset) -> None:
+    """A scoring shot of a fifth of the speed, as a sensor may say, among forty: seen once in a season of the demo."""
+    slow = {f"wheel_{name}_rad_s": table.shots.number(f"wheel_{name}_rad_s").copy() for name in ("upper", "lower")}
+    for column in slow.values():
+        column[4] *= 0.2
+    assert check_plausible(numbers(table, **slow)).accepted == check_plausible(table).accepted
