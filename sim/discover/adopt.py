@@ -44,7 +44,6 @@ from truearc.sim.physics.nonparametric import CURVE
 Gain = Callable[[ScoreTable, ScoreTable], tuple[float, float]]
 NINETY = 1.645
 CLEARLY = 2.0                         # standard errors
-IMPOSSIBLE = 3.5                      # standard deviations of a tracker's error, from which tracks are not believed
 
 
 def ball_effects(evidence: ScoreTable) -> Int[Array, " k"]:
@@ -293,18 +292,13 @@ def _worse(investigation: Investigation, taken: _Taken, gain: Gain) -> str:
 
 
 def _ill_flown(investigation: Investigation, taken: _Taken) -> str:
-    """Why tracks and outcomes contradict each other: an error of the tracker that was believed all but impossible, or
-    outcomes that are forecast worse from the settings than by their plain shares; "" where they do not."""
-    fitted, evidence = investigation.fitted, taken.evidence
+    """Why tracks and outcomes contradict each other: outcomes are forecast clearly worse from the settings than by
+    their plain shares; "" where they do not."""
+    fitted = investigation.fitted
     if fitted is None or fitted.intake.samples is None:
         return ""
-    off = np.abs(np.linalg.solve(evidence.precision, evidence.pull)) * np.sqrt(np.diag(evidence.precision))
-    for column, sds in zip(evidence.columns[evidence.first_shared:], off, strict=True):
-        if is_tracker(column, investigation.catalogue) and sds > IMPOSSIBLE:
-            return (f"beside them {column.name} would be {sds:.1f} standard deviations from what is believed of the "
-                    "tracker; correct the tracks, or state [tracker] in rig.toml")
     plane = fitted.evidence.plane
-    if plane is None or evidence.plane is None:
+    if plane is None or taken.evidence.plane is None:
         return ""
     models = _models(taken) if taken.named or taken.free else ([_without(fitted)], [0.0])
     beaten = worth.shares_beaten(plane.seen, worth.hold_out(*models))

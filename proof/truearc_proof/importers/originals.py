@@ -44,7 +44,7 @@ def json_rows(text: str, path: Path, key: str, names: Sequence[str]) -> RawTable
     try:
         rows = json.loads(text)[key]
         cells = {name: [row[name] for row in rows] for name in names}
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError(f"{path}: has no list {key!r} of objects with {', '.join(names)} ({error})") from error
     lines = [text.count("\n", 0, match.start()) + 1 for match in re.finditer(f'"{re.escape(names[0])}"', text)]
     columns: dict[str, list[Cell]] = {name: [cell if isinstance(cell, float) else str(cell) for cell in column]

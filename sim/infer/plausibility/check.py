@@ -30,8 +30,8 @@ DOUBLED = 1.9                         # of it: a light ball, or the wheels' diam
 TYPICAL = 1.3                         # of foam balls
 MEASURED = (0.85, 2.0)                # of it where the speed itself was measured: slip does not add to drag
 STRAIGHTER = 0.65                     # spread of that ratio with the other angle, by its spread as recorded
-APART, LIKE = 0.35, 0.25              # logs of that ratio, by which shots are far from the others, and like them,
-ALL_BUT = 0.8                         # at least this share of those that are far
+APART, NEAR, LIKE = 0.3, 0.12, 0.25   # logs of that ratio, by which shots are far from the others, near, and like them,
+ALL_BUT, BETWEEN = 0.8, 0.15          # at least this share of those that are far, and at most that many in between
 UNEVEN = 0.04                        # and the least spread as recorded that is judged
 SCORES = 6                            # fewest scoring shots that are judged
 LOWEST_M = 0.3                        # of a target's height in another unit
@@ -304,10 +304,13 @@ def _mixed_units(ratio: Floats, other: Callable[[Bool[np.ndarray, " n"], float],
     if (ratio <= 0.0).any():
         return ""
     usual = float(np.quantile(ratio, 0.75))
-    far = np.abs(np.log(ratio / usual)) > APART
+    off = np.abs(np.log(ratio / usual))
+    far = off > APART
+    if (off[~far] > NEAR).mean() > BETWEEN:
+        return ""                     # not two kinds of shots, but one that varies
     for name, (suffix, metres) in LENGTHS.items() if far.sum() >= TRACKS else ():
         if (np.abs(np.log(np.maximum(other(far, metres), 1e-9) / usual)) < LIKE).mean() > ALL_BUT:
-            return (f"{far.sum()} of {len(far)} scoring shots fit the others only if their distances are {name}: "
+            return (f"{far.sum()} of {len(far)} scoring shots look as if their distances were {name}: "
                     f"convert these, for instance in a file of their own with a column distance_{suffix}")
     return ""
 

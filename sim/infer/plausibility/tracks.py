@@ -30,6 +30,8 @@ UPRIGHT_DEG = 85.0                    # hood angles from which a ball need not g
 ALIGNED, SPREAD_DEG = 0.5, 3.0        # correlation of the tracks' elevations with their shots', where both vary so much
 OFF_RELEASE_M = 0.2                   # a release height is misjudged by centimetres (term release_height: 0.04 usual)
 SAMPLES = 8                           # fewest of a track that is judged
+SURE = 6.0                            # standard errors of what falls otherwise than the others
+LONGER = 1.8                          # times as long a part of the distance, or as short, as other tracks
 APART = 2.5                           # times the others' gravity, or a share of it, in tracks of another unit
 
 
@@ -42,14 +44,15 @@ class Motion(NamedTuple):
     from_m: Floats                    # [tracks, 3]: where each begins
     velocity_m_s: Floats              # [tracks, 3]: there
     shot: Floats                      # [tracks]: row in Shots
-    pull_m_s2: Floats                 # [tracks, 3]: acceleration of each, drag included
+    pull_m_s2: Floats                 # [tracks, 3]: acceleration of each, drag included,
+    unsure_m_s2: Floats               # [tracks]: and its standard error
     reach_m: Floats                   # [tracks]: horizontal distance travelled
     toward_m: Floats                  # [tracks, 2]: along x and y
 
 
 def measure_motion(tracks: Tracks) -> Motion | None:
     """Fit each track by a polynomial, and gravity and drag to all accelerations; None where there are too few."""
-    rows, starts, shots, toward, begins = [], [], [], [], []
+    rows, starts, shots, toward, begins, unsure = [], [], [], [], [], []
     points = np.column_stack([tracks.x_m, tracks.y_m, tracks.z_m])
     for shot in np.unique(tracks.shot):
         here = (tracks.shot == shot) & np.isfinite(points).all(axis=1)
@@ -57,7 +60,9 @@ def measure_motion(tracks: Tracks) -> Motion | None:
         if len(t_s) < SAMPLES or np.ptp(t_s) <= 0.0:
             continue
         half_s, middle_s = np.ptp(t_s) / 2.0, (t_s[0] + t_s[-1]) / 2.0
-        fit = np.polynomial.polynomial.polyfit((t_s - middle_s) / half_s, place, 4 if len(t_s) >= 2 * SAMPLES else 3)
+        scaled, degree = (t_s - middle_s) / half_s, 4 if len(t_s) >= 2 * SAMPLES else 3
+        fit = np.polynomial.polynomial.polyfit(scaled, place, degree)
+        unsure.append(_bend_error(scaled, place - np.polynomial.polynomial.polyval(scaled, fit).T, degree) / half_s**2)
         slope = np.polynomial.polynomial.polyder(fit)
         bend = np.polynomial.polynomial.polyder(slope)
         at = np.array([-0.5, 0.0, 0.5])
@@ -78,7 +83,14 @@ def measure_motion(tracks: Tracks) -> Motion | None:
     error = float(np.linalg.norm(1.25 * np.median(np.abs(solutions - np.median(solutions, axis=0)), axis=0)))
     along, (places, velocities) = np.array(toward), np.array(begins).transpose(1, 0, 2)
     return Motion(whole, 1.5 * error / math.sqrt(len(rows)), np.array(starts), places, velocities, np.array(shots),
-                  pull, np.linalg.norm(along, axis=1), along)
+                  pull, np.array(unsure), np.linalg.norm(along, axis=1), along)
+
+
+def _bend_error(scaled: Floats, rest_m: Float[np.ndarray, "n 3"], degree: int) -> float:
+    """Standard error of a polynomial's second derivative at the middle, by what it leaves of the samples."""
+    basis = np.polynomial.polynomial.polyvander(scaled, degree)
+    noise_m = math.sqrt(float((rest_m**2).sum()) / (3.0 * max(len(scaled) - degree - 1, 1)))
+    return 2.0 * noise_m * math.sqrt(float(np.linalg.pinv(basis.T @ basis)[2, 2]))
 
 
 def _apart(alone_m_s2: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
@@ -122,13 +134,17 @@ def judge_tracks(dataset: Dataset, tracks: Tracks) -> Iterator[Flaw]:
 def _mixed(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:
     """Some tracks in another unit than the others, or with other axes."""
     alone = np.linalg.norm(motion.pull_m_s2, axis=1)
-    turned = motion.pull_m_s2 @ np.median(motion.pull_m_s2, axis=0) < math.cos(math.radians(TURNED_DEG)) * (
-        alone * np.linalg.norm(np.median(motion.pull_m_s2, axis=0)))
+    far = motion.reach_m / dataset.shots.number("distance_m")[motion.shot.astype(int)]
+    sure = alone > SURE * motion.unsure_m_s2
+    turned = sure & (motion.pull_m_s2 @ np.median(motion.pull_m_s2, axis=0) < math.cos(math.radians(TURNED_DEG)) * (
+        alone * np.linalg.norm(np.median(motion.pull_m_s2, axis=0))))
     if turned.any() and 2 * turned.sum() < len(turned):
         yield Flaw("axes", "tracks: x_m, y_m, z_m", f"{turned.sum()} of {len(turned)} tracks fall in another direction "
                    f"than the others: correct the axes of {_ids(dataset, motion.shot[turned].tolist())}")
         return
-    apart = _apart(alone)
+    # in another unit a track's length is another share of the distance, too; a fast ball's is not
+    usual_far = float(np.nanmedian(far)) if np.isfinite(far).any() else math.nan
+    apart = _apart(alone) & sure & ~(np.abs(np.log(far / usual_far)) < math.log(LONGER))
     if not apart.any() or 2 * apart.sum() >= len(apart):
         return
     usual, other = float(np.median(alone)), float(np.median(alone[apart]))

@@ -159,7 +159,7 @@ def test_3476s_own_file_is_one_version_without_a_date(tmp_path: Path) -> None:
     path.write_text(json.dumps({"shooterConfigs": [config(29.0, 4500, 57), config("steep", 1, 2)]}, indent=1))
     with pytest.raises(InputError, match=r"json:11: hood_eject_angle_deg: 'steep' is not a finite number"):
         import_3476(path)
-    for text in ("{", "{}", '{"shooterConfigs": [{"distance": 1}]}'):
+    for text in ("{", "{}", '{"shooterConfigs": [{"distance": 1}]}', "[" * 100_000):
         path.write_text(text)
         with pytest.raises(InputError, match="has no list 'shooterConfigs'"):
             import_3476(path)
