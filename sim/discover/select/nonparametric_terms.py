@@ -52,7 +52,8 @@ def all_freed(step: Step, search: Search) -> tuple[tuple[Freed, ...], str]:
     fitted, correction = _likeliest(step)
     if correction is None:
         return (), ""
-    if fitted.intake.samples is None and not (correction.gain.sum() > 0.0 if step.change else clearly(
+    beside = step.change is not None and bool(step.change.names)       # its posterior has been compared with a pair's
+    if fitted.intake.samples is None and not (correction.gain.sum() > 0.0 if beside else clearly(
             correction.gain, fitted)):
         return (), "the free curve is not clearly better on unseen shots"
     found: list[Freed] = []

@@ -19,7 +19,9 @@ from truearc.sim.discover.investigate import Investigation, discover
 from truearc.sim.discover.report.finding_text import console_lines, say_adopted
 from truearc.sim.discover.select import nonparametric_terms as freed
 from truearc.sim.discover.select.expected_points import HoldOut, JudgedFit, hold_out
+from truearc.sim.discover.select.hypotheses import Part
 from truearc.sim.discover.select.nonparametric_terms import Freed
+from truearc.sim.discover.select.posterior import Family, Hypothesis
 from truearc.sim.infer.baseline_fit import BaselineFit, only_shared, usual_spot
 from truearc.sim.infer.belief import Belief, load_belief, point_belief
 from truearc.sim.infer.curve import Curve, before_the_shot
@@ -173,6 +175,45 @@ def test_without_tracks_a_curve_that_is_not_surely_better_is_not_adopted(nameles
     for fitted, adopts in ((step.fitted, True), (blind, False)):
         curves, why = freed.all_freed(replace(step, place=place, fitted=fitted, change=None), nameless.search)
         assert bool(curves) == adopts and ("not clearly" in why) != adopts
+
+
+def changed(found: Investigation, names: tuple[str, ...]) -> Investigation:
+    """The first step unexplained, its likeliest change one of launch speed by distance, beside the names."""
+    assert found.search is not None
+    step, distance = found.steps[0], next(one for one in found.search.covariates if "distance_m" in one.names)
+    family = Family("launch speed", distance, Part(0, np.zeros((1, 1)), np.ones(1)), 0.0, 0.0)
+    change = Hypothesis(names, family, 0.0, 0.0)
+    return replace(found, steps=(replace(step, unknown=True, change=change),))
+
+
+def test_an_unexplained_change_is_adopted_with_the_name_that_it_stands_beside() -> None:
+    """Balls that leave slower the farther off the target is, by a fifth in 2.5 m, and a robot that shoots too soon."""
+    found = discover(shoot(make_world({"rapid_fire": 0.2, "far_kick": -0.2}, "L1", 200, 1, side=True)), seed=1)
+    leader = found.steps[0].naming.leader
+    assert leader == "rapid_fire.loss"
+    belief, provenance = make_belief(changed(found, (leader,)), threshold=None)
+    assert provenance["adopted"] == ["rapid_fire", "launch speed by distance_m"]
+    near, far = (belief.curves["free_speed"].by({"distance_m": [at]}, 1)[0] @ belief.curves["free_speed"].points
+                 for at in (3.5, 6.5))
+    assert far - near == pytest.approx(-0.24, abs=0.1)
+
+
+def test_a_change_that_stands_alone_must_be_clearly_better_without_tracks(hasty: tuple[Dataset, Investigation]) -> None:
+    """Nothing goes with the distance in this world."""
+    curves, why = freed.all_freed(changed(hasty[1], ()).steps[0], hasty[1].search)
+    assert curves == () and "not clearly" in why
+
+
+def test_nothing_is_adopted_where_tracks_and_outcomes_contradict_each_other() -> None:
+    """Outcomes of other shots, beside tracks and launches that are right."""
+    dataset = shoot(make_world({}, "L2", 64, 5))
+    outcome = dataset.shots.text("outcome")
+    order = np.random.default_rng(1).permutation(len(outcome))
+    texts = {**dataset.shots.texts, "outcome": tuple(outcome[k] for k in order)}
+    texts.pop("side", None)
+    mixed_up = ta.discover(replace(dataset, shots=replace(dataset.shots, texts=texts)), seed=1)
+    with pytest.raises(ta.InputError, match=r"nothing is adopted: .*(scatter\.distance|tracks and outcomes)"):
+        mixed_up.adopt()
 
 
 def test_the_simulator_that_believes_it_foretells_better(hasty: tuple[Dataset, Investigation]) -> None:
