@@ -307,7 +307,8 @@ def parse_table(text: str, name: str) -> dict[str, Any]:
     except ValueError as error:       # not TOML, or a number of thousands of digits
         here = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
         comma = here and re.match(r"\d,\d|,\d", text.splitlines()[int(here[1]) - 1][int(here[2]) - 1:])
-        raise InputError(f"{name}: {error}" + ("; decimals have a point, no comma" if comma else "")) from error
+        todo = "decimals have a point, no comma" if comma else "lines are key = value, and words stand in quotes"
+        raise InputError(f"{name}: {error}; {todo}") from error
     except RecursionError as error:
         raise InputError(f"{name}: its values are nested too deeply") from error
 

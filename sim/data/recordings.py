@@ -37,7 +37,8 @@ def shots_from_sessions(sessions: Sequence[Path], name: str, telemetry: bool = T
     configs = [load_session_config(session) for session in sessions]
     for session, config in zip(sessions, configs, strict=True):
         if config.rig != configs[0].rig:
-            raise InputError(f"{session}: recorded with another rig than {sessions[0]} ([rig] differs)")
+            raise InputError(f"{session}: recorded with another rig than {sessions[0]} ([rig] differs); import "
+                             "them one by one")
         kept, dropped = _split(session)
         left_out += dropped
         if (session / TRIALS).is_file() and not (session / TRIALS).read_bytes().endswith(b"\n"):

@@ -73,7 +73,8 @@ class Finding(FindingReport):
         if "at_limit" in provenance and self.investigation.belief is None:
             why, stopped = provenance.get("refused", ""), ", ".join(provenance["at_limit"])
             raise InputError(f"{self.name}: nothing is adopted: {stopped} stopped at the end of its range"
-                             + (f"; {why}" if why and stopped not in why else ""))
+                             + (f"; {why}" if why and stopped not in why else "")
+                             + "; believe other terms, or look for an error in the data")
         if "unfit" in provenance and self.investigation.belief is None:
             raise InputError(f"{self.name}: nothing is adopted: {provenance['unfit']}")
         accepted = {"accepted": list(self.record.data.accepted)} if self.record.data.accepted else {}
@@ -143,7 +144,8 @@ def _check_since(since: Dataset, belief: Belief | None, later: Dataset) -> None:
     differ = [f"rig.toml: {key}: {said(value)} there, {said(other)} in {later.name}" for key, value, other in parts
               if value != other]
     if differ:
-        raise InputError(f"since: {since.name}: was recorded with another rig: {'; '.join(differ)}")
+        raise InputError(f"since: {since.name}: was recorded with another rig: {'; '.join(differ)}; correct the "
+                         "rig.toml that is wrong, or begin again from the later dataset, without since")
 
 
 def _measured(measured: Mapping[str, tuple[float, float]], among: Catalogue) -> dict[str, Measurement]:

@@ -59,7 +59,8 @@ class Fit(Printed):
     def belief(self) -> Belief:
         """The estimates with their covariance and where they came from; InputError for a fit that did not converge."""
         if not self.converged:
-            raise InputError(f"{self.dataset.name}: the search for the most probable parameters did not settle")
+            raise InputError(f"{self.dataset.name}: the search for the most probable parameters did not settle: the "
+                             "shots or rig.toml contradict each other, or fewer terms are enough")
         return replace(self.solution.belief, provenance=self._provenance())
 
     def table(self) -> Table:

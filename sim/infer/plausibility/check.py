@@ -35,6 +35,7 @@ ALL_BUT, BETWEEN = 0.8, 0.15          # at least this share of those that are fa
 UNEVEN = 0.04                        # and the least spread as recorded that is judged
 SCORES = 6                            # fewest scoring shots that are judged
 LOWEST_M = 0.3                        # of a target's height in another unit
+USUAL_TARGET_M, USUAL_RELEASE_M = 4.0, 1.2  # heights above these may be in another unit
 THIN_KG_M3 = 0.5                      # air at 8 km
 SPEEDS = (("miles per hour", "exit_speed_mph", 0.44704), ("feet per second", "exit_speed_ft_s", 0.3048),
           ("kilometres per hour", "exit_speed_km_h", 1.0 / 3.6))
@@ -251,8 +252,8 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
         return
     centre_m = rig.target.centre_height_m
 
-    def ratios(distance: Floats, hood: Floats, speed: Floats, height: float = 1.0) -> Floats:
-        rise_m = height * centre_m - rig.launcher.release_height_m
+    def ratios(distance: Floats, hood: Floats, speed: Floats, height: float = 1.0, release: float = 1.0) -> Floats:
+        rise_m = height * centre_m - release * rig.launcher.release_height_m
         return np.asarray(speed / needed_speed(distance, rise_m, hood, rig.world.gravity_m_s2))
 
     ratio = ratios(distance_m, hood_deg, speed_m_s)
@@ -262,12 +263,10 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
         yield Flaw("hood", f"{shots.source}: hood_deg", "the speeds of scoring shots fit their distances far better "
                     "if the angle is from the vertical; hood_deg is the elevation above the horizontal: 90 less that")
         return
-    for name, (suffix, metres) in LENGTHS.items():
-        other = ratios(distance_m * metres, hood_deg, speed_m_s)
-        if _is_straighter(other, ratio) and REACH[0] <= float(np.median(other)) <= REACH[1]:
-            yield Flaw("reach", f"{shots.source}: distance_m", "the speeds of scoring shots fit their distances far "
-                       f"better if these are {name}: rename the column to distance_{suffix}")
-            return
+    for place, what in _straightest(rig, f"{shots.source}: distance_m", ratio, lambda metres, release: ratios(
+            distance_m * metres, hood_deg, speed_m_s, release=release)):
+        yield Flaw("reach", place, f"the speeds of scoring shots fit their distances far better if {what}")
+        return
     if mixed := _mixed_units(ratio, lambda far, metres: ratios(distance_m[far] * metres, hood_deg[far],
                                                                speed_m_s[far])):
         yield Flaw("reach", f"{shots.source}: distance_m", mixed)
@@ -294,9 +293,24 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
                     **{f"target.centre_height_m in {name}, which would be {centre_m * metres:.3g} m":
                        float(np.median(ratios(distance_m, hood_deg, speed_m_s, metres)))
                        for name, (_, metres) in LENGTHS.items()
-                       if LOWEST_M <= centre_m * metres <= MOST["target.centre_height_m"]},
+                       if centre_m > USUAL_TARGET_M and centre_m * metres >= LOWEST_M},
                     **{cause: middle * share for cause, share in causes.items()}}, REACH, TYPICAL,
                     "wrong distances, wheels or hood angles"))
+
+
+def _straightest(rig: Rig, distances: str, ratio: Floats,
+                 other: Callable[[float, float], Floats]) -> list[tuple[str, str]]:
+    """Place and reading, in another unit, of the distances or of the release height that explains speeds best, if any;
+    other: ratios with these two times so many metres."""
+    release_m, found = rig.launcher.release_height_m, {}
+    for name, (suffix, metres) in LENGTHS.items():
+        found[distances, f"these are {name}: rename the column to distance_{suffix}"] = other(metres, 1.0)
+        if release_m > USUAL_RELEASE_M:
+            found["rig.toml: launcher.release_height_m", f"this is in {name}: {release_m * metres:.3g} m"] = other(
+                1.0, metres)
+    likely = {read: _spread(np.log(by)) for read, by in found.items()
+              if _is_straighter(by, ratio) and REACH[0] <= float(np.median(by)) <= REACH[1]}
+    return sorted(likely, key=lambda read: likely[read])[:1]
 
 
 def _mixed_units(ratio: Floats, other: Callable[[Bool[np.ndarray, " n"], float], Floats]) -> str:

@@ -23,7 +23,7 @@ ALIKE = 1.2                           # causes that fit as well to within this a
 def speed_causes(rig: Rig, shots: Shots) -> dict[str, float]:
     """What may be wrong of the wheels, and by what share of the recorded one a ball then leaves."""
     causes = {f"{SPEEDS}minute": RPM, f"{SPEEDS}second": 2.0 * math.pi, "a wheel's diameter given as its radius": 0.5,
-              "half of a wheel's radius given as its radius": 2.0}
+              "half of a wheel's radius or gear given as the whole": 2.0}
     if np.isfinite(shots.number("motor_ratio")).any() and not any(map(WHEEL.fullmatch, shots.numbers)):
         causes["half of launcher.free_speed_rad_s or of motor_ratio"] = 2.0
     geared = {(name := f"wheel_{wheel.name}_rad_s"): wheel.gear * shots.number(name) for wheel in rig.launcher.wheel}

@@ -32,6 +32,7 @@ OFF_RELEASE_M = 0.2                   # a release height is misjudged by centime
 SAMPLES = 8                           # fewest of a track that is judged
 SURE = 6.0                            # standard errors of what falls otherwise than the others
 LONGER = 1.8                          # times as long a part of the distance, or as short, as other tracks
+DOUBLE = 1.7                          # times the distance that balls seldom travel
 APART = 2.5                           # times the others' gravity, or a share of it, in tracks of another unit
 
 
@@ -287,6 +288,9 @@ def _against_launcher(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:
     if np.isfinite(far).sum() >= TRACKS and np.nanmedian(far) > 2.5:
         yield Flaw("track-length", "tracks: x_m", f"balls travel {np.nanmedian(far):.2g} times distance_m; one of the "
                     "two has another unit")
+    elif np.isfinite(far).sum() >= TRACKS and np.nanmedian(far) > DOUBLE:
+        yield Flaw("track-length", "tracks: x_m", f"balls travel {np.nanmedian(far):.2g} times distance_m, which is "
+                   "the distance from the exit to the target's side; make sure that it is not half of that", warns=True)
     speed_m_s = launch_state(dataset.rig, dataset.shots).get("exit_speed_m_s", np.full(len(dataset.shots), np.nan))
     ratio = float(np.nanmedian(motion.start_m_s / speed_m_s[rows])) if np.isfinite(speed_m_s[rows]).any() else 1.0
     if not SPEED[0] <= ratio <= SPEED[1]:

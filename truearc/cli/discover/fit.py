@@ -41,8 +41,8 @@ def main(args: argparse.Namespace) -> int:
     fit = ta.fit(dataset, among.find(terms or ()), accept=args.accept, progress=make_progress("fit", args.quiet))
     print(fit)
     if not fit.converged:
-        print("truearc fit: the search for the most probable parameters did not settle; nothing is written",
-              file=sys.stderr)
+        print("truearc fit: the search for the most probable parameters did not settle: shots or rig.toml contradict "
+              "each other (see truearc check), or fewer terms are enough; nothing is written", file=sys.stderr)
         return 1
     more, mixed = ({}, True) if args.posterior is None else _sample(fit, args)
     if args.out is not None:

@@ -16,7 +16,7 @@ class RimCatch(ArrivalTerm):
     sentence = "The rim lets in balls that touch it, as if the opening were larger."
     phrase = Phrase("the opening takes balls that pass {} beyond its stated edges", "the opening is tighter than "
                     "stated, by {} at each edge", *LENGTH)
-    instrument = Instrument("rim_film", "where balls touch the rim, on film", 0.01)
+    instrument = Instrument("rim_film", "where balls touch the rim", 0.01)
 
     def arrive(self, values: Values, opening: Opening) -> Opening:
         reach_m = values["reach_m"]

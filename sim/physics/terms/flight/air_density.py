@@ -15,4 +15,4 @@ class AirDensity(AirShareTerm):
     sentence = "The forces of the air change with its pressure and temperature."
     phrase = either_way("the forces of the air <follow|go against> its pressure and temperature, with {} of what the "
                         "gas law says", SHARE)
-    instrument = Instrument("fall_film_cold_warm", "the fall of a ball on a cold and on a warm day, on film", 0.3, True)
+    instrument = Instrument("fall_film_cold_warm", "the fall of a ball on a cold and on a warm day", 0.3, True)

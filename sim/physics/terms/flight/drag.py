@@ -17,7 +17,7 @@ class Drag(FlightTerm):
     direction = "along"
     sentence = "The air slows the ball in proportion to the square of its speed."
     phrase = either_way("the air <slows|drives> the ball, with a drag coefficient of <|minus >{}")
-    instrument = Instrument("fall_film", "the fall of a ball from a known height, on film", 0.05, True)
+    instrument = Instrument("fall_film", "the fall of a ball from a known height", 0.05, True)
 
     def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
         return scale(-values["cd"] * drag_per_m(rig) * length(ball.velocity_m_s), ball.velocity_m_s)

@@ -21,7 +21,7 @@ class DragReynolds(ForceShareTerm):
     label = "drag by speed"
     sentence = "The drag coefficient changes with the ball's speed."
     phrase = either_way("the drag coefficient <grows|falls> with speed, by {} from 10 to 20 m/s", SHARE, " per 10 m/s")
-    instrument = Instrument("fall_film_two_heights", "the fall of a ball from two heights, on film", 0.2, True)
+    instrument = Instrument("fall_film_two_heights", "the fall of a ball from two heights", 0.2, True)
 
     def share(self, rig: Rig, values: Values, ball: BallState) -> Number:
         return values["slope"] * (length(ball.velocity_m_s) / values["at_m_s"] - 1.0)

@@ -16,4 +16,4 @@ class DragWear(ForceShareTerm):
     follows = "age"
     sentence = "The drag of the balls changes the more they have been shot."
     phrase = either_way("the drag of the balls <grows|falls> the more they have been shot, by {} at the end", SHARE)
-    instrument = Instrument("fall_film_worn_balls", "the fall of new and worn balls side by side, on film", 0.05, True)
+    instrument = Instrument("fall_film_worn_balls", "the fall of new and worn balls side by side", 0.05, True)

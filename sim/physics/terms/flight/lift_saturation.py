@@ -22,7 +22,7 @@ class LiftSaturation(ForceShareTerm):
     sentence = "The lift no longer grows in proportion to the spin when the ball spins fast."
     phrase = either_way("lift <levels off as the ball spins faster|grows more than in proportion to spin>, at a rate "
                         "of {}")
-    instrument = Instrument("spin_film", "spin of a marked ball at 120 frames/s", 0.3)
+    instrument = Instrument("spin_film", "the spin of a marked ball as it leaves", 0.3)
 
     def share(self, rig: Rig, values: Values, ball: BallState) -> Number:
         bend_m_s = values["rate"] * (2.0 * math.pi * rig.ball.radius_m) * length(ball.spin_rev_s)

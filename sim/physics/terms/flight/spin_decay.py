@@ -17,7 +17,7 @@ class SpinDecay(AirTerm):
     direction = "vertical"
     sentence = "The ball loses spin in flight."
     phrase = either_way("the ball <loses|gains> spin in flight, at {} per second", SHARE, " per second")
-    instrument = Instrument("spin_film_early_late", "spin of a marked ball at 120 frames/s, early and late", 0.1)
+    instrument = Instrument("spin_film_early_late", "the spin of a marked ball as it leaves and as it lands", 0.1)
 
     def meet(self, rig: Rig, values: Values, ball: BallState) -> BallState:
         return ball._replace(spin_rev_s=scale(jnp.exp(-values["rate_per_s"] * ball.time_s), ball.spin_rev_s))

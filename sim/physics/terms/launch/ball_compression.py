@@ -13,7 +13,7 @@ class BallCompression(LaunchTerm):
     direction = "vertical"
     sentence = "The squeezed ball rolls on a smaller radius than its own, so that it leaves with more spin."
     phrase = either_way("the <squeezed ball|ball> spins {} <faster|slower> than its size says", SHARE)
-    instrument = Instrument("spin_film", "spin of a marked ball at 120 frames/s", 0.05)
+    instrument = Instrument("spin_film", "the spin of a marked ball as it leaves", 0.05)
 
     def leave(self, rig: Rig, values: Values, exit: Exit) -> Exit:
         return exit._replace(spin_rev_s=exit.spin_rev_s / (1.0 - values["share"]))
