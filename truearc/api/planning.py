@@ -27,6 +27,8 @@ from truearc.sim.progress import Progress
 
 TERM_COLUMNS = ("term", "stage", "unit", "usual", "smallest", "power", "shots_needed", "share_left", "like",
                 "correlation", "why_not")
+UNPROVEN = ("Trials with telemetry have not shown that shots planned so tell names apart better than shots at random: "
+            "a measurement is surer.")
 SHOT_COLUMNS = ("shots", "like", "distance_m", "hood_deg", "motor_ratio", "exit_speed_m_s", "exit_deg", "pace")
 
 
@@ -106,13 +108,14 @@ class ShotDesign(Printed):
     """Shots that would best tell the remaining candidate terms apart.
 
     `sentence`, `verdict`: of the finding. `plan`: plain values as in schema truearc.design/1; empty where there are no
-    two terms to tell apart.
+    two terms to tell apart. `level`: of the shots, L0, L1 or L2.
     """
 
     sentence: str
     verdict: str
     plan: dict[str, Any]
     catalogue: Catalogue
+    level: str = "L0"
 
     @property
     def probability_before(self) -> float | None:
@@ -140,6 +143,7 @@ class ShotDesign(Printed):
         told = ["There are no names to tell apart by shots."]
         if "names" in self.plan:
             told = design_lines(self.plan, self.catalogue)
+            told += [UNPROVEN] if self.level == "L1" else []
         elif self.plan:
             told = [f"Measure {one['what']}: it would show {', '.join(one['shows'])}." for one in self.plan["next"]]
         return [self.sentence, *told]
@@ -169,4 +173,4 @@ def design_shots(dataset: Dataset, found: Finding, *, shots: int = PLANNED_SHOTS
         plan = design_table(make_design(steps[0], shots, configurations, seed), dataset.in_order(), steps[0], among)
     elif record.verdict == "none" and record.next:
         plan = {"next": [dict(step) for step in record.next]}
-    return ShotDesign(record.sentence, record.verdict, plan, among)
+    return ShotDesign(record.sentence, record.verdict, plan, among, record.data.level)

@@ -13,10 +13,12 @@ import truearc.cli.main as truearc
 from tests.sim.discover.straight import FACTS as STRAIGHT
 from tests.sim.discover.straight import fit_straight
 from tests.sim.discover.worlds import FACTS
+from truearc.api.planning import ShotDesign
 from truearc.sim.data.dataset import Dataset, Shots, save_dataset
 from truearc.sim.discover.plan.experiment_design import Block, Design, make_design
 from truearc.sim.discover.report.design_report import design_lines, design_table
 from truearc.sim.discover.select.name_effects import Search, Step, name_effects
+from truearc.sim.physics.catalogue import as_catalogue
 
 
 def test_a_plan_names_configurations_that_were_shot() -> None:
@@ -46,6 +48,14 @@ def test_wheels_that_shall_run_otherwise_and_what_must_be_alike_are_said() -> No
     assert (plain["shots"], plain["motor_ratio"]) == (20, 0.5) and "pace" not in plain
     lines = "\n".join(design_lines(table))
     assert "as shot b, wheels 6% faster" in lines and "a ball that has been shot as often" in lines
+
+
+@pytest.mark.parametrize(("level", "said"), [("L0", False), ("L1", True), ("L2", False)])
+def test_planned_shots_are_said_to_be_unproven_with_telemetry(level: str, said: bool) -> None:
+    plan = {"names": {"drag": 0.6, "wind_x": 0.4}, "as_then": [], "probability_before": 0.1, "probability_after": 0.5,
+            "random_shots_worth_as_much": 300, "next": []}
+    lines = ShotDesign("It is one of two.", "set", plan, as_catalogue(None), level).lines()
+    assert any("have not shown" in line for line in lines) is said
 
 
 def test_nothing_to_tell_apart_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
