@@ -129,7 +129,8 @@ MOST = {"ball.radius_m": 0.5, "launcher.wheel.radius_m": 0.5, "launcher.release_
 DENSEST_KG_M3 = 23_000.0              # of a ball: no metal is heavier
 LENGTHS_M = {"centimetres": 0.01, "inches": 0.0254, "millimetres": 0.001}
 OTHER_UNITS = {"m": "another unit", "s": "revolutions per minute", "m3": "another unit",
-               "s2": "feet or centimetres per second squared; on Earth it is 9.81", "deg": "another unit"}
+               "s2": "feet or centimetres per second squared; on Earth it is 9.81", "deg": "another unit",
+               "sd": "per cent; it is a share: 0.01 for one per cent"}
 RADIAN_STEP, RADIAN_SLIP = math.pi / 12.0, 0.005  # clock angles in radians are multiples of it, as rounded
 
 

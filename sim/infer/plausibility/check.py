@@ -42,7 +42,8 @@ SPEEDS = (("miles per hour", "exit_speed_mph", 0.44704), ("feet per second", "ex
 MISSED = "miss_height_m"
 OUNCE_KG = 0.0283495
 OF_KEY = {"world.gravity_m_s2": "gravity", "launcher.wheel.clock_deg": "wheels",
-          "launcher.free_speed_rad_s": "speed"}           # key of the rig -> its check
+          "launcher.free_speed_rad_s": "speed", "tracker.scale_sd": "noise", "tracker.tilt_sd_deg": "noise",
+          "tracker.clock_sd": "noise"}                    # key of the rig -> its check
 WEAKEST_M_S2 = 1.2                    # gravity below this may be a multiple of the Earth's; the Moon has 1.6
 ALIKE_BALLS = 0.02                    # share by which masses and radii may differ from the rig's
 FROM_FLOOR = 0.25                     # share of the target's height to which those above the floor come near it
@@ -258,12 +259,14 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
 
     ratio = ratios(distance_m, hood_deg, speed_m_s)
     middle = float(np.median(ratio))
+    path_m, other_m = (distance_m / np.maximum(part(np.radians(hood_deg)), 1e-3) for part in (np.cos, np.sin))
+    uneven = _uneven(ratio, path_m, ALL_BUT)
     other = ratios(distance_m, 90.0 - hood_deg, speed_m_s)
-    if _is_straighter(other, ratio):
+    if _is_straighter(_uneven(other, other_m), uneven):
         yield Flaw("hood", f"{shots.source}: hood_deg", "the speeds of scoring shots fit their distances far better "
                     "if the angle is from the vertical; hood_deg is the elevation above the horizontal: 90 less that")
         return
-    for place, what in _straightest(rig, f"{shots.source}: distance_m", ratio, lambda metres, release: ratios(
+    for place, what in _straightest(rig, f"{shots.source}: distance_m", path_m, uneven, lambda metres, release: ratios(
             distance_m * metres, hood_deg, speed_m_s, release=release)):
         yield Flaw("reach", place, f"the speeds of scoring shots fit their distances far better if {what}")
         return
@@ -298,7 +301,7 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
                     "wrong distances, wheels or hood angles"))
 
 
-def _straightest(rig: Rig, distances: str, ratio: Floats,
+def _straightest(rig: Rig, distances: str, path_m: Floats, uneven: float,
                  other: Callable[[float, float], Floats]) -> list[tuple[str, str]]:
     """Place and reading, in another unit, of the distances or of the release height that explains speeds best, if any;
     other: ratios with these two times so many metres."""
@@ -308,8 +311,8 @@ def _straightest(rig: Rig, distances: str, ratio: Floats,
         if release_m > USUAL_RELEASE_M:
             found["rig.toml: launcher.release_height_m", f"this is in {name}: {release_m * metres:.3g} m"] = other(
                 1.0, metres)
-    likely = {read: _spread(np.log(by)) for read, by in found.items()
-              if _is_straighter(by, ratio) and REACH[0] <= float(np.median(by)) <= REACH[1]}
+    likely = {read: spread for read, by in found.items()
+              if _is_straighter(spread := _uneven(by, path_m), uneven) and REACH[0] <= np.median(by) <= REACH[1]}
     return sorted(likely, key=lambda read: likely[read])[:1]
 
 
@@ -329,13 +332,20 @@ def _mixed_units(ratio: Floats, other: Callable[[Bool[np.ndarray, " n"], float],
     return ""
 
 
-def _is_straighter(other: Floats, ratio: Floats) -> bool:
-    """Whether the other reading explains the speeds much better; both are zero where no speed would do."""
-    if len(ratio) < 2 * SCORES or (other <= 0.0).any():
-        return False
+def _is_straighter(other: float, uneven: float) -> bool:
+    """Whether another reading explains the speeds much better."""
+    return uneven > UNEVEN and other < STRAIGHTER * uneven
+
+
+def _uneven(ratio: Floats, path_m: Floats, least: float = 1.0) -> float:
+    """Spread of the log ratios beyond what drag takes along the path; inf for few shots, or where fewer than `least` of
+    them get there at any speed (those that do not have 0)."""
     flies = ratio > 0.0
-    spread = _spread(np.log(ratio[flies])) if flies.mean() > ALL_BUT else np.inf
-    return spread > UNEVEN and _spread(np.log(other)) < STRAIGHTER * spread
+    if len(ratio) < 2 * SCORES or flies.mean() < least:
+        return math.inf
+    logs, along_m = np.log(ratio[flies]), path_m[flies] - path_m[flies].mean()
+    drag = max(0.0, float(along_m @ logs) / max(float(along_m @ along_m), 1e-12))
+    return _spread(logs - drag * along_m)
 
 
 def _spread(values: Floats) -> float:

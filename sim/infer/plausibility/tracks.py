@@ -292,7 +292,8 @@ def _against_launcher(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:
         yield Flaw("track-length", "tracks: x_m", f"balls travel {np.nanmedian(far):.2g} times distance_m, which is "
                    "the distance from the exit to the target's side; make sure that it is not half of that", warns=True)
     speed_m_s = launch_state(dataset.rig, dataset.shots).get("exit_speed_m_s", np.full(len(dataset.shots), np.nan))
-    ratio = float(np.nanmedian(motion.start_m_s / speed_m_s[rows])) if np.isfinite(speed_m_s[rows]).any() else 1.0
+    known = speed_m_s[rows] > 0.0
+    ratio = float(np.median(motion.start_m_s[known] / speed_m_s[rows][known])) if known.any() else 1.0
     if not SPEED[0] <= ratio <= SPEED[1]:
         likely = likeliest({cause: ratio / share for cause, share in speed_causes(dataset.rig, dataset.shots).items()},
                            SPEED, SLIPS, "another unit of a wheel's radius, gear or speed")

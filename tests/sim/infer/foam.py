@@ -14,6 +14,7 @@ FOAM = Ball(0.142, 0.0889)
 WHEELS = (Wheel("upper", 0.05, 1.0, 0.0), Wheel("lower", 0.05, 1.0, 180.0))
 RIG = Rig(FOAM, LauncherFacts(0.6, None, WHEELS), Target(2.5))
 RHO = 1.2
+LIFT = 0.3                            # of backspin, over drag
 GEARED = (Wheel("upper", 0.05, 0.4, 0.0), Wheel("lower", 0.05, 0.4, 180.0))
 
 
@@ -39,21 +40,22 @@ def film() -> Dataset:
     return Dataset("filmed", RIG, shots, Tracks(np.repeat(np.arange(12), len(t_s)), np.tile(t_s, 12), *points.T))
 
 
-def season(rng: np.random.Generator, rigs: int, shots: int = 40) -> list[Dataset]:
-    """Random rigs, each with shots that pass the target's middle through air, by Runge-Kutta of all at once."""
+def season(rng: np.random.Generator, rigs: int, shots: int = 40, near: bool = False) -> list[Dataset]:
+    """Random rigs, each with shots that pass the target's middle through air, by Runge-Kutta of all at once; near: flat
+    throws of light balls with backspin at low targets, with 5 % of scatter."""
     radius = rng.uniform(0.02, 0.15, (rigs, 1))
-    mass = rng.uniform(30.0, 900.0, (rigs, 1)) * 4.0 / 3.0 * np.pi * radius**3
-    drag = RHO * rng.uniform(0.1, 0.6, (rigs, 1)) * np.pi * radius**2 / 2.0 / mass
-    rise = rng.uniform(0.5, 2.2, (rigs, 1))
-    distance = rng.uniform(2.0, 8.0, (rigs, shots))
+    mass = rng.uniform(*((18.0, 30.0) if near else (30.0, 900.0)), (rigs, 1)) * 4.0 / 3.0 * np.pi * radius**3
+    drag = RHO * rng.uniform(*((0.4, 0.8) if near else (0.1, 0.6)), (rigs, 1)) * np.pi * radius**2 / 2.0 / mass
+    rise = rng.uniform(*((0.3, 0.8) if near else (0.5, 2.2)), (rigs, 1))
+    distance = rng.uniform(*((1.0, 3.5) if near else (2.0, 8.0)), (rigs, shots))
     steepest = np.degrees(np.arctan2(rise, distance))
-    hood = np.clip(rng.uniform(35.0, 65.0, (rigs, shots)), steepest + 10.0, 80.0)
+    hood = np.clip(rng.uniform(*((30.0, 55.0) if near else (35.0, 65.0)), (rigs, shots)), steepest + 10.0, 80.0)
     low, high = np.full((rigs, shots), 3.0), np.full((rigs, shots), 60.0)
     for _ in range(18):
         middle = (low + high) / 2.0
-        above = height_at(middle, hood, drag, distance) > rise
+        above = height_at(middle, hood, drag, distance, LIFT if near else 0.0) > rise
         low, high = np.where(above, low, middle), np.where(above, middle, high)
-    slip = rng.uniform(0.7, 1.0, (rigs, 1)) * rng.normal(1.0, 0.02, (rigs, shots))
+    slip = rng.uniform(0.7, 1.0, (rigs, 1)) * rng.normal(1.0, 0.05 if near else 0.02, (rigs, shots))
     kept = high < 40.0
     return [Dataset(f"rig {k}", Rig(Ball(float(mass[k, 0]), float(radius[k, 0])), LauncherFacts(0.6, None, WHEELS),
                                     Target(0.6 + float(rise[k, 0]))),
@@ -64,19 +66,22 @@ def season(rng: np.random.Generator, rigs: int, shots: int = 40) -> list[Dataset
             for k in range(rigs)]
 
 
-def height_at(speed: np.ndarray, hood: np.ndarray, drag: np.ndarray, distance: np.ndarray) -> np.ndarray:
-    """Height above the muzzle where a ball passes a distance; minus infinity where it never gets there."""
+def height_at(speed: np.ndarray, hood: np.ndarray, drag: np.ndarray, distance: np.ndarray,
+              lift: float) -> np.ndarray:
+    """Height above the muzzle where a ball passes a distance; minus infinity where it never gets there; lift: by
+    backspin in proportion to speed, over drag."""
     vx, vz = speed * np.cos(np.radians(hood)), speed * np.sin(np.radians(hood))
     x, z, height = np.zeros_like(speed), np.zeros_like(speed), np.full_like(speed, -np.inf)
     for _ in range(60):
         step = 0.05
         v = np.hypot(vx, vz)
-        mx, mz = vx - 0.5 * step * drag * v * vx, vz - 0.5 * step * (drag * v * vz + 9.81)
+        mx, mz = vx - 0.5 * step * drag * v * (vx + lift * vz), vz - 0.5 * step * (drag * v * (vz - lift * vx) + 9.81)
         v = np.hypot(mx, mz)
         new_x, new_z = x + step * mx, z + step * mz
         passed = (x < distance) & (new_x >= distance)
         height = np.where(passed, z + (distance - x) / np.maximum(new_x - x, 1e-9) * (new_z - z), height)
-        x, z, vx, vz = new_x, new_z, vx - step * drag * v * mx, vz - step * (drag * v * mz + 9.81)
+        x, z = new_x, new_z
+        vx, vz = vx - step * drag * v * (mx + lift * mz), vz - step * (drag * v * (mz - lift * mx) + 9.81)
     return height
 
 

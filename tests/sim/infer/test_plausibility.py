@@ -12,7 +12,7 @@ from msgspec.structs import replace as changed
 import truearc as ta
 from tests.sim.infer.foam import GEARED, WHEELS, ball, by_motor, faster, numbers, season, tracks, wheels
 from truearc.cli.main import main
-from truearc.robot.config.rig_spec import Target, Wheel
+from truearc.robot.config.rig_spec import Target, Tracker, Wheel
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, load_dataset
 from truearc.sim.data.save import save_dataset
@@ -172,13 +172,14 @@ def test_heights_that_can_be_pass(table: Dataset) -> None:
     ("world", {"gravity_m_s2": 1.0}, r"world\.gravity_m_s2: 1 is less than the Moon's; on Earth it is 9\.81"),
     ("noise", {"distance_m": 5.0}, r"noise\.distance_m: 5 is more than .* centimetres or inches .*check 'noise'"),
     ("noise", {"track_m": 1.5}, r"noise\.track_m: 1\.5 is more than .* centimetres or inches"),
+    ("tracker", {"scale_sd": 5.0}, r"tracker\.scale_sd: 5 is more than .* per cent; it is a share"),
     ("launcher", {"wheel": (Wheel("upper", 0.05, 1.0, 0.0), Wheel("lower", 0.05, 1.0, 3.1416))},
      r"launcher\.wheel\.clock_deg: these look like radians; write degrees: 180 for 3\.1416")])
 def test_numbers_of_a_rig_in_another_unit_are_refused(table: Dataset, part: str, keys: dict[str, Any],
                                                       said: str) -> None:
-    rig = changed(table.rig, **{part: changed(getattr(table.rig, part), **keys)})
+    stated = getattr(table.rig, part) or Tracker()
     with pytest.raises(InputError, match=said):
-        ta.fit(replace(table, facts=rig), ("gravity", "drag"))
+        ta.fit(replace(table, facts=changed(table.rig, **{part: changed(stated, **keys)})), ("gravity", "drag"))
 
 
 @pytest.mark.parametrize(("wrong", "said"), [
@@ -282,9 +283,10 @@ def test_an_objection_is_accepted_by_name_and_recorded(table: Dataset, tmp_path:
         ta.fit(heavy, ("gravity",), accept=("masss",))
 
 
-def test_a_thousand_plausible_rigs_pass() -> None:
+@pytest.mark.parametrize(("seed", "rigs", "shots", "near"), [(6, 1000, 20, False), (901, 200, 40, True)])
+def test_plausible_rigs_pass(seed: int, rigs: int, shots: int, near: bool) -> None:
     refused = []
-    for dataset in season(np.random.default_rng(6), 1000, 20):
+    for dataset in season(np.random.default_rng(seed), rigs, shots, near):
         try:
             check_plausible(dataset)
         except InputError as error:
