@@ -17,6 +17,7 @@ from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report.formula import find_formula
 from truearc.sim.discover.select.forecast_error import end_errors
 from truearc.sim.discover.select.name_effects import Search, Step
+from truearc.sim.discover.select.posterior import posterior_amplitude
 from truearc.sim.infer.baseline_fit import BaselineFit, only_shared, stopped
 from truearc.sim.infer.held_out import clustered_error, unseen_change, without
 from truearc.sim.infer.likelihood import outcome_likelihood as outcomes
@@ -166,13 +167,14 @@ def _named(step: Step, name: str, probability: dict[str, float]) -> Named:
     column = step.fitted.evidence.columns[step.fitted.evidence.index(name)]
     found, before = step.naming.refits.get(name), _believed_before(step, name)
     if found is not None:
-        value, sd = float(found.value[0]), float(found.sd[0])
+        amplitude, sd, start = float(found.amplitude[0]), float(found.sd[0]), float(found.value[0] - found.amplitude[0])
     else:
         candidate = next(c for c in step.naming.candidates if c.name == name)
         information = candidate.information + column.usual**-2.0
-        value, sd = candidate.amplitude * candidate.information / information, information**-0.5
-        value += 0.0 if before is None else before
-    interval = parts.Interval(value, sd, value - wording.NINETY * sd, value + wording.NINETY * sd, column.unit)
+        amplitude, sd = candidate.amplitude * candidate.information / information, information**-0.5
+        start = 0.0 if before is None else before
+    mean, sd, low, high = posterior_amplitude(step.fitted, name, amplitude, sd)
+    interval = parts.Interval(start + mean, sd, start + low, start + high, column.unit)
     return Named(term_name, probability[name], {parameter: interval}, term.sentence, column.stage, before)
 
 

@@ -274,19 +274,46 @@ def _known(fitted: BaselineFit, name: str, amplitude: float, sd: float, usual: f
 def _in_range(fitted: BaselineFit, name: str, amplitude: float, sd: float, usual: float) -> float:
     """Nats by which the amplitude's own prior differs from the normal one that its evidence was worked out with: the
     range of its parameter, the side that nature prefers, the size that a law of physics gives it."""
-    among = fitted.layout.chain.catalogue
-    parameter, term = find_parameter(name, among), find_terms((name.partition(".")[0],), among)[0]
-    shared = [column.name for column in fitted.layout.columns[fitted.layout.first_shared:]]
-    changed = name in shared              # of what is believed: that has no side, and no law
-    centre = float(fitted.layout.centre[shared.index(name)]) if changed else 0.0
-    ends = parameter.low - centre, parameter.high - centre
+    ends = _ends(fitted, name)
     after = ndtr((ends[1] - amplitude) / sd) - ndtr((ends[0] - amplitude) / sd)
     if after < 1e-12:
         own = ndtr(ends[1] / usual) - ndtr(ends[0] / usual)
         return float(max(log_ndtr(min((ends[1] - amplitude) / sd, (amplitude - ends[0]) / sd)), -50.0) - np.log(own))
+    places, density = _density(fitted, name, amplitude, sd, usual)
+    return float(logsumexp(density) + np.log(places[1] - places[0]))
+
+
+def posterior_amplitude(fitted: BaselineFit, name: str, amplitude: float,
+                        sd: float) -> tuple[float, float, float, float]:
+    """Mean, standard deviation and ends of the 90 % interval of an amplitude, by its own prior in place of the normal
+    one of the usual size that `amplitude` and `sd` were worked out with."""
+    usual = fitted.evidence.columns[fitted.evidence.index(name)].usual
+    ends = _ends(fitted, name)
+    if not ends[0] < amplitude < ends[1] or sd >= usual:
+        return amplitude, sd, *norm.interval(0.9, amplitude, sd)
+    places, density = _density(fitted, name, amplitude, sd, usual)
+    weight = np.exp(density - logsumexp(density))
+    mean = float(weight @ places)
+    low, high = np.interp((0.05, 0.95), np.cumsum(weight), places)
+    return mean, float(np.sqrt(weight @ (places - mean)**2)), float(low), float(high)
+
+
+def _ends(fitted: BaselineFit, name: str) -> tuple[float, float]:
+    """Of the range of an amplitude: of a believed number, of its change."""
+    parameter = find_parameter(name, fitted.layout.chain.catalogue)
+    shared = [column.name for column in fitted.layout.columns[fitted.layout.first_shared:]]
+    centre = float(fitted.layout.centre[shared.index(name)]) if name in shared else 0.0
+    return parameter.low - centre, parameter.high - centre
+
+
+def _density(fitted: BaselineFit, name: str, amplitude: float, sd: float,
+             usual: float) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
+    """Places in an amplitude's range and the log density there, by its own prior: that of its evidence taken out."""
+    ends, term = _ends(fitted, name), find_terms((name.partition(".")[0],), fitted.layout.chain.catalogue)[0]
+    changed = name in [column.name for column in fitted.layout.columns[fitted.layout.first_shared:]]
     places = np.linspace(max(ends[0], amplitude - 8.0 * sd), min(ends[1], amplitude + 8.0 * sd), 801)
     told = norm.logpdf(places, amplitude, sd) - norm.logpdf(places, 0.0, usual)
-    return float(logsumexp(told + _own_prior(term, places, ends, usual, changed)) + np.log(places[1] - places[0]))
+    return places, told + _own_prior(term, places, ends, usual, changed)   # a believed number has no side and no law
 
 
 def _own_prior(term: Term, places: Float[Array, " k"], ends: tuple[float, float], usual: float,
