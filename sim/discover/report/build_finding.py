@@ -115,7 +115,7 @@ def _where(step: Step, judged: Judged, search: Search, probability: dict[str, fl
     if place is not None:
         mass = {stage: value + rest * place.stage_probability[stage] for stage, value in mass.items()}
     total = sum(mass.values())
-    mass = {stage: value / total for stage, value in mass.items()}
+    mass = {stage: value / total if total > 0.0 else 1.0 / len(mass) for stage, value in mass.items()}
     stage = max(mass, key=lambda name: mass[name])
     reason = None if mass[stage] > UNSURE else "stage: these data cannot tell the likely stages apart"
     covariate, direction, others = _follows(step, judged, search)

@@ -290,7 +290,8 @@ def posterior_amplitude(fitted: BaselineFit, name: str, amplitude: float,
     usual = fitted.evidence.columns[fitted.evidence.index(name)].usual
     ends = _ends(fitted, name)
     if not ends[0] < amplitude < ends[1] or sd >= usual:
-        return amplitude, sd, *norm.interval(0.9, amplitude, sd)
+        low, high = norm.interval(0.9, amplitude, sd)
+        return amplitude, sd, float(low), float(high)
     places, density = _density(fitted, name, amplitude, sd, usual)
     weight = np.exp(density - logsumexp(density))
     mean = float(weight @ places)

@@ -21,7 +21,7 @@ from truearc.sim.infer.plausibility.tracks import judge_tracks
 from truearc.sim.physics.simulate import by_wheels, launch_state
 
 CHECKS = ("gravity", "axes", "sample-interval", "track-length", "track-shots", "speed", "hood", "mass", "radius",
-          "reach", "air", "target", "noise", "wheels", "height", "release", "balls")
+          "reach", "air", "target", "noise", "wheels", "height", "release", "balls", "spin")
 LIGHTEST_KG_M3 = 3.0                  # of a ball: lighter is a balloon
 LIGHT_KG_M3 = 12.0                    # below this the radius may be the diameter
 HEAVY_KG_M3 = 1500.0                  # above this the mass may be in ounces; a bowling ball has 1400, a golf ball 1150
@@ -34,6 +34,7 @@ APART, NEAR, LIKE = 0.3, 0.12, 0.25   # logs of that ratio, by which shots are f
 ALL_BUT, BETWEEN = 0.8, 0.15          # at least this share of those that are far, and at most that many in between
 UNEVEN = 0.04                        # and the least spread as recorded that is judged
 SCORES = 6                            # fewest scoring shots that are judged
+FASTEST_RIM = 3.0                     # surface speed of a ball over its speed; hard topspin has 1.5
 LOWEST_M = 0.3                        # of a target's height in another unit
 USUAL_TARGET_M, USUAL_RELEASE_M = 4.0, 1.2  # heights above these may be in another unit
 THIN_KG_M3 = 0.5                      # air at 8 km
@@ -99,6 +100,7 @@ def _objections(dataset: Dataset) -> Iterator[Flaw]:
     yield from launcher
     hood = list(_hood(dataset.shots))
     yield from hood
+    yield from _spins(dataset.rig, dataset.shots)
     yield from () if hood else _heights(dataset.rig, dataset.shots)
     if not hood and all(flaw.warns for flaw in launcher):
         yield from _reach(dataset.rig, dataset.shots)
@@ -153,6 +155,9 @@ def _balls(rig: Rig, shots: Shots) -> Iterator[Flaw]:
 
 def _launcher(rig: Rig) -> Iterator[Flaw]:
     release_m = rig.launcher.release_height_m
+    if rig.target is not None and release_m == 0.0:
+        yield Flaw("release", "rig.toml: launcher.release_height_m", "is not stated, so balls are taken to leave at "
+                   "the floor; state it", warns=True)
     if rig.target is not None and release_m > MOST["launcher.release_height_m"]:
         yield Flaw("reach", "rig.toml: launcher.release_height_m", f"{release_m:g} m is high for a launcher; this "
                    f"looks like {_smaller(release_m, 2.0)}")
@@ -261,14 +266,16 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
     middle = float(np.median(ratio))
     path_m, other_m = (distance_m / np.maximum(part(np.radians(hood_deg)), 1e-3) for part in (np.cos, np.sin))
     uneven = _uneven(ratio, path_m, ALL_BUT)
+    unstated = "" if rig.launcher.release_height_m > 0.0 else "; or state launcher.release_height_m, which may be why"
     other = ratios(distance_m, 90.0 - hood_deg, speed_m_s)
     if _is_straighter(_uneven(other, other_m), uneven):
         yield Flaw("hood", f"{shots.source}: hood_deg", "the speeds of scoring shots fit their distances far better "
-                    "if the angle is from the vertical; hood_deg is the elevation above the horizontal: 90 less that")
+                    "if the angle is from the vertical; hood_deg is the elevation above the horizontal: 90 less that"
+                    + unstated)
         return
     for place, what in _straightest(rig, f"{shots.source}: distance_m", path_m, uneven, lambda metres, release: ratios(
             distance_m * metres, hood_deg, speed_m_s, release=release)):
-        yield Flaw("reach", place, f"the speeds of scoring shots fit their distances far better if {what}")
+        yield Flaw("reach", place, f"the speeds of scoring shots fit their distances far better if {what}{unstated}")
         return
     if mixed := _mixed_units(ratio, lambda far, metres: ratios(distance_m[far] * metres, hood_deg[far],
                                                                speed_m_s[far])):
@@ -330,6 +337,18 @@ def _mixed_units(ratio: Floats, other: Callable[[Bool[np.ndarray, " n"], float],
             return (f"{far.sum()} of {len(far)} scoring shots look as if their distances were {name}: "
                     f"convert these, for instance in a file of their own with a column distance_{suffix}")
     return ""
+
+
+def _spins(rig: Rig, shots: Shots) -> Iterator[Flaw]:
+    """No ball's rim turns many times as fast as it flies."""
+    spin, speed_m_s = (launch_state(rig, shots).get(name, np.full(len(shots), np.nan)) for name in
+                       ("exit_spin_rev_s", "exit_speed_m_s"))
+    rim = 2.0 * math.pi * rig.ball.radius_m * np.abs(spin) / np.where(speed_m_s > 0.0, speed_m_s, np.nan)
+    if np.isfinite(rim).sum() >= TRACKS and np.isfinite(shots.number("exit_spin_rev_s")).any() and (
+            times := float(np.nanmedian(rim))) > FASTEST_RIM:
+        yield Flaw("spin", f"{shots.source}: exit_spin_rev_s", f"rims of balls turn {times:.2g} times as fast as they "
+                   "fly; if these are revolutions per minute, rename the column to exit_spin_rpm; if radians per "
+                   "second, to exit_spin_rad_s")
 
 
 def _is_straighter(other: float, uneven: float) -> bool:

@@ -19,6 +19,8 @@ INTERVAL_S = (1e-4, 0.6)
 SPEED = (0.2, 1.6)                    # of a tracked ball, by that of the wheels' surfaces
 SLIPS = 0.85                          # usual
 ALIKE = 1.15                          # gravity in the unit that a message names, over the rig's, or the inverse
+HALVED = 1.08                         # four times gravity, or the inverse: feet have 3.28 times
+LIFTED = 1.45                         # the same of a length: backspin leaves less of gravity
 FAR_M = 0.5                           # tracks that go less far have no direction
 NEAR_M = 5.0                          # tracks that begin farther off do not tell where the ball left
 BENT = 0.1                            # share of the way back by which drag may bend it
@@ -182,7 +184,10 @@ def _gravity(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:
     if size - spread > high:
         name, (suffix, metres) = min(LENGTHS.items(),
                                      key=lambda one: abs(math.log(size * one[1][1] / rig.world.gravity_m_s2)))
-        if abs(math.log(size * metres / rig.world.gravity_m_s2)) > math.log(ALIKE):
+        if abs(math.log(size / 4.0 / rig.world.gravity_m_s2)) < math.log(HALVED):
+            yield Flaw("gravity", "tracks: t_s", f"times look like half of what they were, by a camera's rate that was "
+                       f"taken for twice as high: {said}; double them, or where these are feet rename the columns")
+        elif abs(math.log(size * metres / rig.world.gravity_m_s2)) > math.log(LIFTED):
             yield Flaw("gravity", "tracks: x_m, y_m, z_m, t_s", f"positions or times have another unit: {said}; state "
                        "them in metres and seconds")
         else:
@@ -235,9 +240,12 @@ def _direction(motion: Motion) -> Iterator[Flaw]:
     elif abs(turn_deg := math.degrees(math.atan2(aside, abs(along)))) > ASIDE_DEG:
         yield Flaw("axes", "tracks: x_m, y_m", f"balls travel {abs(turn_deg):.0f} degrees to the "
                    f"{'left' if aside > 0.0 else 'right'} of x; x_m must point to the target: turn the axes")
-    elif (far[:, 0] < 0.0).mean() > 0.9:
+    elif (back := (far[:, 0] < 0.0).mean()) > 0.9:
         yield Flaw("axes", "tracks: x_m", "balls travel backwards; x_m must point to the target: change its sign, and "
                    "that of y_m")
+    elif back > 0.0:
+        yield Flaw("axes", "tracks: x_m", f"{back:.0%} of the balls travel backwards, the others forwards; x_m must "
+                   "point to the target: change its sign in those, and that of y_m")
 
 
 def _release(rig: Rig, motion: Motion) -> Iterator[Flaw]:
@@ -259,8 +267,9 @@ def _release(rig: Rig, motion: Motion) -> Iterator[Flaw]:
         yield Flaw("release", "tracks: y_m", f"balls leave at y = {aside_m:.2f} m; y_m is measured from the exit: "
                    "subtract where the exit is")
     found_m = float(np.median(first_m[:, 2] - velocity_m_s[:, 2] * back_s - 0.5 * rig.world.gravity_m_s2 * back_s**2))
-    if stated_m > 0.0 and abs(found_m - stated_m) > allowed_m:
-        cause = ("z_m is measured from the exit; add that height" if abs(found_m) < 0.3 * stated_m else
+    if abs(found_m - stated_m) > allowed_m:
+        cause = ("state that height there" if stated_m == 0.0 else
+                 "z_m is measured from the exit; add that height" if abs(found_m) < 0.3 * stated_m else
                  "z_m is the height above the floor, x_m the distance from the exit; correct these or that height")
         yield Flaw("release", "tracks: z_m", f"balls leave at {found_m:.2f} m by their tracks, at {stated_m:g} m by "
                    f"rig.toml (launcher.release_height_m): {cause}")
@@ -276,7 +285,10 @@ def _elevations(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:
     both = np.array([found_deg, stated_deg])[:, np.isfinite(stated_deg) & (motion.from_m[:, 0] < NEAR_M)]
     if both.shape[1] < SAMPLES or both.std(axis=1).min() < SPREAD_DEG:
         return
-    if (alike := float(np.corrcoef(both)[0, 1])) < ALIGNED:
+    if (alike := float(np.corrcoef(both)[0, 1])) < -ALIGNED:
+        yield Flaw("hood", f"{shots.source}: hood_deg, exit_deg", "tracks are the flatter the steeper their shots are "
+                   "said to be; the angle is the elevation above the horizontal: 90 less one from the vertical")
+    elif alike < ALIGNED:
         yield Flaw("track-shots", "tracks: shot_id", f"the tracks do not rise as the hood angles of their shots say "
                    f"(correlation {alike:.2f}): make sure that each track has the shot_id of its shot")
 
