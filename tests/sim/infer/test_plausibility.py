@@ -315,6 +315,24 @@ def test_an_objection_names_columns_as_the_files_do(table: Dataset, filmed: Data
         check_plausible(replace(tracks(filmed, z_m=-filmed.tracks.z_m), track_columns={"z_m": "z_cm"}))
 
 
+def test_a_release_height_that_is_not_stated_is_warned_of(table: Dataset) -> None:
+    rig = changed(table.rig, launcher=changed(table.rig.launcher, release_height_m=0.0))
+    (said,) = check_plausible(replace(table, facts=rig)).accepted
+    assert re.search(r"launcher\.release_height_m: is not stated", said)
+
+
+@pytest.mark.parametrize(("times", "passes"), [(1.0, True), (60.0, False), (2.0 * np.pi, False)])
+def test_spins_in_another_unit_are_refused(table: Dataset, times: float, passes: bool) -> None:
+    # as fast at its rim as it flies
+    rev_s = faster(table, 1.0)["wheel_upper_rad_s"] * 0.05 / (2.0 * np.pi * table.rig.ball.radius_m)
+    spun = numbers(table, exit_spin_rev_s=times * rev_s)
+    if passes:
+        assert check_plausible(spun).accepted == ()
+    else:
+        with pytest.raises(InputError, match=r"exit_spin_rev_s: rims of balls .* rename the column to exit_spin_rpm"):
+            check_plausible(spun)
+
+
 def test_one_shot_with_a_wrong_speed_makes_no_other_angle_likelier(table: Dataset) -> None:
     """A scoring shot of a fifth of the speed, as a sensor may say, among forty: seen once in a season of the demo."""
     slow = {f"wheel_{name}_rad_s": table.shots.number(f"wheel_{name}_rad_s").copy() for name in ("upper", "lower")}

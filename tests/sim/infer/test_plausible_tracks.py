@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace as changed
 
 import truearc as ta
 from tests.sim.infer.foam import RIG, fly, numbers, scaled, tracks
@@ -130,11 +131,39 @@ def test_exchanged_axes_and_a_z_that_points_down_are_refused(filmed: Dataset) ->
 @pytest.mark.parametrize(("scale", "said"), [
     (1e6, "these look like microseconds: .* rename the column to t_us"),
     (180.0, "these look like numbers of pictures, about 1[789]. per second"),
-    (0.5, "positions or times have another unit")])
+    (0.5, "times look like half of what they were")])
 def test_times_in_another_unit_are_called_what_they_look_like(filmed: Dataset, scale: float, said: str) -> None:
     assert filmed.tracks is not None
     with pytest.raises(InputError, match=rf"t_s: {said}"):
         check_plausible(tracks(filmed, t_s=filmed.tracks.t_s * scale))
+
+
+@pytest.mark.parametrize("every", [2, 3])
+def test_some_tracks_with_x_the_other_way_round_are_refused(filmed: Dataset, every: int) -> None:
+    assert filmed.tracks is not None
+    with pytest.raises(InputError, match=r"x_m: \d+% of the balls travel backwards, the others forwards"):
+        check_plausible(tracks(filmed, x_m=np.where(filmed.tracks.shot % every == 0, -1.0, 1.0) * filmed.tracks.x_m))
+
+
+def test_a_release_height_that_is_not_stated_is_asked_for(filmed: Dataset) -> None:
+    rig = changed(filmed.rig, launcher=changed(filmed.rig.launcher, release_height_m=0.0))
+    with pytest.raises(InputError, match=r"balls leave at 0\.6. m by their tracks.*: state that height there"):
+        check_plausible(replace(filmed, facts=rig))
+
+
+def test_angles_from_the_vertical_beside_tracks_are_called_so(filmed: Dataset) -> None:
+    with pytest.raises(InputError, match=r"hood_deg, exit_deg: tracks are the flatter the steeper"):
+        check_plausible(numbers(filmed, hood_deg=90.0 - filmed.shots.number("hood_deg")))
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1000.0, "millimetres"), (100.0, "centimetres"), (1 / 0.0254, "inches"),
+                                              (1 / 0.3048, "feet")])
+def test_units_have_their_name_where_backspin_carries_the_ball(filmed: Dataset, factor: float, unit: str) -> None:
+    assert filmed.tracks is not None
+    lifted = tracks(filmed, z_m=filmed.tracks.z_m + 0.5 * 2.0 * filmed.tracks.t_s**2)     # 2 of 9.81 m/s2
+    assert check_plausible(lifted).accepted == ()
+    with pytest.raises(InputError, match=f"these look like {unit}"):
+        check_plausible(scaled(lifted, factor))
 
 
 def test_distances_of_half_are_warned_of(filmed: Dataset) -> None:
