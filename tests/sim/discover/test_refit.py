@@ -113,6 +113,7 @@ def test_a_time_constant_that_nobody_knows_is_looked_for(loss: float, seed: int)
     assert interval.low90 < loss < interval.high90 and abs(interval.value / loss - 1.0) < 0.2
     belief = make_belief(found)[0]
     adopted = belief.coefficients["rapid_fire"]
-    assert adopted["loss"] == interval.value and 0.8 < adopted["time_constant_s"] / RAPID_FIRE_S < 1.3
+    assert abs(adopted["loss"] - interval.value) < interval.sd
+    assert 0.8 < adopted["time_constant_s"] / RAPID_FIRE_S < 1.3
     row = belief.names.index("rapid_fire.loss")
-    assert belief.covariance[row, row]**0.5 == pytest.approx(interval.sd)
+    assert belief.covariance[row, row]**0.5 == pytest.approx(interval.sd, rel=0.1)
