@@ -311,7 +311,7 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
 def _straightest(rig: Rig, distances: str, path_m: Floats, uneven: float,
                  other: Callable[[float, float], Floats]) -> list[tuple[str, str]]:
     """Place and reading, in another unit, of the distances or of the release height that explains speeds best, if any;
-    other: ratios with these two times so many metres."""
+    other: ratios where these two are multiplied by two numbers."""
     release_m, found = rig.launcher.release_height_m, {}
     for name, (suffix, metres) in LENGTHS.items():
         found[distances, f"these are {name}: rename the column to distance_{suffix}"] = other(metres, 1.0)

@@ -186,7 +186,7 @@ def _gravity(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:
                                      key=lambda one: abs(math.log(size * one[1][1] / rig.world.gravity_m_s2)))
         if abs(math.log(size / 4.0 / rig.world.gravity_m_s2)) < math.log(HALVED):
             yield Flaw("gravity", "tracks: t_s", f"times look like half of what they were, by a camera's rate that was "
-                       f"taken for twice as high: {said}; double them, or where these are feet rename the columns")
+                       f"treated as twice as high: {said}; double them, or where these are feet rename the columns")
         elif abs(math.log(size * metres / rig.world.gravity_m_s2)) > math.log(LIFTED):
             yield Flaw("gravity", "tracks: x_m, y_m, z_m, t_s", f"positions or times have another unit: {said}; state "
                        "them in metres and seconds")
