@@ -18,8 +18,8 @@ GRID = "grid over the domain"
 HEADER = ("shot_id", *OUTPUTS, "in_domain", NOVELTY)
 NAMED = 5                             # shots that a message names before it only counts
 # Of one and the same graph on other numbers of rows: float32 sums of several hundred products in another order. Found:
-# 1.5e-5 on a gate from 59 shots; far below what a graph may differ from its trainer (model_export/graph.py).
-REPEAT_TOLERANCE = 1e-4
+# up to 3e-4 on gates from 20 datasets; below what a graph may differ from its trainer (model_export/graph.py).
+REPEAT_TOLERANCE = 1e-3
 # Of novelty: |z - y|^2 from products of float32, a small difference of large numbers where a row is a landmark.
 NOVELTY_TOLERANCE = 5e-3
 THRESHOLD = 0.5

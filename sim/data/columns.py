@@ -25,6 +25,7 @@ RANGES = {
     "exit_deg": (-90.0, 90.0),
     "exit_spin_rev_s": (-1000.0, 1000.0),
     "t_s": (-math.inf, math.inf),
+    "since_last_shot_s": (0.0, math.inf),
     "battery_v": (0.0, 1000.0),
     "robot_speed_m_s": (-20.0, 20.0),
     "temperature_c": (-90.0, 60.0),                           # of air anywhere on Earth

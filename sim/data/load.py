@@ -19,7 +19,7 @@ from truearc.sim.data.table import Problems, RawTable, find_table, gathered, loa
 from truearc.sim.data.units import in_read_units, is_shot_column
 
 TRACK_COLUMNS = ("shot_id", "t_s", "x_m", "y_m", "z_m")
-HIT = "hit"
+HIT, THREES = "hit", ("three", "3", "3.0")
 LEFT_OUT = "left_out.txt"
 DISTINCT = 10                         # fewest different shots of which as many copies of each are suspect
 
@@ -130,9 +130,13 @@ def _settle_hits(table: RawTable, rig: Rig, has_three: bool, problems: Problems)
     """Hits as twos of a rig without a three; a problem are hits that could be twos or threes."""
     outcome = [text_of(cell).strip().lower() for cell in table.columns.get("outcome", ())]
     hits = [row for row, word in enumerate(outcome) if word == HIT]
+    threes = [row for row, word in enumerate(outcome) if word in THREES]
+    if threes and rig.target is not None and rig.target.hit_or_miss:
+        table.fault(problems, threes[0], "outcome", f"is three in {len(threes)} rows, but target.three_half_height_m = "
+                    "0 of rig.toml says that every hit counts alike: write hit, or state the height of the three")
     if not hits or rig.target is None:
         return table, rig
-    if rig.target.hit_or_miss or not (has_three or {"three", "3", "3.0"} & set(outcome)):
+    if rig.target.hit_or_miss or not (has_three or threes):
         rig = msgspec.structs.replace(rig, target=msgspec.structs.replace(rig.target, three_half_height_m=0.0))
     else:
         more = f", here and in {len(hits) - 1} more rows" if hits[1:] else ""

@@ -131,11 +131,11 @@ def parse_csv(text: str, path: Path, problems: Problems) -> RawTable:
 
 
 def _with_points(columns: dict[str, list[Cell]], path: Path, mark: str) -> dict[str, list[Cell]]:
-    """Decimal commas as points: of all cells behind semicolons, else where none has a point and not all commas can be
-    of thousands."""
+    """Decimal commas as points: where no cell has a point, and behind semicolons or where not all commas can be of
+    thousands."""
     cells = [str(cell) for column in columns.values() for cell in column if cell]
     commas = [cell for cell in cells if DECIMAL_COMMA.match(cell)]
-    if not commas or (mark != ";" and (all(map(THOUSANDS.match, commas)) or any(map(DECIMAL_POINT.match, cells)))):
+    if not commas or any(map(DECIMAL_POINT.match, cells)) or (mark != ";" and all(map(THOUSANDS.match, commas))):
         return columns
     print(f"warning: {path}: read with commas as decimal points", file=sys.stderr)
     return {name: [cell and DECIMAL_COMMA.sub(r"\1.\2", str(cell)) for cell in column]

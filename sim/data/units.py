@@ -14,8 +14,8 @@ CONVERTED = {
     "m": {"mm": 1e-3, "cm": 0.01, "in": 0.0254, "ft": 0.3048, "yd": 0.9144},
     "s": {"ms": 1e-3, "us": 1e-6},
     "deg": {"rad": 180.0 / math.pi},
-    "rad_s": {"rpm": math.pi / 30.0, "rev_s": 2.0 * math.pi, "deg_s": math.pi / 180.0},
-    "rev_s": {"rpm": 1.0 / 60.0, "rad_s": 0.5 / math.pi},
+    "rad_s": {"rpm": math.pi / 30.0, "rev_s": 2.0 * math.pi, "rps": 2.0 * math.pi, "deg_s": math.pi / 180.0},
+    "rev_s": {"rpm": 1.0 / 60.0, "rps": 1.0, "rad_s": 0.5 / math.pi},
     "m_s": {"ft_s": 0.3048, "in_s": 0.0254, "mph": 0.44704, "km_h": 1.0 / 3.6},
     "kg": {"g": 1e-3, "lb": 0.45359237, "oz": 0.028349523125},
     "v": {"mv": 1e-3},
@@ -74,8 +74,8 @@ def in_read_units(table: RawTable, is_read: Callable[[str], bool], problems: Pro
             problems.add(table.place(-1), name, "names no wheel of the rig: wheel_<name>_rpm, or wheel_<name>_rad_s, "
                          "with the name of a [[launcher.wheel]] of rig.toml")
         elif meant:
-            stem, _, unit = meant.rpartition("_")
-            others = ", ".join(f"{stem}_{suffix}" for suffix in CONVERTED.get(unit, {}))
+            unit = _unit_of(meant)
+            others = ", ".join(meant.removesuffix(unit) + suffix for suffix in CONVERTED.get(unit, {}))
             problems.add(table.place(-1), name, f"is not a column that is read; did you mean {meant!r}?"
                          + (f" Of another unit: {others}" if others else ""))
     return replace(table, columns=columns, written=written)
@@ -92,9 +92,14 @@ def _read_as(name: str, is_read: Callable[[str], bool]) -> tuple[str, float, flo
     for unit, others in CONVERTED.items():
         for suffix, factor in others.items():
             read = plain.removesuffix(suffix) + unit
-            if plain.endswith("_" + suffix) and is_read(read):
+            if plain.endswith("_" + suffix) and is_read(read) and _unit_of(read) == unit:
                 return read, factor, ZERO.get(suffix, 0.0)
     return name, 1.0, 0.0
+
+
+def _unit_of(name: str) -> str:
+    """The unit in which a column is read, "" where there is none of another: of exit_speed_m_s not the s, but m_s."""
+    return max((unit for unit in CONVERTED if name.endswith("_" + unit)), key=len, default="")
 
 
 def _converted(cell: Cell, factor: float, zero: float) -> Cell:

@@ -1,7 +1,6 @@
 """The paper's simulator: a recorded configuration -> height at the target plane -> outcome."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import jax.numpy as jnp
@@ -153,22 +152,26 @@ def launch_of(rig: Rig, shots: Shots) -> Exit:
     A measured speed without a spin, measured or of wheels, means a ball without spin. InputError names shots that have
     too little of these, or no elevation.
     """
-    rolled_m_s, rolled_rev_s = _from_wheels(rig, shots)
-    speed_m_s = _prefer(shots.number("exit_speed_m_s"), rolled_m_s)
-    elevation_deg = _prefer(shots.number("exit_deg"), shots.number("hood_deg"))
-    _need(shots, np.isnan(speed_m_s), "motor_ratio (with launcher.free_speed_rad_s in rig.toml), every "
+    leaving = _as_recorded(rig, shots)
+    _need(shots, np.isnan(leaving.speed_m_s), "motor_ratio (with launcher.free_speed_rad_s in rig.toml), every "
           "wheel_<name>_rad_s, or exit_speed_m_s")
-    _need(shots, np.isnan(elevation_deg), "hood_deg or exit_deg")
+    _need(shots, np.isnan(leaving.elevation_rad), "hood_deg or exit_deg")
+    return leaving
+
+
+def _as_recorded(rig: Rig, shots: Shots) -> Exit:
+    """The same with nan where it is not known."""
+    rolled_m_s, rolled_rev_s = _from_wheels(rig, shots)
+    elevation_deg = _prefer(shots.number("exit_deg"), shots.number("hood_deg"))
     spin_rev_s = _prefer(shots.number("exit_spin_rev_s"), rolled_rev_s)
-    return Exit(speed_m_s, np.radians(elevation_deg), _prefer(spin_rev_s, np.zeros(len(shots))))
+    return Exit(_prefer(shots.number("exit_speed_m_s"), rolled_m_s), np.radians(elevation_deg),
+                _prefer(spin_rev_s, np.zeros(len(shots))))
 
 
 def launch_state(rig: Rig, shots: Shots) -> dict[str, np.ndarray]:
-    """Exit speed and backspin as the believed launch has them; nothing when wheels and speed are both unknown."""
-    level = replace(shots, numbers={**shots.numbers, "hood_deg": np.zeros(len(shots))})    # speed and spin only
-    try:
-        leaving = launch_of(rig, level)
-    except InputError:
+    """Exit speed and backspin as the believed launch has them, nan where not known; nothing where no speed is."""
+    leaving = _as_recorded(rig, shots)
+    if np.isnan(leaving.speed_m_s).all():
         return {}
     return {name: np.round(np.asarray(column), DIGITS) + 0.0      # no -0.0
             for name, column in zip(LAUNCH_STATE, (leaving.speed_m_s, leaving.spin_rev_s), strict=True)}

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import truearc as ta
+from truearc.cli.common import load_any_rig
 
 SPREADSHEET = Path(__file__).parents[2] / "examples/spreadsheet"
 
@@ -47,6 +48,23 @@ def test_a_hit_that_may_be_a_three_is_an_error(tmp_path: Path, drop_three: bool,
     with pytest.raises(ta.InputError, match=r"\A\S+shots\.csv:\d+: outcome: 'hit' may be a two or a three: "
                        r"write which, here and in \d+ more rows; .*\Z"):
         ta.load_dataset(write(tmp_path / "week", drop_three, words))
+
+
+def test_a_three_where_every_hit_counts_alike_is_an_error(tmp_path: Path) -> None:
+    folder = write(tmp_path / "week", words={"two": "hit", "three": "3"})
+    (folder / "rig.toml").write_text((folder / "rig.toml").read_text().replace(
+        "[target]\n", "[target]\nthree_half_height_m = 0\n"))
+    with pytest.raises(ta.InputError, match=r"shots\.csv:\d+: outcome: is three in \d+ rows, but "
+                       r"target\.three_half_height_m = 0 of rig\.toml says that every hit counts alike: write hit"):
+        ta.load_dataset(folder)
+
+
+def test_who_aims_without_a_three_is_told_what_is_taken(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = write(tmp_path / "week")
+    load_any_rig(str(folder / "rig.toml"))
+    assert "target.three_half_height_m is not stated: 0.07 is taken; write 0 where" in capsys.readouterr().err
+    load_any_rig(str(SPREADSHEET / "rig.toml"))
+    assert capsys.readouterr().err == ""
 
 
 def test_from_fit_to_gate(tmp_path: Path) -> None:

@@ -32,7 +32,9 @@ def values_of(name: str) -> str:
     if name in (*TEXTS, "shot_id", "config_id"):
         return "text"
     low, high = RANGES.get(name, NO_RANGE)
-    return "any" if math.isinf(high) else f"{low:g} to {high:g}"
+    if math.isinf(high):
+        return "any" if math.isinf(low) else f"from {low:g}"
+    return f"{low:g} to {high:g}"
 
 
 def columns_read() -> set[str]:

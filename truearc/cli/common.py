@@ -145,5 +145,11 @@ def load_any_rig(path: str) -> Rig:
         is_launcher = "rig" in parse_table(load_text(path), path)
     except InputError:
         is_launcher = False           # the loader below names what is wrong
-    from truearc.sim.data.dataset import load_rig
-    return load_config(path).rig if is_launcher else load_rig(path)
+    from truearc.sim.data.rig import load_rig, states_three
+    if is_launcher:
+        return load_config(path).rig
+    rig = load_rig(path)
+    if rig.target is not None and not states_three(path):
+        print(f"warning: {path}: target.three_half_height_m is not stated: {rig.target.three_half_height_m:g} is "
+              "taken; write 0 where every hit counts alike", file=sys.stderr)
+    return rig

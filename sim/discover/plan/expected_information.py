@@ -20,7 +20,7 @@ from truearc.sim.infer.coefficients import Coefficients
 from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out, weak_prior
 from truearc.sim.infer.likelihood.linearization import linearise
 from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS, say_few
-from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc.sim.infer.likelihood.prepared_data import Intake, take_in
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue, effective, find_terms, flight_terms
 from truearc.sim.physics.flight import path
@@ -69,11 +69,7 @@ def foresee_dataset(dataset: Dataset, believed: tuple[str, ...], sides: bool = F
     beside the centre with the usual coefficients."""
     dataset = dataset.in_order()
     if not is_planned(dataset):
-        intake = take_in(dataset)
-        if not len(intake.rows):
-            raise InputError("no shot can say anything: distance_m, and hood_deg with motor_ratio (and "
-                             "launcher.free_speed_rad_s in rig.toml) or every wheel's speed, or exit_deg with "
-                             "exit_speed_m_s, are needed beside its outcome, or a track")
+        intake = _take_in(dataset)
         layout = lay_out(intake, believed, groups_of(dataset.shots, intake.rows), among)
         fitted = fit_believed(intake, layout, progress)
         return sight_of(fitted.evidence, intake.level, believed)
@@ -85,9 +81,18 @@ def foresee_dataset(dataset: Dataset, believed: tuple[str, ...], sides: bool = F
     return sight_of(_as_aimed(evidence, seed), level, believed)
 
 
+def _take_in(dataset: Dataset) -> Intake:
+    intake = take_in(dataset)
+    if not len(intake.rows):
+        raise InputError("no shot can say anything: distance_m, and hood_deg with motor_ratio (and "
+                         "launcher.free_speed_rad_s in rig.toml) or every wheel's speed, or exit_deg with "
+                         "exit_speed_m_s, are needed beside its outcome, or a track")
+    return intake
+
+
 def _expected(dataset: Dataset, believed: tuple[str, ...], among: Catalogue | None) -> tuple[ScoreTable, str]:
     """Evidence at the middle of the priors; its scores mean nothing."""
-    intake = take_in(dataset)
+    intake = _take_in(dataset)
     layout = lay_out(intake, believed, groups_of(dataset.shots, intake.rows), among)
     return linearise(intake, layout, usual_spot(intake, layout))[0], intake.level
 

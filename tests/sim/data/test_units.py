@@ -51,6 +51,11 @@ def test_commas_that_may_be_of_thousands_are_refused(tmp_path: Path, cells: str,
         load(tmp_path, f"shot_id,distance_m,hood_deg\na,{cells}\n")
 
 
+def test_commas_beside_points_are_of_thousands_behind_semicolons_too(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"shots\.csv:2: wheel_main_rad_s: '1,234' is not a finite number"):
+        load(tmp_path, "shot_id;hood_deg;wheel_main_rad_s\na;40.5;1,234\n")
+
+
 def test_commas_that_were_read_as_points_are_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     load(tmp_path, 'shot_id,distance_m,hood_deg\na,"3,05","0,579"\n')
     assert capsys.readouterr().err == f"warning: {tmp_path}/shots.csv: read with commas as decimal points\n"
@@ -67,8 +72,23 @@ def test_tracks_as_the_plausibility_checks_advise(tmp_path: Path, header: str, f
     assert tracks.t_s == pytest.approx(np.array([1, 2]) * (1e-3 if "t_ms" in header else 1.0))
 
 
+@pytest.mark.parametrize(("name", "read", "factor"), [
+    ("wheel_main_rps", "wheel_main_rad_s", 2.0 * math.pi), ("exit_spin_rps", "exit_spin_rev_s", 1.0),
+    ("exit_speed_ft_s", "exit_speed_m_s", 0.3048), ("since_last_shot_ms", "since_last_shot_s", 1e-3)])
+def test_a_unit_is_the_whole_of_it(tmp_path: Path, name: str, read: str, factor: float) -> None:
+    assert load(tmp_path, f"shot_id,{name}\na,30\n").shots.number(read) == pytest.approx([30.0 * factor])
+
+
+@pytest.mark.parametrize("name", ["exit_speed_m_ms", "exit_speed_m_us"])
+def test_metres_per_millisecond_are_not_milliseconds(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InputError, match=rf"{name}: is not a column that is read; did you mean 'exit_speed_m_s'\? Of "
+                       "another unit: exit_speed_ft_s, exit_speed_in_s, exit_speed_mph, exit_speed_km_h$"):
+        load(tmp_path, f"shot_id,{name}\na,1\n")
+
+
 @pytest.mark.parametrize(("name", "meant"), [
-    ("hood", "hood_deg"), ("distnce_m", "distance_m"), ("Distance", "distance_m"), ("temperature", "temperature_c"),
+    ("hood", "hood_deg"), ("since_last_shot", "since_last_shot_s"),
+    ("distnce_m", "distance_m"), ("Distance", "distance_m"), ("temperature", "temperature_c"),
     ("outcomes", "outcome"), ("hood_angle", "hood_deg"), ("distance_inches", "distance_m"), ("ratio", "motor_ratio"),
     ("result", "outcome")])
 def test_near_misses_are_named(tmp_path: Path, name: str, meant: str) -> None:

@@ -14,7 +14,7 @@ from tests.sim.discover.synthetic import make_linear, shared, term
 from tests.sim.discover.worlds import FACTS, World, fly, make_outcomes, plane_heights
 from truearc.robot.config.rig_spec import Rig, Target
 from truearc.robot.config.schema import InputError
-from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.plan.detectability import EIGHTY, TAKEN, Sight, TermIdentifiability, sight_of
 from truearc.sim.discover.plan.expected_information import foresee, foresee_dataset, rehearse
@@ -192,6 +192,9 @@ def test_bad_input_is_named() -> None:
         foresee(FACTS, ("gravity", "magic"), "L0", 50)
     with pytest.raises(InputError, match="reach the target"):
         rehearse(_with_target(FACTS, Target(60.0)), BELIEVED, "L0", 20)
+    blank = replace(rehearse(FACTS, BELIEVED, "L0", 20), shots=Shots(tuple("abcdefghijkl"), {}, {}))
+    with pytest.raises(InputError, match="no shot can say anything: distance_m"):
+        foresee_dataset(blank, BELIEVED)
     with pytest.raises(InputError, match=r"\[target\]"):
         rehearse(_with_target(FACTS, None), BELIEVED, "L1", 20)
     thrown = rehearse(_with_target(FACTS, None), BELIEVED, "L2", 20)

@@ -1,6 +1,7 @@
 """Wrong units and angles of shots and rigs are refused by name before a fit makes physics of them."""
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,18 @@ def test_a_release_height_in_feet_is_called_so(table: Dataset) -> None:
     with pytest.raises(InputError, match=r"launcher\.release_height_m: .* if this is in feet: "
                                          f"{table.rig.launcher.release_height_m:.3g} m"):
         ta.fit(replace(table, facts=rig), ("gravity", "drag"))
+
+
+@pytest.mark.parametrize(("spoiled", "said"), [
+    (lambda one: numbers(one, distance_m=one.shots.number("distance_m") / 0.3048), "distance_m in feet"),
+    (lambda one: numbers(one, hood_deg=90.0 - one.shots.number("hood_deg")), "the angle is from the vertical")])
+def test_a_shot_without_a_speed_does_not_keep_the_others_from_being_judged(
+        table: Dataset, spoiled: Callable[[Dataset], Dataset], said: str) -> None:
+    lost = {name: np.where(np.arange(len(table.shots)) == 3, np.nan, column) for name, column in
+            faster(table, 1.0).items()}
+    assert check_plausible(numbers(table, **lost)).accepted == ()
+    with pytest.raises(InputError, match=said):
+        check_plausible(spoiled(numbers(table, **lost)))
 
 
 @pytest.mark.parametrize("every", [2, 4])
