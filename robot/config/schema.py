@@ -312,7 +312,7 @@ def parse_table(text: str, name: str) -> dict[str, Any]:
         todo = "decimals have a point, no comma" if comma else "lines are key = value, and words stand in quotes"
         raise InputError(f"{name}: {error}; {todo}") from error
     except RecursionError as error:
-        raise InputError(f"{name}: its values are nested too deeply") from error
+        raise InputError(f"{name}: {in_words(error)}") from error
 
 
 @contextmanager
@@ -320,7 +320,7 @@ def naming(path: str | Path) -> Iterator[None]:
     """Raise errors of reading, writing and decoding as InputError, with the file in front."""
     try:
         yield
-    except (OSError, UnicodeDecodeError, csv.Error, msgspec.MsgspecError) as error:
+    except (OSError, UnicodeDecodeError, csv.Error, msgspec.MsgspecError, RecursionError) as error:
         raise InputError(f"{path}: {in_words(error)}") from error
 
 
@@ -345,6 +345,8 @@ def in_words(error: Exception) -> str:
     """The text of an error without its number and without the file, which our messages name first."""
     if isinstance(error, OSError):
         return error.strerror or str(error)
+    if isinstance(error, RecursionError):
+        return "its values are nested too deeply"
     return "not UTF-8 text" if isinstance(error, UnicodeDecodeError) else reworded(str(error))
 
 

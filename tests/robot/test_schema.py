@@ -14,12 +14,18 @@ from msgspec.structs import replace
 from truearc.cli.common import SHIPPED, load_any_rig
 from truearc.cli.robot.vision_tools.camera_file import CAMERAS, load_camera
 from truearc.cli.robot.vision_tools.images import load_image
+from truearc.robot.aim_file import load_aim
 from truearc.robot.config.hashing import config_hash, is_hash_of
 from truearc.robot.config.rig_spec import TERMS, unknown_keys
 from truearc.robot.config.schema import Config, InputError, load_config, parse_toml, read_axis
+from truearc.robot.doctor.devices import load_endpoints
 from truearc.robot.gate.model import load_gate
-from truearc.robot.recording.session import load_session_config, make_header
+from truearc.robot.recording.files import make_folder
+from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.recover import recover
+from truearc.robot.recording.session import load_header, load_session_config, load_trials, make_header
 from truearc.sim.data.rig import load_rig
+from truearc.sim.discover.finding import load_record as load_finding
 from truearc.sim.paper.network import load_json
 from truearc.sim.physics.catalogue import BUILT_IN
 
@@ -207,6 +213,34 @@ def test_files_without_an_end_and_values_without_a_bottom_are_refused(tmp_path):
             load(Path("/dev/zero"))
         with pytest.raises(InputError, match=r"pipe\.toml: is a pipe or a device, not a file; copy what it gives"):
             load(pipe)
+
+
+DEEP = "[" * 100_000
+
+
+def test_json_without_a_bottom_is_refused(tmp_path):
+    path = tmp_path / "deep.json"
+    for text, load in ((DEEP, load_endpoints), (DEEP, load_json), (DEEP, load_aim), (DEEP, load_finding),
+                       (DEEP, lambda path: load_header(path.parent)), (f'{{"endpoints": {DEEP}', load_endpoints),
+                       (f'{{"schema": {DEEP}', lambda path: load_header(path.parent))):
+        path.write_text(text)
+        (tmp_path / "session.json").write_text(text)
+        with pytest.raises(InputError, match=r"(deep|session)\.json"):
+            load(path)
+
+
+@pytest.mark.parametrize("name", ["session.json", "config.json", "trials.jsonl", "telemetry.mcap", "can0.log"])
+def test_a_session_of_a_device_or_a_pipe_is_refused(tmp_path, name):
+    config = parse_toml(TEXT, Config, "a")
+    make_folder(tmp_path / "s", make_header(config, None, None), config, None)
+    (tmp_path / "s" / name).unlink(missing_ok=True)
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "s" / name).symlink_to("/dev/zero" if name != "telemetry.mcap" else tmp_path / "pipe")
+    with pytest.raises(InputError, match=rf"{re.escape(name)}: is a pipe or a device, not a file"):
+        recover(tmp_path / "s")
+    if name != "can0.log":
+        with pytest.raises(InputError, match=rf"{re.escape(name)}: is a pipe or a device, not a file"):
+            (load_trials(tmp_path / "s"), load_session_config(tmp_path / "s"), list(TickReader(tmp_path / "s")))
 
 
 def test_a_session_recorded_with_a_rig_that_cannot_be_is_still_read(tmp_path):

@@ -34,7 +34,7 @@ from truearc.cli.common import (
 from truearc.cli.discover.aim import parse_distances
 from truearc.cli.outputs import OutFolder
 from truearc.robot.aim_file import LONGEST_NOTE
-from truearc.robot.config.schema import about, naming
+from truearc.robot.config.schema import about, load_bytes, naming
 from truearc.sim.discover.settings import FALSE_ALARM, check_chances
 
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ class ShotWatch:
         from truearc.api.following import propose, sealed
         from truearc.sim.discover.proposal import BeliefFile
         progress = make_progress("discover", self.args.quiet)
-        before = BeliefFile(self.args.belief, hashlib.sha256(Path(self.args.belief).read_bytes()).hexdigest())
+        before = BeliefFile(self.args.belief, hashlib.sha256(load_bytes(self.args.belief)).hexdigest())
         try:
             made = propose(found, found.find(progress), rig, (before, BELIEF), self.args.distances,
                            make_progress("aim", self.args.quiet))
@@ -178,7 +178,7 @@ def send_aim(url: str, token: Path, path: Path) -> None:
         InputError: the token cannot be read, the page does not answer, or it refuses; with its reason.
     """
     with naming(token):
-        said = token.read_text(encoding="ascii").strip()
+        said = load_bytes(token).decode("ascii").strip()
     request = urllib.request.Request(url.rstrip("/") + "/aim", path.read_bytes(), method="PUT", headers={
         "Content-Type": "application/json", "Authorization": f"Bearer {said}"})
     try:
