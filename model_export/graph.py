@@ -14,8 +14,10 @@ from onnx import TensorProto, helper, numpy_helper
 
 from truearc.model_export.parts import Part, network_part, novelty_part, physics_part
 from truearc.model_export.tolerances import NETWORK_TOLERANCE, PHYSICS_TOLERANCE
-from truearc.robot.config.schema import InputError
+from truearc.robot.config.schema import naming
+from truearc.robot.config.whole_file import whole_file
 from truearc.robot.gate import contract
+from truearc.robot.gate.model import load_gate
 from truearc.robot.gate.seal import KEY_SEAL, UNSEALED, seal
 from truearc.sim.gate.model import KIND, MODEL_FILE, load_physics_gate
 from truearc.sim.gate.novelty import Novelty, describe_novelty, parse_novelty
@@ -109,10 +111,9 @@ def export_weights(directory: str | Path, path: str | Path) -> bytes:
         print(f"warning: {path}: {say_narrowed(trained, domain)}", file=sys.stderr)
     data = make_model([part, novelty_part(trained.novelty)], domain,
                       describe_novelty(trained.novelty), provenance)
-    try:
-        Path(path).write_bytes(data)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
+    with naming(path), whole_file(path) as new:
+        new.write_bytes(data)
+        load_gate(new)                # what the robot would refuse is refused here
     return data
 
 

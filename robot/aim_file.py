@@ -120,10 +120,7 @@ def load_aim(path: str | Path) -> AimFile:
     """
     data = load_bytes(path, MAX_TEXT_BYTES)
     with naming(path):
-        try:
-            content = msgspec.json.decode(data, type=AimContent)
-        except RecursionError:
-            raise InputError(f"{path}: its values are nested too deeply") from None
+        content = msgspec.json.decode(data, type=AimContent)
     if content.schema != SCHEMA or content.contract_sha256 != contract_hash():
         raise InputError(f"{path}: schema {content.schema!r}, contract {content.contract_sha256[:12]}...; this robot "
                          f"reads {SCHEMA!r}, contract {contract_hash()[:12]}...")

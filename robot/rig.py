@@ -55,6 +55,7 @@ class HardwareRig:
         self._started = False
         self._faults: list[Reason] = []
         self._frames = 0
+        self._is_lost = False         # the bus, when it was last read
         self._unseen: Reason | None = None        # why the newest image showed no target
 
     def read(self) -> Inputs | None:
@@ -135,7 +136,9 @@ class HardwareRig:
             frames = self._bus.read()
         except hw.LinkLost as error:
             self._faults.append(because.CAN_LOST(cause=error.reason))
+            self._is_lost = True
             return
+        self._is_lost = False
         self._frames = len(frames)
         if self._unsent:
             self._faults.append(because.FRAMES_NOT_SENT(frames=self._unsent))
@@ -179,9 +182,9 @@ class HardwareRig:
         return sighting
 
     def _start(self) -> list[hw.Frame]:
-        """Frames that are sent once, before all others."""
+        """Frames that are sent once, before all others, as soon as there is a bus."""
         period_ms = self._config.hood_encoder.period_ms
-        if self._started or period_ms == 0:
+        if self._started or self._is_lost or period_ms == 0:
             return []
         self._started = True
         return [canandmag.make_position_period(self._encoder, period_ms)]

@@ -1,9 +1,11 @@
-"""Tables of text cells as aligned columns for a terminal, and as CSV files. Standard library only."""
+"""Tables of text cells as aligned columns for a terminal, and as CSV files."""
 
 import csv
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any
+
+from truearc.robot.config.whole_file import whole_file
 
 Row = Sequence[str]
 
@@ -18,7 +20,7 @@ def make_text(header: Row, rows: Iterable[Row], right: Collection[int] = ()) -> 
 
 def save_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
     """Write a CSV file in UTF-8, with "\\n" at the end of each line; OSError where it cannot be written."""
-    with path.open("w", encoding="utf-8", newline="") as file:
+    with whole_file(path) as new, new.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(header)
         writer.writerows(rows)

@@ -14,6 +14,7 @@ from truearc.hw.reason import Reason
 
 ADVICE = {errno.EAFNOSUPPORT: ": this kernel has no CAN; load it with modprobe can_raw",
           errno.ENODEV: ": there is no such interface; docs/buses.md says how to bring it up"}
+KNOWN = (can.CanError, NotImplementedError, OSError, ValueError, TypeError)     # say themselves what is wrong
 QUEUE_FULL = (errno.ENOBUFS, errno.EAGAIN)
 # python-can 4.6 raises a bare CanOperationError for these two (socketcan's send, virtual's): no code, no class of their
 # own, no cause. Every other refusal is recognised by its code or class.
@@ -31,6 +32,10 @@ CONTROLLER = 0x004                                # details are in the second by
 CONTROLLER_DETAILS = ((0x01, "receive overrun"), (0x02, "transmit overrun"), (0x04, "many receive errors"),
                       (0x08, "many transmit errors"), (0x10, "error passive"), (0x20, "error passive"),
                       (0x40, "error active again"))
+
+
+class NeverOpens(LinkLost):
+    """A bus that no adapter plugged in later would open: no such interface, or its driver is not installed."""
 
 
 class _Outgoing(can.Message):  # type: ignore[misc]  # the library is not looked into
@@ -138,7 +143,7 @@ class CanBus:
 
 def open_can(interface: str, channel: str, bitrate: int, clock: Clock, wait_s: float = 0.0,
              tally: Counter[str] | None = None) -> CanBus:
-    """Open a CAN bus; LinkLost names interface and channel when it cannot be.
+    """Open a CAN bus; LinkLost names interface and channel when it cannot be, NeverOpens when it will not be either.
 
     `bitrate` is for adapters that set their own; socketcan's is set where the interface is brought up. On `virtual`
     every bus with one channel name in one process is on the same wire, and does not hear itself. `wait_s`: how long
@@ -151,9 +156,12 @@ def open_can(interface: str, channel: str, bitrate: int, clock: Clock, wait_s: f
     name = f"CAN {interface} {channel}"
     try:
         bus = can.Bus(interface=interface, channel=channel, ignore_config=True, **options)
-    except (can.CanError, NotImplementedError, OSError, ValueError, TypeError) as error:
-        advice = ADVICE.get(getattr(error, "errno", None) or getattr(error, "error_code", None) or 0, "")
-        raise LinkLost(CAN_ADAPTER_ERROR(bus=name, detail=f"{error}{advice}")) from error
+    except Exception as error:        # whatever an interface raises whose driver is not installed
+        code = getattr(error, "errno", None) or getattr(error, "error_code", None) or 0
+        advice = ADVICE.get(code, "" if isinstance(error, KNOWN) else ": is the driver of this interface installed?")
+        may_come = isinstance(error, can.CanInitializationError) or (isinstance(error, OSError) and code)
+        kind = LinkLost if may_come and code != errno.EAFNOSUPPORT else NeverOpens
+        raise kind(CAN_ADAPTER_ERROR(bus=name, detail=f"{error}{advice}")) from error
     return CanBus(bus, clock, name, SLCAN_WRITE_S if is_slcan else 0.0, serial_lines=is_slcan, tally=tally)
 
 

@@ -11,7 +11,7 @@ from functools import partial
 
 from truearc.hw.fault_codes import CAN_ADAPTER_ERROR, CAN_CLOSED, CAN_OVERRUN, CAN_REOPENED, CAN_SILENT
 from truearc.hw.protocols import Clock, Frame, LinkLost
-from truearc.hw.real.can_bus import CanBus
+from truearc.hw.real.can_bus import CanBus, NeverOpens
 from truearc.hw.real.clock import make_pauses_s
 from truearc.hw.reason import Reason
 
@@ -32,23 +32,35 @@ class SupervisedBus:
     """
 
     def __init__(self, open_bus: Callable[[], CanBus], clock: Clock, tally: Counter[str], room: int = ROOM,
-                 pauses: Callable[[], Iterator[float]] | None = None) -> None:
+                 pauses: Callable[[], Iterator[float]] | None = None, name: str | None = None) -> None:
         """Opens the bus at once, so that one that cannot be is an error here: LinkLost.
 
         `room`: frames that may wait for the tick. `pauses`: of s between attempts to open it again, make_pauses_s.
+        `name`: of a bus that may also come later, so that only NeverOpens is an error here; None: it may not.
         """
         self._open_bus, self._clock, self._tally = open_bus, clock, tally
         self._room, self._pauses = room, pauses or partial(make_pauses_s, FIRST_S, LONGEST_S)
-        self._bus: CanBus | None = open_bus()
-        self.name = self._bus.name
+        self._bus: CanBus | None = None
+        self._lost: Reason | None = None          # why, until something is heard again
+        try:
+            self._bus = open_bus()
+        except LinkLost as error:
+            if name is None or isinstance(error, NeverOpens):
+                raise
+            self._lost = error.reason
+        self.name = self._bus.name if self._bus is not None else str(name)
         self._lock = threading.Lock()             # of writing to the bus and of taking it away; the thread alone reads
         self._frames: deque[Frame] = deque()
-        self._lost: Reason | None = None          # why, until something is heard again
         self._broken: Reason | None = None        # why a write found the bus lost
         self._told = 0                            # frames lost to overrun of which there has been a fault
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._supervise, name=self.name, daemon=True)
         self._thread.start()
+
+    @property
+    def lost(self) -> Reason | None:
+        """Why there is no bus; None while there is one."""
+        return self._lost if self._bus is None else None
 
     def read(self) -> list[Frame]:
         """All frames received since the last call, oldest first; LinkLost, saying why, while there is no bus."""

@@ -1,4 +1,4 @@
-"""Numbers of a launcher's configuration that are of the right kind and still cannot be."""
+"""Words and numbers of a launcher's configuration that are of the right kind and still cannot be."""
 
 import math
 import sys
@@ -7,7 +7,8 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-from truearc.robot.config.rig_spec import DENSEST_KG_M3, Rig, too_large
+from truearc.robot.config.rig_spec import AIR_KG_M3, DENSEST_KG_M3, TERMS, Rig, too_large
+from truearc.robot.config.toml_errors import did_you_mean
 
 MAX_TORQUE_NM = 100.0                 # at the motor shaft; the strongest of a team's motors give 7
 
@@ -34,6 +35,8 @@ def contradictions(config: Any) -> Iterator[tuple[str, str]]:
              f"a gain of the other sign runs away; {turn}"),
             ("flywheel.pid.output_low flywheel.pid.output_high hood.pid.output_low hood.pid.output_high flywheel.ks_nm "
              "hood.friction_nm", (-MAX_TORQUE_NM, MAX_TORQUE_NM), "no motor gives more Nm"),
+            ("flywheel.kv_nm_s", (-1e-3, 1.0), "Nm per rad/s; friction grows with speed"),
+            ("flywheel.ka_nm_s2", (0.0, 10.0), "Nm per rad/s2: the inertia on the shaft"),
             ("hood.homing_torque_nm", (-MAX_TORQUE_NM, -1e-4), f"toward the switch; {turn}"),
             ("feeder.torque_nm", (0.0, MAX_TORQUE_NM), turn),
             ("gate.reading_age_s gate.sighting_age_s feeder.feed_s flywheel.steady_s", (0.0, 10.0), "seconds"),
@@ -60,10 +63,19 @@ def warn_of_pitch(path: str | Path, camera: Any) -> None:
               f"{math.degrees(camera.pitch_deg):.3g}", file=sys.stderr)
 
 
+def warn_of_terms(path: str | Path, rig: Rig) -> None:
+    """Warn on stderr of believed terms that are nearly one of ours: they may also be those of another distribution."""
+    for name in rig.believe.terms:
+        if name not in TERMS and (near := did_you_mean(name, TERMS)):
+            print(f"warning: {path}: rig.believe.terms: {name!r} is none of truearc's terms{near}", file=sys.stderr)
+
+
 def cannot_throw(rig: Rig) -> Iterator[tuple[str, str]]:
     """Key and objection of values that a rig may have on paper, and a launcher cannot."""
     if rig.target is not None and rig.target.centre_height_m <= 0:
         yield "rig.target.centre_height_m", f"{rig.target.centre_height_m:g} must be above 0, the floor"
+    if rig.launcher.free_speed_rad_s is None:
+        yield "rig.launcher.free_speed_rad_s", "missing key; the motors' speed without load, where motor_ratio is 1"
     if not any(wheel.gear for wheel in rig.launcher.wheel):
         yield "rig.launcher.wheel.gear", "no wheel turns"
     yield from ((f"rig.{key}", what) for key, what in too_large(rig))
@@ -71,3 +83,6 @@ def cannot_throw(rig: Rig) -> Iterator[tuple[str, str]]:
     if ball.radius_m > 0 and ball.density_kg_m3 > DENSEST_KG_M3:
         yield "rig.ball.mass_kg", (f"{ball.mass_kg:g} kg in a ball of {ball.radius_m:g} m radius is denser than any "
                                    "metal; are these grams?")
+    elif ball.density_kg_m3 < AIR_KG_M3:
+        yield "rig.ball.radius_m", (f"{ball.mass_kg:g} kg in a ball of {ball.radius_m:g} m radius is lighter than air; "
+                                    "look at the units")

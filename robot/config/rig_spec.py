@@ -11,6 +11,8 @@ from typing import Any
 import msgspec
 from msgspec import UNSET, Struct, UnsetType, field
 
+from truearc.robot.config.toml_errors import struct_in
+
 POSITIVE = ("ball.mass_kg", "ball.radius_m", "launcher.free_speed_rad_s", "launcher.wheel.radius_m",
             "target.two_half_height_m", "world.gravity_m_s2",
             "tracker.scale_sd", "tracker.tilt_sd_deg", "tracker.clock_sd")
@@ -118,26 +120,39 @@ class Rig(Struct, frozen=True):
     site: Site | UnsetType = UNSET
 
 
+# sizes that any launcher's are within, where they are not 0: a ball of table tennis has 0.0027 kg and 0.02 m
+REAL = {"ball.mass_kg": (1e-4, 1e3), "ball.radius_m": (1e-3, math.inf), "launcher.wheel.radius_m": (5e-3, math.inf),
+        "launcher.wheel.gear": (1e-3, 100.0), "launcher.wheel.clock_deg": (0.0, 360.0),
+        "launcher.free_speed_rad_s": (1.0, math.inf), "target.two_half_height_m": (1e-3, math.inf),
+        "world.gravity_m_s2": (0.01, math.inf)}
+ANY = (0.0, math.inf)
 # more than any launcher's; beyond is another unit
-MOST = {"ball.radius_m": 0.5, "launcher.wheel.radius_m": 0.5, "launcher.release_height_m": 5.0,
+MOST = {"ball.radius_m": 0.5, "launcher.wheel.radius_m": 1.0, "launcher.release_height_m": 5.0,
         "launcher.free_speed_rad_s": 3000.0, "target.centre_height_m": 10.0, "target.two_half_height_m": 3.0,
         "air.density_kg_m3": 2.0,
         "world.gravity_m_s2": 25.0,   # Jupiter's
         # standard deviations: a tape is good to 0.01 m, a camera at 10 m to 0.5 m; worse ones make a fit of noise
         "noise.distance_m": 2.0, "noise.hood_deg": 15.0, "noise.wheel_rad_s": 100.0, "noise.track_m": 0.5,
         "tracker.scale_sd": 0.5, "tracker.tilt_sd_deg": 45.0, "tracker.clock_sd": 0.5}
-DENSEST_KG_M3 = 23_000.0              # of a ball: no metal is heavier
+DENSEST_KG_M3, AIR_KG_M3 = 23_000.0, 1.2      # of a ball: no metal is heavier, and what is lighter flies away
 LENGTHS_M = {"centimetres": 0.01, "inches": 0.0254, "millimetres": 0.001}
 OTHER_UNITS = {"m": "another unit", "s": "revolutions per minute", "m3": "another unit",
                "s2": "feet or centimetres per second squared; on Earth it is 9.81", "deg": "another unit",
                "sd": "per cent; it is a share: 0.01 for one per cent"}
+# the terms that truearc.sim has; a distribution may add others (docs/terms.md)
+TERMS = ("hood_offset", "hood_backlash", "encoder_scale", "distance_scale", "distance_bias", "vision_latency",
+         "track_scale", "track_tilt", "track_clock", "track_perspective", "wheel_slip", "exit_efficiency",
+         "wheel_droop", "ball_compression", "ball_wear", "ball_spread", "battery_sag", "rapid_fire", "release_height",
+         "spin_decay", "wind_x", "wind_y", "wind_z", "gravity", "drag", "magnus", "spin_drag", "drag_reynolds",
+         "lift_saturation", "drag_wear", "air_density", "air_change", "buoyancy", "added_mass", "target_height",
+         "rim_catch")
 RADIAN_STEP, RADIAN_SLIP = math.pi / 12.0, 0.005  # clock angles in radians are multiples of it, as rounded
 
 
 def too_large(rig: Rig) -> Iterator[tuple[str, str]]:
     """Yield the dotted key of each number that is larger than any launcher's, and what it looks like; clock angles in
     radians, too."""
-    clocks = [wheel.clock_deg for wheel in rig.launcher.wheel if wheel.clock_deg]
+    clocks = [clock for wheel in rig.launcher.wheel if math.isfinite(clock := wheel.clock_deg) and clock]
     steps = [round(clock / RADIAN_STEP) for clock in clocks]
     if clocks and all(0 < step <= 24 and abs(clock - step * RADIAN_STEP) < RADIAN_SLIP
                       for clock, step in zip(clocks, steps, strict=True)):
@@ -162,6 +177,8 @@ def rig_errors(rig: Rig) -> Iterator[tuple[str, str]]:
             yield key, f"{value} must be above 0" + DOWNWARD.get(key, "")
         elif key in NOT_NEGATIVE and value < 0:
             yield key, f"{value} must not be below 0"
+        elif value and not (real := REAL.get(key, ANY))[0] <= abs(value) <= real[1]:
+            yield key, f"{value:g} is out of range ({real[0]:g} to {real[1]:g} in size); look at its unit"
     for key, names in (("launcher.wheel.name", [wheel.name for wheel in rig.launcher.wheel]),
                        ("believe.terms", rig.believe.terms)):
         for name in sorted({name for name in names if names.count(name) > 1}):
@@ -182,7 +199,7 @@ def with_nan(table: dict[str, Any], kind: Any = Rig) -> dict[str, Any]:
     """Return the JSON of a rig with NaN where a number is null, as JSON writes it; null stays where None may be."""
     filled = dict(table)
     for one in msgspec.structs.fields(kind):
-        value, inner = filled.get(one.name), _struct_in(kind.__annotations__[one.name])
+        value, inner = filled.get(one.name), struct_in(kind.__annotations__[one.name])
         if one.type is float and one.name in filled and value is None:
             filled[one.name] = math.nan
         elif inner is not None and isinstance(value, dict):
@@ -197,7 +214,7 @@ def unknown_keys(table: dict[str, Any], kind: Any = Rig, prefix: str = "") -> li
     known = kind.__annotations__
     names: list[str] = []
     for key, value in table.items():
-        inner = _struct_in(known.get(key))
+        inner = struct_in(known.get(key))
         if key not in known:
             names.append(prefix + key)
         elif inner is not None:
@@ -211,7 +228,7 @@ def missing_keys(table: Mapping[str, Any], kind: Any, prefix: str = "") -> list[
     """Dotted names of the fields of the struct `kind` without a default that a table lacks, in the struct's order."""
     names: list[str] = []
     for one in msgspec.structs.fields(kind):
-        value, inner = table.get(one.encode_name), _struct_in(one.type)
+        value, inner = table.get(one.encode_name), struct_in(one.type)
         if one.encode_name not in table:
             inside = missing_keys({}, inner, f"{prefix}{one.encode_name}.") if inner is not None else []
             names += (inside or [prefix + one.encode_name]) if one.required else []
@@ -220,10 +237,3 @@ def missing_keys(table: Mapping[str, Any], kind: Any, prefix: str = "") -> list[
                 here = missing_keys(row, inner, f"{prefix}{one.encode_name}.") if isinstance(row, dict) else []
                 names += [name for name in here if name not in names]
     return names
-
-
-def _struct_in(annotation: Any) -> Any:
-    for part in (annotation, *getattr(annotation, "__args__", ())):
-        if isinstance(part, type) and issubclass(part, Struct):
-            return part
-    return None

@@ -13,9 +13,9 @@ import msgspec
 from msgspec import Struct
 
 from truearc.hw.devices.axis import Axis, CanNode, Direction, Positive
-from truearc.robot.config.limits import cannot_throw, contradictions, warn_of_pitch
+from truearc.robot.config.limits import cannot_throw, contradictions, warn_of_pitch, warn_of_terms
 from truearc.robot.config.rig_spec import Rig, missing_keys, rig_errors, unknown_keys
-from truearc.robot.config.toml_errors import joined, line_of, reworded
+from truearc.robot.config.toml_errors import joined, line_of, near_key, reworded
 
 Kind = TypeVar("Kind")
 Finite = Annotated[float, msgspec.Meta(gt=-1e9, lt=1e9)]
@@ -265,11 +265,12 @@ def load_config(path: str | Path) -> Config:
     text = load_text(path)
     config = parse_toml(text, Config, str(path))
     for key in unknown_keys(parse_table(text, str(path))["rig"]):
-        raise InputError(f"{path}: rig.{key}: unknown key")
+        raise InputError(f"{path}: rig.{key}: unknown key{near_key(key, Rig, None)}")
     for key, what in (*((f"rig.{key}", what) for key, what in rig_errors(config.rig)), *contradictions(config),
                       *cannot_throw(config.rig)):
         raise InputError(f"{path}: {key}: {what}")
     warn_of_pitch(path, config.camera)
+    warn_of_terms(path, config.rig)
     return config
 
 
@@ -279,9 +280,10 @@ def load_toml(path: str | Path, kind: type[Kind]) -> Kind:
 
 
 def load_text(path: str | Path) -> str:
-    """The text of a file in UTF-8; InputError names the file and says why it cannot be read, or that it is too long."""
+    """The text of a file in UTF-8, with a byte-order mark or none; InputError names the file and says why it cannot be
+    read, or that it is too long."""
     with naming(path):
-        return load_bytes(path, MAX_TEXT_BYTES).decode("utf-8").replace("\r\n", "\n")
+        return load_bytes(path, MAX_TEXT_BYTES).decode("utf-8-sig").replace("\r\n", "\n")
 
 
 def load_bytes(path: str | Path, most: int = MAX_BYTES) -> bytes:
@@ -310,7 +312,7 @@ def parse_table(text: str, name: str) -> dict[str, Any]:
         todo = "decimals have a point, no comma" if comma else "lines are key = value, and words stand in quotes"
         raise InputError(f"{name}: {error}; {todo}") from error
     except RecursionError as error:
-        raise InputError(f"{name}: its values are nested too deeply") from error
+        raise InputError(f"{name}: {in_words(error)}") from error
 
 
 @contextmanager
@@ -318,7 +320,7 @@ def naming(path: str | Path) -> Iterator[None]:
     """Raise errors of reading, writing and decoding as InputError, with the file in front."""
     try:
         yield
-    except (OSError, UnicodeDecodeError, csv.Error, msgspec.MsgspecError) as error:
+    except (OSError, UnicodeDecodeError, csv.Error, msgspec.MsgspecError, RecursionError) as error:
         raise InputError(f"{path}: {in_words(error)}") from error
 
 
@@ -343,6 +345,8 @@ def in_words(error: Exception) -> str:
     """The text of an error without its number and without the file, which our messages name first."""
     if isinstance(error, OSError):
         return error.strerror or str(error)
+    if isinstance(error, RecursionError):
+        return "its values are nested too deeply"
     return "not UTF-8 text" if isinstance(error, UnicodeDecodeError) else reworded(str(error))
 
 
@@ -352,11 +356,12 @@ def parse_toml(text: str, kind: type[Kind], name: str) -> Kind:
     try:
         return msgspec.convert(table, kind, dec_hook=read_axis)
     except msgspec.ValidationError as error:
-        missing = missing_keys(table, kind)
-        if len(missing) > 1:
+        message, missing = joined(str(error)), missing_keys(table, kind)
+        said = reworded(message, table)
+        near = near_key(said.removesuffix(": unknown key"), kind, table) if said.endswith(": unknown key") else ""
+        if len(missing) > 1 and not near:
             raise InputError(f"{name}: keys are missing: {', '.join(missing)}") from error
-        message = joined(str(error))
-        raise InputError(f"{name}{line_of(text, message)}: {reworded(message, table)}") from error
+        raise InputError(f"{name}{line_of(text, message)}: {said}{near}") from error
 
 
 def read_axis(kind: type, table: Any) -> Axis:

@@ -1,7 +1,12 @@
 """Errors in a TOML file: msgspec's messages reworded, and the line of the key that they name."""
 
 import re
+from collections.abc import Iterable
+from difflib import get_close_matches
 from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import fields
 
 KINDS = {"float": "a number", "int": "a whole number", "str": "a text in quotes", "bool": "true or false",
          "object": "a table", "array": "a list", "null": "nothing"}
@@ -36,6 +41,31 @@ def reworded(message: str, table: Any = None) -> str:
     elif unknown := re.fullmatch(r"Invalid (?:enum )?value (.*)", what):
         what = f"{unknown[1]} is not known here" + (f"; there are {', '.join(there)}" if (there := _known(key)) else "")
     return f"{key}: {what}" if key else what
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return `; did you mean ...?` for the nearest of the known words; "" where none is near."""
+    return "".join(f"; did you mean {near}?" for near in get_close_matches(word, list(known), 1))
+
+
+def near_key(key: str, kind: Any, table: Any) -> str:
+    """did_you_mean for a dotted key that a file of the struct `kind`, decoded as `table`, does not have."""
+    place, _, name = re.sub(r"\[.*?\]", "", key).rpartition(".")
+    for part in filter(None, place.split(".")):
+        kind = struct_in({one.name: one.type for one in fields(kind)}.get(part)) if kind is not None else None
+    driver = _at(table, key.rpartition(".")[0] + ".driver")
+    if kind is None and isinstance(driver, str):  # an axis
+        from truearc.hw.devices.registry import find_family
+        kind = find_family(driver).axis
+    return "" if kind is None else did_you_mean(name, kind.__struct_fields__)
+
+
+def struct_in(annotation: Any) -> Any:
+    """The struct that a field's annotation is about, as in `tuple[Wheel, ...]`; None where there is none."""
+    inner = (struct_in(part) for part in getattr(annotation, "__args__", ()))
+    if isinstance(annotation, type) and issubclass(annotation, Struct):
+        return annotation
+    return next(filter(None, inner), None)
 
 
 def _at(table: Any, key: str) -> Any:

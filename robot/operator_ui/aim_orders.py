@@ -13,7 +13,7 @@ from pathlib import Path
 import msgspec
 
 from truearc.robot.aim_file import load_aim_for
-from truearc.robot.config.schema import Config, InputError
+from truearc.robot.config.schema import Config, InputError, load_bytes
 from truearc.robot.config.toml_errors import reworded
 from truearc.robot.operator_ui.what_if import Answer, QuestionError, make_answer
 
@@ -35,7 +35,7 @@ class AimOrders:
         if not path.exists():
             with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="ascii") as file:
                 file.write(secrets.token_urlsafe(18) + "\n")
-        self._token = path.read_text(encoding="ascii").strip()
+        self._token = load_bytes(path).decode("ascii").strip()
 
     def keep(self, authorization: str, body: bytes) -> Answer:
         """Put an aim file into the inbox: 201. QuestionError says why not."""

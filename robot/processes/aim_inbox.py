@@ -11,7 +11,7 @@ from msgspec import UNSET
 from msgspec.structs import replace
 
 from truearc.robot.aim_file import AimFile, load_aim_for
-from truearc.robot.config.schema import Config, InputError
+from truearc.robot.config.schema import Config, InputError, load_bytes
 from truearc.robot.operator_ui.aim_orders import ACCEPT
 from truearc.robot.recording.files import save_synced
 from truearc.robot.recording.session import AIMS
@@ -69,9 +69,9 @@ class AimInbox:
     def _look_for_acceptance(self) -> None:
         path = self._folder / ACCEPT
         try:
-            said = path.read_text(encoding="ascii")[:64]
+            said = load_bytes(path).decode("ascii")[:64]
             path.unlink()
-        except (OSError, UnicodeDecodeError):
+        except (InputError, OSError, UnicodeDecodeError):
             return
         self.accepted = said
 

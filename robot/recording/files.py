@@ -14,7 +14,7 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from truearc.hw.protocols import CameraFrame, Frame
-from truearc.robot.config.schema import Config, InputError, naming
+from truearc.robot.config.schema import Config, InputError, load_bytes, naming
 from truearc.robot.reasons import IMAGE_NOT_ENCODED
 from truearc.robot.recording import session as layout
 from truearc.robot.recording.append_file import Appender, NotKept
@@ -166,7 +166,7 @@ def save_synced(path: Path, data: bytes) -> None:
 def load_pictures(session: Path) -> list[Picture]:
     """The index of the images, oldest first; a line that is torn names none."""
     path, pictures = session / layout.INDEX, []
-    for line in path.read_bytes().split(b"\n") if path.exists() else []:
+    for line in load_bytes(path).split(b"\n") if path.exists() else []:
         with contextlib.suppress(msgspec.MsgspecError):
             pictures.append(msgspec.json.decode(line, type=Picture))
     return pictures

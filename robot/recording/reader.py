@@ -10,6 +10,7 @@ from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 
 from truearc.robot.config.schema import naming
+from truearc.robot.config.whole_file import check_file
 from truearc.robot.recording.session import TELEMETRY, TICK_TOPIC, load_row_format
 from truearc.robot.types import Tick
 
@@ -39,6 +40,7 @@ class TickReader:
             yield tick, data
 
     def _rows(self) -> Iterator[bytes]:
+        check_file(self.path)
         with naming(self.path):
             file = self.path.open("rb")
         size, ticks = max(self.path.stat().st_size, 1), 0

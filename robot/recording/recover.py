@@ -8,6 +8,7 @@ import msgspec
 from msgspec import Struct
 
 from truearc.robot.config.schema import InputError, in_words
+from truearc.robot.config.whole_file import check_file
 from truearc.robot.recording import session as layout
 from truearc.robot.recording.append_file import Appender, claim
 from truearc.robot.recording.candump import parse_candump
@@ -48,6 +49,8 @@ def recover(session: Path) -> Recovered:
     the ticks know. CAN: whole lines. Images: an index of those that are there. Running it again changes nothing.
     """
     load_session_config(session)
+    for name in (layout.TELEMETRY, layout.TRIALS, layout.CAN, layout.INDEX):
+        check_file(session / name)
     _check_not_recording(session)
     repairs: list[str] = []
     told = _recover_ticks(session, repairs)

@@ -21,7 +21,7 @@ from msgspec import UNSET, Struct, UnsetType
 from truearc.robot.aim_file import AimFile, Aims, load_aim
 from truearc.robot.config.hashing import config_hash, is_hash_of
 from truearc.robot.config.rig_spec import with_nan
-from truearc.robot.config.schema import Config, InputError, in_words, naming, read_axis
+from truearc.robot.config.schema import MAX_TEXT_BYTES, Config, InputError, in_words, load_bytes, naming, read_axis
 from truearc.robot.gate.model import Gate, load_gate
 from truearc.robot.recording.rows import RowFormat, Rows2, Trial
 from truearc.robot.recording.schema1 import Rows1
@@ -74,10 +74,11 @@ def make_header(config: Config, gate: Gate | None, started: str | None, aim: Aim
 def load_header(session: Path) -> Header:
     """session.json; InputError when this is not a session, or one of a newer format."""
     path = session / HEADER
-    try:
-        header = msgspec.json.decode(path.read_bytes(), type=Header)
-    except (OSError, msgspec.MsgspecError) as error:
-        raise InputError(f"{path}: not a recording ({in_words(error)})") from error
+    if not path.exists():
+        raise InputError(f"{path}: not a recording (there is no such file)")
+    data = load_bytes(path, MAX_TEXT_BYTES)
+    with naming(f"{path}: not a recording"):
+        header = msgspec.json.decode(data, type=Header)
     if header.format not in FORMATS:
         raise InputError(f"{path}: format {header.format}, this version reads {' and '.join(FORMATS)}")
     return header
@@ -93,10 +94,10 @@ def load_session_config(session: Path) -> Config:
     header, path = load_header(session), session / CONFIG
     with naming(path):
         try:
-            config = msgspec.json.decode(path.read_bytes(), type=Config, dec_hook=read_axis)
+            config = msgspec.json.decode(load_bytes(path, MAX_TEXT_BYTES), type=Config, dec_hook=read_axis)
         except msgspec.ValidationError:
             # recorded before rigs were checked: a number that was none is null
-            table = msgspec.json.decode(path.read_bytes())
+            table = msgspec.json.decode(load_bytes(path))
             config = msgspec.convert({**table, "rig": with_nan(table["rig"])}, Config, dec_hook=read_axis)
     if not is_hash_of(header.config_sha256, config):
         raise InputError(f"{path}: changed since the recording was made (hash differs from {HEADER})")
@@ -135,8 +136,7 @@ def load_trials(session: Path) -> list[Trial]:
     A last line cut short by a power loss is dropped; any other broken line is InputError with its number.
     """
     path, rows = session / TRIALS, load_row_format(session)
-    with naming(path):
-        lines = path.read_bytes().split(b"\n") if path.exists() else []
+    lines = load_bytes(path).split(b"\n") if path.exists() else []
     trials: dict[int, Trial] = {}
     for number, line in enumerate(lines, 1):
         if not line:

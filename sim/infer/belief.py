@@ -25,6 +25,7 @@ from jaxtyping import Float
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError, parse_table
 from truearc.robot.config.toml_text import make_toml
+from truearc.robot.config.whole_file import save_whole
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.coefficients import SCHEMA, Coefficients, coefficients_in, load_table
 from truearc.sim.infer.curve import Curve, read_curves, write_curve
@@ -121,7 +122,7 @@ class Belief(Printed):
             table[CURVE] = {term: write_curve(curve) for term, curve in self.curves.items()}
         text = make_toml({"schema": SCHEMA, **table, "provenance": dict(self.provenance)})
         _read(parse_table(text, str(path)), path, self.catalogue)
-        Path(path).write_text(text, encoding="utf-8")
+        save_whole(path, text.encode())
 
     def lines(self) -> list[str]:
         """Return a line per number: its value, unit, and standard deviation, a factor where its scale is the log."""

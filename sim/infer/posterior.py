@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats import multivariate_t
 
+from truearc.robot.config.whole_file import whole_file
 from truearc.sim.infer.baseline_fit import limits_of
 from truearc.sim.infer.held_out import log_posterior
 from truearc.sim.infer.map_fit import MapFit
@@ -69,7 +70,7 @@ def sample(fit: MapFit, count: int, seed: int, progress: Progress = lambda done,
 
 def save_draws(path: str | Path, posterior: Posterior) -> None:
     """npz: names [p], draws [count, p] in the parameters' own units, effective."""
-    with Path(path).open("wb") as file:
+    with whole_file(path) as new, new.open("wb") as file:
         np.savez_compressed(file, names=np.array(posterior.names), draws=posterior.draws,
                             effective=posterior.effective)
 

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import truearc.sim.physics  # noqa: F401 - the house's one switch to double precision
-from truearc.robot.config.schema import InputError, load_bytes
+from truearc.robot.config.schema import InputError, load_bytes, naming
 from truearc.robot.gate.contract import FEATURES, OUTPUTS
 
 HIDDEN = 8
@@ -153,7 +153,8 @@ def load_record(path: Path) -> dict[str, Any]:
 def load_json(path: Path, schema: str | None = None) -> dict[str, Any]:
     """Read a JSON object, of this schema where one is given; InputError names the file and what is wrong with it."""
     try:
-        table = json.loads(load_bytes(path))
+        with naming(path):            # of values nested too deeply, too
+            table = json.loads(load_bytes(path))
     except ValueError as error:
         raise InputError(f"{path}: not JSON ({error})") from error
     if not isinstance(table, dict):

@@ -20,7 +20,7 @@ from truearc.robot.config.port_options import split_bus
 from truearc.robot.config.schema import CameraConfig, Config, InputError, Tape
 from truearc.robot.recording.candump import TappedBus
 from truearc.sim.world.driver import make_driver
-from truearc.sim.world.emulated_robot import Pace, make_nodes
+from truearc.sim.world.emulated_robot import Pace, check_emulated, make_nodes
 from truearc.sim.world.emulated_vision import make_lens, make_tape
 from truearc.sim.world.options import Options
 from truearc.sim.world.parts.target import BallResult
@@ -35,6 +35,7 @@ def serve(config: Config, config_path: Path, bus_name: str, watchdog_ms: int, tr
 
     The driver begins when the robot is first heard on the bus. `watchdog_ms`: of the motor drivers.
     """
+    check_emulated(config)
     world = World(seed, options)
     clock = MonotonicClock()
     heard = threading.Event()

@@ -25,7 +25,7 @@ from truearc.robot.aim_file import NO_AIMS, Aims, load_aim_for, needs_aim
 from truearc.robot.config.can_policy import guard
 from truearc.robot.config.schema import AimConfig, Config, InputError
 from truearc.robot.gate.model import Gate, load_gate
-from truearc.robot.motors import name_axes
+from truearc.robot.motors import make_motors, name_axes
 from truearc.robot.operator_ui.server import OperatorPage, with_page
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter
@@ -45,17 +45,25 @@ from truearc.sim.world.world import World
 LONGEST_TRIAL_S = 40.0                # a session that takes longer than this a trial is stuck, and ends
 CORRECTION_STEP = 0.005               # of log speed per mark, where the configuration has no [aim]
 WATCHDOG_MS = 100                     # of the motor drivers, where it can be set
+FLYWHEELS = sum(name.startswith("flywheel") for name in World.motors)
 CHANNELS = itertools.count()          # every twin in this process has a wire of its own
 MakeNodes = Callable[[Config, World], dict[str, Node]]
 MakeEyes = Callable[[World, Config, int], TwinEyes]
 LATE_NS = 50_000_000                  # world time stands still where this machine did, rather than catch up
 
 
+def check_emulated(config: Config) -> Config:
+    """Return a configuration that can be emulated; InputError names the key of what cannot, before anything is made."""
+    make_motors(config)               # which refuses two axes that are one device
+    if (count := len(config.axes.flywheels)) != FLYWHEELS:
+        raise InputError(f"axes.flywheels: {count} motors; the emulated robot has {FLYWHEELS}, so state as many")
+    return config
+
+
 def make_nodes(config: Config, world: Plant, watchdog_ms: int = WATCHDOG_MS) -> dict[str, Node]:
     """Every emulated device that the configuration names, by its name ("flywheel_a", ..., "hood_encoder")."""
-    names = [f"flywheel_{letter}" for letter, _ in zip("ab", config.axes.flywheels, strict=True)] + ["hood", "feeder"]
     nodes: dict[str, Node] = {name: make_axis_node(axis, name, world, watchdog_ms)
-                              for name, (_, axis) in zip(names, name_axes(config), strict=True)}
+                              for name, (_, axis) in zip(World.motors, name_axes(config), strict=True)}
     encoder = config.hood_encoder
     nodes["hood_encoder"] = CanandmagNode(encoder.device, world, encoder.zero_deg, encoder.direction)
     return nodes
@@ -77,6 +85,7 @@ def emulate(config: Config, folder: Path, trials: int, seed: int, options: Optio
 
     `nodes_of` makes the emulated devices, `eyes_of` the camera.
     """
+    check_emulated(config)
     gate = None if gate_path is None else load_gate(gate_path)
     if gate is not None:
         config = replace(config, gate=replace(config.gate, policy="model"))

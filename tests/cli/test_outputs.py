@@ -1,6 +1,8 @@
 """One rule for outputs: what exists is refused and stays as it was; `--force` replaces it."""
 
+import os
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
@@ -9,10 +11,12 @@ from truearc.cli.main import main
 from truearc.cli.outputs import OutFolder, out_file
 from truearc.cli.parsers import make_parser
 from truearc.cli.registry import Command, list_commands
+from truearc.robot.config.schema import InputError
+from truearc.robot.config.whole_file import save_whole, whole_file
 
 SHOTS = Path(__file__).parents[2] / "examples" / "spreadsheet"
 OWN_RULE = {"run": "--out", "emulate": "--out", "sysid": "--out", "prove": "--out", "reproduce": "--out",
-            "vision-tune": "--out", "doctor": "--out"}    # sessions, rounds, a page that saves on request, a check
+            "doctor": "--out"}    # sessions, rounds, a check
 
 
 NAMES = ("-o", "--out", "--json", "--report", "--adopt", "--map", "--picture", "--tied", "--reliability")
@@ -41,7 +45,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     "discover week --adopt old", "design week --json old", "identifiability week --report old", "export w -o old",
     "paper fit week -o old", "paper fit week --map old", "session convert s --to csv -o old", "sysid s -o old",
     "sysid s --report old", "vision-calibrate --distances t.csv -o old", "train --real week --coefficients c -o w "
-    "--reliability old"])
+    "--reliability old", "vision-tune week -o old", "init --robot old"])
 def test_an_existing_file_is_refused_and_kept(words: str, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "old").write_text("kept")
     assert main(words.split()) == 2
@@ -55,8 +59,42 @@ def test_force_replaces_a_file(here: Path) -> None:
     assert (here / "old").read_text().startswith("shot_id,")
 
 
-def test_a_device_is_written_to(here: Path) -> None:
-    assert main(["predict", "week", "--cd", "0.5", "--cl", "0.1", "-o", "/dev/null"]) == 0
+@pytest.mark.skipif(sys.platform == "win32", reason="named pipes: POSIX only")
+@pytest.mark.parametrize("words", [
+    "predict week --cd 0.5 --cl 0.1 -o", "export w -o", "aim b --rig week/rig.toml --robot", "init --robot",
+    "vision-tune week -o", "fit week -o"])
+@pytest.mark.parametrize("force", [[], ["--force"]])
+def test_what_is_no_file_is_refused_and_stays(words: str, force: list[str], here: Path,
+                                              capsys: pytest.CaptureFixture[str]) -> None:
+    os.mkfifo(here / "pipe")
+    assert main([*words.split(), "pipe", *force]) == 2
+    assert "pipe: is a pipe or a device, not a file; name a file" in capsys.readouterr().err
+    assert (here / "pipe").is_fifo()
+
+
+@pytest.mark.parametrize("kind", [InputError, OSError, KeyboardInterrupt])
+def test_a_file_stays_until_all_of_the_new_one_is_there(kind: type[BaseException], here: Path) -> None:
+    (here / "old").write_text("kept")
+    with pytest.raises(kind), whole_file(here / "old") as new:
+        new.write_text("half")
+        raise kind(5, f"{new} is wrong") if kind is OSError else kind(f"{new} is wrong")
+    assert (here / "old").read_text() == "kept"
+    assert sorted(path.name for path in here.iterdir()) == ["old", "week"]
+
+
+def test_a_file_that_fails_its_check_is_called_by_the_name_that_was_asked_for(here: Path) -> None:
+    with pytest.raises(InputError, match=r"^aim\.json: no good$"), whole_file("aim.json") as new:
+        raise InputError(f"{new}: no good")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links and rights: POSIX only")
+def test_a_link_and_the_rights_of_a_file_stay(here: Path) -> None:
+    (here / "old").write_text("was")
+    (here / "old").chmod(0o600)
+    (here / "link").symlink_to("old")
+    save_whole(here / "link", b"is")
+    assert (here / "link").is_symlink() and (here / "old").read_text() == "is"
+    assert (here / "old").stat().st_mode & 0o777 == 0o600
 
 
 SYNTH = ["paper", "synth", "--rig", "week/rig.toml", "--coefficients", "c.toml", "-n", "9", "-o", "made", "--quiet"]

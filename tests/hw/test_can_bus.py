@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from truearc.hw.fault_codes import CAN_BUS_OFF
 from truearc.hw.protocols import Frame, LinkLost
-from truearc.hw.real.can_bus import CanBus, error_words, open_can
+from truearc.hw.real.can_bus import CanBus, NeverOpens, error_words, open_can
 
 standard, extended, payloads = st.integers(0, 0x7FF), st.integers(0, 0x1FFFFFFF), st.binary(max_size=8)
 frames = st.one_of(
@@ -121,6 +121,23 @@ def test_a_closed_bus_is_a_lost_link(pair) -> None:
 def test_what_cannot_be_opened_is_named(clock, interface: str, channel: str) -> None:
     with pytest.raises(LinkLost, match=f"{interface} {channel}"):
         open_can(interface, channel, 1_000_000, clock)
+
+
+@pytest.mark.parametrize(("error", "never"), [
+    (OSError(errno.ENODEV, "No such device"), False), (can.CanInitializationError("could not open port"), False),
+    (OSError(errno.EAFNOSUPPORT, "no CAN"), True), (can.CanInterfaceNotImplementedError("not supported"), True),
+    (NameError("canGetNumberOfChannels"), True), (ImportError("no library"), True), (ValueError("bitrate"), True)])
+def test_what_no_adapter_would_open_is_told_from_what_may_come(clock, monkeypatch, error: Exception,
+                                                               never: bool) -> None:
+    def refuse(**options: object) -> None:
+        raise error
+
+    monkeypatch.setattr(can, "Bus", refuse)
+    with pytest.raises(LinkLost) as raised:
+        open_can("kvaser", "0", 1_000_000, clock)
+    assert isinstance(raised.value, NeverOpens) == never
+    unknown = isinstance(error, NameError | ImportError)
+    assert ("is the driver of this interface installed?" in str(raised.value)) == unknown
 
 
 @pytest.fixture

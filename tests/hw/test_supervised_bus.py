@@ -11,7 +11,7 @@ from truearc.hw.emulated.pty_cable import PtyCable
 from truearc.hw.emulated.slcan_adapter import SlcanAdapter
 from truearc.hw.fault_codes import CAN_ADAPTER_ERROR, CAN_BUS_OFF, CAN_OVERRUN, CAN_REOPENED, CAN_SILENT
 from truearc.hw.protocols import Frame, LinkLost
-from truearc.hw.real.can_bus import open_can
+from truearc.hw.real.can_bus import NeverOpens, open_can
 from truearc.hw.real.clock import MonotonicClock, make_pauses_s
 from truearc.hw.real.supervised_bus import FIRST_S, LONGEST_S, ROOM, SILENT_NS, WAIT_S, SupervisedBus
 
@@ -105,6 +105,18 @@ def gather(bus: SupervisedBus, count: int) -> list[Frame]:
     frames: list[Frame] = []
     eventually(lambda: frames.extend(bus.read()) or len(frames) >= count)
     return frames
+
+
+def test_a_bus_with_a_name_may_come_later(benches) -> None:
+    adapter = Adapter()
+    bench = benches(lost("not plugged in"), lost("not plugged in"), adapter, name="CAN slcan 0")
+    assert bench.bus.name == "CAN slcan 0" and "not plugged in" in why_lost(bench.bus)
+    eventually(lambda: bench.bus.lost is None)
+    assert bench.bus.write(Frame(0, 1, b"")) and adapter.sent
+    with pytest.raises(LinkLost):
+        benches(lost("not plugged in"))
+    with pytest.raises(NeverOpens):
+        benches(NeverOpens(lost("no driver").reason), name="CAN slcan 0")
 
 
 def test_frames_come_in_order_with_the_stamps_of_their_arrival(benches) -> None:

@@ -150,6 +150,19 @@ def test_lost_wires_are_faults_in_words_and_nothing_raises(bench):
     assert because.BOX_LOST(cause=UNPLUGGED) in inputs.faults
 
 
+def test_the_encoder_is_set_up_as_soon_as_there_is_a_bus(bench):
+    bus, _, _, rig = bench
+    bus.lost = True
+    for _ in range(3):
+        rig.read()
+        rig.write(ASKED)
+    bus.lost = False
+    for _ in range(3):
+        rig.read()
+        rig.write(ASKED)
+    assert sum(frame.is_extended for frame in bus.sent) == 1
+
+
 def test_what_comes_in_while_a_tick_gathers_is_not_from_its_future(bench):
     bus, _, clock, rig = bench
 

@@ -14,15 +14,23 @@ from msgspec.structs import replace
 from truearc.cli.common import SHIPPED, load_any_rig
 from truearc.cli.robot.vision_tools.camera_file import CAMERAS, load_camera
 from truearc.cli.robot.vision_tools.images import load_image
+from truearc.robot.aim_file import load_aim
 from truearc.robot.config.hashing import config_hash, is_hash_of
-from truearc.robot.config.rig_spec import unknown_keys
+from truearc.robot.config.rig_spec import TERMS, unknown_keys
 from truearc.robot.config.schema import Config, InputError, load_config, parse_toml, read_axis
+from truearc.robot.doctor.devices import load_endpoints
 from truearc.robot.gate.model import load_gate
-from truearc.robot.recording.session import load_session_config, make_header
+from truearc.robot.recording.files import make_folder
+from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.recover import recover
+from truearc.robot.recording.session import load_header, load_session_config, load_trials, make_header
 from truearc.sim.data.rig import load_rig
+from truearc.sim.discover.finding import load_record as load_finding
 from truearc.sim.paper.network import load_json
+from truearc.sim.physics.catalogue import BUILT_IN
 
 TEXT = SHIPPED.read_text(encoding="utf-8")
+RIG = Path(__file__).parents[2] / "examples" / "spreadsheet" / "rig.toml"
 
 
 def test_the_shipped_configuration_loads():
@@ -31,7 +39,7 @@ def test_the_shipped_configuration_loads():
 
 
 @pytest.mark.parametrize(("old", "new", "message"), [
-    ("spread = 0.06", "spred = 0.06", r"my\.toml:\d+: collect\.spred: unknown key$"),
+    ("spread = 0.06", "spred = 0.06", r"my\.toml:\d+: collect\.spred: unknown key; did you mean spread\?$"),
     ("kp = 0.03", "", r"my\.toml.*: flywheel\.pid\.kp: missing key$"),
     ("tick_hz = 200", 'tick_hz = "fast"', r"my\.toml:3: tick_hz: a whole number is expected, got the text 'fast'$"),
     ("fps = 20.0", "fps = [", r"my\.toml: .*line \d+"),
@@ -109,7 +117,24 @@ def test_keys_of_rig_toml_that_nobody_reads_are_listed():
 @pytest.mark.parametrize(("old", "new", "said"), [
     ("mass_kg = 0.14", "mass_kg = nan", "rig.ball.mass_kg: nan is not finite; measure it and write the number"),
     ("mass_kg = 0.14", "mass_kg = -0.14", "rig.ball.mass_kg: -0.14 must be above 0"),
-    ("mass_kg = 0.14", "mass_kg = 0.14\nmass_g = 140.0", "rig.ball.mass_g: unknown key"),
+    ("mass_kg = 0.14", "mass_kg = 0.14\nmass_g = 140.0", "rig.ball.mass_g: unknown key; did you mean mass_kg?"),
+    ("mass_kg = 0.14", "mass_kg = 1e-9", "rig.ball.mass_kg: 1e-09 is out of range (0.0001 to 1000 in size); look at "
+     "its unit"),
+    ("radius_m = 0.0889", "radius_m = 0.45", "rig.ball.radius_m: 0.14 kg in a ball of 0.45 m radius is lighter than "
+     "air; look at the units"),
+    ("radius_m = 0.0508", "radius_m = 1e-7", "rig.launcher.wheel.radius_m: 1e-07 is out of range (0.005 to inf in "
+     "size); look at its unit"),
+    ("gear = 0.5625", "gear = 1000", "rig.launcher.wheel.gear: 1000 is out of range (0.001 to 100 in size); look at "
+     "its unit"),
+    ("clock_deg = 180", "clock_deg = nan", "rig.launcher.wheel.clock_deg: nan is not finite; measure it and write the "
+     "number"),
+    ("clock_deg = 180", "clock_deg = inf", "rig.launcher.wheel.clock_deg: inf is not finite"),
+    ("free_speed_rad_s = 594.0", "", "rig.launcher.free_speed_rad_s: missing key; the motors' speed without load, "
+     "where motor_ratio is 1"),
+    ("kv_nm_s = 0.00015", "kv_nm_s = -1", "flywheel.kv_nm_s: -1 is out of range (-0.001 to 1); Nm per rad/s; friction "
+     "grows with speed"),
+    ("ka_nm_s2 = 0.0 ", "ka_nm_s2 = -1 ", "flywheel.ka_nm_s2: -1 is out of range (0 to 10); Nm per rad/s2: the inertia "
+     "on the shaft"),
     ("low_deg = 15.0", "low_deg = 80.0", "hood.low_deg: 80 is above high_deg, 75"),
     ("low_deg = 15.0", "low_deg = 0.26", "hood.low_deg: 0.26 degrees are hardly a limit; if radians, write 14.9; if "
      "turns, 93.6"),
@@ -190,6 +215,34 @@ def test_files_without_an_end_and_values_without_a_bottom_are_refused(tmp_path):
             load(pipe)
 
 
+DEEP = "[" * 100_000
+
+
+def test_json_without_a_bottom_is_refused(tmp_path):
+    path = tmp_path / "deep.json"
+    for text, load in ((DEEP, load_endpoints), (DEEP, load_json), (DEEP, load_aim), (DEEP, load_finding),
+                       (DEEP, lambda path: load_header(path.parent)), (f'{{"endpoints": {DEEP}', load_endpoints),
+                       (f'{{"schema": {DEEP}', lambda path: load_header(path.parent))):
+        path.write_text(text)
+        (tmp_path / "session.json").write_text(text)
+        with pytest.raises(InputError, match=r"(deep|session)\.json"):
+            load(path)
+
+
+@pytest.mark.parametrize("name", ["session.json", "config.json", "trials.jsonl", "telemetry.mcap", "can0.log"])
+def test_a_session_of_a_device_or_a_pipe_is_refused(tmp_path, name):
+    config = parse_toml(TEXT, Config, "a")
+    make_folder(tmp_path / "s", make_header(config, None, None), config, None)
+    (tmp_path / "s" / name).unlink(missing_ok=True)
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "s" / name).symlink_to("/dev/zero" if name != "telemetry.mcap" else tmp_path / "pipe")
+    with pytest.raises(InputError, match=rf"{re.escape(name)}: is a pipe or a device, not a file"):
+        recover(tmp_path / "s")
+    if name != "can0.log":
+        with pytest.raises(InputError, match=rf"{re.escape(name)}: is a pipe or a device, not a file"):
+            (load_trials(tmp_path / "s"), load_session_config(tmp_path / "s"), list(TickReader(tmp_path / "s")))
+
+
 def test_a_session_recorded_with_a_rig_that_cannot_be_is_still_read(tmp_path):
     broken = TEXT.replace("mass_kg = 0.14", "mass_kg = nan").replace("\ngear = ", "\ngear = nan # ")
     config = parse_toml(broken, Config, "a")
@@ -198,3 +251,40 @@ def test_a_session_recorded_with_a_rig_that_cannot_be_is_still_read(tmp_path):
     (tmp_path / "config.json").write_bytes(msgspec.json.encode(config))
     rig = load_session_config(tmp_path).rig
     assert math.isnan(rig.ball.mass_kg) and all(math.isnan(wheel.gear) for wheel in rig.launcher.wheel)
+
+
+@pytest.mark.parametrize(("old", "new", "near"), [
+    ("[flywheel]\n", "[flywheal]\n", r"flywheal: unknown key; did you mean flywheel\?$"),
+    ("node = 2", "nod = 2", r"axes\.flywheels\[1\]\.nod: unknown key; did you mean node\?$"),
+    ("reverse = false", "revers = false", r"identify\.flywheel\.revers: unknown key; did you mean reverse\?$"),
+    ("steady_s = 0.1", "steady_s = 0.1\nzzz = 0.1", r"flywheel\.zzz: unknown key$"),
+])
+def test_an_unknown_key_has_the_nearest_known_one_beside_it(old, new, near, tmp_path):
+    assert old in TEXT
+    (tmp_path / "my.toml").write_text(TEXT.replace(old, new, 1))
+    with pytest.raises(InputError, match=near):
+        load_config(tmp_path / "my.toml")
+
+
+def test_a_byte_order_mark_is_no_part_of_the_text(tmp_path):
+    for name, shipped, load in (("my.toml", SHIPPED, load_config), ("rig.toml", RIG, load_rig)):
+        (tmp_path / name).write_text(shipped.read_text(encoding="utf-8"), encoding="utf-8-sig")
+        load(tmp_path / name)
+
+
+def test_terms_that_are_nearly_ours_are_warned_of(tmp_path, capsys):
+    """Others may be those of another distribution, which the robot does without."""
+    (tmp_path / "my.toml").write_text(TEXT.replace('"drag", "magnus"', '"drga", "sorcery"'))
+    load_config(tmp_path / "my.toml")
+    said = capsys.readouterr().err
+    assert "my.toml: rig.believe.terms: 'drga' is none of truearc's terms; did you mean drag?" in said
+    assert "sorcery" not in said and sorted(TERMS) == sorted(BUILT_IN.names)
+
+
+@pytest.mark.parametrize("wheel_m", [0.005, 1.0])
+@pytest.mark.parametrize("ball", [(0.0459, 0.02135), (0.0027, 0.02), (7.26, 0.06), (0.62, 0.12)],
+                         ids=["golf", "table tennis", "shot put", "basketball"])
+def test_balls_and_wheels_that_there_are_pass(ball, wheel_m, tmp_path):
+    text = TEXT.replace("mass_kg = 0.14", f"mass_kg = {ball[0]}").replace("radius_m = 0.0889", f"radius_m = {ball[1]}")
+    (tmp_path / "my.toml").write_text(text.replace("radius_m = 0.0508", f"radius_m = {wheel_m}"))
+    assert load_config(tmp_path / "my.toml").rig.ball.radius_m == ball[1]

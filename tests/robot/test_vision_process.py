@@ -22,7 +22,7 @@ from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.shared_latest import Slots
 from truearc.robot.config.schema import load_config
 from truearc.robot.processes.vision import FarEyes, make_room, watch
-from truearc.robot.reasons import BOX_LOST, CAMERA_LOST, IMAGE_DARK, VISION_FAILED, VISION_UNRESPONSIVE
+from truearc.robot.reasons import BOX_LOST, CAMERA_LOST, CAN_LOST, IMAGE_DARK, VISION_FAILED, VISION_UNRESPONSIVE
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.types import Sighting
 from truearc.robot.vision_source import InlineEyes
@@ -192,10 +192,10 @@ def test_a_camera_that_stops_is_lost_in_the_cameras_words(scene):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("layout", ["one", "three"])
-def test_without_camera_and_box_it_starts_holds_and_opens_what_appears(layout, tmp_path):
+def test_without_camera_box_and_adapter_it_starts_holds_and_opens_what_appears(layout, tmp_path):
     PtyCable = pytest.importorskip("truearc.hw.emulated.pty_cable").PtyCable
-    box, out = tmp_path / "buttonbox", tmp_path / "out"
-    words = ["--can", "virtual:nothing", "--buttons", str(box), "--camera", "/dev/video99", "--layout", layout]
+    box, adapter, out = tmp_path / "buttonbox", tmp_path / "adapter", tmp_path / "out"
+    words = ["--can", f"slcan:{adapter}", "--buttons", str(box), "--camera", "/dev/video99", "--layout", layout]
     robot = subprocess.Popen([sys.executable, "-m", "truearc", "run", "--config", str(SHIPPED), "--out", str(out),
                               "--page", "off", *words], stderr=subprocess.PIPE, text=True)
     said = []
@@ -204,13 +204,16 @@ def test_without_camera_and_box_it_starts_holds_and_opens_what_appears(layout, t
         if "video99" in line:
             break
     time.sleep(1.5)
-    cable = PtyCable()
-    box.symlink_to(cable.port)                    # plugged in
+    cables = PtyCable(), PtyCable()
+    for place, cable in zip((box, adapter), cables, strict=True):
+        place.symlink_to(cable.port)              # plugged in
     time.sleep(2.0)
     robot.terminate()
     said += robot.stderr.readlines()
     assert robot.wait(20) == 0, said
-    cable.close()
+    for cable in cables:
+        cable.close()
+    assert any("CAN slcan" in line and "holding until it can be opened" in line for line in said), said
     assert any("buttonbox" in line and "holding until it can be opened" in line for line in said), said
     assert any("camera /dev/video99: cannot be opened: holding until" in line for line in said), said
     session, = out.iterdir()
@@ -218,3 +221,4 @@ def test_without_camera_and_box_it_starts_holds_and_opens_what_appears(layout, t
     assert all(CAMERA_LOST.name in codes for codes in held[20:]) and not any(
         tick.verdict.fire for tick, _ in TickReader(session))
     assert BOX_LOST.name in held[20] and BOX_LOST.name not in held[-1]
+    assert CAN_LOST.name in held[20] and not all(CAN_LOST.name in codes for codes in held)

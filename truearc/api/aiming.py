@@ -15,6 +15,7 @@ from truearc.api.terms import check_kind
 from truearc.robot.aim_file import check_rig, load_aim
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError, naming
+from truearc.robot.config.whole_file import whole_file
 from truearc.sim.aim import snippets
 from truearc.sim.aim.export import AimCheck, aim_bytes, check_aim_file
 from truearc.sim.aim.make_table import make_rows
@@ -165,18 +166,14 @@ def export_aim(table: AimTable, belief: Belief, rig: Rig, path: str | Path, *, n
 
     Raises:
         InputError: the file cannot be written, no two neighbouring distances have a set point, or a set point falls
-            short of the best by more than 0.05 points; the file is removed then.
+            short of the best by more than 0.05 points; what was there is left then.
     """
     check_kind("table", table, AimTable, "aim(...)")
     record = {"version": version("truearc"), "coefficients": belief.coefficients, "scatter": belief.scatter}
     data = aim_bytes(table.rows, table.refused, rig, note, record)
-    with naming(path):
-        Path(path).write_bytes(data)
-    try:
-        return verify_aim(path, belief, rig)
-    except InputError:
-        Path(path).unlink()
-        raise
+    with naming(path), whole_file(path) as new:
+        new.write_bytes(data)
+        return verify_aim(new, belief, rig)
 
 
 def verify_aim(path: str | Path, belief: Belief, rig: Rig, *, seed: int = 0) -> AimCheck:

@@ -11,6 +11,7 @@ from msgspec import json, structs
 from truearc.api.finding_report import FindingReport
 from truearc.api.terms import check_kind, names_of
 from truearc.robot.config.schema import InputError, about
+from truearc.robot.config.whole_file import save_whole
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover import investigate as engine
 from truearc.sim.discover.adopt import make_belief, with_worth
@@ -44,7 +45,7 @@ class Finding(FindingReport):
 
     def to_html(self, path: str | Path) -> None:
         """Write the whole report as one HTML file; OSError where it cannot be written."""
-        Path(path).write_bytes(make_report(self.name, self.investigation).encode())
+        save_whole(path, make_report(self.name, self.investigation).encode())
 
     def plot_residuals(self) -> Figure:
         """Draw real shots less simulation, against what the first effect goes with, before and after putting it in.

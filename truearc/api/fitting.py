@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from truearc.api.table import Table
 from truearc.api.terms import check_kind, joined, names_of
 from truearc.robot.config.schema import InputError
+from truearc.robot.config.whole_file import whole_file
 from truearc.sim.data.dataset import Dataset, hash_dataset
 from truearc.sim.infer.advise import Proposal, advise
 from truearc.sim.infer.belief import Belief, launcher_of, point_belief, ranges_of
@@ -126,7 +127,7 @@ class GridSearch(Printed):
         mean_m = np.full(found.share_three.shape, np.nan)
         at = np.nonzero((found.share_three > 0.0) | found.tied)
         mean_m[at] = map_deviation(self.dataset.rig, self.dataset.shots, found.axis[at[0]], found.axis[at[1]])
-        with Path(path).open("wb") as file:
+        with whole_file(path) as new, new.open("wb") as file:
             np.savez_compressed(file, axis=found.axis, share_three=found.share_three, share_two=found.share_two,
                                 mean_deviation_m=mean_m, tied=found.tied)
 

@@ -12,6 +12,7 @@ from truearc.api.table import Table
 from truearc.api.terms import check_kind, names_of
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
+from truearc.robot.config.whole_file import save_whole
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.plan.detectability import Sight
@@ -57,7 +58,7 @@ class Identifiability(Printed):
 
     def to_html(self, path: str | Path) -> None:
         """Write the report as one HTML file; OSError where it cannot be written."""
-        Path(path).write_bytes(make_sight_page(self.name, self.sight, self.catalogue).encode())
+        save_whole(path, make_sight_page(self.name, self.sight, self.catalogue).encode())
 
     def lines(self) -> list[str]:
         """Return the report: how many terms would be seen, and a line per term."""

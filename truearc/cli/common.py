@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, TypeVar
 from truearc import robot
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError, load_config, load_text, parse_table
+from truearc.robot.config.whole_file import save_whole
 from truearc.sim.progress import Progress
 
 if TYPE_CHECKING:                     # imports JAX, which --help does without
@@ -56,10 +57,10 @@ def write_out(path: str | Path | None, text: str) -> None:
     """Write UTF-8 text as it is; nothing where there is no path.
 
     Raises:
-        OSError: the file cannot be written; the command line says so.
+        OSError: the file cannot be written; the command line says so. Then what was there is left.
     """
     if path is not None:
-        Path(path).write_text(text, encoding="utf-8", newline="")
+        save_whole(path, text.encode())
 
 
 def add_accept(parser: argparse.ArgumentParser) -> None:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from truearc.robot.config.schema import InputError
+from truearc.robot.config.whole_file import check_file
 
 DATASET = ("rig.toml", "shots.csv", "tracks.csv", "traces.csv", "left_out.txt")
 WEIGHTS = ("weights.npz", "physics.json", "training.json")
@@ -72,9 +73,8 @@ def fresh_outputs(parser: argparse.ArgumentParser, args: argparse.Namespace) -> 
 
 
 def refuse_file(path: Path, force: bool) -> None:
-    """Refuse a file to write that exists, unless `force`; devices and pipes may be written to."""
-    if path.is_dir():
-        raise InputError(f"{path}: is a directory; name a file")
+    """Refuse a file to write that exists, unless `force`; and what is not a file in any case."""
+    check_file(path)
     if path.is_file() and not force:
         raise InputError(f"{path}: exists already; {ADVICE}")
 

@@ -115,7 +115,7 @@ def parse_endpoints(text: str) -> Endpoints:
         table = json.loads(text)
         ids = {str(name): int(entry["id"]) for name, entry in table["endpoints"].items() if "id" in entry}
         firmware = str(table["fw_version"])
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise ValueError(f"not a table of endpoints (flat_endpoints.json): {error!r}") from error
     for name in ASKED:
         if name not in ids:

@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from truearc.hw.protocols import CameraFrame, Frame, LinkLost
 from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config, InputError, naming
+from truearc.robot.config.whole_file import check_file
 from truearc.robot.reasons import BAD_FRAME, CAN_LOST
 from truearc.robot.recording.candump import parse_candump
 from truearc.robot.recording.files import load_image, load_pictures
@@ -66,6 +67,7 @@ class LoggedBus:
         return []
 
     def _read(self) -> Iterator[Frame]:
+        check_file(self._path)
         with naming(self._path):
             file = self._path.open(encoding="ascii", errors="replace", newline="\n")
         with file:

@@ -12,7 +12,7 @@ from tests.robot.operator_ui.browser import BROWSER, Browser
 from truearc.hw.fault_codes import CAN_ADAPTER_ERROR
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.operator_ui.server import OperatorPage
-from truearc.robot.reasons import CAN_LOST, IMAGE_DARK
+from truearc.robot.reasons import BOX_SILENT, CAN_LOST, IMAGE_DARK
 from truearc.robot.tick import step
 from truearc.robot.types import Sighting
 
@@ -24,6 +24,8 @@ LOST = step(replace(good_inputs(), faults=(GONE,),
                     sighting=Sighting(NOW_NS, False, IMAGE_DARK())),
             replace(good_memory(), last_sighting=replace(GOOD.memory.last_sighting, t_ns=NOW_NS - seconds(2.1))),
             CONFIG, None)
+MANY = step(replace(good_inputs(), faults=(GONE, BOX_SILENT()), sighting=Sighting(NOW_NS, False, IMAGE_DARK())),
+            replace(LOST.memory, armed=False), CONFIG, None)
 WORD = "document.getElementById('word').innerText"
 STALE_OPACITY = "getComputedStyle(document.getElementById('stale')).opacity"
 SIZES = ((1280, 800), (390, 844), (400, 200))
@@ -155,14 +157,15 @@ def test_it_fits_the_screen(browser, shower, width, height):
     assert browser.evaluate(f"{first}.bottom <= innerHeight && {first}.right <= innerWidth")
 
 
-def test_reasons_are_readable_from_2_m(browser, shower):
-    """The first two reasons at 40 px or more on a laptop's screen, both in sight."""
-    browser.size(1280, 800)
-    shower.tick = LOST
+@pytest.mark.parametrize(("width", "height"), [(1920, 1080), (1280, 800), (390, 844)])
+def test_reasons_are_readable_from_2_m(browser, shower, width, height):
+    """Four reasons, the first larger than the others, which have 32 px or more; all in sight."""
+    browser.size(width, height)
+    shower.tick = MANY
     browser.wait("document.title === 'HOLD'")
-    sizes = browser.evaluate("""[...document.querySelectorAll("#told li b")].slice(0, 2)
+    browser.wait("document.querySelectorAll('#told li b').length === 4")     # prose: allow
+    first, *others = browser.evaluate("""[...document.querySelectorAll("#told li b")]
         .map(one => parseFloat(getComputedStyle(one).fontSize))""")     # prose: allow
-    second = "document.querySelectorAll('#told li b')[1]"                # prose: allow
-    bottom = browser.evaluate(f"{second}.getBoundingClientRect().bottom")
-    assert len(sizes) == 2 and min(sizes) >= 40
+    bottom = browser.evaluate("[...document.querySelectorAll('#told li b')].pop().getBoundingClientRect().bottom")
+    assert first > max(others) and min(others) >= 32
     assert bottom <= browser.evaluate("document.getElementById('told').getBoundingClientRect().bottom")

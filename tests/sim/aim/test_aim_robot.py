@@ -1,5 +1,6 @@
 """The aim file from a belief to the robot: checked against the simulator, aimed by on the emulated robot, replayed."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -66,6 +67,14 @@ def test_distances_without_a_set_point_part_the_file(table: ta.AimTable, tmp_pat
     assert aim.at(3.6) and aim.at(5.0) and aim.at(4.3) is None and len(aim.content.segments) == 2
     with pytest.raises(ta.InputError, match="no two neighbouring distances"):
         ta.export_aim(ta.AimTable(table.rows[:1]), BELIEF, CONFIG.rig, tmp_path / "one.json")
+
+
+def test_a_file_stays_where_the_new_one_falls_short(table: ta.AimTable, tmp_path: Path) -> None:
+    path, slow = tmp_path / "aim.json", tuple(row._replace(motor_ratio=0.5 * row.motor_ratio) for row in table.rows)
+    path.write_text("the good one")
+    with pytest.raises(ta.InputError, match="^" + re.escape(str(path))):
+        ta.export_aim(ta.AimTable(slow), BELIEF, CONFIG.rig, path)
+    assert path.read_text() == "the good one" and list(tmp_path.iterdir()) == [path]
 
 
 def test_the_emulated_robot_fires_with_the_set_points_of_the_file(session: Path, aim_file: Path) -> None:

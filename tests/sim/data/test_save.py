@@ -36,9 +36,9 @@ def datasets(draw: st.DrawFn) -> Dataset:
     spot = [np.array(draw(st.lists(st.floats(-50, 50), min_size=times.size, max_size=times.size))) for _ in range(3)]
     shot = np.full(times.size, draw(st.integers(0, count - 1)))
     traces = Traces(shot, times, ("battery_v",) * times.size, spot[0])
-    rig = msgspec.structs.replace(FACTS, ball=Ball(draw(st.floats(1e-6, 1e6)), draw(st.floats(1e-6, 1e6))),
+    rig = msgspec.structs.replace(FACTS, ball=Ball(draw(st.floats(1e-4, 1e3)), draw(st.floats(1e-3, 1e6))),
                                     launcher=LauncherFacts(draw(st.floats(0, 3)), None, (
-                                        Wheel(draw(WORDS), 0.05, draw(st.floats(-2, 2)), draw(st.floats(0, 360))),)))
+                                        Wheel(draw(WORDS), 0.05, draw(st.floats(1e-3, 2)), draw(st.floats(0, 360))),)))
     left_out = tuple(draw(st.lists(st.text(string.ascii_letters + " :", min_size=1, max_size=20), max_size=3)))
     return Dataset("d", rig, Shots(ids, numbers, texts), Tracks(shot, times, *spot), traces, left_out)
 

@@ -11,6 +11,7 @@ import sys
 import truearc as ta
 from truearc.cli import common
 from truearc.cli.outputs import out_file
+from truearc.robot.config.whole_file import save_whole
 
 EXAMPLE = "truearc aim belief.toml --rig rig.toml --distances 2:7:0.25 --picture aim.png"
 FORMATS = ("text", "csv", "json", "java", "cpp")
@@ -56,7 +57,7 @@ def main(args: argparse.Namespace) -> int:
         print(f"{args.robot}: aim file; {check}", file=sys.stderr)
     if args.picture:
         from truearc.sim.report import make_png
-        args.picture.write_bytes(make_png(table.plot()))
+        save_whole(args.picture, make_png(table.plot()))
     return 0
 
 

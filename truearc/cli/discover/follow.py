@@ -14,10 +14,9 @@ import sys
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -35,7 +34,7 @@ from truearc.cli.common import (
 from truearc.cli.discover.aim import parse_distances
 from truearc.cli.outputs import OutFolder
 from truearc.robot.aim_file import LONGEST_NOTE
-from truearc.robot.config.schema import about, naming
+from truearc.robot.config.schema import about, load_bytes, naming
 from truearc.sim.discover.settings import FALSE_ALARM, check_chances
 
 if TYPE_CHECKING:
@@ -142,7 +141,7 @@ class ShotWatch:
         from truearc.api.following import propose, sealed
         from truearc.sim.discover.proposal import BeliefFile
         progress = make_progress("discover", self.args.quiet)
-        before = BeliefFile(self.args.belief, hashlib.sha256(Path(self.args.belief).read_bytes()).hexdigest())
+        before = BeliefFile(self.args.belief, hashlib.sha256(load_bytes(self.args.belief)).hexdigest())
         try:
             made = propose(found, found.find(progress), rig, (before, BELIEF), self.args.distances,
                            make_progress("aim", self.args.quiet))
@@ -153,10 +152,10 @@ class ShotWatch:
         if self.args.out is not None:
             folder = Path(self.args.out)
             folder.mkdir(parents=True, exist_ok=True)
-            _replace(folder / BELIEF, made.belief.save)
+            made.belief.save(folder / BELIEF)
             content = (folder / BELIEF).read_bytes()
             proposal = sealed(made, content, datetime.now(UTC).isoformat(timespec="seconds"))
-            _replace(folder / PROPOSAL, partial(write_out, text=proposal.to_json()))
+            write_out(folder / PROPOSAL, proposal.to_json())
             print(f"{folder / PROPOSAL}: {proposal.proposal.id}", flush=True)
             self._hand_over(made, rig, folder / AIM)
 
@@ -179,7 +178,7 @@ def send_aim(url: str, token: Path, path: Path) -> None:
         InputError: the token cannot be read, the page does not answer, or it refuses; with its reason.
     """
     with naming(token):
-        said = token.read_text(encoding="ascii").strip()
+        said = load_bytes(token).decode("ascii").strip()
     request = urllib.request.Request(url.rstrip("/") + "/aim", path.read_bytes(), method="PUT", headers={
         "Content-Type": "application/json", "Authorization": f"Bearer {said}"})
     try:
@@ -232,10 +231,3 @@ def _stamp(paths: Sequence[Path]) -> tuple[tuple[int, int], ...]:
     files = [path / TRIALS if (path / HEADER).exists() else path for path in paths]
     inner = [one for file in files for one in (sorted(file.iterdir()) if file.is_dir() else [file]) if one.is_file()]
     return tuple((one.stat().st_size, one.stat().st_mtime_ns) for one in inner)
-
-
-def _replace(path: Path, write: Callable[[Path], object]) -> None:
-    """Let a file be written that readers see whole, or not at all."""
-    beside = path.with_name(f".{path.name}")
-    write(beside)
-    beside.replace(path)

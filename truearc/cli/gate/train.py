@@ -10,6 +10,7 @@ import sys
 import truearc as ta
 from truearc.cli.common import add_accept, make_progress, number
 from truearc.cli.outputs import WEIGHTS, OutFolder, out_file
+from truearc.robot.config.whole_file import save_whole
 
 EXAMPLE = "truearc train --real shots/ --coefficients coefficients.toml -o weights/"
 
@@ -38,7 +39,7 @@ def main(args: argparse.Namespace) -> int:
     print(trained)
     if args.reliability is not None and trained.folds is not None:
         from truearc.sim.report import make_png
-        args.reliability.write_bytes(make_png(trained.plot_reliability()))
+        save_whole(args.reliability, make_png(trained.plot_reliability()))
         print(f"{args.reliability}: stated against true shares")
     print(f"{args.out}: the gate; next: truearc export {args.out} -o gate.onnx")
     return 0

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import truearc as ta
 from truearc.cli.common import add_accept, fixed, make_progress
 from truearc.cli.outputs import out_file
+from truearc.robot.config.whole_file import save_whole
 from truearc.sim.paper.settings import STEP
 
 if TYPE_CHECKING:
@@ -49,6 +50,6 @@ def _write(args: argparse.Namespace, found: "GridSearch") -> None:
         save_csv(args.tied, table.columns, [[f"{cd:.6g}", f"{cl:.6g}", fixed(mean_m, 6), fixed(median_m, 6)]
                                                   for cd, cl, mean_m, median_m in table.rows])
     if args.picture is not None:
-        args.picture.write_bytes(make_png(found.plot()))
+        save_whole(args.picture, make_png(found.plot()))
     if args.map is not None:
         found.save_map(args.map)

@@ -29,6 +29,7 @@ from truearc.robot.config.port_options import with_ports
 from truearc.robot.config.schema import Config, InputError, about, load_config
 from truearc.robot.config.shot_plan import load_plan, with_plan
 from truearc.robot.gate.model import load_gate
+from truearc.robot.motors import make_motors
 from truearc.robot.operator_ui.page_option import parse_page
 from truearc.robot.operator_ui.server import open_page
 from truearc.robot.processes.aim_inbox import AimInbox, OfferingRig
@@ -62,6 +63,7 @@ def run_robot(args: argparse.Namespace) -> int:
     parse_page(args.page)
     config = with_ports(load_config(args.config), args.can, args.buttons, args.camera)
     config = with_plan(config, load_plan(args.plan, config) if args.plan else (), args.repeats)
+    make_motors(config)               # refuses two axes that are one device, before there is a folder
     gate = None if args.gate is None else load_gate(args.gate)
     if config.gate.policy == "model" and gate is None:
         raise InputError(f"{args.config}: gate.policy is 'model', so --gate is needed")
@@ -133,14 +135,14 @@ def make_room(out: Path, started: str) -> Path:
 
 def _open_wires(config: Config, layout: ProcessLayout, wires: ExitStack,
                 tally: Counter[str]) -> tuple[Bus, Stream, Eyes, Clock]:
-    """Every wire of the configuration, to be closed by `wires`; InputError names the CAN bus if it cannot be opened.
+    """Every wire of the configuration, to be closed by `wires`; InputError names a CAN bus that no adapter would open.
 
-    The button box and the camera may come later: until then each is a reason to hold, and is said. `tally` counts what
-    happens on the CAN bus beside what should.
+    Each may come later: until then it is a reason to hold, and is said. `tally` counts what happens on the CAN bus
+    beside what should.
     """
     clock = MonotonicClock()
     with about("cannot start", LinkLost):
-        bus = open_bus(config, clock, wires, tally)
+        bus = open_bus(config, clock, wires, tally, may_come=True)
         box = MendedStream(lambda: open_serial(config.buttons.port, config.buttons.baud))
         wires.callback(box.close)
         eyes = layout.open_eyes(clock)
@@ -153,18 +155,21 @@ def _open_wires(config: Config, layout: ProcessLayout, wires: ExitStack,
     return bus, box, eyes, clock
 
 
-def open_bus(config: Config, clock: Clock, wires: ExitStack, tally: Counter[str]) -> Bus:
+def open_bus(config: Config, clock: Clock, wires: ExitStack, tally: Counter[str], may_come: bool = False) -> Bus:
     """Open the CAN bus: an adapter that may come and go, behind the configuration's rules; closed by `wires`.
 
-    `tally` counts what happens on the bus beside what should.
+    `tally` counts what happens on the bus beside what should. `may_come`: the adapter may also be plugged in later.
 
     Raises:
-        LinkLost: it cannot be opened.
+        LinkLost: it cannot be opened, nor later.
     """
     can = config.can
     supervised = SupervisedBus(
-        lambda: open_can(can.interface, can.channel, can.bitrate, clock, WAIT_S, tally), clock, tally)
+        lambda: open_can(can.interface, can.channel, can.bitrate, clock, WAIT_S, tally), clock, tally,
+        name=f"CAN {can.interface} {can.channel}" if may_come else None)
     wires.callback(supervised.close)
+    if supervised.lost is not None:
+        _say(f"{LinkLost(supervised.lost)}: holding until it can be opened")
     return guard(supervised, config, clock, tally)
 
 

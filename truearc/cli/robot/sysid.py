@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from msgspec.structs import replace
 
 import truearc
-from truearc.cli.common import SHIPPED, make_progress, number, refuse
+from truearc.cli.common import SHIPPED, make_progress, number, refuse, write_out
 from truearc.cli.outputs import out_file
 from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.sysid.program import FLYWHEEL, HOOD
@@ -110,10 +110,9 @@ def _answer(args: argparse.Namespace, source: str, records: "Mapping[str, Record
     title = f"truearc sysid {truearc.__version__}: {source}"
     fragment = make_fragment(title, fits, config, notes)
     print(fragment, end="")
-    if args.gains is not None:
-        args.gains.write_text(fragment, encoding="utf-8")
+    write_out(args.gains, fragment)
     if args.report is not None:
         # matplotlib, likewise
         from truearc.sim.sysid.html_report import make_fit_page
-        args.report.write_text(make_fit_page(title, fits, notes), encoding="utf-8")
+        write_out(args.report, make_fit_page(title, fits, notes))
     return 0

@@ -13,6 +13,7 @@ from truearc.hw.real.clock import MonotonicClock, wall_clock
 from truearc.hw.real.serial_port import open_serial
 from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config, InputError, about
+from truearc.robot.motors import make_motors
 from truearc.robot.reasons import text
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter
@@ -55,6 +56,7 @@ def open_recorder(folder: Path, config: Config, started: str | None, lossless: b
 
 def drive_robot(config: Config, folder: Path | None, tell: Say) -> Path:
     """Drive the real launcher until the program is over or Ctrl-C; returns the session's folder."""
+    make_motors(config)               # refuses two axes that are one device, before there is a folder
     step, ending, started = make_step(config), Ending(), wall_clock()
     folder = folder or Path("sessions") / started.replace(":", "")
     with ExitStack() as wires:

@@ -11,7 +11,7 @@ from truearc.robot.config.schema import Config
 from truearc.robot.runtime import run
 from truearc.robot.sysid.tick import make_step
 from truearc.robot.vision_source import NoEyes
-from truearc.sim.world.emulated_robot import MakeNodes, emulated_rig, make_nodes
+from truearc.sim.world.emulated_robot import MakeNodes, check_emulated, emulated_rig, make_nodes
 from truearc.sim.world.world import World
 
 Press = tuple[int, str]               # when (ns) and which button
@@ -22,7 +22,7 @@ LONGEST_NS = 900_000_000_000
 def drive_twin(config: Config, folder: Path, world: World, tell: Say, presses: Sequence[Press] = ARM,
                nodes_of: MakeNodes = make_nodes) -> Reason | None:
     """Drive `world` until the program is over; returns how it ended. `nodes_of` makes the devices."""
-    step, box, left = make_step(config), open_button_box(), list(presses)
+    step, box, left = make_step(check_emulated(config)), open_button_box(), list(presses)
 
     def operate(t_ns: int) -> None:
         while left and left[0][0] <= t_ns:

@@ -29,6 +29,7 @@ from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import CameraFile, InputError, Vision
 from truearc.robot.config.toml_errors import reworded
 from truearc.robot.config.toml_text import make_toml
+from truearc.robot.config.whole_file import save_whole
 from truearc.robot.operator_ui.serving import LocalHandler, LocalServer
 from truearc.robot.vision import detect
 from truearc.robot.vision.drawing import draw_mask, draw_regions
@@ -171,7 +172,7 @@ class Tuner:
 
     def save(self, settings: dict[str, Any]) -> dict[str, Any]:
         file = self._with(settings)
-        self._out.write_text(make_toml(msgspec.to_builtins(file)), encoding="utf-8")
+        save_whole(self._out, make_toml(msgspec.to_builtins(file)).encode())
         self._file = file
         return {"said": f"saved to {self._out}"}
 
