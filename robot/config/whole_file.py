@@ -12,11 +12,16 @@ from truearc.robot.config.schema import InputError
 def whole_file(path: str | Path) -> Iterator[Path]:
     """Yield the path of a file to write beside `path`; it takes the place of that once the block has ended well.
 
+    A character device, such as /dev/stdout, is written to as it is, and stays.
+
     Raises:
         InputError: there is something at `path` that is not a file. One of the block's names `path` instead.
         OSError: it cannot be written.
     """
     check_file(path)
+    if Path(path).is_char_device():
+        yield Path(path)
+        return
     place = Path(path).resolve()      # behind a link, which stays
     new = place.with_name(f".{place.name}.part")
     try:
@@ -39,8 +44,8 @@ def save_whole(path: str | Path, data: bytes) -> None:
 
 
 def check_file(path: str | Path) -> None:
-    """InputError where there is something at `path` that is not a file."""
+    """InputError where there is something at `path` that is neither a file nor a character device."""
     if Path(path).is_dir():
         raise InputError(f"{path}: is a directory; name a file")
-    if Path(path).exists() and not Path(path).is_file():
-        raise InputError(f"{path}: is a pipe or a device, not a file; name a file")
+    if Path(path).exists() and not (Path(path).is_file() or Path(path).is_char_device()):
+        raise InputError(f"{path}: is a pipe or a disk, not a file; name a file")

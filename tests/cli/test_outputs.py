@@ -59,6 +59,13 @@ def test_force_replaces_a_file(here: Path) -> None:
     assert (here / "old").read_text().startswith("shot_id,")
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="devices: POSIX only")
+@pytest.mark.parametrize("force", [[], ["--force"]])
+def test_a_device_is_written_to_and_stays(force: list[str], here: Path) -> None:
+    assert main(["predict", "week", "--cd", "0.5", "--cl", "0.1", "-o", "/dev/null", *force]) == 0
+    assert Path("/dev/null").is_char_device()
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="named pipes: POSIX only")
 @pytest.mark.parametrize("words", [
     "predict week --cd 0.5 --cl 0.1 -o", "export w -o", "aim b --rig week/rig.toml --robot", "init --robot",
@@ -68,7 +75,7 @@ def test_what_is_no_file_is_refused_and_stays(words: str, force: list[str], here
                                               capsys: pytest.CaptureFixture[str]) -> None:
     os.mkfifo(here / "pipe")
     assert main([*words.split(), "pipe", *force]) == 2
-    assert "pipe: is a pipe or a device, not a file; name a file" in capsys.readouterr().err
+    assert "pipe: is a pipe or a disk, not a file; name a file" in capsys.readouterr().err
     assert (here / "pipe").is_fifo()
 
 
