@@ -50,9 +50,9 @@ def _rows(file: Path) -> list[tuple[int, dict[str, str]]]:
         text = load_bytes(file, MAX_TEXT_BYTES).decode("utf-8-sig")
         reader = csv.DictReader(io.StringIO(text, newline=""), strict=True)
         header = reader.fieldnames or []
-        for name in COLUMNS:
-            if name not in header:
-                raise InputError(f"{file}:1: column {name} is missing")
+        if missing := [name for name in COLUMNS if name not in header]:
+            raise InputError(f"{file}:1: columns {', '.join(missing)} are missing; a plan has them by these names, with "
+                             "commas between cells, and no other unit is converted")
         return [(reader.line_num, {name: row[name] or "" for name in COLUMNS}) for row in reader]
 
 

@@ -53,6 +53,12 @@ def test_an_existing_file_is_refused_and_kept(words: str, here: Path, capsys: py
     assert (here / "old").read_text() == "kept"
 
 
+def test_two_outputs_are_not_one_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["discover", "week", "--json", "x.html", "--report", "./x.html"]) == 2
+    assert "--json, --report: both write x.html; name two" in capsys.readouterr().err
+    assert not (here / "x.html").exists()
+
+
 def test_force_replaces_a_file(here: Path) -> None:
     (here / "old").write_text("kept")
     assert main(["predict", "week", "--cd", "0.5", "--cl", "0.1", "-o", "old", "--force"]) == 0

@@ -45,8 +45,8 @@ def test_what_is_written_is_read_to_the_bit(tmp_path_factory, rows):
 
 
 @pytest.mark.parametrize(("text", "message"), [
-    ("distance_m,motor_ratio\n5,0.5\n", r"p\.csv:1: column hood_deg is missing"),
-    ("", r"p\.csv:1: column distance_m is missing"),
+    ("distance_m,motor_ratio\n5,0.5\n", r"p\.csv:1: columns hood_deg are missing; a plan has them"),
+    ("", r"p\.csv:1: columns distance_m, motor_ratio, hood_deg are missing"),
     ("distance_m,motor_ratio,hood_deg\n", "no rows"),
     ("distance_m,motor_ratio,hood_deg\n5,0.5,45\n5,1.01,45\n", r"p\.csv:3: motor_ratio: 1\.01 is out of the .*0 to 1"),
     ("distance_m,motor_ratio,hood_deg\n5,0.5,14\n", r"p\.csv:2: hood_deg: 14 is out of the .*15 to 75"),

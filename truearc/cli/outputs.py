@@ -59,11 +59,17 @@ def fresh_outputs(parser: argparse.ArgumentParser, args: argparse.Namespace) -> 
     """Refuse outputs that exist; with `--force`, keep the folders to replace until the command is done.
 
     Raises:
-        InputError: an output exists and `--force` is not given, or it is not the command's to replace.
+        InputError: an output exists and `--force` is not given, or it is not the command's to replace; two outputs are
+            one.
     """
+    said: dict[Path, str] = {}
     with ExitStack() as folders:
         for action in parser._actions:
             path = getattr(args, action.dest, None)
+            if path is not None and (action.type is out_file or isinstance(action.type, OutFolder)):
+                option = action.option_strings[0] if action.option_strings else action.dest
+                if (other := said.setdefault(path.resolve(), option)) != option and not path.is_char_device():
+                    raise InputError(f"{other}, {option}: both write {path}; name two")
             if path is not None and action.type is out_file:
                 refuse_file(path, args.force)
             elif path is not None and isinstance(action.type, OutFolder) and _is_used(path):

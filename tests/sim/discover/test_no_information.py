@@ -37,7 +37,7 @@ def test_a_coordinate_that_is_zero_everywhere_shows_no_crosswind() -> None:
 def test_real_tracks_without_y_are_pushed_to_no_side(data_dir: Path) -> None:
     """A residual that is exactly zero has one sign throughout, and a test without scale would find it significant."""
     real = data_dir / "real"
-    filmed = thinned(import_mpi(real / "mpi_launches.csv", real / "mpi_tracks.csv"))
+    filmed = thinned(import_mpi(real / "mpi_launches.csv", real / "mpi_tracks.csv")).take(np.arange(0, 32, 3))
     assert filmed.tracks is not None
     for y_m in (0.0, 0.31):
         flat = replace(filmed, tracks=replace(filmed.tracks, y_m=np.full_like(filmed.tracks.y_m, y_m)))
