@@ -51,8 +51,8 @@ def _rows(file: Path) -> list[tuple[int, dict[str, str]]]:
         reader = csv.DictReader(io.StringIO(text, newline=""), strict=True)
         header = reader.fieldnames or []
         if missing := [name for name in COLUMNS if name not in header]:
-            raise InputError(f"{file}:1: columns {', '.join(missing)} are missing; a plan has them by these names, with "
-                             "commas between cells, and no other unit is converted")
+            raise InputError(f"{file}:1: columns {', '.join(missing)} are missing; a plan has them by these names, "
+                             "with commas between cells, and no other unit is converted")
         return [(reader.line_num, {name: row[name] or "" for name in COLUMNS}) for row in reader]
 
 
