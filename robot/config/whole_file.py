@@ -18,10 +18,10 @@ def whole_file(path: str | Path) -> Iterator[Path]:
         InputError: there is something at `path` that is not a file. One of the block's names `path` instead.
         OSError: it cannot be written.
     """
-    check_file(path)
     if Path(path).is_char_device():
         yield Path(path)
         return
+    check_file(path)
     place = Path(path).resolve()      # behind a link, which stays
     new = place.with_name(f".{place.name}.part")
     try:
@@ -44,8 +44,8 @@ def save_whole(path: str | Path, data: bytes) -> None:
 
 
 def check_file(path: str | Path) -> None:
-    """InputError where there is something at `path` that is neither a file nor a character device."""
+    """InputError where there is something at `path` that is not a file."""
     if Path(path).is_dir():
         raise InputError(f"{path}: is a directory; name a file")
-    if Path(path).exists() and not (Path(path).is_file() or Path(path).is_char_device()):
-        raise InputError(f"{path}: is a pipe or a disk, not a file; name a file")
+    if Path(path).exists() and not Path(path).is_file():
+        raise InputError(f"{path}: is a pipe or a device, not a file; name a file")

@@ -81,7 +81,7 @@ def test_what_is_no_file_is_refused_and_stays(words: str, force: list[str], here
                                               capsys: pytest.CaptureFixture[str]) -> None:
     os.mkfifo(here / "pipe")
     assert main([*words.split(), "pipe", *force]) == 2
-    assert "pipe: is a pipe or a disk, not a file; name a file" in capsys.readouterr().err
+    assert "pipe: is a pipe or a device, not a file; name a file" in capsys.readouterr().err
     assert (here / "pipe").is_fifo()
 
 

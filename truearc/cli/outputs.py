@@ -79,7 +79,9 @@ def fresh_outputs(parser: argparse.ArgumentParser, args: argparse.Namespace) -> 
 
 
 def refuse_file(path: Path, force: bool) -> None:
-    """Refuse a file to write that exists, unless `force`; and what is not a file in any case."""
+    """Refuse a file that exists, unless `force`, and what is neither a file nor a character device in any case."""
+    if path.is_char_device():
+        return
     check_file(path)
     if path.is_file() and not force:
         raise InputError(f"{path}: exists already; {ADVICE}")
