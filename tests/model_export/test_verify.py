@@ -92,7 +92,7 @@ class Session:
         rows = len(inputs["features"])
         p = np.full((rows, 2), 0.25, np.float32)
         if self.how == "batch":
-            p += 0.001 * (rows > 1)
+            p += 0.01 * (rows > 1)
         if self.how == "forgetful":
             p += 1e-7 * self.calls
         if self.how == "nan":
