@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 from msgspec import UNSET, Struct, UnsetType, field
 
-from truearc.robot.config.toml_errors import struct_in
+from truearc.robot.config.toml_errors import axis_in, struct_in
 
 POSITIVE = ("ball.mass_kg", "ball.radius_m", "launcher.free_speed_rad_s", "launcher.wheel.radius_m",
             "target.two_half_height_m", "world.gravity_m_s2",
@@ -232,8 +232,9 @@ def missing_keys(table: Mapping[str, Any], kind: Any, prefix: str = "") -> list[
         if one.encode_name not in table:
             inside = missing_keys({}, inner, f"{prefix}{one.encode_name}.") if inner is not None else []
             names += (inside or [prefix + one.encode_name]) if one.required else []
-        elif inner is not None:
-            for row in value if isinstance(value, list) else [value]:
-                here = missing_keys(row, inner, f"{prefix}{one.encode_name}.") if isinstance(row, dict) else []
-                names += [name for name in here if name not in names]
+            continue
+        for row in value if isinstance(value, list) else [value]:
+            own = axis_in(row) if inner is None else inner
+            here = missing_keys(row, own, f"{prefix}{one.encode_name}.") if isinstance(row, dict) and own else []
+            names += [name for name in here if name not in names]
     return names

@@ -15,7 +15,7 @@ from msgspec import Struct
 from truearc.hw.devices.axis import Axis, CanNode, Direction, Positive
 from truearc.robot.config.limits import cannot_throw, contradictions, warn_of_pitch, warn_of_terms
 from truearc.robot.config.rig_spec import Rig, missing_keys, rig_errors, unknown_keys
-from truearc.robot.config.toml_errors import joined, line_of, near_key, reworded
+from truearc.robot.config.toml_errors import joined, line_of, near_key, near_tables, reworded
 
 Kind = TypeVar("Kind")
 Finite = Annotated[float, msgspec.Meta(gt=-1e9, lt=1e9)]
@@ -358,10 +358,13 @@ def parse_toml(text: str, kind: type[Kind], name: str) -> Kind:
     except msgspec.ValidationError as error:
         message, missing = joined(str(error)), missing_keys(table, kind)
         said = reworded(message, table)
-        near = near_key(said.removesuffix(": unknown key"), kind, table) if said.endswith(": unknown key") else ""
+        unknown = said.endswith(": unknown key")
+        near = near_key(said.removesuffix(": unknown key"), kind, table) if unknown else ""
+        here = f"{name}{line_of(text, message)}: {said}{near}"
         if len(missing) > 1 and not near:
-            raise InputError(f"{name}: keys are missing: {', '.join(missing)}") from error
-        raise InputError(f"{name}{line_of(text, message)}: {said}{near}") from error
+            lacks = f"keys are missing: {', '.join(missing)}{near_tables(table, kind)}"
+            here = f"{here}; {lacks}" if unknown else f"{name}: {lacks}"
+        raise InputError(here) from error
 
 
 def read_axis(kind: type, table: Any) -> Axis:

@@ -53,11 +53,29 @@ def near_key(key: str, kind: Any, table: Any) -> str:
     place, _, name = re.sub(r"\[.*?\]", "", key).rpartition(".")
     for part in filter(None, place.split(".")):
         kind = struct_in({one.name: one.type for one in fields(kind)}.get(part)) if kind is not None else None
-    driver = _at(table, key.rpartition(".")[0] + ".driver")
-    if kind is None and isinstance(driver, str):  # an axis
-        from truearc.hw.devices.registry import find_family
-        kind = find_family(driver).axis
+    kind = axis_in(_at(table, key.rpartition(".")[0])) if kind is None else kind
     return "" if kind is None else did_you_mean(name, kind.__struct_fields__)
+
+
+def near_tables(table: Any, kind: Any, prefix: str = "") -> str:
+    """`; [PLACE] is unknown; did you mean ...?` for each table that the struct `kind` does not have but nearly has."""
+    own, said = {one.encode_name: struct_in(one.type) for one in fields(kind)}, ""
+    for name, value in table.items():
+        if isinstance(value, dict | list) and name not in own and (near := did_you_mean(name, own)):
+            said += f"; [{prefix}{name}] is unknown{near}"
+        elif isinstance(value, dict) and own.get(name) is not None:
+            said += near_tables(value, own[name], f"{prefix}{name}.")
+    return said
+
+
+def axis_in(table: Any) -> Any:
+    """The struct of an axis's table, by its driver's family; None where there is no such driver."""
+    from truearc.hw.devices.registry import find_family  # drivers need cantools, which most commands do without
+    driver = table.get("driver") if isinstance(table, dict) else None
+    try:
+        return find_family(driver).axis if isinstance(driver, str) else None
+    except LookupError:
+        return None
 
 
 def struct_in(annotation: Any) -> Any:

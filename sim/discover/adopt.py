@@ -22,11 +22,13 @@ from truearc.sim.discover.finding import Adoption
 from truearc.sim.discover.investigate import Investigation, believed_spot
 from truearc.sim.discover.report.finding_text import gained_interval, say_refused
 from truearc.sim.discover.select import expected_points as worth
+from truearc.sim.discover.select.amplitude_prior import by_own_prior
 from truearc.sim.discover.select.forecast_error import track_errors
-from truearc.sim.discover.select.model_averaging import Mixed, mixed
+from truearc.sim.discover.select.model_averaging import Mixed, mixed, shares
 from truearc.sim.discover.select.name_effects import Step
 from truearc.sim.discover.select.nonparametric_terms import Freed, all_freed
 from truearc.sim.discover.select.refit import Refit, further_values, refit
+from truearc.sim.discover.select.term_ranking import MASS
 from truearc.sim.infer.baseline_fit import BaselineFit, only_shared, stopped
 from truearc.sim.infer.belief import Belief, moved_curves
 from truearc.sim.infer.coefficients import Coefficients
@@ -259,10 +261,22 @@ def _take(investigation: Investigation, steps: tuple[Step, ...]) -> _Taken:
     if free and (name := free[0].beside):
         naming = replace(steps[-1].naming, chosen=(name,))
         named += (replace(steps[-1], unknown=False, naming=naming),)
+    elif named:
+        named = (*named[:-1], _by_own_priors(named))
     several = mixed(named[-1]) if named and not free else None
     evidence = (free[-1].evidence if free else several.evidence if several else named[-1].refit.evidence if named
                 else without(investigation.fitted.evidence))
     return _Taken(named, free, several, evidence, why)
+
+
+def _by_own_priors(named: tuple[Step, ...]) -> Step:
+    """The last step, its refits by the amplitudes' own priors: by normal ones large effects come out too small."""
+    last = named[-1]
+    parts = {last.naming.leader} if last.naming.probability[last.naming.leader] >= MASS else shares(last.naming)
+    beside = [(one.fitted, one.refit) for one in named[:-1] if set(one.refit.names) <= set(last.base)]
+    refits = {name: by_own_prior(last.fitted, found, beside) if name in parts else found
+              for name, found in last.naming.refits.items()}
+    return replace(last, naming=replace(last.naming, refits=refits))
 
 
 def _worse(investigation: Investigation, taken: _Taken, gain: Gain) -> str:

@@ -78,7 +78,8 @@ def test_the_line_is_that_of_the_right_table(old, new, message):
     line = text[:text.index(new)].count("\n") + new.count("\n") + 1
     with pytest.raises(InputError) as error:
         parse_toml(text, Config, "my.toml")
-    assert str(error.value) == f"my.toml:{line}: {message}"
+    said, _, lacks = str(error.value).partition("; keys are missing: ")
+    assert said == f"my.toml:{line}: {message}" and ("axes.hood.device" in lacks) == ("unknown" in message)
 
 
 def test_a_missing_file_is_named(tmp_path):

@@ -14,7 +14,7 @@ from truearc.model_export.graph import export_weights
 from truearc.robot.config.schema import InputError
 from truearc.robot.gate.model import load_gate
 from truearc.sim.data.dataset import Dataset, hash_dataset
-from truearc.sim.gate.gate_text import tell_heldout, tell_residual
+from truearc.sim.gate.gate_text import tell_heldout, tell_residual, tell_too_few
 from truearc.sim.gate.model import PhysicsGate, physics_of, save_physics_gate
 from truearc.sim.gate.train import Heldout, OutcomeClasses, outcome_classes_of, train_physics_gate
 from truearc.sim.infer.belief import Belief
@@ -83,7 +83,7 @@ class GateTraining(Printed):
         if len(set(marks.level[marks.level >= 0])) < 2:
             lines.append("warning: every shot has the same outcome; the gate is the physics and its prior alone")
         if self.folds is None:
-            return [*lines, "warning: hold-out evaluation skipped: needs at least 15 configurations"]
+            return [*lines, tell_too_few(marks.group, marks.level, gate.rig.target)]
         return lines + tell_heldout(self.folds, gate.temperature, gate.rig.target)
 
 

@@ -1,10 +1,13 @@
 """REV SPARK MAX and Flex as a MotorFamily."""
 
 from collections.abc import Sequence
+from typing import Annotated
+
+from msgspec import Meta
 
 from truearc.hw.codec import DBC
 from truearc.hw.dc_motor import DcMotor
-from truearc.hw.devices.axis import Axis, Positive
+from truearc.hw.devices.axis import Axis
 from truearc.hw.devices.family import AttachedMotor, MotorFamily
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.bus_rules import make_rules
@@ -18,9 +21,9 @@ class SparkConfig(spark.SparkAxis, Axis, frozen=True, forbid_unknown_fields=True
     truearc.hw.dc_motor."""
 
     has_endstop: bool                 # a limit switch on its data port ends the negative direction
-    stall_torque_nm: Positive         # at the shaft that the encoder counts, at the rated voltage
-    free_speed_rad_s: Positive
-    rated_v: Positive
+    stall_torque_nm: Annotated[float, Meta(gt=0.0, le=100.0)]     # at the shaft that is counted, at the rated voltage
+    free_speed_rad_s: Annotated[float, Meta(gt=1.0, le=10_000.0)]
+    rated_v: Annotated[float, Meta(ge=1.0, le=60.0)]
 
 
 def make_motors(axes: Sequence[SparkConfig]) -> tuple[SparkMotor, ...]:

@@ -15,9 +15,9 @@ from truearc.sim.discover.finding import FindingRecord, FitSummary, Named, TestR
 from truearc.sim.discover.plan.recommendations import blind_terms, measure_blind, next_steps
 from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report.formula import find_formula
+from truearc.sim.discover.select.amplitude_prior import posterior_amplitude
 from truearc.sim.discover.select.forecast_error import end_errors
 from truearc.sim.discover.select.name_effects import Search, Step
-from truearc.sim.discover.select.posterior import posterior_amplitude
 from truearc.sim.infer.baseline_fit import BaselineFit, only_shared, stopped
 from truearc.sim.infer.held_out import clustered_error, unseen_change, without
 from truearc.sim.infer.likelihood import outcome_likelihood as outcomes

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.special import log_ndtr, logsumexp, ndtr
-from scipy.stats import norm
+from scipy.special import logsumexp
 
 from truearc.sim.discover.detect.covariates import Covariate, Factor, varies
 from truearc.sim.discover.detect.reference_session import ReferenceSession
+from truearc.sim.discover.select.amplitude_prior import nats_in_range, nats_known
 from truearc.sim.discover.select.flown_curves import nats_flown
 from truearc.sim.discover.select.hypotheses import (
     LENGTHS,
@@ -33,12 +33,9 @@ from truearc.sim.infer.baseline_fit import BaselineFit
 from truearc.sim.infer.held_out import without
 from truearc.sim.infer.likelihood.external_measurements import nats_measured
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
-from truearc.sim.physics.catalogue import find_parameter, find_terms
-from truearc.sim.physics.term import Term
 
 SHARES = {"one": 0.55, "varies": 0.03, "two": 0.18, "unexplained": 0.22, "both": 0.05}
 LEADERS = 3                           # likeliest terms, beside which a second thing is looked for
-TERM_SIZES = (0.5, 1.0, 2.0, 4.0)     # of a term's amplitude, by the usual one
 WITHIN, SHARE = 8.0, 0.2              # nats of the likeliest, or share of its nats, beyond which none is a leader
 SECONDS, FAMILIES = 10, 4             # of one step, beside a leader or alone, that are climbed to their top
 PAIRS, GUESS = 4, 0.04                # refitted; share of its nats by which a pair's guess may be too low
@@ -157,7 +154,7 @@ def weigh(fitted: BaselineFit, naming: Naming, covariates: Sequence[Covariate], 
             own = base.evidence.columns[second.column]
             part = Part(second.column, np.ones((len(base.evidence.rows), 1)), np.array([own.usual]))
             value, change, sd = log_evidence(with_parts(base.evidence, [part]))
-            known = _known(fitted, second.name, float(change[0]), float(sd[0]), own.usual)
+            known = nats_known(fitted, second.name, float(change[0]), float(sd[0]), own.usual)
             nats = singles[first] + value - floor + known
             both = frozenset((first, second.name))
             if nats > guesses.get(both, (-np.inf,))[0]:
@@ -230,7 +227,7 @@ def _at_once(fitted: BaselineFit, visible: Sequence[Candidate], null: float) -> 
         names = evidence.columns[columns[pair[0]]].name, evidence.columns[columns[pair[1]]].name
         table = with_parts(evidence, [Part(int(columns[one]), ones, usual[[one]]) for one in pair])
         value, change, sd = log_evidence(table)
-        nats = value - null + sum(_known(fitted, name, float(change[n]), float(sd[n]), float(usual[pair[n]]))
+        nats = value - null + sum(nats_known(fitted, name, float(change[n]), float(sd[n]), float(usual[pair[n]]))
                                   for n, name in enumerate(names))
         found[frozenset(names)] = nats, names, (float(change[0]), float(change[1]))
     return found
@@ -249,7 +246,7 @@ def _refitted(fitted: BaselineFit, guesses: Guesses, least: float) -> dict[tuple
         one, nats = refit(fitted, names, np.array(start)), NEVER
         if is_possible(one, *(usual[name] for name in one.names)):
             nats = one.log_evidence + sum(
-                _in_range(fitted, name, float(a), float(sd), usual[name])
+                nats_in_range(fitted, name, float(a), float(sd), usual[name])
                 + nats_measured(fitted.layout.measured, name, 0.0, usual[name])      # the rest is in the refit's prior
                 for name, a, sd in zip(one.names, one.amplitude, one.sd, strict=True))
         found[names] = one, nats
@@ -262,76 +259,7 @@ def range_nats(fitted: BaselineFit, naming: Naming, name: str) -> float:
     if found is None:
         return 0.0
     usual = fitted.evidence.columns[fitted.evidence.index(name)].usual
-    return _in_range(fitted, name, float(found.amplitude[0]), float(found.sd[0]), usual)
-
-
-def _known(fitted: BaselineFit, name: str, amplitude: float, sd: float, usual: float) -> float:
-    """Nats for an amplitude beside the shots: its range, and what was measured of it."""
-    return (_in_range(fitted, name, amplitude, sd, usual)
-            + nats_measured(fitted.layout.measured, name, amplitude, sd))
-
-
-def _in_range(fitted: BaselineFit, name: str, amplitude: float, sd: float, usual: float) -> float:
-    """Nats by which the amplitude's own prior differs from the normal one that its evidence was worked out with: the
-    range of its parameter, the side that nature prefers, the size that a law of physics gives it."""
-    ends = _ends(fitted, name)
-    after = ndtr((ends[1] - amplitude) / sd) - ndtr((ends[0] - amplitude) / sd)
-    if after < 1e-12:
-        own = ndtr(ends[1] / usual) - ndtr(ends[0] / usual)
-        return float(max(log_ndtr(min((ends[1] - amplitude) / sd, (amplitude - ends[0]) / sd)), -50.0) - np.log(own))
-    places, density = _density(fitted, name, amplitude, sd, usual)
-    return float(logsumexp(density) + np.log(places[1] - places[0]))
-
-
-def posterior_amplitude(fitted: BaselineFit, name: str, amplitude: float,
-                        sd: float) -> tuple[float, float, float, float]:
-    """Mean, standard deviation and ends of the 90 % interval of an amplitude, by its own prior in place of the normal
-    one of the usual size that `amplitude` and `sd` were worked out with."""
-    usual = fitted.evidence.columns[fitted.evidence.index(name)].usual
-    ends = _ends(fitted, name)
-    if not ends[0] < amplitude < ends[1] or sd >= usual:
-        low, high = norm.interval(0.9, amplitude, sd)
-        return amplitude, sd, float(low), float(high)
-    places, density = _density(fitted, name, amplitude, sd, usual)
-    weight = np.exp(density - logsumexp(density))
-    mean = float(weight @ places)
-    low, high = np.interp((0.05, 0.95), np.cumsum(weight), places)
-    return mean, float(np.sqrt(weight @ (places - mean)**2)), float(low), float(high)
-
-
-def _ends(fitted: BaselineFit, name: str) -> tuple[float, float]:
-    """Of the range of an amplitude: of a believed number, of its change."""
-    parameter = find_parameter(name, fitted.layout.chain.catalogue)
-    shared = [column.name for column in fitted.layout.columns[fitted.layout.first_shared:]]
-    centre = float(fitted.layout.centre[shared.index(name)]) if name in shared else 0.0
-    return parameter.low - centre, parameter.high - centre
-
-
-def _density(fitted: BaselineFit, name: str, amplitude: float, sd: float,
-             usual: float) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
-    """Places in an amplitude's range and the log density there, by its own prior: that of its evidence taken out."""
-    ends, term = _ends(fitted, name), find_terms((name.partition(".")[0],), fitted.layout.chain.catalogue)[0]
-    changed = name in [column.name for column in fitted.layout.columns[fitted.layout.first_shared:]]
-    places = np.linspace(max(ends[0], amplitude - 8.0 * sd), min(ends[1], amplitude + 8.0 * sd), 801)
-    told = norm.logpdf(places, amplitude, sd) - norm.logpdf(places, 0.0, usual)
-    return places, told + _own_prior(term, places, ends, usual, changed)   # a believed number has no side and no law
-
-
-def _own_prior(term: Term, places: Float[Array, " k"], ends: tuple[float, float], usual: float,
-               changed: bool) -> Float[Array, " k"]:
-    """Log density [k] of an amplitude inside its range: as large as usual, or half, twice or four times as large."""
-    law = term.law_sd if not changed else None
-    mean, sizes = (0.0, usual * np.array(TERM_SIZES)) if law is None else (1.0, np.array([law]))
-    side = 0.5 if changed or law is not None else term.positive
-
-    def held(low: float, high: float) -> Float[Array, " sizes"]:
-        return np.asarray(ndtr((high - mean) / sizes) - ndtr((low - mean) / sizes))
-
-    whole = 2.0 * ((1.0 - side) * held(min(ends[0], 0.0), min(ends[1], 0.0))
-                   + side * held(max(ends[0], 0.0), max(ends[1], 0.0))).mean()
-    density = norm.logpdf(places[:, None], mean, sizes)
-    weight = np.where(places > 0.0, 2.0 * side, 2.0 * (1.0 - side))
-    return np.asarray(logsumexp(density, axis=1) - np.log(len(sizes)) + np.log(weight) - np.log(max(whole, 1e-300)))
+    return nats_in_range(fitted, name, float(found.amplitude[0]), float(found.sd[0]), usual)
 
 
 def families_of(evidence: ScoreTable, covariates: Sequence[Covariate], factors: Sequence[Factor],

@@ -109,7 +109,7 @@ def refit(fitted: BaselineFit, names: tuple[str, ...], start: Float[Array, " k"]
     Shape parameters of a term are at their likeliest, and their uncertainty is in sd and in log_evidence, where the
     term does enough for that to be identifiable.
     """
-    found = _refit_at(fitted, names, start, near)
+    found = refit_at(fitted, names, start, near)
     if (np.abs(found.amplitude) > PLAIN * found.sd).all():
         for number in further_numbers(fitted.layout, names):
             found = _looked_for(number, fitted, found)
@@ -122,7 +122,7 @@ def _looked_for(number: ShapeParameter, fitted: BaselineFit, found: Refit) -> Re
 
     def nats(place: float) -> float:
         near = number.put(found.spot, place)
-        tried[place] = _refit_at(fitted, found.names, np.zeros(len(found.names)), near)
+        tried[place] = refit_at(fitted, found.names, np.zeros(len(found.names)), near)
         return max(tried[place].log_evidence, NEVER)
 
     peak = find_peak(nats)
@@ -131,8 +131,9 @@ def _looked_for(number: ShapeParameter, fitted: BaselineFit, found: Refit) -> Re
     return replace(best, sd=np.hypot(best.sd, peak.sd * moves), log_evidence=peak.nats)
 
 
-def _refit_at(fitted: BaselineFit, names: tuple[str, ...], start: Float[Array, " k"],
+def refit_at(fitted: BaselineFit, names: tuple[str, ...], start: Float[Array, " k"],
               near: LinearizationPoint | None) -> Refit:
+    """The same, shape parameters where they are."""
     layout = only_shared(fitted.layout, names)
     order = [column.name for column in layout.columns[:len(names)]]
     change = np.zeros(len(layout.columns))

@@ -14,7 +14,8 @@ Which = Bool[np.ndarray, " n"]
 
 def say_few(count: int) -> str:
     """Say what so few shots cannot tell."""
-    return f"{count} shots are too few to judge a simulation by; {FEWEST_SHOTS} at least"
+    few = "1 shot is" if count == 1 else f"{count} shots are"
+    return f"{few} too few to judge a simulation by; {FEWEST_SHOTS} at least"
 
 
 def say_left_out(rig: Rig, shots: Shots, use: Which, marked: Which, tracked: Which) -> tuple[str, ...]:

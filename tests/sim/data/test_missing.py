@@ -33,6 +33,28 @@ def test_all_missing_keys_of_a_launcher_are_named(tmp_path: Path) -> None:
                                 "collect.repeats, rig.ball.mass_kg, identify.flywheel.repeats, identify.hood.repeats")
 
 
+def test_all_missing_keys_of_axes_are_named_by_their_drivers(tmp_path: Path) -> None:
+    launcher = tmp_path / "launcher.toml"
+    text = (ROOT / "robot/launcher.toml").read_text(encoding="utf-8")
+    launcher.write_text(text.replace('driver = "odrive"', 'driver = "spark"', 1).replace("node = 4\n", ""),
+                        encoding="utf-8")
+    with pytest.raises(ta.InputError) as error:
+        load_config(launcher)
+    assert str(error.value) == (f"{launcher}:17: axes.flywheels[0].node: unknown key; keys are missing: "
+                                "axes.flywheels.device, axes.flywheels.has_endstop, "
+                                "axes.flywheels.stall_torque_nm, axes.flywheels.free_speed_rad_s, "
+                                "axes.flywheels.rated_v, axes.feeder.node")
+
+
+def test_a_mistyped_table_is_named_where_its_keys_are_missed(tmp_path: Path) -> None:
+    launcher = tmp_path / "launcher.toml"
+    text = (ROOT / "robot/launcher.toml").read_text(encoding="utf-8")
+    launcher.write_text(text.replace("[rig.ball]", "[rig.bal]"), encoding="utf-8")
+    with pytest.raises(ta.InputError, match=r"keys are missing: rig.ball.mass_kg, rig.ball.radius_m; \[rig.bal\] is "
+                                            "unknown; did you mean ball"):
+        load_config(launcher)
+
+
 def test_all_missing_columns_of_tracks_are_named() -> None:
     with pytest.raises(ta.InputError, match="tracks: columns t_s, y_m are missing"):
         ta.dataset({"shot_id": ["a"]}, rig={"ball": {"mass_kg": 0.14, "radius_m": 0.09}},

@@ -12,6 +12,7 @@ from scipy.stats import multivariate_normal, norm
 from tests.sim.discover.straight import ASKED, fit_straight
 from truearc.sim.discover.detect.covariates import Covariate, Factor
 from truearc.sim.discover.detect.reference_session import ReferenceSession
+from truearc.sim.discover.select.amplitude_prior import nats_in_range
 from truearc.sim.discover.select.hypotheses import (
     Part,
     Projected,
@@ -23,7 +24,6 @@ from truearc.sim.discover.select.hypotheses import (
 from truearc.sim.discover.select.posterior import (
     Hypotheses,
     Hypothesis,
-    _in_range,
     families_of,
     weigh,
 )
@@ -202,10 +202,10 @@ def test_an_amplitudes_own_prior_is_integrated_as_scipy_does(name: str, usual: f
             return float(norm.pdf(x, amplitude, sd) * prior(np.array(x)) * wide / norm.pdf(x, 0.0, usual))
 
         expected = quad(ratio, amplitude - 8 * sd, amplitude + 8 * sd, points=[0.0], limit=200)[0]
-        assert _in_range(fitted, name, amplitude, sd, usual) == pytest.approx(np.log(expected), abs=0.03)
+        assert nats_in_range(fitted, name, amplitude, sd, usual) == pytest.approx(np.log(expected), abs=0.03)
 
 
 def test_what_a_law_gives_is_believed_near_one() -> None:
     fitted = fit_straight({}, 1)
-    at_law, far = (_in_range(fitted, "added_mass.share", amplitude, 0.1, 1.0) for amplitude in (1.0, -0.6))
+    at_law, far = (nats_in_range(fitted, "added_mass.share", amplitude, 0.1, 1.0) for amplitude in (1.0, -0.6))
     assert at_law > 1.0 and far < -10.0
