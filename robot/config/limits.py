@@ -7,6 +7,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+from truearc.hw.devices.axis import driver_of
 from truearc.robot.config.rig_spec import AIR_KG_M3, DENSEST_KG_M3, TERMS, Rig, too_large
 from truearc.robot.config.toml_errors import did_you_mean
 
@@ -27,6 +28,7 @@ def contradictions(config: Any) -> Iterator[tuple[str, str]]:
         low, high = attrgetter(key, above)(config)
         if low > high:
             yield key, f"{low:g} is above {above.rpartition('.')[2]}, {high:g}"
+    yield from _of_motors(config)
     if config.gate.policy not in ("collect", "model"):
         yield "gate.policy", f"{config.gate.policy!r} is not known here; there are collect, model"
     hood, turn = (config.hood.low_deg, config.hood.high_deg), "a motor is turned round by its direction"
@@ -54,6 +56,24 @@ def contradictions(config: Any) -> Iterator[tuple[str, str]]:
             for value in said if isinstance(said, tuple) else (said,):
                 if not least <= value <= most:
                     yield key, f"{value:g} is out of range ({least:g} to {most:g}); {why}"
+
+
+def _of_motors(config: Any) -> Iterator[tuple[str, str]]:
+    """Motors that are one and the same device, a screw that cannot be built, torques that no motor gives."""
+    for kind in ("flywheel", "hood") if config.identify is not None else ():
+        if (step_nm := getattr(config.identify, kind).step_nm) > MAX_TORQUE_NM:
+            yield f"identify.{kind}.step_nm", f"{step_nm:g} is more than any motor's {MAX_TORQUE_NM:g} Nm"
+    bent = [config.hood.included_deg + end for end in (config.hood.low_deg, config.hood.high_deg)]
+    if bent[0] <= bent[1] and not 0.0 < bent[0] <= bent[1] < 180.0:
+        yield "hood.included_deg", (f"from low_deg to high_deg the angle motor, pivot, nut goes from {bent[0]:g} to "
+                                    f"{bent[1]:g} degrees; it stays between 0 and 180")
+    named = [(f"axes.flywheels[{number}]", axis) for number, axis in enumerate(config.axes.flywheels)]
+    owner: dict[tuple[str, int], str] = {}
+    for name, axis in (*named, ("axes.hood", config.axes.hood), ("axes.feeder", config.axes.feeder)):
+        for key in {"node", "device"} & set(axis.__struct_fields__):
+            first = owner.setdefault((driver_of(axis), getattr(axis, key)), name)
+            if first != name:
+                yield f"{name}.{key}", f"{getattr(axis, key)} is that of {first}, too; each motor has its own"
 
 
 def warn_of_pitch(path: str | Path, camera: Any) -> None:

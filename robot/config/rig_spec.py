@@ -162,7 +162,8 @@ def too_large(rig: Rig) -> Iterator[tuple[str, str]]:
         if key in MOST and isinstance(value, int | float) and value > MOST[key]:
             lengths = [name for name, metres in LENGTHS_M.items() if key.endswith("_m")
                        and 0.02 * MOST[key] < value * metres <= MOST[key]]
-            yield key, (f"{value:g} is more than any launcher's {MOST[key]:g}; this looks like "
+            whose = "Jupiter's" if key == "world.gravity_m_s2" else "any launcher's"
+            yield key, (f"{value:g} is more than {whose} {MOST[key]:g}; this looks like "
                         + (" or ".join(lengths) or OTHER_UNITS[key.rpartition("_")[2]]))
 
 

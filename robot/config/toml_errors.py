@@ -69,12 +69,13 @@ def near_tables(table: Any, kind: Any, prefix: str = "") -> str:
 
 
 def axis_in(table: Any) -> Any:
-    """The struct of an axis's table, by its driver's family; None where there is no such driver."""
+    """The struct of an axis's table, by its driver's family; None where there is no such driver that works."""
     from truearc.hw.devices.registry import find_family  # drivers need cantools, which most commands do without
+    from truearc.hw.plugins import PluginError
     driver = table.get("driver") if isinstance(table, dict) else None
     try:
         return find_family(driver).axis if isinstance(driver, str) else None
-    except LookupError:
+    except (LookupError, PluginError):
         return None
 
 

@@ -12,7 +12,8 @@ from truearc.sim.data.model import Floats
 from truearc.sim.data.table import Cell, Problems, RawTable
 
 OUTCOMES = ("miss", "two", "three")
-SPELLINGS = {"2": "two", "3": "three", "2.0": "two", "3.0": "three", "n/a": "", "na": "", "-": ""}
+SPELLINGS = {"2": "two", "3": "three", "2.0": "two", "3.0": "three",
+             **dict.fromkeys(("n/a", "na", "-", "nan", "none"), "")}
 SIDES = ("low", "high", "left", "right")
 
 # (lowest, highest) that a launcher and a field can give; beyond is a slip of the pen or of a unit
@@ -97,18 +98,24 @@ def number_column(table: RawTable, name: str, problems: Problems, needed: bool =
     low, high = RANGES.get(name, NO_RANGE)
     values = np.full(len(table.lines), np.nan)
     beyond: dict[int, float] = {}
+    odd: dict[str, list[int]] = {}
     for row, cell in enumerate(table.columns[name]):
         number = parse_number(cell)
         if cell is None:
             if needed:
                 table.fault(problems, row, name, "is missing")
         elif number is None or not math.isfinite(number):
-            table.fault(problems, row, name, f"{cell!r} is not a finite number"
-                        + ("; decimals have a point, thousands no mark" if "," in str(cell) else ""))
+            odd.setdefault("; decimals have a point, thousands no mark" if "," in str(cell) else
+                           "; write digits alone, and the unit in the column's name; leave the cell empty where there "
+                           "is none", []).append(row)
         elif not low <= number <= high:
             beyond[row] = number
         else:
             values[row] = number
+    for todo, rows in odd.items():
+        more = f"; here and in {len(rows) - 1} more rows" if len(rows) >= ALIKE else ""
+        for row in rows[:1 if more else None]:
+            table.fault(problems, row, name, f"{table.columns[name][row]!r} is not a finite number{todo}{more}")
     alike = len(beyond) >= ALIKE and len(beyond) > np.isfinite(values).sum()
     for row, number in list(beyond.items())[:1 if alike else None]:
         table.fault(problems, row, name, _beyond(table, name, number)
@@ -133,6 +140,8 @@ def text_column(table: RawTable, name: str, problems: Problems, needed: bool = T
     values = tuple(map(text_of, table.columns[name]))
     if name == "outcome":
         values = tuple(SPELLINGS.get(plain := value.strip().lower(), plain) for value in values)
+    if name == "side":
+        values = tuple(value.strip().lower() for value in values)
     told: set[str] = set()
     for row, value in enumerate(values):
         if needed and not value:

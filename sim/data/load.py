@@ -32,6 +32,8 @@ def load_dataset(directory: str | Path) -> Dataset:
     home = Path(directory)
     if not home.is_dir():
         raise InputError(f"{home}: there is no such directory")
+    if not (home / RIG).exists():
+        raise InputError(f"{home / RIG}: there is no such file; `truearc init {home}` writes a template")
     rig = load_rig(home / RIG)
     shots_path = find_table(home, "shots")
     if shots_path is None:

@@ -5,6 +5,7 @@ import csv
 import io
 import re
 import sys
+from codecs import BOM_UTF8
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -122,23 +123,28 @@ def parse_csv(text: str, path: Path, problems: Problems) -> RawTable:
         if beyond and len(cells) <= width:
             raise InputError(f"{path}:1: column '' is unnamed, and has {beyond!r} in line {line}; name it")
         if beyond or len(cells) < len(header):
-            problems.add(f"{path}:{line}", "", f"{len(cells)} cells where the header has {len(header)}")
+            problems.add(f"{path}:{line}", "", f"{len(cells)} cells where the header has {len(header)}; a cell with "
+                         "a comma in it stands in quotes, an empty one needs its comma, too")
             continue
         lines.append(line)
         for name, cell in zip(header, cells, strict=False):
             columns[name].append(cell or None)
-    return RawTable(path, _with_points(columns, path, mark), lines)
+    return RawTable(path, _with_points(columns, path), lines)
 
 
-def _with_points(columns: dict[str, list[Cell]], path: Path, mark: str) -> dict[str, list[Cell]]:
-    """Decimal commas as points: where no cell has a point, and behind semicolons or where not all commas can be of
-    thousands."""
-    cells = [str(cell) for column in columns.values() for cell in column if cell]
-    commas = [cell for cell in cells if DECIMAL_COMMA.match(cell)]
-    if not commas or any(map(DECIMAL_POINT.match, cells)) or (mark != ";" and all(map(THOUSANDS.match, commas))):
+def _with_points(columns: dict[str, list[Cell]], path: Path) -> dict[str, list[Cell]]:
+    """Decimal commas as points, in columns without points where some comma cannot be of thousands; in a table without
+    any point also where each could be."""
+    cells = {name: [str(cell) for cell in column if cell] for name, column in columns.items()}
+    commas = {name: [cell for cell in column if DECIMAL_COMMA.match(cell)] for name, column in cells.items()}
+    pointed = {name for name, column in cells.items() if any(map(DECIMAL_POINT.match, column))}
+    sure = {name for name, found in commas.items() if not all(map(THOUSANDS.match, found))}
+    read = [name for name, found in commas.items()
+            if found and name not in pointed and (name in sure or (sure and not pointed))]
+    if not read:
         return columns
-    print(f"warning: {path}: read with commas as decimal points", file=sys.stderr)
-    return {name: [cell and DECIMAL_COMMA.sub(r"\1.\2", str(cell)) for cell in column]
+    print(f"warning: {path}: read with commas as decimal points: {', '.join(read)}", file=sys.stderr)
+    return {name: [cell and DECIMAL_COMMA.sub(r"\1.\2", str(cell)) for cell in column] if name in read else column
             for name, column in columns.items()}
 
 
@@ -170,6 +176,8 @@ def _rows(text: str, path: Path, mark: str) -> Iterator[tuple[int, list[str]]]:
 def text_of(path: Path) -> str:
     """A text file; InputError names it, and the line that is not UTF-8."""
     data = load_bytes(path)
+    if data.startswith(BOM_UTF8):
+        print(f"warning: {path}: read without the byte-order mark that it begins with", file=sys.stderr)
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -33,6 +33,12 @@ SAID: dict[str, tuple[set[str], tuple[str, ...]]] = {
     "motor_ratio": ({"ratio", "power", "throttle", "duty"}, ("exit_speed_m_s", WHEEL.pattern)),
     "outcome": ({"outcome", "result", "score", "scored"}, ("miss_height_m",)),
 }
+# names of columns that are mostly meant as one that is read, where that is not there
+MEANT = {**dict.fromkeys(("time", "time_s", "timestamp", "timestamp_s"), "t_s"), "ball": "ball_id",
+         **dict.fromkeys(("voltage", "voltage_v", "bus_v"), "battery_v"),
+         **dict.fromkeys(("temp", "temp_c"), "temperature_c"),
+         **dict.fromkeys(("exit_velocity_m_s", "velocity_m_s", "speed_m_s"), "exit_speed_m_s"),
+         "spin_rpm": "exit_spin_rpm", "spin_rev_s": "exit_spin_rev_s"}
 # names that say the motors' speed otherwise than by motor_ratio, and what to do with their numbers
 MOTOR = re.compile(r"(motors?|flywheels?|shooter)_?(rpm|speed|velocity|rad_?s|rev_?s|rps|deg_?s|percent|pct|output)?"
                    r"(_(rpm|rad_s|rev_s|rps|deg_s|percent|pct))?|rpm|percent_output")
@@ -117,6 +123,9 @@ def _meant(name: str, is_read: Callable[[str], bool], there: set[str]) -> str | 
                                                         for have in there):
             return column
     plain = "_".join(name.lower().split())
+    if plain in MEANT and is_read("shot_id") and _read_as(meant := MEANT[plain], is_read)[0] not in there:
+        return meant
+    plain = plain.removesuffix(_unit_of(plain)).rstrip("_") if plain.startswith("wheel_") else plain
     without_unit = [f"{plain}_{unit}" for unit in CONVERTED if is_read(f"{plain}_{unit}")]
     like = difflib.get_close_matches(plain, [*RANGES, *WORDS, *OTHERS], 1, NEAR)
     return next((one for one in [*without_unit, *like] if is_read(one) and one not in there), None)

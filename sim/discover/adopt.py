@@ -20,7 +20,7 @@ from msgspec import structs
 
 from truearc.sim.discover.finding import Adoption
 from truearc.sim.discover.investigate import Investigation, believed_spot
-from truearc.sim.discover.report.finding_text import gained_interval, say_refused
+from truearc.sim.discover.report.finding_text import gained_interval, say_limits, say_refused
 from truearc.sim.discover.select import expected_points as worth
 from truearc.sim.discover.select.amplitude_prior import by_own_prior
 from truearc.sim.discover.select.forecast_error import track_errors
@@ -80,7 +80,7 @@ def make_belief(investigation: Investigation, gain: Gain = usual_gain,
     """
     if investigation.fitted is None:
         raise ValueError("the data carry no test, so nothing was fitted")
-    taken, worse, _ = _best(investigation, gain, threshold)
+    taken, worse, _, _ = _best(investigation, gain, threshold)
     named, free, several, evidence = taken.named, taken.free, taken.several, taken.evidence
     among = investigation.catalogue
     names = [name for step in named[:-1 if several else None] for name in step.refit.names]
@@ -143,35 +143,41 @@ def with_worth(investigation: Investigation) -> Investigation:
     """The same, its finding with what it is worth in points, and whether it is adopted."""
     if not investigation.steps or investigation.fitted is None:
         return investigation
-    _, why, judged = _best(investigation, usual_gain, worth.THRESHOLD)
-    if judged is None:
-        return investigation
-    adoption = structs.replace(judged, refused=why or None)
-    return replace(investigation, finding=structs.replace(investigation.finding, adoption=adoption))
+    _, why, judged, limits = _best(investigation, usual_gain, worth.THRESHOLD)
+    found = investigation.finding
+    if new := {name: at for name, at in limits.items() if name not in found.data.at_limit}:
+        data = structs.replace(found.data, at_limit=found.data.at_limit | new)
+        found = structs.replace(found, data=data, sentence=found.sentence + say_limits(new))
+    if judged is not None:
+        found = structs.replace(found, adoption=structs.replace(judged, refused=why or None))
+    return replace(investigation, finding=found)
 
 
 def _best(investigation: Investigation, gain: Gain,
-          threshold: float | None) -> tuple[_Taken, str, Adoption | None]:
+          threshold: float | None) -> tuple[_Taken, str, Adoption | None, dict[str, float]]:
     """(all that was found; else what has a name; else, of an unexplained effect, the average of the names that come
-    nearest, if that clearly scores more; else nothing; why not all; worth of the first that was judged)."""
+    nearest, if that clearly scores more; else nothing; why not all; worth of the first that was judged; numbers of what
+    was looked at that stopped at the end of their range)."""
     everything, worse = _best_flown(investigation)
     named = tuple(step for step in everything if not step.unknown)
     first: Adoption | None = None
+    limits: dict[str, float] = {}
     for steps in (everything, named) if 0 < len(named) < len(everything) else (everything,):
         taken = _take(investigation, steps)
+        limits |= stopped(taken.evidence, investigation.catalogue) if taken.named or taken.free else {}
         why, judged = _worse(investigation, taken, gain), None
         if not why and threshold is not None:
             judged = judge_points(investigation, taken, threshold)
             why = say_refused(judged) if judged is not None and judged.gain < 0.0 else ""
         if not why and (taken.named or taken.free or not steps):
-            return taken, worse, first or judged
+            return taken, worse, first or judged, limits
         first, worse = first or judged, worse or why or taken.why
     if threshold is not None and everything and not named:
         taken = _take(investigation, tuple(replace(step, unknown=False) for step in everything))
         judged = None if _worse(investigation, taken, gain) else judge_points(investigation, taken, threshold)
         if judged is not None and judged.low90 > 0.0:
-            return taken, worse, judged
-    return _take(investigation, ()), worse, first
+            return taken, worse, judged, limits
+    return _take(investigation, ()), worse, first, limits
 
 
 def judge_points(investigation: Investigation, taken: _Taken, threshold: float = worth.THRESHOLD) -> Adoption | None:

@@ -26,6 +26,7 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError, parse_table
 from truearc.robot.config.toml_text import make_toml
 from truearc.robot.config.whole_file import save_whole
+from truearc.sim.data.columns import WHEEL
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.coefficients import SCHEMA, Coefficients, coefficients_in, load_table
 from truearc.sim.infer.curve import Curve, read_curves, write_curve
@@ -38,12 +39,13 @@ SCATTERS = ("speed", "elevation_deg")
 SCATTER = "scatter"
 
 
-RANGED = ("distance_m", "hood_deg", "motor_ratio", "exit_speed_m_s", "exit_deg")
+RANGED = ("distance_m", "hood_deg", "motor_ratio", "exit_speed_m_s", "exit_deg", "exit_spin_rev_s")
 
 
 def ranges_of(shots: Shots) -> dict[str, list[float]]:
     """Return {column: [lowest, highest]} of the settings of shots, for the provenance of what is fitted to them."""
-    known = {name: column[np.isfinite(column)] for name, column in shots.numbers.items() if name in RANGED}
+    known = {name: column[np.isfinite(column)] for name, column in shots.numbers.items()
+             if name in RANGED or WHEEL.fullmatch(name)}
     return {name: [float(column.min()), float(column.max())] for name, column in known.items() if len(column)}
 
 

@@ -25,6 +25,18 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+def test_wheels_outside_the_fitted_range_are_noted() -> None:
+    shots = ta.load_dataset(EXAMPLE)
+    turned = shots.shots.number("motor_ratio") * 594.0
+    wheels = {f"wheel_{one.name}_rad_s": one.gear * turned for one in shots.rig.launcher.wheel}
+    numbers = {name: column for name, column in shots.shots.numbers.items() if name != "motor_ratio"} | wheels
+    measured = replace(shots, shots=replace(shots.shots, numbers=numbers))
+    belief = ta.fit(measured).belief
+    notes = ta.predict(replace(measured, shots=replace(measured.shots, numbers=numbers | {
+        "wheel_lower_rad_s": 3.0 * wheels["wheel_lower_rad_s"]})), belief, accept="reach").column("note")
+    assert all("wheel_lower_rad_s" in note and "is outside the fitted" in note for note in notes)
+
+
 def test_each_row_outside_the_fitted_range_is_noted(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     fitted = folder / "coefficients.toml"
     assert main(["paper", "fit", str(EXAMPLE), "-o", str(fitted), "--step", "0.5", "--quiet"]) == 0

@@ -1,6 +1,6 @@
 """Plan shots: what data of a kind could show, and which shots would tell remaining candidate terms apart."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from truearc.api.terms import check_kind, names_of
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
 from truearc.robot.config.whole_file import save_whole
-from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.plan.detectability import Sight
 from truearc.sim.discover.plan.expected_information import foresee, foresee_dataset, is_planned
@@ -21,6 +21,7 @@ from truearc.sim.discover.plan.experiment_design import can_design, make_design
 from truearc.sim.discover.report.design_report import SCHEMA, design_lines, design_table
 from truearc.sim.discover.report.identifiability_report import make_sight_page, sight_lines
 from truearc.sim.discover.settings import CONFIGURATIONS, LEVEL, PLANNED_SHOTS, SEASON_SHOTS
+from truearc.sim.infer.plausibility.check import check_plausible
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.physics.term import Term
 from truearc.sim.printed import Printed
@@ -68,6 +69,7 @@ class Identifiability(Printed):
 def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, shots: int | None = None,
                     believe: Iterable[str | Term] | None = None, terms: Iterable[Term] | None = None,
                     sides: bool = False, seed: int | None = None, name: str | None = None,
+                    accept: Collection[str] = (),
                     progress: Progress = lambda done, note: None) -> Identifiability:
     """Work out which terms shots could show, before any result is known.
 
@@ -80,14 +82,17 @@ def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, 
         sides: High or low is noted of every miss.
         seed: Of the planned season, or of where shots without results pass; 0 when None.
         name: Of it in the report; None: the dataset's name, or "rig".
+        accept: Names of plausibility checks whose objections are accepted.
         progress: Called with the share done, 0 to 1, and a note.
 
     Raises:
-        InputError: an unknown level or term, too few shots, a target that is missing or out of reach, level or shots
-            given with a dataset, or sides or seed with one that has results.
+        InputError: an implausible rig or dataset, an unknown level or term, too few shots, a target that is missing or
+            out of reach, level or shots given with a dataset, or sides or seed with one that has results.
     """
     check_kind("rig_or_dataset", rig_or_dataset, (Rig, Dataset), "load_rig(...) or truearc.load_dataset(...)")
     rig = rig_or_dataset.rig if isinstance(rig_or_dataset, Dataset) else rig_or_dataset
+    check_plausible(rig_or_dataset if isinstance(rig_or_dataset, Dataset) else
+                    Dataset("", rig, Shots((), {}, {})), accept)
     among = as_catalogue(terms)
     believed = names_of(rig.believe.terms if believe is None else believe,
                         "rig.toml: believe.terms" if believe is None else "believe", among) or ()

@@ -239,8 +239,8 @@ def _log_spread_by(intake: Intake, layout: ParameterLayout, spot: LinearizationP
                    slopes: Prediction, normal: Normal) -> Float[Array, "n inputs"]:
     """Slopes [n, inputs] of the log standard deviation of the height at the plane.
 
-    By how the height's slopes differ between shots that deviate a little to either side: compiling a second derivative
-    would take longer than all flights.
+    By how the height's slopes differ between shots that deviate a little and those that do not: compiling a second
+    derivative would take longer than all flights.
     """
     inputs = len(layout.inputs)
     result = np.zeros((len(intake.rows), inputs))
@@ -253,10 +253,9 @@ def _log_spread_by(intake: Intake, layout: ParameterLayout, spot: LinearizationP
     toward = np.einsum("nde,ne->nd", covariance, by_deviate)
     spread = np.sqrt((toward * by_deviate).sum(1) + FLOOR_M**2)
     toward /= spread[:, None]
-    basis = _basis(layout, layout.inputs)
-    spots = [replace(spot, deviates=spot.deviates + step * toward) for step in (BESIDE, -BESIDE)]
-    above, below = (_fly(layout, intake.lanes, one, basis)[1].plane[:, 0] for one in spots)
-    change = (above - below) / (2.0 * BESIDE * spread[:, None])
+    here = replace(spot, deviates=spot.deviates + BESIDE * toward)
+    beside = _fly(layout, intake.lanes, here, _basis(layout, layout.inputs))[1].plane[:, 0]
+    change = (beside - slopes.plane[:, 0, :inputs]) / (BESIDE * spread[:, None])
     return np.where(seen.near[:, None] & np.isfinite(change), change, result)
 
 

@@ -37,3 +37,4 @@ BALLS_PART = 0.5                      # of the variance of launches from shot to
 WEAKER = 1.5                          # widths of catalogue priors: a belief can hardly be argued away by its own prior
 CALIBRATED = 0.04                     # of a tracker's usual error: a scale within 0.2 %, a tilt within 0.1 degrees
 UNMEASURED_M = 1e6                    # of a tracker's axis whose samples are all alike
+STILL_M = 1e-6                        # that alike: a float's rounding of one number

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from truearc.sim.data.dataset import Tracks
-from truearc.sim.infer.likelihood.noise import UNMEASURED_M
+from truearc.sim.infer.likelihood.noise import STILL_M, UNMEASURED_M
 from truearc.sim.infer.likelihood.score_table import Array
 
 FEWEST_SAMPLES = 6                    # per track; fewer cannot say more than where it started and how fast
@@ -91,7 +91,7 @@ def measure_scatter(samples: Samples, believed_m: float) -> Scatter:
     was found after the same curve was taken out of a typical track. An axis whose samples are all alike was not
     measured: it gets a noise beside which nothing shows.
     """
-    unmeasured = np.ptp(samples.position_m[samples.real], axis=0) == 0.0
+    unmeasured = np.ptp(samples.position_m[samples.real], axis=0) < STILL_M
     long = [k for k, real in enumerate(samples.real) if real.sum() >= ENOUGH_SAMPLES]
     if not long:
         return Scatter(np.where(unmeasured, UNMEASURED_M, believed_m), np.zeros(3))

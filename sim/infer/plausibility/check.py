@@ -93,6 +93,10 @@ def _placed(objection: Flaw, shots: str) -> str:
 
 
 def _objections(dataset: Dataset) -> Iterator[Flaw]:
+    told = dataset.shots
+    if dataset.rig.target is None and (any(told.text("outcome")) or np.isfinite(told.number(MISSED)).any()):
+        yield Flaw("target", "rig.toml: target.centre_height_m", "missing key; outcomes and heights at the target are "
+                   "about its centre: state it with target.two_half_height_m")
     ball = list(_ball(dataset.rig))
     yield from ball
     yield from _balls(dataset.rig, dataset.shots) if all(flaw.warns for flaw in ball) else ()
@@ -244,6 +248,9 @@ def judges_reach(dataset: Dataset) -> bool:
 def _scoring(rig: Rig, shots: Shots) -> tuple[Bool[np.ndarray, " n"], Float[np.ndarray, "3 m"]]:
     """Which shots score, and distance [m], angle [deg] and launch speed [m/s] of those where all are known."""
     scoring = np.isin(shots.text("outcome"), ("two", "three"))
+    height_m = shots.number(MISSED)
+    if rig.target is not None and len(set(height_m[np.isfinite(height_m)].tolist())) > 1:     # not a table of aims
+        scoring |= np.abs(height_m) <= rig.target.two_half_height_m
     speed_m_s = launch_state(rig, shots).get("exit_speed_m_s", np.full(len(shots), np.nan))
     seen_deg = shots.number("exit_deg")
     columns = np.array([shots.number("distance_m"),

@@ -17,6 +17,7 @@ MOTORS = "the motors' speeds, before the gears, given as the wheels'"
 GEARS = "gears upside down: launcher.wheel.gear is wheel speed / motor speed"
 SPEEDS = "launcher.free_speed_rad_s, or the wheels' speeds, in revolutions per "
 DROOPS = 1.3                          # a wheel's speed by its motor's, or the inverse, under load and by slack belts
+UNIT = 0.2                            # of the log of the ratio, by which a wrong unit is likelier than a wrong part
 ALIKE = 1.2                           # causes that fit as well to within this are named together
 
 
@@ -41,9 +42,10 @@ def speed_causes(rig: Rig, shots: Shots) -> dict[str, float]:
 
 def likeliest(found: Mapping[str, float], within: tuple[float, float], typical: float, otherwise: str) -> str:
     """The causes by which a ratio would be most typical, of those by which it can be."""
-    off = {cause: abs(math.log(ratio / typical)) for cause, ratio in found.items() if within[0] <= ratio <= within[1]}
+    off = {cause: abs(math.log(ratio / typical)) - UNIT * (" in " in cause) for cause, ratio in found.items()
+           if within[0] <= ratio <= within[1]}
     best = min(off.values(), default=0.0)
-    return " or ".join(sorted((cause for cause in off if off[cause] < best + math.log(ALIKE)),
+    return " or ".join(sorted((cause for cause in off if off[cause] < best + math.log(ALIKE) + 1e-9),
                               key=lambda cause: off[cause])[:3]) or otherwise
 
 

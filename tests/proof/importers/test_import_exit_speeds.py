@@ -138,7 +138,7 @@ def test_too_few_to_judge_by_is_said(tmp_path: Path, capsys: pytest.CaptureFixtu
     path = write(tmp_path / "f.csv", FUEL, [(46, 3000, 5.6, -3.2, 0.215, 0.075)])
     assert truearc.main(["import", "fuel", str(path), "-o", str(tmp_path / "d")]) == 0
     assert truearc.main(["discover", str(tmp_path / "d")]) == 2
-    assert "1 shots are too few" in capsys.readouterr().err
+    assert "1 shot is too few" in capsys.readouterr().err
 
 
 @settings(max_examples=40, deadline=None)

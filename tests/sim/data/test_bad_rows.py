@@ -48,14 +48,22 @@ def test_a_blank_line_and_a_cell_of_two_lines_do_not_shift_the_count(tmp_path):
 
 
 def test_all_problems_are_listed_up_to_twenty(tmp_path):
-    rows = "\n".join(f"r{number},far,50,0.5,two,,," for number in range(23))
-    write(tmp_path, f"{HEADER}\n{rows}\n", tracks="shot_id,t_s,x_m,y_m,z_m\nr0,0,0,0,\n")
+    rows = "\n".join(f"r{number},far" for number in range(23))
+    write(tmp_path, f"{HEADER}\nr,3,50,0.5,two,,,\n{rows}\n", tracks="shot_id,t_s,x_m,y_m,z_m\nr,0,0,0,\n")
     with pytest.raises(InputError) as error:
         load_dataset(tmp_path)
     lines = str(error.value).splitlines()
     assert len(lines) == 21
-    assert "shots.csv:21: distance_m" in lines[19]
+    assert "shots.csv:22: 2 cells where the header has 8" in lines[19]
     assert lines[20] == "... and 4 more problems (24 in all)"
+
+
+def test_the_same_fault_of_many_cells_is_said_once(tmp_path):
+    rows = "\n".join(f"r{number},3.2m,50,0.5,two,,," for number in range(23))
+    write(tmp_path, f"{HEADER}\n{rows}\n")
+    with pytest.raises(InputError, match=r"shots\.csv:2: distance_m: '3.2m' is not a finite number; write digits "
+                                         r"alone, and the unit in the column's name; .*; here and in 22 more rows$"):
+        load_dataset(tmp_path)
 
 
 @pytest.mark.parametrize(("tracks", "message"), [

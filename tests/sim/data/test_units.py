@@ -44,7 +44,7 @@ def test_shots_say_the_same_in_other_units(tmp_path: Path, shots: str) -> None:
 
 
 @pytest.mark.parametrize(("cells", "wrong"), [
-    ('"1,234",40', "1,234"), ('"1,5",40.5', "1,5"), ('"1.234,5",40', "1.234,5")])
+    ('"1,234",40', "1,234"), ('"1,234",40.5', "1,234"), ('"1.234,5",40', "1.234,5")])
 def test_commas_that_may_be_of_thousands_are_refused(tmp_path: Path, cells: str, wrong: str) -> None:
     with pytest.raises(InputError, match=rf"shots\.csv:2: distance_m: '{wrong}' is not a finite number; decimals have "
                        "a point, thousands no mark"):
@@ -56,9 +56,26 @@ def test_commas_beside_points_are_of_thousands_behind_semicolons_too(tmp_path: P
         load(tmp_path, "shot_id;hood_deg;wheel_main_rad_s\na;40.5;1,234\n")
 
 
+@pytest.mark.parametrize("number", ["12,900", "1,234"])
+def test_commas_that_may_all_be_of_thousands_are_refused_behind_semicolons(tmp_path: Path, number: str) -> None:
+    with pytest.raises(InputError, match=rf"battery_mv: '{number}' is not a finite number; decimals have a point"):
+        load(tmp_path, f"shot_id;distance_m;battery_mv\na;4;{number}\n")
+
+
+def test_a_column_with_points_does_not_make_thousands_of_anothers_commas(tmp_path: Path) -> None:
+    shots = load(tmp_path, "shot_id;day;distance_m;motor_ratio\na;3.10;4,55;0.5\n").shots
+    assert (shots.number("distance_m"), shots.number("motor_ratio")) == (4.55, 0.5)
+
+
+def test_a_byte_order_mark_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    load(tmp_path, "\ufeffshot_id,distance_m\na,3\n")
+    assert "shots.csv: read without the byte-order mark" in capsys.readouterr().err
+
+
 def test_commas_that_were_read_as_points_are_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     load(tmp_path, 'shot_id,distance_m,hood_deg\na,"3,05","0,579"\n')
-    assert capsys.readouterr().err == f"warning: {tmp_path}/shots.csv: read with commas as decimal points\n"
+    assert capsys.readouterr().err == (f"warning: {tmp_path}/shots.csv: read with commas as decimal points: "
+                                       "distance_m, hood_deg\n")
 
 
 @pytest.mark.parametrize(("header", "factor"), [
@@ -87,6 +104,7 @@ def test_metres_per_millisecond_are_not_milliseconds(tmp_path: Path, name: str) 
 
 
 @pytest.mark.parametrize(("name", "meant"), [
+    ("time_s", "t_s"), ("voltage_v", "battery_v"), ("ball", "ball_id"), ("wheel_main_m_s", "wheel_main_rad_s"),
     ("hood", "hood_deg"), ("since_last_shot", "since_last_shot_s"),
     ("distnce_m", "distance_m"), ("Distance", "distance_m"), ("temperature", "temperature_c"),
     ("outcomes", "outcome"), ("hood_angle", "hood_deg"), ("distance_inches", "distance_m"), ("ratio", "motor_ratio"),

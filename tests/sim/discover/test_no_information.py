@@ -25,7 +25,8 @@ def seen_at_its_usual_size(dataset: ta.Dataset, term: str, believe: list[str]) -
 def test_a_coordinate_that_is_zero_everywhere_shows_no_crosswind() -> None:
     filmed = make_drops(14, 2, cd=0.0)
     assert filmed.tracks is not None
-    flat = replace(filmed, tracks=replace(filmed.tracks, y_m=np.zeros_like(filmed.tracks.y_m)))
+    noise_m = 1e-9 * np.random.default_rng(0).normal(size=len(filmed.tracks.y_m))      # a float's rounding
+    flat = replace(filmed, tracks=replace(filmed.tracks, y_m=noise_m))
     believe = ["gravity", "drag"]
     assert not seen_at_its_usual_size(flat, LATERAL, believe)
     said = str(ta.identifiability(flat, believe=believe))

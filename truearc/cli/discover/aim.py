@@ -11,6 +11,7 @@ import sys
 import truearc as ta
 from truearc.cli import common
 from truearc.cli.outputs import out_file
+from truearc.robot.config.schema import about
 from truearc.robot.config.whole_file import save_whole
 
 EXAMPLE = "truearc aim belief.toml --rig rig.toml --distances 2:7:0.25 --picture aim.png"
@@ -44,8 +45,9 @@ def main(args: argparse.Namespace) -> int:
     from truearc.sim.compile_cache import keep_compiled
     keep_compiled()
     rig, belief = common.load_any_rig(args.rig), ta.load_belief(args.belief, common.catalogue_of(args))
-    table = ta.aim(belief, rig, distances_m=args.distances, hood_deg=args.hood, accept=args.accept,
-                   progress=common.make_progress("aim", args.quiet))
+    with about(str(args.rig)):
+        table = ta.aim(belief, rig, distances_m=args.distances, hood_deg=args.hood, accept=args.accept,
+                       progress=common.make_progress("aim", args.quiet))
     if args.robot is None:
         common.refuse(args, ("--note",), "applies with --robot only")
     common.print_or_write(args.out, table.to_text(args.format))

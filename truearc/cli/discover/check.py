@@ -29,17 +29,32 @@ def main(args: argparse.Namespace) -> int:
     dataset = check_plausible(ta.load_dataset(args.dataset), args.accept)
     print("\n".join([*dataset.lines(), *ranges(dataset), *plausibility(dataset)]))
     few = len(dataset.shots) < FEWEST_SHOTS
+    for line in lacking(dataset):
+        print(f"warning: {line}")
     if few and dataset.rig.target is None:
         print(f"warning: {say_few(len(dataset.shots))}; no season can be planned: rig.toml has no [target]")
         return 0
     with about(args.dataset):
-        could = ta.identifiability(dataset.rig if few else dataset, seed=args.seed,
+        could = ta.identifiability(dataset.rig if few else dataset, seed=args.seed, accept=args.accept,
                                    progress=make_progress("check", args.quiet))
     if few:
         print(f"warning: {say_few(len(dataset.shots))}" if len(dataset.shots) else "\nno shots yet", end="")
     print("; of a season with this rig:" if few else "")
     print(could)
     return 0
+
+
+def lacking(dataset: "ta.Dataset") -> list[str]:
+    """Return what no shot states of its own settings and results, where there are no tracks."""
+    from truearc.sim.data.columns import WHEEL
+    known = {name for name, column in dataset.shots.numbers.items() if (column == column).any()}
+    known |= {"wheel_<name>_rad_s" for name in known if WHEEL.fullmatch(name)}
+    known |= {"outcome"} if any(dataset.shots.text("outcome")) else set()
+    found = ((("distance_m",), "distance to the target"), (("hood_deg", "exit_deg"), "elevation"),
+             (("motor_ratio", "exit_speed_m_s", "wheel_<name>_rad_s"), "speed"),
+             (("outcome", "miss_height_m"), "result")) if len(dataset.shots) and dataset.tracks is None else ()
+    return [f"{dataset.shots.source}: {' or '.join(names)}: no shot states its {what}" for names, what in found
+            if not known & set(names)]
 
 
 def ranges(dataset: "ta.Dataset") -> list[str]:

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 import truearc as ta
-from truearc.cli.common import catalogue_of, make_progress, number, refuse, write_out
+from truearc.cli.common import add_accept, catalogue_of, make_progress, number, refuse, write_out
 from truearc.cli.discover.discover import add_believe, add_reports
 from truearc.robot.config.schema import about
 from truearc.sim.discover.settings import LEVEL, LEVELS, SEASON_SHOTS
@@ -18,6 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         "directory: its own shots, with or without results")
     add_believe(parser)
     add_reports(parser)
+    add_accept(parser)
     parser.set_defaults(seed=None)
     parser.add_argument("--shots", type=number(int, 1), metavar="N",
                         help=f"shots of a planned season (default {SEASON_SHOTS})")
@@ -34,10 +35,10 @@ def main(args: argparse.Namespace) -> int:
     from truearc.sim.compile_cache import keep_compiled
     keep_compiled()
     source = ta.load_dataset(path) if path.is_dir() else ta.load_rig(path)
-    with about(str(path)):
+    with about(str(path if path.is_dir() else path.parent)):
         answer = ta.identifiability(source, level=args.level, shots=args.shots, believe=args.believe,
                                     terms=catalogue_of(args), sides=args.sides, seed=args.seed, name=path.name,
-                                    progress=make_progress("identifiability", args.quiet))
+                                    accept=args.accept, progress=make_progress("identifiability", args.quiet))
     print(answer)
     write_out(args.json, answer.to_json())
     if args.report:
