@@ -36,13 +36,14 @@ def main() -> None:
     parser.add_argument("--rates", default="100,200,500", help="ticks a second")
     parser.add_argument("--loads", default="idle,busy")
     parser.add_argument("--layouts", default="one,three")
+    parser.add_argument("--most", type=float, default=loop_frames.MOST_HZ, help="frames a second to try, with --frames")
     parser.add_argument("--buses", default="virtual,slcan,socketcan", help="with --frames")
     parser.add_argument("--priority", default="50", help="as `truearc run` has it")
     parser.add_argument("--core", help="as `truearc run` has it")
     parser.add_argument("--gate", help="as `truearc run` has it; needed for the load `asked`")
     args = parser.parse_args()
     if args.frames:
-        return loop_frames.report(args.seconds or 2.0, args.buses.split(","))
+        return loop_frames.report(args.seconds or 2.0, args.buses.split(","), args.most)
     if args.lateness:
         options = ("--priority", args.priority, *(("--core", args.core) if args.core else ()),
                    *(("--gate", args.gate) if args.gate else ()))

@@ -150,25 +150,25 @@ def is_whole(bus: str, rate_hz: float, seconds: float) -> float:
     return count / took_s if received == count and not gaps and took_s * KEPT_UP <= seconds else 0.0
 
 
-def sustained(bus: str, seconds: float) -> float:
+def sustained(bus: str, seconds: float, most_hz: float) -> float:
     """The highest rate without loss."""
     def attempt(rate_hz: float) -> float:
         return max(is_whole(bus, rate_hz, seconds) for _ in range(TRIES))
 
     low, best = 0.0, 0.0
     high = float(FIRST_HZ)
-    while high <= MOST_HZ and (found := attempt(high)):
+    while high <= most_hz and (found := attempt(high)):
         low, best, high = high, found, 2 * high
     for _ in range(STEPS):
         middle = (low + high) / 2
-        if high > MOST_HZ or not middle:
+        if high > most_hz or not middle:
             break
         found = attempt(middle)
         low, best, high = (middle, found, high) if found else (low, best, middle)
     return best
 
 
-def report(seconds: float, wanted: list[str]) -> None:
+def report(seconds: float, wanted: list[str], most_hz: float) -> None:
     """The table; wanted: of which buses, by the beginning of their names."""
     limits = wire_limits()
     for kind, (most, none) in limits.items():
@@ -182,7 +182,7 @@ def report(seconds: float, wanted: list[str]) -> None:
     for bus, where in buses:
         if not bus.startswith(tuple(wanted)):
             continue
-        rate_hz = sustained(bus, seconds)
+        rate_hz = sustained(bus, seconds, most_hz)
         print(f"{bus:20s} {where:24s} {rate_hz:12.0f} {rate_hz / limit:24.2f} x", flush=True)
     if len(buses) < 4:
         print("socketcan:vcan0      not here")

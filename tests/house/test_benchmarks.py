@@ -108,7 +108,7 @@ def test_benchmark_runs(name: str, tmp_path: Path, data_dir: Path, monkeypatch: 
 @pytest.mark.slow
 @pytest.mark.parametrize("options", ["--lateness --seconds 1 --rates 100 --loads idle --layouts one",
                                      f"--lateness --seconds 8 --rates 100 --loads asked --layouts three --gate {GATE}",
-                                     "--frames --seconds 0.1 --buses slcan:socket"])
+                                     "--frames --seconds 0.1 --buses slcan:socket --most 2000"])
 def test_helpers_of_the_loop_run(options: str, tmp_path: Path, data_dir: Path) -> None:
     done = run(f"loop {options}", tmp_path, data_dir)
     assert done.returncode == 0 and "Traceback" not in done.stderr, done.stderr[-2000:]
