@@ -268,14 +268,14 @@ def _take(investigation: Investigation, steps: tuple[Step, ...]) -> _Taken:
         naming = replace(steps[-1].naming, chosen=(name,))
         named += (replace(steps[-1], unknown=False, naming=naming),)
     elif named:
-        named = (*named[:-1], _by_own_priors(named))
+        named = (*named[:-1], with_own_priors(named))
     several = mixed(named[-1]) if named and not free else None
     evidence = (free[-1].evidence if free else several.evidence if several else named[-1].refit.evidence if named
                 else without(investigation.fitted.evidence))
     return _Taken(named, free, several, evidence, why)
 
 
-def _by_own_priors(named: tuple[Step, ...]) -> Step:
+def with_own_priors(named: tuple[Step, ...]) -> Step:
     """The last step, its refits by the amplitudes' own priors: by normal ones large effects come out too small."""
     last = named[-1]
     parts = {last.naming.leader} if last.naming.probability[last.naming.leader] >= MASS else shares(last.naming)

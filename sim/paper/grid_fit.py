@@ -97,7 +97,8 @@ def make_axis(step: float) -> np.ndarray:
 def make_scoring(rig: Rig, shots: Shots) -> Scoring:
     """The shots whose outcome is two or three; InputError when none is a three or the rig has no target."""
     if rig.target is None:
-        raise InputError("rig.toml: [target] is needed to fit by outcomes")
+        raise InputError("rig.toml: target.centre_height_m: missing key; state the opening in [target]"
+                         ": the fit is by outcomes")
     outcome = np.array(shots.text("outcome"))
     if not (outcome == THREE).any():
         raise InputError(f"{shots.source}: outcome: fit by grid needs at least one shot whose outcome is three")

@@ -88,7 +88,8 @@ def opening_of(rig: Rig, coefficients: Values, among: known.Catalogue | None = N
     InputError when the rig has no target.
     """
     if rig.target is None:
-        raise InputError("rig.toml: [target] is needed to tell an outcome")
+        raise InputError("rig.toml: target.centre_height_m: missing key; state the opening in [target]"
+                         ": outcomes are about it")
     opening = Opening(rig.target.centre_height_m, rig.target.three_half_height_m, rig.target.two_half_height_m)
     values = known.effective(coefficients, circumstances, among)
     for term in known.arrival_terms(values, among):

@@ -78,7 +78,8 @@ def _notes(shots: Shots, height_m: list[float], provenance: Mapping[str, Any]) -
 def _flown(dataset: Dataset, belief: Belief, progress: Progress) -> tuple[list[float], list[float], list[str]]:
     """Height, deviation and outcome of each shot, under the conditions that the dataset records; NaN: not reached."""
     if dataset.rig.target is None:
-        raise InputError("rig.toml: [target] is needed to tell deviation and outcome")
+        raise InputError("rig.toml: target.centre_height_m: missing key; state the opening in [target]"
+                         ": deviation and outcome are about it")
     circumstances = along(belief.curves, circumstances_of(dataset), every_column(dataset), len(dataset.shots))
     among = belief.catalogue
     opening = opening_of(dataset.rig, belief.coefficients, among, circumstances)

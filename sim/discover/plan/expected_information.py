@@ -132,7 +132,8 @@ def rehearse(rig: Rig, believed: tuple[str, ...], level: str, shots: int = SEASO
     coefficients = usual_coefficients(believed, among)
     rng = np.random.default_rng(seed)
     if rig.target is None and level != "L2":
-        raise InputError("[target] is needed to tell an outcome; level L2, by tracks, does without")
+        raise InputError("rig.toml: target.centre_height_m: missing key; state the opening in [target]"
+                         "; level L2, by tracks, does without")
     plan = _throw(rig, shots, rng) if rig.target is None else _aim(rig, coefficients, shots, rng, among)
     numbers, texts = settings(rig, plan), {}
     if rig.target is not None:

@@ -34,7 +34,7 @@ FAR_BELOW_M = -10.0                   # stands for a ball that never came near
 PAD = 32                              # lanes fly in multiples of this, since each size is compiled,
 BLOCK = 64                            # and at most this number at once: more do not fit the caches
 WIDTH = 12                            # slopes that are flown together
-BESIDE = 0.1                          # standard deviations of the height, between slopes that are compared
+BESIDE = 0.001                        # standard deviations of the height, between slopes that are compared
 STEEPEST = 1e6                        # m by a deviate: of a flight that goes astray
 
 

@@ -63,7 +63,8 @@ def see_outcomes(shots: Shots, target: Target | None) -> tuple[Int[Array, " n"],
     outcome, side = np.array(shots.text("outcome")), np.array(shots.text("side"))
     height_m = shots.number("miss_height_m")
     if (outcome != "").any() and target is None:
-        raise InputError("rig.toml: [target] is needed to make sense of the column outcome")
+        raise InputError("rig.toml: target.centre_height_m: missing key; state the opening in [target]"
+                         ": the column outcome is about it")
     aside = np.isin(outcome, ("miss", "")) & np.isin(side, ("left", "right"))
     upright = np.isin(side, ("low", "high")) & (target is not None)
     rows = np.flatnonzero(np.isfinite(height_m) | (((outcome != "") | upright) & ~aside))

@@ -93,10 +93,6 @@ def _placed(objection: Flaw, shots: str) -> str:
 
 
 def _objections(dataset: Dataset) -> Iterator[Flaw]:
-    told = dataset.shots
-    if dataset.rig.target is None and (any(told.text("outcome")) or np.isfinite(told.number(MISSED)).any()):
-        yield Flaw("target", "rig.toml: target.centre_height_m", "missing key; outcomes and heights at the target are "
-                   "about its centre: state it with target.two_half_height_m")
     ball = list(_ball(dataset.rig))
     yield from ball
     yield from _balls(dataset.rig, dataset.shots) if all(flaw.warns for flaw in ball) else ()

@@ -11,7 +11,7 @@ import truearc as ta
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.shot_conditions import circumstances_of
-from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover.adopt import make_belief, with_own_priors
 from truearc.sim.discover.investigate import Investigation, discover
 from truearc.sim.discover.report.finding_text import say_adopted
 from truearc.sim.discover.select.model_averaging import LEAST, mixed, shares
@@ -51,7 +51,7 @@ def test_it_forecasts_the_average_and_no_single_name_does(raised: tuple[Dataset,
                                                           tmp_path: Path) -> None:
     dataset, found = raised
     assert found.finding.verdict == "set"
-    step, believed = found.steps[-1], found.finding.data.believed
+    step, believed = with_own_priors(found.steps[-1:]), found.finding.data.believed
     share = shares(step.naming)
     forecasts = {name: above_m(dataset, believed_at(step.naming.refits[name].evidence, believed)) for name in share}
     before = above_m(dataset, believed_at(step.fitted.evidence, believed))

@@ -12,7 +12,7 @@ THIRD = f"{SECOND.replace('2', '7')}\ndirection = 1\nendstop_endpoint = 0\n\n"
 
 @pytest.mark.parametrize(("old", "new", "said"), [
     (SECOND, f"{THIRD}{SECOND}", "axes.flywheels: 3 motors; the emulated robot has 2, so state as many"),
-    ("node = 2", "node = 1", "axes: flywheel motor 1 and flywheel motor 2 are the same device"),
+    ("node = 2", "node = 1", "axes.flywheels[1].node: 1 is that of axes.flywheels[0], too"),
 ])
 @pytest.mark.parametrize("words", [["emulate", "--trials", "1", "--out", "s"], ["sysid", "--emulate", "--out", "s"],
                                    ["emulate", "--trials", "1", "--bus", "slcan:auto"]])
@@ -28,5 +28,5 @@ def test_a_robot_with_one_device_twice_is_refused_before_there_is_a_folder(tmp_p
     (tmp_path / "mine.toml").write_text(TEXT.replace("node = 2", "node = 1"))
     monkeypatch.chdir(tmp_path)
     assert main(["run", "--config", "mine.toml", "--can", "virtual:x", "--page", "off"]) == 2
-    assert "are the same device" in capsys.readouterr().err
+    assert "is that of axes.flywheels[0], too" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
