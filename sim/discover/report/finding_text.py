@@ -146,7 +146,10 @@ def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, leading
     if also:
         left = next((one.unknown.covariate for one in also if one.unknown is not None), None)
         falls_short = "leaves something of the kind over" + (f" that goes with {in_words(left)}" if left else "")
-    nearest = f" The nearest name is {plain(leading.what[0].term, among)}, which {falls_short}." if leading.what else ""
+    nearest = ""
+    if leading.what:
+        nearest = (f" The nearest name is {plain(leading.what[0].term, among)}, which {falls_short}; by it "
+                   f"{_effect(leading.what[0], among, False)}.")
     formula = leading.unknown.formula
     law = f" An empirical formula does as well as the curve: {formula}." if formula else ""
     return f"{said}{_looks(leading.unknown, place)}{stage}.{law}{nearest}{_gained(fit)}{_chance(p_value)}"
