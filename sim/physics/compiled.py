@@ -10,7 +10,7 @@ import importlib.util
 import os
 import platform
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -18,12 +18,12 @@ from typing import Any
 import jax
 import jax.extend
 import jax.numpy as jnp
-import msgspec
 import numba
 import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.physics.flight import make_law, needs_time
+from truearc.sim.physics.rig_numbers import numbers_of, with_numbers, without_wheels
 from truearc.sim.physics.term import BallState, InFlight
 from truearc.sim.physics.vector import Vec, absent
 
@@ -51,7 +51,8 @@ def make_source(rig: Rig, terms: Sequence[InFlight], values: Sequence[tuple[str,
     every rig. Raises UntraceableLaw where the law pushes sideways, changes with the time since release, or uses an
     operation without a counterpart.
     """
-    known = list(_leaves(rig))
+    rig = without_wheels(rig)
+    known = numbers_of(rig)
 
     def planar(state: tuple[Any, ...], params: tuple[Any, ...], numbers: tuple[Any, ...]) -> tuple[Any, Any]:
         x, z, vx, vz, spin = state
@@ -59,7 +60,7 @@ def make_source(rig: Rig, terms: Sequence[InFlight], values: Sequence[tuple[str,
         for (term, parameter), value in zip(values, params, strict=True):
             table.setdefault(term, {})[parameter] = value
         ball = BallState(Vec(x, 0.0, z), Vec(vx, 0.0, vz), Vec(0.0, -1.0 * spin, 0.0))
-        law = make_law(_put(rig, iter(numbers)), terms, table)
+        law = make_law(with_numbers(rig, iter(numbers)), terms, table)
         if needs_time(law, ball):
             raise UntraceableLaw("the law changes with the time since release, which the grid does not keep")
         pushed = law(ball)
@@ -76,7 +77,7 @@ def make_source(rig: Rig, terms: Sequence[InFlight], values: Sequence[tuple[str,
 
 def facts_values(rig: Rig) -> tuple[float, ...]:
     """The rig's numbers in the order in which a written-out law takes them."""
-    return tuple(_leaves(rig))
+    return numbers_of(without_wheels(rig))
 
 
 def load_kernel(law: str, template: Path, keep: Callable[[str, str], Path | None] | None = None) -> ModuleType:
@@ -116,28 +117,6 @@ def _keep(name: str, text: str) -> Path | None:
         return path
     except (OSError, RuntimeError):
         return None
-
-
-def _leaves(rig: Any) -> Iterator[float]:
-    """Every number of a rig, in the order of its fields."""
-    for name in rig.__struct_fields__:
-        value = getattr(rig, name)
-        if isinstance(value, msgspec.Struct):
-            yield from _leaves(value)
-        elif isinstance(value, float):
-            yield value
-
-
-def _put(rig: Any, numbers: Iterator[Any]) -> Any:
-    """The rig with its numbers replaced, in the order of _leaves."""
-    changed = {}
-    for name in rig.__struct_fields__:
-        value = getattr(rig, name)
-        if isinstance(value, msgspec.Struct):
-            changed[name] = _put(value, numbers)
-        elif isinstance(value, float):
-            changed[name] = next(numbers)
-    return msgspec.structs.replace(rig, **changed)
 
 
 class _Writer:

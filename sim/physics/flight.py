@@ -16,6 +16,7 @@ from jax import lax
 
 from truearc.robot.config.rig_spec import Ball, Rig
 from truearc.sim.physics.launch import Exit
+from truearc.sim.physics.rig_numbers import apart, together
 from truearc.sim.physics.term import AirTerm, BallState, FlightTerm, InFlight, complete
 from truearc.sim.physics.vector import Vec, absent, add, length, plus, scale, times
 
@@ -46,7 +47,6 @@ class _Flight(NamedTuple):
     ball: Any                         # in the loop what `kept` keeps of it, then a BallState
 
 
-@partial(jax.jit, static_argnames=("rig", "terms", "step_s", "turn_rad", "limit_s", "floor"))
 def fly(rig: Rig, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[str, Any]], exit: Exit,
         distance_m: Any, step_s: float = STEP_S, turn_rad: float = TURN_RAD, limit_s: float = LIMIT_S,
         floor: bool = True, balls: Balls | None = None) -> Crossing:
@@ -58,6 +58,15 @@ def fly(rig: Rig, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[str,
     Forward-mode differentiable (jax.jacfwd) in params, exit and distance. Without `floor` the flight goes on below it,
     so that the height is continuous in everything; only turning back and the time limit are then not reached.
     """
+    flown: Crossing = _fly(*apart(rig), terms, params, exit, distance_m, balls, step_s, turn_rad, limit_s, floor)
+    return flown
+
+
+@partial(jax.jit, static_argnames=("shape_of_rig", "terms", "step_s", "turn_rad", "limit_s", "floor"))
+def _fly(shape_of_rig: Rig, numbers: Any, terms: tuple[InFlight, ...],
+         params: Mapping[str, Mapping[str, Any]], exit: Exit, distance_m: Any, balls: Balls | None, step_s: float,
+         turn_rad: float, limit_s: float, floor: bool) -> Crossing:
+    rig = together(shape_of_rig, numbers)
     law = make_law(with_balls(rig, balls), terms, params)
     shape = _shape(params, exit, distance_m)
     distance = jnp.broadcast_to(jnp.asarray(distance_m, dtype=float), shape)

@@ -5,7 +5,7 @@ sensed configuration -> sensing terms -> launch terms -> the launch's own deviat
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple, cast
 
@@ -25,6 +25,7 @@ from truearc.sim.physics.flight import Law, make_law
 from truearc.sim.physics.flight_over_x import AHEAD, SHARE, SLOWEST_M_S
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.nonparametric import CURVE
+from truearc.sim.physics.rig_numbers import apart, together
 from truearc.sim.physics.term import DIRECTIONS, BallState, Opening
 from truearc.sim.physics.vector import Vec, add, axes
 
@@ -94,7 +95,8 @@ class Chain:
 
     `slots`: parameters that may be varied; those of terms that are not among `terms` do nothing. bands: number of
     stretches of the flight in which a free push may act, besides all of it. free: some launches are unknown. catalogue:
-    of the terms. rig: noise and beliefs play no part here; strip them, so that the compiled code is shared.
+    of the terms. rig: noise and beliefs play no part here; strip them, so that the compiled code is shared, as it is by
+    rigs that differ in their numbers.
     """
 
     rig: Rig
@@ -124,13 +126,23 @@ class Chain:
         return len(self.slots) + self.deviates + self.pushes
 
 
-@partial(jax.jit, static_argnames=("chain",))
 def see_slopes(chain: Chain, lanes: ShotBatch, point: Float[Array, " slots"], deviates: Float[Array, "n D"],
                edges_s: Float[Array, " edges"], basis: Float[Array, "size k"]) -> tuple[Prediction, Prediction]:
     """(prediction at the parameters `point` and the deviates, its derivatives along the columns of `basis`).
 
     The rows of `basis` are the chain's inputs: slots, deviates, pushes. edges_s: between bands of the flight's time.
     """
+    shape, numbers = apart(chain.rig)
+    seen: tuple[Prediction, Prediction] = _see_slopes(replace(chain, rig=shape), numbers, lanes, point, deviates,
+                                                      edges_s, basis)
+    return seen
+
+
+@partial(jax.jit, static_argnames=("chain",))
+def _see_slopes(chain: Chain, numbers: Float[Array, " rig"], lanes: ShotBatch, point: Float[Array, " slots"],
+                deviates: Float[Array, "n D"], edges_s: Float[Array, " edges"],
+                basis: Float[Array, "size k"]) -> tuple[Prediction, Prediction]:
+    chain = replace(chain, rig=together(chain.rig, numbers))
     pushes = jnp.zeros(chain.pushes)
 
     def one(lane: ShotBatch, deviate: Float[Array, " D"]) -> tuple[Prediction, Prediction]:
@@ -146,10 +158,19 @@ def see_slopes(chain: Chain, lanes: ShotBatch, point: Float[Array, " slots"], de
     return jax.vmap(one)(lanes, deviates)
 
 
-@partial(jax.jit, static_argnames=("chain",))
 def plane_grid(chain: Chain, lanes: ShotBatch,
                points: Float[Array, "g slots"]) -> tuple[Float[Array, "g n"], Bool[Array, "g n"]]:
     """Heights above the target's centre and whether the ball came there, at each of the parameters `points`."""
+    shape, numbers = apart(chain.rig)
+    found: tuple[Float[Array, "g n"], Bool[Array, "g n"]] = _plane_grid(replace(chain, rig=shape), numbers, lanes,
+                                                                        points)
+    return found
+
+
+@partial(jax.jit, static_argnames=("chain",))
+def _plane_grid(chain: Chain, numbers: Float[Array, " rig"], lanes: ShotBatch,
+                points: Float[Array, "g slots"]) -> tuple[Float[Array, "g n"], Bool[Array, "g n"]]:
+    chain = replace(chain, rig=together(chain.rig, numbers))
     rest = jnp.zeros(chain.size - len(chain.slots))
 
     def one(point: Float[Array, " slots"], lane: ShotBatch) -> tuple[Number, Bool[Array, ""]]:
