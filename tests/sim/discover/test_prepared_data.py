@@ -135,7 +135,7 @@ def test_bad_input_is_named(mixed: Dataset) -> None:
     with pytest.raises(InputError, match=f"{FEWEST_SHOTS - 1} shots are too few.*{FEWEST_SHOTS} at least"):
         take_in(few)
     facts = type(mixed.facts)(ball=mixed.facts.ball, launcher=mixed.facts.launcher, noise=mixed.facts.noise)
-    with pytest.raises(InputError, match=r"\[target\] is needed"):
+    with pytest.raises(InputError, match=r"centre_height_m: missing key"):
         take_in(replace(mixed, facts=facts))
 
 
