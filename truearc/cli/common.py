@@ -72,7 +72,7 @@ def add_accept(parser: argparse.ArgumentParser) -> None:
 def print_or_write(path: Path | None, text: str) -> None:
     """Write text to standard output, or to a file where one is named."""
     if path is None:
-        sys.stdout.write(text)
+        sys.stdout.write(text if text.endswith("\n") else f"{text}\n")
     else:
         write_out(path, text)
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -124,6 +125,9 @@ def test_every_form_has_the_same_numbers(table: ta.AimTable) -> None:
     java = re.findall(r"motorRpm\.put\(([\d.]+), ([\d.]+)\);", table.to_java())
     cpp = re.findall(r"\{([\d.]+), ([\d.]+), ([\d.]+)\}", table.to_cpp())
     assert [float(speed) for _, speed in java] == pytest.approx(rpm, abs=0.05)
+    assert "lead" not in table.to_java().lower() + table.to_cpp().lower()
+    aside = replace(table, rows=tuple(row._replace(lead_deg=-1.7) for row in table.rows))      # against wind across
+    assert "leadDeg.put(" in aside.to_java() and aside.to_cpp().count(", -1.70}") == len(table.rows)
     assert [float(speed) for *_, speed in cpp] == pytest.approx(rpm, abs=0.05)
     read = json.loads(table.to_json())
     assert read["schema"] == "truearc.aim_table/1" and [row["motor_rad_s"] for row in read["rows"]] == [

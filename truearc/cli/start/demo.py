@@ -41,8 +41,8 @@ def main(args: argparse.Namespace, sizes: "Sizes | None" = None) -> int:
     from truearc.sim.compile_cache import keep_compiled
     keep_compiled()
     began, folder, sizes = time.monotonic(), args.out, sizes or Sizes()
-    config, envelope = load_config(SHIPPED), draw_effect(args.seed)
     seed = secrets.choice(range(*SEEDS)) if args.seed is None else args.seed
+    config, envelope = load_config(SHIPPED), draw_effect(seed)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / MARK).touch()
     practice = _practise(folder, config, seed, sizes, args.quiet)

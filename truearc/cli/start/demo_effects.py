@@ -5,7 +5,6 @@ simulator reads.
 """
 
 import hashlib
-import secrets
 import tomllib
 from pathlib import Path
 from typing import NamedTuple
@@ -40,12 +39,9 @@ class Envelope(NamedTuple):
         return hashlib.sha256(self.text.encode()).hexdigest()
 
 
-def draw_effect(seed: int | None) -> Envelope:
-    """Draw an effect and a nonce, from the system's entropy or from a seed."""
-    if seed is None:
-        number, nonce = secrets.randbelow(len(EFFECTS)), secrets.token_hex(16)
-    else:
-        import numpy as np  # which --help does without
-        rng = np.random.default_rng([seed, 99])
-        number, nonce = int(rng.integers(len(EFFECTS))), rng.bytes(16).hex()
+def draw_effect(seed: int) -> Envelope:
+    """Draw an effect and a nonce."""
+    import numpy as np  # which --help does without
+    rng = np.random.default_rng([seed, 99])
+    number, nonce = int(rng.integers(len(EFFECTS))), rng.bytes(16).hex()
     return Envelope(number, EFFECTS[number], f"{EFFECTS[number].name} | {nonce}")
