@@ -15,12 +15,14 @@ def has_lead(rows: Iterable[Any]) -> bool:
 
 def java_text(rows: Iterable[Any]) -> str:
     """Statements for two edu.wpi.first.math.interpolation.InterpolatingDoubleTreeMap, keyed by distance in m."""
-    lines = ["// by truearc aim: distance (m) -> hood (deg above the horizontal), motor (rpm)"]
     rows = tuple(rows)
+    lead = has_lead(rows)
+    lines = ["// by truearc aim: distance (m) -> hood (deg above the horizontal), motor (rpm)"
+             + ", lead (deg to the left)" * lead]
     for row in rows:
         lines += [f"hoodDeg.put({row.distance_m:.3f}, {row.hood_deg:.2f});",
                   f"motorRpm.put({row.distance_m:.3f}, {row.motor_rad_s * RPM:.1f});"]
-        lines += [f"leadDeg.put({row.distance_m:.3f}, {row.lead_deg:.2f});"] if has_lead(rows) else []
+        lines += [f"leadDeg.put({row.distance_m:.3f}, {row.lead_deg:.2f});"] if lead else []
     return "\n".join(lines) + "\n"
 
 

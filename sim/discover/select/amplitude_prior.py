@@ -83,8 +83,8 @@ def _density(fitted: BaselineFit, name: str, amplitude: float, sd: float,
     ends, term = _ends(fitted, name), find_terms((name.partition(".")[0],), fitted.layout.chain.catalogue)[0]
     changed = name in [column.name for column in fitted.layout.columns[fitted.layout.first_shared:]]
     places = np.linspace(max(ends[0], amplitude - 8.0 * sd), min(ends[1], amplitude + 8.0 * sd), 801)
-    told = norm.logpdf(places, amplitude, sd) - norm.logpdf(places, 0.0, usual)
-    return places, told + _own_prior(term, places, ends, usual, changed)   # a believed number has no side and no law
+    by_shots = norm.logpdf(places, amplitude, sd) - norm.logpdf(places, 0.0, usual)
+    return places, by_shots + _own_prior(term, places, ends, usual, changed)  # a believed number has no side and no law
 
 
 def _own_prior(term: Term, places: Float[Array, " k"], ends: tuple[float, float], usual: float,

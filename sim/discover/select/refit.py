@@ -132,8 +132,8 @@ def _looked_for(number: ShapeParameter, fitted: BaselineFit, found: Refit) -> Re
 
 
 def refit_at(fitted: BaselineFit, names: tuple[str, ...], start: Float[Array, " k"],
-              near: LinearizationPoint | None) -> Refit:
-    """The same, shape parameters where they are."""
+             near: LinearizationPoint | None) -> Refit:
+    """Fit the named columns as refit does, with shape parameters where they are."""
     layout = only_shared(fitted.layout, names)
     order = [column.name for column in layout.columns[:len(names)]]
     change = np.zeros(len(layout.columns))

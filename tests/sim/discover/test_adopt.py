@@ -109,6 +109,15 @@ def test_what_would_lose_points_is_not_adopted(hasty: tuple[Dataset, Investigati
     assert any("not adopted as found: aimed and gated" in line for line in console_lines(said))
 
 
+def test_a_number_that_stopped_beside_the_finding_is_in_its_verdict(
+        hasty: tuple[Dataset, Investigation], monkeypatch: pytest.MonkeyPatch) -> None:
+    assert not hasty[1].finding.data.at_limit
+    monkeypatch.setattr(adopt, "stopped", lambda evidence, among: {"scatter.distance": 2.7})
+    said = with_worth(hasty[1]).finding
+    assert said.data.at_limit == {"scatter.distance": 2.7} and "scatter.distance at 2.7" in said.sentence
+    assert make_belief(hasty[1])[1]["refused"] == "beside them scatter.distance stopped at the end of its range"
+
+
 def test_of_an_unexplained_effect_the_nearest_names_are_adopted_where_they_clearly_score(
         hasty: tuple[Dataset, Investigation], monkeypatch: pytest.MonkeyPatch) -> None:
     """Else nothing; and then a belief that was started from stays as it is, not fitted to what no term explains."""

@@ -7,6 +7,7 @@ last columns of the table say how many points an error of distance, hood angle o
 import argparse
 import math
 import sys
+from pathlib import Path
 
 import truearc as ta
 from truearc.cli import common
@@ -45,7 +46,7 @@ def main(args: argparse.Namespace) -> int:
     from truearc.sim.compile_cache import keep_compiled
     keep_compiled()
     rig, belief = common.load_any_rig(args.rig), ta.load_belief(args.belief, common.catalogue_of(args))
-    with about(str(args.rig)):
+    with about(str(Path(args.rig).parent)):
         table = ta.aim(belief, rig, distances_m=args.distances, hood_deg=args.hood, accept=args.accept,
                        progress=common.make_progress("aim", args.quiet))
     if args.robot is None:
