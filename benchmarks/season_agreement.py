@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import ks_2samp
 
+from truearc.api.emulation import KINDS
 from truearc.cli.common import SHIPPED, make_progress
 from truearc.robot.config.schema import load_config
 from truearc.sim.data.dataset import Shots
@@ -94,7 +95,7 @@ def main() -> int:
     print(f"{len(results)} balls of the emulated robot, and as many of the season\n")
     print(make_table(truths(results), truths(ours), True), end="\n\n")
     for name, each in (("robot", results), ("season", ours)):
-        counts = {mark: sum(one.outcome == mark for one in each) for mark in ("three", "two", "miss-low", "miss-high")}
+        counts = {mark: sum(one.outcome == mark for one in each) for mark in KINDS}
         print(f"{name}: " + ", ".join(f"{count} {mark}" for mark, count in counts.items()))
     print("\n" + make_table(readings(recorded, results, free_rad_s), readings(season.dataset.shots, ours, free_rad_s),
                             False))

@@ -7,7 +7,8 @@ from truearc.robot.aim import step_walk
 from truearc.robot.config.schema import Config
 from truearc.robot.types import Inputs, Memory, Outcome
 
-SIDES = {"miss-low": -1, "miss-high": 1, "two": 0, "three": 0}
+# to which side of the target a missed shot goes, by which the correction walks; a shot that scored moves nothing
+SIDES = {"miss-low": -1, "miss-high": 1, "two": 0, "two-low": 0, "two-high": 0, "three": 0}
 
 
 def operate(inputs: Inputs, memory: Memory, config: Config) -> tuple[Memory, tuple[Outcome, ...]]:

@@ -143,7 +143,7 @@ class Outcome(Struct, frozen=True):
 
     trial: int
     t_ns: int
-    outcome: str                                  # "miss-low" | "miss-high" | "two" | "three" | "rejected" | "held"
+    outcome: str                                  # button that marked it (miss-low to three), "rejected" or "held"
     reasons: tuple[Reason, ...] = ()              # for "held": what stood in the way
 
 

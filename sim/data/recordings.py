@@ -15,7 +15,8 @@ from truearc.sim.data.dataset import Dataset, Shots, Traces
 
 NS = 1e-9
 BEFORE_S, AFTER_S = 0.1, 0.7                      # telemetry kept around the feeding of each ball
-OUTCOMES = {"miss-low": ("miss", "low"), "miss-high": ("miss", "high"), "two": ("two", ""), "three": ("three", "")}
+OUTCOMES = {"miss-low": ("miss", "low"), "two-low": ("two", "low"), "two": ("two", ""), "three": ("three", ""),
+            "two-high": ("two", "high"), "miss-high": ("miss", "high")}    # by the button: outcome and side
 NUMBERS = ("distance_m", "hood_deg", "motor_ratio", "battery_v", "since_last_shot_s")
 
 

@@ -13,7 +13,7 @@ from truearc.sim.world import emulated_robot as engine
 from truearc.sim.world.options import Options
 from truearc.sim.world.parts.target import BallResult
 
-KINDS = ("three", "two", "miss-high", "miss-low")
+KINDS = ("three", "two-high", "two", "two-low", "miss-high", "miss-low")
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,9 @@ class Emulation(Printed):
     def lines(self) -> list[str]:
         """Return how many balls were launched, and how many had each outcome."""
         counts = Counter(ball.outcome for ball in self.balls)
-        marks = ", ".join(f"{counts[kind]} {kind}" for kind in KINDS)
-        return [f"{self.where}: {len(self.balls)} ball{'s' * (len(self.balls) != 1)} launched ({marks})"]
+        marks = ", ".join(f"{counts[kind]} {kind}" for kind in KINDS if counts[kind])
+        return [f"{self.where}: {len(self.balls)} ball{'s' * (len(self.balls) != 1)} launched"
+                + f" ({marks})" * bool(marks)]
 
 
 def emulate(config: Config, folder: str | Path, trials: int, seed: int, options: Options | None = None,

@@ -19,6 +19,7 @@ from truearc.sim.world.season import Season, ShotSetting, Trial
 from truearc.sim.world.world import World
 
 LEVELS = ("L0", "L1", "L2")
+NOTED = ("miss-low", "miss-high", "two", "three")      # a crew that notes sides of misses alone
 
 
 class Sensors(NamedTuple):
@@ -62,12 +63,13 @@ def play_season(rig: Rig, options: Options, seed: int, settings: Sequence[ShotSe
 
 
 def _noted(trials: Sequence[Trial], sensors: Sensors, luck: np.random.Generator) -> list[tuple[str, str]]:
-    """Return (outcome, side) of each shot as the crew noted them, some with the wrong button."""
-    names = list(OUTCOMES)
+    """Return (outcome, side) of each shot as the crew noted them, some with the wrong button; of twos no side."""
     wrong = luck.random(len(trials)) < sensors.wrong_marks
-    aside = luck.integers(1, len(names), len(trials))
-    return [OUTCOMES[names[(names.index(trial.result.outcome) + int(slip) * int(step)) % len(names)]]
-            for trial, slip, step in zip(trials, wrong, aside, strict=True)]
+    aside = luck.integers(1, len(NOTED), len(trials))
+    seen = [trial.result.outcome for trial in trials]
+    places = [NOTED.index("two" if one.startswith("two") else one) for one in seen]
+    return [OUTCOMES[NOTED[(place + int(slip) * int(step)) % len(NOTED)]]
+            for place, slip, step in zip(places, wrong, aside, strict=True)]
 
 
 def _tracks(trials: Sequence[Trial], sensors: Sensors, rng: np.random.Generator, luck: np.random.Generator) -> Tracks:

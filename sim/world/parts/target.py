@@ -30,14 +30,15 @@ class BallResult(NamedTuple):
     arrival_t_ns: int = 0         # this and what follows: once it has arrived
     y_m: float | None = None
     z_m: float | None = None
-    outcome: str = ""             # "three" | "two" | "miss-low" | "miss-high"
+    outcome: str = ""             # the button that says it: "three", "two-low", "miss-high", ...
 
 
 def classify(y_m: float | None, z_m: float | None) -> str:
     """What someone beside the goal would call it.
 
     "three" within a circle about the centre; "two" inside the regular hexagon that stands on a flat side (its half
-    height is the apothem); else a miss by the sign of the height error; a ball that never crossed is "miss-low".
+    height is the apothem); else a miss by the sign of the height error; a ball that never crossed is "miss-low". A
+    "two" that passes above or below the circle is "two-high" or "two-low".
     """
     if y_m is None or z_m is None:
         return "miss-low"
@@ -46,5 +47,5 @@ def classify(y_m: float | None, z_m: float | None) -> str:
         return "three"
     slanted_m = math.cos(math.radians(30.0)) * abs(y_m) + math.sin(math.radians(30.0)) * abs(up_m)
     if abs(up_m) <= TWO_HALF_HEIGHT_M and slanted_m <= TWO_HALF_HEIGHT_M:
-        return "two"
+        return "two" if abs(up_m) <= THREE_RADIUS_M else "two-high" if up_m > 0.0 else "two-low"
     return "miss-high" if up_m > 0.0 else "miss-low"

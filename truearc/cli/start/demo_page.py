@@ -17,7 +17,8 @@ HEAD = ("", "what was wrong", "what the robot found", "threes", "points per ball
 SEEN = "Of their usual size"          # what a finding of nothing says of the effects that it could not have shown
 LISTED = 3                            # names in a row
 WIDE_IN = 4.4                         # of a picture, so that its letters are legible on a phone
-MARKS = {("three", ""): "o", ("two", ""): "o", ("miss", "low"): "v", ("miss", "high"): "^"}
+MARKS = {("three", ""): "o", ("two", ""): "o", ("two", "low"): "v", ("two", "high"): "^", ("miss", "low"): "v",
+         ("miss", "high"): "^"}
 BEFORE, AFTER = "#9aa3af", "#1f5fa8"
 Acts = Mapping[str, Act]              # practice, event, control
 
@@ -95,6 +96,8 @@ def _draw_marks(act: Act) -> Figure:
     marks = list(zip(shots.text("outcome"), shots.text("side"), strict=True))
     for mark, marker in MARKS.items():
         rows = [row for row, one in enumerate(marks) if one == mark]
+        if not rows:
+            continue
         axes.scatter(shots.number("distance_m")[rows], shots.number("hood_deg")[rows], color=COLOURS[mark[0]],
                      marker=marker, label=f"{' '.join(mark)}: {len(rows)}")
     axes.set(xlabel="distance, m", ylabel="hood, deg")
