@@ -1,6 +1,7 @@
 """`truearc follow`: shots as they come, an alarm where something changed, and a proposal that changes nothing."""
 
 import hashlib
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from truearc.robot.operator_ui.server import OperatorPage
 from truearc.robot.processes.aim_inbox import AimInbox
 from truearc.sim.data.model import join_datasets
 from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover.finding import Adoption
 from truearc.sim.discover.investigate import discover
 from truearc.sim.discover.proposal import AimProposal, BeliefFile
 from truearc_proof.truth.generate import shoot
@@ -217,3 +219,23 @@ def test_follow_refuses_another_rig_and_mixed_folders(belief: ta.Belief, tmp_pat
     assert main(["follow", str(tmp_path / "live"), str(tmp_path / "event"), "--belief", str(tmp_path / "home.toml"),
                  "--once"]) == 2
     assert "not a recorded session" in capsys.readouterr().err
+
+
+def test_no_direction_is_proposed_that_no_mark_shows(found: "ta.Following", named: ta.Finding) -> None:
+    shots = found.dataset.shots
+    blind = replace(found, dataset=replace(found.dataset, shots=replace(
+        shots, texts={**shots.texts, "side": ("",) * len(shots)})))
+    with pytest.raises(ta.InputError, match=r"nothing is proposed: of \d+ shots since the change 0 say on which side"):
+        propose(blind, named, found.dataset.rig, (BeliefFile("home.toml", "0" * 64), "belief.toml"), [4.0])
+
+
+@pytest.mark.parametrize(("low90", "offered"), [(0.0, False), (-0.01, False), (0.01, True)])
+def test_no_gain_is_proposed_that_may_be_nothing(low90: float, offered: bool, found: "ta.Following",
+                                                 named: ta.Finding) -> None:
+    worth = named.record.adoption
+    assert isinstance(worth, Adoption)
+    record = structs.replace(named.record, adoption=structs.replace(worth, low90=low90))
+    files = (BeliefFile("home.toml", "0" * 64), "belief.toml")
+    with nullcontext() if offered else pytest.raises(ta.InputError, match="which may be nothing"):
+        propose(found, replace(named, investigation=replace(named.investigation, finding=record)), found.dataset.rig,
+                files, [4.0])

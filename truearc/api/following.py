@@ -30,6 +30,7 @@ from truearc.sim.printed import Printed
 from truearc.sim.progress import Progress
 
 FEWEST_SINCE = 15                     # shots since the change, by which it can be named
+FEWEST_SIDED = 5                      # of these, whose side of the centre is known; else no direction is
 EVERY_FINDING = 0.99                  # false alarm of the discovery after an alarm: that something changed is known
 COLUMNS = ("shot", "e_value", "alarm")
 
@@ -161,8 +162,7 @@ def propose(following: Following, finding: Finding, rig: Rig, files: tuple[Belie
         InputError: nothing was found that is worth adopting, with the reason; or as `aim` does.
     """
     belief = finding.adopt()
-    if not belief.provenance.get("adopted"):
-        why = belief.provenance.get("refused", "no effect was found by which the shots are forecast better")
+    if why := _refused(following, finding, belief):
         raise InputError(f"nothing is proposed: {why}")
     places = list(distances_m) if distances_m is not None else _places(following.dataset)
     before, after = (aim(one, rig, distances_m=places, hood_deg=_hood(following.belief), progress=progress)
@@ -176,6 +176,25 @@ def propose(following: Following, finding: Finding, rig: Rig, files: tuple[Belie
                     following.shot(alarm), len(following.test.rows), float(following.test.e_value.max()),
                     following.false_alarm, files[0], BeliefFile(name, ""), rows)
     return Proposed(made, belief, before, after)
+
+
+def _refused(following: Following, finding: Finding, belief: Belief) -> str:
+    """Why what was found is not offered to the driver; "" where it is."""
+    if not belief.provenance.get("adopted"):
+        return str(belief.provenance.get("refused", "no effect was found by which the shots are forecast better"))
+    rows = following.test.rows[(following.since or 1) - 1:]
+    shots = following.dataset.take([int(row) for row in rows]).shots
+    sided = sum(side in ("low", "high") or bool(np.isfinite(height_m)) for side, height_m in zip(
+        shots.text("side"), shots.number("miss_height_m"), strict=True))
+    if sided < FEWEST_SIDED:
+        return (f"of {len(rows)} shots since the change {sided} say on which side of the centre they passed; "
+                f"{FEWEST_SIDED} at least are needed to correct in the right direction (column side; buttons two-low, "
+                "two-high, miss-low, miss-high)")
+    worth = finding.record.adoption
+    if not isinstance(worth, UnsetType) and worth.low90 <= 0.0:
+        return (f"aimed by it, hold-out shots would gain {worth.gain:+.2f} points (90 %: {worth.low90:+.2f} to "
+                f"{worth.high90:+.2f}), which may be nothing")
+    return ""
 
 
 def sealed(proposed: Proposed, content: bytes, made_at: str | None = None) -> Proposed:

@@ -116,6 +116,13 @@ def _judge(rig: Rig, options: Options, seed: int, sizes: Sizes, shots: ta.Datase
 def fire(rig: Rig, options: Options, seed: int, aim: ta.AimTable, balls: int) -> Volley:
     """Shoot balls from random places, aimed by a table at the distance that the robot sees; where the table has no set
     point the ball stays in the robot, and scores nothing."""
+    settings = aimed_settings(aim, options, seed, balls)
+    marks = play_season(rig, options, seed, settings, "L0").dataset.shots.text("outcome") if settings else ()
+    return Volley(marks.count("three"), marks.count("two"), balls)
+
+
+def aimed_settings(aim: ta.AimTable, options: Options, seed: int, balls: int) -> list[ShotSetting]:
+    """Set points of a table from random places, at the distance that the robot sees; none where the table has none."""
     rng = np.random.default_rng([seed, 32])
     settings = []
     for distance_m in rng.uniform(*FROM_M, balls):
@@ -125,8 +132,7 @@ def fire(rig: Rig, options: Options, seed: int, aim: ta.AimTable, balls: int) ->
         except ta.InputError:
             continue
         settings.append(ShotSetting(float(distance_m), row.hood_deg, row.motor_ratio))
-    marks = play_season(rig, options, seed, settings, "L0").dataset.shots.text("outcome") if settings else ()
-    return Volley(marks.count("three"), marks.count("two"), balls)
+    return settings
 
 
 def practice_settings(seed: int, count: int) -> list[ShotSetting]:
