@@ -17,7 +17,7 @@ from truearc.sim.discover.detect.score_test import Judged, judge
 from truearc.sim.discover.detect.test_battery import ALLOWANCE, Asked, ask_everything
 from truearc.sim.discover.select.posterior import Hypotheses, Hypothesis, weigh
 from truearc.sim.discover.select.refit import Refit, promote, refit
-from truearc.sim.discover.select.term_ranking import Naming, name_terms
+from truearc.sim.discover.select.term_ranking import NEVER, Naming, name_terms
 from truearc.sim.infer.baseline_fit import BaselineFit, part_of
 from truearc.sim.infer.held_out import clustered_error, folds_of, unseen_score, without
 from truearc.sim.infer.likelihood.score_table import Array, Column
@@ -201,9 +201,11 @@ def with_probabilities(naming: Naming, posterior: Hypotheses, beside: bool = Fal
 
 
 def unseen_scores(naming: Naming, fitted: BaselineFit) -> tuple[Each, Each, Each]:
-    """Log scores [n] of unseen shots (without any name, with the leading one, averaged over all refitted ones)."""
+    """Log scores [n] of unseen shots (without any name, with the leading one, averaged over all refitted ones that are
+    possible)."""
     before = unseen_score(without(fitted.evidence))
-    scores = {name: unseen_score(one.evidence) for name, one in naming.refits.items()}
+    scores = {name: unseen_score(one.evidence) for name, one in naming.refits.items()
+              if name == naming.leader or naming.nats[name] > NEVER}
     return before, scores[naming.leader], averaged(naming, before, scores)
 
 

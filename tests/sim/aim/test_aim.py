@@ -149,5 +149,6 @@ def test_the_command_writes_a_table_and_a_picture(tmp_path: Path, capsys: pytest
     assert main(["aim", str(belief), "--rig", str(rig), "--distances", "4,60", "--format", "csv", "--quiet"]) == 0
     assert "warning: 60.00 m has no set point: the ball does not come so far" in capsys.readouterr().err
     for words, said in ((["--distances", "5:3:1"], "expected LOW:HIGH:STEP"), (["--hood", "60"], "expected LOW:HIGH"),
-                        (["--distances", "two"], "is not numbers")):
+                        (["--distances", "two"], "is not numbers"),
+                        (["--picture", "aim.jpg"], "end the name with .png")):
         assert main(["aim", str(belief), "--rig", str(rig), *words]) == 2 and said in capsys.readouterr().err

@@ -1,12 +1,14 @@
 """One effect after another, where everything is linear: each is put in before the next is looked for."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.sim.discover.straight import ASKED, SHARED, fit_straight
-from truearc.sim.discover.select.name_effects import Search, Step, name_effects
+from truearc.sim.discover.select.name_effects import Search, Step, name_effects, unseen_scores
 from truearc.sim.discover.select.refit import promote, refit
-from truearc.sim.discover.select.term_ranking import name_terms
+from truearc.sim.discover.select.term_ranking import NEVER, name_terms
 from truearc.sim.infer.baseline_fit import BaselineFit
 
 
@@ -68,3 +70,16 @@ def test_the_promoted_column_has_no_slope_left() -> None:
     other = there.evidence.index("wind_x.speed_m_s")
     assert there.evidence.score[:, other].sum() / np.sqrt(there.evidence.info[:, other, other].sum()) > 4.0
     assert there.values["buoyancy.share"] == pytest.approx(found.amplitude[0])
+
+
+def test_a_refit_that_is_impossible_has_no_part_in_the_average() -> None:
+    """One that came to rest where no ball flies has no information that could be inverted."""
+    fitted = fit_straight({}, 11)
+    naming = name_terms(fitted, lambda done, note: None)
+    other = next(name for name in naming.refits if name != naming.leader)
+    lost = replace(naming.refits[other].evidence, info=np.full_like(naming.refits[other].evidence.info, np.nan))
+    refits = {**naming.refits, other: replace(naming.refits[other], evidence=lost)}
+    alone = replace(naming, refits={name: one for name, one in refits.items() if name != other})
+    impossible = replace(naming, refits=refits, nats={**naming.nats, other: NEVER})
+    for one, same in zip(unseen_scores(impossible, fitted), unseen_scores(alone, fitted), strict=True):
+        assert np.isfinite(one).all() and np.array_equal(one, same)

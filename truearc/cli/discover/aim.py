@@ -45,6 +45,8 @@ def main(args: argparse.Namespace) -> int:
     """Return 0 once every set point is written."""
     from truearc.sim.compile_cache import keep_compiled
     keep_compiled()
+    if args.picture and args.picture.suffix.lower() != ".png":
+        raise ta.InputError(f"--picture: {args.picture}: a PNG is written; end the name with .png")
     rig, belief = common.load_any_rig(args.rig), ta.load_belief(args.belief, common.catalogue_of(args))
     with about(str(Path(args.rig).parent)):
         table = ta.aim(belief, rig, distances_m=args.distances, hood_deg=args.hood, accept=args.accept,
