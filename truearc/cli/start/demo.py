@@ -92,9 +92,11 @@ def _share_held(folder: Path, config: Config, practice: "Act", event: "Act", see
 
 
 def _marks(act: "Act") -> str:
-    counts = Counter(act.shots.shots.text("outcome"))
+    shots = act.shots.shots
+    counts, sides = (Counter(shots.text(name)) for name in ("outcome", "side"))
     return (f"{len(act.shots.shots)} marked shots, aimed by what practice taught, at all its hood angles: "
-            f"{counts['three']} three, {counts['two']} two, {counts['miss']} missed")
+            f"{counts['three']} three, {counts['two']} two, {counts['miss']} missed; {sides['low']} passed low, "
+            f"{sides['high']} high")
 
 
 def _keep(folder: Path, acts: "dict[str, Act]") -> None:

@@ -99,7 +99,7 @@ def _draw_marks(act: Act) -> Figure:
         if not rows:
             continue
         axes.scatter(shots.number("distance_m")[rows], shots.number("hood_deg")[rows], color=COLOURS[mark[0]],
-                     marker=marker, label=f"{' '.join(mark)}: {len(rows)}")
+                     marker=marker, label=f"{' '.join(filter(None, mark))}: {len(rows)}")
     axes.set(xlabel="distance, m", ylabel="hood, deg")
     axes.legend(frameon=False, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     return figure
