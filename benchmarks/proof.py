@@ -1,7 +1,7 @@
 """The tables of packed rounds of proof, as docs/proof.md has them.
 
     truearc prove pack --out ROUND --packed benchmarks/results/round4-L0a.tar.xz
-    python -m benchmarks.proof benchmarks/results/round*.tar.xz [--write docs/proof.md]
+    python -m benchmarks.proof benchmarks/results/round*.tar.xz [--write docs/proof.md] [--reliability FILE.png]
     python -m benchmarks.proof benchmarks/results/round4-L0*.tar.xz --beside OWN.tar.xz      # drawn from other entropy
 
 benchmarks/results/MANIFEST.md says how to fetch the published rounds.
@@ -21,6 +21,7 @@ import msgspec
 from benchmarks.archives import stored_file
 from truearc_proof.report.compare_rounds import beside
 from truearc_proof.report.html_page import verdict
+from truearc_proof.report.plots import reliability_png
 from truearc_proof.report.tables import make_tables
 from truearc_proof.rounds.archive import unpack
 from truearc_proof.rounds.committer import load_plan
@@ -35,12 +36,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("packed", type=stored_file, nargs="+")
     parser.add_argument("--write", type=Path, metavar="PAGE", help="put it between that page's marks")
+    parser.add_argument("--reliability", type=Path, metavar="PNG", help="picture: probabilities beside what was right")
     parser.add_argument("--beside", type=stored_file, metavar="PACKED", help="another round at that level")
     args = parser.parse_args()
     if args.beside is not None:
         print(tell_beside(args.packed, args.beside))
         return
     rounds = sorted(map(load, args.packed), key=lambda one: one.setting)
+    if args.reliability is not None:
+        drawn = reliability_png([one.first for packed in rounds for one in packed.graded])
+        if drawn is None:
+            raise SystemExit("these rounds were marked without the probabilities that were claimed")
+        args.reliability.write_bytes(drawn)
     text = "\n".join(tell(list(group)) for _, group in groupby(rounds, key=lambda one: one.setting))
     if args.write is None:
         print(text)

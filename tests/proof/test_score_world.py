@@ -196,4 +196,4 @@ def test_the_page_says_all_in_a_sentence_and_holds_every_world_and_line() -> Non
              mark(Drawn("w6", "numpy", "clean", "L1", 300, 1), finding(found=False, verdict="none"), Measured())]
     assert verdict(marks).startswith("Where nothing was missing, something was claimed in 0 of 1 worlds (0% to 79%).")
     page = make_proof_page(marks, make_tables(marks), (Entry(1, "sealed", "w1", "ab" * 32, "0" * 64),))
-    assert page.count("data:image/png") == 3 and "wind_x" in page and "abababababababab" in page
+    assert page.count("data:image/png") == 4 and "wind_x" in page and "abababababababab" in page

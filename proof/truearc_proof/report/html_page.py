@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from truearc.sim.intervals import wilson
 from truearc.sim.report import make_page, paragraph, picture, table
-from truearc_proof.report.plots import chance_png, ladder_png, matrix_png
+from truearc_proof.report.plots import chance_png, ladder_png, matrix_png, reliability_png
 from truearc_proof.report.tables import Question, ladder_of, share
 from truearc_proof.rounds.ledger import Entry
 from truearc_proof.scoring.decoys import up_to_alias
@@ -27,6 +27,10 @@ def make_proof_page(marks: Sequence[Mark], tables: Sequence[Table], entries: Seq
     chance = chance_png(marks)
     if chance is not None:
         sections.append(("Where nothing is missing", picture(chance, "p-values of the nulls against chance")))
+    reliability = reliability_png(marks)
+    if reliability is not None:
+        sections.append(("Do probabilities mean what they say", picture(
+            reliability, "probabilities that were claimed against shares that were right")))
     sections += [(one.title, table(one.header, one.rows)) for one in tables]
     sections += [("Every world", _worlds(marks))] if marks else []
     sections += [("The ledger", _ledger(entries))]

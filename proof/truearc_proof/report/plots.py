@@ -1,6 +1,7 @@
 """Pictures of a round of proof: what was found by how plain it was, what was said of what was true, chance."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,6 +12,7 @@ from truearc_proof.report.tables import VERDICTS, ladder_of, matrix_of
 from truearc_proof.scoring.score_world import NULLS, Mark
 
 INK, OURS, ALLOWED, NAMED = "#30343b", "#1f5fa8", "#c2571a", "#2f7d4f"
+CLAIMED = (0.0, 0.2, 0.4, 0.6, 0.8, 0.95, 1.01)       # bins of probabilities
 BAND_95 = 1.358                       # Kolmogorov's, over the root of the number (Smirnov 1948)
 
 
@@ -57,6 +59,45 @@ def matrix_png(marks: Sequence[Mark]) -> bytes:
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
     return make_png(figure)
+
+
+def reliability_png(marks: Sequence[Mark]) -> bytes | None:
+    """Probabilities that were claimed against how often they were right, a panel a level; None where none is known.
+
+    Of the first name in worlds with something hidden, where the verdict is not unknown: right, or of its class; of an
+    unexplained change: nothing hidden is in the catalogue.
+    """
+    levels = sorted({one.level for one in marks if one.said is not None})
+    if not levels:
+        return None
+    figure = new_figure(0.6 + 3.4 * len(levels), 3.8)
+    for axes, level in zip(figure.subplots(1, len(levels), squeeze=False)[0], levels, strict=True):
+        mine = [one for one in marks if one.level == level and one.said is not None]
+        claims = [(float(one.said or 0.0), bool(one.alias)) for one in mine if one.verdict != "unknown"]
+        odd = [(float(one.unexplained), not one.right) for one in mine if one.unexplained is not None]
+        axes.plot([0, 1], [0, 1], "--", color=INK, lw=0.8)
+        for pairs, colour, label in ((claims, OURS, "first name"), (odd, ALLOWED, "unexplained")):
+            _draw_claims(axes, pairs, colour, f"{label}: {len(pairs)} worlds")
+        axes.set(xlim=(-0.03, 1.03), ylim=(-0.03, 1.03), title=level, xlabel="probability that was claimed")
+        axes.legend(frameon=False, loc="upper left", fontsize=8)
+        _clean(axes)
+    figure.axes[0].set_ylabel("share that was right, 95 %")
+    return make_png(figure)
+
+
+def _draw_claims(axes: Axes, pairs: Sequence[tuple[float, bool]], colour: str, label: str) -> None:
+    """Points at the mean claim of each bin."""
+    bins = claimed_bins(pairs)
+    said, right = [mean for mean, _, _ in bins], np.array([hits / of for _, hits, of in bins])
+    ends = np.array([wilson(hits, of) for _, hits, of in bins]).reshape(-1, 2)
+    axes.errorbar(said, right, np.abs(ends.T - right), fmt="o", color=colour, ms=5, capsize=2.5, label=label)
+
+
+def claimed_bins(pairs: Sequence[tuple[float, bool]]) -> list[tuple[float, int, int]]:
+    """(mean probability that was claimed, how many were right, of how many) of each bin of CLAIMED with any."""
+    bins = [[pair for pair in pairs if low <= pair[0] < high] for low, high in pairwise(CLAIMED)]
+    return [(float(np.mean([said for said, _ in each])), sum(hit for _, hit in each), len(each)) for each in bins
+            if each]
 
 
 def chance_png(marks: Sequence[Mark]) -> bytes | None:

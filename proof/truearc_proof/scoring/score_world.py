@@ -39,6 +39,7 @@ class Mark(Struct, frozen=True):
     by what is believed with the true term. asked: SHOTS, a MEASUREMENT or "". random: as many shots
     drawn like the first would have parted the names as well as those asked for. rivals: of others put to the same
     data, whether each says something, and of its first name what `first` and `alias` are of ours, decoys taken out.
+    said, unexplained: probabilities that were claimed of the first name, and of a change that no term explains.
     """
 
     world: str
@@ -69,6 +70,8 @@ class Mark(Struct, frozen=True):
     off_m: tuple[float, ...] | None = None
     asked: str = ""
     random: int | None = None
+    said: float | None = None
+    unexplained: float | None = None
 
     def __post_init__(self) -> None:
         if self.asked == MEASUREMENT_1:
@@ -90,7 +93,9 @@ def mark(drawn: Drawn, finding: Finding, measured: Measured, rivals: Mapping[str
         name: mark_rival(drawn, claim, right, measured) for name, claim in (rivals or {}).items()})
     if not found or drawn.kind in NULLS:
         return plain
-    more = {"stage": said_stage(finding.get("where") or {}) in stages if stages else None,
+    likeliest = max((one.get("probability") or 0.0 for one in finding.get("what") or ()), default=None)
+    more = {"said": likeliest, "unexplained": finding.get("unexplained"),
+            "stage": said_stage(finding.get("where") or {}) in stages if stages else None,
             "gain": (finding.get("fit") or {}).get("gain_per_shot"), "oracle_gain": measured.oracle_gain}
     if not right:                     # in no catalogue: only the stage can be right, and no name
         hidden = hidden_of(drawn)
