@@ -14,7 +14,8 @@ from pathlib import Path
 
 COMMIT = "df827fa626938dca9a3cac7b9b9870457f6af75a"           # the tag proof-1
 RESULTS = "benchmarks/results"
-ADVICE = "archives of published runs are not on main: python -m benchmarks.archives puts them into benchmarks/results/"
+ADVICE = ("archives of runs up to the tag proof-1 are not on main: python -m benchmarks.archives puts them into "
+          "benchmarks/results/")
 
 
 def stored_file(text: str) -> Path:

@@ -7,7 +7,7 @@ For each seed the acts of `truearc demo` (truearc.cli.start.demo_acts): practice
 and the control, in which nothing has changed. All 300 shots of practice are the season's; the robot with images and CAN
 frames is left out. Before and after are the same balls from the same places; threes of 120. `significant`: two-sided
 test of two proportions over all acts of all seeds, adjusted by Holm's method. A line of FILE a seed, with every act's
-outcome; one that is there is not run again. Development used seeds below 5000.
+outcome; one that is there is not run again. Development used seeds below 5030.
 """
 
 import argparse
@@ -96,15 +96,15 @@ def make_table(lines: Sequence[Line]) -> str:
     """The table of acts, the events together, and the seeds and acts that differ significantly."""
     rows = [Row(line["seed"], act["act"], (act["volleys"][0]["threes"], act["volleys"][1]["threes"]),
                 act["volleys"][0]["balls"], tuple(act["names"]), tuple(act["terms"]), act["verdict"])
-            for line in lines for act in line["acts"]]
+            for line in sorted(lines, key=lambda line: line["seed"]) for act in line["acts"]]
     adjusted = dict(zip([(row.seed, row.act) for row in rows], holm([row.p for row in rows]), strict=True))
     groups = {act: [row for row in rows if row.act == act] for act in dict.fromkeys(row.act for row in rows)}
     changed = [row for row in rows if row.act in {effect.name for effect in EVENTS if effect is not NOTHING}]
     groups = {**{act: kept for act, kept in groups.items() if act != NOTHING.name}, "changed events together": changed,
               NOTHING.name: groups.get(NOTHING.name, [])}
-    head = ("", "threes before", "after", "of balls", "ratio", "right name in set", "first", "not named", "more",
-            "fewer")
-    table = make_text(head, [_cells(act, kept, adjusted) for act, kept in groups.items() if kept], right=range(1, 10))
+    head = ("", "threes before", "after", "of balls", "ratio", "right name in set", "first", "mean set",
+            "not named", "more", "fewer")
+    table = make_text(head, [_cells(act, kept, adjusted) for act, kept in groups.items() if kept], right=range(1, 11))
     silent = [row.verdict == "none" for row in rows if row.act == NOTHING.name]
     seeds = sorted({row.seed for row in rows})
     said = [f"{len(seeds)} seeds, {seeds[0]} to {seeds[-1]}; more, fewer: seeds with significantly more or fewer "
@@ -119,9 +119,11 @@ def _cells(act: str, rows: Sequence[Row], adjusted: dict[tuple[int, str], float]
     right, first = (f"{sum(hits)} of {len(with_term)}" if with_term else "" for hits in (
         [bool(set(row.names) & set(row.terms)) for row in with_term], [row.names[:1] != () and row.names[0] in row.terms
                                                                       for row in with_term]))
+    sets = [row.names for row in with_term if row.names]
     clear = [row for row in rows if adjusted[row.seed, row.act] < LEVEL]
     return (act, str(before), str(after), str(sum(row.balls for row in rows)), f"{after / max(before, 1):.2f}", right,
-            first, str(sum(not row.names for row in rows)), str(sum(row.threes[1] > row.threes[0] for row in clear)),
+            first, f"{sum(map(len, sets)) / max(len(sets), 1):.1f}" if with_term else "",
+            str(sum(not row.names for row in rows)), str(sum(row.threes[1] > row.threes[0] for row in clear)),
             str(sum(row.threes[1] < row.threes[0] for row in clear)))
 
 

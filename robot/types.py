@@ -143,7 +143,7 @@ class Outcome(Struct, frozen=True):
 
     trial: int
     t_ns: int
-    outcome: str                                  # button that marked it (miss-low to three), "rejected" or "held"
+    outcome: str                                  # the button that marked it, "rejected" or "held"
     reasons: tuple[Reason, ...] = ()              # for "held": what stood in the way
 
 

@@ -96,7 +96,7 @@ def parse_question(body: bytes) -> Question:
     try:
         said = json.loads(body.decode(), object_pairs_hook=_without_repeats)
     except (ValueError, RecursionError) as error:
-        raise QuestionError(400, f"not JSON: {str(error)[:SHOWN]}") from error
+        raise QuestionError(400, f"not JSON: {getattr(error, 'msg', 'cannot be read')}") from error
     if not isinstance(said, dict):
         raise QuestionError(400, f"got {_shown(said)}; expected an object with {', '.join(NAMES)}")
     for key in said:

@@ -3,6 +3,7 @@
 How likely a set point is to score follows from the belief's forecast of the height at the target.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -28,6 +29,7 @@ STIFF_POINTS_M = 5e-4                 # what a change of the hood by a degree pe
 NEAR_M = 0.5                          # distances whose hood angles are made a smooth row
 ROUNDING_POINTS = 3e-3                # what that may cost
 SPIN_UP_POINTS = 0.02                 # and going from rest to free speed: of what is equally good, the slower
+OUTER, OUTER_POINTS = 0.2, 0.5        # share of the fitted hood angles at either end, and what their very end may cost
 LEAST_POINTS = 0.02                   # expected; with less a distance is refused
 SAFE_SHARE = 0.5                      # of the best points, which set points within the band have at least
 
@@ -103,7 +105,7 @@ def solve(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: tuple[float, flo
         raise InputError("rig.toml: launcher: free_speed_rad_s and a wheel are needed to aim")
     count = max(round((hood_deg[1] - hood_deg[0]) / STEP_DEG), 0) + 1
     field = _search(rig, belief, distance_m, np.linspace(*hood_deg, count), progress)
-    path = _smooth_path(field, distance_m)
+    path = _smooth_path(field, distance_m, _outer_cost(belief, field.hood_deg))
     rows = np.arange(len(distance_m))
     found = field.hood_deg[path]
     smooth = _rounded_off(found, distance_m, hood_deg)
@@ -192,9 +194,21 @@ def _peak(tried: Float[np.ndarray, "k t"], points: Float[np.ndarray, "k t"]) -> 
     return np.asarray(np.exp(place + shift * step))
 
 
-def _smooth_path(field: _Field, distance_m: Rows) -> Int[np.ndarray, " n"]:
-    """The hood angle [n] (index) of each distance: most points, less what its changes and the speeds cost."""
-    cost = SPIN_UP_POINTS * field.motor_ratio - field.points
+def _outer_cost(belief: Belief, hood_deg: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
+    """Points [m] by which a hood angle must be better near the ends of those that the belief was fitted to: there shots
+    lie to one side alone, and of many set points the best is where a belief errs to its advantage."""
+    fitted = belief.provenance.get("range", {})
+    low, high = fitted.get("hood_deg", (0.0, 0.0)) if isinstance(fitted, Mapping) else (0.0, 0.0)
+    if not high > low:
+        return np.zeros(len(hood_deg))
+    inside = np.minimum(hood_deg - low, high - hood_deg) / (OUTER * (high - low))
+    return np.asarray(OUTER_POINTS * np.clip(1.0 - inside, 0.0, 1.0))
+
+
+def _smooth_path(field: _Field, distance_m: Rows, outer: Float[np.ndarray, " m"]) -> Int[np.ndarray, " n"]:
+    """The hood angle [n] (index) of each distance: most points, less what its changes and the speeds cost, and
+    `outer` [m] what the angle itself does."""
+    cost = SPIN_UP_POINTS * field.motor_ratio - field.points + outer
     change = STIFF_POINTS_M * np.abs(field.hood_deg[:, None] - field.hood_deg)
     total, back = cost[0], np.zeros(cost.shape, int)
     for row in range(1, len(distance_m)):

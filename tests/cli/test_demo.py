@@ -132,5 +132,5 @@ def test_the_table_pools_changed_events_and_counts_names_and_silence() -> None:
     text = make_table([made_line(1, 80, ["wind_x"], "named"), made_line(2, 5, ["wind_x", "hood_offset"], "set")])
     assert "control silent: 2 of 2" in text
     row = next(line for line in text.splitlines() if line.startswith("changed events together"))
-    assert row.split()[3:] == ["320", "340", "960", "1.06", "3", "of", "6", "2", "of", "6", "0", "4", "4"]
+    assert row.split()[3:] == ["320", "340", "960", "1.06", "3", "of", "6", "2", "of", "6", "1.5", "0", "4", "4"]
     assert "worst: seed 2" in text

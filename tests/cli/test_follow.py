@@ -21,7 +21,7 @@ from truearc.robot.config.schema import load_config
 from truearc.robot.operator_ui.aim_orders import AimOrders
 from truearc.robot.operator_ui.server import OperatorPage
 from truearc.robot.processes.aim_inbox import AimInbox
-from truearc.sim.data.model import join_datasets
+from truearc.sim.data.model import Tracks, join_datasets
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.finding import Adoption
 from truearc.sim.discover.investigate import discover
@@ -227,6 +227,14 @@ def test_no_direction_is_proposed_that_no_mark_shows(found: "ta.Following", name
         shots, texts={**shots.texts, "side": ("",) * len(shots)})))
     with pytest.raises(ta.InputError, match=r"nothing is proposed: of \d+ shots since the change 0 say on which side"):
         propose(blind, named, found.dataset.rig, (BeliefFile("home.toml", "0" * 64), "belief.toml"), [4.0])
+
+
+def test_tracks_show_the_direction_too(found: "ta.Following", named: ta.Finding) -> None:
+    shots, count = found.dataset.shots, len(found.dataset.shots)
+    tracks = Tracks(np.arange(count), np.zeros(count), np.ones(count), np.zeros(count), np.ones(count))
+    filmed = replace(found, dataset=replace(found.dataset, tracks=tracks, shots=replace(
+        shots, texts={**shots.texts, "side": ("",) * count})))
+    assert "; accept?" in str(propose(filmed, named, found.dataset.rig, (BeliefFile("a", "0" * 64), "b"), [4.0]))
 
 
 @pytest.mark.parametrize(("low90", "offered"), [(0.0, False), (-0.01, False), (0.01, True)])

@@ -237,6 +237,18 @@ def test_marks_correct_the_level_by_the_configured_step():
     assert step_walk((0.01, 0.0, 0.0), 0, shot, BY_BELIEF) == (0.01, 0.0, 0.0)
 
 
+@pytest.mark.parametrize(("button", "walk"), [("miss-low", 0.01), ("miss-high", -0.01), ("two-low", 0.0),
+                                              ("two-high", 0.0), ("two", 0.0), ("three", 0.0)])
+def test_a_button_marks_the_newest_shot_and_only_a_miss_corrects(button, walk):
+    fired = step(good_inputs(), good_memory(), BY_BELIEF, None, AIMS)
+    shot = step(good_inputs(), good_memory(), CONFIG, None).shot
+    memory = replace(fired.memory, awaiting=True, last_shot=shot)
+    inputs = replace(good_inputs(), buttons=(ButtonEvent(NOW_NS, 1, button),))
+    answered = step(inputs, memory, BY_BELIEF, None, AIMS)
+    assert [(one.trial, one.outcome) for one in answered.outcomes] == [(shot.trial, button)]
+    assert answered.memory.walk == pytest.approx((walk, 0.0, 0.0)) and not answered.memory.awaiting
+
+
 def drive(rate_m_s, noise_m=0.0, period_s=0.05, late_s=0.08):
     """(distance believed, true distance) of ticks while driving at a constant speed, seen late and with noise."""
     rng, memory, rows = np.random.default_rng(1), good_memory(), []

@@ -142,7 +142,10 @@ def aim(belief: Belief, rig: Rig, *, distances_m: Iterable[float] | None = None,
     check_plausible(Dataset("", rig, Shots((), {}, {})), accept)
     fitted = belief.provenance.get("range", {})
     known: Mapping[str, list[float]] = fitted if isinstance(fitted, Mapping) else {}
-    low, high = known.get("hood_deg", HOOD_DEG) if hood_deg is None else hood_deg
+    try:
+        low, high = map(float, known.get("hood_deg", HOOD_DEG) if hood_deg is None else hood_deg)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"hood_deg: got {hood_deg!r}; expected lowest and highest in degrees") from error
     if not -90.0 < low <= high < 90.0:
         raise InputError(f"hood_deg: {low:g} to {high:g}; it must ascend, between -90 and 90")
     rows, refused = make_rows(rig, belief, _distances(distances_m, known), (low, high), progress)

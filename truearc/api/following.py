@@ -183,9 +183,11 @@ def _refused(following: Following, finding: Finding, belief: Belief) -> str:
     if not belief.provenance.get("adopted"):
         return str(belief.provenance.get("refused", "no effect was found by which the shots are forecast better"))
     rows = following.test.rows[(following.since or 1) - 1:]
-    shots = following.dataset.take([int(row) for row in rows]).shots
-    sided = sum(side in ("low", "high") or bool(np.isfinite(height_m)) for side, height_m in zip(
-        shots.text("side"), shots.number("miss_height_m"), strict=True))
+    later = following.dataset.take([int(row) for row in rows])
+    known = np.isin(later.shots.text("side"), ("low", "high")) | np.isfinite(later.shots.number("miss_height_m"))
+    if later.tracks is not None:
+        known[later.tracks.shot] = True
+    sided = int(known.sum())
     if sided < FEWEST_SIDED:
         return (f"of {len(rows)} shots since the change {sided} say on which side of the centre they passed; "
                 f"{FEWEST_SIDED} at least are needed to correct in the right direction (column side; buttons two-low, "

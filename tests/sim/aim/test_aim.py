@@ -94,6 +94,22 @@ def test_what_errors_cost_and_the_band_that_scores(table: ta.AimTable) -> None:
         assert row.lost_50rpm > -1e-3 and row.lost_1deg > -1e-3
 
 
+def test_near_the_ends_of_the_fitted_angles_a_set_point_must_be_better() -> None:
+    free = point_belief(DRAG, SCATTER)
+    flattest = min(row.hood_deg for row in ta.aim(free, GUPPY, distances_m=[4.0], hood_deg=(30.0, 70.0)).rows)
+    fitted = replace(free, provenance={"range": {"hood_deg": [flattest - 0.5, flattest + 19.5]}})
+    row = ta.aim(fitted, GUPPY, distances_m=[4.0], hood_deg=(30.0, 70.0)).rows[0]
+    assert flattest + 2.0 <= row.hood_deg <= flattest + 16.0
+    only = replace(free, provenance={"range": {"hood_deg": [flattest, flattest]}})        # one angle: no ends to avoid
+    assert ta.aim(only, GUPPY, distances_m=[4.0], hood_deg=(30.0, 70.0)).rows[0].hood_deg == pytest.approx(flattest)
+
+
+@pytest.mark.parametrize("hood_deg", [5, (1,), ("a", "b"), (50.0, 40.0)])
+def test_hood_angles_that_are_none_are_refused(hood_deg: object) -> None:
+    with pytest.raises(ta.InputError, match="hood_deg: "):
+        ta.aim(point_belief(DRAG, SCATTER), GUPPY, distances_m=[4.0], hood_deg=hood_deg)    # type: ignore[arg-type]
+
+
 def test_between_the_rows_numbers_go_on_smoothly(table: ta.AimTable) -> None:
     assert table.at(3.0) == table.rows[2]
     fine = [table.at(float(x)) for x in np.linspace(2.0, 6.0, 81)]

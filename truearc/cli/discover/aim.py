@@ -7,7 +7,6 @@ last columns of the table say how many points an error of distance, hood angle o
 import argparse
 import math
 import sys
-from pathlib import Path
 
 import truearc as ta
 from truearc.cli import common
@@ -48,7 +47,7 @@ def main(args: argparse.Namespace) -> int:
     if args.picture and args.picture.suffix.lower() != ".png":
         raise ta.InputError(f"--picture: {args.picture}: a PNG is written; end the name with .png")
     rig, belief = common.load_any_rig(args.rig), ta.load_belief(args.belief, common.catalogue_of(args))
-    with about(str(Path(args.rig).parent)):
+    with about(args.rig):
         table = ta.aim(belief, rig, distances_m=args.distances, hood_deg=args.hood, accept=args.accept,
                        progress=common.make_progress("aim", args.quiet))
     if args.robot is None:
@@ -81,7 +80,7 @@ def parse_distances(text: str) -> tuple[float, ...]:
         return _numbers(text, ",")
     numbers = _numbers(text, ":")
     if len(numbers) != 3 or numbers[2] <= 0.0 or not 0.0 < numbers[0] <= numbers[1]:
-        raise argparse.ArgumentTypeError(f"got {text}; expected LOW:HIGH:STEP such as 2:7:0.25")
+        raise argparse.ArgumentTypeError(f"got {text}; expected LOW:HIGH:STEP, ascending and above 0, such as 2:7:0.25")
     low, high, step = numbers
     count = int((high - low) / step + 1e-9) + 1
     if count > MOST:
