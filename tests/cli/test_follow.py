@@ -11,6 +11,7 @@ import pytest
 from msgspec import structs
 
 import truearc as ta
+from benchmarks.follow import make_table
 from truearc.api.following import propose, sealed
 from truearc.cli.common import SHIPPED
 from truearc.cli.discover.follow import ShotWatch
@@ -247,3 +248,13 @@ def test_no_gain_is_proposed_that_may_be_nothing(low90: float, offered: bool, fo
     with nullcontext() if offered else pytest.raises(ta.InputError, match="which may be nothing"):
         propose(found, replace(named, investigation=replace(named.investigation, finding=record)), found.dataset.rig,
                 files, [4.0])
+
+
+def test_the_table_of_sessions_aimed_by_practice_counts_alarms_names_and_threes() -> None:
+    quiet, loud = [0.1, 0.4], [0.5, 2.0]
+    line = {"kind": "aimed", "seed": 1, "sessions": {"nothing": [quiet, loud], "wind 1.5 m/s": [loud]}, "proposals": [
+        {"change": "nothing", "names": ("drag",), "verdict": "named", "refused": "which may be nothing"},
+        {"change": "wind 1.5 m/s", "names": ("drag", "wind_x"), "verdict": "set", "threes": [40, 80]}]}
+    text = make_table([line])
+    assert "aimed by its practice | 1, 2 | 1 | 50.0%" in text
+    assert "| nothing | 1 |  | 0 |  |" in text and "| wind 1.5 m/s | 1 | 1 | 1 | 40->80 |" in text

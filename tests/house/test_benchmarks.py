@@ -35,7 +35,7 @@ QUICK = {
     "faults": "--worlds 1 --shots 24 --seed 11 --only none --processes 1 --out worlds.jsonl",
     "field": "--what nulls --only clean --shots 60 --worlds 1 --seed 11 --rivals argmax --processes 1 "
              "--out worlds.jsonl",
-    "follow": "--practices 1 --sessions 2 --seasons 0 --seed 11 --processes 1 --out practices.jsonl",
+    "follow": "--practices 1 --sessions 2 --seasons 0 --aimed 0 --seed 11 --processes 1 --out practices.jsonl",
     "gate": "--calls 20 --rounds 1 --shots 40",
     "grid_fit": "--quick --runs 1 --launches 12",
     "kill": "--kills 2",
