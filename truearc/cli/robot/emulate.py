@@ -78,7 +78,9 @@ def _serve(args: argparse.Namespace, config: Config, trials: int) -> "Emulation"
     from truearc.sim.world.options import load_options
 
     def say(command: str) -> None:
-        print(f"the devices wait on {args.bus}; start the robot in another terminal:\n  {command}", flush=True)
+        needed = {" --gate GATE.onnx": config.gate.policy == "model", " --aim AIM.json": config.aim.policy == "belief"}
+        files = "".join(option for option, is_needed in needed.items() if is_needed)
+        print(f"the devices wait on {args.bus}; start the robot in another terminal:\n  {command}{files}", flush=True)
 
     return Emulation(args.bus, tuple(serve(config, args.config, args.bus, args.watchdog_ms or WATCHDOG_MS, trials,
                                            args.seed, load_options(args.world), say)))
