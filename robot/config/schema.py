@@ -204,7 +204,7 @@ class AimConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """Where set points come from: the plan of [collect], or an aim file (truearc.robot.aim_file)."""
 
     policy: Literal["plan", "belief"]
-    correction_step: Doubt            # belief: change of log speed per mark high or low
+    correction_step: Doubt            # belief: change of log speed per miss marked high or low
 
 
 class Excite(Struct, frozen=True, forbid_unknown_fields=True):
