@@ -7,7 +7,11 @@ from scipy.stats import norm
 from tests.sim.discover.made import column, gaussian, heights
 from truearc.sim.discover.select.term_ranking import efficient
 from truearc.sim.infer.likelihood.score_table import PlaneScores, ScoreTable, make_evidence
-from truearc_proof.scoring.oracle import ceiling_of, strength_of
+from truearc_proof.scoring.information_bound import measure
+from truearc_proof.scoring.oracle import FALSE_ALARM, ceiling_of, strength_of
+from truearc_proof.truth.generate import shoot
+from truearc_proof.truth.world import make_world
+from truearc_proof.worlds.sampling_plan import NUMPY, Drawn
 
 N = 400
 
@@ -77,3 +81,13 @@ def test_the_eigenvectors_signs_which_are_the_machine_s_change_no_draw(monkeypat
     usual = np.linalg.eigh
     monkeypatch.setattr(np.linalg, "eigh", lambda one: (usual(one)[0], -usual(one)[1]))
     assert ceiling_of(evidence, "L2", "wind_x.amplitude", 0.2, 1) == here
+
+
+@pytest.mark.parametrize(("level", "allows"), [("L0", False), ("L1", True)])
+def test_wear_can_be_found_only_where_balls_are_told_apart(level: str, allows: bool) -> None:
+    drawn = Drawn("w0001", NUMPY, "one", level, 300, 5, {"drag_wear": 0.5})
+    dataset = shoot(make_world(drawn.effects, level, 300, 5, ()))
+    allowed = measure(drawn, dataset).allowed
+    assert allowed is not None
+    assert (allowed[0] > 0.9) == allows
+    assert (allowed[0] == FALSE_ALARM) != allows

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.shot_conditions import counts_shots
 from truearc.sim.discover.select.refit import refit
 from truearc.sim.discover.select.term_ranking import efficient
 from truearc.sim.infer.baseline_fit import BaselineFit, fit_believed
@@ -15,11 +16,11 @@ from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
 from truearc.sim.infer.likelihood.prepared_data import take_in
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc.sim.physics.catalogue import BUILT_IN
-from truearc_proof.scoring.oracle import ceiling_of, strength_of
+from truearc_proof.scoring.oracle import FALSE_ALARM, Ceiling, ceiling_of, strength_of
 from truearc_proof.scoring.score_finding import PARAMETER
 from truearc_proof.truth.generate import shift_m
 from truearc_proof.truth.world import make_world
-from truearc_proof.worlds.sampling_plan import NUMPY, Drawn
+from truearc_proof.worlds.sampling_plan import NUMPY, WEAR, Drawn
 
 
 class Measured(NamedTuple):
@@ -56,6 +57,8 @@ def _of_one(drawn: Drawn, dataset: Dataset, fitted: BaselineFit, seed: int) -> M
         return Measured(strength=strength_of(fitted.evidence, shift_m(world)))
     column, amplitude = f"{name}.{PARAMETER[name][0]}", PARAMETER[name][1](amount)
     ceiling = ceiling_of(fitted.evidence, drawn.level, column, amplitude, seed)
+    if name in WEAR and not counts_shots(dataset.shots):       # it went with balls that nobody told apart
+        ceiling = Ceiling(FALSE_ALARM, 0.0, 0.0, 0.0, ())
     if ceiling is None:
         return Measured()
     index = np.array([fitted.evidence.index(column)])
