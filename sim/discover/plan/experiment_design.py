@@ -23,6 +23,7 @@ from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.term_fields import Instrument
 
+NEVER = 1e-300                        # of a name that is out of the question, so that it has a logarithm
 DRAWS = 4000
 PACES = (1.0, 0.94, 0.97, 1.03, 1.06)             # of the wheels, times the recorded one
 KEPT = 300                            # of the candidates, the best by themselves, that further blocks are chosen from
@@ -227,7 +228,7 @@ def _chance_measured(contest: Contest, count: int, mine: Mapping[int, float], se
     """
     rng = np.random.default_rng(seed)
     truth = rng.choice(count, DRAWS, p=contest.probability)
-    nats = np.tile(np.log(contest.probability), (DRAWS, 1))
+    nats = np.tile(np.log(np.maximum(contest.probability, NEVER)), (DRAWS, 1))
     for k, sd in mine.items():
         amplitude = contest.amplitude[k]
         seen = np.where(truth == k, amplitude, 0.0) + sd * rng.normal(size=DRAWS)

@@ -4,11 +4,10 @@ A share LAPSE of outcomes and of measured heights are slips, so that no single o
 """
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.special import log_ndtr, ndtr
+from scipy.special import ndtr
 
 from truearc.robot.config.rig_spec import Target
 from truearc.robot.config.schema import InputError
@@ -121,28 +120,27 @@ def slopes(seen: OutcomeObservations, mean_m: Float[Array, " n"],
            spread_m: Float[Array, " n"]) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " n"]]:
     """Derivatives of the log-likelihood [n] by mean_m, by log spread_m, and by metres that all borders move out."""
     chance = (1.0 - LAPSE) * _chance(seen.low, seen.high, mean_m, spread_m).sum(1) + LAPSE / 3.0
-    by_mean, by_log, by_width = _chance_slopes(seen.low, seen.high, mean_m, spread_m)
+    by_mean, by_log, by_width = (_edge_slopes(seen.low, mean_m, spread_m)
+                                 - _edge_slopes(seen.high, mean_m, spread_m)).sum(2)
     scale = (1.0 - LAPSE) / chance
     _, sound, off = _log_height(seen, mean_m, spread_m)
     wide = np.hypot(spread_m, HEIGHT_M)
-    return (np.where(seen.measured, sound * off / wide, by_mean.sum(1) * scale),
-            np.where(seen.measured, sound * (off**2 - 1.0) * (spread_m / wide)**2, by_log.sum(1) * scale),
-            np.where(seen.measured, 0.0, by_width.sum(1) * scale))
+    return (np.where(seen.measured, sound * off / wide, by_mean * scale),
+            np.where(seen.measured, sound * (off**2 - 1.0) * (spread_m / wide)**2, by_log * scale),
+            np.where(seen.measured, 0.0, by_width * scale))
 
 
 def information(seen: OutcomeObservations, mean_m: Float[Array, " n"],
                 spread_m: Float[Array, " n"]) -> Float[Array, "n 3 3"]:
     """Expected information [n, 3, 3] on what `slopes` differentiates by, over all outcomes that could be told apart; a
     height that is a slip has none."""
-    low, high = _all_classes(seen)
-    n = len(mean_m)
-    chance = np.zeros((n, len(low)))
-    slope = np.zeros((n, len(low), 3))
-    for k, parts in enumerate(zip(low, high, strict=True)):
-        lower, upper = (np.broadcast_to(np.array(part, dtype=float), (n, 2)) for part in parts)
-        chance[:, k] = (1.0 - LAPSE) * _chance(lower, upper, mean_m, spread_m).sum(1) + LAPSE / 3.0
-        slope[:, k] = (1.0 - LAPSE) * np.stack(_chance_slopes(lower, upper, mean_m, spread_m), axis=-1).sum(1)
-    classed = np.einsum("nki,nkj,nk->nij", slope, slope, 1.0 / chance)
+    n, cells = len(mean_m), _cells_of_classes(seen)
+    edges = np.broadcast_to(seen.borders, (n, len(seen.borders)))
+    chance = (1.0 - LAPSE) * _chance(edges[:, :-1], edges[:, 1:], mean_m, spread_m) @ cells.T + LAPSE / 3.0
+    at_edges = _edge_slopes(edges, mean_m, spread_m)
+    slope = (1.0 - LAPSE) * (at_edges[:, :, :-1] - at_edges[:, :, 1:]) @ cells.T
+    by = np.swapaxes(slope, 0, 1)
+    classed = (by / chance[:, None]) @ np.swapaxes(by, 1, 2)
     measured = np.zeros((n, 3, 3))
     sound, wide = _log_height(seen, mean_m, spread_m)[1], spread_m**2 + HEIGHT_M**2
     measured[:, 0, 0], measured[:, 1, 1] = sound / wide, 2.0 * sound * (spread_m**2 / wide)**2
@@ -178,14 +176,13 @@ def class_chances(seen: OutcomeObservations, mean_m: Float[Array, " n"],
     return chances
 
 
-def _all_classes(seen: OutcomeObservations) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
-    """Lower and upper bounds of the two intervals of each distinguishable outcome."""
-    cells = list(pairwise(map(float, seen.borders)))
-    low, high, none = cells[:2], cells[:-3:-1], (np.inf, np.inf)
-    pairs = [(cells[2], none)]
-    for name, below, above in zip(("miss", "two"), low, high, strict=True):
-        pairs += [(below, none), (above, none)] if name in seen.sided else [(below, above)]
-    return [(a[0], b[0]) for a, b in pairs], [(a[1], b[1]) for a, b in pairs]
+def _cells_of_classes(seen: OutcomeObservations) -> Float[Array, "k 5"]:
+    """1 where a distinguishable outcome is what a height in that cell between two borders leads to."""
+    low_miss, low_two, three, high_two, high_miss = np.eye(5)
+    found = [three]
+    for name, below, above in (("miss", low_miss, high_miss), ("two", low_two, high_two)):
+        found += [below, above] if name in seen.sided else [below + above]
+    return np.stack(found)
 
 
 def _chance(low: Float[Array, "n k"], high: Float[Array, "n k"], mean_m: Float[Array, " n"],
@@ -194,21 +191,15 @@ def _chance(low: Float[Array, "n k"], high: Float[Array, "n k"], mean_m: Float[A
     a, b = ((edge - mean_m[:, None]) / spread_m[:, None] for edge in (low, high))
     flip = a > 0.0
     a, b = np.where(flip, -b, a), np.where(flip, -a, b)
-    return np.where(low < high, np.exp(log_ndtr(b)) - np.exp(log_ndtr(a)), 0.0)
+    return np.where(low < high, ndtr(b) - ndtr(a), 0.0)
 
 
-def _chance_slopes(low: Float[Array, "n k"], high: Float[Array, "n k"], mean_m: Float[Array, " n"],
-                   spread_m: Float[Array, " n"]) -> tuple[Float[Array, "n k"], ...]:
-    """Derivatives of the probabilities [n, k] by mean_m, by log spread_m, and by borders moving outwards."""
-    a, b = ((edge - mean_m[:, None]) / spread_m[:, None] for edge in (low, high))
-    at_a, at_b = _density(a), _density(b)
-    weigh_a, weigh_b = (np.where(np.isfinite(edge), edge, 0.0) for edge in (a, b))
-    out_a, out_b = (np.where(np.isfinite(edge), np.sign(edge), 0.0) for edge in (low, high))
-    return ((at_a - at_b) / spread_m[:, None], weigh_a * at_a - weigh_b * at_b,
-            (out_b * at_b - out_a * at_a) / spread_m[:, None])
-
-
-def _density(z: Float[Array, "n k"]) -> Float[Array, "n k"]:
-    """Of the standard normal."""
-    density: Array = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
-    return density
+def _edge_slopes(edge: Float[Array, "n k"], mean_m: Float[Array, " n"],
+                 spread_m: Float[Array, " n"]) -> Float[Array, "3 n k"]:
+    """Derivatives of the probability [n, k] above each edge by mean_m, by log spread_m, and by borders moving outwards;
+    of that between two edges they are the lower's less the upper's."""
+    z = (edge - mean_m[:, None]) / spread_m[:, None]
+    density = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
+    by_mean = density / spread_m[:, None]
+    bounded = np.isfinite(edge)
+    return np.stack([by_mean, np.where(bounded, z, 0.0) * density, np.where(bounded, -np.sign(edge), 0.0) * by_mean])

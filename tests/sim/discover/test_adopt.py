@@ -22,6 +22,7 @@ from truearc.sim.discover.select.expected_points import HoldOut, JudgedFit, hold
 from truearc.sim.discover.select.hypotheses import Part
 from truearc.sim.discover.select.nonparametric_terms import Freed
 from truearc.sim.discover.select.posterior import Family, Hypothesis
+from truearc.sim.discover.select.refit import refit
 from truearc.sim.infer.baseline_fit import BaselineFit, only_shared, usual_spot
 from truearc.sim.infer.belief import Belief, load_belief, point_belief
 from truearc.sim.infer.curve import Curve, before_the_shot
@@ -207,6 +208,19 @@ def test_an_unexplained_change_is_adopted_with_the_name_that_it_stands_beside() 
     near, far = (belief.curves["free_speed"].by({"distance_m": [at]}, 1)[0] @ belief.curves["free_speed"].points
                  for at in (3.5, 6.5))
     assert far - near == pytest.approx(-0.24, abs=0.1)
+
+
+def test_only_names_that_were_put_in_together_are_adopted(hasty: tuple[Dataset, Investigation]) -> None:
+    """Of a pair, a name that its rivals have overtaken is no part of the fit beside the other name."""
+    found, name = hasty[1], "hood_offset.angle_deg"
+    first, fitted = found.steps[0], found.fitted
+    assert fitted is not None
+    other = refit(fitted, (name,), np.zeros(1))
+    naming = replace(first.naming, chosen=(name,), probability={name: 1.0}, refits={name: other}, nats={name: 1.0})
+    belief, provenance = make_belief(replace(found, steps=(first, replace(first, naming=naming))),
+                                     gain=lambda before, after: (0.1, 0.2), threshold=None)
+    assert provenance["adopted"] == ["hood_offset"]
+    assert set(belief.coefficients) == {"drag", "magnus", "exit_efficiency", "hood_offset"}
 
 
 def test_a_change_that_stands_alone_must_be_clearly_better_without_tracks(hasty: tuple[Dataset, Investigation]) -> None:
