@@ -79,7 +79,7 @@ Every key and unit of the files that users write or read. Made from the code by 
 
 | file | described in |
 |---|---|
-| dataset: `rig.toml`, `shots.csv`, `tracks.csv`, `traces.csv` | [dataset](../dataset.md) |
+| dataset: `rig.toml`, `shots.csv`, `tracks.csv`, `times.csv`, `traces.csv` | [dataset](../dataset.md) |
 | `launcher.toml` | [below](#launchertoml); axes: [motors](../motors.md); `[rig]`: as in a dataset |
 | belief: coefficients, scatter, covariance | [below](#belief) |
 | results as JSON: finding, identifiability, design, proposal, a session's header | [below](#json-documents) |

@@ -31,7 +31,7 @@ Columns = Frame | Mapping[str, Any] | np.ndarray
 
 
 def dataset(shots: Columns, *, rig: Rig | str | Path | Mapping[str, Any], tracks: Columns | None = None,
-            traces: Columns | None = None, name: str = "dataset") -> Dataset:
+            traces: Columns | None = None, times: Columns | None = None, name: str = "dataset") -> Dataset:
     """Make a dataset from tables in memory.
 
     Columns, units and checks are those of the dataset files. A missing cell is None, NaN or NA.
@@ -43,6 +43,8 @@ def dataset(shots: Columns, *, rig: Rig | str | Path | Mapping[str, Any], tracks
         tracks: One row per sample: shot_id, t_s [s], x_m, y_m, z_m [m]; launcher frame, x toward the target, y left,
             z up. None: no tracks.
         traces: One row per sample: shot_id, t_s [s, 0 when the ball is fed], signal, value. None: no telemetry.
+        times: One row per time that the ball came by a height: shot_id, height_m [m above the floor], t_s [s after its
+            release], sigma_s [s, standard deviation of that time]. None: no such times.
         name: Of the dataset in reports.
 
     Raises:
@@ -50,7 +52,7 @@ def dataset(shots: Columns, *, rig: Rig | str | Path | Mapping[str, Any], tracks
     """
     with gathered() as problems:
         tables = [None if frame is None else _table(frame, which)
-                  for which, frame in (("tracks", tracks), ("traces", traces))]
+                  for which, frame in (("tracks", tracks), ("traces", traces), ("times", times))]
         return assemble(name, _rig(rig), problems, _table(shots, "shots"), *tables, has_three=states_three(rig))
 
 

@@ -13,19 +13,21 @@ import numpy as np
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import WHEEL, WORDS, is_numeric, need_columns, number_column, text_column, text_of
-from truearc.sim.data.model import Dataset, Shots, Traces, Tracks
+from truearc.sim.data.model import Dataset, Shots, Times, Traces, Tracks
 from truearc.sim.data.rig import RIG, load_rig, states_three
 from truearc.sim.data.table import Problems, RawTable, find_table, gathered, load_table
 from truearc.sim.data.units import in_read_units, is_shot_column
 
 TRACK_COLUMNS = ("shot_id", "t_s", "x_m", "y_m", "z_m")
+TIME_COLUMNS = ("shot_id", "height_m", "t_s", "sigma_s")
+SAMPLES = ("tracks", "traces", "times")
 HIT, THREES = "hit", ("three", "3", "3.0")
 LEFT_OUT = "left_out.txt"
 DISTINCT = 10                         # fewest different shots of which as many copies of each are suspect
 
 
 def load_dataset(directory: str | Path) -> Dataset:
-    """Read the dataset in a directory: rig.toml, shots, and tracks and traces where there are any.
+    """Read the dataset in a directory: rig.toml, shots, and tracks, traces and times where there are any.
 
     InputError lists every bad row with file, line (CSV) or row (Parquet) and column.
     """
@@ -40,7 +42,7 @@ def load_dataset(directory: str | Path) -> Dataset:
         raise InputError(f"{home}: has neither shots.csv nor shots.parquet")
     with gathered() as problems:
         tables = [None if path is None else load_table(path, problems)
-                  for path in (find_table(home, "tracks"), find_table(home, "traces"))]
+                  for path in (find_table(home, name) for name in SAMPLES)]
         dataset = assemble(home.resolve().name, rig, problems, load_table(shots_path, problems), *tables,
                            has_three=states_three(home / RIG))
     said = home / LEFT_OUT
@@ -49,15 +51,17 @@ def load_dataset(directory: str | Path) -> Dataset:
 
 
 def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: RawTable | None = None,
-             traces: RawTable | None = None, *, has_three: bool = True) -> Dataset:
+             traces: RawTable | None = None, times: RawTable | None = None, *, has_three: bool = True) -> Dataset:
     """Check the cells of tables and return them as a dataset; everything wrong is added to `problems`.
 
     has_three: whether the rig's half-height of the three was stated; where it was not and shots are hits, every hit
     counts alike.
 
     Raises:
-        InputError: a column that a table must have is missing.
+        InputError: a column that a table must have is missing, or there are both tracks and times.
     """
+    if tracks and times:
+        raise InputError(f"{times.path}: there are tracks, too: they tell when the ball was where; keep one of the two")
     shots = in_read_units(shots, is_shot_column, problems)
     shots, rig = _settle_hits(shots, rig, has_three, problems)
     checked = replace(_shots(shots, problems), written=_names(shots))
@@ -66,7 +70,7 @@ def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: R
     row_of = {name: row for row, name in enumerate(checked.shot_id)}
     tracks = tracks and in_read_units(tracks, TRACK_COLUMNS.__contains__, problems)
     return Dataset(name, rig, checked, _tracks(tracks, row_of, problems), _traces(traces, row_of, problems),
-                   track_columns=_names(tracks) if tracks else {})
+                   track_columns=_names(tracks) if tracks else {}, times=_times(times, row_of, problems))
 
 
 def hash_dataset(dataset: Dataset) -> str:
@@ -75,9 +79,8 @@ def hash_dataset(dataset: Dataset) -> str:
     digest = hashlib.sha256(msgspec.json.encode(dataset.facts, order="deterministic"))
     shots = dataset.shots
     _feed(digest, "shots", {"shot_id": shots.shot_id, **shots.numbers, **shots.texts})
-    for name, table in (("tracks", dataset.tracks), ("traces", dataset.traces)):
-        if table is not None:
-            _feed(digest, name, dict(vars(table)))
+    for name, table in dataset.samples.items():
+        _feed(digest, name, dict(vars(table)))
     digest.update(msgspec.json.encode(list(dataset.left_out)))
     return digest.hexdigest()
 
@@ -176,6 +179,20 @@ def _tracks(table: RawTable | None, row_of: dict[str, int], problems: Problems) 
     t_s, x_m, y_m, z_m = (number_column(table, name, problems) for name in ("t_s", "x_m", "y_m", "z_m"))
     _check_order(table, shot, t_s, problems)
     return Tracks(shot, t_s, x_m, y_m, z_m)
+
+
+def _times(table: RawTable | None, row_of: dict[str, int], problems: Problems) -> Times | None:
+    if table is None:
+        return None
+    table = in_read_units(table, TIME_COLUMNS.__contains__, problems)
+    need_columns(table, TIME_COLUMNS)
+    shot = _shot_rows(table, row_of, problems)
+    height_m, t_s, sigma_s = (number_column(table, name, problems) for name in TIME_COLUMNS[1:])
+    for name, column in (("t_s", t_s), ("sigma_s", sigma_s)):
+        for row in np.flatnonzero(column <= 0.0):
+            table.fault(problems, int(row), name, f"{table.shown(name, column[row])} must be above 0")
+    _check_order(table, shot, t_s, problems)
+    return Times(shot, t_s, height_m, sigma_s)
 
 
 def _traces(table: RawTable | None, row_of: dict[str, int], problems: Problems) -> Traces | None:

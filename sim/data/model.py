@@ -81,6 +81,14 @@ class Tracks(ShotSamples):
 
 
 @dataclass(frozen=True)
+class Times(ShotSamples):
+    """When the ball came by a height, in s after its release, with the standard deviation of that time."""
+
+    height_m: Floats
+    sigma_s: Floats
+
+
+@dataclass(frozen=True)
 class Traces(ShotSamples):
     """Telemetry through shots; `t_s` = 0 when the ball is fed."""
 
@@ -112,6 +120,13 @@ class Dataset(Printed):
     left_out: tuple[str, ...] = ()
     accepted: tuple[str, ...] = ()
     track_columns: dict[str, str] = field(default_factory=dict)
+    times: Times | None = None
+
+    @property
+    def samples(self) -> dict[str, "Tracks | Traces | Times"]:
+        """The tables of measurements through shots that there are, by name."""
+        tables = {"tracks": self.tracks, "traces": self.traces, "times": self.times}
+        return {name: table for name, table in tables.items() if table is not None}
 
     @property
     def rig(self) -> Rig:
@@ -127,11 +142,11 @@ class Dataset(Printed):
         return self if rows == list(range(len(rows))) else self.take(rows)
 
     def take(self, rows: Sequence[int]) -> "Dataset":
-        """The shots at these rows, in that order, with their tracks and traces."""
+        """The shots at these rows, in that order, with their measurements."""
         place = np.full(len(self.shots), -1)
         place[list(rows)] = np.arange(len(rows))
-        return replace(self, shots=self.shots.take(list(rows)), tracks=self.tracks and self.tracks.moved(place),
-                       traces=self.traces and self.traces.moved(place))
+        samples: dict[str, Any] = {name: table.moved(place) for name, table in self.samples.items()}
+        return replace(self, shots=self.shots.take(list(rows)), **samples)
 
     def _keys(self) -> list[tuple[Any, ...]]:
         """What each shot is sorted by: session and time first, if all times are known; its name last."""
@@ -141,8 +156,8 @@ class Dataset(Printed):
         known = [tuple(column[row] for column in (*numbers, *texts)) for row in range(len(shots))]
         sessions = map(_counted, shots.text("session"))
         when = zip(sessions, shots.number("t_s").tolist(), strict=True) if shots.timed else repeat(())
-        samples = zip(_samples(self.tracks, len(shots)), _samples(self.traces, len(shots)), strict=True)
-        return list(zip(when, known, samples, shots.shot_id, strict=False))
+        samples = list(zip(*(_samples(table, len(shots)) for table in self.samples.values()), strict=True))
+        return list(zip(when, known, samples or repeat(()), shots.shot_id, strict=False))
 
     def lines(self) -> list[str]:
         """Return how many shots, outcomes and samples there are, which columns, and what was left out."""
@@ -153,8 +168,7 @@ class Dataset(Printed):
         lines = [f"{self.name}: {len(self.shots)} shots "
                  f"({', '.join(f'{count} {kind}' for kind, count in counts.items())})",
                  f"columns: {', '.join(['shot_id', *self.shots.numbers, *self.shots.texts])}"]
-        lines += [f"{name}: {len(table.t_s)} samples" for name, table in (("tracks", self.tracks),
-                                                                          ("traces", self.traces)) if table]
+        lines += [f"{name}: {len(table.t_s)} samples" for name, table in self.samples.items()]
         return lines + [f"left out: {line}" for line in self.left_out]
 
 
@@ -163,12 +177,11 @@ def _counted(name: str) -> list[tuple[int, str]]:
     return [(int(part) if part.isdecimal() else -1, part) for part in re.split(r"(\d+)", name)]
 
 
-def _samples(table: ShotSamples | None, count: int) -> list[tuple[Any, ...]]:
+def _samples(table: ShotSamples, count: int) -> list[tuple[Any, ...]]:
     """The samples of each of `count` shots, to tell shots apart of which all else is alike."""
     found: list[list[Any]] = [[] for _ in range(count)]
-    if table is not None:
-        for shot, *sample in zip(*vars(table).values(), strict=True):
-            found[shot].append(tuple(sample))
+    for shot, *sample in zip(*vars(table).values(), strict=True):
+        found[shot].append(tuple(sample))
     return [tuple(one) for one in found]
 
 
@@ -180,8 +193,9 @@ def join_datasets(first: Dataset, second: Dataset) -> Dataset:
     if set(first.shots.shot_id) & set(second.shots.shot_id):
         raise ValueError("the two datasets have a shot_id in common")
     n = len(first.shots)
-    return replace(first, shots=_join_shots(first.shots, second.shots),
-                   tracks=_join(first.tracks, second.tracks, n), traces=_join(first.traces, second.traces, n))
+    samples: dict[str, Any] = {name: _join(first.samples.get(name), second.samples.get(name), n)
+                               for name in dict.fromkeys([*first.samples, *second.samples])}
+    return replace(first, shots=_join_shots(first.shots, second.shots), **samples)
 
 
 def _join_shots(first: Shots, second: Shots) -> Shots:

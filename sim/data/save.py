@@ -25,10 +25,9 @@ def save_dataset(directory: str | Path, dataset: Dataset) -> None:
     save_rig(home / RIG, dataset.facts)
     _save_csv(home / "shots.csv", _shot_columns(dataset.shots))
     ids = dataset.shots.shot_id
-    for stem, table in (("tracks", dataset.tracks), ("traces", dataset.traces)):
-        if table is not None:
-            columns = {name: column for name, column in vars(table).items() if name != "shot"}
-            _save_csv(home / f"{stem}.csv", {"shot_id": [ids[row] for row in table.shot], **columns})
+    for stem, table in dataset.samples.items():
+        columns = {name: column for name, column in vars(table).items() if name != "shot"}
+        _save_csv(home / f"{stem}.csv", {"shot_id": [ids[row] for row in table.shot], **columns})
     if dataset.left_out:
         (home / LEFT_OUT).write_text("".join(line + "\n" for line in dataset.left_out), encoding="utf-8")
 

@@ -236,7 +236,7 @@ def _best_flown(investigation: Investigation) -> tuple[tuple[Step, ...], str]:
     """
     steps, fitted = investigation.steps, investigation.fitted
     named = [k for k, step in enumerate(steps) if not step.unknown]
-    if fitted is None or fitted.intake.samples is None or not named:
+    if fitted is None or not fitted.intake.filmed or not named:
         return steps, ""
     cuts = [_cut(fitted, steps[:k + 1]) for k in named]
     errors_m = [flown_error(fitted.intake, cut[-1].refit, investigation.catalogue) for cut in cuts]
@@ -294,7 +294,7 @@ def _worse(investigation: Investigation, taken: _Taken, gain: Gain) -> str:
     evidence = taken.evidence
     if at_limit := stopped(evidence, investigation.catalogue):
         return f"beside them {', '.join(at_limit)} stopped at the end of its range"
-    if taken.named and investigation.fitted.intake.samples is not None:
+    if taken.named and investigation.fitted.intake.filmed:
         fitted, among = investigation.fitted, investigation.catalogue
         before_m, after_m = (flown_error(fitted.intake, one, among)
                              for one in (_without(fitted), taken.named[-1].refit))
@@ -316,7 +316,7 @@ def _ill_flown(investigation: Investigation, taken: _Taken) -> str:
     """Why tracks and outcomes contradict each other: outcomes are forecast clearly worse from the settings than by
     their plain shares; "" where they do not."""
     fitted = investigation.fitted
-    if fitted is None or fitted.intake.samples is None:
+    if fitted is None or not fitted.intake.filmed:
         return ""
     plane = fitted.evidence.plane
     if plane is None or taken.evidence.plane is None:

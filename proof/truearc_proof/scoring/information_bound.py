@@ -57,7 +57,7 @@ def _of_one(drawn: Drawn, dataset: Dataset, fitted: BaselineFit, seed: int) -> M
         return Measured(strength=strength_of(fitted.evidence, shift_m(world)))
     column, amplitude = f"{name}.{PARAMETER[name][0]}", PARAMETER[name][1](amount)
     ceiling = ceiling_of(fitted.evidence, drawn.level, column, amplitude, seed)
-    if name in WEAR and not counts_shots(dataset.shots):       # it went with balls that nobody told apart
+    if name in WEAR and not counts_shots(dataset.shots):       # it goes with balls, which are not told apart
         ceiling = Ceiling(FALSE_ALARM, 0.0, 0.0, 0.0, ())
     if ceiling is None:
         return Measured()

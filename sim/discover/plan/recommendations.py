@@ -67,7 +67,7 @@ def _about_unknown(step: Step) -> tuple[dict[str, Any], ...]:
     place = step.place
     name = None if place is None else name_of(place.test, place.column)
     if name is None or name in IN_FLIGHT:
-        if step.fitted.intake.samples is not None:
+        if step.fitted.intake.filmed:
             return ({"do": "measure", "instrument": "anemometer", "what": "the wind with an anemometer"},)
         return ({"do": "measure", "record": "tracks", "what": "the flight with a camera from the side (tracks.csv)"},)
     return ({"do": "measure", "covariate": name, "what": f"what else changes with {name}, which it goes with"},)

@@ -16,7 +16,7 @@ from truearc.sim.discover.plan.recommendations import blind_terms, measure_blind
 from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report.formula import find_formula
 from truearc.sim.discover.select.amplitude_prior import posterior_amplitude
-from truearc.sim.discover.select.forecast_error import end_errors
+from truearc.sim.discover.select.forecast_error import end_errors, times_off
 from truearc.sim.discover.select.name_effects import Search, Step
 from truearc.sim.infer.baseline_fit import BaselineFit, only_shared, stopped
 from truearc.sim.infer.held_out import clustered_error, unseen_change, without
@@ -70,8 +70,9 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
         where = Where(None, None, None, None, {}, None, None, (), "nothing was found")
         threshold = judged.threshold(TERMS, false_alarm)
         blind = blind_terms(fitted.evidence, threshold, among) if np.isfinite(threshold) else []
-        steps_to_see = measure_blind(blind, intake.samples is not None)
+        steps_to_see = measure_blind(blind, intake.filmed)
         sentence = (wording.say_none(terms, judged.p_any, data.shots, false_alarm, among)
+                    + wording.say_scatter(times_off(intake, fitted.layout, fitted.spot))
                     + wording.say_blind(blind, steps_to_see, among)
                     + wording.say_smallest(fitted.evidence, threshold, among))
         return FindingRecord(data, mismatch, where, "none", sentence + wording.say_limits(data.at_limit), None, fit,
@@ -209,7 +210,7 @@ def _fit(fitted: BaselineFit, steps: Sequence[Step]) -> FitSummary:
     before = null.log_score + null.gain(before_change)
     rmse = end_errors(fitted.intake, only_shared(fitted.layout), fitted.spot, null, before_change)
     accuracy = _accuracy(null, before_change)
-    height_at = "plane" if fitted.intake.samples is None else "track end"
+    height_at = "track end" if fitted.intake.filmed else "plane"
     if not steps:
         return FitSummary(len(null.rows), float(before.mean()), None, None, None, rmse, None, accuracy, None, height_at)
     last, named = steps[-1], [step.refit for step in steps if not step.unknown]

@@ -21,6 +21,7 @@ STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", 
                "arrival": "at the target"}
 NINETY = 1.6448536269514722
 SHOWN = 6
+WIDE = 2.0                            # standard deviations by which times differ: chance hardly does that to ten
 LEAST_SHOWN = 0.005                   # probability of a name on the console: not 0 %
 UNSURE = 0.25                       # probability of an unexplained effect, from which a sentence says so
 FOUR_IN_FIVE = 0.8
@@ -182,6 +183,14 @@ def say_none(believed: tuple[str, ...], p_value: float | None, shots: int, false
                 "outcome or height, with distance and launch, that would tell.")
     return (f"No mismatch: {shots} shots differ from the simulation ({_list(believed, among)}) by no more than chance "
             f"(p = {p_value:.2g}, alarm at {false_alarm:g}).")
+
+
+def say_scatter(off: float | None) -> str:
+    """Say that times scatter by more than was stated, where they do; off: by how many standard deviations."""
+    if off is None or off < WIDE:
+        return ""
+    return (f" But the times differ from it by {off:.2g} of their standard deviations (sigma_s): either they are less "
+            "exact than stated, or something is missing that so few shots cannot show.")
 
 
 def say_blind(blind: Sequence[Term], steps: Sequence[Mapping[str, Any]], among: Catalogue | None = None) -> str:

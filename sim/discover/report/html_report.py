@@ -26,7 +26,7 @@ HERE = files("truearc.sim.discover.report")
 STYLE = (HERE / "finding.css").read_text(encoding="utf-8")
 FINE_PRINT = (HERE / "fine_print.txt").read_text(encoding="utf-8").split("\n\n")
 MOSTLY = 0.97                         # of the improvement: then a region tells nothing new
-LEVELS = {"L0": "outcomes only", "L1": "outcomes with telemetry", "L2": "tracks of the flight"}
+LEVELS = {"L0": "outcomes only", "L1": "outcomes with telemetry", "L2": "tracks of the flight, or times at heights"}
 
 
 def make_report(name: str, investigation: Investigation) -> str:

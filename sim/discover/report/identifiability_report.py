@@ -28,7 +28,7 @@ def sight_lines(sight: Sight, among: Catalogue | None = None) -> list[str]:
     head = ("effect", "stage", "usual size", "left", "shots needed", "like")
     rows = [_row(one, among) for one in sight.terms if one.shots_needed is not None]
     lines += make_text(head, rows, right=(3, 4))
-    lines += ["", *(f"one and the same to these data: {', '.join(group)}" for group in sight.classes)]
+    lines += ["", *(f"one and the same to these data, while small: {', '.join(group)}" for group in sight.classes)]
     lines += [f"never seen: {one.term}: {why_not(one, among)}" for one in sight.terms if one.shots_needed is None]
     lines.append("fitted anyway: " + ", ".join(f"{one.name} {_uncertainty(one, one.after)}" for one in sight.fitted))
     return lines
@@ -87,7 +87,8 @@ def _alike(sight: Sight, among: Catalogue | None) -> str:
         return ""
     items = "".join(f"<li>{html.escape(' = '.join(plain(one, among) for one in group))}</li>"
                     for group in sight.classes)
-    return f"<p>To these data these are one and the same; only a measurement tells which:</p><ul>{items}</ul>"
+    return ("<p>While they are small, these are one and the same to these data, and only a measurement tells which:</p>"
+            f"<ul>{items}</ul>")
 
 
 def _table(sight: Sight, among: Catalogue | None) -> str:

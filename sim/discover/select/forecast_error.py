@@ -4,9 +4,11 @@ import numpy as np
 from jaxtyping import Float
 
 from truearc.sim.infer.likelihood.linearization import LinearizationPoint, ParameterLayout, fly, variance_of
+from truearc.sim.infer.likelihood.noise import TIMED_M
+from truearc.sim.infer.likelihood.normal_equations import LEAD
 from truearc.sim.infer.likelihood.prepared_data import Intake
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
-from truearc.sim.infer.likelihood.track_noise import whiten
+from truearc.sim.infer.likelihood.track_noise import timed_noise, whiten
 
 FORECAST = 0.4                        # of a track's samples: from these its end is forecast
 
@@ -18,7 +20,7 @@ def end_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint
     With tracks: at each one's last sample, the shot's own deviation taken from its first FORECAST of samples. Without:
     heights measured at the plane against those of the evidence.
     """
-    if intake.samples is not None:
+    if intake.filmed:
         errors = track_errors(intake, layout, spot, change)[:, 2]
     else:
         if evidence.plane is None or not evidence.plane.seen.measured.any():
@@ -26,6 +28,17 @@ def end_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint
         seen, mean_m, _ = evidence.heights(change)
         errors = (mean_m - seen.height_m)[seen.measured]
     return float(np.sqrt(np.mean(errors**2)))
+
+
+def times_off(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint) -> float | None:
+    """RMS of what times at heights differ from the simulation by, in their own standard deviations; None without."""
+    samples, rows = intake.samples, intake.tracked
+    if samples is None or samples.clock_s is None:
+        return None
+    flown = fly(intake, layout, spot)
+    speed_m_s = np.asarray(flown.slopes.track_m)[rows, :, 2, len(layout.inputs) + LEAD]
+    off = (samples.position_m - flown.seen.track_m[rows])[..., 2] / (TIMED_M * timed_noise(samples, speed_m_s))
+    return float(np.sqrt(np.mean(off[samples.real]**2)))
 
 
 def track_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, change: Float[Array, "n P"],

@@ -53,7 +53,7 @@ def all_freed(step: Step, search: Search) -> tuple[tuple[Freed, ...], str]:
     if correction is None:
         return (), ""
     beside = step.change is not None and bool(step.change.names)       # its posterior has been compared with a pair's
-    if fitted.intake.samples is None and not (correction.gain.sum() > 0.0 if beside else clearly(
+    if not fitted.intake.filmed and not (correction.gain.sum() > 0.0 if beside else clearly(
             correction.gain, fitted)):
         return (), "the free curve is not clearly better on unseen shots"
     found: list[Freed] = []
@@ -65,7 +65,7 @@ def all_freed(step: Step, search: Search) -> tuple[tuple[Freed, ...], str]:
             return tuple(found), "" if found and why == UNABLE else why
         found.append(one if found or step.change is None else replace(one, beside="".join(step.change.names)))
         fitted = one.fitted
-        correction = None if fitted.intake.samples is None else _what_is_left(fitted, search)
+        correction = _what_is_left(fitted, search) if fitted.intake.filmed else None
     return tuple(found), ""
 
 

@@ -96,11 +96,12 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Int[Ar
                   bool(len(intake.marked)), tracked, bool(np.asarray(intake.lanes.free).any()), catalogue)
     edges = _edges(intake) if later is None else later.edges_s
     first_push = len(slots) + chain.deviates
-    found = [(column, len(slots) + number) for number, column in (*FREE, *([AZIMUTH] if tracked else []))]
+    found = [(column, len(slots) + number) for number, column in (*FREE, *([AZIMUTH] if intake.filmed else []))]
     found += [(column, first_push + number) for number, column in _pushes(chain, edges)]
     if intake.scatter is not None and intake.scatter.sigma_m[1] >= UNMEASURED_M:    # y tells nothing
         found = [(column, place) for column, place in found if column.direction != "lateral"]
-    known = {*believed, *catalogue.always, *(term.name for term in calibrated(catalogue) if tracked)}
+    trackers = calibrated(catalogue) if intake.filmed else [one for one in catalogue if isinstance(one, WatchTerm)]
+    known = {*believed, *catalogue.always, *(term.name for term in trackers if tracked)}
     asked = [term for term in catalogue if term.name not in known and (belief is not None or not term.relative)]
     found += [(Column(f"{term.name}.{term.amplitude.name}", "term", term.stage, term.direction, term.amplitude.unit,
                       usual_of(term, intake.rig), follows=term.follows or ""),
@@ -205,7 +206,7 @@ def _shared(intake: Intake, believed: tuple[str, ...],
             centre, sd = weak_prior(parameter)
             column = Column(f"{term.name}.{parameter.name}", "shared", term.stage, "along", parameter.unit, sd)
             found.append((column, slots.index((term.name, parameter.name)), centre, sd))
-    for term in calibrated(catalogue) if intake.samples is not None else ():
+    for term in calibrated(catalogue) if intake.filmed else ():
         if term.name not in believed:
             one, sd = term.amplitude, calibration_sd(term, intake.rig.tracker or Tracker())
             column = Column(f"{term.name}.{one.name}", "shared", "sensing", "along", one.unit, sd)
@@ -237,7 +238,7 @@ def _changed(shared: list[tuple[Column, int, float, float]], belief: Belief | No
 
 def _scatter_place(intake: Intake, first: int, number: int) -> int:
     """The column of a scatter, or -1 where nothing could tell it."""
-    wanted = [bool(intake.scattered[:, k].any()) and (one != "scatter.azimuth_rad" or intake.samples is not None)
+    wanted = [bool(intake.scattered[:, k].any()) and (one != "scatter.azimuth_rad" or intake.filmed)
               for k, one in enumerate(SCATTERS)]
     return first + sum(wanted[:number]) if wanted[number] else -1
 

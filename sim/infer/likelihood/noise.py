@@ -6,6 +6,7 @@ All are standard deviations unless they say otherwise. What rig.toml states, [no
 LAPSE = 0.005                         # share of outcomes that mean nothing: a slip of the operator's finger
 SLIP_M = 4.0                          # a height that is a slip lies anywhere within this range
 HEIGHT_M = 0.02                       # of a height measured at the plane
+TIMED_M = 0.001                       # of a height at which the ball was timed: a tape's
 FLOOR_M = 0.005                       # of the height: what the model leaves out even of a perfect shot
 
 # What instruments that give the exit_* columns are believed to do: a good high-speed camera or radar.

@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from truearc.sim.infer.likelihood.forward_model import Prediction
+from truearc.sim.infer.likelihood.forward_model import DEVIATES, Prediction
 from truearc.sim.infer.likelihood.noise import UNMEASURED_M
 from truearc.sim.infer.likelihood.prepared_data import Intake
-from truearc.sim.infer.likelihood.track_noise import log_volume, whiten
+from truearc.sim.infer.likelihood.track_noise import log_volume, timed_noise, whiten
 
 Array = np.ndarray
+LEAD = DEVIATES.index("lead_s")
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class Normal:
 
 def multiply_out(intake: Intake, seen: Prediction, slopes: Prediction, deviates: Float[Array, "n D"]) -> Normal:
     """The normal equations of what is seen [n] and its slopes (last axis k), about deviates [n, D]."""
-    parts = [_exit_part(intake, seen, slopes), *_track_part(intake, seen, slopes)]
+    parts = [_exit_part(intake, seen, slopes), *_track_part(intake, seen, slopes, deviates.shape[1])]
     raw = np.concatenate([part[0] for part in parts], axis=1)
     # as seen from no deviation: the prior's mean
     raw[..., 0] += np.einsum("ngd,nd->ng", raw[..., raw.shape[2] - deviates.shape[1]:], deviates)
@@ -59,9 +60,12 @@ def _exit_part(intake: Intake, seen: Prediction,
     return np.concatenate([off[..., None], white], axis=2), log_noise
 
 
-def _track_part(intake: Intake, seen: Prediction,
-                slopes: Prediction) -> list[tuple[Float[Array, "n G inputs"], Float[Array, " n"]]]:
-    """(white [n, 3 L, 1 + k] of the tracks, log density); shots without one are 0."""
+def _track_part(intake: Intake, seen: Prediction, slopes: Prediction,
+                deviates: int) -> list[tuple[Float[Array, "n G inputs"], Float[Array, " n"]]]:
+    """(white [n, 3 L, 1 + k] of the tracks, log density); shots without one are 0. deviates: how many of k, the last.
+
+    A later release leaves every sample as much earlier in the flight, so that slopes by it are velocities.
+    """
     if intake.samples is None or intake.scatter is None:
         return []
     rows, samples, n = intake.tracked, intake.samples, len(intake.rows)
@@ -69,8 +73,13 @@ def _track_part(intake: Intake, seen: Prediction,
     unmeasured = intake.scatter.sigma_m >= UNMEASURED_M
     if unmeasured.any():              # nothing at all: tests have no scale, so a tiny score of one sign is significant
         raw[:, :, unmeasured] = 0.0
-    white = np.zeros((n, 3 * raw.shape[1], raw.shape[3]))
-    white[rows] = whiten(samples, intake.scatter, raw)
     log_noise = np.zeros(n)
     log_noise[rows] = log_volume(samples, intake.scatter)
+    if samples.clock_s is not None:
+        by_release = np.asarray(slopes.track_m)[rows, :, 2, slopes.track_m.shape[3] - deviates + LEAD]
+        wider = timed_noise(samples, by_release)
+        raw /= wider[:, :, None, None]
+        log_noise[rows] -= (np.log(wider) * samples.real).sum(1)
+    white = np.zeros((n, 3 * raw.shape[1], raw.shape[3]))
+    white[rows] = whiten(samples, intake.scatter, raw)
     return [(white, log_noise)]

@@ -31,7 +31,7 @@ def say_left_out(rig: Rig, shots: Shots, use: Which, marked: Which, tracked: Whi
     reasons = (
         (~use & launched & beside, "missed left or right, without information about the height"),
         (~use & launched & ~marked & ~beside,
-         "nothing was seen of their flight: no outcome, side, miss_height_m, exit_* or track"),
+         "nothing was seen of their flight: no outcome, side, miss_height_m, exit_*, track or time"),
         (~use & marked & ~placed, "no distance_m"),
         (use & marked & launched & ~placed, "their outcome only: no distance_m"),
         (~use & ~sped, "no launch speed: motor_ratio (with launcher.free_speed_rad_s in rig.toml), every "

@@ -28,11 +28,12 @@ from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS, say_few, say
 from truearc.sim.infer.likelihood.outcome_likelihood import OutcomeObservations, see_outcomes
 from truearc.sim.infer.likelihood.score_table import Array
 from truearc.sim.infer.likelihood.shot_columns import every_column
-from truearc.sim.infer.likelihood.track_noise import Samples, Scatter, gather_samples, measure_scatter
+from truearc.sim.infer.likelihood.track_noise import Samples, Scatter, gather_samples, gather_times, measure_scatter
 from truearc.sim.physics.launch import Exit, exit_no_slip, is_opposed
 from truearc.sim.physics.simulate import has_wheels, own_balls
 
 NONE: Curves = {}
+AT_REST_M_S = 1e-3                    # drag has no slope where there is no speed
 SETTINGS = ("distance_m", "hood_deg", "motor_ratio", "miss_height_m", "t_s")
 
 
@@ -63,13 +64,18 @@ class Intake:
     left_out: tuple[str, ...]
 
     @property
+    def filmed(self) -> bool:
+        """Whether there are tracks: frame by frame, not the times at a few heights."""
+        return self.samples is not None and self.samples.clock_s is None
+
+    @property
     def used(self) -> dict[str, int]:
         """{kind of evidence: shots that have it}."""
         measured = int(self.seen.measured.sum())
         kinds = {"outcome": len(self.marked) - measured, "miss_height_m": measured,
                  **{name: int(np.isfinite(column).sum()) for name, column in zip(
                      ("exit_speed_m_s", "exit_deg", "exit_spin_rev_s"), self.exits.T, strict=True)},
-                 "tracks": len(self.tracked)}
+                 "tracks" if self.filmed else "times": len(self.tracked)}
         return {kind: count for kind, count in kinds.items() if count}
 
 
@@ -86,7 +92,7 @@ def take_in(dataset: Dataset, curves: Curves = NONE, fewest: int = FEWEST_SHOTS)
     launched = (wheels | sped) & (hood | aimed)
     marked, seen = see_outcomes(shots, rig.target)
     usable = launched[marked] & np.isfinite(shots.number("distance_m")[marked])
-    samples, notes = _samples(dataset)
+    samples, scatter, notes = _samples(dataset)
     tracked = np.zeros(len(shots), bool) if samples is None else np.isin(np.arange(len(shots)), samples.rows)
     use = tracked.copy()
     use[marked[usable]] = True
@@ -101,7 +107,6 @@ def take_in(dataset: Dataset, curves: Curves = NONE, fewest: int = FEWEST_SHOTS)
     around = along(curves, circumstances_of(dataset), columns, len(shots))
     lanes, noise_var, scattered = _lanes(part, _pick(around, rows), samples, place)
     exits, exit_sd = _exits(part)
-    scatter = None if samples is None else measure_scatter(samples, rig.noise.track_m)
     return Intake(rig, without_noise(rig), rows, lanes, noise_var, scattered, exits, exit_sd, place[marked[usable]],
                   seen.take(usable), np.zeros(0, int) if samples is None else place[samples.rows], samples, scatter,
                   _level(dataset, samples), tuple(left_out))
@@ -146,9 +151,10 @@ def _lanes(part: _Part, circumstances: Circumstances, samples: Samples | None,
     noise[:, 1] = np.where(free, 0.0, given.elevation_sd_rad**2)
     spinning = np.maximum(np.abs(np.asarray(given.rolling.spin_rev_s)), 0.5)
     noise[:, 3] = SPIN_SHARE**2 + np.where(free, 0.0, (given.wheel_spin_rev_s**2).sum(1) / spinning**2)
-    noise[:, 5] = np.where(free, 0.0, LEAD_S**2)
-    noise[:, 6:9] = np.where(free, FREE_PLACE_M, PLACE_M)[:, None]**2
-    noise[:, 9:12] = np.where(free, FREE_SPEED_M_S, 0.0)[:, None]**2
+    timed = samples is not None and samples.clock_s is not None
+    noise[:, 5] = np.where(free | timed, 0.0, LEAD_S**2)
+    noise[:, 6:9] = np.where(free & ~timed, FREE_PLACE_M, PLACE_M)[:, None]**2
+    noise[:, 9:12] = np.where(free & ~timed, FREE_SPEED_M_S, 0.0)[:, None]**2
     return lanes, noise, np.stack([given.rolled & ~free, given.hooded & ~free, ~free,
                                    np.broadcast_to(given.distance_sd_m**2, n)], axis=1) * 1.0
 
@@ -183,6 +189,9 @@ def _starts(part: _Part, rolling: Exit, samples: Samples | None, place: Int[Arra
     time_s, lead_s = np.zeros((n, samples.time_s.shape[1])), np.zeros(n)
     rows = place[samples.rows]
     time_s[rows] = samples.time_s
+    if samples.clock_s is not None:   # dropped, where nothing is known of a launch
+        start_m[rows], start_m_s[rows] = [0.0, 0.0, part.rig.launcher.release_height_m], [0.0, 0.0, -AT_REST_M_S]
+        return start_m, start_m_s, _free_spin(part, start_m_s), np.zeros(n), time_s
     start_m[rows], start_m_s[rows] = first_guess(samples)
     ahead_m_s = np.maximum(np.asarray(rolling.speed_m_s) * np.cos(np.asarray(rolling.elevation_rad)), 0.5)
     lead_s[rows] = np.clip(start_m[rows, 0] / ahead_m_s[rows], 0.0, 1.0)
@@ -230,11 +239,15 @@ def _measured(column: Float[Array, " n"], where: Bool[Array, " n"]) -> Float[Arr
     return np.where(where & (len(known) > 1 and np.ptp(known) > 0.0), column, np.nan)
 
 
-def _samples(dataset: Dataset) -> tuple[Samples | None, tuple[str, ...]]:
+def _samples(dataset: Dataset) -> tuple[Samples | None, Scatter | None, tuple[str, ...]]:
+    if dataset.times is not None and len(dataset.times.t_s):
+        return *gather_times(dataset.times), ()
     if dataset.tracks is None or len(dataset.tracks.t_s) == 0:
-        return None, ()
+        return None, None, ()
     samples, notes, _ = gather_samples(dataset.tracks, len(dataset.shots))
-    return (samples if len(samples.rows) else None), notes
+    if not len(samples.rows):
+        return None, None, notes
+    return samples, measure_scatter(samples, dataset.facts.noise.track_m), notes
 
 
 def _pick(circumstances: Circumstances, rows: Int[Array, " n"]) -> Circumstances:

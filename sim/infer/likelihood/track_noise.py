@@ -1,12 +1,12 @@
-"""Tracks as padded arrays, and how their samples scatter: per axis, and from one sample to the next."""
+"""Tracks, and times at heights, as padded arrays, and how they scatter: per axis, and from one sample to the next."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from truearc.sim.data.dataset import Tracks
-from truearc.sim.infer.likelihood.noise import STILL_M, UNMEASURED_M
+from truearc.sim.data.dataset import Times, Tracks
+from truearc.sim.infer.likelihood.noise import STILL_M, TIMED_M, UNMEASURED_M
 from truearc.sim.infer.likelihood.score_table import Array
 
 FEWEST_SAMPLES = 6                    # per track; fewer cannot say more than where it started and how fast
@@ -23,12 +23,17 @@ PAD = 16                              # tracks are padded to a multiple of this,
 
 @dataclass(frozen=True)
 class Samples:
-    """n tracks padded to L samples (padding repeats the last); `time_s` [n, L] from 0, `position_m` [n, L, 3]."""
+    """n tracks padded to L samples (padding repeats the last); `time_s` [n, L] from 0, `position_m` [n, L, 3].
+
+    clock_s [n, L]: of times at heights, standard deviations of the times; the release stands before
+    them. None: of a film.
+    """
 
     rows: Int[Array, " n"]            # shot of each track
     time_s: Float[Array, "n L"]
     position_m: Float[Array, "n L 3"]
     real: Bool[Array, "n L"]          # False = padding
+    clock_s: Float[Array, "n L"] | None = None
 
 
 @dataclass(frozen=True)
@@ -62,6 +67,23 @@ def gather_samples(tracks: Tracks, shots: int) -> tuple[Samples, tuple[str, ...]
             data[:, 0] = stamps
         notes += (f"{leapt} tracks that leap ahead as if frames had been lost in between: their stamps are put right",)
     return _pad(kept), notes, gross
+
+
+def gather_times(times: Times) -> tuple[Samples, Scatter]:
+    """Times at heights as tracks of which the height alone was measured, and their scatter where time has none."""
+    rows = np.unique(times.shot)
+    mine = [np.flatnonzero(times.shot == row) for row in rows]
+    width = -(-(1 + max(map(len, mine))) // PAD) * PAD
+    time_s, height_m, clock_s = np.zeros((3, len(rows), width))
+    real = np.zeros((len(rows), width), dtype=bool)
+    for k, chosen in enumerate(mine):
+        place = slice(1, 1 + len(chosen))
+        time_s[k, place], height_m[k, place], clock_s[k, place] = (
+            times.t_s[chosen], times.height_m[chosen], times.sigma_s[chosen])
+        time_s[k, place.stop:], real[k, place] = times.t_s[chosen[-1]], True
+    position_m = np.stack([np.zeros_like(height_m), np.zeros_like(height_m), height_m], axis=2)
+    return (Samples(rows, time_s, position_m, real, clock_s),
+            Scatter(np.array([UNMEASURED_M, UNMEASURED_M, TIMED_M]), np.zeros(3)))
 
 
 def put_right(data: Float[Array, "L 4"]) -> Float[Array, " L"]:
@@ -114,6 +136,13 @@ def _left_over(time_s: Float[Array, " L"], memory: float, gap_s: float) -> tuple
     noise = np.where(apart == 0.0, 1.0, memory**apart)
     left = _detrend(time_s, _detrend(time_s, noise).T)
     return float(np.diag(left).mean()), float(np.diag(left, 1).sum() / len(time_s))
+
+
+def timed_noise(samples: Samples, speed_m_s: Float[Array, "n L"]) -> Float[Array, "n L"]:
+    """How many times as much heights scatter because the times do, at that vertical speed."""
+    assert samples.clock_s is not None
+    wider: Array = np.hypot(1.0, samples.clock_s * np.abs(speed_m_s) / TIMED_M)
+    return wider
 
 
 def whiten(samples: Samples, scatter: Scatter, columns: Float[Array, "n L 3 k"]) -> Float[Array, "n 3*L k"]:

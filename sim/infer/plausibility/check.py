@@ -17,6 +17,7 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.model import Dataset, Floats, Shots
 from truearc.sim.infer.plausibility.flaw import LENGTHS, TRACKS, Flaw
 from truearc.sim.infer.plausibility.speeds import GEARS, MOTORS, judge_wheels, likeliest, speed_causes
+from truearc.sim.infer.plausibility.times import judge_times
 from truearc.sim.infer.plausibility.tracks import judge_tracks
 from truearc.sim.physics.simulate import by_wheels, launch_state
 
@@ -86,10 +87,12 @@ def _named(objection: Flaw, dataset: Dataset) -> Flaw:
 def _placed(objection: Flaw, shots: str) -> str:
     """With the folder of the shots' file before the names of files beside it."""
     folder = Path(shots).parent if Path(shots).suffix in (".csv", ".parquet") else None
-    if folder is None or not objection.place.startswith(("rig.toml:", "tracks:")):
+    table = objection.place.partition(":")[0]
+    if folder is None or table not in ("rig.toml", "tracks", "times"):
         return str(objection)
-    kind = Path(shots).suffix if (folder / f"tracks{Path(shots).suffix}").exists() else ".csv"
-    return f"{folder}/{objection._replace(place=objection.place.replace('tracks:', f'tracks{kind}:', 1))}"
+    kind = Path(shots).suffix if (folder / f"{table}{Path(shots).suffix}").exists() else ".csv"
+    file = table if table == "rig.toml" else f"{table}{kind}"
+    return f"{folder}/{objection._replace(place=objection.place.replace(table, file, 1))}"
 
 
 def _objections(dataset: Dataset) -> Iterator[Flaw]:
@@ -106,6 +109,8 @@ def _objections(dataset: Dataset) -> Iterator[Flaw]:
         yield from _reach(dataset.rig, dataset.shots)
     if dataset.tracks is not None:
         yield from judge_tracks(dataset, dataset.tracks)
+    if dataset.times is not None:
+        yield from judge_times(dataset, dataset.times)
 
 
 def _ball(rig: Rig) -> Iterator[Flaw]:

@@ -45,15 +45,16 @@ def main(args: argparse.Namespace) -> int:
 
 
 def lacking(dataset: "ta.Dataset") -> list[str]:
-    """Return what no shot states of its own settings and results, where there are no tracks."""
+    """Return what no shot states of its own settings and results, where there are no tracks or times."""
     from truearc.sim.data.columns import WHEEL
     known = {name for name, column in dataset.shots.numbers.items() if (column == column).any()}
     known |= {"wheel_<name>_rad_s" for name in known if WHEEL.fullmatch(name)}
     known |= {"outcome"} if any(dataset.shots.text("outcome")) else set()
     found = ((("distance_m",), "distance to the target"), (("hood_deg", "exit_deg"), "elevation"),
              (("motor_ratio", "exit_speed_m_s", "wheel_<name>_rad_s"), "speed"),
-             (("outcome", "miss_height_m"), "result")) if len(dataset.shots) and dataset.tracks is None else ()
-    return [f"{dataset.shots.source}: {' or '.join(names)}: no shot states its {what}" for names, what in found
+             (("outcome", "miss_height_m"), "result"))
+    asked = found if len(dataset.shots) and not {"tracks", "times"} & set(dataset.samples) else ()
+    return [f"{dataset.shots.source}: {' or '.join(names)}: no shot states its {what}" for names, what in asked
             if not known & set(names)]
 
 
@@ -74,7 +75,8 @@ def plausibility(dataset: "ta.Dataset") -> list[str]:
     """Return what the plausibility checks of a dataset that passed them have to say."""
     from truearc.sim.infer.plausibility.check import SCORES, judges_reach
     objections = [f"warning: {objection}" for objection in dataset.accepted] or ["plausible: no check objects"]
-    unjudged = [("tracks.csv", "gravity, axes, units of length and time", dataset.tracks is None),
+    flights = {"tracks", "times"} & set(dataset.samples)
+    unjudged = [("tracks.csv", "gravity, axes, units of length and time", not flights),
                 (f"{SCORES} scoring shots of known distance, angle and speed",
                  "distances, angles and speeds by each other", not judges_reach(dataset))]
     return objections + [f"  not checked without {needed}: {what}" for needed, what, missing in unjudged if missing]

@@ -32,8 +32,8 @@ def main(args: argparse.Namespace) -> int:
     if args.only is not None:
         dataset = only(dataset, args.only)
     ta.save_dataset(args.out, dataset)
-    samples = 0 if dataset.tracks is None else len(dataset.tracks.t_s)
-    print(f"{args.out}: {len(dataset.shots)} shots, {samples} track samples")
+    kind, table = ("times", dataset.times) if dataset.times is not None else ("track samples", dataset.tracks)
+    print(f"{args.out}: {len(dataset.shots)} shots, {0 if table is None else len(table.t_s)} {kind}")
     for line in dataset.left_out:
         print(f"left out: {line}")
     for line in doubts_of(dataset):
