@@ -6,6 +6,7 @@ from operator import attrgetter
 
 from truearc.sim.intervals import wilson
 from truearc_proof.report.figures import kept_in_test, worse_in_test
+from truearc_proof.report.posterior_targets import posterior_rows
 from truearc_proof.report.targets import against_targets
 from truearc_proof.scoring.decoys import up_to_alias
 from truearc_proof.scoring.score_world import MEASUREMENT, NULLS, SHOTS, Mark
@@ -30,16 +31,16 @@ RIGHT: tuple[Question, ...] = (attrgetter("first"), up_to_alias, attrgetter("cov
 def make_tables(marks: Sequence[Mark], again: Again = (), scale: float | None = None) -> list[Table]:
     """Return the tables of a round that have rows.
 
-    False alarms, detection by lambda and by name, correct answers, the abstention matrix, the design's targets, rivals,
-    and the gain of further shots.
+    False alarms, detection by lambda and by name, correct answers, the abstention matrix, the targets of the posterior
+    and of the design, rivals, and the gain of further shots.
 
     Args:
         marks: Of first claims.
         again: (first, second) marks of the worlds that were shot again.
         scale: Of effects; None: any.
     """
-    tables = [_alarms(marks), _ladder(marks), _by_name(marks), _right(marks), _matrix(marks), _targets(marks, scale),
-              _rivals(marks), _again(again)]
+    tables = [_alarms(marks), _ladder(marks), _by_name(marks), _right(marks), _matrix(marks), _posterior(marks),
+              _targets(marks, scale), _rivals(marks), _again(again)]
     return [one for one in tables if one.rows]
 
 
@@ -138,6 +139,12 @@ def _in_test(marks: Sequence[Mark]) -> list[str]:
 def _matrix(marks: Sequence[Mark]) -> Table:
     rows = [[title, *map(str, counts)] for title, counts in matrix_of(marks).items()]
     return Table("What was true against what was said", ("true, said", *VERDICTS), rows)
+
+
+def _posterior(marks: Sequence[Mark]) -> Table:
+    levels = {one.level for one in marks}
+    return Table("Against the targets of the posterior", ("figure", "here", "wanted", ""),
+                 posterior_rows(marks) if len(levels) == 1 else [])
 
 
 def _targets(marks: Sequence[Mark], scale: float | None) -> Table:
