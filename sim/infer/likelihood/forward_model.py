@@ -7,6 +7,7 @@ sensed configuration -> sensing terms -> launch terms -> the launch's own deviat
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from typing import Any, NamedTuple, cast
 
 import jax
@@ -18,6 +19,7 @@ from jaxtyping import Bool, Float, Int
 
 from truearc.robot.config.rig_spec import Ball, Rig
 from truearc.sim.data.conditions import Circumstances
+from truearc.sim.each_core import each_core
 from truearc.sim.infer.curve import resized
 from truearc.sim.physics import catalogue as stages
 from truearc.sim.physics.catalogue import BUILT_IN, Catalogue, effective, find_terms
@@ -34,6 +36,9 @@ DEVIATES = ("log_speed", "elevation_rad", "azimuth_rad", "spin_share", "distance
             "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
 PLANE_DEVIATES, LAUNCHED_DEVIATES = 5, 9
 PLANE_STEPS = 16                      # Runge-Kutta over x: heights within 1e-4 m, far below any spread
+PAD = 32                              # lanes fly in multiples of this, since each size is compiled,
+BLOCK = 64                            # and at most this number at once: more do not fit the caches
+WIDTH = 12                            # slopes that are flown together
 LEAD_STEPS = 3                        # from the launch to the first sample of its track
 LOWEST_M = -6.0                       # below the floor: no height there could be a hit
 
@@ -156,6 +161,39 @@ def _see_slopes(chain: Chain, numbers: Float[Array, " rig"], lanes: ShotBatch, p
         return seen, slopes
 
     return jax.vmap(one)(lanes, deviates)
+
+
+def pad_lanes(lanes: ShotBatch) -> tuple[ShotBatch, int]:
+    """(lanes repeated up to a multiple of PAD, of BLOCK where there are more; how many there were)."""
+    n = len(lanes.distance_m)
+    multiple = PAD if n <= BLOCK else BLOCK
+    return lanes.take(np.resize(np.arange(n), -(-n // multiple) * multiple)), n
+
+
+def see_in_blocks(chain: Chain, lanes: ShotBatch, point: Float[np.ndarray, " slots"],
+                  deviates: Float[np.ndarray, "n D"], edges_s: Float[np.ndarray, " edges"],
+                  basis: Float[np.ndarray, "size k"],
+                  see: Callable[..., Any] | None = None) -> tuple[Prediction, Prediction]:
+    """see_slopes of all lanes, as numpy arrays: BLOCK lanes and WIDTH slopes at a time, so that one compilation serves
+    all, and on all cores. see: in place of see_slopes."""
+    padded, n = pad_lanes(lanes)
+    every = np.resize(deviates, (len(padded.distance_m), deviates.shape[1]))
+    width = basis.shape[1]
+    wide = np.pad(basis, ((0, 0), (0, -width % WIDTH if width else WIDTH)))
+    bases = np.split(wide, wide.shape[1] // WIDTH, axis=1)
+    blocks = [slice(first, first + BLOCK) for first in range(0, len(every), BLOCK)]
+
+    def fly(job: tuple[slice, Float[np.ndarray, "size k"]]) -> tuple[Prediction, Prediction]:
+        found: tuple[Prediction, Prediction] = jax.tree.map(np.asarray, (see or see_slopes)(
+            chain, padded.take(job[0]), jnp.asarray(point), every[job[0]], jnp.asarray(edges_s), jnp.asarray(job[1])))
+        return found
+
+    code = chain, len(every[:BLOCK]), lanes.time_s.shape[1], see
+    flown = each_core(fly, list(product(blocks, bases)), code)
+    parts = [flown[first:first + len(bases)] for first in range(0, len(flown), len(bases))]
+    seen = jax.tree.map(lambda *each: np.concatenate(each)[:n], *(part[0][0] for part in parts))
+    slopes = [jax.tree.map(lambda *each: np.concatenate(each, axis=-1), *(one for _, one in part)) for part in parts]
+    return seen, jax.tree.map(lambda *each: np.concatenate(each)[:n][..., :width], *slopes)
 
 
 def plane_grid(chain: Chain, lanes: ShotBatch,

@@ -9,13 +9,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from truearc.sim.infer.likelihood import outcome_likelihood as outcomes
 from truearc.sim.infer.likelihood.external_measurements import Measured
-from truearc.sim.infer.likelihood.forward_model import Chain, Prediction, ShotBatch, see_slopes
+from truearc.sim.infer.likelihood.forward_model import Chain, Prediction, see_in_blocks
 from truearc.sim.infer.likelihood.noise import FLOOR_M
 from truearc.sim.infer.likelihood.normal_equations import Normal, multiply_out
 from truearc.sim.infer.likelihood.prepared_data import Intake
@@ -31,9 +30,6 @@ from truearc.sim.infer.likelihood.score_table import (
 LOST = 1e-6                           # of a square, that rounding may take below zero
 SCATTERED = (0, 1, 2, 4)              # deviates that scatter: log speed, elevation, azimuth, distance
 FAR_BELOW_M = -10.0                   # stands for a ball that never came near
-PAD = 32                              # lanes fly in multiples of this, since each size is compiled,
-BLOCK = 64                            # and at most this number at once: more do not fit the caches
-WIDTH = 12                            # slopes that are flown together
 BESIDE = 0.001                        # standard deviations of the height, between slopes that are compared
 STEEPEST = 1e6                        # m by a deviate: of a flight that goes astray
 
@@ -221,10 +217,10 @@ def fly(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint) -> Li
     deviates = first + np.arange(layout.chain.deviates)
     both = np.concatenate([inputs, deviates])
     if not spot.deviates.any():
-        seen, slopes = _fly(layout, intake.lanes, spot, _basis(layout, both))
+        seen, slopes = _fly(intake, layout, spot, both)
         return _linearization(intake, layout, spot, seen, slopes)
-    _, still = _fly(layout, intake.lanes, replace(spot, deviates=_common(spot.deviates)), _basis(layout, inputs))
-    seen, moving = _fly(layout, intake.lanes, spot, _basis(layout, deviates))
+    _, still = _fly(intake, layout, replace(spot, deviates=_common(spot.deviates)), inputs)
+    seen, moving = _fly(intake, layout, spot, deviates)
     slopes = jax.tree.map(lambda a, b: np.concatenate([a, b], axis=-1), still, moving)
     return _linearization(intake, layout, spot, seen, slopes)
 
@@ -254,7 +250,7 @@ def _log_spread_by(intake: Intake, layout: ParameterLayout, spot: LinearizationP
     spread = np.sqrt((toward * by_deviate).sum(1) + FLOOR_M**2)
     toward /= spread[:, None]
     here = replace(spot, deviates=spot.deviates + BESIDE * toward)
-    beside = _fly(layout, intake.lanes, here, _basis(layout, layout.inputs))[1].plane[:, 0]
+    beside = _fly(intake, layout, here, layout.inputs)[1].plane[:, 0]
     change = (beside - slopes.plane[:, 0, :inputs]) / (BESIDE * spread[:, None])
     return np.where(seen.near[:, None] & np.isfinite(change), change, result)
 
@@ -265,35 +261,12 @@ def _common(deviates: Float[Array, "n D"]) -> Float[Array, "n D"]:
     return np.where(own[:, None], deviates[own].mean(axis=0), 0.0)
 
 
-def _basis(layout: ParameterLayout, inputs: Int[Array, " k"]) -> Float[Array, "size k"]:
+def _fly(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
+         inputs: Int[Array, " k"]) -> tuple[Prediction, Prediction]:
+    """(all lanes at the spot, their slopes by these of the chain's inputs)."""
     basis = np.zeros((layout.chain.size, len(inputs)))
     basis[inputs, np.arange(len(inputs))] = 1.0
-    return basis
-
-
-def pad_lanes(lanes: ShotBatch) -> tuple[ShotBatch, int]:
-    """(lanes repeated up to a multiple of PAD, of BLOCK where there are more; how many there were)."""
-    n = len(lanes.distance_m)
-    multiple = PAD if n <= BLOCK else BLOCK
-    return lanes.take(np.resize(np.arange(n), -(-n // multiple) * multiple)), n
-
-
-def _fly(layout: ParameterLayout, lanes: ShotBatch, spot: LinearizationPoint,
-         basis: Float[Array, "size k"]) -> tuple[Prediction, Prediction]:
-    """see_slopes of all lanes, as numpy arrays; BLOCK lanes and WIDTH slopes at a time, so that one compilation serves
-    all."""
-    padded, n = pad_lanes(lanes)
-    deviates = np.resize(spot.deviates, (len(padded.distance_m), spot.deviates.shape[1]))
-    width = basis.shape[1]
-    wide = np.pad(basis, ((0, 0), (0, -width % WIDTH if width else WIDTH)))
-    bases = np.split(wide, wide.shape[1] // WIDTH, axis=1)
-    blocks = [slice(first, first + BLOCK) for first in range(0, len(deviates), BLOCK)]
-    see = layout.see or see_slopes
-    parts = [[see(layout.chain, padded.take(rows), jnp.asarray(spot.values), deviates[rows],
-                  jnp.asarray(layout.edges_s), jnp.asarray(some)) for some in bases] for rows in blocks]
-    seen = jax.tree.map(lambda *each: np.concatenate(each)[:n], *(part[0][0] for part in parts))
-    slopes = [jax.tree.map(lambda *each: np.concatenate(each, axis=-1), *(one for _, one in part)) for part in parts]
-    return seen, jax.tree.map(lambda *each: np.concatenate(each)[:n][..., :width], *slopes)
+    return see_in_blocks(layout.chain, intake.lanes, spot.values, spot.deviates, layout.edges_s, basis, layout.see)
 
 
 def variance_of(intake: Intake, log_scatter: Float[Array, " S"]) -> Float[Array, "n D"]:

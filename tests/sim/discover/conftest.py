@@ -2,11 +2,11 @@
 
 import pytest
 
-import truearc.sim.infer.likelihood.linearization
+import truearc.sim.infer.likelihood.forward_model
 
 
 @pytest.fixture(autouse=True, scope="module")
 def few_spare_lanes() -> object:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(truearc.sim.infer.likelihood.linearization, "PAD", 8)
+        patch.setattr(truearc.sim.infer.likelihood.forward_model, "PAD", 8)
         yield

@@ -13,13 +13,12 @@ from scipy.stats import multivariate_normal, norm
 
 from tests.sim.discover.mixed import BALLS, BELIEVED, FLOWN, LANDED, MEASURED, SHOTS, THROWN, make_mixed
 from truearc.sim.infer.likelihood.design_columns import lay_out
-from truearc.sim.infer.likelihood.forward_model import see_slopes
+from truearc.sim.infer.likelihood.forward_model import pad_lanes, see_slopes
 from truearc.sim.infer.likelihood.linearization import (
     LinearizationPoint,
     ParameterLayout,
     fly,
     linearise,
-    pad_lanes,
     variance_of,
 )
 from truearc.sim.infer.likelihood.noise import BALL_SPEED, FLOOR_M, HEIGHT_M, LAPSE, SLIP_M
