@@ -16,6 +16,8 @@ SPELLINGS = {"2": "two", "3": "three", "2.0": "two", "3.0": "three",
              **dict.fromkeys(("n/a", "na", "-", "nan", "none"), "")}
 SIDES = ("low", "high", "left", "right")
 
+SPIN_VECTOR = ("exit_spin_x_rev_s", "exit_spin_y_rev_s", "exit_spin_z_rev_s")
+
 # (lowest, highest) that a launcher and a field can give; beyond is a slip of the pen or of a unit
 RANGES = {
     "distance_m": (0.0, 100.0),
@@ -25,6 +27,7 @@ RANGES = {
     "exit_speed_m_s": (0.0, 200.0),
     "exit_deg": (-90.0, 90.0),
     "exit_spin_rev_s": (-1000.0, 1000.0),
+    **dict.fromkeys(SPIN_VECTOR, (-1000.0, 1000.0)),
     "t_s": (-math.inf, math.inf),
     "since_last_shot_s": (0.0, math.inf),
     "battery_v": (0.0, 1000.0),

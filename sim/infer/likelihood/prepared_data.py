@@ -1,6 +1,6 @@
 """A dataset -> arrays for the chain and the likelihood: what was believed of each shot, and what was seen of it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float, Int
 
 from truearc.robot.config.rig_spec import Believe, Noise, Rig
 from truearc.robot.config.schema import InputError
+from truearc.sim.data.columns import SPIN_VECTOR
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.shot_conditions import circumstances_of
@@ -84,7 +85,7 @@ def take_in(dataset: Dataset, curves: Curves = NONE, fewest: int = FEWEST_SHOTS)
 
     curves: of unexplained effects that are believed.
     """
-    rig, shots = dataset.facts, dataset.shots
+    rig, shots = dataset.facts, _with_backspin(dataset.shots)
     if len(shots) < fewest:
         raise InputError(f"{shots.source}: {say_few(len(shots))}")
     wheels, hood = has_wheels(rig, shots), np.isfinite(shots.number("hood_deg"))
@@ -110,6 +111,22 @@ def take_in(dataset: Dataset, curves: Curves = NONE, fewest: int = FEWEST_SHOTS)
     return Intake(rig, without_noise(rig), rows, lanes, noise_var, scattered, exits, exit_sd, place[marked[usable]],
                   seen.take(usable), np.zeros(0, int) if samples is None else place[samples.rows], samples, scatter,
                   _level(dataset, samples), tuple(left_out))
+
+
+def _with_backspin(shots: Shots) -> Shots:
+    """With the backspin of those of which only the whole spin was measured: from its part about the left."""
+    about_left = _whole_spin(shots)[:, 1]
+    if not np.isfinite(about_left).any():
+        return shots
+    backspin = shots.number("exit_spin_rev_s")
+    backspin = np.where(np.isnan(backspin), -about_left, backspin)
+    return replace(shots, numbers=shots.numbers | {"exit_spin_rev_s": backspin})
+
+
+def _whole_spin(shots: Shots) -> Float[Array, "n 3"]:
+    """Measured spin [n, 3] in rev/s about (x, y, z); nan where any part is unknown."""
+    spin = np.stack([shots.number(name) for name in SPIN_VECTOR], axis=1)
+    return np.where(np.isfinite(spin).all(1, keepdims=True), spin, np.nan)
 
 
 def without_noise(rig: Rig) -> Rig:
@@ -160,13 +177,19 @@ def _lanes(part: _Part, circumstances: Circumstances, samples: Samples | None,
 
 
 def _side_spin(part: _Part) -> Float[Array, "n 2"]:
-    """Spin [n, 2] in rev/s about the direction of flight and about up, of rigs with other wheels than the paper's."""
-    side = np.zeros((len(part.shots), 2))
-    if not part.rig.launcher.wheel or is_opposed(part.rig):
-        return side
-    body = _wheel_spin(part)
-    known = np.isfinite(body).all(1)
-    side[known] = body[known][:, [0, 2]]
+    """Spin [n, 2] in rev/s about the direction of flight and about up: as measured, else of rigs with other wheels than
+    the paper's."""
+    side, shots = np.zeros((len(part.shots), 2)), part.shots
+    if part.rig.launcher.wheel and not is_opposed(part.rig):
+        body = _wheel_spin(part)
+        known = np.isfinite(body).all(1)
+        side[known] = body[known][:, [0, 2]]
+    spin = _whole_spin(shots)
+    known = np.isfinite(spin).all(1)
+    deg = np.where(np.isfinite(shots.number("exit_deg")), shots.number("exit_deg"), shots.number("hood_deg"))
+    level, rise = np.cos(np.radians(deg)), np.sin(np.radians(deg))
+    about = np.stack([level * spin[:, 0] + rise * spin[:, 2], level * spin[:, 2] - rise * spin[:, 0]], axis=1)
+    side[known] = np.nan_to_num(about[known])
     return side
 
 
@@ -200,7 +223,8 @@ def _starts(part: _Part, rolling: Exit, samples: Samples | None, place: Int[Arra
 
 
 def _free_spin(part: _Part, velocity_m_s: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
-    """Spin [n, 3] in rev/s of flights with unknown launch: as measured (backspin), else by the wheels, else none."""
+    """Spin [n, 3] in rev/s of flights with unknown launch: as measured (whole, or backspin), else by the wheels, else
+    none."""
     speed = np.maximum(np.linalg.norm(velocity_m_s, axis=1, keepdims=True), 1e-9)
     ahead = velocity_m_s / speed
     level = np.maximum(np.hypot(ahead[:, 0], ahead[:, 1]), 1e-9)
@@ -211,7 +235,8 @@ def _free_spin(part: _Part, velocity_m_s: Float[Array, "n 3"]) -> Float[Array, "
         body = _wheel_spin(part)
         turned = body[:, :1] * ahead + body[:, 1:2] * left + body[:, 2:] * np.cross(ahead, left)
         spin = np.where((np.isfinite(turned).all(1) & np.isnan(measured))[:, None], turned, spin)
-    return spin
+    whole = _whole_spin(part.shots)
+    return np.where(np.isfinite(whole), whole, spin)
 
 
 def first_guess(samples: Samples) -> tuple[Float[Array, "k 3"], Float[Array, "k 3"]]:
