@@ -2,6 +2,7 @@
 
     truearc prove pack --out ROUND --packed benchmarks/results/round4-L0a.tar.xz
     python -m benchmarks.proof benchmarks/results/round*.tar.xz [--write docs/proof.md] [--reliability FILE.png]
+    python -m benchmarks.proof docs/measured/sealed/*.tar.xz --posterior --write docs/measured/sealed.md
     python -m benchmarks.proof benchmarks/results/round4-L0*.tar.xz --beside OWN.tar.xz      # drawn from other entropy
 
 benchmarks/results/MANIFEST.md says how to fetch the published rounds.
@@ -22,12 +23,14 @@ from benchmarks.archives import stored_file
 from truearc_proof.report.compare_rounds import beside
 from truearc_proof.report.html_page import verdict
 from truearc_proof.report.plots import reliability_png
+from truearc_proof.report.posterior_targets import posterior_rows
 from truearc_proof.report.tables import make_tables
 from truearc_proof.rounds.archive import unpack
 from truearc_proof.rounds.committer import load_plan
 from truearc_proof.rounds.grader import Graded, graded_of
 from truearc_proof.rounds.ledger import last_digest, read_ledger
 from truearc_proof.rounds.round_layout import Room
+from truearc_proof.table import make_markdown
 
 BEGIN, END = "<!-- rounds: begin -->\n", "<!-- rounds: end -->\n"
 
@@ -36,6 +39,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("packed", type=stored_file, nargs="+")
     parser.add_argument("--write", type=Path, metavar="PAGE", help="put it between that page's marks")
+    parser.add_argument("--posterior", action="store_true", help="of each level the targets of the posterior alone")
     parser.add_argument("--reliability", type=Path, metavar="PNG", help="picture: probabilities beside what was right")
     parser.add_argument("--beside", type=stored_file, metavar="PACKED", help="another round at that level")
     args = parser.parse_args()
@@ -48,7 +52,8 @@ def main() -> None:
         if drawn is None:
             raise SystemExit("these rounds were marked without the probabilities that were claimed")
         args.reliability.write_bytes(drawn)
-    text = "\n".join(tell(list(group)) for _, group in groupby(rounds, key=lambda one: one.setting))
+    told = tell_posterior if args.posterior else tell
+    text = "\n".join(told(list(group)) for _, group in groupby(rounds, key=lambda one: one.setting))
     if args.write is None:
         print(text)
         return
@@ -97,6 +102,15 @@ def tell(rounds: Sequence[Packed]) -> str:
     facts = "\n\n".join(packed.facts for packed in rounds)
     tables = "\n\n".join(one.markdown() for one in make_tables(marks, again))
     return f"## {level}, {shots} shots\n{facts}\n\n{verdict(marks)}\n\n{tables}\n"
+
+
+def tell_posterior(rounds: Sequence[Packed]) -> str:
+    """Of rounds of one level what each was drawn from, and their figures beside the targets of the posterior."""
+    level, shots = rounds[0].setting
+    marks = [one.first for packed in rounds for one in packed.graded]
+    facts = "\n".join(f"- {packed.facts}" for packed in rounds)
+    table = make_markdown(("figure", "here", "wanted", ""), posterior_rows(marks))
+    return f"## {level}, {shots} shots, {len(marks)} worlds\n{table}\n\n{facts}\n"
 
 
 if __name__ == "__main__":
