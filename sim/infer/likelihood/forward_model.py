@@ -188,7 +188,7 @@ def see_in_blocks(chain: Chain, lanes: ShotBatch, point: Float[np.ndarray, " slo
             chain, padded.take(job[0]), jnp.asarray(point), every[job[0]], jnp.asarray(edges_s), jnp.asarray(job[1])))
         return found
 
-    code = chain, len(every[:BLOCK]), lanes.time_s.shape[1], see
+    code = chain, len(every[:BLOCK]), np.shape(lanes.time_s)[1:], see
     flown = each_core(fly, list(product(blocks, bases)), code)
     parts = [flown[first:first + len(bases)] for first in range(0, len(flown), len(bases))]
     seen = jax.tree.map(lambda *each: np.concatenate(each)[:n], *(part[0][0] for part in parts))

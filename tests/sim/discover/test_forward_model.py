@@ -12,8 +12,7 @@ from tests.sim.discover.mixed import BELIEVED, FLOWN, LANDED, SHOTS, THROWN, mak
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.infer.likelihood.design_columns import lay_out
-from truearc.sim.infer.likelihood.forward_model import DEVIATES, DIRECTIONS, Chain, Prediction, see_slopes
-from truearc.sim.infer.likelihood.linearization import pad_lanes
+from truearc.sim.infer.likelihood.forward_model import DEVIATES, DIRECTIONS, Chain, Prediction, pad_lanes, see_slopes
 from truearc.sim.infer.likelihood.prepared_data import Intake, take_in
 from truearc.sim.physics.catalogue import effective, find_parameter
 from truearc.sim.physics.simulate import opening_of, predict
