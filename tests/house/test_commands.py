@@ -74,8 +74,8 @@ ELSEWHERE = {
     r"^truearc reproduce": "tests/proof/reproduce runs it in a small form",
     r"^(mkdir away|truearc prove solve --out away|cp -r away)": "the page's round is solved by then; tests/proof/"
                                                                 "test_round.py solves one without its keeper",
-    r"^truearc (discover (mpi|drops|two-weeks|new-and-old)|fit mpi)": "takes minutes; tests/sim/discover/test_real.py "
-                                                                      "asks it of the same files",
+    r"^truearc (discover (mpi|drops|falls|two-weeks|new-and-old)|fit mpi)": "takes long; test_real.py, test_misfit.py, "
+                                                                            "test_import_sepia_drops.py ask it",
 }
 # Exit codes that are documented: templates not filled in, no launcher is there, six shots are too few
 EXIT = {r"^truearc check my_shots": 2, r"^truearc doctor": 1, r"^truearc discover old --belief": 2}

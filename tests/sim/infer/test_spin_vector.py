@@ -52,12 +52,6 @@ def test_lift_is_named_from_spin_about_any_axis(launched: bool) -> None:
     assert cl.low90 < CL < cl.high90 and cl.high90 - cl.low90 < 0.05
 
 
-@pytest.mark.slow
-def test_nothing_is_missing_once_lift_is_believed() -> None:
-    spins = np.random.default_rng(8).normal(0.0, 6.0, (16, 3))
-    assert ta.discover(tracked(spins, launched=False, seed=1), believe=["gravity", "drag", "magnus"]).verdict == "none"
-
-
 def test_backspin_is_the_two_wheel_case() -> None:
     """Backspin turns the top of the ball backwards: about the right of it, -y."""
     spins = np.random.default_rng(9).uniform(-5.0, 5.0, (12, 3)) * [0.0, 1.0, 0.0]
