@@ -52,8 +52,8 @@ def main() -> None:
         if drawn is None:
             raise SystemExit("these rounds were marked without the probabilities that were claimed")
         args.reliability.write_bytes(drawn)
-    told = tell_posterior if args.posterior else tell
-    text = "\n".join(told(list(group)) for _, group in groupby(rounds, key=lambda one: one.setting))
+    describe = tell_posterior if args.posterior else tell
+    text = "\n".join(describe(list(group)) for _, group in groupby(rounds, key=lambda one: one.setting))
     if args.write is None:
         print(text)
         return

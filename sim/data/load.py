@@ -12,7 +12,16 @@ import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
-from truearc.sim.data.columns import WHEEL, WORDS, is_numeric, need_columns, number_column, text_column, text_of
+from truearc.sim.data.columns import (
+    SPIN_VECTOR,
+    WHEEL,
+    WORDS,
+    is_numeric,
+    need_columns,
+    number_column,
+    text_column,
+    text_of,
+)
 from truearc.sim.data.model import Dataset, Shots, Times, Traces, Tracks
 from truearc.sim.data.rig import RIG, load_rig, states_three
 from truearc.sim.data.table import Problems, RawTable, find_table, gathered, load_table
@@ -109,6 +118,10 @@ def _shots(table: RawTable, problems: Problems) -> Shots:
         else:
             texts[name] = text_column(table, name, problems, needed=False)
     _check_sides(table, texts, problems)
+    lacking = [name for name in SPIN_VECTOR if name not in numbers]
+    for name in SPIN_VECTOR if 0 < len(lacking) < len(SPIN_VECTOR) else ():
+        if name in numbers:
+            table.fault(problems, -1, name, f"stands without {' and '.join(lacking)}; a spin needs all three parts")
     return Shots(shot_id, numbers, texts, str(table.path))
 
 

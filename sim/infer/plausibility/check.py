@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float
 
 from truearc.robot.config.rig_spec import DENSEST_KG_M3, MOST, Rig, too_large
 from truearc.robot.config.schema import InputError
+from truearc.sim.data.columns import SPIN_VECTOR
 from truearc.sim.data.model import Dataset, Floats, Shots
 from truearc.sim.infer.plausibility.flaw import LENGTHS, TRACKS, Flaw
 from truearc.sim.infer.plausibility.speeds import GEARS, MOTORS, judge_wheels, likeliest, speed_causes
@@ -351,12 +352,16 @@ def _spins(rig: Rig, shots: Shots) -> Iterator[Flaw]:
     """No ball's rim turns many times as fast as it flies."""
     spin, speed_m_s = (launch_state(rig, shots).get(name, np.full(len(shots), np.nan)) for name in
                        ("exit_spin_rev_s", "exit_speed_m_s"))
-    rim = 2.0 * math.pi * rig.ball.radius_m * np.abs(spin) / np.where(speed_m_s > 0.0, speed_m_s, np.nan)
-    if np.isfinite(rim).sum() >= TRACKS and np.isfinite(shots.number("exit_spin_rev_s")).any() and (
-            times := float(np.nanmedian(rim))) > FASTEST_RIM:
-        yield Flaw("spin", f"{shots.source}: exit_spin_rev_s", f"rims of balls turn {times:.2g} times as fast as they "
-                   "fly; if these are revolutions per minute, rename the column to exit_spin_rpm; if radians per "
-                   "second, to exit_spin_rad_s")
+    whole = np.sqrt(sum(shots.number(name)**2 for name in SPIN_VECTOR))
+    for name, given, turns in (("exit_spin_rev_s", shots.number("exit_spin_rev_s"), np.abs(spin)),
+                               (SPIN_VECTOR[0], whole, whole)):
+        rim = 2.0 * math.pi * rig.ball.radius_m * turns / np.where(speed_m_s > 0.0, speed_m_s, np.nan)
+        if np.isfinite(rim).sum() >= TRACKS and np.isfinite(given).any() and (
+                times := float(np.nanmedian(rim))) > FASTEST_RIM:
+            stem = name.removesuffix("_rev_s")
+            yield Flaw("spin", f"{shots.source}: {name}", f"rims of balls turn {times:.2g} times as fast as they fly; "
+                       f"if these are revolutions per minute, rename the column to {stem}_rpm; if radians per second, to "
+                       f"{stem}_rad_s")
 
 
 def _is_straighter(other: float, uneven: float) -> bool:

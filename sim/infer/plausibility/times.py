@@ -16,15 +16,16 @@ LIKELY = (0.3, 1.05)                  # of a ball's, in the unit that a message 
 def judge_times(dataset: Dataset, times: Times) -> Iterator[Flaw]:
     """Those of shots of which no launch is known: they were dropped from the release height."""
     rig, shots = dataset.rig, dataset.shots
-    launched = has_wheels(rig, shots) | np.isfinite(shots.number("exit_speed_m_s"))
-    dropped = ~launched[times.shot]
+    sped = has_wheels(rig, shots) | np.isfinite(shots.number("exit_speed_m_s"))
+    aimed = np.isfinite(shots.number("hood_deg")) | np.isfinite(shots.number("exit_deg"))
+    dropped = ~(sped & aimed)[times.shot]
     fallen_m = (rig.launcher.release_height_m - times.height_m)[dropped]
     if not len(fallen_m):
         return
     if (fallen_m <= 0.0).any():
         yield Flaw("release", "times: height_m", "balls of which no launch is known are taken as dropped from "
                    f"launcher.release_height_m = {rig.launcher.release_height_m:g} of rig.toml, and one is timed at "
-                   f"{times.height_m.max():g} m; state the height that they fell from, or their launch")
+                   f"{times.height_m[dropped].max():g} m; state the height that they fell from, or their launch")
         return
     pull = float(np.median(2.0 * fallen_m / times.t_s[dropped]**2)) / rig.world.gravity_m_s2
     if pull > FASTEST:

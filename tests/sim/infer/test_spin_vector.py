@@ -1,5 +1,7 @@
 """Spin about any axis, measured: tracks flown by SciPy's DOP853 with drag and the lift of the whole spin."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -8,6 +10,7 @@ import truearc as ta
 from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Tracker
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
 from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc.sim.infer.plausibility.check import check_plausible
 
 MASS, RADIUS, AIR, CD, CL, NOISE_M = 0.14, 0.0889, 1.2, 0.5, 0.12, 0.004
 RIG = Rig(Ball(MASS, RADIUS), LauncherFacts(release_height_m=1.0), air=Air(AIR), noise=Noise(track_m=NOISE_M),
@@ -62,6 +65,19 @@ def test_backspin_is_the_two_wheel_case() -> None:
     lanes, other = take_in(whole).lanes, take_in(plain).lanes
     assert np.allclose(np.asarray(lanes.rolling.spin_rev_s), np.asarray(other.rolling.spin_rev_s))
     assert np.allclose(np.asarray(lanes.side_spin_rev_s), 0.0) and np.allclose(np.asarray(other.side_spin_rev_s), 0.0)
+
+
+def test_a_spin_without_a_part_is_refused_and_so_are_revolutions_per_minute(tmp_path: Path) -> None:
+    dataset = tracked(np.full((12, 3), 4.0), launched=True)
+    numbers = dict(dataset.shots.numbers)
+    fast = {name: 60.0 * column if "spin" in name else column for name, column in numbers.items()}
+    with pytest.raises(ta.InputError, match="rename the column to exit_spin_x_rpm"):
+        check_plausible(Dataset("rpm", RIG, Shots(dataset.shots.shot_id, fast, {}), dataset.tracks))
+    check_plausible(dataset)
+    del numbers["exit_spin_z_rev_s"]
+    ta.save_dataset(tmp_path / "d", Dataset("part", RIG, Shots(dataset.shots.shot_id, numbers, {}), dataset.tracks))
+    with pytest.raises(ta.InputError, match=r"exit_spin_x_rev_s.*stands without exit_spin_z_rev_s"):
+        ta.load_dataset(tmp_path / "d")
 
 
 def test_a_spin_with_a_part_unknown_is_not_used() -> None:
