@@ -360,8 +360,8 @@ def _spins(rig: Rig, shots: Shots) -> Iterator[Flaw]:
                 times := float(np.nanmedian(rim))) > FASTEST_RIM:
             stem = name.removesuffix("_rev_s")
             yield Flaw("spin", f"{shots.source}: {name}", f"rims of balls turn {times:.2g} times as fast as they fly; "
-                       f"if these are revolutions per minute, rename the column to {stem}_rpm; if radians per second, to "
-                       f"{stem}_rad_s")
+                       f"if these are revolutions per minute, rename the column to {stem}_rpm; if radians per second, "
+                       f"to {stem}_rad_s")
 
 
 def _is_straighter(other: float, uneven: float) -> bool:
