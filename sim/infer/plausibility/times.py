@@ -27,7 +27,8 @@ def judge_times(dataset: Dataset, times: Times) -> Iterator[Flaw]:
                    f"launcher.release_height_m = {rig.launcher.release_height_m:g} of rig.toml, and one is timed at "
                    f"{times.height_m[dropped].max():g} m; state the height that they fell from, or their launch")
         return
-    pull = float(np.median(2.0 * fallen_m / times.t_s[dropped]**2)) / rig.world.gravity_m_s2
+    each = 2.0 * fallen_m / times.t_s[dropped]**2 / rig.world.gravity_m_s2
+    pull = float(np.median(each))
     if pull > FASTEST:
         units = [name for name, (_, metres) in LENGTHS.items() if LIKELY[0] < pull * metres < LIKELY[1]]
         yield Flaw("gravity", "times: height_m", f"balls dropped from rest fall {pull:.3g} times as fast as gravity "
@@ -36,3 +37,7 @@ def judge_times(dataset: Dataset, times: Times) -> Iterator[Flaw]:
         looks = "milliseconds" if LIKELY[0] < pull * 1e6 < LIKELY[1] else "another unit"
         yield Flaw("gravity", "times: t_s", f"balls dropped from rest fall with {pull:.2g} of gravity; times look like "
                    f"{looks}")
+    elif len(odd := np.flatnonzero((each > FASTEST) | (each < SLOWEST))):
+        name = shots.shot_id[times.shot[np.flatnonzero(dropped)[odd[0]]]]
+        yield Flaw("gravity", "times: t_s", f"{name} falls with {each[odd[0]]:.2g} of gravity, where drops have "
+                   f"{pull:.2g} in the middle ({len(odd)} of {len(each)} are so far off); correct its time or height")

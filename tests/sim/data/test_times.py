@@ -61,6 +61,13 @@ def test_tracks_and_times_are_not_taken_together(tmp_path: Path) -> None:
         ta.load_dataset(tmp_path / "d")
 
 
+def test_one_slip_of_many_is_named() -> None:
+    t_s = TIMES.t_s.copy()
+    t_s[3] = 20.3                     # a point in the wrong place
+    with pytest.raises(ta.InputError, match=r"c falls with 0\.0099 of gravity"):
+        check_plausible(dropped(Times(**(vars(TIMES) | {"t_s": t_s}))))
+
+
 @pytest.mark.parametrize(("change", "said"), [
     ({"height_m": 20.0 - (20.0 - TIMES.height_m) * 3.28084}, "heights look like feet"),
     ({"t_s": TIMES.t_s * 1000.0}, "times look like milliseconds"),
