@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.linalg import block_diag
 
 from truearc.sim.infer.likelihood import outcome_likelihood as outcomes
+from truearc.sim.infer.likelihood.belief_prior import widened
 from truearc.sim.infer.likelihood.design_columns import is_tracker
 from truearc.sim.infer.likelihood.external_measurements import prior_of
 from truearc.sim.infer.likelihood.forward_model import Chain, plane_grid
@@ -22,7 +23,7 @@ from truearc.sim.infer.likelihood.linearization import (
     fly,
     linearise,
 )
-from truearc.sim.infer.likelihood.noise import SCATTER_PRIOR, SCATTERS
+from truearc.sim.infer.likelihood.noise import SCATTER_MOST, SCATTER_PRIOR, SCATTERS
 from truearc.sim.infer.likelihood.prepared_data import Intake
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue, find_parameter, flight_terms
@@ -35,7 +36,9 @@ SOME = 96                             # outcomes that the grid looks at
 MOST_GRID = 3                         # coefficients that are gridded; more start from the prior's centre
 SCATTER_GRID = (1.0, 3.0, 10.0)       # times the usual one of a launch
 USUAL_SCATTER = np.log([SCATTER_PRIOR[name][0] for name in SCATTERS])
-OF_LAUNCH = np.array([name != "scatter.distance" for name in SCATTERS])
+OF_BALL = np.array([name not in ("scatter.distance", "scatter.track") for name in SCATTERS])
+OF_LAUNCH = OF_BALL & [name not in SCATTER_MOST for name in SCATTERS]
+OF_LAUNCH_ALONE = {*SCATTERS} - {*SCATTER_MOST}
 FEWEST = 5                            # outcomes that the grid can be judged by
 ROUNDS = 40                           # of flying, and of steps between two flights
 INNER = 10
@@ -49,7 +52,8 @@ TIGHT = 0.1                           # of a tracker's usual errors, where a cli
 LEAST_ROUNDS = 2                      # with tracks, whose shots' own deviations must settle too
 FARTHEST = 2.0                        # usual sizes that a column may move by in one step: all is linear nearby only
 SLACK = 0.3                           # nats a step may lose with tracks: scores leave out that slopes change the spread
-LEAST_LOG, MOST_LOG = -9.0, 1.0       # of a scatter
+LEAST_LOG = -9.0                      # of a scatter
+MOST_LOG = np.array([np.log(SCATTER_MOST.get(name, np.e)) for name in SCATTERS])
 ABSURD = 5.0                          # times the usual scatter of a launch
 FEW = 200                             # outcomes up to which the likelihood may have several tops
 
@@ -82,7 +86,9 @@ class BaselineFit:
         step, worth = step_within(layout, self.spot, here, np.full(len(layout.columns), True))
         if worth < WORTH:
             return True
-        there = linearise(self.intake, layout, moved(layout, self.spot, PART * step))[0]
+        near = moved(layout, self.spot, PART * step)
+        near = replace(near, deviates=linearise(self.intake, layout, near)[1]) if self.intake.filmed else near
+        there = linearise(self.intake, layout, near)[0]
         return objective(there, layout) - objective(here, layout) < max(WORTH, _slack(self.intake))
 
     @property
@@ -98,7 +104,7 @@ class BaselineFit:
 
 
 def _is_lost(spot: LinearizationPoint) -> bool:
-    return bool(((spot.log_scatter - USUAL_SCATTER)[OF_LAUNCH] > np.log(ABSURD)).any())
+    return bool(((spot.log_scatter - USUAL_SCATTER)[OF_BALL] > np.log(ABSURD)).any())
 
 
 def part_of(progress: Progress, begin: float, share: float) -> Progress:
@@ -112,19 +118,18 @@ def fit_believed(intake: Intake, layout: ParameterLayout, progress: Progress = l
     starts = usual_starts(intake, layout)
     many = intake.samples is None and len(intake.marked) > FEW
     starts = starts[:1] if intake.samples is not None else (*starts, usual_spot(intake, layout))
-    tops: list[tuple[LinearizationPoint, ScoreTable]] = []
+    tops = []
     for k, start in enumerate(starts):
-        tops.append(_top_from(intake, bare, start, part_of(progress, 0.9 * k / len(starts), 0.9 / len(starts))))
+        tops.append(top_from(intake, bare, start, part_of(progress, 0.9 * k / len(starts), 0.9 / len(starts))))
         if many and not _is_lost(tops[-1][0]):     # many outcomes have one top, except those that call all scatter
             break
     spot = max(tops, key=lambda top: (not (many and _is_lost(top[0])), objective(top[1], bare)))[0]
     progress(0.9, "slopes")
-    whole, _ = linearise(intake, layout, spot)
-    return BaselineFit(intake, layout, spot, whole)
+    return BaselineFit(intake, layout, spot, linearise(intake, layout, spot)[0])
 
 
-def _top_from(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
-              progress: Progress) -> tuple[LinearizationPoint, ScoreTable]:
+def top_from(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
+             progress: Progress = lambda done, note: None) -> tuple[LinearizationPoint, ScoreTable]:
     """The top that a climb from the spot comes to, after one over easier ground.
 
     A height that is a slip costs a few nats however far it is off, so that a climb from far away may end where half of
@@ -253,6 +258,8 @@ def _leads_out(layout: ParameterLayout, spot: LinearizationPoint, step: Float[Ar
     source = layout.source[slots]
     (low, high), values = _bounds(layout.chain.slots, layout.chain.catalogue), spot.values[source]
     out[slots] = ((values <= low[source]) & (step[slots] < 0.0)) | ((values >= high[source]) & (step[slots] > 0.0))
+    for number, column in enumerate(layout.scatters):
+        out[column] |= column >= 0 and step[column] > 0.0 and spot.log_scatter[number] >= MOST_LOG[number]
     return out
 
 
@@ -271,7 +278,8 @@ def moved(layout: ParameterLayout, spot: LinearizationPoint, change: Float[Array
     values = np.clip(values, *_bounds(layout.chain.slots, layout.chain.catalogue))
     for number, column in enumerate(layout.scatters):
         if column >= 0:
-            log_scatter[number] = np.clip(log_scatter[number] + np.clip(change[column], -1.0, 1.0), LEAST_LOG, MOST_LOG)
+            log_scatter[number] = np.clip(log_scatter[number] + np.clip(change[column], -1.0, 1.0), LEAST_LOG,
+                                          MOST_LOG[number])
     return LinearizationPoint(values, log_scatter, spot.deviates, spot.effects + change[layout.source == -2])
 
 
@@ -289,13 +297,13 @@ def stopped(evidence: ScoreTable, among: Catalogue) -> dict[str, float]:
     points = [(one, float(at)) for one, at in zip(evidence.columns, evidence.point, strict=True) if one.kind != "group"]
     values = {one.name: at for one, at in points if among.get(one.term) is not None}
     found = {name: values[name] for name in out_of_range(values, among)}
-    return found | {one.name: float(np.exp(at)) for one, at in points if one.name in SCATTERS and at >= MOST_LOG}
+    return found | {one.name: float(np.exp(at)) for one, at in points if one.name in OF_LAUNCH_ALONE and at >= 1.0}
 
 
 def limits_of(layout: ParameterLayout, column: int) -> tuple[float, float]:
     """Lowest and highest that a column may come to; a logarithm of a scatter by no more than its fit may."""
     if not layout.in_slot[column]:
-        return LEAST_LOG, MOST_LOG
+        return LEAST_LOG, float(MOST_LOG[SCATTERS.index(layout.columns[column].name)])
     low, high = _bounds(layout.chain.slots, layout.chain.catalogue)
     return float(low[layout.source[column]]), float(high[layout.source[column]])
 
@@ -331,14 +339,6 @@ def only_shared(layout: ParameterLayout, more: Iterable[str] = ()) -> ParameterL
                   tuple(place.get(column, -1) for column in layout.scatters), precision,
                   np.concatenate([[one.centre for one in own], layout.centre[order]]), layout.edges_s, layout.usual,
                   layout.groups, layout.measured, layout.see, layout.steady)
-
-
-def widened(precision: Float[Array, "p p"], by: Iterable[tuple[int, float]]) -> Float[Array, "p p"]:
-    """The prior's precision once numbers [(place, standard deviation)] may have changed (Sherman and Morrison)."""
-    for place, sd in by:
-        row = precision[place]
-        precision = precision - np.outer(row, row) * sd**2 / (1.0 + sd**2 * row[place])
-    return precision
 
 
 def _lean(layout: ParameterLayout, kept: list[int]) -> Chain:

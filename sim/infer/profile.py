@@ -31,6 +31,7 @@ GROWTH = 1.5                          # of a step that has not yet come to the e
 NEARBY = 1.5                          # standard errors, in which the adjusted optimum is looked for
 TOLERANCE = 0.02                      # of Z90, in which an end is accepted
 PUT_RIGHT = 4                         # flights at most
+KNOWN = 0.7                           # of the prior's deviation, below which most of what is known is by data
 BEYOND = 1.5                          # times the deviation by the likelihood, from which that by the shots counts
 MOST_PUT_RIGHT = 2.0                  # factor by which flying again may move an end
 
@@ -136,14 +137,17 @@ class _Profile:
 
 
 def profile_interval(fit: MapFit, name: str) -> ProfileInterval:
-    """The profile interval of one fitted parameter; with tracks that contradict each other, by how shots differ."""
+    """The profile interval of one fitted parameter; with tracks, which make it normal, by the information, or by how
+    shots differ where they contradict each other."""
     one = fit.sought[fit.names.index(name)]
     point = float(fit.evidence.point[one.column])
-    by_model, by_shots = deviations(fit, one.column)
-    if fit.fitted.intake.filmed and by_shots > BEYOND * by_model:
+    if fit.fitted.intake.filmed:
+        by_model, by_shots = deviations(fit, one.column)
+        sd = by_shots if by_shots > BEYOND * by_model else by_model
         least, most = limits_of(fit.fitted.layout, one.column)
-        low, high = max(point - Z90 * by_shots, least), min(point + Z90 * by_shots, most)
-        return ProfileInterval(name, one.value(point), one.value(low), one.value(high), True, True, True)
+        low, high = max(point - Z90 * sd, least), min(point + Z90 * sd, most)
+        told = bool(by_model < KNOWN * one.sd)
+        return ProfileInterval(name, one.value(point), one.value(low), one.value(high), told, told, True)
     walk = _Profile(fit, one)
     low, low_data, low_closed = walk.end(-1.0)
     high, high_data, high_closed = walk.end(1.0)

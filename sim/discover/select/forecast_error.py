@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
-from truearc.sim.infer.likelihood.linearization import LinearizationPoint, ParameterLayout, fly, variance_of
+from truearc.sim.infer.likelihood.linearization import TRACK, LinearizationPoint, ParameterLayout, fly, variance_of
 from truearc.sim.infer.likelihood.noise import TIMED_M
 from truearc.sim.infer.likelihood.normal_equations import LEAD
 from truearc.sim.infer.likelihood.prepared_data import Intake
@@ -57,6 +57,7 @@ def track_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoi
            + np.einsum("klcd,kd->klc", by_deviate, spot.deviates[rows]))
     sd = np.sqrt(variance_of(intake, spot.log_scatter))[rows][:, :by_deviate.shape[3]]
     white = whiten(samples, scatter, np.concatenate([off[..., None], by_deviate * sd[:, None, None, :]], axis=3))
+    white /= np.exp(spot.log_scatter[TRACK])
     errors = np.zeros((len(rows), 3))
     for k, count in enumerate(samples.real.sum(1)):
         early = white[k, :3 * max(int(share * count), 4 if share else 0)]

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from truearc.sim.infer.baseline_fit import BaselineFit, climb, moved, objective, only_shared, usual_spot
+from truearc.sim.infer.baseline_fit import BaselineFit, climb, moved, objective, only_shared, top_from, usual_spot
 from truearc.sim.infer.coefficients import Coefficients
 from truearc.sim.infer.held_out import without
 from truearc.sim.infer.likelihood.linearization import LinearizationPoint, ParameterLayout, linearise
@@ -138,10 +138,11 @@ def refit_at(fitted: BaselineFit, names: tuple[str, ...], start: Float[Array, " 
     order = [column.name for column in layout.columns[:len(names)]]
     change = np.zeros(len(layout.columns))
     change[:len(names)] = [start[names.index(name)] for name in order]
-    starts = [fitted.spot if near is None else near]
+    tops = [climb(fitted.intake, layout, moved(layout, fitted.spot if near is None else near, change))]
     if near is None and fitted.lost:
-        starts.append(usual_spot(fitted.intake, layout))
-    tops = [climb(fitted.intake, layout, moved(layout, spot, change)) for spot in starts]
+        middle = usual_spot(fitted.intake, layout)
+        tops.append(top_from(fitted.intake, layout, middle) if fitted.intake.filmed else
+                    climb(fitted.intake, layout, moved(layout, middle, change)))
     spot, evidence = max(tops, key=lambda top: objective(top[1], layout))
     info = evidence.information + evidence.precision
     covariance = np.linalg.pinv(info)

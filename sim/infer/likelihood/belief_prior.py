@@ -1,16 +1,16 @@
 """Priors of the shared parameters: the catalogue's wide ones, or the posterior of an earlier session."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 from scipy.linalg import block_diag
 
 from truearc.sim.infer.belief import SCATTER, Belief, scale_of
 from truearc.sim.infer.curve import Curve
 from truearc.sim.infer.likelihood.linearization import ParameterLayout
-from truearc.sim.infer.likelihood.score_table import Column
+from truearc.sim.infer.likelihood.score_table import Array, Column
 from truearc.sim.physics.catalogue import Catalogue, find_parameter
 from truearc.sim.physics.nonparametric import CURVE, find_nameless
 from truearc.sim.physics.scales import LEFT, LOG
@@ -75,6 +75,14 @@ def may_have_moved(belief: Belief | None, name: str) -> float | None:
     if prior is None:
         return None
     return MOVES * prior.sd * {LOG: prior.centre, LEFT: 1.0 - prior.centre}.get(prior.scale, 1.0)
+
+
+def widened(precision: Float[Array, "p p"], by: Iterable[tuple[int, float]]) -> Float[Array, "p p"]:
+    """The prior's precision once numbers [(place, standard deviation)] may have changed (Sherman and Morrison)."""
+    for place, sd in by:
+        row = precision[place]
+        precision = precision - np.outer(row, row) * sd**2 / (1.0 + sd**2 * row[place])
+    return precision
 
 
 def bent(layout: ParameterLayout, belief: Belief) -> ParameterLayout:

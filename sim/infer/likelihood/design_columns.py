@@ -238,7 +238,8 @@ def _changed(shared: list[tuple[Column, int, float, float]], belief: Belief | No
 
 def _scatter_place(intake: Intake, first: int, number: int) -> int:
     """The column of a scatter, or -1 where nothing could tell it."""
-    wanted = [bool(intake.scattered[:, k].any()) and (one != "scatter.azimuth_rad" or intake.filmed)
+    there = np.append(intake.scattered != 0.0, np.full((len(intake.rows), 1), intake.filmed), axis=1)
+    wanted = [bool(there[:, k].any()) and (one != "scatter.azimuth_rad" or intake.filmed)
               for k, one in enumerate(SCATTERS)]
     return first + sum(wanted[:number]) if wanted[number] else -1
 

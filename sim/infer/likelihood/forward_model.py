@@ -4,7 +4,7 @@ could be wrong (JAX): parameters of all terms, deviations of the single launch, 
 sensed configuration -> sensing terms -> launch terms -> the launch's own deviation -> flight -> arrival, watch terms
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -28,18 +28,19 @@ from truearc.sim.physics.flight_over_x import AHEAD, SHARE, SLOWEST_M_S
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.nonparametric import CURVE
 from truearc.sim.physics.rig_numbers import apart, together
-from truearc.sim.physics.term import DIRECTIONS, BallState, Opening
+from truearc.sim.physics.term import DIRECTIONS, BallState, InFlight, Opening
 from truearc.sim.physics.vector import Vec, add, axes
 
-# How one shot differs from its configuration. The last six are of flights whose launch is unknown.
+# How one shot differs from its configuration. The last three are of flights whose launch is unknown.
 DEVIATES = ("log_speed", "elevation_rad", "azimuth_rad", "spin_share", "distance_m", "lead_s",
-            "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
-PLANE_DEVIATES, LAUNCHED_DEVIATES = 5, 9
+            "drag_share", "spin_ratio", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
+PLANE_DEVIATES, LAUNCHED_DEVIATES = 5, 11
 PLANE_STEPS = 16                      # Runge-Kutta over x: heights within 1e-4 m, far below any spread
 PAD = 32                              # lanes fly in multiples of this, since each size is compiled,
 BLOCK = 64                            # and at most this number at once: more do not fit the caches
 WIDTH = 12                            # slopes that are flown together
 LEAD_STEPS = 3                        # from the launch to the first sample of its track
+TINY_M_S = 1e-9                       # of a ball that falls straight down
 LOWEST_M = -6.0                       # below the floor: no height there could be a hit
 
 Slot = tuple[str, str]                # term, parameter
@@ -225,7 +226,8 @@ def _see(chain: Chain, lane: ShotBatch, at: Float[jax.Array, " size"], edges_s: 
     rig = msgspec.structs.replace(chain.rig, ball=Ball(ball_kg, ball_m))
     deviate = jnp.concatenate([at[slots:slots + count], jnp.zeros(len(DEVIATES) - count)])
     pushes = at[slots + count:]
-    law = make_law(rig, stages.flight_terms(chain.terms, chain.catalogue), values)
+    flying = stages.flight_terms(chain.terms, chain.catalogue)
+    law = make_law(rig, flying, _own(flying, values, deviate[6]))
     push = partial(_push, pushes.reshape(len(DIRECTIONS), -1), edges_s)
     exit, distance_m = _leave(chain, rig, values, lane, deviate)
     ball = _start(rig, lane, exit, deviate)
@@ -249,8 +251,16 @@ def _values(chain: Chain, at: Float[jax.Array, " slots"], circumstances: Circums
     return effective(raw, circumstances, chain.catalogue)
 
 
+def _own(flying: Sequence[InFlight], values: dict[str, dict[str, Any]],
+         drag_share: Number) -> dict[str, dict[str, Any]]:
+    """With this very flight's own drag: what each ball has its own of differs a little from flight to flight, too."""
+    own = {term.name: {one.name: values[term.name][one.name] * (1.0 + drag_share)
+                       for one in term.parameters if one.fit_each_ball} for term in flying}
+    return {name: {**given, **own.get(name, {})} for name, given in values.items()}
+
+
 def _leave(chain: Chain, rig: Rig, values: Mapping[str, Any], lane: ShotBatch,
-           deviate: Float[jax.Array, "12"]) -> tuple[Exit, Number]:
+           deviate: Float[jax.Array, "14"]) -> tuple[Exit, Number]:
     """The launch as it is, and the true distance: sensing terms, launch terms, the shot's own deviation.
 
     Speed and spin that a camera measured are not the wheels': there only the elevation by the hood is corrected.
@@ -264,11 +274,13 @@ def _leave(chain: Chain, rig: Rig, values: Mapping[str, Any], lane: ShotBatch,
     speed = jnp.where(lane.rolled, exit.speed_m_s, sensed.speed_m_s)
     spin = jnp.where(lane.rolled, exit.spin_rev_s, sensed.spin_rev_s)
     elevation = jnp.where(lane.hooded, exit.elevation_rad, sensed.elevation_rad)
-    leaving = Exit(speed * jnp.exp(deviate[0]), elevation + deviate[1], spin * (1.0 + deviate[3]), exit.above_m)
+    speed = speed * jnp.exp(deviate[0])
+    spin = spin * (1.0 + deviate[3]) + deviate[7] * speed / (2.0 * jnp.pi * rig.ball.radius_m)
+    leaving = Exit(speed, elevation + deviate[1], spin, exit.above_m)
     return leaving, distance_m + deviate[4]
 
 
-def _start(rig: Rig, lane: ShotBatch, exit: Exit, deviate: Float[jax.Array, "12"]) -> BallState:
+def _start(rig: Rig, lane: ShotBatch, exit: Exit, deviate: Float[jax.Array, "14"]) -> BallState:
     """The ball as it leaves, or where its track begins."""
     level, rise = jnp.cos(exit.elevation_rad), jnp.sin(exit.elevation_rad)
     aside, ahead = jnp.sin(deviate[2]), jnp.cos(deviate[2])
@@ -277,9 +289,12 @@ def _start(rig: Rig, lane: ShotBatch, exit: Exit, deviate: Float[jax.Array, "12"
     up = jnp.cross(along, left)
     spin = lane.side_spin_rev_s[0] * along - exit.spin_rev_s * left + lane.side_spin_rev_s[1] * up
     place = jnp.stack([0.0 * level, 0.0 * level, rig.launcher.release_height_m + exit.above_m + 0.0 * level])
-    place = jnp.where(lane.free, lane.start_m, place) + deviate[6:9]
-    velocity = jnp.where(lane.free, lane.start_m_s, exit.speed_m_s * along) + deviate[9:12]
-    spin = jnp.where(lane.free, lane.spin_rev_s * (1.0 + deviate[3]), spin)
+    place = jnp.where(lane.free, lane.start_m, place) + deviate[8:11]
+    velocity = jnp.where(lane.free, lane.start_m_s, exit.speed_m_s * along) + deviate[11:14]
+    level_m_s = jnp.sqrt(velocity[0]**2 + velocity[1]**2 + TINY_M_S**2)
+    own = deviate[7] * jnp.stack([velocity[1], -velocity[0], 0.0 * level_m_s]) * (
+        jnp.sqrt(1.0 + (velocity[2] / level_m_s)**2) / (2.0 * jnp.pi * rig.ball.radius_m))
+    spin = jnp.where(lane.free, lane.spin_rev_s * (1.0 + deviate[3]) + own, spin)
     return BallState(Vec(*place), Vec(*velocity), Vec(*spin), jnp.zeros(()))
 
 
@@ -324,7 +339,7 @@ def _plane(chain: Chain, values: Mapping[str, Any], law: Law, push: Law, ball: B
 
 
 def _track(chain: Chain, values: Mapping[str, Any], law: Law, push: Law, ball: BallState, lane: ShotBatch,
-           deviate: Float[jax.Array, "12"]) -> Float[jax.Array, "L 3"]:
+           deviate: Float[jax.Array, "14"]) -> Float[jax.Array, "L 3"]:
     """Positions that the tracker gives at its own times."""
     rate = partial(_rate, law, push, ball.spin_rev_s)
 

@@ -16,7 +16,7 @@ from truearc.sim.infer.likelihood import outcome_likelihood as outcomes
 from truearc.sim.infer.likelihood.external_measurements import Measured
 from truearc.sim.infer.likelihood.forward_model import Chain, Prediction, see_in_blocks
 from truearc.sim.infer.likelihood.noise import FLOOR_M
-from truearc.sim.infer.likelihood.normal_equations import Normal, multiply_out
+from truearc.sim.infer.likelihood.normal_equations import Normal, multiply_out, noise_terms
 from truearc.sim.infer.likelihood.prepared_data import Intake
 from truearc.sim.infer.likelihood.score_table import (
     Array,
@@ -27,8 +27,10 @@ from truearc.sim.infer.likelihood.score_table import (
     make_evidence,
 )
 
+ENDLESS = 1e30                        # information, of a flight that goes astray
 LOST = 1e-6                           # of a square, that rounding may take below zero
-SCATTERED = (0, 1, 2, 4)              # deviates that scatter: log speed, elevation, azimuth, distance
+SCATTERED = (0, 1, 2, 4, 6, 7)        # deviates that scatter: log speed, elevation, azimuth, distance, drag, spin
+TRACK = len(SCATTERED)                # place of the track's noise among the scatters: the last
 FAR_BELOW_M = -10.0                   # stands for a ball that never came near
 BESIDE = 0.001                        # standard deviations of the height, between slopes that are compared
 STEEPEST = 1e6                        # m by a deviate: of a flight that goes astray
@@ -120,7 +122,8 @@ class Linearization:
     spot: LinearizationPoint
     seen: Prediction
     slopes: Prediction
-    normal: Normal
+    exits: Normal
+    tracks: Normal | None
     log_spread_by: Float[Array, "n inputs"]
 
     def plane_at(self, layout: ParameterLayout, values: Float[Array, " slots"]) -> Prediction:
@@ -132,9 +135,16 @@ class Linearization:
         """How many times as much the height at the plane spreads there."""
         return np.asarray(np.exp(np.clip(self.log_spread_by @ self._change(layout, values), -2.0, 2.0)))
 
-    def normal_at(self, layout: ParameterLayout, values: Float[Array, " slots"]) -> Normal:
-        """The normal equations there."""
-        return self.normal.at(np.concatenate([self._change(layout, values), np.zeros(layout.chain.deviates)]))
+    def tracks_at(self, layout: ParameterLayout, values: Float[Array, " slots"]) -> Normal | None:
+        """The normal equations of the tracks there, by the noise that was measured."""
+        return None if self.tracks is None else self.tracks.at(self._moved(layout, values))
+
+    def exits_at(self, layout: ParameterLayout, values: Float[Array, " slots"]) -> Normal:
+        """Those of the exits."""
+        return self.exits.at(self._moved(layout, values))
+
+    def _moved(self, layout: ParameterLayout, values: Float[Array, " slots"]) -> Float[Array, " k"]:
+        return np.concatenate([self._change(layout, values), np.zeros(layout.chain.deviates)])
 
     def _change(self, layout: ParameterLayout, values: Float[Array, " slots"]) -> Float[Array, " inputs"]:
         """From the spot, of the inputs; those of groups do not change."""
@@ -160,15 +170,28 @@ def linearise(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
     bases = _bases(layout)
     columns = np.concatenate([np.flatnonzero(layout.source >= 0), real + np.arange(bases)])
     sd = np.sqrt(variance_of(intake, spot.log_scatter))[:, :count]
+    tracks, noise = flown.tracks_at(layout, spot.values), np.exp(spot.log_scatter[TRACK])
     with np.errstate(over="ignore", invalid="ignore"):     # far from all that flies there is no likelihood: not finite
-        left = _integrate(flown.normal_at(layout, spot.values), sd, columns, real + bases)
-    own = left.mean + np.einsum("ndb,nb->nd", left.mean_by[:, :, real:], _group_effects(layout, spot))
+        normal = flown.exits_at(layout, spot.values).beside(tracks, float(noise**-2.0))
+        left = _integrate(normal, sd, columns, real + bases)
+    effects = _group_effects(layout, spot)
+    own = left.mean + np.einsum("ndb,nb->nd", left.mean_by[:, :, real:], effects)
     score, info = _scatter_terms(intake, layout, spot, sd, left, own, real + bases)
+    log_linear = left.log_likelihood
+    if tracks is not None and intake.samples is not None:
+        counts = np.zeros(len(sd))
+        counts[intake.tracked] = 3.0 * intake.samples.real.sum(1)
+        log_linear = log_linear - counts * np.log(noise)
+        if layout.scatters[TRACK] >= 0:
+            place = layout.scatters[TRACK]
+            shift = np.pad(effects, ((0, 0), (len(layout.inputs) - bases, count)))
+            told = noise_terms(tracks.at(shift), own, left.covariance, counts, float(noise**-2.0))
+            score[:, place], info[:, place, place] = told
     plane = _plane(intake, layout, spot, flown, sd, left, columns, real + bases)
     parts = _scaled(layout, left.score + score, left.info + info, plane)
     point = _point(layout, spot)
     pull = layout.precision @ (layout.centre - point[layout.first_shared:])
-    evidence = make_evidence(intake.rows, layout.columns, point, *parts, layout.precision, pull, left.log_likelihood,
+    evidence = make_evidence(intake.rows, layout.columns, point, *parts, layout.precision, pull, log_linear,
                              _deal(layout))
     if spot.effects.any():
         change = np.concatenate([np.zeros(real), spot.effects])
@@ -227,8 +250,8 @@ def fly(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint) -> Li
 
 def _linearization(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, seen: Prediction,
                    slopes: Prediction) -> Linearization:
-    normal = multiply_out(intake, seen, slopes, spot.deviates)
-    return Linearization(spot, seen, slopes, normal, _log_spread_by(intake, layout, spot, seen, slopes, normal))
+    exits, tracks = multiply_out(intake, seen, slopes, spot.deviates)
+    return Linearization(spot, seen, slopes, exits, tracks, _log_spread_by(intake, layout, spot, seen, slopes, exits))
 
 
 def _log_spread_by(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, seen: Prediction,
@@ -272,7 +295,7 @@ def _fly(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
 def variance_of(intake: Intake, log_scatter: Float[Array, " S"]) -> Float[Array, "n D"]:
     """Variances of the deviates."""
     variance = intake.noise_var.copy()
-    variance[:, SCATTERED] += intake.scattered * np.exp(2.0 * log_scatter)
+    variance[:, SCATTERED] += intake.scattered * np.exp(2.0 * log_scatter[:TRACK])
     return variance
 
 
@@ -292,6 +315,10 @@ class _Left:
 def _integrate(normal: Normal, sd: Float[Array, "n D"], columns: Int[Array, " inputs"], count: int) -> _Left:
     """`columns`: which of the C = count the inputs are; in the others nothing is said."""
     inputs = len(columns)
+    astray = ~(np.abs(normal.inner).max(axis=(1, 2)) < ENDLESS)
+    if astray.any():
+        normal = Normal(*(np.where(astray.reshape(-1, *[1] * (part.ndim - 1)), 0.0, part)
+                          for part in (normal.inner, normal.onto, normal.square, normal.log_noise)))
     inner, cross = normal.inner[:, inputs:, inputs:], normal.inner[:, inputs:, :inputs]
     inner = np.eye(sd.shape[1]) + sd[:, :, None] * inner * sd[:, None, :]
     inverse = np.linalg.inv(inner)
@@ -303,7 +330,8 @@ def _integrate(normal: Normal, sd: Float[Array, "n D"], columns: Int[Array, " in
     mean_by[:, :, columns] = -sd[:, :, None] * by
     quadratic = normal.square - (onto_r * shift).sum(1)
     value = -0.5 * (quadratic + np.linalg.slogdet(inner)[1]) + normal.log_noise
-    value = np.where(quadratic < -LOST * normal.square, -np.inf, value)     # slopes so large that no digit is right
+    lost = quadratic < -LOST * normal.square              # slopes so large that no digit is right
+    value = np.where(astray | lost, -np.inf, value)
     return _Left(score, info, value, sd * shift, sd[:, :, None] * inverse * sd[:, None, :], mean_by)
 
 
@@ -324,8 +352,8 @@ def _scatter_terms(intake: Intake, layout: ParameterLayout, spot: LinearizationP
     n = len(sd)
     score, info = np.zeros((n, count)), np.zeros((n, count, count))
     variance = np.maximum(sd**2, 1e-300)
-    scattered = intake.scattered * np.exp(2.0 * spot.log_scatter)
-    for number, (column, deviate) in enumerate(zip(layout.scatters, SCATTERED, strict=True)):
+    scattered = intake.scattered * np.exp(2.0 * spot.log_scatter[:TRACK])
+    for number, (column, deviate) in enumerate(zip(layout.scatters[:TRACK], SCATTERED, strict=True)):
         if column < 0:
             continue
         total, kept = variance[:, deviate], left.covariance[:, deviate, deviate]
@@ -354,9 +382,9 @@ def _plane(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, fl
     variance = np.einsum("md,mde,me->m", by_deviate, left.covariance[rows], by_deviate) + FLOOR_M**2
     log_spread = np.zeros((len(rows), count))
     log_spread[:, columns] = flown.log_spread_by[rows]
-    scattered = intake.scattered[rows] * np.exp(2.0 * spot.log_scatter)
+    scattered = intake.scattered[rows] * np.exp(2.0 * spot.log_scatter[:TRACK])
     kept = np.diagonal(left.covariance[rows], axis1=1, axis2=2) / np.maximum(sd[rows]**2, 1e-300)
-    for number, (column, deviate) in enumerate(zip(layout.scatters, SCATTERED, strict=True)):
+    for number, (column, deviate) in enumerate(zip(layout.scatters[:TRACK], SCATTERED, strict=True)):
         if column >= 0:
             log_spread[:, column] = (by_deviate[:, deviate]**2 * scattered[:, number] * kept[:, deviate]**2) / variance
     spread = np.where(near, np.sqrt(variance) * flown.wider_at(layout, spot.values)[rows], 1.0)

@@ -25,8 +25,11 @@ FREE_SPEED_M_S = 3.0
 # What scatters by amounts that are fitted: launches, and measured distances as a multiple of what the rig states.
 # Median and factor of the prior, whose logarithm is normal.
 SCATTER_PRIOR = {"scatter.speed": (0.015, 3.0), "scatter.elevation_rad": (0.007, 3.0),
-                 "scatter.azimuth_rad": (0.007, 3.0), "scatter.distance": (1.0, 2.0)}
+                 "scatter.azimuth_rad": (0.007, 3.0), "scatter.distance": (1.0, 2.0),
+                 "scatter.drag_share": (0.01, 3.0), "scatter.spin_ratio": (0.01, 3.0),
+                 "scatter.track": (1.0, 3.0)}
 SCATTERS = tuple(SCATTER_PRIOR)
+SCATTER_MOST = {"scatter.drag_share": 0.1, "scatter.spin_ratio": 0.1, "scatter.track": 100.0}
 
 # How much balls (or sessions, robots) differ from one another in exit speed: a share. What else goes with a ball
 # declares it (Parameter.by_ball). In elevation a later session's balls differ, too.

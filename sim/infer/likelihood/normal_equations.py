@@ -30,23 +30,38 @@ class Normal:
     square: Float[Array, " n"]
     log_noise: Float[Array, " n"]
 
-    def at(self, change: Float[Array, " k"]) -> "Normal":
-        """With the residuals after the k numbers change by `change` [k]."""
+    def beside(self, other: "Normal | None", share: float) -> "Normal":
+        """With what a share of the other says."""
+        if other is None:
+            return self
+        return Normal(self.inner + share * other.inner, self.onto + share * other.onto,
+                      self.square + share * other.square, self.log_noise + other.log_noise)
+
+    def at(self, change: Float[Array, "*n k"]) -> "Normal":
+        """With the residuals after the k numbers change by `change` [k], or of each shot by its own [n, k]."""
         if not change.any():
             return self
-        taken = self.inner @ change
-        return replace(self, onto=self.onto - taken, square=self.square - (2.0 * self.onto - taken) @ change)
+        change = np.broadcast_to(change, self.onto.shape)
+        taken = np.einsum("nij,nj->ni", self.inner, change)
+        return replace(self, onto=self.onto - taken,
+                       square=self.square - ((2.0 * self.onto - taken) * change).sum(1))
 
 
-def multiply_out(intake: Intake, seen: Prediction, slopes: Prediction, deviates: Float[Array, "n D"]) -> Normal:
-    """The normal equations of what is seen [n] and its slopes (last axis k), about deviates [n, D]."""
-    parts = [_exit_part(intake, seen, slopes), *_track_part(intake, seen, slopes, deviates.shape[1])]
-    raw = np.concatenate([part[0] for part in parts], axis=1)
+def multiply_out(intake: Intake, seen: Prediction, slopes: Prediction,
+                 deviates: Float[Array, "n D"]) -> tuple[Normal, Normal | None]:
+    """The normal equations of the exits seen [n] with their slopes (last axis k), about deviates [n, D], and those of
+    the tracks."""
+    exits = _product(_exit_part(intake, seen, slopes), deviates)
+    tracks = _track_part(intake, seen, slopes, deviates.shape[1])
+    return exits, None if tracks is None else _product(tracks, deviates)
+
+
+def _product(part: tuple[Float[Array, "n G inputs"], Float[Array, " n"]], deviates: Float[Array, "n D"]) -> Normal:
+    raw, log_noise = part
     # as seen from no deviation: the prior's mean
     raw[..., 0] += np.einsum("ngd,nd->ng", raw[..., raw.shape[2] - deviates.shape[1]:], deviates)
     with np.errstate(over="ignore", invalid="ignore"):     # far from all that flies there is no likelihood: not finite
         product = np.swapaxes(raw, 1, 2) @ raw
-    log_noise = sum((part[1] for part in parts), np.zeros(len(deviates)))
     return Normal(product[:, 1:, 1:], product[:, 1:, 0], product[:, 0, 0], log_noise)
 
 
@@ -61,13 +76,13 @@ def _exit_part(intake: Intake, seen: Prediction,
 
 
 def _track_part(intake: Intake, seen: Prediction, slopes: Prediction,
-                deviates: int) -> list[tuple[Float[Array, "n G inputs"], Float[Array, " n"]]]:
+                deviates: int) -> tuple[Float[Array, "n G inputs"], Float[Array, " n"]] | None:
     """(white [n, 3 L, 1 + k] of the tracks, log density); shots without one are 0. deviates: how many of k, the last.
 
     A later release leaves every sample as much earlier in the flight, so that slopes by it are velocities.
     """
     if intake.samples is None or intake.scatter is None:
-        return []
+        return None
     rows, samples, n = intake.tracked, intake.samples, len(intake.rows)
     raw = np.concatenate([(samples.position_m - seen.track_m[rows])[..., None], slopes.track_m[rows]], axis=3)
     unmeasured = intake.scatter.sigma_m >= UNMEASURED_M
@@ -82,4 +97,17 @@ def _track_part(intake: Intake, seen: Prediction, slopes: Prediction,
         log_noise[rows] -= (np.log(wider) * samples.real).sum(1)
     white = np.zeros((n, 3 * raw.shape[1], raw.shape[3]))
     white[rows] = whiten(samples, intake.scatter, raw)
-    return [(white, log_noise)]
+    return white, log_noise
+
+
+def noise_terms(tracks: Normal, mean: Float[Array, "n D"], covariance: Float[Array, "n D D"],
+                counts: Float[Array, " n"], share: float) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+    """Score and information of the log of how many times as noisy tracks are as measured, 1 / sqrt(share).
+
+    mean, covariance: of the deviates given what was seen; counts [n]: numbers of each track.
+    """
+    deviates = mean.shape[1]
+    inner, onto = tracks.inner[:, -deviates:, -deviates:], tracks.onto[:, -deviates:]
+    absorbed = share * np.einsum("nde,ned->n", covariance, inner)
+    off = tracks.square - 2.0 * (onto * mean).sum(1) + np.einsum("nd,nde,ne->n", mean, inner, mean)
+    return share * off + absorbed - counts, 2.0 * np.maximum(counts - absorbed, 0.0)

@@ -170,10 +170,11 @@ def _lanes(part: _Part, circumstances: Circumstances, samples: Samples | None,
     noise[:, 3] = SPIN_SHARE**2 + np.where(free, 0.0, (given.wheel_spin_rev_s**2).sum(1) / spinning**2)
     timed = samples is not None and samples.clock_s is not None
     noise[:, 5] = np.where(free | timed, 0.0, LEAD_S**2)
-    noise[:, 6:9] = np.where(free & ~timed, FREE_PLACE_M, PLACE_M)[:, None]**2
-    noise[:, 9:12] = np.where(free & ~timed, FREE_SPEED_M_S, 0.0)[:, None]**2
+    noise[:, 8:11] = np.where(free & ~timed, FREE_PLACE_M, PLACE_M)[:, None]**2
+    noise[:, 11:14] = np.where(free & ~timed, FREE_SPEED_M_S, 0.0)[:, None]**2
+    filmed = np.full(n, samples is not None and not timed)
     return lanes, noise, np.stack([given.rolled & ~free, given.hooded & ~free, ~free,
-                                   np.broadcast_to(given.distance_sd_m**2, n)], axis=1) * 1.0
+                                   np.broadcast_to(given.distance_sd_m**2, n), filmed, filmed], axis=1) * 1.0
 
 
 def _side_spin(part: _Part) -> Float[Array, "n 2"]:

@@ -16,7 +16,7 @@ from truearc.sim.data.conditions import Circumstances
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.baseline_fit import BaselineFit, climb, only_shared
 from truearc.sim.infer.likelihood.forward_model import DEVIATES, Chain, Prediction, ShotBatch
-from truearc.sim.infer.likelihood.linearization import LinearizationPoint, ParameterLayout, linearise
+from truearc.sim.infer.likelihood.linearization import SCATTERED, LinearizationPoint, ParameterLayout, linearise
 from truearc.sim.infer.likelihood.noise import SCATTERS
 from truearc.sim.infer.likelihood.outcome_likelihood import see_outcomes
 from truearc.sim.infer.likelihood.prepared_data import Intake
@@ -67,7 +67,7 @@ def take_straight(y: np.ndarray) -> Intake:
         0.0,
     )
     marked, seen = see_outcomes(Shots(tuple(map(str, range(n))), {}, {}), FACTS.target)
-    return Intake(FACTS, FACTS, np.arange(n), lanes, np.zeros((n, len(DEVIATES))), np.zeros((n, len(SCATTERS))),
+    return Intake(FACTS, FACTS, np.arange(n), lanes, np.zeros((n, len(DEVIATES))), np.zeros((n, len(SCATTERED))),
                   np.stack([y, unknown, unknown], axis=1), np.ones((n, 3)), marked, seen, np.zeros(0, int), None, None,
                   "L1", ())
 

@@ -333,7 +333,7 @@ def test_nothing_is_adopted_beside_a_tracker_error_at_its_bound() -> None:
     tilted = ta.discover(filmed(20.0), believe=["gravity"])               # the fit takes at most 15 degrees
     assert tilted.record.data.at_limit["track_tilt.angle_deg"] == 15.0
     assert "track_tilt.angle_deg at 15" in tilted.sentence
-    with pytest.raises(ta.InputError, match=r"nothing is adopted: track_tilt\.angle_deg"):
+    with pytest.raises(ta.InputError, match="nothing is adopted: track_"):
         tilted.adopt()
     started = level.adopt()
     assert make_belief(replace(tilted.investigation, belief=started))[0] is started

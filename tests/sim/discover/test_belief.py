@@ -77,7 +77,8 @@ def test_the_shot_that_parts_a_changed_number_from_another_name_goes_by_what_the
         assert after is not None
         change = moved_by(step.fitted.evidence, refit)
         foretold = step.fitted.evidence.heights(np.tile(change, (len(plane.rows), 1)))[1]
-        assert np.corrcoef(foretold - plane.mean_m, after.mean_m - plane.mean_m)[0, 1] > 0.9, refit.names
+        if (after.mean_m - plane.mean_m).std() > 0.02:                  # of some there is hardly any
+            assert np.corrcoef(foretold - plane.mean_m, after.mean_m - plane.mean_m)[0, 1] > 0.9, refit.names
     other = next(name for name in refits if name != "drag.cd")
     shot = parting_shot(dataset, step, ("drag.cd", other))
     assert shot is not None and shot["separates"] == ["drag", other.partition(".")[0]]

@@ -71,7 +71,8 @@ def stage() -> Stage:
 
 def odd_deviates(stage: Stage) -> np.ndarray:
     """Each about one of its own standard deviations."""
-    scale = dict(zip(DEVIATES, (0.02, 0.01, 0.02, 0.1, 0.05, 0.01, 0.02, 0.02, 0.02, 0.3, 0.3, 0.3), strict=True))
+    scale = dict(zip(DEVIATES, (
+        0.02, 0.01, 0.02, 0.1, 0.05, 0.01, 0.05, 0.05, 0.02, 0.02, 0.02, 0.3, 0.3, 0.3), strict=True))
     rng = np.random.default_rng(3)
     return rng.normal(size=(SHOTS, stage.chain.deviates)) * [scale[name] for name in DEVIATES[:stage.chain.deviates]]
 
@@ -80,23 +81,25 @@ def start_of(stage: Stage, row: int, deviate: np.ndarray) -> tuple[np.ndarray, n
     """(state [6], spin [3] in rad/s) at the launch, or where the track of a thrown ball begins, by plain geometry."""
     shots, lanes = stage.dataset.shots, stage.intake.lanes
     if row in THROWN:
-        place, velocity = lanes.start_m[row] + deviate[6:9], lanes.start_m_s[row] + deviate[9:12]
-        return np.concatenate([place, velocity]), np.zeros(3)
+        place, velocity = lanes.start_m[row] + deviate[8:11], lanes.start_m_s[row] + deviate[11:14]
+        right = np.cross(velocity, [0.0, 0.0, 1.0])
+        rim_m_s = deviate[7] * np.linalg.norm(velocity)
+        return np.concatenate([place, velocity]), right / np.linalg.norm(right) * rim_m_s / RADIUS
     lower, upper = shots.number("wheel_lower_rad_s")[row] * 0.0508, shots.number("wheel_upper_rad_s")[row] * 0.0349
     speed, spin = (lower + upper) / 2.0 * 0.8, (lower - upper) / (2.0 * math.pi * RADIUS)
     speed, aside = speed * math.exp(deviate[0]), deviate[2]
     up = math.radians(shots.number("hood_deg")[row]) + deviate[1]
     ahead = np.array([math.cos(up) * math.cos(aside), math.cos(up) * math.sin(aside), math.sin(up)])
     right = np.array([math.sin(aside), -math.cos(aside), 0.0])
-    velocity = speed * ahead + deviate[9:12]
-    return (np.concatenate([deviate[6:9] + np.array([0.0, 0.0, HEIGHTS[0]]), velocity]),
-            right * spin * (1.0 + deviate[3]) * 2.0 * math.pi)
+    velocity = speed * ahead + deviate[11:14]
+    return (np.concatenate([deviate[8:11] + np.array([0.0, 0.0, HEIGHTS[0]]), velocity]),
+            right * (spin * (1.0 + deviate[3]) * 2.0 * math.pi + deviate[7] * speed / RADIUS))
 
 
-def rate(t: float, state: np.ndarray, spin_rad_s: np.ndarray) -> np.ndarray:
+def rate(t: float, state: np.ndarray, spin_rad_s: np.ndarray, own: float) -> np.ndarray:
     """Weight, quadratic drag and lift in proportion to spin and speed, both by the wind, the spin dying away."""
     through = state[3:] - [AIR["wind_x.speed_m_s"], AIR["wind_y.speed_m_s"], AIR["wind_z.speed_m_s"]]
-    drag = -0.5 * RHO * AIR["drag.cd"] * math.pi * RADIUS**2 * np.linalg.norm(through) * through
+    drag = -0.5 * RHO * AIR["drag.cd"] * (1.0 + own) * math.pi * RADIUS**2 * np.linalg.norm(through) * through
     turns = spin_rad_s / (2.0 * math.pi) * math.exp(-AIR["spin_decay.rate_per_s"] * t)
     lift = AIR["magnus.cl"] * 4.0 / 3.0 * 4.0 * math.pi**2 * RADIUS**3 * RHO * np.cross(turns, through)
     return np.concatenate([state[3:], (drag + lift) / MASS - [0.0, 0.0, G]])
@@ -106,8 +109,8 @@ def reference(stage: Stage, row: int, deviate: np.ndarray) -> tuple[float, float
     """(height over the target's centre, sideways, track [L, 3]) by DOP853; nan where it never gets to the plane."""
     state, spin = start_of(stage, row, deviate)
     plane_m = stage.intake.lanes.distance_m[row] + deviate[4]
-    flown = solve_ivp(rate, (0.0, 3.0), state, "DOP853", args=(spin,), rtol=1e-10, atol=1e-11, dense_output=True,
-                      events=lambda t, y, _: y[0] - plane_m)
+    flown = solve_ivp(rate, (0.0, 3.0), state, "DOP853", args=(spin, deviate[6]), rtol=1e-10, atol=1e-11,
+                      dense_output=True, events=lambda t, y, *_: y[0] - plane_m)
     at = flown.y_events[0][0] if len(flown.y_events[0]) else np.full(6, np.nan)
     times = stage.intake.lanes.lead_s[row] + deviate[5] + stage.intake.lanes.time_s[row]
     return at[2] - HEIGHTS[1], at[1], flown.sol(times)[:3].T
@@ -242,7 +245,7 @@ def test_free_pushes_are_accelerations_in_the_balls_own_directions(stage: Stage,
                     along = y[3:] / speed
                     left = np.array([-along[1], along[0], 0.0]) / math.hypot(along[0], along[1])
                     axis = (along, np.cross(along, left), left)[direction]
-                    whole = rate(t, y, spin)
+                    whole = rate(t, y, spin, 0.0)
                     whole[3:] += sign * size * shape(t, speed) * axis
                     return whole
                 tracks.append(solve_ivp(pushed, (0.0, times[-1] + 1e-9), state, "DOP853", rtol=1e-10, atol=1e-12,

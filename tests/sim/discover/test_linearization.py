@@ -67,8 +67,8 @@ def bench() -> Bench:
     for slot, value in ((("drag", "cd"), 0.45), (("magnus", "cl"), 0.05), (("exit_efficiency", "loss"), 0.22)):
         values[chain.slots.index(slot)] = value
     # not quite at rest: then both looks are made by the same compiled code
-    spot = LinearizationPoint(values, np.log([0.02, 0.008, 0.006, 1.3]), np.full((SHOTS, chain.deviates), 1e-9),
-                np.zeros(layout.grouped))
+    spot = LinearizationPoint(values, np.log([0.02, 0.008, 0.006, 1.3, 0.03, 0.02, 1.2]),
+                              np.full((SHOTS, chain.deviates), 1e-9), np.zeros(layout.grouped))
     _, mean = linearise(intake, layout, spot)
     spot = replace(spot, deviates=mean)
     return Bench(intake, layout, spot, *linearise(intake, layout, spot))
@@ -121,18 +121,19 @@ def observed(bench: Bench, row: int) -> np.ndarray:
     return flat(bench, row, bench.intake.exits, track)
 
 
-def noise_of(bench: Bench, row: int) -> np.ndarray:
-    """Covariance of what is observed."""
+def noise_of(bench: Bench, row: int, log_noise: float | None = None) -> np.ndarray:
+    """Covariance of what is observed; of the tracks as many times as noisy as measured."""
     samples, scatter = bench.intake.samples, bench.intake.scatter
     assert samples is not None and scatter is not None
     known = np.isfinite(bench.intake.exits[row])
     blocks = [np.diag(bench.intake.exit_sd[row][known]**2)]
+    noise = np.exp(bench.spot.log_scatter[-1]) if log_noise is None else np.exp(log_noise)
     place = np.flatnonzero(bench.intake.tracked == row)
     if len(place):
         time_s = samples.time_s[place[0]][samples.real[place[0]]]
         apart = np.abs(time_s[:, None] - time_s)
         for sigma, memory in zip(scatter.sigma_m, scatter.memory_s, strict=True):
-            blocks.append(sigma**2 * (np.exp(-apart / memory) if memory > 0.0 else np.eye(len(time_s))))
+            blocks.append((noise * sigma)**2 * (np.exp(-apart / memory) if memory > 0.0 else np.eye(len(time_s))))
     whole = np.zeros((sum(map(len, blocks)),) * 2)
     first = 0
     for block in blocks:
@@ -247,7 +248,7 @@ def test_heights_given_the_track_move_with_the_columns_as_conditioning_says(benc
 
 
 def test_scores_of_the_scatters_are_slopes_of_the_big_matrix(bench: Bench, brute: dict[int, Brute]) -> None:
-    for number, (column, deviate) in enumerate(zip(bench.layout.scatters, (0, 1, 2, 4), strict=True)):
+    for number, (column, deviate) in enumerate(zip(bench.layout.scatters[:-1], (0, 1, 2, 4, 6, 7), strict=True)):
         for row, one in brute.items():
             if not len(one.r):
                 continue
@@ -260,6 +261,20 @@ def test_scores_of_the_scatters_are_slopes_of_the_big_matrix(bench: Bench, brute
             assert bench.evidence.linear[row, column] == pytest.approx((sides[0] - sides[1]) / 2e-4, abs=2e-3)
             half = own * one.slope[:, deviate] @ np.linalg.solve(one.total, one.slope[:, deviate])
             assert bench.evidence.bend[row, column, column] == pytest.approx(2.0 * half**2, rel=1e-3, abs=1e-6)
+
+
+def test_the_score_of_the_tracks_noise_is_the_slope_of_the_big_matrix(bench: Bench, brute: dict[int, Brute]) -> None:
+    column, here = bench.layout.scatters[-1], float(bench.spot.log_scatter[-1])
+    for row, one in brute.items():
+        if row not in bench.intake.tracked:
+            assert len(one.r) == 0 or bench.evidence.linear[row, column] == pytest.approx(0.0, abs=1e-9)
+            continue
+        sides = [replace(one, noise=noise_of(bench, row, here + step)).log_density() for step in (1e-4, -1e-4)]
+        assert bench.evidence.linear[row, column] == pytest.approx((sides[0] - sides[1]) / 2e-4, rel=1e-4, abs=1e-2)
+        share = np.linalg.solve(one.total, noise_of(bench, row))            # expected: the trace of its square, twice
+        known = int(np.isfinite(bench.intake.exits[row]).sum())
+        assert bench.evidence.bend[row, column, column] == pytest.approx(
+            2.0 * np.trace(share @ share) - 2.0 * known, rel=0.1)
 
 
 def test_an_effect_of_a_ball_is_the_same_slope_in_that_balls_shots_alone(bench: Bench) -> None:

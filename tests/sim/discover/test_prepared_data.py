@@ -74,7 +74,7 @@ def test_doubt_is_the_sensors_own(intake: Intake) -> None:
     assert variance["spin_share"][row] > 0.05**2
     assert (variance["vx_m_s"][THROWN] > 1.0).all() and variance["vx_m_s"][row] == 0.0
     assert (variance["log_speed"][THROWN] == 0.0).all() and (variance["elevation_rad"][THROWN] == 0.0).all()
-    assert intake.scattered[row] == pytest.approx([1.0, 1.0, 1.0, 0.03**2])
+    assert intake.scattered[row] == pytest.approx([1.0, 1.0, 1.0, 0.03**2, 1.0, 1.0])
     assert not intake.scattered[THROWN, :3].any()
 
 

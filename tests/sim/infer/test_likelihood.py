@@ -8,7 +8,7 @@ from tests.sim.infer.independent import Truth
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.infer.baseline_fit import only_shared
+from truearc.sim.infer.baseline_fit import USUAL_SCATTER, only_shared
 from truearc.sim.infer.likelihood.design_columns import lay_out
 from truearc.sim.infer.likelihood.linearization import LinearizationPoint, linearise
 from truearc.sim.infer.likelihood.noise import EXIT_SPEED_M_S, LAPSE
@@ -23,7 +23,8 @@ def _at_truth(shots: Shots) -> tuple[ScoreTable, np.ndarray]:
     """(evidence, most likely deviates) where the coefficients and scatters are the truth's."""
     intake = take_in(Dataset("d", GUPPY, shots), fewest=1)
     layout = only_shared(lay_out(intake, ("gravity", "drag", "magnus", "exit_efficiency")))
-    values, log_scatter = layout.usual.copy(), np.log([TRUTH.speed_sd, np.radians(TRUTH.elevation_sd_deg), 1.0, 1.0])
+    values, log_scatter = layout.usual.copy(), USUAL_SCATTER.copy()
+    log_scatter[:2] = np.log([TRUTH.speed_sd, np.radians(TRUTH.elevation_sd_deg)])
     for slot, value in {("drag", "cd"): TRUTH.cd, ("magnus", "cl"): TRUTH.cl,
                         ("exit_efficiency", "loss"): TRUTH.loss}.items():
         values[layout.chain.slots.index(slot)] = value
