@@ -141,11 +141,11 @@ OTHER_UNITS = {"m": "another unit", "s": "revolutions per minute", "m3": "anothe
                "sd": "per cent; it is a share: 0.01 for one per cent"}
 # the terms that truearc.sim has; a distribution may add others (docs/terms.md)
 TERMS = ("hood_offset", "hood_backlash", "encoder_scale", "distance_scale", "distance_bias", "vision_latency",
-         "track_scale", "track_tilt", "track_clock", "track_perspective", "wheel_slip", "exit_efficiency",
-         "wheel_droop", "ball_compression", "ball_wear", "ball_spread", "battery_sag", "rapid_fire", "release_height",
-         "spin_decay", "wind_x", "wind_y", "wind_z", "gravity", "drag", "magnus", "spin_drag", "drag_reynolds",
-         "lift_saturation", "drag_wear", "air_density", "air_change", "buoyancy", "added_mass", "target_height",
-         "rim_catch")
+         "track_scale", "track_tilt", "track_roll", "track_clock", "track_perspective", "wheel_slip",
+         "exit_efficiency", "wheel_droop", "ball_compression", "ball_wear", "ball_spread", "battery_sag", "rapid_fire",
+         "release_height", "spin_decay", "wind_x", "wind_y", "wind_z", "gravity", "drag", "magnus", "spin_drag",
+         "drag_reynolds", "lift_saturation", "drag_wear", "air_density", "air_change", "buoyancy", "added_mass",
+         "target_height", "rim_catch")
 RADIAN_STEP, RADIAN_SLIP = math.pi / 12.0, 0.005  # clock angles in radians are multiples of it, as rounded
 
 

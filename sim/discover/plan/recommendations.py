@@ -33,7 +33,7 @@ def next_steps(dataset: Dataset, step: Step, chosen: tuple[str, ...] | None) -> 
     wanted = {one.id: one.what for one in instruments if one is not None and not (tracked and one.filmed)}
     steps: list[dict[str, Any]] = [{"do": "measure", "instrument": name, "what": what}
                                    for name, what in list(wanted.items())[:FEW]]
-    if len(chosen) < 2:
+    if len(step.naming.chosen) < 2:
         return tuple(steps)
     shot = parting_shot(dataset, step, (step.naming.chosen[0], step.naming.chosen[1]))
     return (*([shot] if shot else []), *steps, *_sides(dataset))
@@ -60,6 +60,12 @@ def measure_blind(blind: Sequence[Term], tracked: bool) -> tuple[dict[str, Any],
             found.setdefault(term.instrument.id, (term.instrument.what, []))[1].append(term.name)
     return tuple({"do": "measure", "instrument": name, "what": what, "shows": terms}
                  for name, (what, terms) in list(found.items())[:FEW])
+
+
+def measure_names(names: Sequence[str], among: Catalogue) -> tuple[dict[str, Any], ...]:
+    """The measurements that settle which of these terms it is."""
+    wanted = {term.instrument.id: term.instrument.what for term in among.find(names) if term.instrument is not None}
+    return tuple({"do": "measure", "instrument": name, "what": what} for name, what in list(wanted.items())[:FEW])
 
 
 def _about_unknown(step: Step) -> tuple[dict[str, Any], ...]:

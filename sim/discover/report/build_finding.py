@@ -1,9 +1,12 @@
 """The investigation as an answer: truearc.finding/1."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from msgspec import UNSET, UnsetType
+from msgspec.structs import replace
 
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover import finding as parts
@@ -11,8 +14,9 @@ from truearc.sim.discover.detect.covariates import Covariate, carried_by, follow
 from truearc.sim.discover.detect.localization import Place, amplitude_of, times_of
 from truearc.sim.discover.detect.score_test import Judged
 from truearc.sim.discover.detect.test_battery import TERMS, Asked, name_of
-from truearc.sim.discover.finding import FindingRecord, FitSummary, Named, TestResult, Unknown, Where
-from truearc.sim.discover.plan.recommendations import blind_terms, measure_blind, next_steps
+from truearc.sim.discover.detect.tracker_change import NumberChange, compare_trackers, rivals_of
+from truearc.sim.discover.finding import FindingRecord, FitSummary, FoundEffect, Named, TestResult, Unknown, Where
+from truearc.sim.discover.plan.recommendations import blind_terms, measure_blind, measure_names, next_steps
 from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report.formula import find_formula
 from truearc.sim.discover.select.amplitude_prior import posterior_amplitude
@@ -66,27 +70,66 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
     results = _results(fitted.evidence, asked, judged, false_alarm)
     mismatch = parts.Mismatch(bool(steps), judged.p_any, false_alarm, results, len(asked.tests), judged.families)
     fit = _fit(fitted, steps)
+    tracker, said, to_check = _tracker(fitted, search)
     if not steps:
         where = Where(None, None, None, None, {}, None, None, (), "nothing was found")
         threshold = judged.threshold(TERMS, false_alarm)
         blind = blind_terms(fitted.evidence, threshold, among) if np.isfinite(threshold) else []
         steps_to_see = measure_blind(blind, intake.filmed)
         sentence = (wording.say_none(terms, judged.p_any, data.shots, false_alarm, among)
-                    + wording.say_scatter(times_off(intake, fitted.layout, fitted.spot))
+                    + said + wording.say_scatter(times_off(intake, fitted.layout, fitted.spot))
                     + wording.say_blind(blind, steps_to_see, among)
                     + wording.say_smallest(fitted.evidence, threshold, among))
         return FindingRecord(data, mismatch, where, "none", sentence + wording.say_limits(data.at_limit), None, fit,
-                       next=steps_to_see)
+                             next=(*to_check, *steps_to_see), tracker=tracker)
     first = steps[0]
-    verdict = "unknown" if first.unknown else "named" if len(first.naming.chosen) == 1 else "set"
     where = _where(first, judged, search, first.naming.probability)
     leading, *rest = (_further(step, search.seed) for step in (first, *steps[1:]))
+    leading = leading if search.home is None else _or_tracker(leading, fitted, search.home.fitted)
+    verdict = "unknown" if first.unknown else "named" if len(leading.set or ()) == 1 else "set"
     sentence = (wording.say_unknown(terms, judged.p_any, where, leading, rest, fit, place, among) if first.unknown else
                 wording.say_named(terms, judged.p_any, leading, rest, fit, place, among, data.topspin))
-    sentence += wording.say_limits(data.at_limit)
+    sentence += said + wording.say_limits(data.at_limit)
     return FindingRecord(data, mismatch, where, verdict, sentence, leading.unknown, fit, what=leading.what,
-                         set=leading.set, next=next_steps(dataset, first, leading.set), also=tuple(rest),
-                         unexplained=first.unexplained)
+                         set=leading.set, next=(*next_steps(dataset, first, leading.set), *to_check),
+                         also=tuple(rest), unexplained=first.unexplained, tracker=tracker)
+
+
+def _tracker(fitted: BaselineFit, search: Search) -> tuple[FoundEffect | UnsetType, str, tuple[dict[str, Any], ...]]:
+    """(change of the tracker's calibration since home and what it may be instead, in a sentence, what to measure)."""
+    among = fitted.layout.chain.catalogue
+    moved = None if search.home is None else compare_trackers(fitted, search.home.fitted, search.false_alarm)
+    if moved is None:
+        return UNSET, "", ()
+    what = tuple(_changed(one, among) for one in moved.numbers)
+    together = [one for one, number in zip(what, moved.numbers, strict=True) if number.name in moved.together]
+    found = FoundEffect(what, None if len(together) == len(what) else tuple(one.term for one in what), None)
+    return found, wording.say_tracker(found, together, moved.p_value, among), measure_names(
+        [one.term for one in what], among)
+
+
+def _or_tracker(leading: FoundEffect, fitted: BaselineFit, home: BaselineFit) -> FoundEffect:
+    """A name that a change of the tracker's calibration since home explains as well is one of a set with that."""
+    among = fitted.layout.chain.catalogue
+    if leading.set is None:
+        return leading
+    first = next(one for one in leading.what if one.term in leading.set)
+    rivals = rivals_of(fitted, home, f"{first.term}.{next(iter(first.parameters))}")
+    told = {one.name.partition(".")[0]: _changed(one, among) for one in rivals}
+    if not told:
+        return leading
+    told[first.term] = replace(first, probability=first.probability * told[first.term].probability)
+    what = (*told.values(), *(one for one in leading.what if one.term not in told))
+    return replace(leading, what=tuple(sorted(what, key=lambda one: -one.probability)),
+                   set=tuple(dict.fromkeys((*told, *leading.set))))
+
+
+def _changed(one: NumberChange, among: Catalogue) -> Named:
+    name, _, parameter = one.name.partition(".")
+    (term,) = among.find([name])
+    half = wording.NINETY * one.sd
+    interval = parts.Interval(one.change, one.sd, one.change - half, one.change + half, one.unit)
+    return Named(name, one.probability, {parameter: interval}, term.sentence, term.stage)
 
 
 def _terms_only(at_limit: dict[str, float]) -> dict[str, float]:
@@ -100,12 +143,12 @@ def best_of(fitted: BaselineFit, steps: Sequence[Step]) -> ScoreTable:
     return named[-1] if named else without(fitted.evidence)
 
 
-def _further(step: Step, seed: int) -> parts.FoundEffect:
+def _further(step: Step, seed: int) -> FoundEffect:
     """The result of one step."""
     probability = step.naming.probability
     what = tuple(_named(step, name, probability) for name in list(step.naming.probability)[:RANKED])
     chosen = None if step.unknown else tuple(name.partition(".")[0] for name in step.naming.chosen)
-    return parts.FoundEffect(what, chosen, _unknown(step, seed) if step.unknown else None, step.unexplained)
+    return FoundEffect(what, chosen, _unknown(step, seed) if step.unknown else None, step.unexplained)
 
 
 def _where(step: Step, judged: Judged, search: Search, probability: dict[str, float]) -> Where:

@@ -82,6 +82,15 @@ def besides(further: FoundEffect, then: str, among: Catalogue | None = None, top
     return f" {then}, what is left looks most as if {_effect(clear[0], among, topspin)}{instead}."
 
 
+def say_tracker(moved: FoundEffect, together: Sequence[Named], p_value: float, among: Catalogue | None = None) -> str:
+    """A change of the tracker's calibration since the earlier session: the numbers that changed, then the others."""
+    likeliest = either([_effect(one, among, False) for one in together], "and")
+    others = [f"{plain(one.term, among)} ({one.probability:.0%})" for one in moved.what if one not in together]
+    instead = f"; instead it may be {either(others)}" if others else ""
+    return (f" The tracker is not calibrated as in the earlier session (p = {p_value:.2g}): compared with then, "
+            f"{likeliest}{instead}.")
+
+
 def too_little(also: Sequence[FoundEffect]) -> list[str]:
     """Terms that lead further effects whose 90 % intervals all include zero: good for forecasts, but not findings."""
     return [further.what[0].term for further in also if further.unknown is None and not _clear(further)]

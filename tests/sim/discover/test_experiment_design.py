@@ -170,4 +170,5 @@ def test_slower_and_faster_wheels_are_foretold_as_the_simulator_has_them() -> No
 
 def test_whatever_can_be_measured_of_the_launcher_is_weighed_with_an_accuracy() -> None:
     unweighed = {term.name for term in TERMS if term.instrument and term.instrument.sd is None}
-    assert unweighed == {"air_change", "track_scale", "track_tilt", "track_clock", "track_perspective"}
+    assert unweighed == {"air_change", "track_scale", "track_tilt", "track_roll", "track_clock",
+                         "track_perspective"}

@@ -31,9 +31,10 @@ from truearc.sim.physics.term_fields import Instrument, Phrase, Prior
 ROOT = Path(sim.__file__).parent.parent
 BIG = Catalogue((*TERMS, Flex()))
 ORDER = ("hood_offset hood_backlash encoder_scale distance_scale distance_bias vision_latency track_scale track_tilt "
-         "track_clock track_perspective wheel_slip exit_efficiency wheel_droop ball_compression ball_wear ball_spread "
-         "battery_sag rapid_fire release_height spin_decay wind_x wind_y wind_z gravity drag magnus spin_drag "
-         "drag_reynolds lift_saturation drag_wear air_density air_change buoyancy added_mass target_height rim_catch")
+         "track_roll track_clock track_perspective wheel_slip exit_efficiency wheel_droop ball_compression ball_wear "
+         "ball_spread battery_sag rapid_fire release_height spin_decay wind_x wind_y wind_z gravity drag magnus "
+         "spin_drag drag_reynolds lift_saturation drag_wear air_density air_change buoyancy added_mass "
+         "target_height rim_catch")
 
 
 def test_terms_act_in_the_order_they_declare() -> None:

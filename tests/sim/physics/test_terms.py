@@ -41,7 +41,7 @@ KNOWN = {"gravity": {"scale"}, "drag_reynolds": {"at_m_s"}}        # parameters 
 # the terms of the file formats' first version, and those added since
 STAGES = {
     "sensing": "hood_offset hood_backlash encoder_scale distance_scale distance_bias vision_latency track_scale "
-               "track_tilt track_clock track_perspective",
+               "track_tilt track_roll track_clock track_perspective",
     "launch": "exit_efficiency wheel_slip wheel_droop ball_compression ball_wear ball_spread battery_sag rapid_fire "
               "release_height",
     "flight": "gravity drag magnus buoyancy added_mass spin_decay spin_drag drag_reynolds lift_saturation wind_x "

@@ -105,6 +105,7 @@ def test_what_is_true_of_what_was_sensed(name, values, expected):
 def test_what_a_tracker_says():
     np.testing.assert_allclose(_watched("track_scale", {"share": 0.02}), (3.06, 0.204, 2.04), rtol=1e-14)
     np.testing.assert_allclose(_watched("track_tilt", {"angle_deg": 90.0}), (-2.0, 0.2, 3.0), atol=1e-14)
+    np.testing.assert_allclose(_watched("track_roll", {"angle_deg": 90.0}), (3.0, -2.0, 0.2), atol=1e-14)
     np.testing.assert_allclose(_watched("track_perspective", {"per_m": 0.01}), (3.06, 0.204, 2.04), rtol=1e-14)
     np.testing.assert_allclose(_watched("track_clock", {"share": 0.02}), (3.06, 0.201, 1.99), rtol=1e-14)
 

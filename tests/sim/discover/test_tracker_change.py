@@ -1,0 +1,63 @@
+"""A tracker that was calibrated again between two sessions: flights that are made and seen through a changed camera."""
+
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+
+from truearc.robot.config.rig_spec import Tracker
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.discover.detect.tracker_change import TrackerChange, compare_trackers, rivals_of
+from truearc.sim.infer.baseline_fit import BaselineFit, fit_believed
+from truearc.sim.infer.belief import Belief
+from truearc.sim.infer.likelihood.design_columns import lay_out
+from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc_proof.truth.generate import shoot
+from truearc_proof.truth.world import make_world
+
+BELIEF = Belief({"drag": {"cd": 0.5}, "magnus": {"cl": 0.2}}, {}, ("drag.cd", "magnus.cl"), np.diag([1e-4, 1e-4]))
+
+
+def seen(seed: int, scale: float = 1.0, pitch_deg: float = 0.0, roll_deg: float = 0.0) -> Dataset:
+    """Shots through a camera that sees lengths too long, what lies ahead too high, or what lies left too high."""
+    dataset = shoot(make_world({}, "L2", 24, seed, side=True))
+    assert dataset.tracks is not None
+    x, y, z = (scale * one for one in (dataset.tracks.x_m, dataset.tracks.y_m, dataset.tracks.z_m))
+    pitch, roll = np.radians([pitch_deg, roll_deg])
+    x, z = x * np.cos(pitch) - z * np.sin(pitch), z * np.cos(pitch) + x * np.sin(pitch)
+    y, z = y * np.cos(roll) - z * np.sin(roll), z * np.cos(roll) + y * np.sin(roll)
+    facts = msgspec.structs.replace(dataset.facts, tracker=Tracker(scale_sd=0.01, tilt_sd_deg=1.0, clock_sd=0.001))
+    return replace(dataset, facts=facts, tracks=replace(dataset.tracks, x_m=x, y_m=y, z_m=z))
+
+
+def fit(dataset: Dataset) -> BaselineFit:
+    intake = take_in(dataset)
+    return fit_believed(intake, lay_out(intake, ("gravity", "drag", "magnus"), belief=BELIEF))
+
+
+@pytest.fixture(scope="module")
+def home() -> BaselineFit:
+    return fit(seen(5))
+
+
+def test_a_tracker_that_is_the_same_has_no_change(home: BaselineFit) -> None:
+    assert compare_trackers(fit(seen(6)), home, 0.05) is None
+
+
+@pytest.mark.parametrize(("changed", "name", "size"), [
+    ({"scale": 1.03}, "track_scale.share", 0.03), ({"pitch_deg": 1.0}, "track_tilt.angle_deg", 1.0),
+    ({"roll_deg": -2.0}, "track_roll.angle_deg", -2.0)])
+def test_what_was_done_to_the_tracker_is_found(home: BaselineFit, changed: dict[str, float], name: str,
+                                              size: float) -> None:
+    later = fit(seen(6, **changed))
+    found = compare_trackers(later, home, 0.05)
+    assert isinstance(found, TrackerChange) and name in found.together
+    (one,) = (one for one in found.numbers if one.name == name)
+    assert one.change == pytest.approx(size, abs=4.0 * one.sd) and one.sd < 0.3 * abs(size)
+
+
+def test_a_crosswind_may_be_a_tracker_that_leans(home: BaselineFit) -> None:
+    rivals = [one.name for one in rivals_of(fit(seen(6, roll_deg=2.0)), home, "wind_y.speed_m_s")]
+    assert rivals[0] == "wind_y.speed_m_s" and "track_roll.angle_deg" in rivals
+    assert rivals_of(home, home, "nothing") == ()
