@@ -43,6 +43,8 @@ QUICK = {
     "ladder": "--worlds 1 --shots 60",
     "launcher_world": "--worlds 1 --level L1 --shots 24 --unseen 12 --seed 11 --processes 1 --out worlds.jsonl",
     "loop": "--trials 3",
+    "real_tables": "DATA/real/frc_shot_tables.csv DATA/real/frc3476_tuning_history.csv "
+                   "DATA/real/frc6328_event_corrections.csv",
     "season_agreement": "--trials 6",
     "soak": "--minutes 0.1",
     "start_up": "--repeats 1 --command fit",
@@ -56,7 +58,6 @@ ELSEWHERE = {
     "bare_loop": "asks for real-time priority on a core of its own, until a signal",
     "loop_frames": "the sender of `loop --frames`, below",
     "proof": "reads archives; test_commands.py runs it as docs/proof.md prints it",
-    "real_tables": "reads what docs/real-data.md imports; test_commands.py runs it as that page prints it",
     "timed_run": "the robot of `loop --lateness`, below",
 }
 JUDGES = ("gate", "soak", "start_up")           # exit code 1 where a busy machine is too slow: not what is tested here

@@ -64,7 +64,7 @@ ELSEWHERE = {
     r"^truearc sysid --config": "drives a real launcher; `sysid --emulate` runs here",
     r"^truearc sysid --csv": "needs a step test of a real launcher; tests/sim/sysid reads such tables",
     r"^truearc vision": "needs photographs, a board or a person; tests/robot/test_vision*.py run it on drawn ones",
-    r"^python -m benchmarks\.(?!archives|proof|real_tables)": "test_benchmarks.py runs every benchmark",
+    r"^python -m benchmarks\.(?!archives|proof)": "test_benchmarks.py runs every benchmark",
     r"^python -m truearc_proof.world.survey": "plays hundreds of worlds",
     r"^(truearc prove check|python -m benchmarks.proof) .*benchmarks/results": "needs the archives of tag proof-1",
     r"^truearc prove --worlds 80 --level L[12] .*--follow-up --out": "docs/proof.md prints it at L0, which runs",
@@ -74,8 +74,8 @@ ELSEWHERE = {
     r"^truearc reproduce": "tests/proof/reproduce runs it in a small form",
     r"^(mkdir away|truearc prove solve --out away|cp -r away)": "the page's round is solved by then; tests/proof/"
                                                                 "test_round.py solves one without its keeper",
-    r"^truearc (discover (mpi|drops|falls|two-weeks|new-and-old)|fit mpi)": "takes long; test_real.py, test_misfit.py, "
-                                                                            "test_import_sepia_drops.py ask it",
+    r"^truearc (discover (mpi|drops|falls|bb|two-weeks|new-and-old)|fit (mpi|bb))":
+        "takes long; test_real.py, test_misfit.py, test_import_sepia_drops.py ask it",
 }
 # Exit codes that are documented: templates not filled in, no launcher is there, six shots are too few
 EXIT = {r"^truearc check my_shots": 2, r"^truearc doctor": 1, r"^truearc discover old --belief": 2}

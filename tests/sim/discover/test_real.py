@@ -1,5 +1,6 @@
 """Real recordings: what docs/real-data.md says of them, verdicts where they are cheap to ask for."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from truearc.sim.data.dataset import save_dataset
 from truearc.sim.data.importers.imported import doubts_of, only
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.detect.localization import locate
+from truearc.sim.discover.detect.tracker_change import compare_trackers
 from truearc.sim.discover.investigate import detect, discover, make_search
 from truearc.sim.infer.baseline_fit import fit_believed
 from truearc.sim.infer.belief import point_belief
@@ -21,6 +23,7 @@ from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
 from truearc.sim.infer.likelihood.prepared_data import take_in
 from truearc.sim.infer.map_fit import fit_map
 from truearc.sim.physics.simulate import predict
+from truearc_proof.importers.ball_butler import import_ball_butler
 from truearc_proof.importers.ball_drops import import_ball_drops
 from truearc_proof.importers.exit_speeds import import_971
 from truearc_proof.importers.mpi import import_mpi
@@ -88,6 +91,24 @@ def test_falling_balls_are_slower_than_gravity_has_them(data_dir: Path) -> None:
     assert (place.column.stage, place.column.direction) == ("flight", "along")
     fit = fit_map(drops, ("drag",))
     assert fit.converged and 0.3 < fit.values["drag.cd"] < 0.8         # one number for smooth and rough ones
+
+
+def test_a_thrown_ball_is_held_back_and_a_camera_that_was_set_again_is_found(data_dir: Path) -> None:
+    """Flights of a juggling robot: the drag of plain least squares (benchmarks/ball_butler.py: 0.71 with scale and
+    tilt free), and its later half as seen through a camera whose metre is 2 % off."""
+    flights = thinned(import_ball_butler(data_dir / "real/ball_butler_tracks.csv"), 20)
+    home, later = (flights.take(range(first, 20, 2)) for first in (0, 1))
+    assert later.tracks is not None
+    seen = {axis: 1.02 * getattr(later.tracks, axis) for axis in ("x_m", "y_m", "z_m")}
+    fits = []
+    for one in (home, later, replace(later, tracks=replace(later.tracks, **seen))):
+        intake = take_in(one)
+        fits.append(fit_believed(intake, lay_out(intake, ("gravity", "drag"))))
+        assert fits[-1].values["drag.cd"] == pytest.approx(0.71, abs=0.1)
+    assert compare_trackers(fits[1], fits[0], 0.05) is None
+    changed = compare_trackers(fits[2], fits[0], 0.05)
+    assert changed is not None and changed.together == ("track_scale.share",)
+    assert changed.numbers[0].change == pytest.approx(0.02, abs=0.005)
 
 
 def test_971s_balls_slip(data_dir: Path) -> None:
