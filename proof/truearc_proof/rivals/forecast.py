@@ -77,7 +77,8 @@ class _Law:
         speed = np.linalg.norm(velocity_m_s, axis=1, keepdims=True)
         velocity_m_s = velocity_m_s * np.maximum(speed, SLOWEST_M_S) / np.maximum(speed, 1e-9)
         flights = self.flights
-        at = Moments(velocity_m_s, flights.spin_rev_s, time_s, flights.age, flights.density)
+        at = Moments(velocity_m_s, flights.spin_rev_s, time_s, flights.age, flights.density, flights.radius_m,
+                     flights.mass_kg)
         pulled: Array = pull + np.einsum("nck,nk->nc", accelerations(flights.facts, self.names, at), self.weights)
         return pulled
 

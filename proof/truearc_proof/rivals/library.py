@@ -42,14 +42,16 @@ WINDS = {"wind_x": 0, "wind_y": 1, "wind_z": 2}
 
 
 class Moments(NamedTuple):
-    """Balls in flight: velocity_m_s [..., 3]; backspin, time since the first sample, age and the relative change of
-    the air's density, all [...]."""
+    """Balls in flight: velocity_m_s [..., 3]; backspin, time since the first sample, age, the relative change of the
+    air's density, and the ball's own radius and mass, all [...]."""
 
     velocity_m_s: Array
     spin_rev_s: Array
     time_s: Array
     age: Array
     density: Array
+    radius_m: Array
+    mass_kg: Array
 
 
 def usual_of(name: str) -> float:
@@ -82,13 +84,12 @@ class _Parts:
     """What columns are made of, worked out once."""
 
     def __init__(self, rig: Rig, at: Moments) -> None:
-        ball, air = rig.ball, rig.air
         self.at, self.facts = at, rig
-        self.rim_m_s = 2.0 * math.pi * ball.radius_m * at.spin_rev_s
+        self.rim_m_s = 2.0 * math.pi * at.radius_m * at.spin_rev_s
         self.speed = np.maximum(np.linalg.norm(at.velocity_m_s, axis=-1), 1e-3)
-        self.drag_per_m = 0.5 * math.pi * ball.radius_m**2 * air.density_kg_m3 / ball.mass_kg
-        self.lift_per_rev = 4.0 / 3.0 * 4.0 * math.pi**2 * ball.radius_m**3 * air.density_kg_m3 / ball.mass_kg
-        self.drag = -self.drag_per_m * self.speed[..., None] * at.velocity_m_s
+        self.drag_per_m = 0.5 * math.pi * at.radius_m**2 * rig.air.density_kg_m3 / at.mass_kg
+        self.lift_per_rev = 4.0 / 3.0 * 4.0 * math.pi**2 * at.radius_m**3 * rig.air.density_kg_m3 / at.mass_kg
+        self.drag = -(self.drag_per_m * self.speed)[..., None] * at.velocity_m_s
         self.lift = self._lift(at.velocity_m_s)
         self.cd, self.cl = middle_of("drag"), middle_of("magnus")
 
@@ -117,7 +118,8 @@ class _Parts:
         along[axis] = 1.0
         ahead = self.at.velocity_m_s / self.speed[..., None]
         slower = self.speed[..., None] * along + self.at.velocity_m_s[..., axis, None] * ahead
-        slope: Array = self.cd * self.drag_per_m * slower - self.cl * self._lift(np.broadcast_to(along, ahead.shape))
+        lifted = self._lift(np.broadcast_to(along, ahead.shape))
+        slope: Array = self.cd * self.drag_per_m[..., None] * slower - self.cl * lifted
         return slope
 
     def _lift(self, velocity_m_s: Array) -> Array:
@@ -127,9 +129,8 @@ class _Parts:
         return np.stack([-spin * z, np.zeros_like(spin * z), spin * x], axis=-1)
 
     def _buoyancy(self) -> Array:
-        ball, rig = self.facts.ball, self.facts
-        lighter = rig.air.density_kg_m3 * 4.0 / 3.0 * math.pi * ball.radius_m**3 / ball.mass_kg
-        return np.broadcast_to(-lighter * gravity(rig), self.at.velocity_m_s.shape)
+        lighter = self.facts.air.density_kg_m3 * 4.0 / 3.0 * math.pi * self.at.radius_m**3 / self.at.mass_kg
+        return np.broadcast_to(-lighter[..., None] * gravity(self.facts), self.at.velocity_m_s.shape)
 
 
 def _prior(name: str) -> tuple[float, float]:

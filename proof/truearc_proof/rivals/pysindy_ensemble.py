@@ -27,7 +27,7 @@ def answer(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
 
 
 def rows_of(flights: Flights, known: tuple[str, ...]) -> Rows:
-    """Each frame's three accelerations without gravity, against the library at its velocity."""
+    """Each frame's measured accelerations without gravity, against the library at its velocity."""
     names = known + tuple(name for name in COLUMNS if name not in known)
     library, target, track = [], [], []
     for k in range(len(flights)):
@@ -38,8 +38,8 @@ def rows_of(flights: Flights, known: tuple[str, ...]) -> Rows:
         away = differentiate(velocity, time_s) - gravity(flights.facts)
         inner = slice(EDGE, len(time_s) - EDGE)
         columns = accelerations(flights.facts, names, flights.moments(k, time_s, velocity))
-        library.append(columns[inner].reshape(-1, len(names)))
-        target.append(away[inner].ravel())
+        library.append(columns[inner][:, flights.measured].reshape(-1, len(names)))
+        target.append(away[inner][:, flights.measured].ravel())
         track.append(np.full(len(target[-1]), k))
     whole = np.concatenate(library)
     return Rows(np.concatenate(target), whole[:, :len(known)], whole[:, len(known):], np.concatenate(track))

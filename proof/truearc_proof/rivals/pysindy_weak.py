@@ -34,7 +34,7 @@ def answer(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
 
 
 def rows_of(flights: Flights, known: tuple[str, ...], seed: int) -> Rows:
-    """Integrals over every domain, three components each; tracks of the same times share their domains."""
+    """Integrals over every domain, of the measured components; tracks of the same times share their domains."""
     from pysindy import FiniteDifference
 
     names = known + tuple(name for name in COLUMNS if name not in known)
@@ -51,8 +51,8 @@ def rows_of(flights: Flights, known: tuple[str, ...], seed: int) -> Rows:
         pulled = np.broadcast_to(gravity(flights.facts), position_m.shape)
         integrals = integrate(libraries[key], np.concatenate([columns.reshape(len(time_s), -1), pulled], axis=1))
         moved = change(libraries[key], np.asarray(FiniteDifference()._differentiate(position_m, time_s)))
-        library.append(integrals[:, :-3].reshape(-1, len(names)))
-        target.append((moved - integrals[:, -3:]).ravel())
+        library.append(integrals[:, :-3].reshape(-1, 3, len(names))[:, flights.measured].reshape(-1, len(names)))
+        target.append((moved - integrals[:, -3:])[:, flights.measured].ravel())
         track.append(np.full(len(target[-1]), k))
     whole = np.concatenate(library)
     return Rows(np.concatenate(target), whole[:, :len(known)], whole[:, len(known):], np.concatenate(track))

@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from truearc_proof.rivals.claim import Rival
 
 OURS = "truearc"
-MODULES = {"pysindy-ensemble": "pysindy_ensemble", "pysindy-weak": "pysindy_weak", "gp": "gp", "boosted": "boosted",
-           "argmax": "argmax"}
+MODULES = {"pysindy-ensemble": "pysindy_ensemble", "pysindy-weak": "pysindy_weak", "odr-bindy": "odr_bindy",
+           "gp": "gp", "boosted": "boosted", "argmax": "argmax"}
 NEEDS = {"pysindy-ensemble": "pysindy", "pysindy-weak": "pysindy", "gp": "sklearn", "boosted": "sklearn"}
 RIVALS = tuple(MODULES)
 

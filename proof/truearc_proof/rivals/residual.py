@@ -45,15 +45,17 @@ def claim_by(dataset: Dataset, believed: RivalBelief, make: Callable[[], Learner
     says = bool(each.mean() > 0.0)
     names = names_of(covariates, make().fit(table, residuals).leaning()) if says else ()
     left = residuals - foretold if says else residuals
-    return Claim(says, names, rms(residuals[:, 2]), rms(left[:, 2]),
+    return Claim(says, names, rms(residuals[:, -1]), rms(left[:, -1]),
                  {"gain": float(each.mean()), "gain_se": float(each.std() / np.sqrt(len(each)))})
 
 
 def residuals_of(believed: RivalBelief) -> Array:
-    """[k, 3] in m of the tracked shots, each by a believed fit that has not seen it."""
+    """[k, c] in m of the tracked shots' measured coordinates, height last, each by a believed fit that has not seen
+    it."""
     fitted = believed.fitted
     null = without(fitted.evidence)
-    return track_errors(fitted.intake, only_shared(fitted.layout), fitted.spot, unseen_change(null))
+    errors = track_errors(fitted.intake, only_shared(fitted.layout), fitted.spot, unseen_change(null))
+    return errors[:, (errors != 0.0).any(axis=0)]
 
 
 def table_of(covariates: Sequence[Covariate], rows: Array) -> Array:

@@ -20,10 +20,15 @@ def constant(push: float, shots: int = 30, noise_m: float = 0.0, seed: int = 0) 
     position = start[:, None] * time_s[..., None] + 0.5 * pull * time_s[..., None]**2
     position += noise_m * rng.normal(size=position.shape)
     return Flights(FACTS, time_s, position, np.ones(time_s.shape, dtype=bool), rng.uniform(2.0, 8.0, shots),
-                   rng.uniform(0.0, 1.0, shots), rng.normal(0.0, 0.02, shots))
+                   rng.uniform(0.0, 1.0, shots), rng.normal(0.0, 0.02, shots), *sizes(np.ones(shots)))
 
 
 def column(name: str) -> np.ndarray:
     """[3] for a ball that flies straight ahead."""
     one = np.ones(())
-    return accelerations(FACTS, (name,), Moments(np.array([8.0, 0.0, 0.0]), one, one, one, one))[..., 0]
+    return accelerations(FACTS, (name,), Moments(np.array([8.0, 0.0, 0.0]), one, one, one, one, *sizes(one)))[..., 0]
+
+
+def sizes(one: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(radius_m, mass_kg) of the rig's ball."""
+    return FACTS.ball.radius_m * one, FACTS.ball.mass_kg * one

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.proof.law import acceleration
+from tests.proof.rivals.made import sizes
 from truearc_proof.rivals.library import COLUMNS, Moments, accelerations, gravity, middle_of, usual_of
 from truearc_proof.truth.world import make_world
 
@@ -18,7 +19,7 @@ AGE, DENSITY = 0.4, 0.03
 def columns(*names: str) -> np.ndarray:
     one = np.ones(3)
     return accelerations(make_world().facts, names, Moments(VELOCITY, SPIN_REV_S * one, TIME_S, AGE * one,
-                                                            DENSITY * one))
+                                                            DENSITY * one, *sizes(one)))
 
 
 def truth(effect: str | None, amount: float) -> np.ndarray:
