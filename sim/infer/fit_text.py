@@ -15,7 +15,7 @@ from truearc.sim.infer.profile import ProfileInterval
 
 EVIDENCE = {"outcome": "outcomes", "side": "sides (high or low)", "miss_height_m": "measured heights",
             "exit_speed_m_s": "measured exit speeds", "exit_deg": "measured exit angles",
-            "exit_spin_rev_s": "measured spins", "tracks": "tracks"}
+            "exit_spin_rev_s": "measured spins", "tracks": "tracks", "times": "times at heights"}
 IMPROBABLE = 2.58                     # prior standard deviations that a hundredth of the prior lies beyond
 NEAREST = 15                          # shots whose median stands for "at this distance"
 

@@ -30,7 +30,9 @@ def drops(cd: float, seed: int, each: int = 2) -> Dataset:
 def test_drag_is_fitted_from_falls_within_its_interval() -> None:
     off = []
     for seed in range(6):
-        cd, = (one for one in ta.fit(drops(CD, seed), ["gravity", "drag"]).intervals if one.name == "drag.cd")
+        fit = ta.fit(drops(CD, seed), ["gravity", "drag"])
+        assert "fitted to 24 of 24 shots: 24 times at heights" in str(fit)
+        cd, = (one for one in fit.intervals if one.name == "drag.cd")
         off.append((cd.value - CD) / ((cd.high90 - cd.low90) / 3.29))
     assert np.abs(off).max() < 3.5 and 0.3 < np.std(off) < 2.0
 
