@@ -45,6 +45,7 @@ QUICK = {
     "loop": "--trials 3",
     "real_tables": "DATA/real/frc_shot_tables.csv DATA/real/frc3476_tuning_history.csv "
                    "DATA/real/frc6328_event_corrections.csv",
+    "rivals": "DATA/real --only falls --steps 300",
     "season_agreement": "--trials 6",
     "soak": "--minutes 0.1",
     "start_up": "--repeats 1 --command fit",

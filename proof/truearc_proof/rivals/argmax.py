@@ -1,8 +1,8 @@
 """The term that fits these very shots best: truearc's own refits, and the highest likelihood wins, no question asked.
 
 It always says something. Of all terms of the catalogue the LIKELY with the largest first-step gain are truly refitted
-(more cost minutes in dirty worlds, whose fits settle slowly); ranking is by log likelihood of the shots that
-were fitted, not held out, without a prior's price for the term.
+(more cost minutes in dirty worlds, whose fits settle slowly), and those that truearc has refitted by itself; ranking
+is by log likelihood of the shots that were fitted, not held out, without a prior's price for the term.
 """
 
 import numpy as np
@@ -26,9 +26,10 @@ def answer(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
     if not candidates:
         return Claim(False)
     ordered = sorted(candidates, key=lambda one: -one.z**2)
-    refits = {one.name: believed.refits.get(one.name) or _refit(fitted, one) for one in ordered[:LIKELY]}
+    refits = {one.name: believed.refits.get(one.name) or _refit(fitted, one) for k, one in enumerate(ordered)
+              if k < LIKELY or one.name in believed.refits}
     fits = {name: float(found.evidence.log_score.sum()) for name, found in refits.items()}
-    ranked = sorted(fits, key=lambda name: -fits[name]) + [one.name for one in ordered[LIKELY:]]
+    ranked = sorted(fits, key=lambda name: -fits[name]) + [one.name for one in ordered if one.name not in fits]
     null = without(fitted.evidence)
     before = end_errors(fitted.intake, only_shared(fitted.layout), fitted.spot, null, unseen_change(null))
     best = refits[ranked[0]]

@@ -42,7 +42,7 @@ class Process:
     def predict(self, covariates: Array) -> Array:
         """Posterior means."""
         assert self._process is not None
-        mean: Array = self._process.predict(covariates)
+        mean: Array = self._process.predict(covariates).reshape(len(covariates), -1)
         return mean
 
     def leaning(self) -> Array:

@@ -37,6 +37,7 @@ COLUMNS = ("drag", "magnus", "buoyancy", "wind_x", "wind_y", "wind_z", "spin_dec
            "lift_saturation", "air_density", "drag_wear")
 STANDS_FOR = {"buoyancy": ("buoyancy", "added_mass")}
 FREE = ("drag", "magnus")             # whose coefficient no column has in it
+CHANGES = {"buoyancy": None, "spin_decay": "magnus", "lift_saturation": "magnus"}      # others change drag
 AT_M_S = 10.0                         # where the catalogue's drag_reynolds means its cd
 WINDS = {"wind_x": 0, "wind_y": 1, "wind_z": 2}
 
@@ -52,6 +53,12 @@ class Moments(NamedTuple):
     density: Array
     radius_m: Array
     mass_kg: Array
+
+
+def candidates_of(known: tuple[str, ...]) -> tuple[str, ...]:
+    """Columns beside the known ones: free ones, and those that change what is known, as truearc has its terms."""
+    return tuple(name for name in COLUMNS if name not in known
+                 and (name in FREE or CHANGES.get(name, "drag") in (None, *known)))
 
 
 def usual_of(name: str) -> float:

@@ -20,27 +20,37 @@ from truearc.sim.data.dataset import Dataset
 from truearc.sim.infer.likelihood.track_noise import Samples, measure_scatter
 from truearc_proof.rivals.claim import Array, Claim, RivalBelief, folds, rms
 from truearc_proof.rivals.forecast import end_errors
-from truearc_proof.rivals.library import COLUMNS, Moments, accelerations, gravity, terms_of, usual_of
+from truearc_proof.rivals.library import Moments, accelerations, candidates_of, gravity, terms_of, usual_of
 from truearc_proof.rivals.regression import known_of
 from truearc_proof.rivals.tracks import Flights, gather_flights
 
 SOFT_M_S2 = 0.02                      # by how much the law may miss an acceleration: truncation, and no more
 PRIOR = 1.0                           # standard deviation of a candidate, in usual sizes of its term
 VAGUE = 10.0                          # of a believed coefficient
-ROUNDS, WHOLE = 6, 3                  # linearisations, and how many of them with every candidate
+ROUNDS, TURNS = 2, 30                 # sets that x settles for, the whole one first, and Gauss-Newton's steps at most
+SHARES, CLOSE = 0.5**np.arange(12), 1e-3      # of a step that are tried, and nats of a step that is the last
+SMOOTH_DEGREE = 4                     # of each track's polynomial, where x begins
 NUDGE_M_S = 1e-4
 TIE = 1e-6                            # nats by which a larger set must be better
 BAND = 9                              # three positions of three coordinates
 
 
 class Films(NamedTuple):
-    """n tracks on even steps, padded to L frames: position_m [n, L, 3], seen [n, L], law [n, L - 2]: where three frames
-    of the track lie side by side; step_s [n]."""
+    """n tracks on even steps, padded to L frames: position_m, and as a smooth curve, [n, L, 3], seen [n, L], law
+    [n, L - 2]: where three frames of the track lie side by side; step_s [n]."""
 
     position_m: Array
+    smooth_m: Array
     seen: Array
     law: Array
     step_s: Array
+
+
+class State(NamedTuple):
+    """Positions [n, L, 3] and coefficients [K]."""
+
+    position_m: Array
+    weights: Array
 
 
 class Linear(NamedTuple):
@@ -70,7 +80,7 @@ def answer(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
 
 def claim_of(flights: Flights, known: tuple[str, ...]) -> Claim:
     """Choose, rank by coefficients over their standard deviations, and forecast held-out tracks by the others' law."""
-    names = known + tuple(name for name in COLUMNS if name not in known)
+    names = known + candidates_of(known)
     prior = np.where(np.arange(len(names)) < len(known), VAGUE, PRIOR)
     linear = linearise_at_best(flights, names, prior, len(known))
     whole = (linear.square.sum(0), linear.pull.sum(0), prior)
@@ -95,13 +105,40 @@ def claim_of(flights: Flights, known: tuple[str, ...]) -> Claim:
 def linearise_at_best(flights: Flights, names: tuple[str, ...], prior: Array, known: int) -> Linear:
     """The cost about the most probable x and p, of all columns and then of those that the evidence chooses."""
     films, sigma_m = film(flights), noise_of(flights)
-    position_m, weights = films.position_m.copy(), np.zeros(len(names))
-    for turn in range(ROUNDS):
-        linear = linearise(flights, films, sigma_m, names, position_m, weights)
-        whole = (linear.square.sum(0), linear.pull.sum(0), prior)
-        weights = (solve(*whole, np.ones(len(names), dtype=bool)) if turn < WHOLE else choose(*whole, known)).weights
-        position_m = position_m + (linear.by_p @ weights + linear.free).reshape(position_m.shape)
-    return linearise(flights, films, sigma_m, names, position_m, weights)
+    at, kept = State(films.smooth_m, np.zeros(len(names))), np.ones(len(names), dtype=bool)
+    for _ in range(ROUNDS):
+        at, linear = settle(flights, films, sigma_m, names, prior, at, kept)
+        kept = choose(linear.square.sum(0), linear.pull.sum(0), prior, known).kept
+    return linear
+
+
+def settle(flights: Flights, films: Films, sigma_m: Array, names: tuple[str, ...], prior: Array, at: State,
+           kept: Array) -> tuple[State, Linear]:
+    """Gauss-Newton from a state, steps halved until the cost falls; to where a step gains less than CLOSE nats."""
+    at, cost = at._replace(weights=at.weights * kept), np.inf
+    for _ in range(TURNS):
+        linear = linearise(flights, films, sigma_m, names, at)
+        before = cost_of(flights, films, sigma_m, names, prior, at)
+        weights = solve(linear.square.sum(0), linear.pull.sum(0), prior, kept).weights
+        moved = (linear.by_p @ weights + linear.free).reshape(at.position_m.shape)
+        for share in SHARES:
+            new = State(at.position_m + share * moved, at.weights + share * (weights - at.weights))
+            cost = cost_of(flights, films, sigma_m, names, prior, new)
+            if cost < before:
+                at = new
+                break
+        if not cost < before - CLOSE:
+            break
+    return at, linear
+
+
+def cost_of(flights: Flights, films: Films, sigma_m: Array, names: tuple[str, ...], prior: Array, at: State) -> float:
+    """In nats."""
+    velocity, bend = _differences(films, at.position_m)
+    law = _library(flights, films, names, velocity) @ at.weights + gravity(flights.facts)
+    miss = films.law[..., None] * flights.measured * (bend - law) / SOFT_M_S2
+    off = films.seen[..., None] * (films.position_m - at.position_m) / sigma_m
+    return float(0.5 * ((miss**2).sum() + (off**2).sum() + ((at.weights / prior)**2).sum()))
 
 
 def choose(square: Array, pull: Array, prior: Array, known: int) -> Chosen:
@@ -132,13 +169,15 @@ def film(flights: Flights) -> Films:
     """Tracks on even steps; frames that were lost are not seen."""
     tracks = [flights.filled(k) for k in range(len(flights))]
     longest = max(len(time_s) for time_s, _ in tracks)
-    position_m, seen = np.zeros((len(tracks), longest, 3)), np.zeros((len(tracks), longest), dtype=bool)
+    position_m, smooth_m = np.zeros((2, len(tracks), longest, 3))
+    seen, inside = np.zeros((2, len(tracks), longest), dtype=bool)
     step_s = np.array([time_s[1] for time_s, _ in tracks])
-    inside = np.zeros_like(seen)
     for k, (time_s, path_m) in enumerate(tracks):
+        powers = np.vander(time_s, SMOOTH_DEGREE + 1)
         position_m[k, :len(time_s)], inside[k, :len(time_s)] = path_m, True
+        smooth_m[k, :len(time_s)] = powers @ np.linalg.lstsq(powers, path_m, rcond=None)[0]
         seen[k, np.rint(flights.time_s[k][flights.real[k]] / step_s[k]).astype(int)] = True
-    return Films(position_m, seen, inside[:, 2:], step_s)
+    return Films(position_m, smooth_m, seen, inside[:, 2:], step_s)
 
 
 def noise_of(flights: Flights) -> Array:
@@ -149,14 +188,13 @@ def noise_of(flights: Flights) -> Array:
     return noise
 
 
-def linearise(flights: Flights, films: Films, sigma_m: Array, names: tuple[str, ...], position_m: Array,
-              weights: Array) -> Linear:
-    """About positions [n, L, 3] and coefficients [K]."""
+def linearise(flights: Flights, films: Films, sigma_m: Array, names: tuple[str, ...], at: State) -> Linear:
+    """About a state."""
     step_s = films.step_s[:, None, None]
-    velocity = (position_m[:, 2:] - position_m[:, :-2]) / (2.0 * step_s)
-    bend = (position_m[:, 2:] - 2.0 * position_m[:, 1:-1] + position_m[:, :-2]) / step_s**2
+    velocity, bend = _differences(films, at.position_m)
     library = _library(flights, films, names, velocity)
-    nudged = [(_library(flights, films, names, velocity + NUDGE_M_S * axis) - library) @ weights for axis in np.eye(3)]
+    nudged = [(_library(flights, films, names, velocity + NUDGE_M_S * axis) - library) @ at.weights
+              for axis in np.eye(3)]
     slope = np.stack(nudged, axis=-1) / NUDGE_M_S / (2.0 * step_s[..., None])
     curve = np.eye(3) / step_s[..., None]**2
     holds = films.law[..., None] * flights.measured / SOFT_M_S2
@@ -164,13 +202,20 @@ def linearise(flights: Flights, films: Films, sigma_m: Array, names: tuple[str, 
     target, columns = holds * (bend - gravity(flights.facts)), holds[..., None] * library
     precise = np.where(films.seen[..., None], sigma_m**-2.0, 1e-9 * sigma_m**-2.0)
     right = _spread(block, np.concatenate([columns, -target[..., None]], axis=-1))
-    right[..., -1] += (precise * (films.position_m - position_m)).reshape(len(right), -1)
+    right[..., -1] += (precise * (films.position_m - at.position_m)).reshape(len(right), -1)
     moved = _solve_bands(block, precise, right)
     flat, rows = _gather(block, moved), (len(right), -1, len(names))
     columns, flat = columns.reshape(rows), flat.reshape(len(right), -1, len(names) + 1)
     back = np.swapaxes(columns, 1, 2)
     left = target.reshape(len(right), -1, 1) + flat[..., -1:]
     return Linear(back @ (columns - flat[..., :-1]), (back @ left)[..., 0], moved[..., :-1], moved[..., -1])
+
+
+def _differences(films: Films, position_m: Array) -> tuple[Array, Array]:
+    """(velocity, acceleration) [n, L - 2, 3]."""
+    step_s = films.step_s[:, None, None]
+    return ((position_m[:, 2:] - position_m[:, :-2]) / (2.0 * step_s),
+            (position_m[:, 2:] - 2.0 * position_m[:, 1:-1] + position_m[:, :-2]) / step_s**2)
 
 
 def _library(flights: Flights, films: Films, names: tuple[str, ...], velocity: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 
 from truearc.sim.data.dataset import Dataset
 from truearc_proof.rivals.claim import Array, Claim, RivalBelief
-from truearc_proof.rivals.library import COLUMNS, accelerations, gravity
+from truearc_proof.rivals.library import accelerations, candidates_of, gravity
 from truearc_proof.rivals.regression import claim_by, known_of
 from truearc_proof.rivals.sparse import Rows
 from truearc_proof.rivals.tracks import Flights, gather_flights
@@ -28,7 +28,7 @@ def answer(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
 
 def rows_of(flights: Flights, known: tuple[str, ...]) -> Rows:
     """Each frame's measured accelerations without gravity, against the library at its velocity."""
-    names = known + tuple(name for name in COLUMNS if name not in known)
+    names = known + candidates_of(known)
     library, target, track = [], [], []
     for k in range(len(flights)):
         time_s, position_m = flights.filled(k)

@@ -15,7 +15,7 @@ import numpy as np
 
 from truearc.sim.data.dataset import Dataset
 from truearc_proof.rivals.claim import Array, Claim, RivalBelief
-from truearc_proof.rivals.library import COLUMNS, accelerations, gravity
+from truearc_proof.rivals.library import accelerations, candidates_of, gravity
 from truearc_proof.rivals.pysindy_ensemble import WINDOW, differentiate
 from truearc_proof.rivals.regression import claim_by, known_of
 from truearc_proof.rivals.sparse import Rows, seeded
@@ -37,7 +37,7 @@ def rows_of(flights: Flights, known: tuple[str, ...], seed: int) -> Rows:
     """Integrals over every domain, of the measured components; tracks of the same times share their domains."""
     from pysindy import FiniteDifference
 
-    names = known + tuple(name for name in COLUMNS if name not in known)
+    names = known + candidates_of(known)
     libraries: dict[bytes, object] = {}
     library, target, track = [], [], []
     for k in range(len(flights)):

@@ -4,8 +4,8 @@ import numpy as np
 
 from truearc_proof.rivals.claim import Array, Claim, folds, rms
 from truearc_proof.rivals.forecast import end_errors
-from truearc_proof.rivals.library import COLUMNS, FREE, terms_of
-from truearc_proof.rivals.sparse import INCLUDED, Rows, Tuning, fit, inclusion, rank, tune
+from truearc_proof.rivals.library import FREE, candidates_of, terms_of, usual_of
+from truearc_proof.rivals.sparse import INCLUDED, Rows, Tuning, ensemble, fit, rank, tune
 from truearc_proof.rivals.tracks import Flights
 
 
@@ -15,15 +15,22 @@ def known_of(terms: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def claim_by(flights: Flights, rows: Rows, known: tuple[str, ...], seed: int) -> Claim:
-    """Tune, bag, rank, and forecast held-out tracks with a law that the other tracks gave."""
-    candidates = tuple(name for name in COLUMNS if name not in known)
+    """Tune, bag, rank, and forecast held-out tracks with a law that the other tracks gave.
+
+    figures: low90, high90, the middle nine tenths of the models' coefficients of the first column, in its term's units.
+    """
+    candidates = candidates_of(known)
     tuning = tune(rows)
-    share, size = inclusion(rows, tuning, seed)
+    models = ensemble(rows, tuning, seed)
+    share = (models != 0.0).mean(0)
     says = bool((share > INCLUDED).any())
-    names = tuple(term for column in rank(share, size, candidates) for term in terms_of(column)) if says else ()
+    ranked = rank(share, np.median(models, axis=0), candidates) if says else ()
     before, after = (rms(end_errors(flights, known + candidates, weights)) for weights in _laws(flights, rows, tuning))
-    return Claim(says, names, before, after if says else before,
-                 {"threshold": tuning.threshold, "ridge": tuning.ridge, "inclusion": float(share.max())})
+    figures = {"threshold": tuning.threshold, "ridge": tuning.ridge, "inclusion": float(share.max())}
+    for end, quantile in (("low90", 0.05), ("high90", 0.95)) if ranked else ():
+        figures[end] = float(usual_of(ranked[0]) * np.quantile(models[:, candidates.index(ranked[0])], quantile))
+    return Claim(says, tuple(term for column in ranked for term in terms_of(column)), before, after if says else before,
+                 figures)
 
 
 def _laws(flights: Flights, rows: Rows, tuning: Tuning) -> tuple[Array, Array]:

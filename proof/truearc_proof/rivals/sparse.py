@@ -76,15 +76,15 @@ def fit(rows: Rows, tuning: Tuning) -> Model:
     return _whole(rows, np.asarray(optimizer.coef_)[0])
 
 
-def inclusion(rows: Rows, tuning: Tuning, seed: int, models: int = MODELS) -> tuple[Array, Array]:
-    """(share of the ensemble's models that include each candidate [K], the median coefficients [K])."""
+def ensemble(rows: Rows, tuning: Tuning, seed: int, models: int = MODELS) -> Array:
+    """[models, K] the candidates' coefficients in each of the ensemble's models."""
     import pysindy
 
     target, candidates = project(rows)
-    ensemble = pysindy.EnsembleOptimizer(_stlsq(tuning), bagging=True, n_models=models)
+    optimizer = pysindy.EnsembleOptimizer(_stlsq(tuning), bagging=True, n_models=models)
     with _quiet(), seeded(seed):
-        ensemble.fit(candidates, target[:, None])
-    return (np.array(ensemble.coef_list)[:, 0] != 0.0).mean(0), np.asarray(ensemble.coef_)[0]
+        optimizer.fit(candidates, target[:, None])
+    return np.array(optimizer.coef_list)[:, 0]
 
 
 def rank(share: Array, size: Array, names: tuple[str, ...]) -> tuple[str, ...]:

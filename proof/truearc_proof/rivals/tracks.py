@@ -8,7 +8,7 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.infer.likelihood.track_noise import gather_samples
-from truearc.sim.physics.simulate import launch_of, launch_state
+from truearc.sim.physics.simulate import launch_of, launch_state, own_balls
 from truearc_proof.rivals.claim import Array
 from truearc_proof.rivals.library import Moments
 
@@ -65,7 +65,7 @@ def gather_flights(dataset: Dataset) -> Flights:
     around = circumstances_of(dataset)
     launched = launch_state(facts, shots)
     spin = np.asarray(launch_of(facts, shots).spin_rev_s, dtype=float) if launched else np.zeros(len(shots))
-    radius_m, mass_kg = (np.where(np.isfinite(own), own, usual) for own, usual in (
-        (shots.number("radius_m"), facts.ball.radius_m), (shots.number("mass_kg"), facts.ball.mass_kg)))
+    one = np.ones(len(shots))
+    mass_kg, radius_m = own_balls(facts, shots) or (facts.ball.mass_kg * one, facts.ball.radius_m * one)
     return Flights(facts, samples.time_s, samples.position_m, samples.real, spin[rows], np.asarray(around.age)[rows],
                    np.asarray(around.density)[rows], radius_m[rows], mass_kg[rows])

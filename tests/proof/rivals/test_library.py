@@ -7,7 +7,7 @@ import pytest
 
 from tests.proof.law import acceleration
 from tests.proof.rivals.made import sizes
-from truearc_proof.rivals.library import COLUMNS, Moments, accelerations, gravity, middle_of, usual_of
+from truearc_proof.rivals.library import COLUMNS, Moments, accelerations, candidates_of, gravity, middle_of, usual_of
 from truearc_proof.truth.world import make_world
 
 VELOCITY = np.array([[7.0, 0.4, 5.0], [5.0, -0.3, -2.0], [9.0, 0.0, 1.0]])
@@ -52,3 +52,9 @@ def test_added_mass_is_buoyancy_once_drag_and_lift_are_free() -> None:
     library = columns("drag", "magnus", "buoyancy").reshape(-1, 3)
     left = change.ravel() - library @ np.linalg.lstsq(library, change.ravel(), rcond=None)[0]
     assert np.abs(left).max() < 1e-3 * np.abs(change).max()
+
+
+def test_what_changes_a_force_is_a_candidate_where_the_force_is_believed() -> None:
+    assert candidates_of(()) == ("drag", "magnus", "buoyancy")
+    assert set(candidates_of(("magnus",))) == {"drag", "buoyancy", "spin_decay", "lift_saturation"}
+    assert set(candidates_of(("drag", "magnus"))) == set(COLUMNS) - {"drag", "magnus"}

@@ -50,7 +50,7 @@ def test_where_there_is_nothing_nothing_is_said(form: str) -> None:
 def test_the_same_seed_says_the_same(form: str) -> None:
     flights = constant(0.5, shots=10, noise_m=0.005)
     before = np.random.get_state()[1].copy()
-    once, again = (sparse.inclusion(rows_by(form, flights), Tuning(0.1, 0.05), 3, 5) for _ in range(2))
+    once, again = (sparse.ensemble(rows_by(form, flights), Tuning(0.1, 0.05), 3, 5) for _ in range(2))
     np.testing.assert_array_equal(once, again)
     np.testing.assert_array_equal(before, np.random.get_state()[1])
 
