@@ -143,7 +143,8 @@ def falls(folder: Path, steps: int, picture: str | None) -> Iterator[Row]:
     assert believed is not None
     claims = {OURS: claim_of(finding), "argmax": find_rival("argmax")(dataset, believed, 0)}
     emulator = emulator_of(folder)
-    methods: dict[str, Method] = {OURS: partial(by_law, dataset, among.find(LAWS))} | {name: partial(by_calibration, emulator, dataset, name == KOH, steps) for name in (KOH, PLAIN)}
+    methods: dict[str, Method] = {OURS: partial(by_law, dataset, among.find(LAWS))}
+    methods |= {name: partial(by_calibration, emulator, dataset, name == KOH, steps) for name in (KOH, PLAIN)}
     told = {name: [(left, method(~left.out)) for left in lefts(dataset)] for name, method in methods.items()}
     for name, claim in claims.items():
         yield row_of(data, name, claim, interval_of(finding) if name == OURS else "")._replace(
