@@ -90,20 +90,6 @@ def test_a_folder_without_a_rig_is_told_of_init(tmp_path: Path, capsys: pytest.C
     assert f"rig.toml: there is no such file; `truearc init {tmp_path}` writes a template" in capsys.readouterr().err
 
 
-def test_check_names_settings_that_no_shot_states(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    shutil.copy(SHOTS / "rig.toml", made)
-    (made / "shots.csv").write_text("shot_id,outcome\n1,two\n2,miss\n")
-    assert main(["check", "week", "--quiet"]) == 0
-    said = capsys.readouterr().out
-    assert "hood_deg or exit_deg: no shot states its elevation" in said and "no shot states its result" not in said
-    assert all(f"no shot states its {what}" in said for what in ("distance to the target", "speed"))
-
-
-def test_a_folder_without_a_rig_is_told_of_init(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check", str(tmp_path), "--quiet"]) == 2
-    assert f"rig.toml: there is no such file; `truearc init {tmp_path}` writes a template" in capsys.readouterr().err
-
-
 def test_check_says_that_speeds_were_not_compared_where_nothing_scored(
         made: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name in ("rig.toml", "shots.csv"):

@@ -161,9 +161,6 @@ def test_keys_of_rig_toml_that_nobody_reads_are_listed():
     ("included_deg = 30.0", "included_deg = 130.0", "hood.included_deg: from low_deg to high_deg the angle motor, "
      "pivot, nut goes from 145 to 205 degrees; it stays between 0 and 180"),
     ("node = 4", "node = 2", "axes.feeder.node: 2 is that of axes.flywheels[1], too; each motor has its own"),
-    ("included_deg = 30.0", "included_deg = 130.0", "hood.included_deg: from low_deg to high_deg the angle motor, "
-     "pivot, nut goes from 145 to 205 degrees; it stays between 0 and 180"),
-    ("node = 4", "node = 2", "axes.feeder.node: 2 is that of axes.flywheels[1], too; each motor has its own"),
     ("sighting_age_s = 0.3", "sighting_age_s = 300", "gate.sighting_age_s: 300 is out of range (0 to 10); seconds"),
     ("pivot_to_nut_m = 0.25", "pivot_to_nut_m = 250", "hood.pivot_to_nut_m: 250 is out of range (-5 to 5); metres"),
     ("tolerance_deg = 0.3", "tolerance_deg = 90", "hood.tolerance_deg: 90 is out of range (0 to 15); degrees"),

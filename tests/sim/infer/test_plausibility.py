@@ -270,27 +270,6 @@ def test_results_without_a_target_are_refused(table: Dataset) -> None:
         ta.fit(replace(table, facts=changed(table.rig, target=None)))
 
 
-def test_identifiability_refuses_as_fit_does(table: Dataset) -> None:
-    radians = numbers(table, hood_deg=np.radians(table.shots.number("hood_deg")))
-    with pytest.raises(InputError, match=r"hood_deg: .* radians"):
-        ta.identifiability(radians)
-    with pytest.raises(InputError, match=r"ball\.mass_kg: .* looks like grams"):
-        ta.identifiability(by_motor(ball(table, mass_kg=142.0, radius_m=0.0889), 576.0).rig)
-
-
-def test_heights_at_the_target_are_scores_where_outcomes_are_not_stated(table: Dataset) -> None:
-    high_m = np.random.default_rng(1).normal(scale=0.1, size=len(table.shots))
-    measured = numbers(replace(table, shots=replace(table.shots, texts={})), miss_height_m=high_m)
-    assert check_plausible(measured).accepted == check_plausible(table).accepted
-    with pytest.raises(InputError, match="distance_ft|distance_m in feet"):
-        check_plausible(numbers(measured, distance_m=measured.shots.number("distance_m") / 0.3048))
-
-
-def test_results_without_a_target_are_refused(table: Dataset) -> None:
-    with pytest.raises(InputError, match=r"rig\.toml: target\.centre_height_m: missing key"):
-        ta.fit(replace(table, facts=changed(table.rig, target=None)))
-
-
 def test_train_predict_and_aim_refuse_as_fit_does(table: Dataset) -> None:
     belief = point_belief({"drag": {"cd": 0.4}})
     radians = numbers(by_motor(table, 576.0), hood_deg=np.radians(table.shots.number("hood_deg")))
