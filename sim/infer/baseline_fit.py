@@ -36,8 +36,7 @@ SOME = 96                             # outcomes that the grid looks at
 MOST_GRID = 3                         # coefficients that are gridded; more start from the prior's centre
 SCATTER_GRID = (1.0, 3.0, 10.0)       # times the usual one of a launch
 USUAL_SCATTER = np.log([SCATTER_PRIOR[name][0] for name in SCATTERS])
-OF_BALL = np.array([name not in ("scatter.distance", "scatter.track") for name in SCATTERS])
-OF_LAUNCH = OF_BALL & [name not in SCATTER_MOST for name in SCATTERS]
+OF_LAUNCH = np.array([name not in ("scatter.distance", *SCATTER_MOST) for name in SCATTERS])
 OF_LAUNCH_ALONE = {*SCATTERS} - {*SCATTER_MOST}
 FEWEST = 5                            # outcomes that the grid can be judged by
 ROUNDS = 40                           # of flying, and of steps between two flights
@@ -54,7 +53,7 @@ FARTHEST = 2.0                        # usual sizes that a column may move by in
 SLACK = 0.3                           # nats a step may lose with tracks: scores leave out that slopes change the spread
 LEAST_LOG = -9.0                      # of a scatter
 MOST_LOG = np.array([np.log(SCATTER_MOST.get(name, np.e)) for name in SCATTERS])
-ABSURD = 5.0                          # times the usual scatter of a launch
+ABSURD, MISFIT = 5.0, 2.0             # times the usual scatter of a launch, or the measured noise of tracks
 FEW = 200                             # outcomes up to which the likelihood may have several tops
 
 
@@ -99,12 +98,13 @@ class BaselineFit:
 
     @property
     def lost(self) -> bool:
-        """Whether a launch standard deviation exceeds ABSURD times its prior median; such a fit is a poor start."""
+        """Whether launches scatter ABSURD times as usual, or tracks MISFIT times as measured: a poor start."""
         return _is_lost(self.spot)
 
 
 def _is_lost(spot: LinearizationPoint) -> bool:
-    return bool(((spot.log_scatter - USUAL_SCATTER)[OF_BALL] > np.log(ABSURD)).any())
+    wider = np.exp(spot.log_scatter - USUAL_SCATTER)
+    return bool((wider[OF_LAUNCH] > ABSURD).any() or wider[SCATTERS.index("scatter.track")] > MISFIT)
 
 
 def part_of(progress: Progress, begin: float, share: float) -> Progress:

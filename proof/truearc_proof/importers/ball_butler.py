@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Tracker
+from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Site, Tracker
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import need_columns, number_column, text_column
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
@@ -22,7 +22,7 @@ TRACK_NOISE_M = 0.0003                # of single samples about a smooth flight
 # not stated: cameras that were calibrated together, over a floor that was treated as level
 TRACKER = Tracker(scale_sd=0.01, tilt_sd_deg=1.0, clock_sd=0.001)
 RIG = Rig(ball=BALL, launcher=LauncherFacts(release_height_m=RELEASE_HEIGHT_M), air=Air(1.2),
-          noise=Noise(track_m=TRACK_NOISE_M), tracker=TRACKER, believe=Believe(("gravity",)))
+          noise=Noise(track_m=TRACK_NOISE_M), tracker=TRACKER, site=Site(indoor=True), believe=Believe(("gravity",)))
 SHORTEST = 8                          # samples that a flight needs
 
 

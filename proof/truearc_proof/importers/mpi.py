@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Tracker, Wheel
+from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Site, Tracker, Wheel
 from truearc.sim.data.columns import need_columns, number_column, text_column
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
 from truearc.sim.data.table import Problems, RawTable, gathered, load_table
@@ -29,7 +29,7 @@ RELEASE_HEIGHT_M = 1.104              # not stated; where the published flights 
 RIG = Rig(ball=BALL, launcher=LauncherFacts(
     release_height_m=RELEASE_HEIGHT_M,
     wheel=tuple(Wheel(name, WHEEL_RADIUS_M, 1.0, clock_deg) for name, clock_deg in WHEELS)),
-    air=Air(1.2), noise=Noise(track_m=TRACK_NOISE_M), tracker=TRACKER,
+    air=Air(1.2), noise=Noise(track_m=TRACK_NOISE_M), tracker=TRACKER, site=Site(indoor=True),
     believe=Believe(("gravity", "drag", "magnus")))
 RPM = 2.0 * math.pi / 60.0
 FALL_M = 0.05                         # below the highest sample so far: the ball is on its way down

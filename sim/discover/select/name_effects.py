@@ -28,6 +28,7 @@ SURE = 0.9                            # probability of one name, or that a set h
 TWIN = 0.5                            # of a name's probability, that what hardly differs from it must have
 ANY = 0.01                            # probability of names, below which they do not stand for what is unexplained
 UNKNOWN = 0.5                         # probability of something unexplained, from which that is the verdict
+FARTHEST = 4.0                        # standard deviations of a prior, in which a term's number is believable
 CLEARLY = 2.0                         # standard errors by which a free curve is better on unseen shots
 Each = Float[Array, " n"]             # a number of each shot
 
@@ -101,6 +102,8 @@ def name_effects(fitted: BaselineFit, place: Place | None, search: Search, progr
     naming, posterior = search.weigh(fitted, part_of(progress, 0.0, 0.5))
     whole = _step(naming, place, (), fitted, posterior)
     varies = posterior.share("varies") >= UNKNOWN
+    if out_of_nature(whole.refit, fitted):
+        return (replace(whole, unknown=True),)
     if _says_nothing(naming) or not (varies or posterior.holds_more()):
         return (whole,)
     first, both = replace(whole, unknown=False), not varies and posterior.share("both") > posterior.share("two")
@@ -118,7 +121,24 @@ def name_effects(fitted: BaselineFit, place: Place | None, search: Search, progr
             return (replace(whole, unknown=True),)         # the name stands for the rest, too
         return (first, *_rest(named, search.where(named, left), first.naming.leader, change))
     pair = posterior.likeliest_pair()
-    return (whole,) if pair is None else _two_and_rest(fitted, first, pair, search, part_of(progress, 0.5, 0.5))
+    if pair is None:
+        return (whole,)
+    if out_of_nature(pair, first.refit):
+        return (first, *_rest(named, search.where(named, left), first.naming.leader, None))
+    return _two_and_rest(fitted, first, pair, search, part_of(progress, 0.5, 0.5))
+
+
+def out_of_nature(found: Refit, before: Refit | BaselineFit) -> bool:
+    """Whether the fit puts a number of a term FARTHEST standard deviations from what its prior knows, which it is not
+    before: then the term that was added stands for something else."""
+    return bool(_strange(found) - _strange(before))
+
+
+def _strange(fit: Refit | BaselineFit) -> set[str]:
+    layout, first = fit.layout, fit.layout.first_shared
+    sd = np.sqrt(np.diag(np.linalg.inv(layout.precision)))
+    far = np.abs(fit.evidence.point[first:] - layout.centre) > FARTHEST * sd
+    return {one.name for one, out in zip(layout.columns[first:], far & layout.in_slot[first:], strict=True) if out}
 
 
 def _direction(fitted: BaselineFit, change: Hypothesis) -> str:
