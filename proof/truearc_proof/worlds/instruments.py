@@ -21,7 +21,7 @@ TOOLS: Mapping[str, Mapping[str, float]] = {
     "anemometer": {"wind_x": 0.2, "wind_y": 0.2, "wind_z": 0.2},
     "delay_lamp": {"vision_latency": 0.005},
     "ruler": {"track_scale": 0.003},
-    "plumb_line": {"track_tilt": 0.2},
+    "plumb_line": {"track_tilt": 0.2, "track_roll": 0.2},
     "stopwatch": {"track_clock": 0.003},
 }
 

@@ -129,8 +129,8 @@ def name_effects(fitted: BaselineFit, place: Place | None, search: Search, progr
 
 
 def out_of_nature(found: Refit, before: Refit | BaselineFit) -> bool:
-    """Whether the fit puts a number of a term FARTHEST standard deviations from what its prior knows, which it is not
-    before: then the term that was added stands for something else."""
+    """Whether the fit puts a number of a term FARTHEST standard deviations from what the catalogue knows, which it is
+    not before: then the term that was added stands for something else. What an earlier session told may change."""
     return bool(_strange(found) - _strange(before))
 
 
@@ -138,7 +138,8 @@ def _strange(fit: Refit | BaselineFit) -> set[str]:
     layout, first = fit.layout, fit.layout.first_shared
     sd = np.sqrt(np.diag(np.linalg.inv(layout.precision)))
     far = np.abs(fit.evidence.point[first:] - layout.centre) > FARTHEST * sd
-    return {one.name for one, out in zip(layout.columns[first:], far & layout.in_slot[first:], strict=True) if out}
+    return {one.name for one, out in zip(layout.columns[first:], far & layout.in_slot[first:], strict=True)
+            if out and not one.told}
 
 
 def _direction(fitted: BaselineFit, change: Hypothesis) -> str:

@@ -354,7 +354,7 @@ def _scatter_terms(intake: Intake, layout: ParameterLayout, spot: LinearizationP
     variance = np.maximum(sd**2, 1e-300)
     scattered = intake.scattered * np.exp(2.0 * spot.log_scatter[:TRACK])
     for number, (column, deviate) in enumerate(zip(layout.scatters[:TRACK], SCATTERED, strict=True)):
-        if column < 0:
+        if column < 0 or deviate >= sd.shape[1]:          # without tracks flights do not differ in drag and spin
             continue
         total, kept = variance[:, deviate], left.covariance[:, deviate, deviate]
         share = scattered[:, number] / total
@@ -385,7 +385,7 @@ def _plane(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, fl
     scattered = intake.scattered[rows] * np.exp(2.0 * spot.log_scatter[:TRACK])
     kept = np.diagonal(left.covariance[rows], axis1=1, axis2=2) / np.maximum(sd[rows]**2, 1e-300)
     for number, (column, deviate) in enumerate(zip(layout.scatters[:TRACK], SCATTERED, strict=True)):
-        if column >= 0:
+        if column >= 0 and deviate < sd.shape[1]:
             log_spread[:, column] = (by_deviate[:, deviate]**2 * scattered[:, number] * kept[:, deviate]**2) / variance
     spread = np.where(near, np.sqrt(variance) * flown.wider_at(layout, spot.values)[rows], 1.0)
     return PlaneScores(rows, _opening(intake, seen, rows), np.where(near, mean, FAR_BELOW_M), spread, by_column, wider,
