@@ -130,7 +130,7 @@ def name_effects(fitted: BaselineFit, place: Place | None, search: Search, progr
 
 def out_of_nature(found: Refit, before: Refit | BaselineFit) -> bool:
     """Whether the fit puts a number of a term FARTHEST standard deviations from what the catalogue knows, which it is
-    not before: then the term that was added stands for something else. What an earlier session told may change."""
+    not before: then the term that was added stands for something else. Numbers of an earlier session may change."""
     return bool(_strange(found) - _strange(before))
 
 
