@@ -6,12 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import truearc as ta
 from tests.sim.thin import thinned
 from truearc.api.discovery import _check_since
-from truearc.cli.main import main
 from truearc.robot.config.schema import InputError
-from truearc.sim.data.dataset import save_dataset
 from truearc.sim.data.importers.imported import doubts_of, only
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.detect.localization import locate
@@ -53,23 +50,6 @@ def test_backspin_lift_is_named_and_flights_end_where_it_says(data_dir: Path) ->
     assert finding.fit.gain_per_shot > 2.0 * finding.fit.gain_se
     assert finding.fit.height_rmse_before_m is not None and finding.fit.height_rmse_after_m is not None
     assert finding.fit.height_rmse_after_m < 0.5 * finding.fit.height_rmse_before_m
-
-
-def test_what_only_a_wrong_camera_makes_right_is_not_adopted(data_dir: Path, tmp_path: Path,
-                                                             capsys: pytest.CaptureFixture[str]) -> None:
-    """Where it is not said that cameras were calibrated, their scale goes to the end of its range, and drag with it:
-    the ball has about 0.41."""
-    real = data_dir / "real"
-    save_dataset(tmp_path / "mpi", thinned(import_mpi(real / "mpi_launches.csv", real / "mpi_tracks.csv")))
-    rig = tmp_path / "mpi/rig.toml"
-    rig.write_text(rig.read_text(encoding="utf-8").partition("[tracker]")[0], encoding="utf-8")
-    adopt = ["--adopt", str(tmp_path / "out.toml"), "--json", str(tmp_path / "out.json"), "--quiet"]
-    assert main(["discover", str(tmp_path / "mpi"), "--believe", "gravity,drag", *adopt]) == 2
-    said = capsys.readouterr()
-    assert "nothing is adopted: track_scale.share stopped at the end of its range" in said.err
-    assert "A fit stopped at the end of a range (" in said.out and "track_scale.share at " in said.out
-    assert not (tmp_path / "out.toml").exists()
-    assert "track_scale.share" in ta.load_finding(tmp_path / "out.json").record.data.at_limit
 
 
 def test_two_imports_of_one_launcher_have_one_rig(data_dir: Path) -> None:

@@ -39,12 +39,12 @@ def flights(seed: int, count: int = 16) -> Dataset:
 def test_an_interval_is_as_wide_as_flights_differ() -> None:
     """A coefficient known to 0.001 by the noise is known to 0.1 / sqrt(16) by the flights: 90 % are +- 0.041."""
     widths, held = [], []
-    for seed in range(6):
+    for seed in range(4):
         cd, = (one for one in ta.fit(flights(seed), ["gravity", "drag"]).intervals if one.name == "drag.cd")
         assert cd.low90 < cd.value < cd.high90
         widths.append(cd.high90 - cd.low90)
         held.append(cd.low90 < CD < cd.high90)
-    assert 0.05 < np.mean(widths) < 0.12 and sum(held) >= 4
+    assert 0.05 < np.mean(widths) < 0.12 and sum(held) >= 3
 
 
 @pytest.mark.data
