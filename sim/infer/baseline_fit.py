@@ -52,7 +52,7 @@ LEAST_ROUNDS = 2                      # with tracks, whose shots' own deviations
 FARTHEST = 2.0                        # usual sizes that a column may move by in one step: all is linear nearby only
 SLACK = 0.3                           # nats a step may lose with tracks: scores leave out that slopes change the spread
 LEAST_LOG = -9.0                      # of a scatter
-MOST_LOG = np.log([SCATTER_MOST.get(name, 2.7) for name in SCATTERS])
+MOST_LOG = np.array([np.log(SCATTER_MOST[name]) if name in SCATTER_MOST else 1.0 for name in SCATTERS])
 ABSURD, MISFIT = 5.0, 2.0             # times the usual scatter of a launch, or the measured noise of tracks
 FEW = 200                             # outcomes up to which the likelihood may have several tops
 
