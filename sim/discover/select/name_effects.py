@@ -129,9 +129,10 @@ def name_effects(fitted: BaselineFit, place: Place | None, search: Search, progr
 
 
 def out_of_nature(found: Refit, before: Refit | BaselineFit) -> bool:
-    """Whether the fit puts a number of a term FARTHEST standard deviations from what the catalogue knows, which it is
-    not before: then the term that was added stands for something else. Numbers of an earlier session may change."""
-    return bool(_strange(found) - _strange(before))
+    """Whether the fit moves a number that was there before to FARTHEST standard deviations from what the catalogue
+    knows: then the term that was added stands for something else. Numbers of an earlier session may change."""
+    known = {column.name for column in before.layout.columns[before.layout.first_shared:]}
+    return bool((_strange(found) - _strange(before)) & known)
 
 
 def _strange(fit: Refit | BaselineFit) -> set[str]:
