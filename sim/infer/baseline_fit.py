@@ -37,7 +37,7 @@ MOST_GRID = 3                         # coefficients that are gridded; more star
 SCATTER_GRID = (1.0, 3.0, 10.0)       # times the usual one of a launch
 USUAL_SCATTER = np.log([SCATTER_PRIOR[name][0] for name in SCATTERS])
 OF_LAUNCH = np.array([name not in ("scatter.distance", *SCATTER_MOST) for name in SCATTERS])
-OF_LAUNCH_ALONE = {*SCATTERS} - {*SCATTER_MOST}
+END_REPORTED = {*SCATTERS} - {*SCATTER_MOST}
 FEWEST = 5                            # outcomes that the grid can be judged by
 ROUNDS = 40                           # of flying, and of steps between two flights
 INNER = 10
@@ -297,7 +297,7 @@ def stopped(evidence: ScoreTable, among: Catalogue) -> dict[str, float]:
     points = [(one, float(at)) for one, at in zip(evidence.columns, evidence.point, strict=True) if one.kind != "group"]
     values = {one.name: at for one, at in points if among.get(one.term) is not None}
     found = {name: values[name] for name in out_of_range(values, among)}
-    return found | {one.name: float(np.exp(at)) for one, at in points if one.name in OF_LAUNCH_ALONE and at >= 1.0}
+    return found | {one.name: float(np.exp(at)) for one, at in points if one.name in END_REPORTED and at >= 1.0}
 
 
 def limits_of(layout: ParameterLayout, column: int) -> tuple[float, float]:

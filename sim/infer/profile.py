@@ -146,8 +146,9 @@ def profile_interval(fit: MapFit, name: str) -> ProfileInterval:
         sd = by_shots if by_shots > BEYOND * by_model else by_model
         least, most = limits_of(fit.fitted.layout, one.column)
         low, high = max(point - Z90 * sd, least), min(point + Z90 * sd, most)
-        told = bool(by_model < KNOWN * one.sd)
-        return ProfileInterval(name, one.value(point), one.value(low), one.value(high), told, told, True)
+        by_data = bool(by_model < KNOWN * one.sd)
+        return ProfileInterval(name, one.value(point), one.value(low), one.value(high), by_data and low > least,
+                               by_data and high < most, True)
     walk = _Profile(fit, one)
     low, low_data, low_closed = walk.end(-1.0)
     high, high_data, high_closed = walk.end(1.0)

@@ -115,13 +115,13 @@ def _or_tracker(leading: FoundEffect, fitted: BaselineFit, home: BaselineFit) ->
         return leading
     first = next(one for one in leading.what if one.term in leading.set)
     rivals = rivals_of(fitted, home, f"{first.term}.{next(iter(first.parameters))}")
-    told = {one.name.partition(".")[0]: _changed(one, among) for one in rivals}
-    if not told:
+    weighed = {one.name.partition(".")[0]: _changed(one, among) for one in rivals}
+    if not weighed:
         return leading
-    told[first.term] = replace(first, probability=first.probability * told[first.term].probability)
-    what = (*told.values(), *(one for one in leading.what if one.term not in told))
+    weighed[first.term] = replace(first, probability=first.probability * weighed[first.term].probability)
+    what = (*weighed.values(), *(one for one in leading.what if one.term not in weighed))
     return replace(leading, what=tuple(sorted(what, key=lambda one: -one.probability)),
-                   set=tuple(dict.fromkeys((*told, *leading.set))))
+                   set=tuple(dict.fromkeys((*weighed, *leading.set))))
 
 
 def _changed(one: NumberChange, among: Catalogue) -> Named:

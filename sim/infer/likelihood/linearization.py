@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int
 from truearc.sim.infer.likelihood import outcome_likelihood as outcomes
 from truearc.sim.infer.likelihood.external_measurements import Measured
 from truearc.sim.infer.likelihood.forward_model import Chain, Prediction, see_in_blocks
-from truearc.sim.infer.likelihood.noise import FLOOR_M
+from truearc.sim.infer.likelihood.noise import FLOOR_M, UNMEASURED_M
 from truearc.sim.infer.likelihood.normal_equations import Normal, multiply_out, noise_terms
 from truearc.sim.infer.likelihood.prepared_data import Intake
 from truearc.sim.infer.likelihood.score_table import (
@@ -178,15 +178,15 @@ def linearise(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
     own = left.mean + np.einsum("ndb,nb->nd", left.mean_by[:, :, real:], effects)
     score, info = _scatter_terms(intake, layout, spot, sd, left, own, real + bases)
     log_linear = left.log_likelihood
-    if tracks is not None and intake.samples is not None:
+    if tracks is not None and intake.samples is not None and intake.scatter is not None:
         counts = np.zeros(len(sd))
-        counts[intake.tracked] = 3.0 * intake.samples.real.sum(1)
+        counts[intake.tracked] = intake.samples.real.sum(1) * (intake.scatter.sigma_m < UNMEASURED_M).sum()
         log_linear = log_linear - counts * np.log(noise)
         if layout.scatters[TRACK] >= 0:
             place = layout.scatters[TRACK]
             shift = np.pad(effects, ((0, 0), (len(layout.inputs) - bases, count)))
-            told = noise_terms(tracks.at(shift), own, left.covariance, counts, float(noise**-2.0))
-            score[:, place], info[:, place, place] = told
+            found = noise_terms(tracks.at(shift), own, left.covariance, counts, float(noise**-2.0))
+            score[:, place], info[:, place, place] = found
     plane = _plane(intake, layout, spot, flown, sd, left, columns, real + bases)
     parts = _scaled(layout, left.score + score, left.info + info, plane)
     point = _point(layout, spot)

@@ -29,6 +29,7 @@ SCATTER_PRIOR = {"scatter.speed": (0.015, 3.0), "scatter.elevation_rad": (0.007,
                  "scatter.drag_share": (0.01, 3.0), "scatter.spin_ratio": (0.01, 3.0),
                  "scatter.track": (1.0, 3.0)}
 SCATTERS = tuple(SCATTER_PRIOR)
+# Flights of one ball differ by no more in drag and spin; a misfit that asks for more is something else.
 SCATTER_MOST = {"scatter.drag_share": 0.1, "scatter.spin_ratio": 0.1, "scatter.track": 100.0}
 
 # How much balls (or sessions, robots) differ from one another in exit speed: a share. What else goes with a ball
