@@ -8,6 +8,7 @@ from truearc.api.fitting import Fit, fit
 from truearc.api.following import Following, follow
 from truearc.api.gate import GateTraining, train_gate
 from truearc.api.planning import Identifiability, ShotDesign, design_shots, identifiability
+from truearc.api.pooling import Pooled, pool
 from truearc.api.prediction import predict
 from truearc.api.recording import Recording
 from truearc.api.table import Table
@@ -32,10 +33,10 @@ from truearc.sim.physics.term import (
 
 __all__ = [
     "AimTable", "AirTerm", "ArrivalTerm", "Belief", "Dataset", "Finding", "Fit", "FlightTerm", "Following",
-    "GateTraining", "Identifiability", "InputError", "LaunchTerm", "Parameter", "Prior", "Recording", "Rig",
+    "GateTraining", "Identifiability", "InputError", "LaunchTerm", "Parameter", "Pooled", "Prior", "Recording", "Rig",
     "SensingTerm", "ShotDesign", "Table", "WatchTerm", "aim", "catalogue", "dataset", "design_shots", "discover",
     "emulate", "export_aim", "export_weights", "fit", "follow", "identifiability", "load_belief", "load_config",
-    "load_dataset", "load_finding", "load_rig", "paper", "predict", "save_dataset", "shots_from_sessions",
+    "load_dataset", "load_finding", "load_rig", "paper", "pool", "predict", "save_dataset", "shots_from_sessions",
     "train_gate", "verify_aim",
     "verify_gate",
 ]

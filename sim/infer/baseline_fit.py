@@ -29,7 +29,7 @@ from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue, find_parameter, flight_terms
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS
 from truearc.sim.physics.scales import LOG
-from truearc.sim.progress import Progress
+from truearc.sim.progress import Progress, part_of
 
 GRID = (-1.0, -0.5, 0.0, 0.5, 1.0)    # of each coefficient's prior, in standard deviations, where the fit may start
 SOME = 96                             # outcomes that the grid looks at
@@ -105,11 +105,6 @@ class BaselineFit:
 def _is_lost(spot: LinearizationPoint) -> bool:
     wider = np.exp(spot.log_scatter - USUAL_SCATTER)
     return bool((wider[OF_LAUNCH] > ABSURD).any() or wider[SCATTERS.index("scatter.track")] > MISFIT)
-
-
-def part_of(progress: Progress, begin: float, share: float) -> Progress:
-    """Progress of a part that begins at `begin` and is `share` of the whole."""
-    return lambda done, note: progress(begin + share * done, note)
 
 
 def fit_believed(intake: Intake, layout: ParameterLayout, progress: Progress = lambda done, note: None) -> BaselineFit:

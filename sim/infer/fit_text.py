@@ -44,7 +44,7 @@ def say_evidence(fit: MapFit) -> Iterable[str]:
     if len(intake.rows) < FEWEST_SHOTS:
         yield f"warning: {say_few(len(intake.rows))}; the estimates below are mostly those believed before"
     for name, value in fit.at_limit.items():
-        yield (f"warning: {name} stopped at the end of its range, {_number(value)}: these terms do not explain the "
+        yield (f"warning: {name} stopped at the end of its range, {number_text(value)}: these terms do not explain the "
                "shots; truearc discover looks for one that does")
 
 
@@ -55,7 +55,7 @@ def say_estimates(intervals: Sequence[ProfileInterval], sought: Iterable[Sought]
     for one in intervals:
         what = fitted[one.name]
         factor, unit = (100.0, "%") if what.percent else (1.0, "" if what.unit == "1" else what.unit)
-        numbers = [_number(factor * part) for part in (one.value, one.low90, one.high90)]
+        numbers = [number_text(factor * part) for part in (one.value, one.low90, one.high90)]
         line = f"{one.name:24s} {numbers[0]:>8s}    {numbers[1]} to {numbers[2]} {unit}"
         yield f"{line:57s}  {what.meaning}{_open_ends(one)}"
     for one in intervals:
@@ -64,11 +64,12 @@ def say_estimates(intervals: Sequence[ProfileInterval], sought: Iterable[Sought]
                    "clock_deg in rig.toml (0 touches from above, 180 from below); only smooth balls do so")
         what = fitted[one.name]
         if abs(what.at(one.value) - what.centre) > IMPROBABLE * what.sd:
-            yield (f"warning: {one.name} {_number(one.value)} was believed all but impossible before: it may stand for "
-                   "an effect that these terms lack; truearc discover looks for one")
+            yield (f"warning: {one.name} {number_text(one.value)} was believed all but impossible before: it may stand "
+                   "for an effect that these terms lack; truearc discover looks for one")
 
 
-def _number(value: float) -> str:
+def number_text(value: float) -> str:
+    """Three digits."""
     return f"{value:.3g}" if abs(value) < 1000.0 else f"{value:.0f}"
 
 
@@ -100,7 +101,7 @@ def say_identified(fit: MapFit) -> Iterable[str]:
     for pair in found.pairs:
         sign = "+" if pair.factor >= 0.0 else "-"
         yield (f"{pair.a} and {pair.b} are hard to tell apart: correlation {pair.correlation:.2f}; this dataset fixes "
-               f"{pair.a} {sign} {_number(abs(pair.factor))} {pair.b}, to {_number(pair.known_to)}")
+               f"{pair.a} {sign} {number_text(abs(pair.factor))} {pair.b}, to {number_text(pair.known_to)}")
     for name in found.from_prior:
         yield (f"{name}: these shots say hardly more than was believed before ({found.share[name]:.0%} of the prior's "
                "standard deviation is left)")
