@@ -7,6 +7,8 @@ Worlds as sealed rounds draw them (truearc_proof.worlds.sampling_plan): one effe
 none, and some that no term has; clean and dirty. Here none is sealed, and none is MuJoCo's: these are for development
 and for reliability; rounds of `truearc prove` are the proof. A line of FILE a world; none is run again.
 
+With --scheduler the worlds run on a Dask cluster, and are kept here; each is a job of its own.
+
 The table has the rows of the targets, over worlds in which something was found; then how often the likeliest name was
 right, by the probability that was printed for it.
 """
@@ -14,6 +16,7 @@ right, by the probability that was printed for it.
 import argparse
 import itertools
 import sys
+import time
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -41,12 +44,15 @@ def run(drawn: Drawn) -> Line:
     """What discovery says of one world, beside what is right."""
     keep_compiled()
     shots = shoot(make_world(drawn.effects, drawn.level, drawn.shots, drawn.seed, drawn.dirt))
+    began = time.process_time()
     finding = discover(shots, seed=0).finding
+    seconds = time.process_time() - began
     names = [one.term for one in finding.what]
     return {"kind": drawn.kind, "dirt": drawn.dirt, "effects": drawn.effects,
             "right": right_names(drawn), "found": finding.mismatch.found, "p_value": finding.mismatch.p_value,
             "verdict": finding.verdict, "set": finding.set or (), "also": [one.set or () for one in finding.also],
-            "names": names[:6], "probability": [one.probability for one in finding.what[:6]],
+            "seconds": seconds, "shots": drawn.shots, "names": names[:6],
+            "probability": [one.probability for one in finding.what[:6]],
             "unexplained": float(finding.unexplained) if finding.unexplained else 0.0}
 
 
@@ -76,7 +82,10 @@ def make_table(lines: Sequence[Line]) -> str:
             for low, high in itertools.pairwise(EDGES)]
     reliable = [(place, str(len(right)), f"{np.mean(said):.2f}", f"{np.mean(right):.2f}")
                 for place, right, said in bins if right]
-    return "\n".join([f"{len(lines)} worlds", *make_text(("", "share", "of"), rows, right=(1, 2)),
+    costs = [line["seconds"] / line["shots"] for line in lines if "seconds" in line]
+    cost = [f"processor time a shot: median {1e3 * np.median(costs):.1f} ms, mean {1e3 * np.mean(costs):.1f} ms"]
+    return "\n".join([f"{len(lines)} worlds", *(cost if costs else ()),
+                      *make_text(("", "share", "of"), rows, right=(1, 2)),
                       f"mean size of a set: {size:.2f}", "", "the likeliest name, where something has a name:",
                       *make_text(("said", "worlds", "mean said", "right"), reliable, right=(1, 2, 3))])
 
@@ -100,6 +109,7 @@ def main() -> int:
     parser.add_argument("--worlds", type=int, default=240)
     parser.add_argument("--shots", type=int, default=300)
     parser.add_argument("--seed", type=int, default=700)
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster, such as tcp://host:8786")
     args = parser.parse_args()
     return fill_and_tell(args, partial(_run_all, args), make_table)
 
@@ -107,7 +117,7 @@ def main() -> int:
 def _run_all(args: argparse.Namespace, path: Path) -> dict[str, Line]:
     worlds = draw_round(args.seed, args.worlds, args.level, args.shots, (NUMPY,))
     jobs = {f"{args.seed}/{args.level}/{one.name}": one for one in worlds}
-    return fill(path, jobs, run, make_progress("worlds"), args.processes)
+    return fill(path, jobs, run, make_progress("worlds"), args.processes, args.scheduler)
 
 
 if __name__ == "__main__":

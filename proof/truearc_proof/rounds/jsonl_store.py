@@ -18,20 +18,28 @@ Line = dict[str, Any]
 
 
 def fill(path: Path, jobs: Mapping[str, Job], run: Callable[[Job], Line], progress: Progress,
-         workers: int | None = None) -> dict[str, Line]:
+         workers: int | None = None, scheduler: str | None = None) -> dict[str, Line]:
     """{key: line} of the whole file, once the jobs whose keys were not there have run.
 
     Each line is appended, with its key, as soon as its job is done: what is cut short goes on where it stopped.
+    scheduler: of a Dask cluster, whose workers need not see the file.
     """
     mend(path)
     there = {line["key"] for line in lines_of(path)}
     todo = [(key, job) for key, job in jobs.items() if key not in there]
-    fan_out(partial(_add, path.resolve(), run), todo, progress=progress, workers=workers)
+    if scheduler is None:
+        fan_out(partial(_add, path.resolve(), run), todo, progress=progress, workers=workers)
+    else:
+        fan_out(partial(_run, run), todo, scheduler, progress, keep=lambda job, line: append_line(path, line))
     return {line["key"]: line for line in lines_of(path)}
 
 
 def _add(path: Path, run: Callable[[Job], Line], job: tuple[str, Job]) -> None:
-    append_line(path, {"key": job[0], **run(job[1])})
+    append_line(path, _run(run, job))
+
+
+def _run(run: Callable[[Job], Line], job: tuple[str, Job]) -> Line:
+    return {"key": job[0], **run(job[1])}
 
 
 def append_line(path: str | Path, line: Any) -> None:
