@@ -1,7 +1,7 @@
 """What changed between the versions of teams' tables of set points, and which single causes would each explain it.
 
     python -m benchmarks.real_tables frc_shot_tables.csv frc3476_tuning_history.csv frc6328_event_corrections.csv
-                                     [--shuffle SEED] [--picture FILE]
+                                     [--shuffle SEED] [--team TEAM] [--picture FILE]
 
 Versions of a table are compared in the order of their dates (3476: its dated history; 6328: rpm added at an event), at
 the distances of the later one that the earlier one spans. Of hood and wheel speed together: how much higher the later
@@ -192,9 +192,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs=3, metavar="FILE", help="shot tables, 3476's history, 6328's corrections")
     parser.add_argument("--shuffle", type=int, metavar="SEED")
+    parser.add_argument("--team", help="of the table, this team's rows only")
     parser.add_argument("--picture", metavar="FILE")
     args = parser.parse_args()
-    found = changes(args.files, args.shuffle)
+    found = [one for one in changes(args.files, args.shuffle) if args.team in (None, one[0])]
     print("\n".join(make_text(HEADER, [row_of(*one) for one in found], right=())))
     if args.picture:
         draw(args.picture, found)

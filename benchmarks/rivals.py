@@ -1,6 +1,6 @@
 """truearc and the field on the data of others and on concealed worlds: what each detects, names and forecasts.
 
-    python -m benchmarks.rivals DIR [--only falls,drops,worlds] [--steps N] [--picture FILE]
+    python -m benchmarks.rivals DIR [--only falls,drops,worlds] [--steps N] [--left N] [--picture FILE]
 
 DIR holds ball_drops.csv, as `truearc import ball-drops` reads it, and sepia_ball_drop/ with 1_field.* and 1_sim.* of
 SEPIA's tutorial (docs/importing.md). Falls are SEPIA's: each radius, then each height, is left out and forecast from
@@ -80,12 +80,13 @@ def main() -> None:
     parser.add_argument("dir", type=Path, help="folder of the recordings")
     parser.add_argument("--only", default="falls,drops,worlds", help="comma-separated, of falls, drops, worlds (all)")
     parser.add_argument("--steps", type=int, default=STEPS, help=f"of the calibration's chains ({STEPS})")
+    parser.add_argument("--left", type=int, help="of the falls' radii and heights, leave out the first N only")
     parser.add_argument("--picture", metavar="FILE", help="draw the falls' forecasts, radius by radius")
     args = parser.parse_args()
     keep_compiled()
     rows: list[Row] = []
     for part in args.only.split(","):
-        rows += {"falls": partial(falls, args.dir / "sepia_ball_drop", args.steps, args.picture),
+        rows += {"falls": partial(falls, args.dir / "sepia_ball_drop", args.steps, args.picture, args.left),
                  "drops": partial(drops, args.dir / "ball_drops.csv"), "worlds": worlds}[part]()
     print(make_markdown(HEAD, rows))
 
@@ -133,7 +134,7 @@ def interval_of(finding: dict[str, Any]) -> str:
     return ""
 
 
-def falls(folder: Path, steps: int, picture: str | None) -> Iterator[Row]:
+def falls(folder: Path, steps: int, picture: str | None, most: int | None = None) -> Iterator[Row]:
     """SEPIA's falls: times at heights, computed with drag that goes with v^2; the runs' drag goes with v."""
     data = "SEPIA's falls"
     dataset = import_sepia_drops(*(folder / f"1_field.{end}" for end in ("dat", "height", "radii")))
@@ -145,7 +146,7 @@ def falls(folder: Path, steps: int, picture: str | None) -> Iterator[Row]:
     emulator = emulator_of(folder)
     methods: dict[str, Method] = {OURS: partial(by_law, dataset, among.find(LAWS))}
     methods |= {name: partial(by_calibration, emulator, dataset, name == KOH, steps) for name in (KOH, PLAIN)}
-    told = {name: [(left, method(~left.out)) for left in lefts(dataset)] for name, method in methods.items()}
+    told = {name: [(left, method(~left.out)) for left in lefts(dataset)[:most]] for name, method in methods.items()}
     for name, claim in claims.items():
         yield row_of(data, name, claim, interval_of(finding) if name == OURS else "")._replace(
             error=error_of(dataset, told[OURS]))

@@ -44,8 +44,8 @@ QUICK = {
     "launcher_world": "--worlds 1 --level L1 --shots 24 --unseen 12 --seed 11 --processes 1 --out worlds.jsonl",
     "loop": "--trials 3",
     "real_tables": "DATA/real/frc_shot_tables.csv DATA/real/frc3476_tuning_history.csv "
-                   "DATA/real/frc6328_event_corrections.csv",
-    "rivals": "DATA/real --only falls --steps 300",
+                   "DATA/real/frc6328_event_corrections.csv --team 254",
+    "rivals": "DATA/real --only falls --steps 300 --left 1",
     "season_agreement": "--trials 6",
     "soak": "--minutes 0.1",
     "start_up": "--repeats 1 --command fit",

@@ -1,7 +1,5 @@
 """Intervals where tracks contradict each other: flights that differ by more than their noise, flown by DOP853."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -9,7 +7,6 @@ from scipy.integrate import solve_ivp
 import truearc as ta
 from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Tracker
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
-from truearc_proof.importers.mpi import import_mpi
 
 MASS, RADIUS, AIR, NOISE_M, CD, SPREAD = 0.14, 0.0889, 1.2, 0.002, 0.5, 0.1
 FRAMES_S = np.linspace(0.0, 0.6, 31)
@@ -45,17 +42,3 @@ def test_an_interval_is_as_wide_as_flights_differ() -> None:
         widths.append(cd.high90 - cd.low90)
         held.append(cd.low90 < CD < cd.high90)
     assert 0.05 < np.mean(widths) < 0.12 and sum(held) >= 3
-
-
-@pytest.mark.data
-def test_lift_from_disjoint_parts_of_one_launcher_agrees(data_dir: Path) -> None:
-    """Two thirds, of which each once said another lift and that it cannot be as the other says."""
-    real = data_dir / "real"
-    whole = import_mpi(real / "mpi_launches.csv", real / "mpi_tracks.csv")
-    found = []
-    for start in range(2):
-        part = whole.take(list(range(start, len(whole.shots), 3)))
-        found += [one for one in ta.fit(part, ["gravity", "drag", "magnus"]).intervals if one.name == "magnus.cl"]
-    assert all(one.low90 < one.value < one.high90 for one in found)
-    assert max(one.low90 for one in found) < min(one.high90 for one in found)
-    assert 0.04 < np.mean([one.value for one in found]) < 0.06          # parabolas by hand: about 0.05

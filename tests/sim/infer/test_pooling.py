@@ -10,6 +10,7 @@ from tests.sim.infer.independent import make_dataset
 from truearc.cli.main import main
 from truearc.sim.infer.belief import load_belief
 from truearc.sim.infer.pool.partial_pooling import Said, pool_normal
+from truearc_proof.importers.mpi import import_mpi
 
 # Effects of coaching in eight schools and their standard errors (Rubin 1981)
 EFFECT = np.array([28.0, 8.0, -3.0, 7.0, -1.0, 1.0, 18.0, 12.0])
@@ -54,7 +55,7 @@ def test_eight_schools_are_as_by_quadrature():
 def test_intervals_hold_what_is_common_and_what_is_next_in_ninety_of_a_hundred():
     rng = np.random.default_rng(3)
     common, following = [], []
-    for _ in range(60):
+    for _ in range(40):
         centre = rng.normal(0.0, 1.0, 2)
         tau = np.abs(rng.normal(0.0, 0.3, 2))
         mixing = rng.normal(size=(5, 6, 2))
@@ -67,7 +68,7 @@ def test_intervals_hold_what_is_common_and_what_is_next_in_ninety_of_a_hundred()
         common.append(abs(mean - centre) / np.sqrt(np.diag(covariance)))
         following.append(abs(mean - (centre + tau * rng.normal(size=2))) / np.sqrt(np.diag(found.next_one)))
     for off in (common, following):
-        assert 0.83 < (np.array(off) < 1.645).mean() < 0.97
+        assert 0.8 < (np.array(off) < 1.645).mean() < 0.97
 
 
 def test_members_that_agree_are_averaged_and_that_differ_keep_what_is_theirs():
@@ -136,12 +137,15 @@ def test_fits_of_other_terms_are_refused(fits):
 @pytest.mark.data
 @pytest.mark.slow
 def test_thirds_of_a_real_launcher_have_one_lift(data_dir):
-    from truearc_proof.importers.mpi import import_mpi
+    """Of which each once had another lift, whose interval excluded the others'."""
     whole = import_mpi(data_dir / "real" / "mpi_launches.csv", data_dir / "real" / "mpi_tracks.csv")
     fits = [ta.fit(whole.take(list(range(start, len(whole.shots), 3))), ["gravity", "drag", "magnus"])
             for start in range(3)]
+    lifts = [one for fit in fits for one in fit.intervals if one.name == "magnus.cl"]
+    assert all(one.low90 < one.value < one.high90 for one in lifts)
+    assert max(one.low90 for one in lifts) < min(one.high90 for one in lifts)
+    assert 0.04 < np.mean([one.value for one in lifts]) < 0.06          # parabolas by hand: about 0.05
     pooled = ta.pool(fits)
     row = dict(zip(pooled.table().columns, pooled.table().rows[pooled.names.index("magnus.cl")], strict=True))
-    alone = [next(one for one in fit.intervals if one.name == "magnus.cl").value for fit in fits]
-    assert min(alone) < row["value"] < max(alone)
+    assert min(one.value for one in lifts) < row["value"] < max(one.value for one in lifts)
     assert row["differs"] < 0.1 * row["value"]           # three thirds of one session
