@@ -43,6 +43,7 @@ QUICK = {
     "ladder": "--worlds 1 --shots 60",
     "launcher_world": "--worlds 1 --level L1 --shots 24 --unseen 12 --seed 11 --processes 1 --out worlds.jsonl",
     "loop": "--trials 3",
+    "power": "--level L0 --worlds 1 --shots 60 --seed 3 --processes 1 --out worlds.jsonl",
     "real_tables": "DATA/real/frc_shot_tables.csv DATA/real/frc3476_tuning_history.csv "
                    "DATA/real/frc6328_event_corrections.csv --team 254",
     "rivals": "DATA/real --only falls --steps 300 --left 1",

@@ -1,8 +1,9 @@
 """Effects that data of a kind can show, whatever their values: expected Fisher information of every term.
 
 Of a term's information only that part counts which the fitted coefficients, scatters and random effects leave: the
-efficient information I_ee - I_en I_nn^-1 I_ne. An effect of size s is seen by a 5 % test with 80 % power where
-s^2 x information is 7.85 (a chi-squared of one degree of freedom); information grows with the shots.
+efficient information I_ee - I_en I_nn^-1 I_ne. Its score is normal with that variance, and moved by size times
+information. An effect is seen where its score is larger than the largest of all terms' scores is by chance, at the
+share of the false alarms that discovery gives to terms: this threshold is simulated. Information grows with the shots.
 """
 
 import numpy as np
@@ -10,13 +11,15 @@ from jaxtyping import Bool, Float, Int
 from msgspec import Struct
 from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.spatial.distance import squareform
-from scipy.special import ndtr
+from scipy.special import ndtr, ndtri
 
+from truearc.sim.discover.detect.test_battery import ALLOWANCE, TERMS
+from truearc.sim.discover.settings import FALSE_ALARM
 from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
 
 SCHEMA = "truearc.identifiability/1"
-EIGHTY = 7.85                         # amplitude^2 x information for 80 % power at 5 %
-CRITICAL = 1.959963984540054
+FOUR_IN_FIVE = float(ndtri(0.8))      # standard deviations beyond the threshold, for a power of 0.8
+DRAWS, SEED = 4000, 0                 # of scores by chance
 ALIKE = 0.95                          # correlation of efficient slopes from which two terms are one to these data
 LEAST_SHARE = 1e-4                    # of its own information, with all coefficients free, that a term needs to be seen
 BUSY = 1e-12
@@ -69,8 +72,11 @@ class Sight(Struct, frozen=True):
     schema: str = SCHEMA              # truearc.identifiability/1
 
 
-def sight_of(evidence: ScoreTable, level: str, believed: tuple[str, ...]) -> Sight:
-    """Of every candidate term, most easily seen first; believed ones are among the fitted numbers."""
+def sight_of(evidence: ScoreTable, level: str, believed: tuple[str, ...], threshold: float | None = None) -> Sight:
+    """Of every candidate term, most easily seen first; believed ones are among the fitted numbers.
+
+    threshold: the |score| that a term needs, in standard deviations; None: as discovery would have it, simulated.
+    """
     columns = np.array([k for k, column in enumerate(evidence.columns) if column.kind == "term"], dtype=int)
     own, left, free, parts = _efficient(evidence, columns)
     usual = np.array([evidence.columns[k].usual for k in columns])
@@ -80,7 +86,8 @@ def sight_of(evidence: ScoreTable, level: str, believed: tuple[str, ...]) -> Sig
     alike = np.where(np.outer(visible, visible), left / np.outer(size, size), 0.0)
     names = [evidence.columns[k].term for k in columns]
     shots = len(evidence.rows)
-    terms = [_seen(evidence.columns[k], float(own[i]), float(left[i, i]), bool(visible[i]), shots,
+    threshold = chance_threshold(alike[np.ix_(visible, visible)]) if threshold is None else threshold
+    terms = [_seen(evidence.columns[k], float(own[i]), float(left[i, i]), threshold if visible[i] else np.inf, shots,
                    _takers(evidence, parts[i]), _most_alike(names, alike, i)) for i, k in enumerate(columns)]
     ordered = sorted(terms, key=lambda seen: (seen.shots_needed is None, seen.shots_needed or 0, seen.term))
     return Sight(shots, level, believed, tuple(ordered), _classes(names, alike, visible), _fittable(evidence))
@@ -103,14 +110,24 @@ def _efficient(evidence: ScoreTable, columns: Int[Array, " K"]) -> tuple[
     return np.diag(square).copy(), square - cross @ lift, square - cross @ bare @ cross.T, parts
 
 
-def _seen(column: Column, own: float, left: float, visible: bool, shots: int, takers: tuple[str, ...],
+def chance_threshold(correlation: Float[Array, "K K"]) -> float:
+    """What the largest of K scores so correlated, in standard deviations, exceeds at the terms' share of false alarms.
+    """
+    size, turn = np.linalg.eigh(correlation)
+    root = (turn * np.sqrt(np.maximum(size, 0.0))) @ turn.T
+    drawn = np.random.default_rng(SEED).normal(size=(DRAWS, len(size))) @ root
+    return float(np.quantile(np.abs(drawn).max(axis=1, initial=0.0), 1.0 - FALSE_ALARM * ALLOWANCE[TERMS]))
+
+
+def _seen(column: Column, own: float, left: float, threshold: float, shots: int, takers: tuple[str, ...],
           like: tuple[str | None, float]) -> TermIdentifiability:
+    visible = np.isfinite(threshold)
     information = left if visible else 0.0
     signal = np.sqrt(information) * column.usual
-    power = float(ndtr(signal - CRITICAL) + ndtr(-signal - CRITICAL)) if visible else 0.0
+    power = float(ndtr(signal - threshold) + ndtr(-signal - threshold)) if visible else 0.0
     why = None if visible else UNTOUCHED if own <= BUSY else TAKEN
-    needed = max(int(np.ceil(shots * EIGHTY / signal**2)), 1) if visible else None
-    smallest = float(np.sqrt(EIGHTY / information)) if visible else None
+    needed = max(int(np.ceil(shots * ((threshold + FOUR_IN_FIVE) / signal)**2)), 1) if visible else None
+    smallest = float((threshold + FOUR_IN_FIVE) / np.sqrt(information)) if visible else None
     return TermIdentifiability(column.term, column.stage, column.unit, column.usual, information,
                                left / own if own > BUSY else 0.0, needed, smallest, power, why,
                                takers if why == TAKEN else (), *like)

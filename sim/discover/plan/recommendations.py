@@ -5,13 +5,11 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import ndtri
 
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.detect.test_battery import name_of
-from truearc.sim.discover.plan.detectability import EIGHTY, sight_of
+from truearc.sim.discover.plan.detectability import sight_of
 from truearc.sim.discover.report.effect_wording import IN_FLIGHT
-from truearc.sim.discover.report.finding_text import FOUR_IN_FIVE
 from truearc.sim.discover.select.name_effects import Step
 from truearc.sim.discover.select.refit import Refit
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
@@ -45,9 +43,8 @@ def blind_terms(evidence: ScoreTable, threshold: float, among: Catalogue) -> lis
     Those that move shots most come first, whether or not fitted numbers can stand in for them. threshold: the |score|
     that a term needs, in standard deviations.
     """
-    among_all = (threshold + ndtri(FOUR_IN_FIVE)) / np.sqrt(EIGHTY)
-    blind = [one for one in sight_of(evidence, "", ()).terms
-             if one.smallest is None or among_all * one.smallest > one.usual]
+    blind = [one for one in sight_of(evidence, "", (), threshold).terms
+             if one.smallest is None or one.smallest > one.usual]
     blind.sort(key=lambda one: -one.usual**2 * one.information / max(one.share_left, 1e-9))
     return [term for one in blind if (term := among.get(one.term)) is not None]
 

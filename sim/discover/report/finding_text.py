@@ -3,15 +3,13 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
 from msgspec import UnsetType
-from scipy.special import ndtri
 
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.localization import Place
 from truearc.sim.discover.detect.weight_functions import STEP
 from truearc.sim.discover.finding import Adoption, FindingRecord, FitSummary, FoundEffect, Named, Unknown, Where
-from truearc.sim.discover.plan.detectability import EIGHTY, sight_of
+from truearc.sim.discover.plan.detectability import sight_of
 from truearc.sim.discover.report.effect_wording import in_words, plain, say_effect, scale_of, size_of
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc.sim.physics.catalogue import Catalogue
@@ -24,7 +22,6 @@ SHOWN = 6
 WIDE = 2.0                            # standard deviations by which times differ: chance hardly does that to ten
 LEAST_SHOWN = 0.005                   # probability of a name on the console: not 0 %
 UNSURE = 0.25                       # probability of an unexplained effect, from which a sentence says so
-FOUR_IN_FIVE = 0.8
 HEIGHTS = {"plane": "heights", "track end": "where tracks end, from their first 40 %,"}
 TIMES = ("t_s", "order_in_session", "shots_of_ball")
 LISTED = 4                            # names of a set that a sentence lists
@@ -216,12 +213,11 @@ def say_blind(blind: Sequence[Term], steps: Sequence[Mapping[str, Any]], among: 
 def say_smallest(evidence: ScoreTable, threshold: float, among: Catalogue | None = None) -> str:
     """The smallest effects that would have been seen four times in five among all that was asked, of the terms that
     these data see best for their usual size. threshold: the |score| that a term needs, in standard deviations."""
-    terms = [one for one in sight_of(evidence, "", ()).terms if one.smallest is not None]
-    if not terms or not np.isfinite(threshold):
+    terms = [one for one in sight_of(evidence, "", (), threshold).terms if one.smallest is not None]
+    if not terms:
         return " Of no term could these data have shown anything."
-    among_all = (threshold + ndtri(FOUR_IN_FIVE)) / np.sqrt(EIGHTY)
     best = sorted(terms, key=lambda one: (one.smallest or 0.0) / one.usual)[:SHOWN]
-    parts = [f"{plain(one.term, among)} of {size_of(one.term, among_all * (one.smallest or 0.0), one.unit, among)}"
+    parts = [f"{plain(one.term, among)} of {size_of(one.term, one.smallest or 0.0, one.unit, among)}"
              for one in best]
     return f" Smallest effects that they would have shown, four times in five: {', '.join(parts)}."
 

@@ -12,14 +12,12 @@ from truearc.sim.report import make_page, paragraph, picture, table
 from truearc.sim.tables import make_text
 
 SURE = 0.8                            # power that counts as "would be seen"
-KNOWING_WHICH = 1.75                  # times the shots, when it could be any of about twenty effects
 METHOD = (
     "Expected Fisher information: what is left of each effect's after the fitted coefficients, scatters and the random "
-    "effects of balls (or sessions) have absorbed what they can. Seen means by a 5 % test with 80 % power, if this one "
-    "effect is there at its usual size and nothing else is; finding out which of twenty it is takes about "
-    f"{KNOWING_WHICH:g} times the shots, and showing the gain on unseen shots about twice. Effects whose patterns over "
-    "the shots are alike to 0.95 or more are listed as one. Small effects are assumed, so that everything is linear in "
-    "them.")
+    "effects of balls (or sessions) have absorbed what they can. Seen means that truearc discover reports a mismatch "
+    "four times in five, at 5 % false alarms over all terms, if this one effect is there at its usual size and no "
+    "other; naming it takes more shots. Effects whose patterns over the shots are alike to 0.95 or more are listed as "
+    "one. Small effects are assumed, so that everything is linear in them.")
 
 
 def sight_lines(sight: Sight, among: Catalogue | None = None) -> list[str]:

@@ -1,0 +1,103 @@
+"""Of effects that shots are said to show four times in five, how many does discovery report?
+
+    python -m benchmarks.power --level L1 --worlds 8 --seed 730 --out FILE
+    python -m benchmarks.power --table FILE
+
+A world that hides nothing says how large each effect must be (`smallest` of `truearc identifiability` on its shots).
+Then the same world hides one effect of that very size, and discovery's test is made at 5 %. Between 70 and 90 % should
+be reported. Effects that must be over twice as large as usual are left out: the statement is linear in their size. A
+line of FILE a world; none is run again. Development worlds: none is sealed.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.filling import fill_and_tell, parser_of
+from benchmarks.suite import names_of
+from truearc.cli.common import make_progress
+from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.discover.investigate import detect, make_search
+from truearc.sim.discover.plan.detectability import sight_of
+from truearc.sim.discover.settings import FALSE_ALARM
+from truearc.sim.infer.baseline_fit import BaselineFit, fit_believed
+from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
+from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc.sim.tables import make_text
+from truearc_proof.rounds.jsonl_store import fill
+from truearc_proof.scoring.score_finding import in_catalogue
+from truearc_proof.truth.effects import find_effect
+from truearc_proof.truth.generate import shoot
+from truearc_proof.truth.world import BELIEVED, make_world
+
+LARGEST = 2.0                         # times the usual size
+TURNS = 4                             # worlds by which each effect is hidden once
+Line = dict[str, Any]
+
+
+def run(level: str, shots: int, seed: int) -> Line:
+    """One world: {effect: whether discovery reports it at the size that would be seen four times in five}."""
+    keep_compiled()
+    still = shoot(make_world({}, level, shots, seed))
+    smallest = {one.term: (one.smallest, one.usual) for one in sight_of(fitted(still).evidence, level, ()).terms}
+    found: dict[str, bool] = {}
+    for place, name in enumerate(sorted(names_of("effects", level))):
+        effect = find_effect(name)
+        known = in_catalogue(name, effect.typical)
+        size, usual = smallest.get(name, (None, 0.0))
+        if place % TURNS != seed % TURNS or known is None or size is None or size > LARGEST * usual:
+            continue
+        sign = -1.0 if effect.signed and seed // TURNS % 2 else 1.0
+        amount = sign * effect.typical * size / abs(known[1])
+        world = shoot(make_world({name: amount}, level, shots, seed))
+        _, judged = detect(fitted(world), make_search(world), lambda done, note: None)
+        found[name] = judged.p_any <= FALSE_ALARM
+    return {"level": level, "shots": shots, "found": found}
+
+
+def fitted(dataset: Dataset) -> BaselineFit:
+    """The baseline at its best."""
+    intake = take_in(dataset)
+    return fit_believed(intake, lay_out(intake, BELIEVED, groups_of(dataset.shots, intake.rows)))
+
+
+def make_table(lines: Sequence[Line]) -> str:
+    """Shares by level, with how uncertain they are (one standard error), and by effect."""
+    rows = []
+    for level in sorted({line["level"] for line in lines}):
+        by_name: dict[str, list[bool]] = {}
+        for line in lines:
+            for name, found in line["found"].items() if line["level"] == level else ():
+                by_name.setdefault(name, []).append(found)
+        every = [found for each in by_name.values() for found in each]
+        share = float(np.mean(every)) if every else float("nan")
+        error = np.sqrt(share * (1.0 - share) / max(len(every), 1))
+        low = ", ".join(f"{name} {sum(each)}/{len(each)}" for name, each in sorted(by_name.items())
+                        if np.mean(each) < 0.5)
+        rows.append((level, str(len(every)), f"{share:.2f} ± {error:.2f}", low or "-"))
+    return "\n".join(make_text(("level", "effects hidden", "reported", "less than half"), rows, right=(1, 2)))
+
+
+def main() -> int:
+    parser = parser_of(__doc__)
+    parser.add_argument("--level", choices=("L0", "L1", "L2"), default="L1")
+    parser.add_argument("--worlds", type=int, default=8)
+    parser.add_argument("--shots", type=int, default=300)
+    parser.add_argument("--seed", type=int, default=730)
+    args = parser.parse_args()
+    return fill_and_tell(args, partial(_run_all, args), make_table)
+
+
+def _run_all(args: argparse.Namespace, path: Path) -> dict[str, Line]:
+    jobs = {f"{args.level}/{args.shots}/{seed}": seed for seed in range(args.seed, args.seed + args.worlds)}
+    return fill(path, jobs, partial(run, args.level, args.shots), make_progress("worlds"), args.processes)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
