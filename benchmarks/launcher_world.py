@@ -7,8 +7,9 @@ as-is: an unmodified world, baseline as in the paper (gravity, drag, magnus): is
 which terms, and how well does the adopted simulation forecast another session's heights at the plane, beside the
 world's shot-to-shot scatter (the same shots with and without it) and beside the fitted baseline.
 changed: one thing changed (truearc_proof.worlds.perturbations), compared with the belief adopted from the as-is
-session of the same number and, with tracks, since that session. FILE has one line per world; worlds in it are not run
-again. World number N has the seed 1000 N. Development used seeds below 1000, and numbers 101 to 120 for `since`.
+session of the same number and, with tracks or --since, since that session. FILE has one line per world; worlds in it
+are not run again. World number N has the seed 1000 N. Development used seeds below 1000, and numbers 101 to 120 for
+`since`.
 """
 
 import argparse
@@ -63,17 +64,17 @@ def run_as_is(facts: Rig, more: int, world: tuple[str, int, int]) -> Line:
             "scatter_m": float(np.nanstd(heights_m(other) - heights_m(still))), "belief": as_table(after)}
 
 
-def run_changed(facts: Rig, world: tuple[Change, Line]) -> Line:
-    """A world with one thing changed, against what an unmodified one left."""
+def run_changed(facts: Rig, world: tuple[Change, Line, bool]) -> Line:
+    """A world (its change, home, whether since home) with one thing changed, against what an unmodified one left."""
     keep_compiled()
-    change, home = world
+    change, home, compared = world
     level, shots, seed = home["level"], home["shots"], home["seed"]
     own = seed + 2 + zlib.crc32(change.name.encode()) % (APART - 2)
     options = Options(**change.options)
     dataset = play_season(facts, options, own, plan_season(own, shots), level, ORDINARY).dataset
     since = play_season(facts, Options(), seed, plan_season(seed, shots), level, ORDINARY).dataset
     found = discover(dataset, seed=own, belief=from_table(home["belief"], home["key"]),
-                     since=since if level == "L2" else None)
+                     since=since if compared else None)
     return {"name": change.name, "level": level, "shots": shots, "seed": seed, **_said(found)}
 
 
@@ -98,7 +99,9 @@ def _run_all(args: argparse.Namespace, path: Path) -> dict[str, Line]:
     lines = fill(path, homes, partial(run_as_is, facts, args.unseen), progress, args.processes)
     if args.what == AS_IS:
         return lines
-    changed = {_key(change.name, *home): (change, lines[key]) for key, home in homes.items()
+    compared = {level: args.since or level == "L2" for level in levels}
+    changed = {_key(change.name, *home) + "/since" * args.since: (change, lines[key], compared[home[0]])
+               for key, home in homes.items()
                for change in seen_at(home[0]) if args.only is None or change.name in args.only.split(",")}
     return fill(path, changed, partial(run_changed, facts), progress, args.processes)
 
@@ -116,6 +119,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--worlds", type=int, default=10, help="of each kind")
     parser.add_argument("--seed", type=int, default=11, help="of the first number of world; the next has the next")
     parser.add_argument("--only", help="changes, comma-separated; else all")
+    parser.add_argument("--since", action="store_true", help="without tracks, too, changes are since the as-is session")
     return parser.parse_args()
 
 
