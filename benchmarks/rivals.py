@@ -80,7 +80,7 @@ def main() -> None:
     parser.add_argument("dir", type=Path, help="folder of the recordings")
     parser.add_argument("--only", default="falls,drops,worlds", help="comma-separated, of falls, drops, worlds (all)")
     parser.add_argument("--steps", type=int, default=STEPS, help=f"of the calibration's chains ({STEPS})")
-    parser.add_argument("--left", type=int, help="of the falls' radii and heights, leave out the first N only")
+    parser.add_argument("--left", type=int, help="leave out the first N radii and the first N heights only")
     parser.add_argument("--picture", metavar="FILE", help="draw the falls' forecasts, radius by radius")
     args = parser.parse_args()
     keep_compiled()
@@ -146,7 +146,7 @@ def falls(folder: Path, steps: int, picture: str | None, most: int | None = None
     emulator = emulator_of(folder)
     methods: dict[str, Method] = {OURS: partial(by_law, dataset, among.find(LAWS))}
     methods |= {name: partial(by_calibration, emulator, dataset, name == KOH, steps) for name in (KOH, PLAIN)}
-    told = {name: [(left, method(~left.out)) for left in lefts(dataset)[:most]] for name, method in methods.items()}
+    told = {name: [(left, method(~left.out)) for left in lefts(dataset, most)] for name, method in methods.items()}
     for name, claim in claims.items():
         yield row_of(data, name, claim, interval_of(finding) if name == OURS else "")._replace(
             error=error_of(dataset, told[OURS]))
@@ -180,10 +180,10 @@ def inputs_of(dataset: Dataset) -> Array:
     return np.column_stack([dataset.shots.number("radius_m"), fallen_m])
 
 
-def lefts(dataset: Dataset) -> list[Left]:
-    """Each radius and each height in turn."""
+def lefts(dataset: Dataset, most: int | None = None) -> list[Left]:
+    """Each radius and each height in turn, or the first `most` of either."""
     return [Left(f"{what} {value:g} m", column == value) for what, column in zip(("radius", "height"), inputs_of(
-        dataset).T, strict=True) for value in np.unique(column)]
+        dataset).T, strict=True) for value in np.unique(column)[:most]]
 
 
 def calibrate(emulator: Emulator, dataset: Dataset, discrepancy: bool, steps: int, kept: Array | None = None
@@ -241,7 +241,8 @@ def draw(file: str, dataset: Dataset, told: dict[str, Told]) -> None:
     figure = new_figure(10.0, 3.4)
     panels = figure.subplots(1, 3, sharey=True)
     for name, colour in COLOURS.items():
-        for panel, (left, forecast) in zip(panels, told[name][:3], strict=True):
+        radii = [one for one in told[name] if one[0].what.startswith("radius")]
+        for panel, (left, forecast) in zip(panels, radii, strict=False):
             seen, fallen_m = dataset.times.t_s[left.out], inputs_of(dataset)[left.out, 1]
             panel.plot(fallen_m, forecast.mean - seen, "o-", color=colour, label=name)
             panel.fill_between(fallen_m, forecast.low90 - seen, forecast.high90 - seen, color=colour, alpha=0.15, lw=0)

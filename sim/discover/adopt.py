@@ -80,7 +80,7 @@ def make_belief(investigation: Investigation, gain: Gain = usual_gain,
     """
     if investigation.fitted is None:
         raise ValueError("the data carry no test, so nothing was fitted")
-    taken, worse, _, _ = _best(investigation, gain, threshold)
+    _, taken, worse, _, _ = _chosen(investigation, gain, threshold)
     named, free, several, evidence = taken.named, taken.free, taken.several, taken.evidence
     among = investigation.catalogue
     put_in = {column.name for column in evidence.columns[evidence.first_shared:]}      # not what a rival overtook
@@ -144,14 +144,34 @@ def with_worth(investigation: Investigation) -> Investigation:
     """The same, its finding with what it is worth in points, and whether it is adopted."""
     if not investigation.steps or investigation.fitted is None:
         return investigation
-    _, why, judged, limits = _best(investigation, usual_gain, worth.THRESHOLD)
+    chosen = _chosen(investigation, usual_gain, worth.THRESHOLD)
+    why, judged, limits = chosen.why, chosen.judged, chosen.limits
     found = investigation.finding
     if new := {name: at for name, at in limits.items() if name not in found.data.at_limit}:
         data = structs.replace(found.data, at_limit=found.data.at_limit | new)
         found = structs.replace(found, data=data, sentence=found.sentence + say_limits(new))
     if judged is not None:
         found = structs.replace(found, adoption=structs.replace(judged, refused=why or None))
-    return replace(investigation, finding=found)
+    return replace(investigation, finding=found, chosen=chosen)
+
+
+class _Chosen(NamedTuple):
+    """What `_best` says of these steps."""
+
+    steps: tuple[Step, ...]
+    taken: _Taken
+    why: str
+    judged: Adoption | None
+    limits: dict[str, float]
+
+
+def _chosen(investigation: Investigation, gain: Gain, threshold: float | None) -> _Chosen:
+    """As with_worth has found it, or found now."""
+    known = investigation.chosen
+    if (isinstance(known, _Chosen) and known.steps is investigation.steps
+            and (gain, threshold) == (usual_gain, worth.THRESHOLD)):
+        return known
+    return _Chosen(investigation.steps, *_best(investigation, gain, threshold))
 
 
 def _best(investigation: Investigation, gain: Gain,

@@ -39,7 +39,8 @@ LAUNCHED = ("exit_speed_m_s", "exit_deg", "exit_spin_rev_s")
 class Investigation:
     """The finding, and the data behind the report's pictures. `steps`: one per effect; all but finding are None where
     the data carry no test. belief: of the earlier session that was started from; search: settings of every step's
-    tests; catalogue: of the terms that were tested; ranges: of the shots' settings; launcher: ball and wheels."""
+    tests; catalogue: of the terms that were tested; ranges: of the shots' settings; launcher: ball and wheels.
+    chosen: what is adopted of the steps, once truearc.sim.discover.adopt has judged them."""
 
     finding: FindingRecord
     fitted: BaselineFit | None = None
@@ -50,6 +51,7 @@ class Investigation:
     catalogue: Catalogue = field(default_factory=catalogue)
     ranges: dict[str, list[float]] = field(default_factory=dict)
     launcher: dict[str, float] = field(default_factory=dict)
+    chosen: object = None
 
 
 def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alarm: float = FALSE_ALARM, seed: int = 0,

@@ -47,10 +47,9 @@ class TrackerChange:
 
 def compare_trackers(fitted: BaselineFit, home: BaselineFit, false_alarm: float) -> TrackerChange | None:
     """Compare the calibrations of two fits of one belief; None where they agree, or there are too few tracks."""
-    names = _numbers(fitted, home)
-    clusters = min(len(np.unique(one.together)) for one in (fitted, home))
-    if not names or clusters <= len(names) + 1:
+    if not can_compare(fitted, home):
         return None
+    names, clusters = _numbers(fitted, home), _clusters(fitted, home)
     seen, spare = _difference(fitted, home, names), clusters - len(names)
     size = float(seen.change @ np.linalg.solve(seen.covariance, seen.change))
     p_value = float(f_distribution.sf(size * spare / (len(names) * (clusters - 1)), len(names), spare))
@@ -73,6 +72,16 @@ def compare_trackers(fitted: BaselineFit, home: BaselineFit, false_alarm: float)
     together = tuple(names[k] for k in best)
     listed = [one for one in found if one.probability >= LEAST or one.name in together]
     return TrackerChange(p_value, tuple(sorted(listed, key=lambda one: -one.probability)), together)
+
+
+def can_compare(fitted: BaselineFit, home: BaselineFit) -> bool:
+    """Whether both sessions have the tracker's numbers, and enough flights."""
+    names = _numbers(fitted, home)
+    return bool(names) and _clusters(fitted, home) > len(names) + 1
+
+
+def _clusters(fitted: BaselineFit, home: BaselineFit) -> int:
+    return min(len(np.unique(one.together)) for one in (fitted, home))
 
 
 def rivals_of(fitted: BaselineFit, home: BaselineFit, term: str) -> tuple[NumberChange, ...]:

@@ -111,7 +111,7 @@ def _efficient(evidence: ScoreTable, columns: Int[Array, " K"]) -> tuple[
 
 
 def chance_threshold(correlation: Float[Array, "K K"]) -> float:
-    """What the largest of K scores so correlated, in standard deviations, exceeds at the terms' share of false alarms.
+    """Limit, in standard deviations, that the largest of K scores so correlated passes in the terms' share of alarms.
     """
     size, turn = np.linalg.eigh(correlation)
     root = (turn * np.sqrt(np.maximum(size, 0.0))) @ turn.T

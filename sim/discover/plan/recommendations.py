@@ -27,7 +27,7 @@ def next_steps(dataset: Dataset, step: Step, chosen: tuple[str, ...] | None) -> 
         return (*_about_unknown(step), *_sides(dataset))
     among = step.fitted.layout.chain.catalogue
     instruments = [term.instrument for name in chosen for term in among.find([name])]
-    tracked = dataset.tracks is not None
+    tracked = dataset.tracks is not None or dataset.times is not None
     wanted = {one.id: one.what for one in instruments if one is not None and not (tracked and one.filmed)}
     steps: list[dict[str, Any]] = [{"do": "measure", "instrument": name, "what": what}
                                    for name, what in list(wanted.items())[:FEW]]
@@ -71,9 +71,20 @@ def _about_unknown(step: Step) -> tuple[dict[str, Any], ...]:
     name = None if place is None else name_of(place.test, place.column)
     if name is None or name in IN_FLIGHT:
         if step.fitted.intake.filmed:
-            return ({"do": "measure", "instrument": "anemometer", "what": "the wind with an anemometer"},)
+            return _of_filmed(step)
         return ({"do": "measure", "record": "tracks", "what": "the flight with a camera from the side (tracks.csv)"},)
     return ({"do": "measure", "covariate": name, "what": f"what else changes with {name}, which it goes with"},)
+
+
+def _of_filmed(step: Step) -> tuple[dict[str, Any], ...]:
+    """What settles the nearest name, if it is not seen on film anyway; else the wind, where there can be one."""
+    (term,) = step.fitted.layout.chain.catalogue.find([step.naming.leader.partition(".")[0]])
+    if term.instrument is not None and not term.instrument.filmed:
+        return ({"do": "measure", "instrument": term.instrument.id, "what": term.instrument.what},)
+    site = step.fitted.intake.rig.site
+    if site and site.indoor:
+        return ()
+    return ({"do": "measure", "instrument": "anemometer", "what": "the wind with an anemometer"},)
 
 
 def _sides(dataset: Dataset) -> tuple[dict[str, Any], ...]:

@@ -14,7 +14,7 @@ from truearc.sim.discover.detect.covariates import Covariate, carried_by, follow
 from truearc.sim.discover.detect.localization import Place, amplitude_of, times_of
 from truearc.sim.discover.detect.score_test import Judged
 from truearc.sim.discover.detect.test_battery import TERMS, Asked, name_of
-from truearc.sim.discover.detect.tracker_change import NumberChange, compare_trackers, rivals_of
+from truearc.sim.discover.detect.tracker_change import NumberChange, can_compare, compare_trackers, rivals_of
 from truearc.sim.discover.finding import FindingRecord, FitSummary, FoundEffect, Named, TestResult, Unknown, Where
 from truearc.sim.discover.plan.recommendations import blind_terms, measure_blind, measure_names, next_steps
 from truearc.sim.discover.report import finding_text as wording
@@ -75,7 +75,7 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
         where = Where(None, None, None, None, {}, None, None, (), "nothing was found")
         threshold = judged.threshold(TERMS, false_alarm)
         blind = blind_terms(fitted.evidence, threshold, among) if np.isfinite(threshold) else []
-        steps_to_see = measure_blind(blind, intake.filmed)
+        steps_to_see = measure_blind(blind, intake.samples is not None)
         sentence = (wording.say_none(terms, judged.p_any, data.shots, false_alarm, among)
                     + said + wording.say_scatter(times_off(intake, fitted.layout, fitted.spot))
                     + wording.say_blind(blind, steps_to_see, among)
@@ -100,7 +100,8 @@ def _tracker(fitted: BaselineFit, search: Search) -> tuple[FoundEffect | UnsetTy
     among = fitted.layout.chain.catalogue
     moved = None if search.home is None else compare_trackers(fitted, search.home.fitted, search.false_alarm)
     if moved is None:
-        return UNSET, "", ()
+        compared = search.home is not None and can_compare(fitted, search.home.fitted)
+        return UNSET, wording.SAME_TRACKER if compared else "", ()
     what = tuple(_changed(one, among) for one in moved.numbers)
     together = [one for one, number in zip(what, moved.numbers, strict=True) if number.name in moved.together]
     found = FoundEffect(what, None if len(together) == len(what) else tuple(one.term for one in what), None)

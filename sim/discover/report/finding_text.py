@@ -79,6 +79,9 @@ def besides(further: FoundEffect, then: str, among: Catalogue | None = None, top
     return f" {then}, what is left looks most as if {_effect(clear[0], among, topspin)}{instead}."
 
 
+SAME_TRACKER = " The tracker's calibration was compared with the earlier session's: no change is seen."
+
+
 def say_tracker(moved: FoundEffect, together: Sequence[Named], p_value: float, among: Catalogue | None = None) -> str:
     """A change of the tracker's calibration since the earlier session: the numbers that changed, then the others."""
     likeliest = either([_effect(one, among, False) for one in together], "and")
@@ -215,7 +218,7 @@ def say_smallest(evidence: ScoreTable, threshold: float, among: Catalogue | None
     these data see best for their usual size. threshold: the |score| that a term needs, in standard deviations."""
     terms = [one for one in sight_of(evidence, "", (), threshold).terms if one.smallest is not None]
     if not terms:
-        return " Of no term could these data have shown anything."
+        return " Of no term could a test of these data have shown anything."
     best = sorted(terms, key=lambda one: (one.smallest or 0.0) / one.usual)[:SHOWN]
     parts = [f"{plain(one.term, among)} of {size_of(one.term, one.smallest or 0.0, one.unit, among)}"
              for one in best]

@@ -173,7 +173,7 @@ def _names(finding: FindingRecord, among: Catalogue) -> str:
     rest = finding.unexplained
     if not isinstance(rest, float):   # of an earlier version
         rest = max(1.0 - sum(one.probability for one in finding.what), 0.0)
-    rows.append(_bar("an unexplained effect", rest, "rest", finding.verdict == "unknown", ""))
+    rows.append(_bar("an unexplained effect in their place", rest, "rest", finding.verdict == "unknown", ""))
     said = f'<div class="bars">{"".join(rows)}</div>'
     if len(members) > 1:
         listed = wording.either([plain(name, among) for name in finding.set or ()], "and")

@@ -354,3 +354,18 @@ def test_what_was_found_is_judged_beside_the_belief_as_it_is() -> None:
     off_m = [row[forecast.columns.index("deviation_m")] for row in forecast.rows]
     assert told.mean_m == pytest.approx([off_m[row] for row in rows], abs=5e-3)
     assert told.mean_m.std() > 0.05
+
+
+def test_what_was_judged_with_the_finding_is_not_judged_again(hasty: tuple[Dataset, Investigation],
+                                                              monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the same measure and of the same steps; of others it is."""
+    fresh, told = make_belief(hasty[1])
+    calls: list[object] = []
+    best = adopt._best
+    monkeypatch.setattr(adopt, "_best", lambda *given: calls.append(given) or best(*given))
+    found = with_worth(hasty[1])
+    belief, provenance = make_belief(found)
+    assert len(calls) == 1 and provenance == told and belief.coefficients == fresh.coefficients
+    assert np.array_equal(belief.covariance, fresh.covariance)
+    make_belief(replace(found, steps=()))
+    assert len(calls) == 2

@@ -91,7 +91,7 @@ def test_a_set_is_marked_and_a_name_besides_is_told(drifting: Investigation) -> 
     text = read(page)
     assert page.count('class="fill set"') == 2 and "apart; together they hold the orange bars" in text
     assert "looks most as if there is wind of 1.00 m/s (90 %: 0.80 to 1.20 m/s) toward the target" in text
-    assert "an unexplained effect" in text and "10%" in text
+    assert "an unexplained effect in their place" in text and "10%" in text
 
 
 def replace_probability(named: Named, probability: float) -> Named:
