@@ -51,10 +51,11 @@ def _rows(rig: Rig, belief: Belief, distance_m: Rows, solved: Solved, kept: np.n
     lost = [_lost(rig, belief, at, best, place, error) for place, error in enumerate(
         (DISTANCE_M, HOOD_DEG, SPEED_RPM / RPM / free_rad_s))]
     low, high = _band(rig, belief, at, best)
-    lead = lead_deg(rig, belief, *at)
+    lead, flight_s = lead_deg(rig, belief, *at), flown(rig, belief, *at)[1]
     fitted = belief.provenance.get("range", {})
     for row in range(len(kept)):
         numbers = (*(float(column[row]) for column in at), float(at[2][row] * free_rad_s), float(lead[row]),
+                   float(flight_s[row]),
                    *(float(column[row]) for column in (best.p_two, best.p_three, best.points, *lost)),
                    float(low[row] * free_rad_s), float(high[row] * free_rad_s))
         settings = dict(zip(("distance_m", "hood_deg", "motor_ratio"), numbers, strict=False))
@@ -98,15 +99,24 @@ def beyond(settings: Mapping[str, float], fitted: Mapping[str, list[float]]) -> 
 def lead_deg(rig: Rig, belief: Belief, distance_m: Float[np.ndarray, " n"], hood_deg: Float[np.ndarray, " n"],
              motor_ratio: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Angle by which to turn the launcher to the left [n], in degrees, against the drift; NaN: does not come there."""
-    shots = Shots(tuple(map(str, range(len(distance_m)))),
-                  {"distance_m": distance_m, "hood_deg": hood_deg, "motor_ratio": motor_ratio}, {})
-    given = given_of(rig, shots, before_the_shot(belief.curves, rig, shots))
-    side_m = np.asarray(_drift(rig, belief.coefficients, given, belief.catalogue))
+    side_m = flown(rig, belief, distance_m, hood_deg, motor_ratio)[0]
     return np.asarray(np.degrees(np.arctan2(-side_m, distance_m)) + 0.0)
 
 
+def flown(rig: Rig, belief: Belief, distance_m: Float[np.ndarray, " n"], hood_deg: Float[np.ndarray, " n"],
+          motor_ratio: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """(drift to the left in m [n], time of flight in s [n]) at the target; NaN: does not come there."""
+    shots = Shots(tuple(map(str, range(len(distance_m)))),
+                  {"distance_m": distance_m, "hood_deg": hood_deg, "motor_ratio": motor_ratio}, {})
+    given = given_of(rig, shots, before_the_shot(belief.curves, rig, shots))
+    side_m, flown_s = _flown(rig, belief.coefficients, given, belief.catalogue)
+    return np.asarray(side_m), np.asarray(flown_s)
+
+
 @partial(jax.jit, static_argnames=("rig", "among"))
-def _drift(rig: Rig, values: Values, given: Given, among: Catalogue) -> Any:
+def _flown(rig: Rig, values: Values, given: Given, among: Catalogue) -> tuple[Any, Any]:
     at, exit, distance_m = configured(rig, values, given, among)
-    plane = reach_plane(rig, make_law(rig, flight_terms({"gravity", *values}, among), at), exit, distance_m)
-    return jax.numpy.where(plane.near, plane.side_m, jax.numpy.nan)
+    law = make_law(rig, flight_terms({"gravity", *values}, among), at)
+    plane = reach_plane(rig, law, exit, distance_m, timed=True)
+    nan = jax.numpy.nan
+    return jax.numpy.where(plane.near, plane.side_m, nan), jax.numpy.where(plane.near, plane.flown_s, nan)

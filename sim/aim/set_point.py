@@ -14,6 +14,7 @@ class AimRow(NamedTuple):
         motor_ratio: Motor speed over free speed.
         motor_rad_s: Motor speed.
         lead_deg: By how much to aim to the left of the target, against wind across.
+        flight_s: From the exit to the target.
         p_two, p_three: Probability of at least two points, and of three.
         points: Expected.
         lost_10cm, lost_1deg, lost_50rpm: Points that such an error of distance, hood or motor speed costs, the mean of
@@ -27,6 +28,7 @@ class AimRow(NamedTuple):
     motor_ratio: float
     motor_rad_s: float
     lead_deg: float
+    flight_s: float
     p_two: float
     p_three: float
     points: float

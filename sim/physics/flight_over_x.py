@@ -23,23 +23,24 @@ SLOWEST_M_S = 0.3                     # horizontally; slower has nearly turned b
 
 
 class Plane(NamedTuple):
-    """At the plane, arrays [n]: height, how fast the ball climbs per metre of x, whether it came there at all, and how
-    far to the left it is."""
+    """At the plane, arrays [n]: height, how fast the ball climbs per metre of x, whether it came there at all, how far
+    to the left it is, and how long it has flown, where that was asked for."""
 
     height_m: Any
     climb: Any
     near: Any
     side_m: Any
+    flown_s: Any = None
 
 
-def reach_plane(rig: Rig, law: Law, exit: Exit, distance_m: Any, steps: int = STEPS) -> Plane:
+def reach_plane(rig: Rig, law: Law, exit: Exit, distance_m: Any, steps: int = STEPS, timed: bool = False) -> Plane:
     """Fly every lane [n] from the exit to x = distance_m by Runge-Kutta over x; differentiable in all, to any order.
 
-    Where `near` is False height and climb are numbers without meaning.
+    Where `near` is False the numbers have no meaning. timed: count the time of flight, too.
     """
     shape = jnp.shape(distance_m)
     ball, zero = settle(law, start_of(rig, exit, shape)), jnp.zeros(shape)
-    if needs_time(law, ball):
+    if timed or needs_time(law, ball):
         ball = ball._replace(time_s=zero)
     step_m = distance_m / steps
     near = (ball.velocity_m_s.x > SLOWEST_M_S) & (step_m > 0.0)
@@ -52,7 +53,8 @@ def reach_plane(rig: Rig, law: Law, exit: Exit, distance_m: Any, steps: int = ST
 
     state, near = lax.scan(advance, (kept(ball), near), None, length=steps)[0]
     end = full(ball, state)
-    return Plane(end.position_m.z, end.velocity_m_s.z / _pace(end.velocity_m_s.x), near, plus(end.position_m.y, zero))
+    return Plane(end.position_m.z, end.velocity_m_s.z / _pace(end.velocity_m_s.x), near, plus(end.position_m.y, zero),
+                 end.time_s if timed else None)
 
 
 def _pace(speed_m_s: Any) -> Any:

@@ -78,8 +78,8 @@ class AimTable(Printed):
         return [*make_text(head, rows, right=range(len(head) - 1)), *refused]
 
     def to_text(self, form: str) -> str:
-        """Return the table in a form: text, csv, json, java or cpp."""
-        return FORMATS[form](self)
+        """Return the table in a form: text, csv, json, java, cpp, or as a team's public code has its tables."""
+        return FORMATS[form](self) if form in FORMATS else snippets.TEAMS[form](self.rows)
 
     def table(self) -> Table:
         """Return every number, a row per distance."""

@@ -15,7 +15,7 @@ from truearc.robot.config.schema import about
 from truearc.robot.config.whole_file import save_whole
 
 EXAMPLE = "truearc aim belief.toml --rig rig.toml --distances 2:7:0.25 --picture aim.png"
-FORMATS = ("text", "csv", "json", "java", "cpp")
+FORMATS = ("text", "csv", "json", "java", "cpp", "java-6328", "java-254", "csv-2928", "json-3476")
 MOST = 1000                           # distances
 
 
@@ -29,7 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--hood", type=_span, metavar="LOW:HIGH", help="launch elevations in degrees to choose from "
                         "(default: the range that the belief was fitted to)")
     parser.add_argument("--format", choices=FORMATS, default="text", help="text for people, CSV or JSON with every "
-                        "number, or lines to paste into robot code (default text)")
+                        "number, lines to paste into robot code, or the shape of a team's public "
+                        "code: java-6328, java-254, csv-2928, json-3476 (default text)")
     parser.add_argument("-o", "--out", type=out_file, metavar="FILE", help="file to write instead of standard output")
     parser.add_argument("--picture", type=out_file, metavar="PNG", help="picture of set points and of the band that "
                         "scores")
