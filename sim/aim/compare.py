@@ -27,7 +27,7 @@ Rows = Float[np.ndarray, " n"]
 
 
 @dataclass(frozen=True, eq=False)
-class SetPoints:
+class SetPoints(Printed):
     """A table by ascending distance [n], as a robot interpolates it: straight between the rows. `name`: for messages.
     """
 
@@ -35,6 +35,12 @@ class SetPoints:
     distance_m: Rows
     hood_deg: Rows
     motor_ratio: Rows
+
+    def lines(self) -> list[str]:
+        """Return a line per distance: hood angle and motor speed over free speed."""
+        rows = zip(self.distance_m, self.hood_deg, self.motor_ratio, strict=True)
+        return make_text(("m", "hood deg", "motor ratio"), [(f"{x:.2f}", f"{hood:.1f}", f"{ratio:.3f}")
+                                                           for x, hood, ratio in rows], right=(0, 1, 2))
 
     def at(self, distance_m: Rows) -> tuple[Rows, Rows]:
         """(hood in degrees, motor speed over free speed) at other distances, between the ends."""
@@ -77,6 +83,10 @@ class Comparison(Printed):
 def load_set_points(path: str | Path, rig: Rig) -> SetPoints:
     """Read a table of set points: CSV with `distance_m`, `hood_deg` and `motor_ratio` or `motor_rad_s` (or in other
     units: `distance_ft`, `motor_rpm`, ...), or JSON as `truearc aim --format json` writes it.
+
+    Args:
+        path: The file.
+        rig: Whose motors' free speed turns speeds into ratios.
 
     Raises:
         InputError: names file, line and column of what is missing or wrong; the rig has no free speed.
@@ -123,6 +133,11 @@ def _numbers(table: RawTable, name: str, problems: Problems) -> Rows:
 
 def compare(old: SetPoints, new: SetPoints, belief: Belief, rig: Rig) -> Comparison:
     """Compare two tables by a belief: expected points of the rig's balls at each distance of either.
+
+    Args:
+        old, new: Tables, as load_set_points reads them.
+        belief: Coefficients, scatter and covariance, by which points are forecast.
+        rig: Launcher, target and sensor noise.
 
     Raises:
         InputError: the tables have no distance in common, or the rig has no target.
