@@ -136,7 +136,8 @@ def pool(fits: Sequence[Fit], *, seed: int = 0) -> Pooled:
         Pooled: `.belief` is for a further session or rig, `.table()` what is common, `.members()` each one's numbers.
 
     Raises:
-        InputError: fewer than two fits, fits of different terms, or one that did not converge.
+        InputError: fewer than two fits, fits of different terms or of the same data, no number to pool, or a fit that
+            did not converge.
     """
     for fit in fits:
         check_kind("fits", fit, Fit, "fit(...)")
@@ -146,5 +147,9 @@ def pool(fits: Sequence[Fit], *, seed: int = 0) -> Pooled:
         raise InputError(f"seed is {seed}; it cannot be negative")
     for fit in fits:
         _ = fit.belief                # refuses a fit that did not converge
+    hashes = [hash_dataset(fit.dataset) for fit in fits]
+    for number, one in enumerate(hashes):
+        if one in hashes[:number]:
+            raise InputError(f"{fits[number].dataset.name}: the same data twice; they would count twice")
     names, said = said_by([fit.solution for fit in fits])
     return Pooled(tuple(fits), names, pool_normal(said, seed))

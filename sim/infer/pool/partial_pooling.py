@@ -18,6 +18,7 @@ from truearc.sim.infer.belief import launcher_of
 from truearc.sim.infer.likelihood.belief_prior import MOVES, own_slope
 from truearc.sim.infer.likelihood.noise import WEAKER
 from truearc.sim.infer.map_fit import MapFit
+from truearc.sim.infer.profile import BEYOND, deviations
 
 GRID = 40                             # sizes of each tau, equally likely a priori
 SWEEPS, BURN = 600, 100               # of Gibbs sampling
@@ -113,12 +114,15 @@ def _own(said: Said, tau: Float[Array, "d k"], mean: Float[Array, "d k"],
 
 
 def said_by(fits: Sequence[MapFit]) -> tuple[tuple[str, ...], Said]:
-    """(names, what each fit's shots say); InputError where the fits are of different terms."""
+    """(names, what each fit's shots say); InputError where the fits are of different terms or have no number."""
     for fit in fits[1:]:
         if set(fit.terms) != set(fits[0].terms):
             raise InputError(f"{fit.dataset.name} is fitted with {', '.join(fit.terms)}, {fits[0].dataset.name} with "
                              f"{', '.join(fits[0].terms)}; pool fits of the same terms")
     names = tuple(dict.fromkeys(name for fit in fits for name in fit.belief.names))
+    if not names:
+        raise InputError(f"{', '.join(fit.dataset.name for fit in fits)}: these terms have no number that is fitted; "
+                         "nothing to pool")
     k = len(names)
     information, onto = np.zeros((len(fits), k, k)), np.zeros((len(fits), k))
     centre, sd = np.zeros(k), np.ones(k)
@@ -127,14 +131,25 @@ def said_by(fits: Sequence[MapFit]) -> tuple[tuple[str, ...], Said]:
         place = [names.index(name) for name in belief.names]
         centre[place], sd[place] = _prior(fit)
         whole = np.linalg.inv(belief.covariance)
-        information[number][np.ix_(place, place)] = _positive(whole - np.diag(sd[place]**-2.0))
-        onto[number, place] = whole @ belief.values() - centre[place] / sd[place]**2
+        alone = _positive(whole - np.diag(sd[place]**-2.0))
+        likeliest = np.linalg.pinv(alone, hermitian=True) @ (whole @ belief.values() - centre[place] / sd[place]**2)
+        wider = _wider(fit)
+        alone /= np.outer(wider, wider)
+        information[number][np.ix_(place, place)], onto[number, place] = alone, alone @ likeliest
     return names, Said(information, onto, centre, sd, sd / WEAKER * (MOVES if one_rig(fits) else 1.0))
 
 
 def one_rig(fits: Sequence[MapFit]) -> bool:
     """Whether ball and wheels of all are the same."""
     return all(launcher_of(fit.dataset.rig) == launcher_of(fits[0].dataset.rig) for fit in fits)
+
+
+def _wider(fit: MapFit) -> Float[Array, " p"]:
+    """How many times as far off as the likelihood says the belief's numbers are, by how tracked shots contradict each
+    other: as the fit's own intervals have it."""
+    known = {one.name: one.column for one in fit.sought}
+    by_model, by_shots = np.array([deviations(fit, known[name]) for name in fit.belief.names]).T
+    return np.where(fit.fitted.intake.filmed & (by_shots > BEYOND * by_model), by_shots / by_model, 1.0)
 
 
 def _prior(fit: MapFit) -> tuple[Float[Array, " p"], Float[Array, " p"]]:

@@ -7,6 +7,7 @@ from scipy.stats import halfnorm, norm
 
 import truearc as ta
 from tests.sim.infer.independent import make_dataset
+from tests.sim.infer.test_misfit import flights
 from truearc.cli.main import main
 from truearc.sim.infer.belief import load_belief
 from truearc.sim.infer.pool.partial_pooling import Said, pool_normal
@@ -125,6 +126,30 @@ def test_what_cannot_be_pooled_is_refused(weeks, capsys):
         ta.pool([])
     assert main(["fit", *weeks, "--posterior", "10", "--quiet"]) == 2
     assert "--posterior: applies to one dataset only" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_same_data_do_not_count_twice(fits):
+    with pytest.raises(ta.InputError, match="d21: the same data twice"):
+        ta.pool([*fits, fits[0]])
+
+
+@pytest.mark.slow
+def test_flights_that_contradict_each_other_do_not_make_pooled_numbers_sure():
+    """Each flight has a drag of its own (0.5 +- 0.1), which the noise alone would know to 0.001."""
+    pooled = ta.pool([ta.fit(flights(seed), ["gravity", "drag"]) for seed in (0, 1)])
+    for _, name, own, low, high, given, pooled_low, pooled_high in pooled.members().rows:
+        if name == "drag.cd":
+            assert low < own < high and pooled_low < given < pooled_high
+            assert pooled_high - pooled_low > 0.4 * (high - low)         # two such members: 0.7 if they are one
+
+
+@pytest.mark.slow
+def test_fits_without_a_number_are_refused():
+    bare = [ta.fit(flights(seed), ["gravity"]) for seed in (0, 1)]
+    assert not bare[0].belief.names
+    with pytest.raises(ta.InputError, match="nothing to pool"):
+        ta.pool(bare)
 
 
 @pytest.mark.slow
