@@ -12,7 +12,7 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
 from truearc.sim.aim.snippets import RPM
 from truearc.sim.aim.solve import chances_of
-from truearc.sim.data.columns import parse_number
+from truearc.sim.data.columns import RANGES, parse_number
 from truearc.sim.data.table import Problems, RawTable, gathered, parse_csv, text_of
 from truearc.sim.data.units import in_read_units
 from truearc.sim.infer.belief import Belief
@@ -22,6 +22,7 @@ from truearc.sim.tables import make_text
 READ = ("distance_m", "hood_deg", "motor_ratio", "motor_rad_s")
 ALIASES = {"hood_angle_deg": "hood_deg", "velocity_rps": "motor_rps"}      # as team 2928's files have them
 SAME = 1e-6                           # m, between distances that are one
+ROUNDED = 1.001                       # of the free speed: a converted unit is not beyond it
 HEADER = ("m", "hood deg, old", "new", "motor rpm, old", "new", "points, old", "new", "gained")
 Rows = Float[np.ndarray, " n"]
 
@@ -89,7 +90,8 @@ def load_set_points(path: str | Path, rig: Rig) -> SetPoints:
         rig: Whose motors' free speed turns speeds into ratios.
 
     Raises:
-        InputError: names file, line and column of what is missing or wrong; the rig has no free speed.
+        InputError: names file, line and column of what is missing, wrong, or beyond what a launcher can do; the rig has
+            no free speed.
     """
     path = Path(path)
     free_rad_s = rig.launcher.free_speed_rad_s
@@ -101,7 +103,8 @@ def load_set_points(path: str | Path, rig: Rig) -> SetPoints:
         ratios = "motor_ratio" in {"_".join(name.lower().split()) for name in raw.columns}
         table = in_read_units(raw, lambda name: name in READ and (ratios or name != "motor_ratio"), problems)
         speed = next((name for name in READ[2:] if name in table.columns), READ[2])
-        columns = {name: _numbers(table, name, problems) for name in (*READ[:2], speed)}
+        most = {**RANGES, "motor_ratio": (0.0, ROUNDED), "motor_rad_s": (0.0, ROUNDED * free_rad_s)}
+        columns = {name: _numbers(table, name, most[name], problems) for name in (*READ[:2], speed)}
         if not problems and len(columns["distance_m"]) == 0:
             problems.add(str(path), "", "has no set point")
     order = np.argsort(columns["distance_m"], kind="stable")
@@ -120,7 +123,7 @@ def _json_table(path: Path) -> RawTable:
     return RawTable(path, columns, list(range(1, len(rows) + 1)))
 
 
-def _numbers(table: RawTable, name: str, problems: Problems) -> Rows:
+def _numbers(table: RawTable, name: str, limits: tuple[float, float], problems: Problems) -> Rows:
     if name not in table.columns:
         problems.add(table.place(-1), name, "is missing")
         return np.zeros(0)
@@ -128,6 +131,9 @@ def _numbers(table: RawTable, name: str, problems: Problems) -> Rows:
     for row, number in enumerate(numbers):
         if number is None or not np.isfinite(number):
             table.fault(problems, row, name, f"{table.columns[name][row]!r} is not a number")
+        elif not limits[0] <= number <= limits[1]:
+            low, high = (table.shown(name, limit) for limit in limits)
+            table.fault(problems, row, name, f"{table.shown(name, number)} is not between {low} and {high}")
     return np.array([np.nan if number is None else number for number in numbers])
 
 
@@ -135,7 +141,8 @@ def compare(old: SetPoints, new: SetPoints, belief: Belief, rig: Rig) -> Compari
     """Compare two tables by a belief: expected points of the rig's balls at each distance of either.
 
     Args:
-        old, new: Tables, as load_set_points reads them.
+        old: Table, as load_set_points reads it.
+        new: Another.
         belief: Coefficients, scatter and covariance, by which points are forecast.
         rig: Launcher, target and sensor noise.
 

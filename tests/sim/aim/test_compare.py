@@ -107,6 +107,9 @@ def test_what_is_worse_is_said_with_where(table: ta.AimTable, belief: Belief, tm
     ("t.csv", "distance_m,hood_deg\n3,40\n", "t.csv:1: motor_ratio: is missing"),
     ("t.csv", "distance_m,hood_deg,motor_rpm\n3,40,3000\n4,high,3100\n", "t.csv:3: hood_deg: 'high' is not a number"),
     ("t.csv", "distance_m,hood_deg,motor_ratio\n", "t.csv: has no set point"),
+    ("t.csv", "distance_ft,hood_deg,motor_ratio\n-2,40,0.5\n", "t.csv:2: distance_ft: -2 is not between 0 and"),
+    ("t.csv", "distance_m,hood_deg,motor_ratio\n2,140,0.5\n", "t.csv:2: hood_deg: 140 is not between 0 and 90"),
+    ("t.csv", "distance_m,hood_deg,motor_rpm\n2,40,9000\n", "t.csv:2: motor_rpm: 9000 is not between 0 and"),
     ("t.csv", "distance_m,hood_deg,motor_ratio\n3,40,0.5\n3,41,0.5\n", "t.csv: a distance stands twice"),
     ("t.json", "{}", "t.json: is not a table of truearc aim"), ("t.json", "[1", "t.json: is not a table of truearc")])
 def test_a_table_that_is_none_is_named(tmp_path: Path, name: str, text: str, said: str) -> None:
