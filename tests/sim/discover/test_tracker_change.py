@@ -6,13 +6,20 @@ import msgspec
 import numpy as np
 import pytest
 
-from truearc.robot.config.rig_spec import Tracker
+from truearc.robot.config.rig_spec import Site, Tracker
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.detect.tracker_change import TrackerChange, compare_trackers, rivals_of
+from truearc.sim.discover.detect.reference_session import ReferenceSession
+from truearc.sim.discover.detect.tracker_change import TrackerChange, can_compare, compare_trackers, rivals_of
+from truearc.sim.discover.investigate import make_search
+from truearc.sim.discover.plan.recommendations import next_steps
+from truearc.sim.discover.report import build_finding
+from truearc.sim.discover.select.name_effects import Step
+from truearc.sim.discover.select.term_ranking import Naming
 from truearc.sim.infer.baseline_fit import BaselineFit, fit_believed
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.likelihood.design_columns import lay_out
 from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc.sim.infer.likelihood.shot_columns import every_column
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
 
@@ -43,6 +50,26 @@ def home() -> BaselineFit:
 
 def test_a_tracker_that_is_the_same_has_no_change(home: BaselineFit) -> None:
     assert compare_trackers(fit(seen(6)), home, 0.05) is None
+
+
+def test_a_tracker_that_was_compared_is_said_to_be_and_without_tracks_none_was(home: BaselineFit) -> None:
+    for dataset, said in ((seen(6), "no change is seen"), (replace(seen(6), tracks=None), "")):
+        later = fit(dataset)
+        search = make_search(dataset, home=ReferenceSession(home, every_column(seen(5))))
+        sentence = build_finding._tracker(later, search)[1]
+        assert can_compare(later, home) == bool(said) and said in sentence and bool(sentence) == bool(said)
+
+
+@pytest.mark.parametrize(("leader", "indoor", "instrument"), [
+    ("track_perspective.per_m", True, "ruler_two_heights"), ("drag.cd", False, "anemometer"), ("drag.cd", True, None)])
+def test_what_has_no_name_is_measured_by_its_nearest_name_or_the_wind_outdoors(home: BaselineFit, leader: str,
+                                                                             indoor: bool, instrument: str) -> None:
+    """The fall of a ball is on film already, and in a hall there is no wind to speak of."""
+    rig = msgspec.structs.replace(home.intake.rig, site=Site(indoor=indoor))
+    fitted, nobody = replace(home, intake=replace(home.intake, rig=rig)), np.zeros(0)
+    step = Step(Naming((), {}, {}, {}, (leader,), ()), None, nobody, nobody, nobody, None, True, (), fitted)
+    found = [one["instrument"] for one in next_steps(seen(5), step, None) if "instrument" in one]
+    assert found == ([instrument] if instrument else [])
 
 
 @pytest.mark.parametrize(("changed", "name", "size"), [
