@@ -217,8 +217,8 @@ def make_table(lines: Sequence[Line]) -> str:
                   *_share([one["name"] in one["set"] for one in asked if one["found"] and one["set"]]))]
     cost = {part: 1e3 * sum(line["clock"].get(part, 0.0) for line in lines) / shots
             for part in ("make", "fly", "rest", "discover")}
-    told = ", ".join(f"{part} {value:.3f}" for part, value in cost.items() if value)
-    return "\n".join([f"{len(worlds)} worlds, {shots} shots; processor time in ms a shot: {told}",
+    costs = ", ".join(f"{part} {value:.3f}" for part, value in cost.items() if value)
+    return "\n".join([f"{len(worlds)} worlds, {shots} shots; processor time in ms a shot: {costs}",
                       *make_text(("", "share", "of"), rows, right=(1, 2))])
 
 
