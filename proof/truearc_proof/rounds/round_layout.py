@@ -5,6 +5,7 @@
     ROUND/ledger.jsonl            every step of every world, chained (truearc_proof.rounds.ledger)
     ROUND/data/w0001/             a dataset, given away
     ROUND/data/home/              MuJoCo's robot before anything was changed, where there are such worlds
+    ROUND/home.json               what its session leaves to be believed, worked out once for all claims
     ROUND/claims/w0001.json       what the solver says of it, and what more it asks for
     ROUND/more/w0001/             those shots, or measured.json, given away
     ROUND/again/w0001.json        what the solver says once it has them
@@ -52,6 +53,10 @@ class Room(NamedTuple):
     @property
     def figures(self) -> Path:
         return self.root / "figures.json"
+
+    @property
+    def home(self) -> Path:
+        return self.root / "home.json"
 
     @property
     def half(self) -> Path:

@@ -26,7 +26,7 @@ import truearc.sim
 import truearc_proof
 from truearc.sim.data.dataset import join_datasets
 from truearc.sim.discover.adopt import make_belief
-from truearc.sim.infer.belief import as_table
+from truearc.sim.infer.belief import as_table, from_table
 from truearc.sim.infer.plausibility.check import CHECKS
 from truearc.sim.physics.catalogue import BUILT_IN
 from truearc.sim.progress import Progress
@@ -74,6 +74,9 @@ def _solve_sealed(room: Room, progress: Progress, workers: int | None, scheduler
         raise ta.InputError(f"--rivals: {room.root / 'data'}: no world has tracks, and others are put to tracks alone")
     first = [name for name in names if CLAIMED not in steps[name]]
     again = [name for name in names if ANSWERED in steps[name] and CLAIMED_AGAIN not in steps[name]]
+    if first + again and room.data(HOME).is_dir():
+        progress(0.0, "the unmodified robot's session is discovered in")
+        _keep_home(room)
     for todo, work, step, path in ((first, partial(solve, room.root.resolve(), rivals), CLAIMED, room.claims),
                                    (again, partial(solve_again, room.root.resolve()), CLAIMED_AGAIN, room.again)):
         fan_out(work, todo, scheduler, partial(_tell, progress, f"worlds are discovered in ({step})"), workers,
@@ -141,7 +144,7 @@ def _discover(room: Room, world: str, more: ta.Dataset | None,
     whole = dataset if more is None else join_datasets(dataset, more)
     if dataset.rig.believe.terms:
         return _ask(whole, measured=measured), whole
-    home, belief = at_home(room.data(HOME))
+    home, belief = at_home(room)
     return _ask(whole, measured=measured, belief=belief, since=home), whole
 
 
@@ -177,13 +180,33 @@ def _write(path: Path, claims: dict[str, Any]) -> None:
     os.replace(half, path)
 
 
+def _keep_home(room: Room) -> None:
+    """Once a round, not once a worker: what the unmodified robot's session leaves to be believed takes minutes."""
+    if _kept_home(room) is None:
+        _write(room.home, {**_home_of(room), "belief": as_table(_believed_at_home(room))})
+
+
+def _kept_home(room: Room) -> ta.Belief | None:
+    """Return the belief in the round, None if another solver kept it or the data differ."""
+    kept = msgspec.json.decode(room.home.read_bytes()) if room.home.exists() else {}
+    return from_table(kept["belief"], str(room.home)) if _home_of(room).items() <= kept.items() else None
+
+
+def _home_of(room: Room) -> dict[str, Any]:
+    return {"solver": solver_id(), "data": hash_files(room.data(HOME))}
+
+
+def _believed_at_home(room: Room) -> ta.Belief:
+    return make_belief(_ask(ta.load_dataset(room.data(HOME)), believe=AT_HOME).investigation)[0]
+
+
 @cache
-def at_home(directory: Path) -> tuple[ta.Dataset, ta.Belief]:
+def at_home(room: Room) -> tuple[ta.Dataset, ta.Belief]:
     """The unmodified robot's session, and what it leaves to be believed."""
+    directory = room.data(HOME)
     if not directory.is_dir():
         raise ta.InputError(f"{directory}: is missing: these worlds are to be compared with it")
-    home = ta.load_dataset(directory)
-    return home, make_belief(_ask(home, believe=AT_HOME).investigation)[0]
+    return ta.load_dataset(directory), _kept_home(room) or _believed_at_home(room)
 
 
 @cache
