@@ -49,8 +49,7 @@ def scatter_of(evidence: ScoreTable) -> dict[str, float]:
 
 def covariance_of(evidence: ScoreTable, among: Catalogue) -> tuple[tuple[str, ...], Float[np.ndarray, "p p"]]:
     """(names, covariance on their scales); a number that does not fit on its scale counts as exact."""
-    information = evidence.information + evidence.precision
-    whole = np.linalg.pinv(information, hermitian=True)
+    whole = evidence.covariance
     columns = believed_columns(evidence, among)
     names = {k: believed_name(evidence.columns[k].name) for k in columns}
     kept = [k for k in columns if evidence.columns[k].name in SCATTERS

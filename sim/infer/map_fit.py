@@ -67,7 +67,7 @@ class MapFit:
     @cached_property
     def covariance(self) -> Float[np.ndarray, "p p"]:
         """Of these, in units of their priors' standard deviations: the inverse of prior and expected information."""
-        whole = np.linalg.pinv(self.evidence.information + self.evidence.precision, hermitian=True)
+        whole = self.evidence.covariance
         columns = [one.column for one in self.sought]
         sd = np.array([one.sd for one in self.sought])
         return np.asarray(whole[np.ix_(columns, columns)] / np.outer(sd, sd))

@@ -47,7 +47,7 @@ class Posterior:
 def sample(fit: MapFit, count: int, seed: int, progress: Progress = lambda done, note: None) -> Posterior:
     """Return `count` draws; the same seed gives the same ones."""
     evidence, rng = fit.evidence, np.random.default_rng(seed)
-    covariance = np.linalg.pinv(evidence.information + evidence.precision, hermitian=True)
+    covariance = evidence.covariance
     proposal = multivariate_t(np.zeros(len(covariance)), covariance, FREEDOM, allow_singular=True, seed=rng)
     proposed = max(PROPOSED * count, LEAST)
     changes = np.atleast_2d(proposal.rvs(proposed)).reshape(proposed, -1)

@@ -68,8 +68,7 @@ class _Profile:
         self.fit, self.one = fit, one
         self.free: Bool[np.ndarray, " P"] = np.arange(len(fit.evidence.columns)) != one.column
         self.train = np.full(len(fit.evidence.rows), True)
-        inner = fit.evidence.information + fit.evidence.precision
-        covariance = np.linalg.pinv(inner, hermitian=True)
+        covariance = fit.evidence.covariance
         self.se = float(np.sqrt(covariance[one.column, one.column]))
         self.ridge = covariance[:, one.column] / covariance[one.column, one.column]
         point = float(fit.evidence.point[one.column])
@@ -159,7 +158,7 @@ def profile_interval(fit: MapFit, name: str) -> ProfileInterval:
 def deviations(fit: MapFit, column: int) -> tuple[float, float]:
     """Standard deviations of a column: by the information, and by how scores differ between shots, or between balls."""
     evidence = fit.evidence
-    covariance = np.linalg.pinv(evidence.information + evidence.precision, hermitian=True)
+    covariance = evidence.covariance
     together = fit.fitted.together
     score = np.zeros((together.max() + 1, len(evidence.columns)))
     np.add.at(score, together, evidence.score)

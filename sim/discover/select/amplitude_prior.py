@@ -60,7 +60,7 @@ def own_size(fitted: BaselineFit, found: Refit, number: int) -> float:
     """The size of a normal prior by which the likeliest amplitude of one name is the mean by its own prior."""
     name, amplitude, evidence = found.names[number], float(found.amplitude[number]), found.evidence
     usual = fitted.evidence.columns[fitted.evidence.index(name)].usual
-    information = 1.0 / np.linalg.pinv(evidence.information + evidence.precision, hermitian=True)[number, number]
+    information = 1.0 / evidence.covariance[number, number]
     known = information - usual**-2.0
     if known <= 0.0 or amplitude == 0.0 or name in fitted.layout.measured:
         return usual

@@ -29,6 +29,7 @@ from truearc.sim.infer.likelihood.noise import LAPSE
 from truearc.sim.infer.likelihood.outcome_likelihood import OutcomeObservations
 from truearc.sim.infer.likelihood.prepared_data import Intake
 from truearc.sim.infer.likelihood.score_table import PlaneScores, ScoreTable
+from truearc.sim.matrices import invert
 from truearc.sim.metrics import POINTS_THREE, POINTS_TWO
 
 THRESHOLD = 0.3                       # of P(three), as launcher.toml ships it
@@ -112,7 +113,7 @@ def _doubt(model: JudgedFit, plane: PlaneScores, known: Float[np.ndarray, "P P"]
     place = evidence.deal.place[plane.rows]
     group = np.array([column.kind == "group" for column in evidence.columns])
     by = np.where(group[place], 0.0, plane.by_column)
-    covariance = np.linalg.pinv(evidence.precision + known, hermitian=True)
+    covariance = invert(evidence.precision + known)
     own = covariance[place[:, :, None], place[:, None, :]]
     return np.asarray(np.maximum(np.einsum("mi,mij,mj->m", by, own, by), 0.0))
 

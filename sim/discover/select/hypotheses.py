@@ -14,6 +14,7 @@ from scipy.linalg import block_diag
 
 from truearc.sim.infer.held_out import fit_linear
 from truearc.sim.infer.likelihood.score_table import Array, PlaneScores, ScoreTable
+from truearc.sim.matrices import invert
 
 KNOTS = 8
 LENGTHS = (0.15, 0.4, 1.0)            # of a Gaussian process, as shares of its covariate's range
@@ -67,7 +68,7 @@ def log_evidence(table: ScoreTable) -> tuple[float, Float[Array, " P"], Float[Ar
     value = table.gain(change).sum() + table.pull @ top - 0.5 * top @ table.precision @ top
     info = table.deal.total(table.slopes_at(change)[1]) + table.precision
     volume = np.linalg.slogdet(table.precision)[1] - np.linalg.slogdet(info)[1]
-    sd = np.sqrt(np.maximum(np.diag(np.linalg.pinv(info, hermitian=True)), 0.0))
+    sd = np.sqrt(np.maximum(np.diag(invert(info)), 0.0))
     return float(value + 0.5 * volume), top, sd
 
 
@@ -129,7 +130,7 @@ class Projector:
     def __init__(self, evidence: ScoreTable) -> None:
         self._evidence = evidence
         shared = evidence.shared
-        self._inner = np.linalg.pinv(evidence.information[shared, shared] + evidence.precision, hermitian=True)
+        self._inner = invert(evidence.information[shared, shared] + evidence.precision)
         self._score = evidence.score[:, shared].sum(0) + evidence.pull
 
     def of(self, column: int, shapes: Float[Array, "n q"]) -> Projected:

@@ -144,8 +144,7 @@ def refit_at(fitted: BaselineFit, names: tuple[str, ...], start: Float[Array, " 
         tops.append(top_from(fitted.intake, layout, middle) if fitted.intake.filmed else
                     climb(fitted.intake, layout, moved(layout, middle, change)))
     spot, evidence = max(tops, key=lambda top: objective(top[1], layout))
-    info = evidence.information + evidence.precision
-    covariance = np.linalg.pinv(info)
+    covariance = evidence.covariance
     # what the shots themselves scatter by, where the model is too sure of itself
     scattered = covariance @ (evidence.score.T @ evidence.score) @ covariance
     sd = np.sqrt(np.maximum(np.diag(covariance), np.diag(scattered)))

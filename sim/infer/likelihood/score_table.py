@@ -18,6 +18,7 @@ from jaxtyping import Bool, Float, Int
 
 from truearc.sim.infer.likelihood import outcome_likelihood as outcomes
 from truearc.sim.infer.likelihood.outcome_likelihood import OutcomeObservations
+from truearc.sim.matrices import invert
 
 Array = np.ndarray
 Seen = tuple[OutcomeObservations, Float[Array, " m"], Float[Array, " m"]]       # with mean and spread of the heights
@@ -177,6 +178,11 @@ class ScoreTable:
     def information(self) -> Float[Array, "P P"]:
         """What all shots say together [P, P], without the prior."""
         return self.deal.total(self.info)
+
+    @cached_property
+    def covariance(self) -> Float[Array, "P P"]:
+        """Of all columns, where all are shared: the inverse of information and prior."""
+        return invert(self.information + self.precision)
 
     def index(self, name: str) -> int:
         return next(k for k, column in enumerate(self.columns) if column.name == name)
