@@ -87,6 +87,7 @@ Every key and unit of the files that users write or read. Made from the code by 
 | codes of reasons in recordings | [reasons](../reasons.md) |
 | CAN frames, button box | [buses](../buses.md), [button-box](../button-box.md) |
 | set points of `truearc aim` as CSV or JSON | [aim](../aim.md#options) |
+| `shots.toml`: which keys of a log say what | [importing](../importing.md#map) |
 | plan of shots for `emulate --plan` and `run --plan` | [discover](../discover.md) |
 
 A key's ending is its unit: `_m` metres, `_deg` degrees, `_s` seconds, `_rad_s` rad/s, `_nm` Nm, `_px` pixels.

@@ -18,6 +18,7 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError, load_config
 from truearc.sim.aim.compare import Comparison, SetPoints, compare, load_set_points
 from truearc.sim.data.dataset import Dataset, dataset, load_dataset, load_rig, save_dataset
+from truearc.sim.data.importers.any_team import import_shots
 from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.infer.belief import Belief, load_belief
 from truearc.sim.physics.catalogue import catalogue
@@ -37,8 +38,9 @@ __all__ = [
     "Following", "GateTraining", "Identifiability", "InputError", "LaunchTerm", "Parameter", "Pooled", "Prior",
     "Recording", "Rig", "SensingTerm", "SetPoints", "ShotDesign", "Table", "WatchTerm", "aim", "catalogue", "compare",
     "dataset", "design_shots", "discover", "emulate", "export_aim", "export_weights", "fit", "follow",
-    "identifiability", "load_belief", "load_config", "load_dataset", "load_finding", "load_rig", "load_set_points",
-    "paper", "pool", "predict", "save_dataset", "shots_from_sessions", "train_gate", "verify_aim", "verify_gate",
+    "identifiability", "import_shots", "load_belief", "load_config", "load_dataset", "load_finding", "load_rig",
+    "load_set_points", "paper", "pool", "predict", "save_dataset", "shots_from_sessions", "train_gate", "verify_aim",
+    "verify_gate",
 ]
 
 __version__: str

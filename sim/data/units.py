@@ -80,7 +80,7 @@ def in_read_units(table: RawTable, is_read: Callable[[str], bool], problems: Pro
             problems.add(table.place(-1), name, "names no wheel of the rig: wheel_<name>_rpm, or wheel_<name>_rad_s, "
                          "with the name of a [[launcher.wheel]] of rig.toml")
         elif meant:
-            unit = _unit_of(meant)
+            unit = unit_of(meant)
             others = ", ".join(meant.removesuffix(unit) + suffix for suffix in CONVERTED.get(unit, {}))
             problems.add(table.place(-1), name, f"is not a column that is read; did you mean {meant!r}?"
                          + (f" Of another unit: {others}" if others else ""))
@@ -98,12 +98,12 @@ def _read_as(name: str, is_read: Callable[[str], bool]) -> tuple[str, float, flo
     for unit, others in CONVERTED.items():
         for suffix, factor in others.items():
             read = plain.removesuffix(suffix) + unit
-            if plain.endswith("_" + suffix) and is_read(read) and _unit_of(read) == unit:
+            if plain.endswith("_" + suffix) and is_read(read) and unit_of(read) == unit:
                 return read, factor, ZERO.get(suffix, 0.0)
     return name, 1.0, 0.0
 
 
-def _unit_of(name: str) -> str:
+def unit_of(name: str) -> str:
     """The unit in which a column is read, "" where there is none of another: of exit_speed_m_s not the s, but m_s."""
     return max((unit for unit in CONVERTED if name.endswith("_" + unit)), key=len, default="")
 
@@ -125,7 +125,7 @@ def _meant(name: str, is_read: Callable[[str], bool], there: set[str]) -> str | 
     plain = "_".join(name.lower().split())
     if plain in MEANT and is_read("shot_id") and _read_as(meant := MEANT[plain], is_read)[0] not in there:
         return meant
-    plain = plain.removesuffix(_unit_of(plain)).rstrip("_") if plain.startswith("wheel_") else plain
+    plain = plain.removesuffix(unit_of(plain)).rstrip("_") if plain.startswith("wheel_") else plain
     without_unit = [f"{plain}_{unit}" for unit in CONVERTED if is_read(f"{plain}_{unit}")]
     like = difflib.get_close_matches(plain, [*RANGES, *WORDS, *OTHERS], 1, NEAR)
     return next((one for one in [*without_unit, *like] if is_read(one) and one not in there), None)

@@ -126,8 +126,6 @@ sys.exit(main({words!r}))
 
 
 @pytest.mark.parametrize(("words", "said"), [
-    (["import", "--help"], "no importer is installed; the repository's proof/ has some: "),
-    (["import", "mpi", "a.csv", "-o", "d"], "no importer is installed; the repository's proof/ has some: "),
     (["prove", "--worlds", "1"], "is part of the repository's proof/: "),
     (["reproduce"], "is part of the repository's proof/: "),
 ], ids=" ".join)
@@ -137,6 +135,13 @@ def test_what_proof_adds_is_refused_with_what_to_install(words: list[str], said:
     assert (done.returncode, done.stderr) == (2, f"truearc {words[0]}: {said}{install}\n")
     listed = subprocess.run([sys.executable, "-c", ALONE.format(words=["--help"])], capture_output=True, text=True)
     assert f"  {words[0]} " not in listed.stdout and "  discover " in listed.stdout
+
+
+def test_alone_it_imports_any_teams_logs_and_says_where_other_importers_are() -> None:
+    shown, refused = (subprocess.run([sys.executable, "-c", ALONE.format(words=["import", *words])],
+                                     capture_output=True, text=True) for words in (["--help"], ["mpi", "a", "-o", "d"]))
+    assert shown.returncode == 0 and "{csv,wpilog}" in shown.stdout and "pip install ./proof" in shown.stdout
+    assert refused.returncode == 2 and "give one of: csv, wpilog" in refused.stderr
 
 
 @pytest.mark.parametrize("words", [[], ["xyzzy"]])

@@ -46,7 +46,7 @@ QUICK = {
     "power": "--level L0 --worlds 1 --shots 60 --seed 3 --processes 1 --out worlds.jsonl",
     "real_tables": "DATA/real/frc_shot_tables.csv DATA/real/frc3476_tuning_history.csv "
                    "DATA/real/frc6328_event_corrections.csv --team 254",
-    "rivals": "DATA/real --only falls --steps 300 --left 1",
+    "rivals": "DATA/real --only falls --steps 40 --left 1",
     "scale": "--level L0 --worlds 3 --shots 40 --seed 3 --processes 1 --out worlds.jsonl",
     "season_agreement": "--trials 6",
     "soak": "--minutes 0.1",

@@ -15,7 +15,7 @@ from pathlib import Path
 from truearc.robot.config.schema import InputError
 from truearc.robot.config.whole_file import check_file
 
-DATASET = ("rig.toml", "shots.csv", "tracks.csv", "traces.csv", "left_out.txt")
+DATASET = ("rig.toml", "shots.csv", "tracks.csv", "times.csv", "traces.csv", "left_out.txt", "shots.toml")
 WEIGHTS = ("weights.npz", "physics.json", "training.json")
 ADVICE = "name another, or replace it with --force"
 

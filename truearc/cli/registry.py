@@ -7,8 +7,6 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import NamedTuple
 
-from truearc.sim.data.importers.registry import GROUP as IMPORTERS
-
 ENTRY_POINTS = "truearc.commands"
 OTHER_GROUP = "other"                 # of a command from another distribution that names no group
 
@@ -39,14 +37,13 @@ NAMES = {command.name: command for command in COMMANDS}
 PROOF = "truearc-proof"               # the distribution in the repository's proof/
 PROOF_INSTALL = "pip install ./proof (in a checkout of the repository)"
 # what to say of a command that is not installed
-ABSENT = {"import": f"no importer is installed; the repository's proof/ has some: {PROOF_INSTALL}",
-          **dict.fromkeys(("prove", "reproduce"), f"is part of the repository's proof/: {PROOF_INSTALL}")}
+ABSENT = dict.fromkeys(("prove", "reproduce"), f"is part of the repository's proof/: {PROOF_INSTALL}")
 
 
 def find_command(argv: list[str]) -> Command | None:
     """Return the command that `argv` begins with, of two words before of one; None where it begins with none."""
     words = [" ".join(argv[:2]), *argv[:1]]
-    own = next((NAMES[word] for word in words if word in NAMES and is_installed(NAMES[word])), None)
+    own = next((NAMES[word] for word in words if word in NAMES), None)
     if own is not None or not argv or argv[0].startswith("-"):
         return own
     return next((command for word in words for command in load_plugins() if command.name == word), None)
@@ -71,11 +68,6 @@ def load_plugins() -> tuple[Command, ...]:
     return tuple(plugins)
 
 
-def is_installed(command: Command) -> bool:
-    """Return False for `import` where no distribution brings an importer."""
-    return command.name != "import" or bool(entry_points(group=IMPORTERS))
-
-
 def install_hint(command: Command) -> str:
     """Return how to install what a command needs."""
     if command.distribution == PROOF:
@@ -85,4 +77,4 @@ def install_hint(command: Command) -> str:
 
 def list_commands() -> tuple[Command, ...]:
     """Return every command that is installed: truearc's own, then those of other distributions."""
-    return (*filter(is_installed, COMMANDS), *load_plugins())
+    return (*COMMANDS, *load_plugins())

@@ -13,7 +13,7 @@ from truearc.robot.config.schema import InputError
 if TYPE_CHECKING:
     from truearc.sim.data.dataset import Dataset
 
-GROUP = "truearc.importers"
+GROUP = "truearc.importers"           # of particular data sets; wpilog and csv are here
 KINDS = {".csv": (".csv", ".parquet")} # of a name in `ways`: what a file may end in, where it is not just that
 
 
@@ -21,7 +21,7 @@ KINDS = {".csv": (".csv", ".parquet")} # of a name in `ways`: what a file may en
 class Importer:
     name: str
     ways: tuple[str, ...]             # files in order; `...`: the one before it, any number of times; `/`: a folder
-    load: "Callable[..., Dataset]"
+    load: "Callable[..., Dataset] | None"             # None: of any team's files, under a map of their keys
 
     def takes(self, files: Sequence[str]) -> bool:
         """Whether these are the files of one of its ways, by number and kind."""
@@ -41,6 +41,9 @@ def _is_kind(name: str, file: str) -> bool:
     return Path(file).suffix.lower() in KINDS.get(suffix, (suffix,))
 
 
+ANY_TEAM = (Importer("csv", ("FILE.csv ...", "FILE.txt ..."), None), Importer("wpilog", ("LOG.wpilog ...",), None))
+
+
 @cache
 def load_importers() -> tuple[Importer, ...]:
     """Return every installed importer, sorted by name.
@@ -50,7 +53,8 @@ def load_importers() -> tuple[Importer, ...]:
     Raises:
         InputError: an entry point cannot be loaded, or is not an `Importer`; the message names its distribution.
     """
-    return tuple(_load(point) for point in sorted(entry_points(group=GROUP), key=lambda point: point.name))
+    installed = [_load(point) for point in entry_points(group=GROUP)]
+    return tuple(sorted((*ANY_TEAM, *installed), key=lambda importer: importer.name))
 
 
 def _load(point: EntryPoint) -> Importer:

@@ -1,25 +1,36 @@
-"""Turn recordings that others made into a dataset directory (docs/importing.md)."""
+"""Turn the logs, tables and recordings of others into a dataset directory (docs/importing.md)."""
 
 import argparse
+from pathlib import Path
 
 import truearc as ta
 from truearc.cli.outputs import DATASET, OutFolder
 from truearc.sim.data.importers.registry import load_importers
 
-EXAMPLE = "truearc import mpi mn5008_backspin.hdf5 mn5008_no_spin.hdf5 -o mpi"
+EXAMPLE = "truearc import wpilog monday.wpilog --guess --rig rig.toml -o data/monday"
 PROGRESS = False
+MAP = "shots.toml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     importers = load_importers()
     known = "; ".join(f"{importer.name}: {', or '.join(importer.ways)}" for importer in importers)
-    parser.add_argument("source", choices=[importer.name for importer in importers], help="whose recordings")
+    parser.add_argument("source", choices=[importer.name for importer in importers],
+                        help="wpilog or csv: any team's; others: whose recordings (more come with pip install "
+                        "./proof in a checkout)")
     parser.add_argument("files", nargs="+", metavar="FILE", help=f"the public originals, or tables of them: {known}")
     parser.add_argument("-o", "--out", type=OutFolder(DATASET), required=True, metavar="DIR",
                         help="dataset directory to write")
     parser.add_argument("--only", metavar="COLUMN=TEXT,...", help="of the dataset's shots those with one of these "
                         "texts in the column (ball_quality=new), to compare parts with each other")
+    how = parser.add_mutually_exclusive_group()
+    how.add_argument("--map", metavar="MAP", help="wpilog, csv: which keys say what: a shots.toml, or one that comes "
+                     "with truearc: advantagekit, wpilib, viking-2928, ftc-csv, tracker, kinovea")
+    how.add_argument("--guess", action="store_true", help="propose that map from the first log's entry names, write it "
+                     f"to DIR/{MAP}, and import by it")
+    parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="wpilog, csv: ball, wheels and target (truearc "
+                        "init DIR makes one to fill in)")
 
 
 def main(args: argparse.Namespace) -> int:
@@ -28,10 +39,18 @@ def main(args: argparse.Namespace) -> int:
     importer = next(importer for importer in load_importers() if importer.name == args.source)
     if not importer.takes(args.files):
         raise ta.InputError(f"{args.source} takes {', or '.join(importer.ways)}; not {' '.join(args.files)}")
-    dataset = importer.load(*args.files)
+    shot_map = ""
+    if importer.load is None:
+        dataset, shot_map = _by_map(args)
+    elif args.map or args.guess or args.rig:
+        raise ta.InputError(f"--map, --guess and --rig are for wpilog and csv; {args.source} knows its files' form")
+    else:
+        dataset = importer.load(*args.files)
     if args.only is not None:
         dataset = only(dataset, args.only)
     ta.save_dataset(args.out, dataset)
+    if shot_map:
+        (args.out / MAP).write_text(shot_map, encoding="utf-8")
     kind, table = ("times", dataset.times) if dataset.times is not None else ("track samples", dataset.tracks)
     print(f"{args.out}: {len(dataset.shots)} shots, {0 if table is None else len(table.t_s)} {kind}")
     for line in dataset.left_out:
@@ -39,3 +58,20 @@ def main(args: argparse.Namespace) -> int:
     for line in doubts_of(dataset):
         print(f"warning: {line}")
     return 0
+
+
+def _by_map(args: argparse.Namespace) -> tuple[ta.Dataset, str]:
+    """(the dataset, the map's text where it was guessed)."""
+    from truearc.sim.data.importers.any_team import guess
+    if not args.rig:
+        raise ta.InputError(f"{args.source}: --rig RIG.toml is needed: a log does not say what ball, wheels and target "
+                            "there are; `truearc init DIR` makes one to fill in")
+    if args.map:
+        return ta.import_shots(args.files, rig=args.rig, shot_map=args.map, name=args.out.name), ""
+    if not args.guess:
+        raise ta.InputError(f"{args.source}: --map MAP is needed, or --guess, which proposes one")
+    guessed = guess(args.files[0], ta.load_rig(args.rig))
+    print("guessed from the names, units and numbers of the log; make sure of it:")
+    for line in guessed.lines:
+        print(f"  {line}")
+    return ta.import_shots(args.files, rig=args.rig, shot_map=guessed.map, name=args.out.name), guessed.to_toml()

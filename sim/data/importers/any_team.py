@@ -1,0 +1,44 @@
+"""Importers of any team's logs and tables, under a map of their keys."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from msgspec import structs
+
+from truearc.robot.config.rig_spec import Rig
+from truearc.sim.data.importers.guess_map import Guess, guess_map
+from truearc.sim.data.importers.logged_shots import read_log, shots_from_logs
+from truearc.sim.data.importers.mapped_tables import shots_from_tables
+from truearc.sim.data.importers.shot_map import SCHEMA, ShotMap, load_map
+from truearc.sim.data.model import Dataset
+from truearc.sim.data.rig import load_rig, states_three
+
+
+def import_shots(files: Sequence[str | Path], *, rig: Rig | str | Path, shot_map: str | Path | ShotMap | None = None,
+                 name: str = "imported") -> Dataset:
+    """Return the shots of robot logs (WPILOG, CSV) or of tables as a dataset; what was left out is in `left_out`.
+
+    Args:
+        files: Logs, a session each, or tables.
+        rig: Ball, wheels and target, or the path of a rig.toml.
+        shot_map: Path of a shots.toml, or the name of a map that comes with truearc (docs/importing.md); None: guessed
+            from the first log's entry names, units and numbers.
+        name: Of the dataset.
+
+    Raises:
+        InputError: names file, line and key of what cannot be read, or of what the map wants and is not there; there is
+            no shot.
+    """
+    facts = rig if isinstance(rig, Rig) else load_rig(rig)
+    found = guess(files[0], facts).map if shot_map is None else (
+        shot_map if isinstance(shot_map, ShotMap) else load_map(shot_map))
+    if facts.target and not states_three(rig) and "hit" in (*found.outcome.values.values(),
+                                                           *found.outcome.buttons.values()):
+        facts = structs.replace(facts, target=structs.replace(facts.target, three_half_height_m=0.0))
+    paths = [Path(file) for file in files]
+    return (shots_from_logs if found.rows == "time" else shots_from_tables)(paths, found, facts, name)
+
+
+def guess(file: str | Path, rig: Rig) -> Guess:
+    """Propose a map for a log; InputError where nothing looks like a speed, a distance or a hood."""
+    return guess_map(read_log(Path(file), ShotMap(SCHEMA)), rig, str(file))

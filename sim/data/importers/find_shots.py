@@ -1,0 +1,120 @@
+"""Shots in a log: the dips of a wheel's speed as balls pass, checked against the feeder where its signal is there."""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from truearc.sim.data.importers.series import Series
+from truearc.sim.data.model import Floats
+
+FALL_S = 0.15                         # a ball slows the wheels within this
+RECOVER_S = 1.0                       # and they are faster again within this, where no set point says that they fell
+STEEP = 0.05                          # share of its greatest step that a fall has where it has begun
+REGAINED = 0.5                        # share of the dip after which the next one may begin
+STANDS = 0.15                         # share of its greatest speed below which a wheel is not at work
+AFTER_FEED_S = 1.0                    # a ball reaches the wheels so long after the feeder starts
+LATE_S = 0.25                         # and passes so long after the feeder stops
+NOISE = 6.0                           # standard deviations: a smaller fall is noise
+
+
+@dataclass(frozen=True)
+class FoundShots:
+    """t_s [n]: just before each ball touches the wheels, or where the feeder starts; what else was seen."""
+
+    t_s: Floats
+    odd: tuple[str, ...]
+
+
+def find_shots(wheel: Series, set_point: Series | None, feed: Series | None, feed_above: float,
+               least_dip: float) -> FoundShots:
+    """Return the shots of one log. Without a signal of the feeder every dip is one; with one, every dip while it feeds;
+    feeding without a dip, and a dip without feeding, are listed as odd."""
+    dips = find_dips(wheel, set_point, least_dip)
+    if feed is None:
+        return FoundShots(dips, ())
+    starts, ends = _runs(feed, feed_above)
+    odd, times = [], list[float]()
+    taken = np.zeros(len(dips), dtype=bool)
+    for start, end in zip(starts, ends, strict=True):
+        mine = ~taken & (dips >= start) & (dips <= max(end + LATE_S, start + AFTER_FEED_S))
+        taken |= mine
+        if not mine.any():
+            odd.append(f"t = {start:.2f} s: fed, but the wheels do not slow down: no ball?")
+        # the first ball of a run passes after the feeder has started; of what it was before, nothing has changed yet
+        times += [start, *dips[mine][1:]] if mine.any() else []
+    odd += [f"t = {t_s:.2f} s: the wheels slow down as by a ball, but nothing is fed" for t_s in dips[~taken]]
+    return FoundShots(np.array(sorted(times)), tuple(odd))
+
+
+def _runs(feed: Series, above: float) -> tuple[Floats, Floats]:
+    """(starts, ends) of the times at which a signal is above a value."""
+    on = np.concatenate([[False], np.asarray(feed.values, dtype=float) > above])
+    starts = np.flatnonzero(on[1:] & ~on[:-1])
+    ends = np.flatnonzero(~on[1:] & on[:-1])
+    last = feed.t_s[-1] if len(feed.t_s) else 0.0
+    return feed.t_s[starts], np.concatenate([feed.t_s[ends], np.full(len(starts) - len(ends), last)])
+
+
+def find_dips(wheel: Series, set_point: Series | None, least_dip: float) -> Floats:
+    """Times [n] of the last sample before each dip: a fast fall of the speed, below what is wanted of it where there
+    is a set point, and with a rise after it where there is none."""
+    t_s, speed = wheel.t_s, np.abs(np.asarray(wheel.values, dtype=float))
+    if len(t_s) < 3:
+        return np.zeros(0)
+    wanted = np.full(len(t_s), np.inf) if set_point is None else np.abs(_at(set_point, t_s))
+    noise, works = NOISE * _noise(speed), STANDS * speed.max()
+    found, highs, low, top = list[float](), deque[int](), -1, 0.0
+    for k in range(len(speed)):
+        if low >= 0:                  # in a dip
+            low = k if speed[k] < speed[low] else low
+            if speed[k] - speed[low] < REGAINED * (top - speed[low]) and t_s[k] - t_s[low] < RECOVER_S:
+                continue
+            low = -1
+            highs.clear()
+        _keep_highest(highs, t_s, speed, k)
+        high = highs[0]
+        top = min(speed[high], wanted[k])
+        if top - speed[k] > max(noise, least_dip * speed[high]) and speed[high] > works:
+            low = k
+            if set_point is not None or _rises(t_s, speed, high, k):
+                found.append(float(t_s[_brink(speed, high, k, noise)]))
+    return np.array(found)
+
+
+def _keep_highest(highs: deque[int], t_s: Floats, speed: Floats, k: int) -> None:
+    """Add a sample to the places of a sliding maximum over FALL_S, the highest first."""
+    while highs and t_s[highs[0]] < t_s[k] - FALL_S:
+        highs.popleft()
+    while highs and speed[highs[-1]] <= speed[k]:
+        highs.pop()
+    highs.append(k)
+
+
+def _brink(speed: Floats, high: int, k: int, noise: float) -> int:
+    """The last sample before the steep part of the fall from high to k."""
+    steps = -np.diff(speed[high:k + 1])
+    steep = int(np.argmax(steps))
+    while steep > 0 and steps[steep - 1] > max(STEEP * steps.max(), noise / NOISE):
+        steep -= 1
+    return high + steep
+
+
+def _rises(t_s: Floats, speed: Floats, high: int, k: int) -> bool:
+    """Whether the speed comes back soon after a fall: it was not let go."""
+    after = speed[k:int(np.searchsorted(t_s, t_s[k] + RECOVER_S))]
+    lowest = np.minimum.accumulate(after)
+    return bool((after - lowest > REGAINED * (speed[high] - lowest)).any())
+
+
+def _noise(speed: Floats) -> float:
+    """Standard deviation of what differs between neighbours, robustly: most samples have no ball near."""
+    steps = np.diff(speed[speed > STANDS * speed.max()])
+    steps = steps[steps != 0.0]
+    return 0.0 if len(steps) < 3 else float(1.4826 * np.median(np.abs(steps)) / np.sqrt(2.0))
+
+
+def _at(series: Series, t_s: Floats) -> Floats:
+    """The newest value at each time, 0 where there is none yet."""
+    place = np.searchsorted(series.t_s, t_s, side="right") - 1
+    return np.where(place < 0, 0.0, np.asarray(series.values, dtype=float)[np.maximum(place, 0)])

@@ -1,0 +1,183 @@
+"""A map proposed from a log's entry names, their units and their numbers."""
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.schema import InputError
+from truearc.robot.config.toml_text import make_toml
+from truearc.sim.data.columns import RANGES
+from truearc.sim.data.importers.logged_shots import unit_in
+from truearc.sim.data.importers.series import Log, Series
+from truearc.sim.data.importers.shot_map import (
+    MARKS,
+    MOTOR,
+    NOT_MARKED,
+    SCHEMA,
+    Detection,
+    Marks,
+    ShotMap,
+    Signal,
+    factor_of,
+    own_unit,
+)
+
+WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
+WANTED = {"set", "setpoint", "target", "goal", "desired", "reference", "ref", "command", "commanded", "requested",
+          "wanted", "tgt", "cmd"}
+ODD = {"error", "current", "temp", "temperature", "voltage", "volts", "amps", "position", "sigma", "stddev", "std",
+       "rate", "accel", "acceleration", "torque", "raw", "offset", "limit", "tolerance", "spread", "kp", "ki", "kd",
+       "count"}
+SPIN = {"flywheel", "flywheels", "shooter", "wheel", "wheels", "launcher", "top", "bottom", "upper", "lower", "motor"}
+SPEED = {"velocity", "speed", "rpm", "rps", "rad", "rads"}
+ANGLE = {"angle", "position", "deg", "degrees", "rad", "radians", "elevation", "pitch", "hood"}
+PLAUSIBLE_RAD_S = (20.0, 3000.0)      # of a wheel that throws, at its fastest
+MOST_WORDS = 12                       # different texts of a signal of outcomes
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A map, and a line for each column of how sure it is."""
+
+    map: ShotMap
+    lines: tuple[str, ...]
+
+    def to_toml(self) -> str:
+        """The map as a shots.toml, with those lines as comments."""
+        columns = {name: _plain(said) for name, said in self.map.columns.items()}
+        shots = {name: _plain(said) for name in ("set_point", "feed") if (said := getattr(self.map.shots, name))}
+        outcome = {name: said for name in ("key", "values", "buttons") if (said := getattr(self.map.outcome, name))}
+        table = {"schema": SCHEMA, "columns": columns, **({"shots": shots} if shots else {}),
+                 **({"outcome": outcome} if outcome else {})}
+        return "".join(f"# {line}\n" for line in self.lines) + make_toml(table)
+
+
+def _plain(said: str | Signal) -> str | dict[str, object]:
+    return said if isinstance(said, str) else {name: value for name in ("key", "unit", "times", "plus")
+                                               if (value := getattr(said, name)) != getattr(Signal(""), name)}
+
+
+def guess_map(log: Log, rig: Rig, name: str) -> Guess:
+    """Propose a map for a log.
+
+    Raises:
+        InputError: no signal looks like the speed of a wheel, or like a distance, or like a hood's angle.
+    """
+    words = {key: _words(key) for key in log}
+    moving = {key: series for key, series in log.items() if series.numeric and len(series.t_s) > 1}
+    lines: list[str] = []
+    columns: dict[str, str | Signal] = {}
+    speed = _best(moving, words, "motor_rad_s", SPIN, SPEED)
+    column = _wheel_column(rig)
+    for wanted, key in (("distance_m", _best(moving, words, "distance_m", {"distance", "dist", "range"}, set())),
+                        ("hood_deg", _best(moving, words, "hood_deg", {"hood", "pivot", "elevation", "pitch"}, ANGLE)),
+                        (column, speed)):
+        if key is None:
+            raise InputError(f"{name}: no signal's name, unit and numbers look like {wanted}; write a map by hand: "
+                             "docs/importing.md")
+        columns[wanted] = key
+        lines.append(f"{wanted}: {key}{_unit_note(log[key], wanted)}")
+    if column == MOTOR:
+        lines.append("motor_rad_s: taken to be the speed of the motors; where it is that of the wheels, divide by the "
+                     "gear: times = 1 / gear")
+    battery = _best(moving, words, "battery_v", {"battery", "bus"}, {"voltage", "volts", "v"})
+    if battery is not None:
+        columns["battery_v"] = battery
+        lines.append(f"battery_v: {battery}")
+    set_point = _set_point(log, moving, words, log[str(speed)])
+    feed = _feed(log, words)
+    outcome, told = _outcome(log, words)
+    lines += [f"set point of the speed: {set_point or 'none found: spinning down may look like a ball'}",
+              f"feeder: {feed or 'none found: every dip of the speed is a shot'}", told]
+    return Guess(ShotMap(SCHEMA, columns=columns, shots=Detection(set_point=set_point, feed=feed), outcome=outcome),
+                 tuple(lines))
+
+
+def _words(key: str) -> list[str]:
+    return [word.lower() for word in WORD.findall(key)]
+
+
+def _wheel_column(rig: Rig) -> str:
+    wheels = rig.launcher.wheel
+    return MOTOR if rig.launcher.free_speed_rad_s or not wheels else f"wheel_{wheels[0].name}_rad_s"
+
+
+def _unit_note(series: Series, column: str) -> str:
+    unit = series.unit or unit_in(series.name)
+    return f", in {unit}" if unit else f", whose unit is not stated: taken as {own_unit(column)}"
+
+
+def _best(moving: Log, words: dict[str, list[str]], column: str, nouns: set[str], kinds: set[str]) -> str | None:
+    """The signal whose name has one of the nouns, and of the kinds where there are some, whose numbers can be so."""
+    scored = [(score, key) for key, series in moving.items()
+              if (score := _score(series, words[key], column, nouns, kinds)) > 0.0]
+    return max(scored, key=lambda one: (one[0], -len(one[1])))[1] if scored else None
+
+
+def _score(series: Series, said: list[str], column: str, nouns: set[str], kinds: set[str]) -> float:
+    unit = series.unit or unit_in(series.name)
+    factor = factor_of(column, unit) if unit else None
+    of_kind = bool(kinds & set(said)) or factor is not None
+    if not nouns & set(said) or (kinds and not of_kind) or WANTED & set(said) or (ODD - kinds) & set(said):
+        return 0.0
+    if unit and factor is None:
+        return 0.0
+    scale, zero = factor or (1.0, 0.0)
+    values = (np.asarray(series.values, dtype=float) - zero) * scale
+    values = np.abs(values[np.isfinite(values)]) if column == MOTOR else values[np.isfinite(values)]
+    low, high = PLAUSIBLE_RAD_S if column == MOTOR else RANGES[column]
+    top = values.max(initial=-np.inf)
+    if not (low <= top <= high) or (column != MOTOR and values.min() < low):
+        return 0.0
+    varies = len(np.unique(values[:2000])) > 3
+    return (1.0 + (factor is not None) + varies + 0.5 * len(nouns & set(said)) + (said[-1] in nouns | kinds)
+            + 0.5 * bool({"hub", "goal", "speaker", "target"} & set(said)))
+
+
+def _set_point(log: Log, moving: Log, words: dict[str, list[str]], speed: Series) -> str | None:
+    """A signal of the same words, but wanted, that the speed follows."""
+    mine = set(_words(speed.name))
+    found = []
+    for key in log:
+        said = set(words[key])
+        series = log[key]
+        if key == speed.name or not series.numeric or not WANTED & said or not (SPIN | SPEED) & said:
+            continue
+        if (ODD - {"rad"}) & said:
+            continue
+        tops = np.max(np.abs(np.asarray(series.values, dtype=float))), np.max(np.abs(np.asarray(speed.values, float)))
+        if tops[0] > 0.0 and 0.5 < tops[1] / tops[0] < 2.0:
+            found.append((len(mine & said), -len(said), key))
+    return max(found)[2] if found else None
+
+
+def _feed(log: Log, words: dict[str, list[str]]) -> str | None:
+    """A boolean that names the feeder."""
+    nouns = {"feed", "feeder", "feeding", "kicker", "indexer", "trigger", "fire", "firing", "shoot", "shooting"}
+    found = [(len(nouns & set(words[key])), -len(words[key]), key) for key, series in log.items()
+             if nouns & set(words[key]) and series.numeric and len(series.t_s) > 1
+             and set(np.unique(series.values).tolist()) == {0.0, 1.0}]
+    return max(found)[2] if found else None
+
+
+def _outcome(log: Log, words: dict[str, list[str]]) -> tuple[Marks, str]:
+    """A text of outcomes that are known here, or a boolean that names a hit."""
+    for key, series in log.items():
+        if not series.numeric:
+            texts = dict.fromkeys(str(value).strip().lower() for value in series.values)
+            known = {text: text for text in texts if text in MARKS or text in NOT_MARKED}
+            if len(texts) <= MOST_WORDS and len([text for text in known if text]) >= 2:
+                return Marks(key=key, values={text: word for text, word in known.items() if text}), f"outcome: {key}"
+    nouns = {"scored", "successful", "success", "hit", "made"}
+    for key in _booleans(log):
+        if nouns & set(words[key]):
+            return Marks(key=key, values={"true": "hit", "false": "miss"}), f"outcome: {key}: true is a hit"
+    return Marks(), "outcome: none found: state outcome in the map, or shots have none"
+
+
+def _booleans(log: Log) -> Iterable[str]:
+    return (key for key, series in log.items() if series.numeric and len(series.t_s)
+            and set(np.unique(series.values).tolist()) <= {0.0, 1.0})

@@ -1,0 +1,133 @@
+"""Tables of other people to a dataset by a map of their columns: a row a shot, or a row a position of one ball."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.columns import parse_number
+from truearc.sim.data.importers.logged_shots import as_read, as_table, plain, unit_in
+from truearc.sim.data.importers.shot_map import MARKS, NOT_MARKED, ShotMap, Signal, as_signal, factor_of, own_unit
+from truearc.sim.data.load import assemble
+from truearc.sim.data.model import Dataset
+from truearc.sim.data.table import Cell, RawTable, gathered, parse_csv, text_of
+
+PLACE = re.compile(r"#(\d+)")         # a column by its number
+
+
+def shots_from_tables(paths: Sequence[Path], shot_map: ShotMap, rig: Rig, name: str) -> Dataset:
+    """Return the shots of tables under a map whose rows are shots, or positions of one ball a file.
+
+    Raises:
+        InputError: names file, line and column of what cannot be read, or a column of the map that is not there.
+    """
+    stems = [path.stem for path in paths]
+    if len(set(stems)) < len(stems):
+        raise InputError(f"two files are called {max(stems, key=stems.count)}: shot_id would not be unique")
+    tables = [(path, _read(path, shot_map)) for path in paths]
+    if shot_map.rows == "position":
+        return _tracks(tables, shot_map, rig, name)
+    rows: list[dict[str, Cell]] = []
+    left_out: list[str] = []
+    for path, table in tables:
+        more, odd = _shots(path, table, shot_map, rig)
+        rows += more
+        left_out += odd
+    if not rows:
+        raise InputError(f"{paths[0]}: there is no shot" + "".join(f"\n{line}" for line in left_out[:5]))
+    with gathered() as problems:
+        dataset = assemble(name, rig, problems, as_table(rows, paths[0]))
+    return replace(dataset, left_out=tuple(left_out))
+
+
+def _read(path: Path, shot_map: ShotMap) -> RawTable:
+    """The table below the line that has the map's columns; what stands before it is a title of the program's."""
+    wanted = {as_signal(said).key for said in shot_map.columns.values()} | ({shot_map.outcome.key} - {""})
+    names = {key for key in wanted if not PLACE.fullmatch(key)}
+    lines = text_of(path).splitlines(keepends=True)
+    for number, line in enumerate(lines[:20]):
+        cells = {cell.strip().strip('"') for cell in re.split(r"[,;\t]", line.strip("\r\n"))}
+        if names <= cells and (names or (number + 1 < len(lines) and _is_data(lines[number + 1]))):
+            break
+    else:
+        raise InputError(f"{path}:1: there is no line with the columns {', '.join(sorted(names))}")
+    with gathered() as problems:
+        table = parse_csv("".join(lines[number:]), path, problems)
+    return replace(table, lines=[line + number for line in table.lines],
+                   columns={name.strip(): cells for name, cells in table.columns.items()})
+
+
+def _is_data(line: str) -> bool:
+    return all(parse_number(cell.strip().strip('"').replace(",", ".")) is not None
+               for cell in re.split(r"[;\t]" if ";" in line or "\t" in line else ",", line.strip("\r\n")) if cell)
+
+
+def _cells(table: RawTable, signal: Signal) -> list[Cell]:
+    place = PLACE.fullmatch(signal.key)
+    names = list(table.columns)
+    if place and not 1 <= int(place[1]) <= len(names):
+        raise InputError(f"{table.place(-1)}: there is no column {signal.key}; it has {len(names)}")
+    return table.columns[names[int(place[1]) - 1] if place else signal.key]
+
+
+def _column(table: RawTable, column: str, said: str | Signal) -> list[Cell]:
+    """Cells of a column, numbers in its unit."""
+    signal = as_signal(said)
+    cells = _cells(table, signal)
+    if not own_unit(column) and (signal.times, signal.plus) == (1.0, 0.0):
+        return cells
+    stated = signal.unit or unit_in(signal.key)
+    factor = factor_of(column, stated) if stated and own_unit(column) else (1.0, 0.0)
+    if factor is None:
+        raise InputError(f"{table.place(-1)}: {signal.key}: {stated!r} is not a unit of {column}; state unit = \"...\" "
+                         "in the map")
+    numbers = [parse_number(cell) for cell in cells]
+    return [cell if number is None else (number * signal.times + signal.plus - factor[1]) * factor[0]
+            for cell, number in zip(cells, numbers, strict=True)]
+
+
+def _shots(path: Path, table: RawTable, shot_map: ShotMap, rig: Rig) -> tuple[list[dict[str, Cell]], list[str]]:
+    columns: dict[str, list[Cell]] = {}
+    for column, said in shot_map.columns.items():
+        name, scale = as_read(column, rig)
+        cells = _column(table, column, said)
+        columns[name] = cells if scale == 1.0 else [None if cell is None else float(cell) * scale for cell in cells]
+    marks = _cells(table, Signal(shot_map.outcome.key)) if shot_map.outcome.key else None
+    words = {plain(key): word for key, word in shot_map.outcome.values.items()}
+    rows, odd = list[dict[str, Cell]](), list[str]()
+    for row in range(len(table.lines)):
+        shot: dict[str, Cell] = {"shot_id": f"{path.stem}-{row:04d}", "session": path.stem,
+                                 **{column: cells[row] for column, cells in columns.items()}}
+        if marks is not None:
+            said = plain(_as_value(marks[row]))
+            if said not in words:
+                raise InputError(f"{table.place(row)}: {shot_map.outcome.key}: {marks[row]!r} is none of the map's "
+                                 f"values ({', '.join(shot_map.outcome.values)})")
+            if words[said] in NOT_MARKED:
+                odd.append(f"{table.place(row)}: rejected")
+                continue
+            shot["outcome"], shot["side"] = (word or None for word in MARKS[words[said]])
+        rows.append(shot)
+    return rows, odd
+
+
+def _as_value(cell: Cell) -> Cell:
+    number = parse_number(cell)
+    return cell if number is None else number
+
+
+def _tracks(tables: list[tuple[Path, RawTable]], shot_map: ShotMap, rig: Rig, name: str) -> Dataset:
+    """One shot a file; y_m = 0 where the map names none: filmed from the side."""
+    if missing := [one for one in ("t_s", "x_m", "z_m") if one not in shot_map.columns]:
+        raise InputError(f"the map has no columns.{missing[0]}: a row is a position, and that needs it")
+    rows: list[dict[str, Cell]] = []
+    for path, table in tables:
+        columns = {column: _column(table, column, said) for column, said in shot_map.columns.items()}
+        filled = [row for row in range(len(table.lines)) if all(cells[row] is not None for cells in columns.values())]
+        rows += [{"shot_id": path.stem, "y_m": 0.0, **{column: cells[row] for column, cells in columns.items()}}
+                 for row in filled]
+    shots = [{"shot_id": path.stem} for path, _ in tables]
+    with gathered() as problems:
+        return assemble(name, rig, problems, as_table(shots, tables[0][0]), as_table(rows, tables[0][0]))

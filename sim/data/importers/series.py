@@ -1,0 +1,208 @@
+"""Signals of robot logs as series of samples: WPILOG by WPILib's own reader, and CSV exports of log viewers."""
+
+import json
+import struct
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from truearc.robot.config.schema import InputError, load_bytes
+from truearc.sim.data.columns import parse_number
+from truearc.sim.data.model import Floats
+from truearc.sim.data.table import Cell, RawTable, gathered, load_table
+
+MOST_BYTES = 2_000_000_000            # of one WPILOG
+TRUE, FALSE = "true", "false"
+TIME, KEY, VALUE = "Timestamp", "Key", "Value"          # header of AdvantageScope's CSV list
+# WPILib's structs of doubles -> names of their numbers, as AdvantageScope shows them
+STRUCTS = {"struct:Rotation2d": ("value",), "struct:Translation2d": ("x", "y"),
+           "struct:Pose2d": ("translation/x", "translation/y", "rotation/value"),
+           "struct:ChassisSpeeds": ("vx", "vy", "omega")}
+
+
+@dataclass(frozen=True)
+class Series:
+    """One signal: times [n] in s, not falling; values [n], numbers or texts; the unit that the log states, or "".
+
+    A boolean is 1 or 0. `each_row`: a value stands at every time of the log, whether it is new or not.
+    """
+
+    name: str
+    t_s: Floats
+    values: Floats | tuple[str, ...]
+    unit: str = ""
+    each_row: bool = False
+
+    @property
+    def numeric(self) -> bool:
+        return isinstance(self.values, np.ndarray)
+
+    def before(self, t_s: float) -> float | str | None:
+        """The newest value at that time or before; None where there is none yet."""
+        place = int(np.searchsorted(self.t_s, t_s, side="right")) - 1
+        return None if place < 0 or self.values[place] == "" else self.values[place]
+
+    def changes(self) -> "Series":
+        """Without samples that repeat the one before."""
+        if len(self.t_s) < 2:
+            return self
+        values = self.values if isinstance(self.values, np.ndarray) else np.array(self.values, dtype=object)
+        new = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]]))
+        kept = self.values[new] if isinstance(self.values, np.ndarray) else tuple(values[new])
+        return Series(self.name, self.t_s[new], kept, self.unit)
+
+
+Log = Mapping[str, Series]
+
+
+def read_wpilog(path: Path, progress: Callable[[float], None] = lambda done: None) -> Log:
+    """Every signal of numbers, booleans or texts, and the parts of arrays (`name/0`) and of WPILib's plane structs.
+
+    Raises:
+        InputError: there is no such file, it is not a WPILOG, or WPILib's reader is not installed.
+
+    A last record that was cut short is left out.
+    """
+    try:
+        from wpiutil.log import DataLogReader
+    except ImportError as error:
+        raise InputError(f"{path}: WPILOG is read by WPILib's own reader; install it: pip install 'truearc[frc]'"
+                         ) from error
+    data = load_bytes(path, MOST_BYTES)
+    whole = _whole_records(data, path)
+    reader = DataLogReader(data, str(path))
+    entries: dict[int, tuple[str, str, str]] = {}
+    times: dict[str, list[float]] = {}
+    values: dict[str, list[Any]] = {}
+    units: dict[str, str] = {}
+    for number, record in enumerate(reader):
+        if number >= whole:
+            break
+        if number % 100_000 == 0:
+            progress(number / whole)
+        if record.isStart():
+            start = record.getStartData()
+            entries[start.entry] = start.name, start.type, _unit(start.metadata)
+        elif record.isSetMetadata():
+            changed = record.getSetMetadataData()
+            if changed.entry in entries:
+                name, kind, unit = entries[changed.entry]
+                entries[changed.entry] = name, kind, _unit(changed.metadata) or unit
+        elif not record.isControl() and record.getEntry() in entries:
+            name, kind, unit = entries[record.getEntry()]
+            for part, value in _values(name, kind, record):
+                times.setdefault(part, []).append(record.getTimestamp() * 1e-6)
+                values.setdefault(part, []).append(value)
+                units[part] = unit
+    return {name: _series(name, times[name], values[name], units[name]) for name in times}
+
+
+def _whole_records(data: bytes, path: Path) -> int:
+    """How many records are complete: WPILib's reader gives the last one twice where the file ends within one."""
+    if data[:6] != b"WPILOG" or len(data) < 12:
+        raise InputError(f"{path}: is not a WPILOG: it does not begin with that word")
+    place, count = 12 + struct.unpack_from("<I", data, 8)[0], 0
+    while place < len(data):
+        sizes = data[place]
+        number, size, time = (sizes & 3) + 1, (sizes >> 2 & 3) + 1, (sizes >> 4 & 7) + 1
+        length = int.from_bytes(data[place + 1 + number:place + 1 + number + size], "little")
+        place += 1 + number + size + time + length
+        count += place <= len(data)
+    return count
+
+
+def _unit(metadata: str) -> str:
+    """AdvantageKit and truearc state it as JSON."""
+    try:
+        said = json.loads(metadata) if metadata else {}
+    except ValueError:
+        return ""
+    unit = said.get("unit") if isinstance(said, dict) else None
+    return unit if isinstance(unit, str) else ""
+
+
+def _values(name: str, kind: str, record: Any) -> Iterator[tuple[str, float | str]]:
+    """(name, value) of each number or text of a record; nothing of a kind that has none, or that is damaged."""
+    single = {"double": "getDouble", "float": "getFloat", "int64": "getInteger", "boolean": "getBoolean",
+              "string": "getString", "json": "getString"}
+    several = {"double[]": "getDoubleArray", "float[]": "getFloatArray", "int64[]": "getIntegerArray",
+               "boolean[]": "getBooleanArray", "string[]": "getStringArray"}
+    try:
+        if kind in single:
+            value = getattr(record, single[kind])()
+            yield name, value if isinstance(value, str) else float(value)
+        elif kind in several:
+            for number, value in enumerate(getattr(record, several[kind])()):
+                yield f"{name}/{number}", value if isinstance(value, str) else float(value)
+        elif kind in STRUCTS:
+            raw = bytes(record.getRaw())
+            for part, value in zip(STRUCTS[kind], struct.unpack(f"<{len(STRUCTS[kind])}d", raw), strict=True):
+                yield f"{name}/{part}", value
+    except (TypeError, struct.error):
+        return
+
+
+def _series(name: str, t_s: list[float], values: list[Any], unit: str) -> Series:
+    """In the order of time; a log of several writers is not."""
+    times = np.array(t_s)
+    order = np.argsort(times, kind="stable")
+    if any(isinstance(value, str) for value in values):
+        return Series(name, times[order], tuple(str(values[k]) for k in order), unit)
+    return Series(name, times[order], np.array(values, dtype=float)[order], unit)
+
+
+def read_csv_log(path: Path, time: str | None, second: float) -> Log:
+    """Signals of a CSV file: AdvantageScope's list (Timestamp, Key, Value), or a table with a column a signal.
+
+    time: the column of time; None: `Timestamp`. second: how many of its units are one.
+
+    Raises:
+        InputError: a cell of the time is not a number, or the column is missing.
+    """
+    with gathered() as problems:
+        table = load_table(path, problems)
+    column = TIME if time is None else time
+    if column not in table.columns:
+        raise InputError(f"{table.place(-1)}: there is no column {column!r} of time ({', '.join(table.columns)})")
+    t_s = np.array([_time(table, row, cell) for row, cell in enumerate(table.columns[column])]) / second
+    if {KEY, VALUE} <= set(table.columns):
+        return _of_list(table, t_s)
+    return {name: series for name, cells in table.columns.items()
+            if name != column and (series := _of_cells(name, t_s, cells, each_row=True)) is not None}
+
+
+def _time(table: RawTable, row: int, cell: Cell) -> float:
+    number = parse_number(cell)
+    if number is None or not np.isfinite(number):
+        raise InputError(f"{table.place(row)}: {cell!r} is not a time")
+    return number
+
+
+def _of_list(table: RawTable, t_s: Floats) -> Log:
+    rows: dict[str, list[int]] = {}
+    for row, key in enumerate(table.columns[KEY]):
+        rows.setdefault(str(key or ""), []).append(row)
+    cells = table.columns[VALUE]
+    found = {key: _of_cells(key, t_s[mine], [cells[row] for row in mine]) for key, mine in rows.items()}
+    return {key: series for key, series in found.items() if series is not None}
+
+
+def _of_cells(name: str, t_s: Floats, cells: list[Cell], each_row: bool = False) -> Series | None:
+    """Numbers where every cell that is filled is one, or a boolean."""
+    filled = [row for row, cell in enumerate(cells) if cell is not None and str(cell).strip() not in ("", "null")]
+    if not filled:
+        return None
+    order = sorted(filled, key=lambda row: t_s[row])
+    numbers = [_number(cells[row]) for row in order]
+    if any(number is None for number in numbers):
+        order = sorted(range(len(cells)), key=lambda row: t_s[row]) if each_row else order     # "" is a word, too
+        return Series(name, t_s[order], tuple(str(cells[row] or "").strip() for row in order), "", each_row)
+    return Series(name, t_s[order], np.array(numbers, dtype=float), "", each_row)
+
+
+def _number(cell: Cell) -> float | None:
+    word = str(cell).strip().lower()
+    return 1.0 if word == TRUE else 0.0 if word == FALSE else parse_number(cell)

@@ -1,0 +1,191 @@
+"""A team's log under its own names becomes the shots that were recorded, and what is wrong with it is named."""
+
+import csv
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import truearc as ta
+from tests.sim.data.stranger_log import write_stranger_log
+from truearc.cli.main import main
+from truearc.robot.recording.export.wpilog import WpilogWriter, make_payload
+from truearc.sim.data.importers.series import read_csv_log, read_wpilog
+from truearc.sim.data.importers.shot_map import load_map, ready_maps
+
+pytest.importorskip("wpiutil")
+COMPARED = ("distance_m", "hood_deg", "motor_ratio", "battery_v", "t_s", "since_last_shot_s")
+TRIALS = 24
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Practice of the emulated robot."""
+    path = tmp_path_factory.mktemp("practice") / "monday"
+    assert main(["emulate", "--trials", str(TRIALS), "--seed", "5", "--out", str(path), "--quiet"]) == 0
+    return path
+
+
+@pytest.fixture(scope="module")
+def recorded(session: Path) -> ta.Dataset:
+    return ta.shots_from_sessions([session], "monday")
+
+
+@pytest.fixture(scope="module")
+def rig(recorded: ta.Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("rig")
+    ta.save_dataset(path / "data", recorded)
+    return path / "data" / "rig.toml"
+
+
+@pytest.fixture(scope="module")
+def log(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("logs") / "monday.wpilog"
+    write_stranger_log(session, path)
+    return path
+
+
+def same(found: ta.Dataset, recorded: ta.Dataset, columns: tuple[str, ...] = COMPARED, rtol: float = 1e-12) -> None:
+    assert found.shots.text("outcome") == recorded.shots.text("outcome")
+    assert found.shots.text("side") == recorded.shots.text("side")
+    for column in columns:
+        np.testing.assert_allclose(found.shots.number(column), recorded.shots.number(column), rtol=rtol, atol=1e-9)
+
+
+def test_a_strangers_log_is_guessed_to_the_shots_that_were_recorded(log: Path, rig: Path, recorded: ta.Dataset,
+                                                                    tmp_path: Path,
+                                                                    capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["import", "wpilog", str(log), "--guess", "--rig", str(rig), "-o", str(tmp_path / "found")]) == 0
+    assert "distance_m: /RealOutputs/Vision/DistanceToHubMeters" in capsys.readouterr().out
+    same(ta.load_dataset(tmp_path / "found"), recorded)
+    again = ta.import_shots([log], rig=rig, shot_map=tmp_path / "found" / "shots.toml")      # what was written is a map
+    same(again, recorded)
+
+
+def test_without_a_feeder_every_shot_is_found_from_its_dip_at_fifty_hertz(session: Path, rig: Path,
+                                                                          recorded: ta.Dataset, tmp_path: Path) -> None:
+    write_stranger_log(session, tmp_path / "monday.wpilog", feeder=False, every=4)
+    found = ta.import_shots([tmp_path / "monday.wpilog"], rig=rig)
+    same(found, recorded, ("hood_deg",))
+    assert np.abs(found.shots.number("distance_m") - recorded.shots.number("distance_m")).max() < 0.1
+    assert np.abs(found.shots.number("motor_ratio") / recorded.shots.number("motor_ratio") - 1.0).max() < 0.01
+    waited = found.shots.number("t_s") - recorded.shots.number("t_s")
+    assert (waited > 0.0).all() and (waited < 0.3).all()             # a ball needs a moment from feeder to wheels
+
+
+@pytest.mark.slow
+def test_the_finding_is_that_of_the_recording(log: Path, rig: Path, session: Path, recorded: ta.Dataset) -> None:
+    mine, theirs = (ta.discover(data, seed=0) for data in (ta.import_shots([log], rig=rig, name="monday"), recorded))
+    assert mine.verdict == theirs.verdict
+    assert mine.investigation.finding.mismatch.p_value == pytest.approx(
+        theirs.investigation.finding.mismatch.p_value, rel=0.02)
+    assert [one.term for one in mine.investigation.finding.what] == [
+        one.term for one in theirs.investigation.finding.what]
+
+
+def as_list(log: Path, path: Path) -> None:
+    """The same log as AdvantageScope exports it: a line a value."""
+    rows = sorted((float(t_s), name, value) for name, series in read_wpilog(log).items()
+                  for t_s, value in zip(series.t_s, series.values, strict=True))
+    with path.open("w", newline="") as file:
+        csv.writer(file).writerows([("Timestamp", "Key", "Value"), *((repr(t_s), name, value)
+                                                                      for t_s, name, value in rows)])
+
+
+def test_a_csv_list_of_values_gives_the_same(log: Path, rig: Path, recorded: ta.Dataset, tmp_path: Path) -> None:
+    as_list(log, tmp_path / "monday.csv")
+    same(ta.import_shots([tmp_path / "monday.csv"], rig=rig), recorded)
+
+
+def test_a_csv_table_of_loops_gives_the_same(log: Path, rig: Path, recorded: ta.Dataset, tmp_path: Path) -> None:
+    """A row a loop of 50 Hz, every value in every row: a mark counts once, where it appears."""
+    signals = read_wpilog(log)
+    times = np.arange(0.0, max(series.t_s[-1] for series in signals.values()) + 1.0, 0.02)
+    with (tmp_path / "monday.csv").open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["Timestamp", *signals])
+        for t_s in times:
+            fresh = {name: series.before(t_s) for name, series in signals.items()}
+            mark = signals["/RealOutputs/ShotResult"]
+            if mark.before(t_s) is not None and not ((t_s - mark.t_s[mark.t_s <= t_s].max()) < 0.5):
+                fresh["/RealOutputs/ShotResult"] = ""                # the program clears it
+            writer.writerow([f"{t_s:.3f}", *("" if value is None else value for value in fresh.values())])
+    found = ta.import_shots([tmp_path / "monday.csv"], rig=rig)
+    same(found, recorded, ("hood_deg",))
+
+
+def test_the_last_record_that_was_cut_short_is_left_out(log: Path, tmp_path: Path) -> None:
+    data = log.read_bytes()
+    (tmp_path / "cut.wpilog").write_bytes(data[:-3])
+    whole, cut = read_wpilog(log), read_wpilog(tmp_path / "cut.wpilog")
+    assert sum(map(lambda one: len(one.t_s), whole.values())) - sum(map(lambda one: len(one.t_s), cut.values())) == 1
+
+
+def test_arrays_and_structs_have_their_parts(tmp_path: Path) -> None:
+    with (tmp_path / "a.wpilog").open("wb") as file:
+        log = WpilogWriter(file, "")
+        speeds = log.start("Speeds", "floats", "", 0)
+        log.append(speeds, 10, make_payload("floats", [1.0, 2.0]) or b"")
+        pose = log._signals + 1
+        log._record(0, 0, struct.pack("<BI", 0, pose) + b"".join(struct.pack("<I", len(text)) + text
+                                                                 for text in (b"Pose", b"struct:Pose2d", b"")))
+        log.append(pose, 20, struct.pack("<3d", 3.0, 4.0, 5.0))
+    found = read_wpilog(tmp_path / "a.wpilog")
+    assert {name: float(series.values[0]) for name, series in found.items()} == {
+        "Speeds/0": 1.0, "Speeds/1": 2.0, "Pose/translation/x": 3.0, "Pose/translation/y": 4.0,
+        "Pose/rotation/value": 5.0}
+
+
+@pytest.mark.parametrize(("text", "said"), [
+    ("", "schema: missing key"),
+    ('schema = "truearc.shot-map/1"\n[columns]\nhod_deg = "x"', "columns.hod_deg: there is no such column"),
+    ('schema = "truearc.shot-map/1"\n[columns]\nhood_deg = { key = "/Hood/PivotPositionRad", unit = "V" }',
+     "columns.hood_deg.unit: 'V' is not a unit of hood_deg"),
+    ('schema = "truearc.shot-map/1"\n[columns]\nhood_deg = "/Hood/Pivot"', "no signal /Hood/Pivot; did you mean"),
+    ('schema = "truearc.shot-map/1"\n[columns]\nhood_deg = "/Hood/PivotPositionRad"', "name no wheel"),
+    ('schema = "truearc.shot-map/1"\n[columns]\nmotor_rad_s = "/SystemStats/BatteryVoltage"',
+     "'V' is not a unit of motor_rad_s"),
+    ('schema = "truearc.shot-map/1"\n[outcome.values]\nin = "goal"', "outcome: in = 'goal': is none of"),
+])
+def test_a_wrong_map_is_named_by_file_and_key(text: str, said: str, log: Path, rig: Path, tmp_path: Path,
+                                              capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "shots.toml").write_text(text)
+    assert main(["import", "wpilog", str(log), "--map", str(tmp_path / "shots.toml"), "--rig", str(rig), "-o",
+                 str(tmp_path / "found")]) == 2
+    assert said in capsys.readouterr().err and not (tmp_path / "found").exists()
+
+
+@pytest.mark.parametrize(("arguments", "said"), [
+    (["--guess"], "--rig RIG.toml is needed"), (["--rig", "RIG"], "--map MAP is needed, or --guess"),
+    (["--rig", "RIG", "--map", "wpilab"], "a map that comes with truearc (advantagekit, ftc-csv"),
+])
+def test_what_is_missing_is_said(arguments: list[str], said: str, log: Path, rig: Path, tmp_path: Path,
+                                 capsys: pytest.CaptureFixture[str]) -> None:
+    words = [str(rig) if word == "RIG" else word for word in arguments]
+    assert main(["import", "wpilog", str(log), *words, "-o", str(tmp_path / "found")]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_what_is_no_log_is_refused(rig: Path, tmp_path: Path) -> None:
+    (tmp_path / "a.wpilog").write_bytes(b"no log at all")
+    with pytest.raises(ta.InputError, match="is not a WPILOG"):
+        ta.import_shots([tmp_path / "a.wpilog"], rig=rig)
+    (tmp_path / "a.csv").write_text("Timestamp,v\n0,1\nx,2\n")
+    with pytest.raises(ta.InputError, match=r"a\.csv:3: 'x' is not a time"):
+        ta.import_shots([tmp_path / "a.csv"], rig=rig)
+    (tmp_path / "b.csv").write_text("Timestamp,v\n0,1\n1,2\n")
+    with pytest.raises(ta.InputError, match="no signal's name, unit and numbers look like"):
+        ta.import_shots([tmp_path / "b.csv"], rig=rig)
+
+
+def test_times_in_milliseconds_are_seconds(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("ms,v\n0,1\n500,true\n1000,\n")
+    series = read_csv_log(tmp_path / "a.csv", "ms", 1000.0)["v"]
+    assert series.t_s.tolist() == [0.0, 0.5] and np.asarray(series.values).tolist() == [1.0, 1.0]
+
+
+def test_every_map_that_comes_with_truearc_can_be_read_and_says_what_it_is_for() -> None:
+    maps = ready_maps()
+    assert set(maps) == {"advantagekit", "wpilib", "viking-2928", "ftc-csv", "tracker", "kinovea"}
+    assert all(len(about) > 20 for about in maps.values()) and all(load_map(name).columns for name in maps)

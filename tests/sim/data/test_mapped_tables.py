@@ -1,0 +1,63 @@
+"""Tables of other programs, under the maps that come with truearc."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from msgspec import structs
+
+import truearc as ta
+from truearc.cli.common import SHIPPED
+from truearc.robot.config.schema import load_config
+
+RIG = load_config(SHIPPED).rig
+HIT_OR_MISS = structs.replace(RIG, target=structs.replace(RIG.target, three_half_height_m=0.0))
+HEADER = "distance_m,velocity_rps,hood_angle_deg,timestamp,successful,notes\n"
+
+
+def test_2928s_collector(tmp_path: Path) -> None:
+    """The header and the form of numbers are those of the team's public file; the numbers are not."""
+    (tmp_path / "monday.csv").write_text(
+        f"{HEADER}2.000,55.000,48.000,1771719211810,true,\n3.500,62.500,44.000,1771719214249,false,short\n")
+    shots = ta.import_shots([tmp_path / "monday.csv"], rig=HIT_OR_MISS, shot_map="viking-2928").shots
+    assert shots.text("outcome") == ("two", "miss") and shots.number("distance_m").tolist() == [2.0, 3.5]
+    free = RIG.launcher.free_speed_rad_s or math.nan
+    assert shots.number("motor_ratio") == pytest.approx([55.0 * 2.0 * math.pi / free, 62.5 * 2.0 * math.pi / free])
+    assert np.diff(shots.number("t_s")) == pytest.approx([2.439])
+
+
+@pytest.mark.parametrize(("name", "text"), [
+    ("tracker", "ball\nt\tx\ty\n0.000\t0.10\t1.00\n0.033\t0.35\t1.12\n0.067\t0.61\t1.22\n"),
+    ("tracker", "#multi:\n\tball\t\nt\tx\ty\n0.000\t0.10\t1.00\n0.033\t0.35\t1.12\n0.067\t0.61\t1.22\n"),
+    ("kinovea", "Time (ms);ball/x;ball/y\n0,0;0,10;1,00\n33,0;0,35;1,12\n67,0;0,61;1,22\n"),
+    ("kinovea", '"Time (ms)","ball/x","ball/y"\n0.0,0.10,1.00\n33.0,0.35,1.12\n67.0,0.61,1.22\n')])
+def test_hand_made_tracks(name: str, text: str, tmp_path: Path) -> None:
+    for shot in ("a", "b"):
+        (tmp_path / f"{shot}.txt").write_text(text)
+    found = ta.import_shots([tmp_path / "a.txt", tmp_path / "b.txt"], rig=RIG, shot_map=name)
+    assert found.shots.shot_id == ("a", "b") and found.tracks is not None
+    np.testing.assert_allclose(found.tracks.t_s, [0.0, 0.033, 0.067] * 2)
+    np.testing.assert_allclose(found.tracks.x_m, [0.10, 0.35, 0.61] * 2)
+    np.testing.assert_allclose(found.tracks.z_m, [1.00, 1.12, 1.22] * 2)
+    assert not found.tracks.y_m.any()
+
+
+def test_a_word_that_the_map_does_not_know_is_named_by_line(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(f"{HEADER}2,55,48,1,maybe,\n")
+    with pytest.raises(ta.InputError, match=r"a\.csv:2: successful: 'maybe' is none of the map's values"):
+        ta.import_shots([tmp_path / "a.csv"], rig=RIG, shot_map="viking-2928")
+
+
+def test_a_table_without_the_columns_is_named(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("distance_m,hood\n2,48\n")
+    with pytest.raises(ta.InputError, match=r"a\.csv:1: there is no line with the columns distance_m, hood_angle_deg"):
+        ta.import_shots([tmp_path / "a.csv"], rig=RIG, shot_map="viking-2928")
+
+
+def test_two_files_of_one_name_are_refused(tmp_path: Path) -> None:
+    for folder in ("x", "y"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "a.txt").write_text("t\tx\ty\n0\t0\t1\n1\t1\t1\n")
+    with pytest.raises(ta.InputError, match="two files are called a"):
+        ta.import_shots([tmp_path / "x" / "a.txt", tmp_path / "y" / "a.txt"], rig=RIG, shot_map="tracker")
