@@ -64,6 +64,11 @@ HOOD_ENCODERS_DISAGREE = Code("hood_encoders_disagree", "hood encoder reads {enc
 HOOD_OFF_ANGLE = Code("hood_off_angle", "hood at {angle_deg:.1f} deg, set point {wanted_deg:.1f}")
 NOT_SETTLED = Code("not_settled", "wheels and hood not settled")
 
+# Advice by NetworkTables
+NT_LOST = Code("nt_lost", "no connection to the robot's NetworkTables server")
+KEY_MISSING = Code("key_missing", "{key}: the robot publishes no such key", {"key": "text"})
+KEY_JUMPED = Code("key_jumped", "{key} jumped {ago_s:.1f} s ago", {"key": "text"})
+
 # The target
 TARGET_NEVER_SEEN = Code("target_never_seen", "target not seen since the start{cause: (~)}")
 TARGET_STALE = Code("target_stale", "target last seen {age_s:.1f} s ago{cause: (~)}")

@@ -163,6 +163,23 @@ class Track(Struct, frozen=True):
     rate_m_s: float
 
 
+class Watched(Struct, frozen=True):
+    """What advice remembers of a launcher that others drive; a stamp of 0 means never."""
+
+    speed_t_ns: int = 0
+    speed_rad_s: float = 0.0                      # of the flywheel motors
+    hood_t_ns: int = 0
+    hood_deg: float = 0.0
+    distance_t_ns: int = 0
+    distance_m: float = 0.0                       # as the sighting has it
+    battery_t_ns: int = 0
+    battery_v: float = 0.0
+    jumped_t_ns: int = 0                          # when a key last jumped
+    jumped: str = ""                              # which
+    steady_t_ns: int = 0                          # the speed has been steady_rad_s, within tolerance, since then
+    steady_rad_s: float = 0.0
+
+
 class Memory(Struct, frozen=True):
     """All that one tick hands to the next."""
 
@@ -187,6 +204,7 @@ class Memory(Struct, frozen=True):
     identify: Progress | UnsetType = UNSET        # only while identifying, so that other recordings know nothing of it
     track: Track | UnsetType = UNSET              # only where `aim.policy` is "belief"
     aim_sha256: str | UnsetType = UNSET           # of the aim file that the driver accepted; absent: the first one
+    watched: Watched | UnsetType = UNSET          # only while advising
 
 
 class Tick(Struct, frozen=True):

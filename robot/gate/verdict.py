@@ -30,8 +30,8 @@ def judge(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: 
     """The verdict of one tick; `reasons` is empty exactly when `fire` is true."""
     reasons = [*_operator(memory), *inputs.faults, *doubted_readings(inputs, config),
                *([] if memory.homed else [because.HOOD_NOT_HOMED()]), *_launcher(inputs, estimate, aim, memory, config),
-               *_target(inputs, estimate, config)]
-    p_two, p_three, doubts = _model(estimate, config.gate, gate)
+               *judge_target(inputs, estimate, config)]
+    p_two, p_three, doubts = judge_model(estimate, config.gate, gate)
     reasons += doubts
     return Verdict(not reasons, tuple(reasons), p_two, p_three)
 
@@ -132,7 +132,8 @@ def _hood(estimate: Estimate, aim: Aim, config: Config) -> list[Reason]:
     return []
 
 
-def _target(inputs: Inputs, estimate: Estimate, config: Config) -> list[Reason]:
+def judge_target(inputs: Inputs, estimate: Estimate, config: Config) -> list[Reason]:
+    """Reasons from a distance that is unknown, old or impossible."""
     why = {} if inputs.unseen is None else {"cause": inputs.unseen}
     if estimate.distance_m is None or estimate.distance_sigma_m is None or estimate.sighting_s is None:
         return [because.TARGET_NEVER_SEEN(**why)]
@@ -143,8 +144,9 @@ def _target(inputs: Inputs, estimate: Estimate, config: Config) -> list[Reason]:
     return []
 
 
-def _model(estimate: Estimate, config: GateConfig,
-           gate: Gate | None) -> tuple[float | None, float | None, list[Reason]]:
+def judge_model(estimate: Estimate, config: GateConfig,
+                gate: Gate | None) -> tuple[float | None, float | None, list[Reason]]:
+    """(p_two, p_three, reasons from the model): none where the policy is to collect."""
     if gate is None:
         return None, None, [] if config.policy == "collect" else [because.MODEL_MISSING()]
     if estimate.distance_m is None or estimate.hood_deg is None:

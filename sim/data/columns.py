@@ -8,6 +8,7 @@ import numpy as np
 
 from truearc.robot.config.rig_spec import MOST
 from truearc.robot.config.schema import InputError
+from truearc.robot.config.unit_table import WHEEL as WHEEL
 from truearc.sim.data.model import Floats
 from truearc.sim.data.table import Cell, Problems, RawTable
 
@@ -65,7 +66,6 @@ UNITS = ("m", "s", "deg", "rad", "rad_s", "rev_s", "m_s", "v", "a", "c", "k", "p
          "rpm", "nm", "hz", "n")
 NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
 NOT_FINITE = re.compile(r"\s*[+-]?(nan|inf|infinity)\s*", re.ASCII | re.IGNORECASE)
-WHEEL = re.compile(r"wheel_(.+)_rad_s")
 
 
 def parse_number(cell: Cell) -> float | None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from truearc.robot.config.schema import Config, InputError
+from truearc.robot.config.shot_map import OUTCOMES
 from truearc.robot.reasons import texts
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.rows import Trial
@@ -15,8 +16,6 @@ from truearc.sim.data.dataset import Dataset, Shots, Traces
 
 NS = 1e-9
 BEFORE_S, AFTER_S = 0.1, 0.7                      # telemetry kept around the feeding of each ball
-OUTCOMES = {"miss-low": ("miss", "low"), "two-low": ("two", "low"), "two": ("two", ""), "three": ("three", ""),
-            "two-high": ("two", "high"), "miss-high": ("miss", "high")}    # by the button: outcome and side
 NUMBERS = ("distance_m", "hood_deg", "motor_ratio", "battery_v", "since_last_shot_s")
 
 

@@ -1,28 +1,14 @@
 """Columns in other units: `distance_ft`, `hood_rad` or `wheel_main_rpm` become the column that is read, converted."""
 
 import difflib
-import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
 
+from truearc.robot.config.unit_table import CONVERTED, ZERO, unit_of
 from truearc.sim.data.columns import RANGES, TEXTS, WHEEL, WORDS, parse_number
 from truearc.sim.data.table import Cell, Problems, RawTable
 
-# unit that is read -> suffix of another one -> how many of the first are one of the second
-CONVERTED = {
-    "m": {"mm": 1e-3, "cm": 0.01, "in": 0.0254, "ft": 0.3048, "yd": 0.9144},
-    "s": {"ms": 1e-3, "us": 1e-6},
-    "deg": {"rad": 180.0 / math.pi},
-    "rad_s": {"rpm": math.pi / 30.0, "rev_s": 2.0 * math.pi, "rps": 2.0 * math.pi, "deg_s": math.pi / 180.0},
-    "rev_s": {"rpm": 1.0 / 60.0, "rps": 1.0, "rad_s": 0.5 / math.pi},
-    "m_s": {"ft_s": 0.3048, "in_s": 0.0254, "mph": 0.44704, "km_h": 1.0 / 3.6},
-    "kg": {"g": 1e-3, "lb": 0.45359237, "oz": 0.028349523125},
-    "v": {"mv": 1e-3},
-    "pa": {"hpa": 100.0, "kpa": 1000.0},
-    "c": {"k": 1.0, "f": 5.0 / 9.0},
-}
-ZERO = {"k": 273.15, "f": 32.0}       # in that unit, of a unit that is read; of others 0
 # columns of shots without a range of their own that code reads by name
 OTHERS = ("config_id", "shot_id")
 # column of shots -> words by which a name means it, unless it or one of these is there
@@ -101,11 +87,6 @@ def _read_as(name: str, is_read: Callable[[str], bool]) -> tuple[str, float, flo
             if plain.endswith("_" + suffix) and is_read(read) and unit_of(read) == unit:
                 return read, factor, ZERO.get(suffix, 0.0)
     return name, 1.0, 0.0
-
-
-def unit_of(name: str) -> str:
-    """The unit in which a column is read, "" where there is none of another: of exit_speed_m_s not the s, but m_s."""
-    return max((unit for unit in CONVERTED if name.endswith("_" + unit)), key=len, default="")
 
 
 def _converted(cell: Cell, factor: float, zero: float) -> Cell:

@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.shot_map import OUTCOMES
 from truearc.sim.data.dataset import Dataset, Shots, Traces
-from truearc.sim.data.recordings import AFTER_S, BEFORE_S, NS, OUTCOMES
+from truearc.sim.data.recordings import AFTER_S, BEFORE_S, NS
 from truearc.sim.progress import Progress
 from truearc.sim.world.bench import Bench, NotReady, Watch
 from truearc.sim.world.options import Options

@@ -20,6 +20,7 @@ COMMANDS = {name.partition(".")[2] for name, path in zip(NAMES, FILES, strict=Tr
 
 # benchmark -> options that make it quick; DATA: the folder of shared recordings
 QUICK = {
+    "advise": f"--gate {GATE} --minutes 0.06 --trouble-seconds 4 --keys /Hood/Angle",
     "aim": "--rigs 1",
     "aim_tick": "--trials 1 --rounds 1",
     "adoption": "--worlds 1 --shots 24 --unseen 12 --seed 11 --only nothing --processes 1 --out worlds.jsonl",
@@ -57,13 +58,14 @@ QUICK = {
     "vision_hidden": "--frames 1",
 }
 ELSEWHERE = {
+    "stand_in_robot": "the robot of `advise`, above",
     "archives": "prints and unpacks an archive of git; test_commands.py runs it as the pages print it",
     "bare_loop": "asks for real-time priority on a core of its own, until a signal",
     "loop_frames": "the sender of `loop --frames`, below",
     "proof": "reads archives; test_commands.py runs it as docs/proof.md prints it",
     "timed_run": "the robot of `loop --lateness`, below",
 }
-JUDGES = ("gate", "soak", "start_up")           # exit code 1 where a busy machine is too slow: not what is tested here
+JUDGES = ("advise", "gate", "soak", "start_up")   # exit code 1 where a busy machine is too slow: not tested here
 # Processes of their own: what they do to one (ends, pauses and hurries it, empties JAX's caches), and one as any other.
 # The others run in this one, which has imported and compiled most of what they need: a tenth of the time.
 APART = ("aim", "discovery", "fault_matrix", "kill", "loop", "soak", "start_up")

@@ -26,10 +26,11 @@ from truearc.cli.common import SHIPPED
 from truearc.model_export.graph import export_weights
 from truearc.model_export.verify import verify_gate
 from truearc.robot.config.schema import Config, InputError, load_config
+from truearc.robot.config.shot_map import OUTCOMES
 from truearc.robot.recording.session import load_trials
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.data.dataset import save_dataset
-from truearc.sim.data.recordings import OUTCOMES, shots_from_sessions
+from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.report.finding_text import say_adopted

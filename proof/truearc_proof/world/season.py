@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.shot_map import OUTCOMES
 from truearc.sim.data.dataset import Tracks
-from truearc.sim.data.recordings import OUTCOMES
 from truearc.sim.progress import Progress
 from truearc.sim.world import season
 from truearc.sim.world.bench import Ball

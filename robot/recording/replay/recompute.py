@@ -13,6 +13,8 @@ from msgspec import UNSET
 from msgspec.structs import replace
 
 from truearc.hw.protocols import CameraFrame
+from truearc.robot.advice.tick import POLICY as ADVICE
+from truearc.robot.advice.tick import step as advise
 from truearc.robot.config.schema import Config, InputError
 from truearc.robot.recording import session as layout
 from truearc.robot.recording.reader import TickReader
@@ -101,7 +103,8 @@ def _replay(session: Path, make_rig: Callable[[RecordedRows, Config], RobotIo]) 
     config, gate, reader = layout.load_session_config(session), layout.load_session_gate(session), TickReader(session)
     rows = RecordedRows(reader)
     aims = layout.load_session_aims(session)
-    think = make_step(config) if layout.load_header(session).policy == POLICY else partial(step, aims=aims)
+    policy = layout.load_header(session).policy
+    think = make_step(config) if policy == POLICY else partial(advise if policy == ADVICE else step, aims=aims)
     return matched(run(make_rig(rows, config), config, gate, Comparer(rows), think), reader)
 
 

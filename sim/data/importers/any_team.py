@@ -6,12 +6,13 @@ from pathlib import Path
 from msgspec import structs
 
 from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.shot_map import SCHEMA, ShotMap, load_map
 from truearc.sim.data.importers.guess_map import Guess, guess_map
 from truearc.sim.data.importers.logged_shots import read_log, shots_from_logs
 from truearc.sim.data.importers.mapped_tables import shots_from_tables
-from truearc.sim.data.importers.shot_map import SCHEMA, ShotMap, load_map
 from truearc.sim.data.model import Dataset
 from truearc.sim.data.rig import load_rig, states_three
+from truearc.sim.data.units import is_shot_column
 
 
 def import_shots(files: Sequence[str | Path], *, rig: Rig | str | Path, shot_map: str | Path | ShotMap | None = None,
@@ -31,7 +32,7 @@ def import_shots(files: Sequence[str | Path], *, rig: Rig | str | Path, shot_map
     """
     facts = rig if isinstance(rig, Rig) else load_rig(rig)
     found = guess(files[0], facts).map if shot_map is None else (
-        shot_map if isinstance(shot_map, ShotMap) else load_map(shot_map))
+        shot_map if isinstance(shot_map, ShotMap) else load_map(shot_map, is_shot_column))
     if facts.target and not states_three(rig) and "hit" in (*found.outcome.values.values(),
                                                            *found.outcome.buttons.values()):
         facts = structs.replace(facts, target=structs.replace(facts.target, three_half_height_m=0.0))

@@ -8,22 +8,19 @@ import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
-from truearc.robot.config.toml_text import make_toml
-from truearc.sim.data.columns import RANGES
-from truearc.sim.data.importers.logged_shots import unit_in
-from truearc.sim.data.importers.series import Log, Series
-from truearc.sim.data.importers.shot_map import (
+from truearc.robot.config.shot_map import (
     MARKS,
-    MOTOR,
     NOT_MARKED,
     SCHEMA,
     Detection,
-    Marks,
+    OutcomeKeys,
     ShotMap,
     Signal,
-    factor_of,
-    own_unit,
 )
+from truearc.robot.config.toml_text import make_toml
+from truearc.robot.config.unit_table import MOTOR, factor_of, own_unit, unit_in
+from truearc.sim.data.columns import RANGES
+from truearc.sim.data.importers.series import Log, Series
 
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 WANTED = {"set", "setpoint", "target", "goal", "desired", "reference", "ref", "command", "commanded", "requested",
@@ -163,19 +160,20 @@ def _feed(log: Log, words: dict[str, list[str]]) -> str | None:
     return max(found)[2] if found else None
 
 
-def _outcome(log: Log, words: dict[str, list[str]]) -> tuple[Marks, str]:
+def _outcome(log: Log, words: dict[str, list[str]]) -> tuple[OutcomeKeys, str]:
     """A text of outcomes that are known here, or a boolean that names a hit."""
     for key, series in log.items():
         if not series.numeric:
             texts = dict.fromkeys(str(value).strip().lower() for value in series.values)
             known = {text: text for text in texts if text in MARKS or text in NOT_MARKED}
             if len(texts) <= MOST_WORDS and len([text for text in known if text]) >= 2:
-                return Marks(key=key, values={text: word for text, word in known.items() if text}), f"outcome: {key}"
+                values = {text: word for text, word in known.items() if text}
+                return OutcomeKeys(key=key, values=values), f"outcome: {key}"
     nouns = {"scored", "successful", "success", "hit", "made"}
     for key in _booleans(log):
         if nouns & set(words[key]):
-            return Marks(key=key, values={"true": "hit", "false": "miss"}), f"outcome: {key}: true is a hit"
-    return Marks(), "outcome: none found: state outcome in the map, or shots have none"
+            return OutcomeKeys(key=key, values={"true": "hit", "false": "miss"}), f"outcome: {key}: true is a hit"
+    return OutcomeKeys(), "outcome: none found: state outcome in the map, or shots have none"
 
 
 def _booleans(log: Log) -> Iterable[str]:

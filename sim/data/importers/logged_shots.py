@@ -1,6 +1,5 @@
 """Logs of robots, and tables of shots, to a dataset by a map of their keys."""
 
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,20 +8,10 @@ import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
-from truearc.sim.data.columns import WHEEL
+from truearc.robot.config.shot_map import MARKS, NOT_MARKED, ShotMap, Signal, as_signal, plain
+from truearc.robot.config.unit_table import MOTOR, WHEEL, factor_of, own_unit, unit_in
 from truearc.sim.data.importers.find_shots import find_shots
 from truearc.sim.data.importers.series import Log, Series, read_csv_log, read_wpilog
-from truearc.sim.data.importers.shot_map import (
-    MARKS,
-    MOTOR,
-    NOT_MARKED,
-    UNITS,
-    ShotMap,
-    Signal,
-    as_signal,
-    factor_of,
-    own_unit,
-)
 from truearc.sim.data.load import assemble
 from truearc.sim.data.model import Dataset
 from truearc.sim.data.recordings import AFTER_S, BEFORE_S
@@ -30,9 +19,6 @@ from truearc.sim.data.table import Cell, RawTable, gathered
 
 SECONDS = {"s": 1.0, "ms": 1e3, "us": 1e6}
 PUBLISHED_S = 0.2                     # the same mark again, sooner than this, is one that is said in every loop
-SUFFIX = re.compile(r"(radians?persec(?:ond)?|rad(?:s)?per?sec|rotations?per(?:sec(?:ond)?|minute)|deg(?:rees)?persec|"
-                    r"meterspersec(?:ond)?|mps|rpm|rps|radians?|rads?|degrees?|degs?|rotations?|rots?|meters?|inches|"
-                    r"feet|volts?|seconds?|_rad_s|_m_s|_ft|_in|_m|_v|_deg|_rad)(/\d+|/value)?$", re.IGNORECASE)
 
 Progress = Callable[[float, str], None]
 
@@ -186,19 +172,6 @@ def as_read(column: str, rig: Rig) -> tuple[str, float]:
 
 def _is_speed(column: str) -> bool:
     return column == MOTOR or WHEEL.fullmatch(column) is not None
-
-
-def plain(value: object) -> str:
-    """A value as maps compare it: true and false, numbers without zeros behind, texts in small letters."""
-    if isinstance(value, float):
-        return f"{value:g}"
-    return {"true": "1", "false": "0"}.get(str(value).strip().lower(), str(value).strip().lower())
-
-
-def unit_in(key: str) -> str:
-    """The unit that a key's name ends in, as UNITS has it; "" for none."""
-    found = SUFFIX.search(key)
-    return UNITS.get(found[1].lower().lstrip("_"), "") if found else ""
 
 
 def _in_unit(series: Series, column: str, signal: Signal, path: Path) -> Series:

@@ -7,9 +7,10 @@ from pathlib import Path
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
+from truearc.robot.config.shot_map import MARKS, NOT_MARKED, ShotMap, Signal, as_signal, plain
+from truearc.robot.config.unit_table import factor_of, own_unit, unit_in
 from truearc.sim.data.columns import parse_number
-from truearc.sim.data.importers.logged_shots import as_read, as_table, plain, unit_in
-from truearc.sim.data.importers.shot_map import MARKS, NOT_MARKED, ShotMap, Signal, as_signal, factor_of, own_unit
+from truearc.sim.data.importers.logged_shots import as_read, as_table
 from truearc.sim.data.load import assemble
 from truearc.sim.data.model import Dataset
 from truearc.sim.data.table import Cell, RawTable, gathered, parse_csv, text_of

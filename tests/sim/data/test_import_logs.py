@@ -10,9 +10,9 @@ import pytest
 import truearc as ta
 from tests.sim.data.stranger_log import write_stranger_log
 from truearc.cli.main import main
+from truearc.robot.config.shot_map import load_map, ready_maps
 from truearc.robot.recording.export.wpilog import WpilogWriter, make_payload
 from truearc.sim.data.importers.series import read_csv_log, read_wpilog
-from truearc.sim.data.importers.shot_map import load_map, ready_maps
 
 pytest.importorskip("wpiutil")
 COMPARED = ("distance_m", "hood_deg", "motor_ratio", "battery_v", "t_s", "since_last_shot_s")

@@ -46,7 +46,7 @@ def main(args: argparse.Namespace) -> int:
 
 def in_units(units: list[str]) -> list[str]:
     """Return the columns of shots.csv in these units; InputError for a unit that none of them can be in."""
-    from truearc.sim.data.units import CONVERTED
+    from truearc.robot.config.unit_table import CONVERTED
     columns = list(COLUMNS)
     for unit in units:
         read = next((read for read in ("m", "deg") if unit in (read, *CONVERTED[read])), None)

@@ -1,5 +1,6 @@
 """shots.toml: which keys of a team's log or table say what, and how its shots and their outcomes are known."""
 
+from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
 from typing import Final, Literal
@@ -7,37 +8,14 @@ from typing import Final, Literal
 from msgspec import Struct
 
 from truearc.robot.config.schema import InputError, load_text, parse_toml
-from truearc.sim.data.columns import WHEEL
-from truearc.sim.data.recordings import OUTCOMES
-from truearc.sim.data.units import CONVERTED, ZERO, is_shot_column, unit_of
+from truearc.robot.config.unit_table import MOTOR, factor_of
 
 SCHEMA: Final = "truearc.shot-map/1"
-MOTOR = "motor_rad_s"                 # of a map: the motors' speed, which becomes motor_ratio by the rig's free speed
 NOT_MARKED = ("rejected", "")         # marks of shots that are to be left out
+# outcome and side by the button that marks it
+OUTCOMES = {"miss-low": ("miss", "low"), "two-low": ("two", "low"), "two": ("two", ""), "three": ("three", ""),
+            "two-high": ("two", "high"), "miss-high": ("miss", "high")}
 MARKS = {**OUTCOMES, "miss": ("miss", ""), "hit": ("hit", ""), "low": ("miss", "low"), "high": ("miss", "high")}
-# what logs call units -> as columns of a dataset end
-UNITS = {
-    **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), "m"),
-    **dict.fromkeys(("in", "inch", "inches"), "in"), **dict.fromkeys(("ft", "foot", "feet"), "ft"),
-    **dict.fromkeys(("cm", "centimeters"), "cm"), **dict.fromkeys(("mm", "millimeters"), "mm"),
-    **dict.fromkeys(("deg", "degree", "degrees", "°"), "deg"),
-    **dict.fromkeys(("rad", "rads", "radian", "radians"), "rad"),
-    **dict.fromkeys(("rot", "rots", "rotation", "rotations", "rev"), "rev"),
-    **dict.fromkeys(("rad/s", "rad_s", "rads", "radpersec", "radians per second", "rad per sec", "radianspersecond",
-                     "radspersec", "rad/sec", "radpersecond"), "rad_s"),
-    **dict.fromkeys(("rpm", "rotations per minute", "revolutions per minute", "rotationsperminute"), "rpm"),
-    **dict.fromkeys(("rps", "rev/s", "rot/s", "rotations per second", "revolutions per second", "rotations/s", "rev_s",
-                     "rotpersec", "rotationspersecond", "rotationspersec", "rotationpersecond"), "rps"),
-    **dict.fromkeys(("deg/s", "deg_s", "degrees per second", "degpersec"), "deg_s"),
-    **dict.fromkeys(("v", "volt", "volts"), "v"), **dict.fromkeys(("mv", "millivolts"), "mv"),
-    **dict.fromkeys(("m/s", "m_s", "meters per second", "mps", "meterspersec", "meterspersecond"), "m_s"),
-    **dict.fromkeys(("ft/s", "ft_s", "fps", "feet per second", "feetpersec"), "ft_s"),
-    **dict.fromkeys(("s", "sec", "second", "seconds"), "s"), **dict.fromkeys(("ms", "milliseconds"), "ms"),
-    **dict.fromkeys(("us", "microseconds"), "us"),
-    **dict.fromkeys(("c", "celsius"), "c"), **dict.fromkeys(("f", "fahrenheit"), "f"),
-}
-REVOLUTION_DEG = 360.0
-RADIAN_S = {"rad_s", "rpm", "rps", "deg_s"}
 
 
 class Signal(Struct, frozen=True, forbid_unknown_fields=True):
@@ -66,7 +44,7 @@ class Detection(Struct, frozen=True, forbid_unknown_fields=True):
     least_dip: float = 0.01
 
 
-class Marks(Struct, frozen=True, forbid_unknown_fields=True):
+class OutcomeKeys(Struct, frozen=True, forbid_unknown_fields=True):
     """How outcomes are known: `key` takes one of `values`, or one of `buttons` is pressed, within `within_s` of the
     shot. Words: miss, two, three, hit, miss-low, two-high, ...; "rejected" leaves the shot out."""
 
@@ -92,12 +70,19 @@ class ShotMap(Struct, frozen=True, forbid_unknown_fields=True):
     columns: dict[str, str | Signal] = {}
     time: TimeColumn = TimeColumn()
     shots: Detection = Detection()
-    outcome: Marks = Marks()
+    outcome: OutcomeKeys = OutcomeKeys()
 
 
 def as_signal(said: str | Signal) -> Signal:
     """A key alone is a signal, too."""
     return Signal(said) if isinstance(said, str) else said
+
+
+def plain(value: object) -> str:
+    """A value as maps compare it: true and false, numbers without zeros behind, texts in small letters."""
+    if isinstance(value, float):
+        return f"{value:g}"
+    return {"true": "1", "false": "0"}.get(str(value).strip().lower(), str(value).strip().lower())
 
 
 def ready_maps() -> dict[str, str]:
@@ -106,30 +91,30 @@ def ready_maps() -> dict[str, str]:
 
 
 def _shipped() -> dict[str, str]:
-    folder = files("truearc.sim.data.importers") / "maps"
+    folder = files("truearc.robot.config") / "maps"
     return {one.name.removesuffix(".toml"): one.read_text(encoding="utf-8")
             for one in sorted(folder.iterdir(), key=lambda one: one.name) if one.name.endswith(".toml")}
 
 
-def load_map(name_or_path: str | Path) -> ShotMap:
-    """Read a map by its path, or one that comes with truearc by its name.
+def load_map(name_or_path: str | Path, is_column: Callable[[str], bool] = lambda name: True) -> ShotMap:
+    """Read a map by its path, or one that comes with truearc by its name; is_column: which columns shots may have.
 
     Raises:
         InputError: names file and key of what is unknown, or the maps that there are.
     """
     shipped = _shipped()
     if str(name_or_path) in shipped:
-        return _read(shipped[str(name_or_path)], str(name_or_path))
+        return _read(shipped[str(name_or_path)], str(name_or_path), is_column)
     if not Path(name_or_path).exists():
         raise InputError(f"{name_or_path}: is neither a file nor a map that comes with truearc ({', '.join(shipped)})")
-    return _read(load_text(name_or_path), str(name_or_path))
+    return _read(load_text(name_or_path), str(name_or_path), is_column)
 
 
-def _read(text: str, name: str) -> ShotMap:
+def _read(text: str, name: str, is_column: Callable[[str], bool] = lambda name: True) -> ShotMap:
     found = parse_toml(text, ShotMap, name)
     known = {"position": ("t_s", "x_m", "y_m", "z_m")}.get(found.rows, ())
     for column, said in found.columns.items():
-        if not (column in known or (not known and (column == MOTOR or is_shot_column(column)))):
+        if not (column in known or (not known and (column == MOTOR or is_column(column)))):
             there = ", ".join(known) if known else f"those of shots.csv, and {MOTOR}"
             raise InputError(f"{name}: columns.{column}: there is no such column ({there})")
         unit = as_signal(said).unit
@@ -139,21 +124,3 @@ def _read(text: str, name: str) -> ShotMap:
         if word not in MARKS and word not in NOT_MARKED:
             raise InputError(f"{name}: outcome: {key} = {word!r}: is none of {', '.join(MARKS)}, rejected")
     return found
-
-
-def factor_of(column: str, unit: str) -> tuple[float, float] | None:
-    """(how many of the column's unit are one of the other, its zero); None where it is not a unit of that column."""
-    read, other = own_unit(column), UNITS.get(unit.strip().lower())
-    if other is None:
-        return None
-    if other == read or (read == "rev_s" and other == "rps"):
-        return 1.0, 0.0
-    if read == "deg" and other == "rev":
-        return REVOLUTION_DEG, 0.0
-    factor = CONVERTED.get(read, {}).get(other)
-    return None if factor is None else (factor, ZERO.get(other, 0.0))
-
-
-def own_unit(column: str) -> str:
-    """The unit of a column of shots, "" for one without."""
-    return "rad_s" if column == MOTOR or WHEEL.fullmatch(column) else unit_of(column)

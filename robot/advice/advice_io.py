@@ -1,0 +1,222 @@
+"""A RobotIo of NetworkTables keys: inputs as of a launcher of ours, and commands that go nowhere; and what publishes
+the tick's verdict."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Protocol
+
+from truearc.hw.protocols import AngleReading, ButtonEvent, CameraFrame, Clock, MotorReading
+from truearc.hw.reason import Reason
+from truearc.robot import reasons as because
+from truearc.robot.advice.nt_keys import Reading
+from truearc.robot.config.schema import Config, InputError
+from truearc.robot.config.shot_map import NOT_MARKED, ShotMap, Signal, as_signal, plain
+from truearc.robot.config.unit_table import MOTOR, WHEEL, factor_of, unit_in
+from truearc.robot.gate.model import Gate
+from truearc.robot.reasons import texts
+from truearc.robot.runtime import Recorder
+from truearc.robot.types import Command, Inputs, Sent, Sighting, Tick
+
+NS_PER_S = 1_000_000_000
+STALE = ("nt_lost", "key_missing", "device_stale", "device_never_received", "target_stale", "target_never_seen",
+         "ticks_stalled")
+NEEDED = ("distance_m", "hood_deg", "battery_v")
+
+
+class Keys(Protocol):
+    """Where keys come from and advice goes."""
+
+    @property
+    def connected(self) -> bool: ...
+
+    def read(self, now_ns: int) -> Mapping[str, Reading]: ...
+
+    def publish(self, values: Mapping[str, float | str | Sequence[str]]) -> None: ...
+
+
+class AdviceIo:
+    """Inputs from the keys of a map, `config.tick_hz` times a second; sigma_m: of the robot's own distance.
+
+    Raises:
+        InputError: the map lacks a column that advice needs, or states a unit that is not one of its column.
+    """
+
+    def __init__(self, config: Config, shot_map: ShotMap, keys: Keys, clock: Clock, over: Callable[[], bool],
+                 sigma_m: float) -> None:
+        self._config, self._map, self._keys, self._clock, self._over = config, shot_map, keys, clock, over
+        self._sigma_m = sigma_m
+        self._signals = {column: _Scaled(column, as_signal(said), config)
+                         for column, said in advised_columns(shot_map, config).items()}
+        self._feed = as_signal(shot_map.shots.feed).key if shot_map.shots.feed else None
+        self._due_ns = clock.now_ns()
+        self._cycle = self._seq = 0
+        self._sighted_ns = 0
+        self._last: dict[str, Reading] = {}       # of keys whose edges count
+
+    def read(self) -> Inputs | None:
+        """Wait for the next tick, then take every key's newest value."""
+        if self._over():
+            return None
+        period = NS_PER_S // self._config.tick_hz
+        turn_ns = self._due_ns + period
+        self._due_ns = turn_ns + max(self._clock.now_ns() - turn_ns, 0) // period * period
+        self._clock.sleep_until_ns(self._due_ns)
+        t_ns = self._clock.now_ns()
+        late_s = (t_ns - turn_ns) / NS_PER_S
+        found = self._keys.read(t_ns)
+        faults = [] if self._keys.connected else [because.NT_LOST()]
+        if late_s > self._config.gate.reading_age_s:
+            faults.append(because.TICKS_STALLED(stall_s=late_s))
+        self._cycle += 1
+        speed = self._number(MOTOR, found, faults)
+        battery = self._number("battery_v", found, faults)
+        motor = MotorReading() if speed is None or battery is None else MotorReading(
+            t_ns=speed[0], velocity_rad_s=speed[1], heartbeat_t_ns=speed[0], bus_t_ns=battery[0], bus_v=battery[1])
+        flywheels = (motor,) * len(self._config.axes.flywheels)
+        return Inputs(t_ns, self._cycle, flywheels, MotorReading(), MotorReading(),
+                      self._angle(self._number("hood_deg", found, faults)),
+                      self._sighting(self._number("distance_m", found, faults)), self._presses(found, t_ns),
+                      tuple(faults))
+
+    def write(self, command: Command) -> Sent:
+        """Send nothing."""
+        return Sent(False, 0.0, 0.0, 0.0)
+
+    def picture(self) -> CameraFrame | None:
+        return None
+
+    def _number(self, column: str, found: Mapping[str, Reading], faults: list[Reason]) -> tuple[int, float] | None:
+        """(stamp, value in the column's unit); None, and a fault, where the key is not there or holds no number."""
+        scaled = self._signals[column]
+        reading = found.get(scaled.key)
+        value = None if reading is None or isinstance(reading.value, str) else scaled.value(reading.value)
+        if reading is None or value is None or not math.isfinite(value):
+            faults.append(because.KEY_MISSING(key=scaled.key))
+            return None
+        return reading.t_ns, value
+
+    def _angle(self, hood: tuple[int, float] | None) -> AngleReading | None:
+        """As the encoder of the configuration would read it."""
+        if hood is None:
+            return None
+        encoder = self._config.hood_encoder
+        turned = encoder.zero_deg + hood[1] * encoder.direction
+        return AngleReading(hood[0], math.radians(turned % 360.0), True)
+
+    def _sighting(self, distance: tuple[int, float] | None) -> Sighting | None:
+        """Of a distance that has come since the last tick."""
+        if distance is None or distance[0] <= self._sighted_ns:
+            return None
+        self._sighted_ns = distance[0]
+        return Sighting(distance[0], True, None, distance[1] + self._config.camera.behind_exit_m, self._sigma_m)
+
+    def _presses(self, found: Mapping[str, Reading], t_ns: int) -> tuple[ButtonEvent, ...]:
+        """The feeder's starts as "fire", and the driver's marks."""
+        words = []
+        if self._feed is not None and self._rises(self._feed, found, self._map.shots.feed_above):
+            words.append("fire")
+        said = self._map.outcome
+        if said.key and (mark := self._new(said.key, found)) is not None:
+            meant = {plain(value): word for value, word in said.values.items()}
+            words += [meant[plain(mark.value)]] if plain(mark.value) in meant else []
+        words += [word for key, word in said.buttons.items() if self._rises(key, found, 0.5)]
+        events = []
+        for word in words:
+            self._seq = (self._seq + 1) % 65536
+            events.append(ButtonEvent(t_ns, self._seq, _BUTTONS.get(word, word)))
+        return tuple(events)
+
+    def _new(self, key: str, found: Mapping[str, Reading]) -> Reading | None:
+        """A value that has come since the last tick; the first one is from before we were there."""
+        reading, last = found.get(key), self._last.get(key)
+        if reading is not None:
+            self._last[key] = reading
+        return reading if reading is not None and last is not None and reading.t_ns > last.t_ns else None
+
+    def _rises(self, key: str, found: Mapping[str, Reading], above: float) -> bool:
+        last = self._last.get(key)
+        reading = self._new(key, found)
+        return (reading is not None and last is not None and not isinstance(reading.value, str)
+                and not isinstance(last.value, str) and last.value <= above < reading.value)
+
+
+_BUTTONS = {"hit": "two", "miss": "miss-low", "low": "miss-low", "high": "miss-high",
+            **dict.fromkeys(NOT_MARKED, "reject")}
+
+
+class _Scaled:
+    """A key and how its number becomes one of a column."""
+
+    def __init__(self, column: str, signal: Signal, config: Config) -> None:
+        self.key, self._signal = signal.key, signal
+        stated = signal.unit or unit_in(signal.key)
+        factor = factor_of(column, stated) if stated else (1.0, 0.0)
+        if factor is None:
+            raise InputError(f"{signal.key}: {stated!r} is not a unit of {column}; state unit = \"...\" in the map")
+        self._factor, self._zero = factor
+
+    def value(self, raw: float) -> float:
+        return (raw * self._signal.times + self._signal.plus - self._zero) * self._factor
+
+
+def advised_columns(shot_map: ShotMap, config: Config) -> dict[str, str | Signal]:
+    """The columns that advice needs, the speed as that of the motors; InputError names one that the map lacks."""
+    columns = dict(shot_map.columns)
+    speed = next((one for one in columns if one == MOTOR or WHEEL.fullmatch(one)), None)
+    if speed is None:
+        raise InputError(f"the map's columns name no {MOTOR} and no wheel: the gate needs a speed")
+    for column in NEEDED:
+        if column not in columns:
+            raise InputError(f"the map has no columns.{column}, which advice needs")
+    if speed == MOTOR:
+        return {column: columns[column] for column in (MOTOR, *NEEDED)}
+    gears = {wheel.name: wheel.gear for wheel in config.rig.launcher.wheel}
+    name = speed.removeprefix("wheel_").removesuffix("_rad_s")
+    if name not in gears:
+        raise InputError(f"{speed}: the rig has no wheel {name!r} ({', '.join(gears)})")
+    wheel = as_signal(columns[speed])
+    scaled = Signal(wheel.key, wheel.unit, wheel.times / gears[name], wheel.plus / gears[name])
+    return {MOTOR: scaled, **{column: columns[column] for column in NEEDED}}
+
+
+class Adviser:
+    """A Recorder that publishes each tick's verdict, then passes the tick on."""
+
+    def __init__(self, recorder: Recorder, keys: Keys, config: Config, gate: Gate) -> None:
+        self._recorder, self._keys, self._config, self._gate = recorder, keys, config, gate
+
+    def record(self, tick: Tick, sent: Sent) -> None:
+        """Publish, then record."""
+        self._keys.publish(advice_of(tick, self._config, self._gate))
+        self._recorder.record(tick, sent)
+
+    def keep_picture(self, picture: CameraFrame) -> None:
+        self._recorder.keep_picture(picture)
+
+
+def advice_of(tick: Tick, config: Config, gate: Gate) -> dict[str, float | str | tuple[str, ...]]:
+    """Return the values to publish of a tick; NaN: not known.
+
+    verdict: FIRE, HOLD, or STALE where a key is missing or old; age_s: of the oldest key. hood_deg, wheel_rad_s (of the
+    motors), correction: the aim file's; without one where the launcher is, and 0.
+    """
+    seen, verdict = tick.estimate, tick.verdict
+    novelty = math.nan
+    if seen.distance_m is not None and seen.hood_deg is not None:
+        rated = gate.rate(seen.distance_m, seen.motor_ratio, seen.hood_deg).novelty
+        novelty = math.nan if rated is None else rated
+    stamps = [tick.inputs.flywheels[0].t_ns, tick.inputs.hood_angle.t_ns if tick.inputs.hood_angle else 0]
+    last = tick.memory.last_sighting
+    oldest_ns = min(*stamps, last.t_ns if last else 0)
+    word = "FIRE" if verdict.fire else (
+        "STALE" if any(reason.code in STALE for reason in verdict.reasons) else "HOLD")
+    free = config.rig.launcher.free_speed_rad_s or math.nan
+    return {"p_two": _or_nan(verdict.p_two), "p_three": _or_nan(verdict.p_three), "verdict": word,
+            "reasons": tuple(texts(verdict.reasons)), "novelty": novelty, "hood_deg": tick.aim.hood_deg,
+            "wheel_rad_s": tick.aim.motor_ratio * free,
+            "correction": tick.aim.correction if isinstance(tick.aim.correction, float) else 0.0,
+            "age_s": (tick.inputs.t_ns - oldest_ns) / NS_PER_S if oldest_ns else math.nan}
+
+
+def _or_nan(value: float | None) -> float:
+    return math.nan if value is None else value

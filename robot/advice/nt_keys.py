@@ -1,0 +1,110 @@
+"""Keys of a robot's NetworkTables server, by WPILib's own library: values with stamps on our clock, and topics of ours.
+
+The library publishes a value when it changes, so a stamp is that of the newest change.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from truearc.robot.config.schema import InputError
+
+OURS = "/truearc/"
+OLDER = "/AdvantageKit"               # where AdvantageKit puts what its log has under /RealOutputs and the like
+PERIOD_S = 0.01                       # between what the server sends
+IDENTITY = "truearc"
+
+
+class Reading(NamedTuple):
+    """Newest value of a key: a number (a boolean is 1 or 0) or a text, and when it changed; -1: it is an array's part
+    that is not there."""
+
+    t_ns: int
+    value: float | str
+
+
+class NtKeys:
+    """Subscribes to keys of a server, by address or team number, and publishes `/truearc/...`; `close` ends both.
+
+    Raises:
+        InputError: WPILib's library is not installed.
+    """
+
+    def __init__(self, server: str, keys: Sequence[str]) -> None:
+        try:
+            import ntcore
+        except ImportError as error:
+            raise InputError("advise: NetworkTables needs WPILib's own library; install it: pip install 'truearc[frc]'"
+                             ) from error
+        self._now = ntcore._now                        # the library's clock, in us
+        self._instance = ntcore.NetworkTableInstance.create()
+        if server.isdigit():
+            self._instance.setServerTeam(int(server))
+        else:
+            host, _, port = server.partition(":")
+            self._instance.setServer(host, int(port) if port.isdigit() else 0)
+        self._instance.startClient4(IDENTITY)
+        # ours are sent again even where they are as before: who listens sees that they are fresh
+        self._options = options = ntcore.PubSubOptions(periodic=PERIOD_S, keepDuplicates=True, sendAll=True)
+        self._subscribed = {key: [self._instance.getTopic(name).genericSubscribe(options) for name in names_of(key)]
+                            for key in keys}
+        self._publishers: dict[str, Any] = {}
+
+    @property
+    def connected(self) -> bool:
+        return bool(self._instance.isConnected())
+
+    def read(self, now_ns: int) -> Mapping[str, Reading]:
+        """Every key that is there; now_ns: our clock."""
+        now_us = self._now()
+        found = {}
+        for key, subscribers in self._subscribed.items():
+            for subscriber in subscribers:
+                reading = _reading(subscriber, key, now_us, now_ns)
+                if reading is not None:
+                    found[key] = reading
+                    break
+        return found
+
+    def publish(self, values: Mapping[str, float | str | Sequence[str]]) -> None:
+        """Put values under /truearc/, and send them at once."""
+        for name, value in values.items():
+            if name not in self._publishers:
+                self._publishers[name] = self._publisher(OURS + name, value)
+            self._publishers[name].set(list(value) if isinstance(value, tuple) else value)
+        self._instance.flush()
+
+    def close(self) -> None:
+        """Stop; what was published goes with the connection."""
+        self._publishers.clear()
+        self._subscribed.clear()
+        self._instance.stopClient()
+
+    def _publisher(self, name: str, value: float | str | Sequence[str]) -> Any:
+        if isinstance(value, str):
+            return self._instance.getStringTopic(name).publish(self._options)
+        if isinstance(value, tuple):
+            return self._instance.getStringArrayTopic(name).publish(self._options)
+        return self._instance.getDoubleTopic(name).publish(self._options)
+
+
+def names_of(key: str) -> list[str]:
+    """Topics that a map's key may be: of the log's name without NT:, and where AdvantageKit publishes it; a key
+    `/Name/0` may also be a part of an array."""
+    plain = "/" + key.removeprefix("NT:").lstrip("/")
+    array = [plain.rpartition("/")[0]] if plain.rpartition("/")[2].isdigit() else []
+    return [name for one in (plain, *array) for name in (one, OLDER + one)]
+
+
+def _reading(subscriber: Any, key: str, now_us: int, now_ns: int) -> Reading | None:
+    value = subscriber.get()
+    if not value.isValid() or not subscriber.exists():
+        return None
+    raw = value.value()
+    if isinstance(raw, list | tuple):
+        place = key.rpartition("/")[2]
+        if not place.isdigit() or not int(place) < len(raw):
+            return None
+        raw = raw[int(place)]
+    if not isinstance(raw, str | bool | int | float):
+        return None
+    return Reading(now_ns - max(now_us - value.time(), 0) * 1000, raw if isinstance(raw, str) else float(raw))

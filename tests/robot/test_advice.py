@@ -1,0 +1,204 @@
+"""Advice from keys: FIRE where all is well, never where a key freezes, jumps or disappears; recorded and replayed."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+
+from truearc.cli.common import SHIPPED
+from truearc.cli.main import main
+from truearc.robot.advice.advice_io import AdviceIo, Adviser, advised_columns
+from truearc.robot.advice.nt_keys import Reading, names_of
+from truearc.robot.advice.tick import POLICY, step
+from truearc.robot.config.schema import Config, InputError, load_config
+from truearc.robot.config.shot_map import Detection, OutcomeKeys, ShotMap, Signal
+from truearc.robot.gate.model import load_gate
+from truearc.robot.recording.encoder import SessionWriter
+from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.session import load_trials, make_header
+from truearc.robot.runtime import run
+from truearc.robot.types import Tick
+
+GATE = Path(__file__).parents[1] / "golden" / "reference" / "export-physics" / "gate.onnx"
+MAP = ShotMap("truearc.shot-map/1", columns={
+    "distance_m": "/Vision/Distance", "hood_deg": Signal("/Hood/Angle", "deg"),
+    "motor_rad_s": Signal("/Shooter/RPM", "rpm"), "battery_v": "/Battery"},
+    shots=Detection(feed="/Feeding"), outcome=OutcomeKeys(key="/Result", values={"in": "three", "short": "miss-low"}))
+WELL = {"/Vision/Distance": 2.2488, "/Hood/Angle": 51.737, "/Shooter/RPM": 0.44958 * 594.0 * 9.549297, "/Battery": 12.4}
+HZ, NS = 50, 1_000_000_000
+NEEDED = list(WELL)
+
+
+def config() -> Config:
+    shipped = load_config(SHIPPED)
+    return replace(shipped, tick_hz=HZ, gate=replace(shipped.gate, policy="model", reading_age_s=0.5,
+                                                     sighting_age_s=0.5, threshold=0.3))
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.t_ns = 5 * NS
+
+    def now_ns(self) -> int:
+        return self.t_ns
+
+    def sleep_until_ns(self, t_ns: int) -> None:
+        self.t_ns = max(self.t_ns, t_ns)
+
+
+class Robot:
+    """Keys of a robot whose sensors jitter in the last digits; `trouble` changes what it publishes from 4 s on."""
+
+    def __init__(self, trouble: str = "", key: str = "") -> None:
+        self.trouble, self.key, self.began_ns = trouble, key, 0
+        self.connected = True
+        self.said: list[Mapping[str, float | str | Sequence[str]]] = []
+        self.marks: dict[str, Reading] = {"/Feeding": Reading(1, 0.0), "/Result": Reading(1, "")}
+
+    def read(self, now_ns: int) -> Mapping[str, Reading]:
+        self.began_ns = self.began_ns or now_ns
+        since_s = (now_ns - self.began_ns) / NS
+        found = {key: Reading(now_ns - 3_000_000, value * (1.0 + 1e-5 * (now_ns // 1000 % 7)))
+                 for key, value in WELL.items()} | self.marks
+        if since_s >= 4.0 and self.trouble:
+            if self.trouble == "freezes":
+                found[self.key] = Reading(self.began_ns + 4 * NS, WELL[self.key])
+            elif self.trouble == "jumps":
+                found[self.key] = Reading(now_ns, WELL[self.key] * (1.5 if since_s % 0.2 < 0.1 else 1.0))
+            elif self.trouble == "disappears":
+                del found[self.key]
+            else:
+                self.connected = False
+        return found
+
+    def publish(self, values: Mapping[str, float | str | Sequence[str]]) -> None:
+        self.said.append(dict(values))
+
+
+class Nothing:
+    def record(self, tick: Tick, sent: object) -> None: ...
+
+    def keep_picture(self, picture: object) -> None: ...
+
+
+def advise(robot: Robot, seconds: float, recorder: object = None, play: Iterator[None] | None = None) -> list[str]:
+    """The verdicts of so many seconds; `play` goes on by one before each tick."""
+    clock, facts, gate = Clock(), config(), load_gate(GATE)
+    end_ns = clock.t_ns + round(seconds * NS)
+
+    def over() -> bool:
+        if play is not None:
+            next(play, None)
+        return clock.t_ns >= end_ns
+
+    io = AdviceIo(facts, MAP, robot, clock, over, 0.02)
+    run(io, facts, gate, Adviser(recorder or Nothing(), robot, facts, gate), step)      # type: ignore[arg-type]
+    return [str(said["verdict"]) for said in robot.said]
+
+
+def test_a_robot_that_is_well_is_told_to_fire_and_why() -> None:
+    robot = Robot()
+    verdicts = advise(robot, 4.0)
+    assert verdicts[-1] == "FIRE" and verdicts.count("FIRE") > 0.9 * len(verdicts) and verdicts[0] == "HOLD"
+    last = robot.said[-1]
+    rated = load_gate(GATE).rate(2.2488, 0.44958, 51.737)
+    assert last["p_three"] == pytest.approx(rated.p_three, abs=0.02) and last["novelty"] == pytest.approx(
+        rated.novelty, abs=0.02)
+    assert last["reasons"] == () and 0.0 < float(last["age_s"]) < 0.1          # type: ignore[arg-type]
+    assert set(last) == {"p_two", "p_three", "verdict", "reasons", "novelty", "hood_deg", "wheel_rad_s", "correction",
+                         "age_s"}
+
+
+@pytest.mark.parametrize("key", NEEDED)
+@pytest.mark.parametrize("trouble", ["freezes", "disappears"])
+def test_a_key_that_freezes_or_disappears_is_stale(trouble: str, key: str) -> None:
+    verdicts = advise(Robot(trouble, key), 12.0)
+    patience_s = (5.0 if key == "/Battery" else 0.5) if trouble == "freezes" else 0.0
+    assert "FIRE" in verdicts[:4 * HZ]
+    assert set(verdicts[round((4.1 + patience_s) * HZ):]) == {"STALE"}
+
+
+@pytest.mark.parametrize("key", NEEDED)
+def test_a_key_that_jumps_is_not_believed(key: str) -> None:
+    assert "FIRE" not in advise(Robot("jumps", key), 8.0)[4 * HZ + 1:]
+
+
+def test_a_connection_that_is_lost_is_stale() -> None:
+    assert set(advise(Robot("lost"), 6.0)[4 * HZ + 1:]) == {"STALE"}
+
+
+def test_wheels_that_change_their_speed_are_not_settled() -> None:
+    class SpinningUp(Robot):
+        def read(self, now_ns: int) -> Mapping[str, Reading]:
+            found = dict(super().read(now_ns))
+            since_s = (now_ns - self.began_ns) / NS
+            found["/Shooter/RPM"] = Reading(now_ns, WELL["/Shooter/RPM"] * (0.9 + 0.1 * min(since_s / 2.0, 1.0)))
+            return found
+
+    robot = SpinningUp()
+    verdicts = advise(robot, 4.0)
+    assert "FIRE" not in verdicts[:round(1.5 * HZ)] and verdicts[-1] == "FIRE"
+
+
+def play(robot: Robot) -> Iterator[None]:
+    """Three balls: in, short, and one without a mark."""
+    for tick in range(10_000):
+        for number, mark in enumerate(("in", "short", "")):
+            began = round((1.0 + 2.0 * number) * HZ)
+            t_ns = 5 * NS + tick * NS // HZ
+            if tick == began:
+                robot.marks["/Feeding"] = Reading(t_ns, 1.0)
+            if tick == began + 10:
+                robot.marks["/Feeding"] = Reading(t_ns, 0.0)
+            if tick == began + 50 and mark:
+                robot.marks["/Result"] = Reading(t_ns, mark)
+        yield
+
+
+def test_it_records_a_session_that_replays_to_the_bit_and_has_its_shots(tmp_path: Path,
+                                                                        capsys: pytest.CaptureFixture[str]) -> None:
+    robot, facts, gate = Robot(), config(), load_gate(GATE)
+    folder = tmp_path / "advice"
+    recorder = SessionWriter(folder, replace(make_header(facts, gate, None), policy=POLICY), facts, GATE.read_bytes(),
+                             lossless=True)
+    advise(robot, 8.0, recorder, play(robot))
+    recorder.close()
+    assert [trial.outcome.outcome for trial in load_trials(folder)] == ["three", "miss-low"]
+    shots = [trial.shot for trial in load_trials(folder) if trial.shot is not None]
+    assert [shot.distance_m for shot in shots] == pytest.approx([2.2488] * 2, rel=1e-3)
+    ticks = [tick for tick, _ in TickReader(folder)]
+    assert len(ticks) == 8 * HZ and not any(tick.command.enable for tick in ticks)
+    assert main(["session", "replay", str(folder), "--check"]) == 0
+    assert "400 ticks" in capsys.readouterr().out
+
+
+def test_a_wheels_speed_is_that_of_the_motors_by_its_gear() -> None:
+    facts = config()
+    wheel = facts.rig.launcher.wheel[0]
+    columns = {**MAP.columns, f"wheel_{wheel.name}_rad_s": "/Wheel"}
+    del columns["motor_rad_s"]
+    found = advised_columns(replace(MAP, columns=columns), facts)["motor_rad_s"]
+    assert isinstance(found, Signal) and found.times == pytest.approx(1.0 / wheel.gear)
+    for column in ("distance_m", "hood_deg", "battery_v"):
+        with pytest.raises(InputError, match=f"the map has no columns.{column}"):
+            advised_columns(replace(MAP, columns={name: key for name, key in MAP.columns.items() if name != column}),
+                            facts)
+    with pytest.raises(InputError, match="no motor_rad_s and no wheel"):
+        advised_columns(replace(MAP, columns={"distance_m": "x"}), facts)
+
+
+def test_a_logs_key_is_found_where_networktables_has_it() -> None:
+    assert names_of("/RealOutputs/X")[:2] == ["/RealOutputs/X", "/AdvantageKit/RealOutputs/X"]
+    assert names_of("NT:/SmartDashboard/Y") == ["/SmartDashboard/Y", "/AdvantageKit/SmartDashboard/Y"]
+    assert names_of("/Array/2") == ["/Array/2", "/AdvantageKit/Array/2", "/Array", "/AdvantageKit/Array"]
+
+
+def test_set_points_are_those_of_the_aim_file_for_this_distance() -> None:
+    from truearc.robot.types import Memory
+    facts, gate, clock, robot = config(), load_gate(GATE), Clock(), Robot()
+    inputs = AdviceIo(facts, MAP, robot, clock, lambda: False, 0.02).read()
+    assert inputs is not None
+    tick = partial(step, aims={})(inputs, Memory(), facts, gate)
+    assert tick.aim.hood_deg == pytest.approx(51.737, rel=1e-3) and tick.aim.source == POLICY

@@ -1,0 +1,18 @@
+"""Layouts of dashboards show topics that are published."""
+
+import json
+from pathlib import Path
+
+from truearc.robot.advice.nt_keys import OURS
+
+LAYOUT = Path(__file__).parents[2] / "examples" / "dashboards" / "elastic.json"
+PUBLISHED = {"p_two", "p_three", "verdict", "reasons", "novelty", "hood_deg", "wheel_rad_s", "correction", "age_s"}
+
+
+def test_elastic_shows_every_topic_once_without_overlap() -> None:
+    (tab,) = json.loads(LAYOUT.read_text(encoding="utf-8"))["tabs"]
+    boxes = tab["grid_layout"]["containers"]
+    assert sorted(box["properties"]["topic"] for box in boxes) == sorted(OURS + name for name in PUBLISHED)
+    cells = [(x, y) for box in boxes for x in range(int(box["x"]), int(box["x"] + box["width"]), 128)
+             for y in range(int(box["y"]), int(box["y"] + box["height"]), 128)]
+    assert len(cells) == len(set(cells))
