@@ -29,8 +29,7 @@ def contradictions(config: Any) -> Iterator[tuple[str, str]]:
         if low > high:
             yield key, f"{low:g} is above {above.rpartition('.')[2]}, {high:g}"
     yield from _of_motors(config)
-    if config.gate.policy not in ("collect", "model"):
-        yield "gate.policy", f"{config.gate.policy!r} is not known here; there are collect, model"
+    yield from _of_choices(config)
     hood, turn = (config.hood.low_deg, config.hood.high_deg), "a motor is turned round by its direction"
     for keys, (least, most), why in (
             ("flywheel.pid.kp flywheel.pid.ki flywheel.pid.kd hood.pid.kp hood.pid.ki hood.pid.kd", (0.0, math.inf),
@@ -56,6 +55,13 @@ def contradictions(config: Any) -> Iterator[tuple[str, str]]:
             for value in said if isinstance(said, tuple) else (said,):
                 if not least <= value <= most:
                     yield key, f"{value:g} is out of range ({least:g} to {most:g}); {why}"
+
+
+def _of_choices(config: Any) -> Iterator[tuple[str, str]]:
+    if config.gate.policy not in ("collect", "model"):
+        yield "gate.policy", f"{config.gate.policy!r} is not known here; there are collect, model"
+    if config.camera.target == "apriltag" and config.apriltag is None:
+        yield "camera.target", "an AprilTag is to be seen, and there is no [apriltag] with ids, side_m, centre_height_m"
 
 
 def _of_motors(config: Any) -> Iterator[tuple[str, str]]:

@@ -143,6 +143,7 @@ class CameraConfig(Struct, frozen=True, forbid_unknown_fields=True, omit_default
     bias_sigma_m: Some = 0.0
     exposure_s: Doubt = 0.0           # set in a local device at start and read back; 0: the camera chooses
     readout_s: Share = 0.03           # of a rolling shutter, from the first row's exposure to the last one's
+    target: Literal["tape", "apriltag"] = "tape"
     turn_sigma_deg_s: Some = 10.0     # how fast the camera may turn meanwhile, one standard deviation
 
 
@@ -154,6 +155,16 @@ class Tape(Struct, frozen=True, forbid_unknown_fields=True):
     height_m: Positive
     tape_width_m: Positive
     centre_height_m: Place            # tape's vertical middle above floor
+
+
+class AprilTag(Struct, frozen=True, forbid_unknown_fields=True):
+    """Tags of the family 36h11 that hang upright at one height; `behind_m`: the target plane is so far behind them."""
+
+    ids: tuple[Annotated[int, msgspec.Meta(ge=0, le=586)], ...]
+    side_m: Positive                  # of the black square
+    centre_height_m: Place            # tag's centre above floor
+    behind_m: Place = 0.0
+    corner_sigma_px: Positive = 0.02  # of a corner's coordinate of a tag that is near; far away it is worse
 
 
 class Vision(Struct, frozen=True, forbid_unknown_fields=True):
@@ -250,14 +261,16 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True
     rig: Rig
     identify: Identify | None = None
     aim: AimConfig = AimConfig("plan", 0.0)
+    apriltag: AprilTag | None = None
 
 
-class CameraFile(Struct, frozen=True, forbid_unknown_fields=True):
+class CameraFile(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """camera.toml: the sections of launcher.toml that `truearc vision` needs."""
 
     camera: CameraConfig
     tape: Tape
     vision: Vision
+    apriltag: AprilTag | None = None
 
 
 def load_config(path: str | Path) -> Config:

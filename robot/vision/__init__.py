@@ -12,16 +12,24 @@ import numpy as np
 from truearc.hw.protocols import CameraFrame
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
-from truearc.robot.config.schema import CameraConfig, Tape, Vision
+from truearc.robot.config.schema import CameraConfig, CameraFile, Config, Tape, Vision
 from truearc.robot.types import Sighting
 from truearc.robot.vision.edges import Marks
 from truearc.robot.vision.optics import Optics, make_optics
 from truearc.robot.vision.outline import find_outline
 from truearc.robot.vision.pose import Pose, solve_pose
 from truearc.robot.vision.shape import make_shape
+from truearc.robot.vision.tag import detect_tag
 from truearc.robot.vision.threshold import Image, Region, check_exposure, find_regions, is_dark
 
 SAME_M = 0.02
+
+
+def find_target(frame: CameraFrame, config: Config | CameraFile) -> Sighting:
+    """Find the target of the configuration in one image, the tape or an AprilTag; how far away it is."""
+    if config.camera.target == "apriltag" and config.apriltag is not None:
+        return detect_tag(frame, config.camera, config.apriltag, config.vision)
+    return detect(frame, config.camera, config.tape, config.vision)
 
 
 def detect(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision) -> Sighting:

@@ -15,9 +15,9 @@ import numpy as np
 
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
-from truearc.robot.config.schema import CameraConfig, Tape
+from truearc.robot.config.schema import AprilTag, CameraConfig, Tape
 from truearc.robot.vision.optics import Array, Optics
-from truearc.robot.vision.shape import make_shape
+from truearc.robot.vision.shape import make_shape, tag_corners_m
 
 STEPS = 6                             # Gauss-Newton from IPPE's start is at rest after two or three
 AT_REST = 1e-2                        # squared last step in standard deviations; what is left after it is its square
@@ -40,10 +40,11 @@ class Pose(NamedTuple):
     doubt: Reason | None              # what the pose says against itself
 
 
-def solve_pose(ideal_px: Array, spread_px2: Array, optics: Optics, camera: CameraConfig, tape: Tape) -> Pose | None:
-    """Best camera pose for four undistorted marks (4, 2) with covariance (8, 8), to which the camera's own is
-    added; or None when there is none before the camera."""
-    model_m = make_shape(tape).marks_m
+def solve_pose(ideal_px: Array, spread_px2: Array, optics: Optics, camera: CameraConfig,
+               tape: Tape | AprilTag) -> Pose | None:
+    """Best camera pose for four undistorted marks (4, 2) of a tape, or corners of a tag, with covariance (8, 8), to
+    which the camera's own is added; or None when there is none before the camera."""
+    model_m = tag_corners_m(tape) if isinstance(tape, AprilTag) else make_shape(tape).marks_m
     count, rvecs, tvecs, errors_px = cv2.solvePnPGeneric(model_m, ideal_px, optics.matrix, None,
                                                          flags=cv2.SOLVEPNP_IPPE)
     try:
@@ -61,7 +62,7 @@ def solve_pose(ideal_px: Array, spread_px2: Array, optics: Optics, camera: Camer
 
 
 def _refine(rvec: Array, tvec: Array, ideal_px: Array, whiten: Array, optics: Optics, camera: CameraConfig,
-            tape: Tape, model_m: Array) -> Pose | None:
+            tape: Tape | AprilTag, model_m: Array) -> Pose | None:
     state = np.concatenate([rvec, tvec])
     residual, slope = np.empty(11), np.empty((11, 6))
     for _ in range(STEPS):
@@ -103,7 +104,8 @@ def _rotation(rvec: Array) -> tuple[Array, Array]:
     return matrix, jacobian.reshape(3, 3, 3)
 
 
-def _beliefs(rotation: Array, turning: Array, tvec_m: Array, camera: CameraConfig, tape: Tape) -> tuple[Array, Array]:
+def _beliefs(rotation: Array, turning: Array, tvec_m: Array, camera: CameraConfig,
+             tape: Tape | AprilTag) -> tuple[Array, Array]:
     """Normalised residuals (3,) of lens height, pitch and roll, and their derivative (3, 6)."""
     height_m = tape.centre_height_m - rotation[:, 1] @ tvec_m
     sine = rotation[2, 1]                             # upward part of the optical axis

@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from truearc.robot.config.schema import Tape
+from truearc.robot.config.schema import AprilTag, Tape
 
 Array = npt.NDArray[np.float64]
 PROBES = 9                            # points on each of the tape's three straights
@@ -57,6 +57,13 @@ def outer_corners_m(tape: Tape) -> Array:
     """(4, 3): bottom right, bottom left, top left, top right."""
     top, bottom, high = tape.top_width_m / 2, tape.bottom_width_m / 2, tape.height_m / 2
     return np.array([[bottom, -high, 0.0], [-bottom, -high, 0.0], [-top, high, 0.0], [top, high, 0.0]])
+
+
+@lru_cache(maxsize=8)
+def tag_corners_m(tag: AprilTag) -> Array:
+    """(4, 3): outer corners of a tag's black square in its own frame, from the top left one, clockwise."""
+    half = tag.side_m / 2
+    return np.array([[-half, half, 0.0], [half, half, 0.0], [half, -half, 0.0], [-half, -half, 0.0]])
 
 
 def _marks_m(tape: Tape) -> Array:

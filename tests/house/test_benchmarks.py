@@ -56,6 +56,7 @@ QUICK = {
     "training": "--steps 200 --repeats 1",
     "vision": "--frames 1 --clutter 5 --files 5",
     "vision_hidden": "--frames 1",
+    "vision_tag": "--frames 4 --distractors 4",
 }
 ELSEWHERE = {
     "stand_in_robot": "the robot of `advise`, above",

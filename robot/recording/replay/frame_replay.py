@@ -22,7 +22,7 @@ from truearc.robot.recording.rows import RowFormat
 from truearc.robot.recording.session import CAN, INDEX
 from truearc.robot.rig import HardwareRig, ReplayRig
 from truearc.robot.types import Command, Inputs, Sent, Sighting
-from truearc.robot.vision import detect
+from truearc.robot.vision import find_target
 from truearc.robot.vision_source import NoEyes
 
 
@@ -120,7 +120,7 @@ class FramesRig:
         self.done.seen += image is not None
         self.done.taken += image is None
         self.done.missing += picture is not None and image is None
-        return sighting if image is None else detect(image, self._config.camera, self._config.tape, self._config.vision)
+        return sighting if image is None else find_target(image, self._config)
 
     def _faults(self, recorded: tuple[Reason, ...], parsed: tuple[Reason, ...]) -> tuple[Reason, ...]:
         """Faults that the frames show now, with the other recorded ones."""

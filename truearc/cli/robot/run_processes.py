@@ -24,7 +24,7 @@ from truearc.robot.recording.file_writers import Keeper, LaneKeeper
 from truearc.robot.recording.files import Row
 from truearc.robot.runtime import Recorder
 from truearc.robot.types import Sighting, Tick
-from truearc.robot.vision import detect
+from truearc.robot.vision import find_target
 from truearc.robot.vision_source import Eyes, InlineEyes
 
 CLOSE_S = 2.0                         # for a camera to be let go
@@ -162,4 +162,4 @@ def open_mended(config: Config, clock: Clock) -> MendedCamera:
 
 def make_see(config: Config) -> Callable[[CameraFrame], Sighting]:
     """Vision as configured."""
-    return lambda frame: detect(frame, config.camera, config.tape, config.vision)
+    return lambda frame: find_target(frame, config)

@@ -19,8 +19,10 @@ def load_camera(name: str | None) -> CameraFile:
         path = CAMERAS / f"{name}.toml"
     is_launcher = re.search(r"^\s*\[gate\]", load_text(path), re.MULTILINE) is not None
     file = load_toml(path, Config) if is_launcher else load_toml(path, CameraFile)
+    if file.camera.target == "apriltag" and file.apriltag is None:
+        raise InputError(f"{path}: camera.target: an AprilTag is to be seen, and there is no [apriltag]")
     warn_of_pitch(path, file.camera)
-    return CameraFile(file.camera, file.tape, file.vision)
+    return CameraFile(file.camera, file.tape, file.vision, file.apriltag)
 
 
 def packaged_cameras() -> list[str]:

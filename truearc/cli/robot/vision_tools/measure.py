@@ -14,7 +14,7 @@ from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import CameraFile, InputError
 from truearc.robot.reasons import text
 from truearc.robot.types import Sighting
-from truearc.robot.vision import detect
+from truearc.robot.vision import find_target
 from truearc.sim.tables import make_text
 
 MANY_IMAGES = 200                     # two seconds of work
@@ -39,7 +39,7 @@ def measure_images(args: argparse.Namespace) -> int:
             bad += 1
             continue
         sizes.add((frame.image.shape[1], frame.image.shape[0]))
-        sighting = detect(frame, camera.camera, camera.tape, camera.vision)
+        sighting = find_target(frame, camera)
         table.writerow(_row(name, sighting))
         if not sighting.found:
             print(f"{name}: not found: {why_not(sighting)}", file=sys.stderr)
