@@ -120,7 +120,7 @@ def only(dataset: Dataset, session: str, without: str = "") -> Dataset:
 def half_of(dataset: Dataset) -> Half:
     tracks, shots = dataset.tracks, dataset.shots
     assert tracks is not None
-    samples, _, _ = gather_samples(tracks, len(shots))
+    samples, _, _ = gather_samples(tracks)
     falls = [np.stack([tracks.t_s, tracks.z_m], axis=1)[tracks.shot == k] for k in range(len(shots))]
     landing = [fall[FRAME] if len(fall) > FRAME else np.full(2, np.nan) for fall in falls]
     own = shots.number("area_per_mass_m2_kg")

@@ -202,9 +202,8 @@ def advice_of(tick: Tick, config: Config, gate: Gate) -> dict[str, float | str |
     """
     seen, verdict = tick.estimate, tick.verdict
     novelty = math.nan
-    if seen.distance_m is not None and seen.hood_deg is not None:
-        rated = gate.rate(seen.distance_m, seen.motor_ratio, seen.hood_deg).novelty
-        novelty = math.nan if rated is None else rated
+    if verdict.p_two is not None and seen.distance_m is not None and seen.hood_deg is not None:   # the model answered
+        novelty = _or_nan(gate.rate(seen.distance_m, seen.motor_ratio, seen.hood_deg).novelty)
     stamps = [tick.inputs.flywheels[0].t_ns, tick.inputs.hood_angle.t_ns if tick.inputs.hood_angle else 0]
     last = tick.memory.last_sighting
     oldest_ns = min(*stamps, last.t_ns if last else 0)

@@ -62,6 +62,12 @@ class ShotSamples:
     shot: npt.NDArray[np.int64]
     t_s: Floats
 
+    def by_shot(self) -> list[tuple[int, npt.NDArray[np.int64]]]:
+        """(shot, its rows in their order) of each shot that has samples, ascending."""
+        order = np.argsort(self.shot, kind="stable")
+        shots, starts = np.unique(self.shot[order], return_index=True)
+        return list(zip(shots.tolist(), np.split(order, starts[1:]), strict=True))
+
     def moved(self, place: npt.NDArray[np.int64]) -> Self:
         """The samples by shot, of shots that have a place (0 or more), which is their new row."""
         kept = np.flatnonzero(place[self.shot] >= 0)

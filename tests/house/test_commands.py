@@ -20,6 +20,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from tests.sim.data.stranger_log import write_stranger_log
 from truearc.cli.main import main
 from truearc.cli.parsers import make_parser
 from truearc.cli.registry import find_command
@@ -59,6 +60,7 @@ ELSEWHERE = {
     r"^sudo ": "changes the machine's network or services",
     r"^systemctl ": "asks for a service that only a robot has",
     r"^truearc run ": "goes on until it is stopped; tests/loops runs it against emulated devices",
+    r"^truearc advise ": "goes on until it is stopped; tests/loops/test_advise.py has it beside a robot",
     r"^truearc serve ": "goes on until it is stopped; tests/cli/test_serve.py runs it and ends it by Ctrl-C",
     r"^truearc emulate .*--bus slcan:auto": "waits for a robot in another process; tests/loops/test_loops.py has both",
     r"^truearc sysid --config": "drives a real launcher; `sysid --emulate` runs here",
@@ -206,9 +208,10 @@ def is_fragment(command: str) -> bool:
 
 @pytest.fixture(scope="module")
 def monday(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A recorded session, as `truearc emulate` makes it."""
+    """A recorded session, as `truearc emulate` makes it, and beside it the same as another robot's log."""
     session = tmp_path_factory.mktemp("recorded") / "monday"
     assert main(["emulate", "--trials", "14", "--seed", "3", "--out", str(session), "--quiet"]) == 0
+    write_stranger_log(session, session.with_suffix(".wpilog"))
     return session
 
 
@@ -231,6 +234,7 @@ def workspace(tmp_path: Path, data_dir: Path, monday: Path, monkeypatch: pytest.
         rows = (folder / name / "shots.csv").read_text(encoding="utf-8").splitlines(keepends=True)
         (folder / name / "shots.csv").write_text("".join(rows[:1 + ROWS]), encoding="utf-8")
     shutil.copytree(monday, folder / "sessions" / "monday")
+    shutil.copy(monday.with_suffix(".wpilog"), folder)
     shutil.copy(ROOT / "examples" / "spreadsheet" / "rig.toml", folder)
     for name in ("launcher.toml", "my_launcher.toml", "other.toml"):
         shutil.copy(ROOT / "robot" / "launcher.toml", folder / name)

@@ -60,7 +60,7 @@ def gather_flights(dataset: Dataset) -> Flights:
     out."""
     if dataset.tracks is None:
         raise ValueError("there are no tracks")
-    samples = gather_samples(dataset.tracks, len(dataset.shots))[0]
+    samples = gather_samples(dataset.tracks)[0]
     rows, facts, shots = samples.rows, dataset.facts, dataset.shots
     around = circumstances_of(dataset)
     launched = launch_state(facts, shots)

@@ -270,7 +270,7 @@ def _samples(dataset: Dataset) -> tuple[Samples | None, Scatter | None, tuple[st
         return *gather_times(dataset.times), ()
     if dataset.tracks is None or len(dataset.tracks.t_s) == 0:
         return None, None, ()
-    samples, notes, _ = gather_samples(dataset.tracks, len(dataset.shots))
+    samples, notes, _ = gather_samples(dataset.tracks)
     if not len(samples.rows):
         return None, None, notes
     return samples, measure_scatter(samples, dataset.facts.noise.track_m), notes

@@ -62,13 +62,13 @@ def _trace_columns(dataset: Dataset) -> dict[str, Each]:
     columns: dict[str, Each] = {}
     for signal in np.unique(signals):
         first, lowest = np.full(n, np.nan), np.full(n, np.nan)
-        here = signals == signal
-        for shot in np.unique(traces.shot[here]):
-            rows = np.flatnonzero(here & (traces.shot == shot))
-            rows = rows[np.argsort(traces.t_s[rows], kind="stable")]
+        here = np.flatnonzero(signals == signal)
+        here = here[np.lexsort((traces.t_s[here], traces.shot[here]))]
+        shots, starts = np.unique(traces.shot[here], return_index=True)
+        for shot, rows in zip(shots, np.split(here, starts[1:]), strict=True):
             fed = np.abs(traces.t_s[rows]).argmin()
-            first[shot] = traces.value[rows][fed]
-            lowest[shot] = first[shot] - traces.value[rows][fed:].min()
+            first[shot] = traces.value[rows[fed]]
+            lowest[shot] = first[shot] - traces.value[rows[fed:]].min()
         columns |= {f"fed_{signal}": first, f"dip_{signal}": lowest}
     return columns | _energy_column(columns)
 

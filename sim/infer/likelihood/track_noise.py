@@ -44,11 +44,10 @@ class Scatter:
     memory_s: Float[Array, " 3"]
 
 
-def gather_samples(tracks: Tracks, shots: int) -> tuple[Samples, tuple[str, ...], int]:
+def gather_samples(tracks: Tracks) -> tuple[Samples, tuple[str, ...], int]:
     """(padded tracks, notes on what was left out, number of gross outliers left out)."""
     kept, short, gross = [], 0, 0
-    for shot in range(shots):
-        where = np.flatnonzero(tracks.shot == shot)
+    for shot, where in tracks.by_shot():
         data = np.stack([tracks.t_s[where], tracks.x_m[where], tracks.y_m[where], tracks.z_m[where]], axis=1)
         sound = _sound(data)
         gross += int((~sound).sum())
@@ -71,8 +70,7 @@ def gather_samples(tracks: Tracks, shots: int) -> tuple[Samples, tuple[str, ...]
 
 def gather_times(times: Times) -> tuple[Samples, Scatter]:
     """Times at heights as tracks of which the height alone was measured, and their scatter where time has none."""
-    rows = np.unique(times.shot)
-    mine = [np.flatnonzero(times.shot == row) for row in rows]
+    rows, mine = np.unique(times.shot), [mine for _, mine in times.by_shot()]
     width = -(-(1 + max(map(len, mine))) // PAD) * PAD
     time_s, height_m, clock_s = np.zeros((3, len(rows), width))
     real = np.zeros((len(rows), width), dtype=bool)

@@ -57,8 +57,9 @@ def measure_motion(tracks: Tracks) -> Motion | None:
     """Fit each track by a polynomial, and gravity and drag to all accelerations; None where there are too few."""
     rows, starts, shots, toward, begins, unsure = [], [], [], [], [], []
     points = np.column_stack([tracks.x_m, tracks.y_m, tracks.z_m])
-    for shot in np.unique(tracks.shot):
-        here = (tracks.shot == shot) & np.isfinite(points).all(axis=1)
+    sound = np.asarray(np.isfinite(points).all(axis=1))
+    for shot, mine in tracks.by_shot():
+        here = mine[sound[mine]]
         t_s, place = tracks.t_s[here], points[here]
         if len(t_s) < SAMPLES or np.ptp(t_s) <= 0.0:
             continue

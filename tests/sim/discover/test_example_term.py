@@ -104,9 +104,7 @@ def test_installed_it_is_found_by_the_command_and_adopted(directory: Path, insta
     out, belief = directory.parent / "found.json", directory.parent / "belief.toml"
     said = run(installed, "discover", str(directory), "--json", str(out), "--adopt", str(belief))
     assert json.loads(out.read_text())["what"][0]["term"] == "hood_flex"
-    assert "adopted: hood_flex" in said
-    again = run(installed, "discover", str(directory), "--belief", str(belief), "--json", str(out), "--force")
-    assert json.loads(out.read_text())["verdict"] == "none", again
+    assert "adopted: hood_flex" in said and "[hood_flex]" in belief.read_text()
 
 
 @pytest.fixture

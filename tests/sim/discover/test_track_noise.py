@@ -31,7 +31,7 @@ def noisy(memory: float, seed: int = 0) -> Tracks:
 
 
 def test_noise_without_memory_is_found_again() -> None:
-    samples, notes, gross = gather_samples(noisy(0.0), N)
+    samples, notes, gross = gather_samples(noisy(0.0))
     scatter = measure_scatter(samples, 1.0)
     assert (notes, gross) == ((), 0)
     assert np.allclose(scatter.sigma_m, SIGMA_M, rtol=0.05)
@@ -39,7 +39,7 @@ def test_noise_without_memory_is_found_again() -> None:
 
 
 def test_noise_with_memory_becomes_white() -> None:
-    samples, _, _ = gather_samples(noisy(MEMORY), N)
+    samples, _, _ = gather_samples(noisy(MEMORY))
     scatter = measure_scatter(samples, 1.0)
     assert np.allclose(np.exp(-STEP_S / scatter.memory_s), MEMORY, atol=0.04)
     assert np.allclose(scatter.sigma_m, SIGMA_M, rtol=0.06)
@@ -55,7 +55,7 @@ def test_a_gross_sample_is_left_out_and_counted() -> None:
     tracks = noisy(0.0)
     z_m = tracks.z_m.copy()
     z_m[17] += 0.3
-    samples, notes, gross = gather_samples(Tracks(tracks.shot, tracks.t_s, tracks.x_m, tracks.y_m, z_m), N)
+    samples, notes, gross = gather_samples(Tracks(tracks.shot, tracks.t_s, tracks.x_m, tracks.y_m, z_m))
     assert gross == 1
     assert "1 track samples" in notes[0]
     assert samples.real.sum() == N * LENGTH - 1
@@ -65,7 +65,7 @@ def test_short_tracks_are_left_out_and_counted_and_padding_weighs_nothing() -> N
     t = 0.01 * np.arange(10)
     shot = np.concatenate([np.zeros(10, int), np.full(4, 1), np.full(7, 2)])
     time_s = np.concatenate([t, t[:4], t[:7]])
-    samples, notes, _ = gather_samples(Tracks(shot, time_s, time_s, time_s, time_s), 4)
+    samples, notes, _ = gather_samples(Tracks(shot, time_s, time_s, time_s, time_s))
     assert samples.rows.tolist() == [0, 2]
     assert "1 tracks with fewer" in notes[0]
     assert samples.real.sum(1).tolist() == [10, 7]
@@ -75,7 +75,7 @@ def test_short_tracks_are_left_out_and_counted_and_padding_weighs_nothing() -> N
 
 def test_with_short_tracks_only_the_believed_scatter_stands() -> None:
     t = 0.01 * np.arange(8)
-    samples, _, _ = gather_samples(Tracks(np.zeros(8, int), t, t, t, t), 1)
+    samples, _, _ = gather_samples(Tracks(np.zeros(8, int), t, t, t, t))
     assert isinstance(samples, Samples)
     assert measure_scatter(samples, 0.0123).sigma_m.tolist() == [0.0123] * 3
 
@@ -105,7 +105,7 @@ def test_stamps_of_a_track_with_lost_frames_are_put_right(at: int, lost: int) ->
     kept = ~(hurt & (frame >= at) & (frame < at + lost))
     t_s = np.where(hurt & (frame >= at), tracks.t_s - lost * STEP_S, tracks.t_s)
     damaged = Tracks(*(part[kept] for part in (tracks.shot, t_s, tracks.x_m, tracks.y_m, tracks.z_m)))
-    samples, notes, _ = gather_samples(damaged, N)
+    samples, notes, _ = gather_samples(damaged)
     for row in range(N):
         mine = tracks.shot == row
         assert samples.time_s[row][samples.real[row]] == pytest.approx(tracks.t_s[mine & kept], abs=1e-9)
@@ -121,5 +121,5 @@ def test_noise_gaps_in_the_stamps_and_stray_samples_are_no_leaps(seed: int, memo
     z_m, kept = tracks.z_m.copy(), rng.random(len(tracks.t_s)) > 0.1
     z_m[rng.integers(0, len(z_m), 5)] += 0.3
     parts = (tracks.shot, tracks.t_s, slow * tracks.x_m, tracks.y_m, z_m)
-    notes = gather_samples(Tracks(*(part[kept] for part in parts)), N)[1]
+    notes = gather_samples(Tracks(*(part[kept] for part in parts)))[1]
     assert not any("leap" in note for note in notes)
