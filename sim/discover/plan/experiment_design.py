@@ -28,6 +28,7 @@ DRAWS = 4000
 PACES = (1.0, 0.94, 0.97, 1.03, 1.06)             # of the wheels, times the recorded one
 KEPT = 300                            # of the candidates, the best by themselves, that further blocks are chosen from
 SURE = 0.95                           # probability from which a name stands alone
+LEAST_PROBABILITY = 1e-6             # of a name: the logarithm of none has no end
 MOST_NAMES = 8
 MOST_RANDOM = 64                      # times the present shots, up to which random ones are counted
 
@@ -112,7 +113,9 @@ def _contest(step: Step, names: tuple[str, ...]) -> Contest:
     evidence, naming = step.fitted.evidence, step.naming
     columns = np.array([evidence.index(name) for name in names], dtype=int)
     usual = np.array([evidence.columns[k].usual for k in columns])
-    nats = np.array([naming.nats[name] for name in names])
+    # as the finding has them, of one of these names being right
+    likely = np.array([max(naming.probability[name], LEAST_PROBABILITY) for name in names])
+    nats = np.log(likely / likely.sum())
     score, left = efficient(evidence, columns, 0.0)
     linear = np.array([nats_for(score[k], float(left[k, k]), usual[k]) for k in range(len(names))])
     amplitude = np.array([naming.refits[name].amplitude[0] for name in names])

@@ -26,6 +26,8 @@ HERE = files("truearc.sim.discover.report")
 STYLE = (HERE / "finding.css").read_text(encoding="utf-8")
 FINE_PRINT = (HERE / "fine_print.txt").read_text(encoding="utf-8").split("\n\n")
 MOSTLY = 0.97                         # of the improvement: then a region tells nothing new
+BARS = ("A bar is the probability that this effect is among those left out. Several can be, so bars may add up to more "
+        "than 100 %.")
 LEVELS = {"L0": "outcomes only", "L1": "outcomes with telemetry", "L2": "tracks of the flight, or times at heights"}
 
 
@@ -177,7 +179,8 @@ def _names(finding: FindingRecord, among: Catalogue) -> str:
     said = f'<div class="bars">{"".join(rows)}</div>'
     if len(members) > 1:
         listed = wording.either([plain(name, among) for name in finding.set or ()], "and")
-        said = paragraph(f"These data cannot tell {listed} apart; together they hold the orange bars.") + said
+        said = paragraph(f"These data cannot tell {listed} apart (orange).") + said
+    said += paragraph(BARS)
     return said + "".join(paragraph(wording.besides(further, then, among).strip())
                           for further, then in zip(finding.also, wording.THEN, strict=False))
 

@@ -89,7 +89,7 @@ def test_a_set_is_marked_and_a_name_besides_is_told(drifting: Investigation) -> 
                                   also=(FoundEffect((wind,), ("wind_x",), None),), unexplained=0.1)
     page = make_report("set", replace(drifting, finding=both))
     text = read(page)
-    assert page.count('class="fill set"') == 2 and "apart; together they hold the orange bars" in text
+    assert page.count('class="fill set"') == 2 and "apart (orange)." in text and "may add up to more than 100 %" in text
     assert "looks most as if there is wind of 1.00 m/s (90 %: 0.80 to 1.20 m/s) toward the target" in text
     assert "an unexplained effect in their place" in text and "10%" in text
 
