@@ -20,16 +20,15 @@ from scipy.optimize import minimize
 
 import truearc.sim.physics  # noqa: F401 - the house's one switch to double precision
 from truearc.robot.config.schema import InputError
-from truearc.sim.infer.likelihood.noise import HEIGHT_M
+from truearc.sim.infer.likelihood.noise import GATE_LAPSE, GATE_LAPSE_CELLS, GATE_SLIP_M, HEIGHT_M
 
 FUNCTIONS = 10
 RESIDUAL = 2 * FUNCTIONS
 # (median, standard deviation of the log). The scale is of the propagated spread, which configurations labelled by
 # repeatability have next to nothing of; half-heights are those of rig.toml, which such labels make effectively smaller.
-PRIORS = {"scale": (1.0, 0.7), "floor_m": (0.02, 1.0), "two": (1.0, 0.1), "three": (1.0, 0.3), "lapse": (0.01, 0.7)}
+PRIORS = {"scale": (1.0, 0.7), "floor_m": (0.02, 1.0), "two": (1.0, 0.1), "three": (1.0, 0.3), "lapse": GATE_LAPSE}
 SIZE = RESIDUAL + len(PRIORS)
-LAPSE_CELLS = np.array([1.0, 1.0, 2.0, 1.0, 1.0]) / 6.0       # miss, two and three alike, high as often as low
-LARGEST_MISS_M = 5.0                  # a lapse of a measured height may be anywhere within this
+LAPSE_CELLS = np.array(GATE_LAPSE_CELLS)
 # Tried in this order, the first with the least of the second: what the emulated robot asked for lies in the middle.
 SPEED_WIDTHS = (0.01, 0.015, 0.02, 0.03, 0.05, 0.08, 0.15)
 HEIGHT_WIDTHS_M = (0.001, 0.01, 0.03, 0.1)
@@ -110,7 +109,7 @@ def log_likelihoods(theta: Any, widths: Widths, data: GateData, halves_m: Any) -
     measured = ~jnp.isnan(data.miss_m)
     apart = jnp.where(measured, data.miss_m, 0.0) - mean_m
     density = norm.pdf(apart, scale=jnp.sqrt(sigma_m**2 + HEIGHT_M**2))
-    anywhere = shape.lapse / (2.0 * LARGEST_MISS_M)
+    anywhere = shape.lapse / (2.0 * GATE_SLIP_M)
     return jnp.log(jnp.where(measured, (1.0 - shape.lapse) * density + anywhere, jnp.maximum(seen, 1e-300)))
 
 

@@ -19,14 +19,13 @@ from jaxtyping import Float, Int
 from scipy.special import ndtr, ndtri
 from scipy.stats import qmc
 
-from truearc.sim.infer.likelihood.noise import LAPSE
+from truearc.sim.infer.likelihood.noise import LAPSE, SLIP_PER_M
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 
 DRAWS = 256                           # of the belief's numbers; a power of 2, by a Sobol sequence
 SIZES = np.array([0.15, 0.4, 1.0, 2.5])       # of a change, in usual ones, either way
 AT_ONCE = 0.5                         # probability that a change was there at the first shot, if there is one
 HAZARD = 0.01                         # that it comes with the next shot, if it was not
-LAPSED_PER_M = 0.1                    # density of a height that was measured wrongly
 Some = Float[np.ndarray, "..."]       # of draws alone, or of draws by changes
 FARTHEST = 8.0                        # standard deviations: in a normal tail beyond, nothing is left of a double
 
@@ -149,7 +148,7 @@ class _Work:
         if seen.measured[shot]:
             off = np.clip((seen.height_m[shot] - mean_m) / spread_m, -38.0, 38.0)
             return np.asarray((1.0 - LAPSE) * np.exp(-0.5 * off**2) / (np.sqrt(2.0 * np.pi) * spread_m)
-                              + LAPSE * LAPSED_PER_M)
+                              + LAPSE * SLIP_PER_M)
         inner_m = seen.borders[3] if seen.borders[3] > 0.0 else seen.borders[4]
         wider_m = np.maximum(wider_m, -inner_m)          # no opening is smaller than nothing
         chance = sum((_share(low, high, mean_m, spread_m, wider_m)

@@ -5,6 +5,12 @@ All are standard deviations unless they say otherwise. What rig.toml states, [no
 
 LAPSE = 0.005                         # share of outcomes that mean nothing: a slip of the operator's finger
 SLIP_M = 4.0                          # a height that is a slip lies anywhere within this range
+SLIP_PER_M = 0.1                      # likewise its density, where each shot is tested as it comes: it may be farther
+# Of the gate's training, where the share of lapses is fitted: median and standard deviation of its log; what a lapse
+# is called (miss low, two low, three, two high, miss high); a height that is one lies within this range.
+GATE_LAPSE = (0.01, 0.7)
+GATE_LAPSE_CELLS = (1 / 6, 1 / 6, 2 / 6, 1 / 6, 1 / 6)
+GATE_SLIP_M = 5.0
 HEIGHT_M = 0.02                       # of a height measured at the plane
 TIMED_M = 0.001                       # of a height at which the ball was timed: a tape's
 FLOOR_M = 0.005                       # of the height: what the model leaves out even of a perfect shot
