@@ -79,7 +79,8 @@ def besides(further: FoundEffect, then: str, among: Catalogue | None = None, top
     return f" {then}, what is left looks most as if {_effect(clear[0], among, topspin)}{instead}."
 
 
-SAME_TRACKER = " The tracker's calibration was compared with the earlier session's: no change is seen."
+SAME_TRACKER = (" The tracker's calibration as fitted was compared with the earlier session's: beside what is named "
+                "here no change is seen.")
 
 
 def say_tracker(moved: FoundEffect, together: Sequence[Named], p_value: float, among: Catalogue | None = None) -> str:
