@@ -2,7 +2,7 @@
 
     python -m benchmarks.advise --gate gate.onnx [--minutes 10] [--trouble-seconds 16]
 
-First both run for so many minutes and all is well; then each key freezes, jumps and disappears in turn. The exit code
+First both run for --minutes and all is well; then each key freezes, jumps and disappears in turn. The exit code
 is 1 where advice came less than 20 times a second, or said FIRE later than --grace after a trouble began.
 """
 
@@ -41,7 +41,7 @@ class Beside(NamedTuple):
 
 def play_beside(gate: Path, folder: Path, seconds: float, trouble: str = "", key: str = "",
                 after_s: float = 0.0) -> Beside:
-    """Both programs in processes of their own for so many seconds."""
+    """Both programs in processes of their own for these seconds."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]

@@ -211,7 +211,7 @@ def monday(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recorded session, as `truearc emulate` makes it, and beside it the same as another robot's log."""
     session = tmp_path_factory.mktemp("recorded") / "monday"
     assert main(["emulate", "--trials", "14", "--seed", "3", "--out", str(session), "--quiet"]) == 0
-    write_stranger_log(session, session.with_suffix(".wpilog"))
+    write_stranger_log(session, session.with_name("practice.wpilog"))
     return session
 
 
@@ -234,7 +234,7 @@ def workspace(tmp_path: Path, data_dir: Path, monday: Path, monkeypatch: pytest.
         rows = (folder / name / "shots.csv").read_text(encoding="utf-8").splitlines(keepends=True)
         (folder / name / "shots.csv").write_text("".join(rows[:1 + ROWS]), encoding="utf-8")
     shutil.copytree(monday, folder / "sessions" / "monday")
-    shutil.copy(monday.with_suffix(".wpilog"), folder)
+    shutil.copy(monday.with_name("practice.wpilog"), folder)
     shutil.copy(ROOT / "examples" / "spreadsheet" / "rig.toml", folder)
     for name in ("launcher.toml", "my_launcher.toml", "other.toml"):
         shutil.copy(ROOT / "robot" / "launcher.toml", folder / name)

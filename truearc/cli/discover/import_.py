@@ -60,7 +60,7 @@ def main(args: argparse.Namespace) -> int:
     return 0
 
 
-def _by_map(args: argparse.Namespace) -> tuple[ta.Dataset, str]:
+def _by_map(args: argparse.Namespace) -> "tuple[ta.Dataset, str]":
     """(the dataset, the map's text where it was guessed)."""
     from truearc.sim.data.importers.any_team import guess
     if not args.rig:
