@@ -16,7 +16,7 @@ from truearc.robot.config.whole_file import save_whole, whole_file
 
 SHOTS = Path(__file__).parents[2] / "examples" / "spreadsheet"
 # sessions, rounds, a check; a map that is an input
-OWN_RULE = {**dict.fromkeys(("run", "emulate", "sysid", "prove", "reproduce", "doctor"), {"--out"}),
+OWN_RULE = {**{name: {"--out"} for name in ("run", "emulate", "sysid", "prove", "reproduce", "doctor")},
             "advise": {"--out", "--map"}, "import": {"--map"}}
 
 

@@ -43,7 +43,7 @@ def prove(room: Room, address: str, *more: str) -> None:
 
 def test_a_round_is_played_to_its_end_by_a_worker_that_is_refused_the_seals(address: str, tmp_path: Path) -> None:
     room = Room(tmp_path / "round")
-    prove(room, address, "seal", *ARGUMENTS)
+    assert playing.prove(room.root, "seal", *ARGUMENTS).returncode == 0
     prove(room, address, "solve")
     ask(room, "w0002", [{"distance_m": 4.0, "hood_deg": 48.0, "motor_ratio": 0.55, "shots": 12}])
     prove(room, address, *ARGUMENTS, "--follow-up")
