@@ -33,3 +33,13 @@ def test_no_advice_to_fire_when_a_key_is_gone(tmp_path: Path) -> None:
     heard, _, _ = beside(tmp_path, "disappears", "/Shooter/RPM")      # other troubles: tests/robot/test_advice.py
     assert "FIRE" in [word for at, word in heard if at < AFTER_S]
     assert "FIRE" not in [word for at, word in heard if at > AFTER_S + 1.0]
+
+
+@pytest.mark.parametrize(("words", "said"), [(["--map", "tracker"], "name no motor_rad_s and no wheel"),
+                                             (["--map", "nowhere"], "neither a file nor a map"),
+                                             (["--map", "wpilib", "--rate", "5"], "expected 20 to 1000")])
+def test_what_cannot_begin_is_refused_before_there_is_a_folder(words: list[str], said: str, tmp_path: Path,
+                                                               capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "sessions"
+    assert main(["advise", "--nt", "127.0.0.1:1", "--gate", str(GATE), "--out", str(out), *words]) == 2
+    assert said in capsys.readouterr().err and not out.exists()

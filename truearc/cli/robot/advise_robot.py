@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from truearc.cli.robot.run_robot import Ending, make_room
 from truearc.hw.real.clock import MonotonicClock, wall_clock
-from truearc.robot.advice.advice_io import AdviceIo, Adviser
+from truearc.robot.advice.advice_io import AdviceIo, Adviser, advised_columns
 from truearc.robot.advice.nt_keys import NtKeys
 from truearc.robot.advice.tick import POLICY, step
 from truearc.robot.aim_file import load_aim_for
@@ -28,6 +28,7 @@ def advise(args: argparse.Namespace) -> tuple[int, Path]:
     """(ticks, the session's folder); args: those of `truearc advise`."""
     shot_map = load_map(args.map)
     config = advising(load_config(args.config), args)
+    advised_columns(shot_map, config)             # refuses a map that lacks one, before there is a folder
     gate = load_gate(args.gate)
     aim = args.aim.read_bytes() if args.aim else _aim_of(args.belief, config) if args.belief else None
     started = wall_clock()
