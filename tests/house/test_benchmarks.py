@@ -47,6 +47,7 @@ QUICK = {
     "real_tables": "DATA/real/frc_shot_tables.csv DATA/real/frc3476_tuning_history.csv "
                    "DATA/real/frc6328_event_corrections.csv --team 254",
     "rivals": "DATA/real --only falls --steps 40 --left 1",
+    "rivals_sealed": f"{ROOT}/docs/measured/sealed/L2d.tar.xz",
     "scale": "--level L0 --worlds 3 --shots 40 --seed 3 --processes 1 --out worlds.jsonl",
     "season_agreement": "--trials 6",
     "start_up": "--repeats 1 --command fit",
