@@ -45,7 +45,7 @@ class AdviceIo:
                  sigma_m: float) -> None:
         self._config, self._map, self._keys, self._clock, self._over = config, shot_map, keys, clock, over
         self._sigma_m = sigma_m
-        self._signals = {column: _Scaled(column, as_signal(said), config)
+        self._signals = {column: _Scaled(column, as_signal(said))
                          for column, said in advised_columns(shot_map, config).items()}
         self._feed = as_signal(shot_map.shots.feed).key if shot_map.shots.feed else None
         self._due_ns = clock.now_ns()
@@ -147,7 +147,7 @@ _BUTTONS = {"hit": "two", "miss": "miss-low", "low": "miss-low", "high": "miss-h
 class _Scaled:
     """A key and how its number becomes one of a column."""
 
-    def __init__(self, column: str, signal: Signal, config: Config) -> None:
+    def __init__(self, column: str, signal: Signal) -> None:
         self.key, self._signal = signal.key, signal
         stated = signal.unit or unit_in(signal.key)
         factor = factor_of(column, stated) if stated else (1.0, 0.0)

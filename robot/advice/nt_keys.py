@@ -3,6 +3,7 @@
 The library publishes a value when it changes, so a stamp is that of the newest change.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -12,11 +13,13 @@ OURS = "/truearc/"
 OLDER = "/AdvantageKit"               # where AdvantageKit puts what its log has under /RealOutputs and the like
 PERIOD_S = 0.01                       # between what the server sends
 IDENTITY = "truearc"
+TEAM = re.compile(r"0*([1-9][0-9]{0,3}|1[0-9]{4}|2[0-4][0-9]{3}|25[0-5][0-9]{2})")   # as 10.TE.AM.2 can say
+PORT = re.compile(r"[1-9][0-9]{0,4}")
+MOST_PORT = 65535
 
 
 class Reading(NamedTuple):
-    """Newest value of a key: a number (a boolean is 1 or 0) or a text, and when it changed; -1: it is an array's part
-    that is not there."""
+    """Newest value of a key, a number (a boolean is 1 or 0) or a text, and when it changed, on our clock."""
 
     t_ns: int
     value: float | str
@@ -26,10 +29,11 @@ class NtKeys:
     """Subscribes to keys of a server, by address or team number, and publishes `/truearc/...`; `close` ends both.
 
     Raises:
-        InputError: WPILib's library is not installed.
+        InputError: WPILib's library is not installed, or `server` is not a team number or HOST[:PORT].
     """
 
     def __init__(self, server: str, keys: Sequence[str]) -> None:
+        team, host, port = parse_server(server)
         try:
             import ntcore
         except ImportError as error:
@@ -37,11 +41,10 @@ class NtKeys:
                              ) from error
         self._now = ntcore._now                        # the library's clock, in us
         self._instance = ntcore.NetworkTableInstance.create()
-        if server.isdigit():
-            self._instance.setServerTeam(int(server))
+        if team:
+            self._instance.setServerTeam(team)
         else:
-            host, _, port = server.partition(":")
-            self._instance.setServer(host, int(port) if port.isdigit() else 0)
+            self._instance.setServer(host, port)
         self._instance.startClient4(IDENTITY)
         # ours are sent again even where they are as before: who listens sees that they are fresh
         self._options = options = ntcore.PubSubOptions(periodic=PERIOD_S, keepDuplicates=True, sendAll=True)
@@ -85,6 +88,20 @@ class NtKeys:
         if isinstance(value, tuple):
             return self._instance.getStringArrayTopic(name).publish(self._options)
         return self._instance.getDoubleTopic(name).publish(self._options)
+
+
+def parse_server(server: str) -> tuple[int, str, int]:
+    """(team number, host, port) of TEAM or HOST[:PORT]; team 0: a host; port 0: the usual one.
+
+    Raises:
+        InputError: it is neither.
+    """
+    if TEAM.fullmatch(server):
+        return int(server), "", 0
+    host, colon, port = server.partition(":")
+    if not host or host.isdigit() or (colon and not (PORT.fullmatch(port) and int(port) <= MOST_PORT)):
+        raise InputError(f"advise: {server!r} is not a robot: give a team number (1 to 25599) or HOST[:PORT]")
+    return 0, host, int(port) if colon else 0
 
 
 def names_of(key: str) -> list[str]:

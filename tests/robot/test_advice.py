@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.robot.advice.advice_io import AdviceIo, Adviser, advised_columns
-from truearc.robot.advice.nt_keys import Reading, names_of
+from truearc.robot.advice.nt_keys import Reading, names_of, parse_server
 from truearc.robot.advice.tick import POLICY, step
 from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.config.shot_map import Detection, OutcomeKeys, ShotMap, Signal
@@ -193,6 +193,20 @@ def test_a_logs_key_is_found_where_networktables_has_it() -> None:
     assert names_of("/RealOutputs/X")[:2] == ["/RealOutputs/X", "/AdvantageKit/RealOutputs/X"]
     assert names_of("NT:/SmartDashboard/Y") == ["/SmartDashboard/Y", "/AdvantageKit/SmartDashboard/Y"]
     assert names_of("/Array/2") == ["/Array/2", "/AdvantageKit/Array/2", "/Array", "/AdvantageKit/Array"]
+
+
+@pytest.mark.parametrize(("server", "parts"), [
+    ("254", (254, "", 0)), ("25599", (25599, "", 0)), ("localhost", (0, "localhost", 0)),
+    ("10.2.54.2:5811", (0, "10.2.54.2", 5811)), ("robot:65535", (0, "robot", 65535))])
+def test_a_robot_is_a_team_number_or_a_host_with_or_without_its_port(server: str, parts: tuple[int, str, int]) -> None:
+    assert parse_server(server) == parts
+
+
+@pytest.mark.parametrize("server", ["", "0", "25600", "999999", "\u0662\u0665", "robot:", "robot:abc", "robot:0",
+                                    "robot:65536", ":5810"])
+def test_what_is_neither_is_refused_by_name(server: str) -> None:
+    with pytest.raises(InputError, match="is not a robot: give a team number"):
+        parse_server(server)
 
 
 def test_set_points_are_those_of_the_aim_file_for_this_distance() -> None:

@@ -16,6 +16,7 @@ STANDS = 0.15                         # share of its greatest speed below which 
 AFTER_FEED_S = 1.0                    # a ball reaches the wheels so long after the feeder starts
 LATE_S = 0.25                         # and passes so long after the feeder stops
 NOISE = 6.0                           # standard deviations: a smaller fall is noise
+CLEAR = 0.5                           # share of that which a step has at least where a fall has begun
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,7 @@ def _brink(speed: Floats, high: int, k: int, noise: float) -> int:
     """The last sample before the steep part of the fall from high to k."""
     steps = -np.diff(speed[high:k + 1])
     steep = int(np.argmax(steps))
-    while steep > 0 and steps[steep - 1] > max(STEEP * steps.max(), noise / NOISE):
+    while steep > 0 and steps[steep - 1] > max(STEEP * steps.max(), CLEAR * noise):
         steep -= 1
     return high + steep
 

@@ -84,11 +84,11 @@ def guess_map(log: Log, rig: Rig, name: str) -> Guess:
     if battery is not None:
         columns["battery_v"] = battery
         lines.append(f"battery_v: {battery}")
-    set_point = _set_point(log, moving, words, log[str(speed)])
+    set_point = _set_point(log, words, log[str(speed)])
     feed = _feed(log, words)
-    outcome, told = _outcome(log, words)
+    outcome, marked_by = _outcome(log, words)
     lines += [f"set point of the speed: {set_point or 'none found: spinning down may look like a ball'}",
-              f"feeder: {feed or 'none found: every dip of the speed is a shot'}", told]
+              f"feeder: {feed or 'none found: every dip of the speed is a shot'}", marked_by]
     return Guess(ShotMap(SCHEMA, columns=columns, shots=Detection(set_point=set_point, feed=feed), outcome=outcome),
                  tuple(lines))
 
@@ -134,7 +134,7 @@ def _score(series: Series, said: list[str], column: str, nouns: set[str], kinds:
             + 0.5 * bool({"hub", "goal", "speaker", "target"} & set(said)))
 
 
-def _set_point(log: Log, moving: Log, words: dict[str, list[str]], speed: Series) -> str | None:
+def _set_point(log: Log, words: dict[str, list[str]], speed: Series) -> str | None:
     """A signal of the same words, but wanted, that the speed follows."""
     mine = set(_words(speed.name))
     found = []
@@ -145,10 +145,14 @@ def _set_point(log: Log, moving: Log, words: dict[str, list[str]], speed: Series
             continue
         if (ODD - {"rad"}) & said:
             continue
-        tops = np.max(np.abs(np.asarray(series.values, dtype=float))), np.max(np.abs(np.asarray(speed.values, float)))
-        if tops[0] > 0.0 and 0.5 < tops[1] / tops[0] < 2.0:
+        if 0.5 * (top := _top(series)) < _top(speed) < 2.0 * top:
             found.append((len(mine & said), -len(said), key))
     return max(found)[2] if found else None
+
+
+def _top(series: Series) -> float:
+    values = np.abs(np.asarray(series.values, dtype=float))
+    return float(values[np.isfinite(values)].max(initial=0.0))
 
 
 def _feed(log: Log, words: dict[str, list[str]]) -> str | None:
