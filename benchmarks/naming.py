@@ -27,6 +27,7 @@ import numpy as np
 from benchmarks.filling import fill_and_tell, parser_of
 from truearc.cli.common import make_progress
 from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.discover.finding import FindingRecord
 from truearc.sim.discover.investigate import discover
 from truearc.sim.tables import make_text
 from truearc_proof.rounds.jsonl_store import fill
@@ -45,13 +46,17 @@ def run(drawn: Drawn) -> Line:
     keep_compiled()
     shots = shoot(make_world(drawn.effects, drawn.level, drawn.shots, drawn.seed, drawn.dirt))
     began = time.process_time()
-    finding = discover(shots, seed=0).finding
+    answer = answer_of(discover(shots, seed=0).finding)
     seconds = time.process_time() - began
-    names = [one.term for one in finding.what]
-    return {"kind": drawn.kind, "dirt": drawn.dirt, "effects": drawn.effects,
-            "right": right_names(drawn), "found": finding.mismatch.found, "p_value": finding.mismatch.p_value,
-            "verdict": finding.verdict, "set": finding.set or (), "also": [one.set or () for one in finding.also],
-            "seconds": seconds, "shots": drawn.shots, "names": names[:6],
+    return {"kind": drawn.kind, "dirt": drawn.dirt, "effects": drawn.effects, "right": right_names(drawn), **answer,
+            "seconds": seconds, "shots": drawn.shots}
+
+
+def answer_of(finding: FindingRecord) -> Line:
+    """What a finding says, as a line keeps it."""
+    return {"found": finding.mismatch.found, "p_value": finding.mismatch.p_value, "verdict": finding.verdict,
+            "set": finding.set or (), "also": [one.set or () for one in finding.also],
+            "names": [one.term for one in finding.what[:6]],
             "probability": [one.probability for one in finding.what[:6]],
             "unexplained": float(finding.unexplained) if finding.unexplained else 0.0}
 
@@ -70,10 +75,10 @@ def make_table(lines: Sequence[Line]) -> str:
     rows += [
         ("found", *_share([line["found"] for line in changed])),
         ("single names wrong", *_share([not set(line["set"]) & set(line["right"]) for line in single])),
-        ("truth in the set, of what a term has", *_share([_held(line) for line in known])),
+        ("truth in the set, of what a term has", *_share([is_held(line) for line in known])),
         ("called unknown, of what a term has", *_share([line["verdict"] == "unknown" for line in known])),
         ("unknown or a set, of what no term has", *_share([line["verdict"] != "named" for line in unknown])),
-        ("both of two", *_share([_both(line) for line in two]))]
+        ("both of two", *_share([are_both(line) for line in two]))]
     size = np.mean([len(line["set"]) for line in named]) if named else np.nan
     told = [(line["probability"][0], line["names"][0] in line["right"]) for line in found
             if line["names"] and line["verdict"] != "unknown"]
@@ -90,11 +95,11 @@ def make_table(lines: Sequence[Line]) -> str:
                       *make_text(("said", "worlds", "mean said", "right"), reliable, right=(1, 2, 3))])
 
 
-def _held(line: Line) -> bool:
+def is_held(line: Line) -> bool:
     return line["verdict"] in ("named", "set") and bool(set(line["set"]) & set(line["right"]))
 
 
-def _both(line: Line) -> bool:
+def are_both(line: Line) -> bool:
     told = {*line["set"], *(name for names in line["also"] for name in names)}
     return len(line["right"]) > 1 and set(line["right"]) <= told
 

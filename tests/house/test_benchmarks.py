@@ -26,7 +26,9 @@ QUICK = {
     "ball_butler": "DATA/real/ball_butler_tracks.csv",
     "ball_drops": "DATA/real/ball_drops.csv --quick",
     "coverage": "--replicates 1 --shots 30",
+    "lift": "--seeds 1",
     "naming": "--level L0 --worlds 4 --shots 60 --seed 3 --processes 1 --out worlds.jsonl",
+    "naming_rules": "--level L0 --worlds 1 --shots 60 --seed 3 --processes 1 --out worlds.jsonl",
     "demo_seeds": "--seeds 1 --first 7 --quick --processes 1 --out worlds.jsonl",
     "designed": "--worlds 1 --level L0 --seed 11 --only wind_x --processes 1 --out worlds.jsonl",
     "discovery": "--what nulls --level L0 --shots 60 --worlds 1 --only clean --seed 11 --processes 1 "
