@@ -194,7 +194,7 @@ class Adviser:
         self._recorder.keep_picture(picture)
 
 
-def advice_of(tick: Tick, config: Config, gate: Gate) -> dict[str, float | str | tuple[str, ...]]:
+def advice_of(tick: Tick, config: Config, gate: Gate | None) -> dict[str, float | str | tuple[str, ...]]:
     """Return the values to publish of a tick; NaN: not known.
 
     verdict: FIRE, HOLD, or STALE where a key is missing or old; age_s: of the oldest key. hood_deg, wheel_rad_s (of the
@@ -202,7 +202,8 @@ def advice_of(tick: Tick, config: Config, gate: Gate) -> dict[str, float | str |
     """
     seen, verdict = tick.estimate, tick.verdict
     novelty = math.nan
-    if verdict.p_two is not None and seen.distance_m is not None and seen.hood_deg is not None:   # the model answered
+    answered = verdict.p_two is not None
+    if gate is not None and answered and seen.distance_m is not None and seen.hood_deg is not None:
         novelty = _or_nan(gate.rate(seen.distance_m, seen.motor_ratio, seen.hood_deg).novelty)
     stamps = [tick.inputs.flywheels[0].t_ns, tick.inputs.hood_angle.t_ns if tick.inputs.hood_angle else 0]
     last = tick.memory.last_sighting

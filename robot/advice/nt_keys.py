@@ -3,19 +3,17 @@
 The library publishes a value when it changes, so a stamp is that of the newest change.
 """
 
-import re
 from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
 from typing import Any, NamedTuple
 
+from truearc.robot.config.nt4 import EXPECTED, server_parts
 from truearc.robot.config.schema import InputError
 
 OURS = "/truearc/"
 OLDER = "/AdvantageKit"               # where AdvantageKit puts what its log has under /RealOutputs and the like
 PERIOD_S = 0.01                       # between what the server sends
 IDENTITY = "truearc"
-TEAM = re.compile(r"0*([1-9][0-9]{0,3}|1[0-9]{4}|2[0-4][0-9]{3}|25[0-5][0-9]{2})")   # as 10.TE.AM.2 can say
-PORT = re.compile(r"[1-9][0-9]{0,4}")
-MOST_PORT = 65535
 
 
 class Reading(NamedTuple):
@@ -34,11 +32,8 @@ class NtKeys:
 
     def __init__(self, server: str, keys: Sequence[str]) -> None:
         team, host, port = parse_server(server)
-        try:
-            import ntcore
-        except ImportError as error:
-            raise InputError("advise: NetworkTables needs WPILib's own library; install it: pip install 'truearc[frc]'"
-                             ) from error
+        need_library()
+        import ntcore
         self._now = ntcore._now                        # the library's clock, in us
         self._instance = ntcore.NetworkTableInstance.create()
         if team:
@@ -91,17 +86,17 @@ class NtKeys:
 
 
 def parse_server(server: str) -> tuple[int, str, int]:
-    """(team number, host, port) of TEAM or HOST[:PORT]; team 0: a host; port 0: the usual one.
+    """server_parts; InputError where it is neither a team number nor HOST[:PORT]."""
+    parts = server_parts(server)
+    if parts is None:
+        raise InputError(f"NetworkTables: {server!r} is not a robot: {EXPECTED}")
+    return parts
 
-    Raises:
-        InputError: it is neither.
-    """
-    if TEAM.fullmatch(server):
-        return int(server), "", 0
-    host, colon, port = server.partition(":")
-    if not host or host.isdigit() or (colon and not (PORT.fullmatch(port) and int(port) <= MOST_PORT)):
-        raise InputError(f"advise: {server!r} is not a robot: give a team number (1 to 25599) or HOST[:PORT]")
-    return 0, host, int(port) if colon else 0
+
+def need_library() -> None:
+    """InputError where WPILib's library is not installed."""
+    if find_spec("ntcore") is None:
+        raise InputError("NetworkTables needs WPILib's own library; install it: pip install 'truearc[frc]'")
 
 
 def names_of(key: str) -> list[str]:

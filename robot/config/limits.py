@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from truearc.hw.devices.axis import driver_of
+from truearc.robot.config.nt4 import nt4_errors
 from truearc.robot.config.rig_spec import AIR_KG_M3, DENSEST_KG_M3, TERMS, Rig, too_large
 from truearc.robot.config.toml_errors import did_you_mean
 
@@ -62,6 +63,8 @@ def _of_choices(config: Any) -> Iterator[tuple[str, str]]:
         yield "gate.policy", f"{config.gate.policy!r} is not known here; there are collect, model"
     if config.camera.target == "apriltag" and config.apriltag is None:
         yield "camera.target", "an AprilTag is to be seen, and there is no [apriltag] with ids, side_m, centre_height_m"
+    if config.nt4 is not None:
+        yield from nt4_errors(config.nt4)
 
 
 def _of_motors(config: Any) -> Iterator[tuple[str, str]]:

@@ -14,6 +14,7 @@ from msgspec import Struct
 
 from truearc.hw.devices.axis import Axis, CanNode, Direction, Positive
 from truearc.robot.config.limits import cannot_throw, contradictions, warn_of_pitch, warn_of_terms
+from truearc.robot.config.nt4 import Nt4
 from truearc.robot.config.rig_spec import Rig, missing_keys, rig_errors, unknown_keys
 from truearc.robot.config.toml_errors import joined, line_of, near_key, near_tables, reworded
 
@@ -262,6 +263,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True
     identify: Identify | None = None
     aim: AimConfig = AimConfig("plan", 0.0)
     apriltag: AprilTag | None = None
+    nt4: Nt4 | None = None
 
 
 class CameraFile(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):

@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 
 import msgspec
 
-from truearc.hw.protocols import CameraFrame, Clock
+from truearc.hw.protocols import Clock
 from truearc.robot.config.schema import Config
 from truearc.robot.operator_ui import what_if as asking
 from truearc.robot.operator_ui.aim_orders import MAX_AIM_BYTES, AimOrders
@@ -23,8 +23,7 @@ from truearc.robot.operator_ui.page_state import Glance, look
 from truearc.robot.operator_ui.serving import LocalHandler, LocalServer
 from truearc.robot.operator_ui.view import describe
 from truearc.robot.operator_ui.what_if_process import WhatIfProcess
-from truearc.robot.runtime import Recorder
-from truearc.robot.types import Sent, Tick
+from truearc.robot.types import Tick
 
 PERIOD_S = 0.05                       # between two events for one browser
 QUIET = 20                            # periods without a tick, then a comment: a browser that has gone shows by it
@@ -82,20 +81,6 @@ class OperatorPage:
             self._server.what_if.close()
 
 
-class ShowingRecorder:
-    """A Recorder that also shows each tick on a page."""
-
-    def __init__(self, recorder: Recorder, page: OperatorPage) -> None:
-        self._recorder, self._page = recorder, page
-
-    def record(self, tick: Tick, sent: Sent) -> None:
-        self._recorder.record(tick, sent)
-        self._page.show(tick)
-
-    def keep_picture(self, picture: CameraFrame) -> None:
-        self._recorder.keep_picture(picture)
-
-
 def open_page(text: str, config: Config, recording: str, clock: Clock,
               gate_command: tuple[str, ...] = (), inbox: Path | None = None) -> OperatorPage | None:
     """The page that `--page` names; None for "off", and with a warning where it cannot be served: the robot runs on.
@@ -116,11 +101,6 @@ def open_page(text: str, config: Config, recording: str, clock: Clock,
         return None
     print(f"operator's page: {page.url}", file=sys.stderr)
     return page
-
-
-def with_page(recorder: Recorder, page: OperatorPage | None) -> Recorder:
-    """`recorder`, shown on the page if there is one."""
-    return recorder if page is None else ShowingRecorder(recorder, page)
 
 
 class PageServer(LocalServer):

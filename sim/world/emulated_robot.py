@@ -26,7 +26,7 @@ from truearc.robot.config.can_policy import guard
 from truearc.robot.config.schema import AimConfig, Config, InputError
 from truearc.robot.gate.model import Gate, load_gate
 from truearc.robot.motors import make_motors, name_axes
-from truearc.robot.operator_ui.server import OperatorPage, with_page
+from truearc.robot.operator_ui.screens import Screen, with_screen
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.session import make_header
@@ -79,7 +79,7 @@ def make_axis_node(axis: Axis, name: str, world: Plant, watchdog_ms: int) -> Nod
 
 def emulate(config: Config, folder: Path, trials: int, seed: int, options: Options | None = None,
             gate_path: Path | None = None, progress: Progress = lambda done, note: None,
-            page: OperatorPage | None = None, nodes_of: MakeNodes = make_nodes,
+            page: Screen | None = None, nodes_of: MakeNodes = make_nodes,
             eyes_of: MakeEyes = TwinEyes, aim_path: Path | None = None) -> list[BallResult]:
     """Record trials, as truearc.api.emulation.emulate describes; the true result of each ball.
 
@@ -111,7 +111,7 @@ def _aimed(config: Config, aim_path: Path | None) -> tuple[Config, Aims]:
 
 
 def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | None, recorder: SessionWriter,
-             progress: Progress, parts: tuple[MakeNodes, MakeEyes], page: OperatorPage | None,
+             progress: Progress, parts: tuple[MakeNodes, MakeEyes], page: Screen | None,
              aims: Aims = NO_AIMS) -> None:
     """Run robot and world until the driver is done."""
     box = open_button_box()
@@ -129,7 +129,7 @@ def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | 
     with closing(eyes_of(world, config, seed)) as eyes:
         nodes, steppers = nodes_of(config, world), (driver.step, eyes.step)
         with emulated_rig(config, world, nodes, box, eyes, steppers, recorder.tap, over) as (rig, clock):
-            run(RecordingRig(rig, recorder.trouble), config, gate, with_page(recorder, page),
+            run(RecordingRig(rig, recorder.trouble), config, gate, with_screen(recorder, page),
                 partial(step, aims=aims))
     progress(1.0, f"{len(world.results)} balls in {clock.now_ns() * 1e-9:.0f} s of robot time")
 

@@ -121,6 +121,13 @@ def test_the_recorder_process_shows_what_it_writes(wires, tmp_path, capfd):
     assert "operator's page: http://127.0.0.1:" in capfd.readouterr().err
 
 
+def test_a_networktables_server_that_is_not_there_changes_nothing(wires, tmp_path, capfd):
+    config = tmp_path / "launcher.toml"
+    config.write_text(Path(CONFIG).read_text(encoding="utf-8") + '\n[nt4]\nserver = "127.0.0.1:9"\n', encoding="utf-8")
+    assert main(["run", "--config", str(config), "--out", str(tmp_path / "s"), "--priority", "0", "--page", "off"]) == 0
+    assert f"{TICKS} ticks" in capfd.readouterr().out
+
+
 def test_a_page_that_cannot_be_served_is_a_warning(wires, tmp_path, capfd):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         where = f"127.0.0.1:{taken.getsockname()[1]}"

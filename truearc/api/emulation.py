@@ -6,7 +6,7 @@ from pathlib import Path
 
 from truearc.api.table import Table
 from truearc.robot.config.schema import Config
-from truearc.robot.operator_ui.server import OperatorPage
+from truearc.robot.operator_ui.screens import Screen
 from truearc.sim.printed import Printed
 from truearc.sim.progress import Progress
 from truearc.sim.world import emulated_robot as engine
@@ -37,7 +37,7 @@ class Emulation(Printed):
 
 def emulate(config: Config, folder: str | Path, trials: int, seed: int, options: Options | None = None,
             gate_path: Path | None = None, progress: Progress = lambda done, note: None,
-            page: OperatorPage | None = None, aim_path: Path | None = None) -> Emulation:
+            page: Screen | None = None, aim_path: Path | None = None) -> Emulation:
     """Record trials of the emulated robot: the real runtime, real frames and images, a MuJoCo world.
 
     Args:
@@ -48,7 +48,7 @@ def emulate(config: Config, folder: str | Path, trials: int, seed: int, options:
         options: How the world differs from the rig of the configuration; None: not at all.
         gate_path: ONNX gate that must agree before the robot fires; the policy becomes "model".
         progress: Called with the share done, 0 to 1, and a note.
-        page: Operator page to serve; time then passes no faster than it does.
+        page: Shows the ticks, as the operator page does; time then passes no faster than it does.
         aim_path: Aim file (`truearc aim --robot`) to aim by; the aim policy becomes "belief".
 
     Returns:

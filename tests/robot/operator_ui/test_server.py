@@ -13,7 +13,8 @@ from msgspec.structs import replace
 import truearc.robot.operator_ui.serving
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from truearc.hw.real.clock import MonotonicClock
-from truearc.robot.operator_ui.server import MOST_BROWSERS, PERIOD_S, OperatorPage, ShowingRecorder
+from truearc.robot.operator_ui.screens import ShowingRecorder
+from truearc.robot.operator_ui.server import MOST_BROWSERS, PERIOD_S, OperatorPage
 from truearc.robot.tick import step
 from truearc.robot.types import Memory
 

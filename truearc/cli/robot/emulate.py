@@ -1,6 +1,7 @@
 """Record trials of the emulated robot: the real runtime, real frames and images, a MuJoCo world."""
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -55,10 +56,13 @@ def _emulate(args: argparse.Namespace, config: Config, trials: int) -> "Emulatio
         raise InputError(f"{args.config}: gate.policy is 'model', so --gate is needed")
     from truearc.cli.gate.answer import make_command
     from truearc.hw.real.clock import MonotonicClock
+    from truearc.robot.advice.nt_publisher import open_publisher
+    from truearc.robot.operator_ui.screens import open_screens
     from truearc.robot.operator_ui.server import open_page
     from truearc.sim.world.options import load_options
     asks = make_command(args.gate, config) if args.gate else ()
-    page = open_page(args.page, config, args.out.name, MonotonicClock(), asks)
+    page = open_screens((partial(open_page, args.page, config, args.out.name, gate_command=asks),
+                         partial(open_publisher, config, args.gate, True)), MonotonicClock())
     try:
         return ta.emulate(config, args.out, trials, args.seed, load_options(args.world), args.gate,
                           make_progress("emulate", args.quiet), page=page, aim_path=args.aim)

@@ -16,7 +16,7 @@ from truearc.hw.real.ipc import Inbox, Outbox
 from truearc.hw.real.reconnect import MendedCamera
 from truearc.hw.shared_latest import Capacity, Slots
 from truearc.robot.config.schema import Config, about
-from truearc.robot.operator_ui.server import OperatorPage, with_page
+from truearc.robot.operator_ui.screens import OpenScreen, Screen, with_screen
 from truearc.robot.processes.recorder import NEWS, Desk
 from truearc.robot.processes.recorder_client import FarKeeper
 from truearc.robot.processes.vision import FarEyes, make_room, tell, watch
@@ -28,14 +28,13 @@ from truearc.robot.vision import find_target
 from truearc.robot.vision_source import Eyes, InlineEyes
 
 CLOSE_S = 2.0                         # for a camera to be let go
-OpenPage = Callable[[Clock], OperatorPage | None]     # can be pickled: whichever process shows the page calls it
 
 
 class OneProcess:
-    """Layout with everything in this process; `wires` closes what is opened. `page`: opens the operator's page."""
+    """Layout with everything in this process; `wires` closes what is opened. `open_screen`: opens what shows ticks."""
 
-    def __init__(self, config: Config, wires: ExitStack, page: OpenPage | None = None) -> None:
-        self._config, self._wires, self._page = config, wires, page
+    def __init__(self, config: Config, wires: ExitStack, open_screen: OpenScreen | None = None) -> None:
+        self._config, self._wires, self._open_screen = config, wires, open_screen
 
     def open_eyes(self, clock: Clock) -> Eyes:
         """Eyes on the configuration's camera, which may come later."""
@@ -49,11 +48,11 @@ class OneProcess:
         return LaneKeeper(folder, lossless=False)
 
     def show(self, recorder: Recorder) -> Recorder:
-        """Return that recorder; its ticks are shown on the operator's page, if there is one."""
-        page = None if self._page is None else self._page(MonotonicClock())
-        if page is not None:
-            self._wires.callback(page.close)
-        return with_page(recorder, page)
+        """Return that recorder; its ticks are shown, if anything shows them."""
+        screen = None if self._open_screen is None else self._open_screen(MonotonicClock())
+        if screen is not None:
+            self._wires.callback(screen.close)
+        return with_screen(recorder, screen)
 
     def lines(self) -> list[str]:
         """Return what runs where, as text."""
@@ -61,18 +60,18 @@ class OneProcess:
 
 
 class ThreeProcesses:
-    """Layout with vision, and the recorder with the page, in processes of their own; `wires` ends them.
+    """Layout with vision, and the recorder with what shows ticks, in processes of their own; `wires` ends them.
 
     Both start at once, side by side. Methods as of OneProcess.
     """
 
-    def __init__(self, config: Config, wires: ExitStack, page: OpenPage | None = None) -> None:
+    def __init__(self, config: Config, wires: ExitStack, open_screen: OpenScreen | None = None) -> None:
         room = make_room(config.camera.width_px, config.camera.height_px)
         memory = make_shared(room.bytes)
         self._sightings = Slots(memory, room)
         self.vision = Child("vision", look, (config, memory, room), restarts=True, mortal=True)
         wires.callback(self.vision.close, CLOSE_S)
-        self.recorder = RecorderProcess(wires, page)
+        self.recorder = RecorderProcess(wires, open_screen)
 
     def open_eyes(self, clock: Clock) -> Eyes:
         self.vision.wait()
@@ -92,10 +91,10 @@ class RecorderProcess:
     """Process that writes files until the control process ends it or dies; it must outlive a control process that dies.
     """
 
-    def __init__(self, wires: ExitStack, page: OpenPage | None = None) -> None:
+    def __init__(self, wires: ExitStack, open_screen: OpenScreen | None = None) -> None:
         ours, self._theirs = socket.socketpair()
         memory = make_shared(NEWS.bytes)
-        self.child = Child("recorder", write, (self._theirs, memory, page), restarts=False, mortal=False)
+        self.child = Child("recorder", write, (self._theirs, memory, open_screen), restarts=False, mortal=False)
         self._outbox, self._news = Outbox(ours), Slots(memory, NEWS)
         wires.callback(self._theirs.close)        # last: a process that is just being started still takes it over
         wires.callback(self.child.close, CLOSE_S)
@@ -127,28 +126,29 @@ def look(line: Line, is_first: bool, config: Config, memory: object, room: Capac
     return None
 
 
-def write(line: Line, is_first: bool, end: socket.socket, memory: object, open_page: OpenPage | None) -> None:
+def write(line: Line, is_first: bool, end: socket.socket, memory: object,
+          open_screen: OpenScreen | None) -> None:
     """The recorder process, until the control process ends or dies."""
     cv2.setNumThreads(1)
     inbox, clock = Inbox(end), MonotonicClock()
-    page = None if open_page is None else open_page(clock)
-    desk = Desk(Slots(memory, NEWS), clock, make_show(page))
+    screen = None if open_screen is None else open_screen(clock)
+    desk = Desk(Slots(memory, NEWS), clock, make_show(screen))
     line.say(None)
     desk.serve(inbox)
     inbox.close()
-    if page is not None:
-        page.close()
+    if screen is not None:
+        screen.close()
 
 
-def make_show(page: OperatorPage | None) -> Callable[[list[Row]], None]:
-    """Shows rows of ticks, as they are written, on the page; none, where there is none."""
-    if page is None:
+def make_show(screen: Screen | None) -> Callable[[list[Row]], None]:
+    """Shows rows of ticks, as they are written, on the screen; none, where there is none."""
+    if screen is None:
         return lambda rows: None
     decoder = msgspec.json.Decoder(Tick)
 
     def show(rows: list[Row]) -> None:
         for _, text, *_ in rows:
-            page.show(decoder.decode(text))
+            screen.show(decoder.decode(text))
 
     return show
 

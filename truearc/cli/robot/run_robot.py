@@ -23,6 +23,8 @@ from truearc.hw.real.reconnect import MendedStream
 from truearc.hw.real.serial_port import open_serial
 from truearc.hw.real.service import ServiceManager
 from truearc.hw.real.supervised_bus import WAIT_S, SupervisedBus
+from truearc.robot.advice.nt_keys import need_library
+from truearc.robot.advice.nt_publisher import open_publisher
 from truearc.robot.aim_file import AimFile, load_aim_for, needs_aim
 from truearc.robot.config.can_policy import guard
 from truearc.robot.config.port_options import with_ports
@@ -31,6 +33,7 @@ from truearc.robot.config.shot_plan import load_plan, with_plan
 from truearc.robot.gate.model import load_gate
 from truearc.robot.motors import make_motors
 from truearc.robot.operator_ui.page_option import parse_page
+from truearc.robot.operator_ui.screens import open_screens
 from truearc.robot.operator_ui.server import open_page
 from truearc.robot.processes.aim_inbox import AimInbox, OfferingRig
 from truearc.robot.processes.tick_timing import Lateness, TimedRig
@@ -63,6 +66,8 @@ def run_robot(args: argparse.Namespace) -> int:
     parse_page(args.page)
     config = with_ports(load_config(args.config), args.can, args.buttons, args.camera)
     config = with_plan(config, load_plan(args.plan, config) if args.plan else (), args.repeats)
+    if config.nt4 is not None:
+        need_library()
     make_motors(config)               # refuses two axes that are one device, before there is a folder
     gate = None if args.gate is None else load_gate(args.gate)
     if config.gate.policy == "model" and gate is None:
@@ -80,8 +85,9 @@ def run_robot(args: argparse.Namespace) -> int:
         tally: Counter[str] = Counter()
         # with all in one process a started one would be as urgent as the tick: there the page has no gate
         asks = make_command(folder / MODEL, config) if args.gate and args.layout != "one" else ()
-        layout = LAYOUTS[args.layout](config, wires, partial(open_page, args.page, config, folder.name,
-                                                             gate_command=asks, inbox=args.aim_inbox))
+        screens = (partial(open_page, args.page, config, folder.name, gate_command=asks, inbox=args.aim_inbox),
+                   partial(open_publisher, config, args.gate if asks else None, False))
+        layout = LAYOUTS[args.layout](config, wires, partial(open_screens, screens))
         bus, box, eyes, clock = _open_wires(config, layout, wires, tally)
         recorder = SessionWriter(folder, make_header(config, gate, started, aims.get("")), config,
                                  args.gate.read_bytes() if args.gate else None, lossless=False,

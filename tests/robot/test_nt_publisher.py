@@ -1,0 +1,140 @@
+"""Ticks of a launcher of ours as topics: on a real NetworkTables server, and without one."""
+
+import socket
+import time
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+
+from tests.robot.good_tick import good_inputs, good_memory
+from truearc.cli.common import SHIPPED
+from truearc.hw.protocols import Clock
+from truearc.hw.real.clock import MonotonicClock
+from truearc.robot.advice.nt_publisher import NtPublisher, open_publisher
+from truearc.robot.config.nt4 import Nt4
+from truearc.robot.config.schema import InputError, load_config
+from truearc.robot.operator_ui.screens import open_screens
+from truearc.robot.tick import step
+from truearc.robot.types import Tick, Verdict
+
+GATE = Path(__file__).parents[1] / "golden" / "reference" / "export-physics" / "gate.onnx"
+CONFIG = load_config(SHIPPED)
+FIRED = step(good_inputs(), good_memory(), CONFIG, None)
+HELD = replace(FIRED, verdict=Verdict(False, ()))
+
+
+class Table:
+    """A server that keeps what is published."""
+
+    connected = True
+
+    def __init__(self) -> None:
+        self.said: list[dict[str, float | str | Sequence[str]]] = []
+        self.closed = False
+
+    def publish(self, values: dict[str, float | str | Sequence[str]]) -> None:
+        self.said.append(dict(values))
+
+    def close(self) -> None:
+        self.closed = True
+
+
+class Still:
+    """A clock that stands 0.25 s behind the tick."""
+
+    def now_ns(self) -> int:
+        return FIRED.inputs.t_ns + 250_000_000
+
+    def sleep_until_ns(self, t_ns: int) -> None: ...
+
+
+def published(ticks: list[Tick], clock: Clock | None = None) -> list[dict[str, float | str | Sequence[str]]]:
+    table = Table()
+    screen = NtPublisher(replace(CONFIG, nt4=Nt4("254")), table, None, clock)
+    for tick in ticks:
+        screen.show(tick)
+    wait_until(lambda: bool(table.said))
+    screen.close()
+    assert table.closed
+    return table.said
+
+
+def wait_until(true: object, limit_s: float = 10.0) -> None:
+    began = time.monotonic()
+    while not true():                             # type: ignore[operator]
+        assert time.monotonic() - began < limit_s
+        time.sleep(0.01)
+
+
+def test_a_fire_is_published_even_where_later_ticks_hold() -> None:
+    assert FIRED.verdict.fire
+    said = published([HELD, FIRED, HELD, HELD])
+    assert [one["verdict"] for one in said] == ["FIRE"] and len(said[0]) == 9
+
+
+def test_the_age_is_that_at_sending() -> None:
+    own, late = published([HELD])[0]["age_s"], published([HELD], Still())[0]["age_s"]
+    assert isinstance(own, float) and late == pytest.approx(own + 0.25)
+
+
+def test_topics_reach_a_server_and_go_with_the_robot(capsys: pytest.CaptureFixture[str]) -> None:
+    ntcore = pytest.importorskip("ntcore")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    server = ntcore.NetworkTableInstance.create()
+    server.startServer("", "127.0.0.1", 0, port)
+    verdict = server.getStringTopic("/truearc/verdict").subscribe("none")
+    novelty = server.getDoubleTopic("/truearc/novelty").subscribe(-1.0)
+    config = replace(CONFIG, nt4=Nt4(f"127.0.0.1:{port}"))
+    screen = open_screens((partial(open_publisher, config, GATE, False),), MonotonicClock())
+    assert screen is not None
+    try:
+        seen = Tick(**{name: getattr(FIRED, name) for name in FIRED.__struct_fields__})
+        seen = replace(seen, verdict=replace(FIRED.verdict, p_two=0.9, p_three=0.5))
+
+        def shown() -> bool:
+            screen.show(seen)
+            return verdict.get() == "FIRE"
+
+        wait_until(shown)
+        wait_until(lambda: novelty.get() != -1.0)
+    finally:
+        screen.close()
+    assert "connected" in capsys.readouterr().err
+    wait_until(lambda: not verdict.exists())      # a robot that has gone publishes nothing
+    server.stopServer()
+
+
+def test_a_server_that_is_not_there_is_said_once(monkeypatch: pytest.MonkeyPatch,
+                                                 capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr("truearc.robot.advice.nt_publisher.PATIENCE_S", 0.05)
+    table = Table()
+    table.connected = False
+    screen = NtPublisher(replace(CONFIG, nt4=Nt4("254")), table, None, None)
+    time.sleep(0.3)
+    screen.close()
+    assert capsys.readouterr().err.count("NetworkTables server 254: does not answer") == 1
+
+
+def test_without_a_table_there_is_no_screen() -> None:
+    assert open_publisher(CONFIG, None, False, MonotonicClock()) is None
+    assert open_screens((partial(open_publisher, CONFIG, None, False),), MonotonicClock()) is None
+
+
+@pytest.fixture
+def launcher(tmp_path: Path) -> Iterator[Path]:
+    yield tmp_path / "launcher.toml"
+
+
+@pytest.mark.parametrize(("server", "wrong"), [("10.25.4.2", ""), ("254", ""), ("robot:x", "nt4.server"), ("", "nt4")])
+def test_the_server_is_checked_when_the_configuration_is_read(server: str, wrong: str, launcher: Path) -> None:
+    launcher.write_text(f'{SHIPPED.read_text(encoding="utf-8")}\n[nt4]\nserver = "{server}"\n', encoding="utf-8")
+    if not wrong:
+        assert load_config(launcher).nt4 == Nt4(server)
+        return
+    with pytest.raises(InputError, match=wrong):
+        load_config(launcher)
