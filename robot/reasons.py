@@ -68,6 +68,7 @@ NOT_SETTLED = Code("not_settled", "wheels and hood not settled")
 NT_LOST = Code("nt_lost", "no connection to the robot's NetworkTables server")
 KEY_MISSING = Code("key_missing", "{key}: the robot publishes no such key", {"key": "text"})
 KEY_JUMPED = Code("key_jumped", "{key} jumped {ago_s:.1f} s ago", {"key": "text"})
+NT_VALUE_IMPOSSIBLE = Code("nt_value_impossible", "{key}: not a possible value", {"key": "text"})
 
 # The target
 TARGET_NEVER_SEEN = Code("target_never_seen", "target not seen since the start{cause: (~)}")

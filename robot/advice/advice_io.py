@@ -5,7 +5,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
-from truearc.hw.protocols import AngleReading, ButtonEvent, CameraFrame, Clock, MotorReading
+from truearc.hw.protocols import AngleReading, ButtonEvent, CameraFrame, Clock, LinkLost, MotorReading
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.advice.nt_keys import Reading
@@ -18,9 +18,10 @@ from truearc.robot.runtime import Recorder
 from truearc.robot.types import Command, Inputs, Sent, Sighting, Tick
 
 NS_PER_S = 1_000_000_000
-STALE = ("nt_lost", "key_missing", "device_stale", "device_never_received", "target_stale", "target_never_seen",
-         "ticks_stalled")
-NEEDED = ("distance_m", "hood_deg", "battery_v")
+STALE = ("nt_lost", "key_missing", "camera_lost", "device_stale", "device_never_received", "target_stale",
+         "target_never_seen", "ticks_stalled")
+DISTANCE = "distance_m"
+NEEDED = (DISTANCE, "hood_deg", "battery_v")
 
 
 class Keys(Protocol):
@@ -34,17 +35,25 @@ class Keys(Protocol):
     def publish(self, values: Mapping[str, float | str | Sequence[str]]) -> None: ...
 
 
+class Camera(Protocol):
+    """Sees the target for us."""
+
+    def sight(self, found: Mapping[str, Reading]) -> Sighting | None: ...
+
+
 class AdviceIo:
-    """Inputs from the keys of a map, `config.tick_hz` times a second; sigma_m: of the robot's own distance.
+    """Inputs from the keys of a map, `config.tick_hz` times a second; sigma_m: of the robot's own distance, which
+    `camera` measures where there is one.
 
     Raises:
         InputError: the map lacks a column that advice needs, or states a unit that is not one of its column.
     """
 
     def __init__(self, config: Config, shot_map: ShotMap, keys: Keys, clock: Clock, over: Callable[[], bool],
-                 sigma_m: float) -> None:
+                 sigma_m: float, camera: Camera | None = None) -> None:
         self._config, self._map, self._keys, self._clock, self._over = config, shot_map, keys, clock, over
-        self._sigma_m = sigma_m
+        self._sigma_m, self._camera = sigma_m, camera
+        self._unseen: Reason | None = None
         self._signals = {column: _Scaled(column, as_signal(said))
                          for column, said in advised_columns(shot_map, config).items()}
         self._feed = as_signal(shot_map.shots.feed).key if shot_map.shots.feed else None
@@ -74,9 +83,8 @@ class AdviceIo:
             t_ns=speed[0], velocity_rad_s=speed[1], heartbeat_t_ns=speed[0], bus_t_ns=battery[0], bus_v=battery[1])
         flywheels = (motor,) * len(self._config.axes.flywheels)
         return Inputs(t_ns, self._cycle, flywheels, MotorReading(), MotorReading(),
-                      self._angle(self._number("hood_deg", found, faults)),
-                      self._sighting(self._number("distance_m", found, faults)), self._presses(found, t_ns),
-                      tuple(faults))
+                      self._angle(self._number("hood_deg", found, faults)), self._see(found, faults),
+                      self._presses(found, t_ns), tuple(faults), unseen=self._unseen)
 
     def write(self, command: Command) -> Sent:
         """Send nothing."""
@@ -102,6 +110,18 @@ class AdviceIo:
         encoder = self._config.hood_encoder
         turned = encoder.zero_deg + hood[1] * encoder.direction
         return AngleReading(hood[0], math.radians(turned % 360.0), True)
+
+    def _see(self, found: Mapping[str, Reading], faults: list[Reason]) -> Sighting | None:
+        if self._camera is None:
+            return self._sighting(self._number(DISTANCE, found, faults))
+        try:
+            sighting = self._camera.sight(found)
+        except LinkLost as error:
+            faults.append(because.CAMERA_LOST(cause=error.reason))
+            return None
+        if sighting is not None:
+            self._unseen = sighting.reason
+        return sighting
 
     def _sighting(self, distance: tuple[int, float] | None) -> Sighting | None:
         """Of a distance that has come since the last tick."""
@@ -165,18 +185,20 @@ def advised_columns(shot_map: ShotMap, config: Config) -> dict[str, str | Signal
     speed = next((one for one in columns if one == MOTOR or WHEEL.fullmatch(one)), None)
     if speed is None:
         raise InputError(f"the map's columns name no {MOTOR} and no wheel: the gate needs a speed")
-    for column in NEEDED:
+    seen = config.nt4 is not None and config.nt4.vision is not None       # a camera measures the distance
+    needed = [column for column in NEEDED if not (seen and column == DISTANCE)]
+    for column in needed:
         if column not in columns:
             raise InputError(f"the map has no columns.{column}, which advice needs")
     if speed == MOTOR:
-        return {column: columns[column] for column in (MOTOR, *NEEDED)}
+        return {column: columns[column] for column in (MOTOR, *needed)}
     gears = {wheel.name: wheel.gear for wheel in config.rig.launcher.wheel}
     name = speed.removeprefix("wheel_").removesuffix("_rad_s")
     if name not in gears:
         raise InputError(f"{speed}: the rig has no wheel {name!r} ({', '.join(gears)})")
     wheel = as_signal(columns[speed])
     scaled = Signal(wheel.key, wheel.unit, wheel.times / gears[name], wheel.plus / gears[name])
-    return {MOTOR: scaled, **{column: columns[column] for column in NEEDED}}
+    return {MOTOR: scaled, **{column: columns[column] for column in needed}}
 
 
 class Adviser:

@@ -3,6 +3,7 @@
 The library publishes a value when it changes, so a stamp is that of the newest change.
 """
 
+import struct
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from typing import Any, NamedTuple
@@ -14,6 +15,9 @@ OURS = "/truearc/"
 OLDER = "/AdvantageKit"               # where AdvantageKit puts what its log has under /RealOutputs and the like
 PERIOD_S = 0.01                       # between what the server sends
 IDENTITY = "truearc"
+# WPILib's structs that are doubles alone, and how many; rotations in space are w, x, y, z
+STRUCTS = {"Rotation2d": 1, "Translation2d": 2, "Translation3d": 3, "Pose2d": 3, "Transform2d": 3, "Twist2d": 3,
+           "ChassisSpeeds": 3, "Pose3d": 7, "Transform3d": 7}
 
 
 class Reading(NamedTuple):
@@ -101,7 +105,7 @@ def need_library() -> None:
 
 def names_of(key: str) -> list[str]:
     """Topics that a map's key may be: of the log's name without NT:, and where AdvantageKit publishes it; a key
-    `/Name/0` may also be a part of an array."""
+    `/Name/0` may also be a part of an array, or of a struct of doubles."""
     plain = "/" + key.removeprefix("NT:").lstrip("/")
     array = [plain.rpartition("/")[0]] if plain.rpartition("/")[2].isdigit() else []
     return [name for one in (plain, *array) for name in (one, OLDER + one)]
@@ -112,6 +116,8 @@ def _reading(subscriber: Any, key: str, now_us: int, now_ns: int) -> Reading | N
     if not value.isValid() or not subscriber.exists():
         return None
     raw = value.value()
+    if isinstance(raw, bytes):
+        raw = _doubles(raw, subscriber.getTopic().getTypeString())
     if isinstance(raw, list | tuple):
         place = key.rpartition("/")[2]
         if not place.isdigit() or not int(place) < len(raw):
@@ -120,3 +126,9 @@ def _reading(subscriber: Any, key: str, now_us: int, now_ns: int) -> Reading | N
     if not isinstance(raw, str | bool | int | float):
         return None
     return Reading(now_ns - max(now_us - value.time(), 0) * 1000, raw if isinstance(raw, str) else float(raw))
+
+
+def _doubles(raw: bytes, kind: str) -> tuple[float, ...]:
+    """Of a WPILib struct that holds doubles alone, in the order of its schema; none of any other."""
+    count = STRUCTS.get(kind.removeprefix("struct:"), 0)
+    return struct.unpack(f"<{count}d", raw) if len(raw) == 8 * count else ()

@@ -64,7 +64,7 @@ def _of_choices(config: Any) -> Iterator[tuple[str, str]]:
     if config.camera.target == "apriltag" and config.apriltag is None:
         yield "camera.target", "an AprilTag is to be seen, and there is no [apriltag] with ids, side_m, centre_height_m"
     if config.nt4 is not None:
-        yield from nt4_errors(config.nt4)
+        yield from nt4_errors(config.nt4, config.apriltag is not None)
 
 
 def _of_motors(config: Any) -> Iterator[tuple[str, str]]:

@@ -2,8 +2,11 @@
 
 import re
 from collections.abc import Iterator
+from typing import Annotated, Literal
 
-from msgspec import Struct
+from msgspec import Meta, Struct
+
+from truearc.hw.devices.axis import Positive
 
 TEAM = re.compile(r"0*([1-9][0-9]{0,3}|1[0-9]{4}|2[0-4][0-9]{3}|25[0-5][0-9]{2})")   # as 10.TE.AM.2 can say
 PORT = re.compile(r"[1-9][0-9]{0,4}")
@@ -11,10 +14,23 @@ MOST_PORT = 65535
 EXPECTED = "give a team number (1 to 25599) or HOST[:PORT]"
 
 
+class Nt4Vision(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """A camera that sees tags for us. [camera] says how it is mounted, [apriltag] which tags count, and their height.
+
+    A distance's standard deviation is made of all of these, and of what the camera states itself.
+    """
+
+    kind: Literal["photonvision", "limelight"]
+    camera: str                       # its name there: PhotonVision's nickname, Limelight's table ("limelight")
+    sigma_m: Positive                 # standard deviation of a distance, whatever it is
+    sigma_share: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0      # and as a share of it
+
+
 class Nt4(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """Where `truearc run` publishes what `truearc advise` does."""
+    """Where `truearc run` publishes what `truearc advise` does, and what it reads."""
 
     server: str                       # team number, or host[:port]
+    vision: Nt4Vision | None = None
 
 
 def server_parts(server: str) -> tuple[int, str, int] | None:
@@ -27,7 +43,11 @@ def server_parts(server: str) -> tuple[int, str, int] | None:
     return 0, host, int(port) if colon else 0
 
 
-def nt4_errors(nt4: Nt4) -> Iterator[tuple[str, str]]:
-    """Key and objection of each value that cannot be."""
+def nt4_errors(nt4: Nt4, has_tags: bool) -> Iterator[tuple[str, str]]:
+    """Key and objection of each value that cannot be; has_tags: there is a table [apriltag]."""
     if server_parts(nt4.server) is None:
         yield "nt4.server", f"{nt4.server!r} is not a robot: {EXPECTED}"
+    if nt4.vision is not None and not has_tags:
+        yield "nt4.vision", "needs [apriltag], whose ids, centre_height_m and behind_m say which tags mark the target"
+    if nt4.vision is not None and not nt4.vision.camera.strip("/"):
+        yield "nt4.vision.camera", "is empty; give the camera's name"

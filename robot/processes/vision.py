@@ -3,6 +3,8 @@
 from collections.abc import Callable
 
 import msgspec
+import numpy as np
+import numpy.typing as npt
 from msgspec import Struct
 
 from truearc.hw.protocols import Camera, CameraFrame, Clock, LinkLost
@@ -10,13 +12,14 @@ from truearc.hw.reason import Reason
 from truearc.hw.shared_latest import Capacity, Slots
 from truearc.robot.reasons import VISION_UNRESPONSIVE
 from truearc.robot.types import Sighting
-from truearc.robot.vision_source import LONGEST_DETAIL, vision_failed
+from truearc.robot.vision_source import LONGEST_DETAIL, Eyes, vision_failed
 
 LOOK_S = 0.002                        # between looks at whether there is a new image
 SILENT_NS = 1_500_000_000             # a process that has not stirred for so long does not answer
 TEXT_BYTES, IMAGES = 4096, 4          # with four, the newest image stays whole for two more at least
 
 See = Callable[[CameraFrame], Sighting]
+Seen = tuple[Sighting, npt.NDArray[np.uint8] | None]
 
 
 class News(Struct, frozen=True):
@@ -33,14 +36,31 @@ def make_room(width_px: int, height_px: int) -> Capacity:
 
 def watch(camera: Camera, see: See, slots: Slots, clock: Clock, is_over: Callable[[float], bool]) -> None:
     """Tell of every image that comes, until `is_over`, which is asked how long to wait for that."""
+    def look() -> Seen | None:
+        frame = camera.read()
+        return None if frame is None else (see(frame), frame.image)
+
+    _watch(look, slots, clock, is_over)
+
+
+def relay(eyes: Eyes, slots: Slots, clock: Clock, is_over: Callable[[float], bool]) -> None:
+    """Tell of every sighting of eyes that have no images, likewise."""
+    def look() -> Seen | None:
+        sighting = eyes.read()
+        return None if sighting is None else (sighting, None)
+
+    _watch(look, slots, clock, is_over)
+
+
+def _watch(look: Callable[[], Seen | None], slots: Slots, clock: Clock, is_over: Callable[[float], bool]) -> None:
     told: Reason | None = None
     while not is_over(LOOK_S):
         slots.beat(clock.now_ns())
         try:
-            frame = camera.read()
-            if frame is None:
+            seen = look()
+            if seen is None:
                 continue
-            slots.put(msgspec.json.encode(News(see(frame))), frame.image)
+            slots.put(msgspec.json.encode(News(seen[0])), seen[1])
             told = None
         except LinkLost as error:
             told = tell(slots, error.reason, told)

@@ -11,6 +11,7 @@ from msgspec.structs import replace
 from truearc.cli.robot.run_robot import Ending, make_room
 from truearc.hw.real.clock import MonotonicClock, wall_clock
 from truearc.robot.advice.advice_io import AdviceIo, Adviser, advised_columns
+from truearc.robot.advice.nt_camera import NtCamera, keys_of_camera
 from truearc.robot.advice.nt_keys import NtKeys
 from truearc.robot.advice.tick import POLICY, step
 from truearc.robot.aim_file import load_aim_for
@@ -41,12 +42,15 @@ def advise(args: argparse.Namespace) -> tuple[int, Path]:
                 path = Path(place) / "aim.json"
                 path.write_bytes(aim)
                 aims = {"": load_aim_for(path, config)}
-        keys = NtKeys(args.nt, keys_of(shot_map))
+        seeing = config.nt4.vision if config.nt4 else None
+        keys = NtKeys(args.nt, [*keys_of(shot_map), *(keys_of_camera(seeing) if seeing else [])])
         wires.callback(keys.close)
         header = replace(make_header(config, gate, started, aims.get("")), policy=POLICY)
         recorder = SessionWriter(folder, header, config, args.gate.read_bytes(), lossless=False, aim=aim)
         wires.callback(recorder.close)
-        rig = AdviceIo(config, shot_map, keys, MonotonicClock(), lambda: ending.asked or recorder.is_over(), args.sigma)
+        clock = MonotonicClock()
+        rig = AdviceIo(config, shot_map, keys, clock, lambda: ending.asked or recorder.is_over(), args.sigma,
+                       NtCamera(config, keys, clock) if seeing else None)
         ticks = run(RecordingRig(rig, recorder.trouble), config, gate, Adviser(recorder, keys, config, gate),
                     partial(step, aims=aims))
     if recorder.failed is not None:

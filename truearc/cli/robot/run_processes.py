@@ -15,11 +15,12 @@ from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.ipc import Inbox, Outbox
 from truearc.hw.real.reconnect import MendedCamera
 from truearc.hw.shared_latest import Capacity, Slots
+from truearc.robot.advice.nt_camera import OwnNtCamera
 from truearc.robot.config.schema import Config, about
 from truearc.robot.operator_ui.screens import OpenScreen, Screen, with_screen
 from truearc.robot.processes.recorder import NEWS, Desk
 from truearc.robot.processes.recorder_client import FarKeeper
-from truearc.robot.processes.vision import FarEyes, make_room, tell, watch
+from truearc.robot.processes.vision import FarEyes, make_room, relay, tell, watch
 from truearc.robot.recording.file_writers import Keeper, LaneKeeper
 from truearc.robot.recording.files import Row
 from truearc.robot.runtime import Recorder
@@ -38,6 +39,10 @@ class OneProcess:
 
     def open_eyes(self, clock: Clock) -> Eyes:
         """Eyes on the configuration's camera, which may come later."""
+        if has_nt_camera(self._config):
+            seeing = OwnNtCamera(self._config, clock)
+            self._wires.callback(seeing.close)
+            return seeing
         cv2.setNumThreads(1)
         camera = open_mended(self._config, clock)
         self._wires.callback(camera.close)
@@ -117,13 +122,18 @@ def look(line: Line, is_first: bool, config: Config, memory: object, room: Capac
     cv2.setNumThreads(1)
     clock, slots = MonotonicClock(), Slots(memory, room)
     slots.beat(clock.now_ns())
+    if has_nt_camera(config):
+        eyes = OwnNtCamera(config, clock)
+        line.say(None)
+        relay(eyes, slots, clock, line.is_over)
+        eyes.close()
+        return
     camera = open_mended(config, clock)
     if camera.lost is not None:
         tell(slots, camera.lost, None)
     line.say(None)
     watch(camera, make_see(config), slots, clock, line.is_over)
     camera.close()
-    return None
 
 
 def write(line: Line, is_first: bool, end: socket.socket, memory: object,
@@ -158,6 +168,11 @@ def open_mended(config: Config, clock: Clock) -> MendedCamera:
     asked = config.camera
     return MendedCamera(lambda: open_camera(asked.device, asked.width_px, asked.height_px, asked.fps, clock,
                                             asked.exposure_s))
+
+
+def has_nt_camera(config: Config) -> bool:
+    """Whether a camera of the network sees for us."""
+    return config.nt4 is not None and config.nt4.vision is not None
 
 
 def make_see(config: Config) -> Callable[[CameraFrame], Sighting]:

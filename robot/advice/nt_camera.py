@@ -1,0 +1,171 @@
+"""Sightings by PhotonVision or a Limelight, from the keys that they publish over NetworkTables.
+
+PhotonVision (table /photonvision/NAME): `targetPose` is the transform from camera to tag (x forward, y left, z up; a
+struct, before 2025 an array), `latencyMillis` from the exposure to the publication. Limelight (table /NAME):
+`targetpose_cameraspace` is x right, y down, z forward, `cl` + `tl` ms the latency, `stddevs` begins with the standard
+deviations of MegaTag 1 along the field's x and y. (PhotonVision's NTTopicSet and NTDataPublisher; Limelight's complete
+NetworkTables API.)
+"""
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple, NoReturn
+
+from truearc.hw.protocols import CameraFrame, Clock, LinkLost
+from truearc.hw.reason import Reason
+from truearc.robot import reasons as because
+from truearc.robot.advice.advice_io import NS_PER_S, Keys
+from truearc.robot.advice.nt_keys import NtKeys, Reading
+from truearc.robot.advice.tick import CALM_S, DISTANCE_RATE_M_S, DISTANCE_STEP_M
+from truearc.robot.config.nt4 import Nt4Vision
+from truearc.robot.config.schema import CameraConfig, Config
+from truearc.robot.types import Sighting
+
+MOST_LATENCY_S = 1.0                  # more is a mistake
+OFF_SIGMAS = 4.0                      # of a tag's height that contradicts the mounting
+MEGATAG_1 = 2                         # of Limelight's standard deviations those of x and y
+
+
+class Names(NamedTuple):
+    """Keys of one camera."""
+
+    alive: str                        # counts images
+    seen: str                         # whether one shows a target
+    latency: tuple[str, ...]          # ms, to be added up
+    pose: str                         # array or struct that begins with the tag's place
+    stddevs: str = ""                 # array
+    tag: str = ""
+
+
+def names_of_camera(vision: Nt4Vision) -> Names:
+    """The keys that are read of a camera."""
+    table = vision.camera.strip("/")
+    if vision.kind == "photonvision":
+        table = f"/photonvision/{table.removeprefix('photonvision/')}"
+        return Names(f"{table}/heartbeat", f"{table}/hasTarget", (f"{table}/latencyMillis",), f"{table}/targetPose")
+    return Names(f"/{table}/hb", f"/{table}/tv", (f"/{table}/cl", f"/{table}/tl"),
+                 f"/{table}/targetpose_cameraspace", f"/{table}/stddevs", f"/{table}/tid")
+
+
+def keys_of_camera(vision: Nt4Vision) -> list[str]:
+    """Those keys, a part of an array each its own."""
+    names = names_of_camera(vision)
+    parts = [_part(names.pose, place) for place in range(3)]
+    parts += [_part(names.stddevs, place) for place in range(MEGATAG_1) if names.stddevs]
+    return [names.alive, names.seen, *names.latency, *parts, *filter(None, [names.tag])]
+
+
+class NtCamera:
+    """truearc.robot.vision_source.Eyes on keys; neither call waits for the network.
+
+    A distance is horizontal, from the lens to the tag and [apriltag] behind_m more, as that of an image. A tag that is
+    not the target's, or whose height contradicts the camera's mounting, does not count. Both raise LinkLost for a key
+    that is missing or has an impossible value, and for half a second after a distance that jumped.
+    """
+
+    def __init__(self, config: Config, keys: Keys, clock: Clock) -> None:
+        assert config.nt4 is not None and config.nt4.vision is not None and config.apriltag is not None
+        self._vision, self._tag, self._camera = config.nt4.vision, config.apriltag, config.camera
+        self._keys, self._clock = keys, clock
+        self._names = names_of_camera(self._vision)
+        self._told_ns = 0                         # stamp of the newest reading that was used
+        self._last: tuple[int, float] | None = None       # stamp and distance of the newest sighting
+        self._jumped_ns: int | None = None
+        self._doubt: Reason | None = None         # why the newest reading is not believed
+
+    def read(self) -> Sighting | None:
+        if not self._keys.connected:
+            raise LinkLost(because.NT_LOST())
+        return self.sight(self._keys.read(self._clock.now_ns()))
+
+    def picture(self) -> CameraFrame | None:
+        return None
+
+    def sight(self, found: Mapping[str, Reading]) -> Sighting | None:
+        """What these readings say that is new."""
+        seen, alive = self._take(found, self._names.seen), self._take(found, self._names.alive)
+        latency_s = self._latency_s(found)
+        place = [self._take(found, _part(self._names.pose, axis)) for axis in range(3)]
+        newest = place[0] if seen.value == 1.0 else alive
+        if newest.t_ns > self._told_ns:
+            self._told_ns, self._doubt = newest.t_ns, None
+            tag = found.get(self._names.tag)
+            if not 0.0 <= latency_s <= MOST_LATENCY_S:
+                return self._refuse(because.NT_VALUE_IMPOSSIBLE(key=self._names.latency[0]))
+            t_ns = newest.t_ns - round(latency_s * NS_PER_S)
+            if seen.value != 1.0 or (tag is not None and tag.value not in self._tag.ids):
+                return Sighting(t_ns, False, because.NO_TAG())
+            return self._sighting(t_ns, [float(one.value) for one in place], found)
+        return None if self._doubt is None else self._refuse(self._doubt)
+
+    def _refuse(self, doubt: Reason) -> NoReturn:
+        self._doubt = doubt
+        raise LinkLost(doubt)
+
+    def _take(self, found: Mapping[str, Reading], key: str) -> Reading:
+        reading = found.get(key)
+        if reading is None or isinstance(reading.value, str):
+            raise LinkLost(because.KEY_MISSING(key=key))
+        return reading
+
+    def _latency_s(self, found: Mapping[str, Reading]) -> float:
+        return 1e-3 * sum(float(self._take(found, key).value) for key in self._names.latency)
+
+    def _sighting(self, t_ns: int, place: list[float], found: Mapping[str, Reading]) -> Sighting:
+        ahead, left, up = place if self._vision.kind == "photonvision" else (place[2], -place[0], -place[1])
+        pitch = math.radians(self._camera.pitch_deg)
+        forward_m = ahead * math.cos(pitch) - up * math.sin(pitch)
+        above_m = ahead * math.sin(pitch) + up * math.cos(pitch)
+        to_tag_m = math.hypot(forward_m, left)
+        distance_m = to_tag_m + self._tag.behind_m - self._camera.bias_m
+        sigma_m = self._sigma_m(distance_m, found)
+        if not (math.isfinite(distance_m) and math.isfinite(above_m) and forward_m > 0.0):
+            self._refuse(because.NT_VALUE_IMPOSSIBLE(key=self._names.pose))
+        if sigma_m is None:
+            self._refuse(because.NT_VALUE_IMPOSSIBLE(key=self._names.stddevs))
+        off_m = self._camera.height_m + above_m - self._tag.centre_height_m
+        if abs(off_m) > OFF_SIGMAS * _height_sigma_m(self._camera, to_tag_m, above_m, sigma_m):
+            return Sighting(t_ns, False, because.POSE_OFF_MOUNTING(quantity="height"))
+        if (jumped := self._jump(t_ns, distance_m)) is not None:
+            self._refuse(jumped)
+        return Sighting(t_ns, True, None, distance_m, sigma_m, -math.degrees(math.atan2(left, forward_m)))
+
+    def _sigma_m(self, distance_m: float, found: Mapping[str, Reading]) -> float | None:
+        """One standard deviation; None where the camera states one that cannot be."""
+        own = [found.get(_part(self._names.stddevs, place)) for place in range(MEGATAG_1) if self._names.stddevs]
+        stated = [one.value for one in own if one is not None and not isinstance(one.value, str)]
+        if not all(0.0 <= one < math.inf for one in stated):
+            return None
+        return math.hypot(self._vision.sigma_m, self._vision.sigma_share * distance_m, self._camera.bias_sigma_m,
+                          *stated)
+
+    def _jump(self, t_ns: int, distance_m: float) -> Reason | None:
+        last, self._last = self._last, (t_ns, distance_m)
+        if last is not None:
+            gap_s = max(t_ns - last[0], 0) / NS_PER_S
+            if abs(distance_m - last[1]) > DISTANCE_STEP_M + DISTANCE_RATE_M_S * gap_s:
+                self._jumped_ns = t_ns
+        ago_s = math.inf if self._jumped_ns is None else (t_ns - self._jumped_ns) / NS_PER_S
+        return because.KEY_JUMPED(key=self._names.pose, ago_s=ago_s) if ago_s <= CALM_S else None
+
+
+class OwnNtCamera(NtCamera):
+    """With a connection of its own, to be closed."""
+
+    def __init__(self, config: Config, clock: Clock) -> None:
+        assert config.nt4 is not None and config.nt4.vision is not None
+        self._own = NtKeys(config.nt4.server, keys_of_camera(config.nt4.vision))
+        super().__init__(config, self._own, clock)
+
+    def close(self) -> None:
+        self._own.close()
+
+
+def _part(key: str, place: int) -> str:
+    return f"{key}/{place}"
+
+
+def _height_sigma_m(camera: CameraConfig, to_tag_m: float, above_m: float, sigma_m: float) -> float:
+    """Of the tag's height above the floor, by mounting and distance."""
+    slope = abs(above_m) / to_tag_m if to_tag_m > 0.0 else 0.0
+    return math.hypot(camera.height_sigma_m, to_tag_m * math.radians(camera.pitch_sigma_deg), slope * sigma_m)
