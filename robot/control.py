@@ -7,6 +7,7 @@ from msgspec.structs import replace
 from truearc.hw.fault_codes import FOREIGN_HOST
 from truearc.robot.aim import NOWHERE
 from truearc.robot.config.schema import Config, PidGains
+from truearc.robot.estimate import is_fresh
 from truearc.robot.types import Aim, Command, Estimate, Inputs, Memory, Pid, Verdict
 
 NS = 1e-9
@@ -59,8 +60,10 @@ def _flywheel(estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> t
 
 def _hood(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> tuple[float, Pid]:
     hood = config.hood
-    if not memory.homed:              # towards the switch, but not before the encoder was heard that can tell how far
-        return (0.0 if inputs.hood_angle is None else hood.homing_torque_nm), Pid()
+    if not memory.homed:              # towards the switch, but not before what can tell how far was heard
+        heard = (inputs.hood_angle is not None if config.hood_encoder.is_heard
+                 else is_fresh(inputs, inputs.hood_motor.t_ns, config))
+        return (hood.homing_torque_nm if heard else 0.0), Pid()
     if estimate.hood_deg is None or aim.source in NOWHERE:
         return 0.0, Pid()
     wanted = min(max(aim.hood_deg, hood.low_deg), hood.high_deg)

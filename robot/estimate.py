@@ -8,11 +8,13 @@ from msgspec.structs import replace
 from truearc.robot.aim_file import needs_aim
 from truearc.robot.config.schema import Config
 from truearc.robot.geometry import elevation_from_encoder_deg, elevation_from_screw_deg, exit_distance_m
-from truearc.robot.types import Estimate, Inputs, Memory, Sighting, Track
+from truearc.robot.types import Count, Estimate, Inputs, Memory, Sighting, Track
 
 NS = 1e-9
 MEMORY_S = 0.15                       # time constant of the filter of distances
 LONGEST_GAP_S, LARGEST_JUMP_M = 0.5, 0.5      # between sightings: beyond, the filter starts again
+# A step of the hood motor's position between readings: what is more than this, and this times its speed, is a jump
+JUMP_RAD, JUMP_SHARE = 1.0, 1.5
 
 
 def remember(inputs: Inputs, memory: Memory, config: Config) -> Memory:
@@ -21,13 +23,47 @@ def remember(inputs: Inputs, memory: Memory, config: Config) -> Memory:
     if seen is not None and seen.found:
         memory = replace(memory, last_sighting=replace(seen, corners_px=()),
                          track=_followed(memory.track, seen, config) if needs_aim(config) else memory.track)
+    memory = _home(_doubt_count(inputs, memory, config), inputs, config)
     motor = inputs.hood_motor
-    if memory.homed and not memory.armed and _screw_differs(inputs, memory, config):
-        memory = replace(memory, homed=False)     # its motor has lost count, in a reset for one: arming homes it again
-    if not memory.homed and memory.armed and motor.endstop and (
+    if config.hood_encoder.is_heard:
+        return memory
+    return replace(memory, count=Count(motor.t_ns, motor.position_rad, motor.velocity_rad_s))
+
+
+def _doubt_count(inputs: Inputs, memory: Memory, config: Config) -> Memory:
+    """Homed no longer where the hood's motor has lost count, in a reset for one: arming homes it again.
+
+    With an encoder that is what it says of the screw, and while armed a HOLD that keeps the zero. Without one it is a
+    gap in the readings, or a step that the motor's speed does not explain; it homes again at once.
+    """
+    if not config.hood_encoder.is_heard:
+        lost = memory.count is not UNSET and _has_jumped(inputs, memory.count, config)
+    else:
+        lost = not memory.armed and _screw_differs(inputs, memory, config)
+    return replace(memory, homed=False) if memory.homed and lost else memory
+
+
+def _has_jumped(inputs: Inputs, last: Count, config: Config) -> bool:
+    motor = inputs.hood_motor
+    gap_s = (motor.t_ns - last.t_ns) * NS
+    if not (is_fresh(inputs, motor.t_ns, config) and 0.0 <= gap_s <= config.gate.reading_age_s):
+        return True
+    fastest = max(abs(motor.velocity_rad_s), abs(last.velocity_rad_s))
+    return not abs(motor.position_rad - last.position_rad) <= JUMP_RAD + JUMP_SHARE * fastest * gap_s
+
+
+def _home(memory: Memory, inputs: Inputs, config: Config) -> Memory:
+    """The screw's zero, and that of an encoder that has none of its own, when the limit switch closes."""
+    motor, angle, encoder = inputs.hood_motor, inputs.hood_angle, config.hood_encoder
+    if memory.homed or not memory.armed or not motor.endstop or not (
             is_fresh(inputs, motor.endstop_t_ns, config) and is_fresh(inputs, motor.t_ns, config)):
-        memory = replace(memory, homed=True, screw_zero_rad=motor.position_rad)
-    return memory
+        return memory
+    if encoder.zero_deg is None:
+        if angle is None or not is_fresh(inputs, angle.t_ns, config):
+            return memory
+        zero_deg = math.degrees(angle.angle_rad) - encoder.direction * config.hood.low_deg
+        memory = replace(memory, zero_deg=zero_deg)
+    return replace(memory, homed=True, screw_zero_rad=motor.position_rad)
 
 
 def _followed(track: Track | UnsetType, seen: Sighting, config: Config) -> Track | UnsetType:
@@ -54,9 +90,19 @@ def _screw_differs(inputs: Inputs, memory: Memory, config: Config) -> bool:
     if angle is None or not (is_fresh(inputs, angle.t_ns, config) and is_fresh(inputs, motor.t_ns, config)):
         return False
     screw_deg = elevation_from_screw_deg(motor.position_rad - memory.screw_zero_rad, config.hood)
-    encoder_deg = elevation_from_encoder_deg(angle.angle_rad, config.hood_encoder)
-    return angle.magnet_ok and not (screw_deg is not None
+    encoder_deg = _encoder_deg(inputs, memory, config)
+    return angle.magnet_ok and not (screw_deg is not None and encoder_deg is not None
                                     and abs(encoder_deg - screw_deg) <= config.hood.crosscheck_deg)
+
+
+def _encoder_deg(inputs: Inputs, memory: Memory, config: Config) -> float | None:
+    """Launch elevation that the hood's encoder reads; None before its first angle, or its zero."""
+    angle, zero_deg = inputs.hood_angle, config.hood_encoder.zero_deg
+    if zero_deg is None:
+        zero_deg = None if memory.zero_deg is UNSET else memory.zero_deg
+    if angle is None or zero_deg is None:
+        return None
+    return elevation_from_encoder_deg(angle.angle_rad, config.hood_encoder, zero_deg)
 
 
 def is_fresh(inputs: Inputs, t_ns: int, config: Config) -> bool:
@@ -77,6 +123,10 @@ def estimate(inputs: Inputs, memory: Memory, config: Config) -> Estimate:
     distance = None
     if sighting is not None and sighting.distance_m is not None:
         distance = exit_distance_m(sighting.distance_m, config.camera)
+    screw_deg = (elevation_from_screw_deg(inputs.hood_motor.position_rad - memory.screw_zero_rad, config.hood)
+                 if memory.homed else None)
+    encoder_deg = _encoder_deg(inputs, memory, config)
+    is_heard = config.hood_encoder.is_heard or encoder_deg is not None     # advice has the robot's own angle
     rate: float | UnsetType = UNSET
     if memory.track is not UNSET:
         rate = memory.track.rate_m_s
@@ -85,20 +135,19 @@ def estimate(inputs: Inputs, memory: Memory, config: Config) -> Estimate:
         motor_rad_s=mean,
         motor_ratio=mean / free if free else 0.0,
         motor_spread_rad_s=max(speeds) - min(speeds),
-        hood_deg=(elevation_from_encoder_deg(inputs.hood_angle.angle_rad, config.hood_encoder)
-                  if inputs.hood_angle is not None else None),
-        hood_screw_deg=(elevation_from_screw_deg(inputs.hood_motor.position_rad - memory.screw_zero_rad, config.hood)
-                        if memory.homed else None),
+        hood_deg=encoder_deg if is_heard else screw_deg,
+        hood_screw_deg=screw_deg,
         distance_m=distance,
         distance_sigma_m=None if sighting is None else sighting.sigma_m,
         battery_v=sum(motor.bus_v for motor in inputs.flywheels) / len(inputs.flywheels),
-        oldest_s=_oldest_s(inputs),
+        oldest_s=_oldest_s(inputs, config),
         sighting_s=None if sighting is None else (inputs.t_ns - sighting.t_ns) * NS,
         closing_m_s=rate,
     )
 
 
-def _oldest_s(inputs: Inputs) -> float:
-    stamps = [motor.t_ns for motor in inputs.flywheels]
-    stamps += [inputs.hood_motor.t_ns, inputs.feeder.t_ns, inputs.hood_angle.t_ns if inputs.hood_angle else 0]
+def _oldest_s(inputs: Inputs, config: Config) -> float:
+    stamps = [motor.t_ns for motor in (*inputs.flywheels, inputs.hood_motor, inputs.feeder)]
+    if config.hood_encoder.is_heard:
+        stamps.append(inputs.hood_angle.t_ns if inputs.hood_angle else 0)
     return (inputs.t_ns - min(stamps)) * NS

@@ -2,7 +2,8 @@
 
 import math
 
-from truearc.robot.config.schema import CameraConfig, Hood, HoodEncoder
+from truearc.hw.devices.axis import HoodEncoder
+from truearc.robot.config.schema import CameraConfig, Hood
 
 
 def screw_length_m(elevation_deg: float, hood: Hood) -> float:
@@ -23,9 +24,9 @@ def elevation_from_screw_deg(turned_rad: float, hood: Hood) -> float | None:
     return math.degrees(math.acos(cosine)) - hood.included_deg
 
 
-def elevation_from_encoder_deg(angle_rad: float, encoder: HoodEncoder) -> float:
-    """Launch elevation from the absolute encoder on the hood pivot, in (-180, 180]."""
-    turned = (math.degrees(angle_rad) - encoder.zero_deg) * encoder.direction
+def elevation_from_encoder_deg(angle_rad: float, encoder: HoodEncoder, zero_deg: float) -> float:
+    """Launch elevation from the encoder on the hood pivot, in (-180, 180]; zero_deg: its reading where that is 0."""
+    turned = (math.degrees(angle_rad) - zero_deg) * encoder.direction
     return 180.0 - (180.0 - turned) % 360.0
 
 

@@ -48,7 +48,7 @@ DEVICE_FAULTS_STALE = Code("device_faults_stale", "{device}: no fault report for
 MOTOR_NOT_FINITE = Code("motor_not_finite", "{motor}: non-finite reading")
 MOTOR_ERROR = Code("motor_error", "{motor}: {errors:,}")
 MOTOR_NOT_DRIVEN = Code("motor_not_driven", "{motor}: not under control (state {state})", {"state": "count"})
-MAGNET_LOST = Code("magnet_lost", "hood encoder: magnet out of range")
+MAGNET_LOST = Code("magnet_lost", "hood encoder: magnet out of range, or no signal")
 
 # The launcher
 HOOD_NOT_HOMED = Code("hood_not_homed", "hood not homed")
@@ -67,6 +67,7 @@ NOT_SETTLED = Code("not_settled", "wheels and hood not settled")
 # Advice by NetworkTables
 NT_LOST = Code("nt_lost", "no connection to the robot's NetworkTables server")
 KEY_MISSING = Code("key_missing", "{key}: the robot publishes no such key", {"key": "text"})
+KEY_IMPLAUSIBLE = Code("key_implausible", "{key}: {value} is not an angle", {"key": "text", "value": "text"})
 KEY_JUMPED = Code("key_jumped", "{key} jumped {ago_s:.1f} s ago", {"key": "text"})
 NT_VALUE_IMPOSSIBLE = Code("nt_value_impossible", "{key}: not a possible value", {"key": "text"})
 

@@ -10,10 +10,11 @@ from msgspec.structs import replace
 
 from truearc.hw import protocols as hw
 from truearc.hw.devices.button_box.frames import PressCount, parse_lines
-from truearc.hw.devices.canandmag import frames as canandmag
+from truearc.hw.devices.hood_encoder import Encoder
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config
+from truearc.robot.hood_encoders import encoder_family_of
 from truearc.robot.motors import make_motors, name_axes
 from truearc.robot.runtime import RigLayer, RobotIo
 from truearc.robot.types import Command, Inputs, Sent, Sighting, Tick
@@ -27,17 +28,17 @@ STALL_NS = 500_000_000                # for so long after ticks have stood still
 class HardwareRig:
     """Reads devices, writes commands, keeps the tick's time.
 
-    `over` says, before each tick, whether there will be no more.
+    `over` says, before each tick, whether there will be no more. `encoder`: None for the one of the configuration.
     """
 
     def __init__(self, config: Config, bus: hw.Bus, box: hw.Stream, eyes: Eyes, clock: hw.Clock,
-                 over: Callable[[], bool]) -> None:
+                 over: Callable[[], bool], encoder: Encoder | None = None) -> None:
         self._config, self._bus, self._box, self._eyes, self._clock = config, bus, box, eyes, clock
         self._over = over
         self._motors = make_motors(config)
         self._names = [name for name, _ in name_axes(config)]
-        self._encoder = config.hood_encoder.device    # its number on the bus
-        self._angle: hw.AngleReading | None = None
+        table = config.hood_encoder
+        self._encoder = encoder or encoder_family_of(table).make(table)
         self._handlers = self._make_handlers()
         self._pending = b""
         self._heard_box_ns = 0
@@ -52,7 +53,6 @@ class HardwareRig:
         self._read_ns = 0
         self._unsent = 0              # frames of the last tick that the bus did not take
         self._withheld: Reason | None = None      # why the ball that is being fed is not
-        self._started = False
         self._faults: list[Reason] = []
         self._frames = 0
         self._is_lost = False         # the bus, when it was last read
@@ -76,16 +76,18 @@ class HardwareRig:
         buttons = self._read_box(t_ns)
         for name, motor in zip(self._names, self._motors, strict=True):
             self._faults += [fault.about(motor=name) for fault in motor.faults(t_ns)]
+        angle = self._encoder.read(t_ns)
+        self._faults += self._encoder.faults(t_ns)
         self._cycle += 1
         *flywheels, hood, feeder = (motor.reading for motor in self._motors)
-        return Inputs(t_ns, self._cycle, tuple(flywheels), hood, feeder, self._angle, sighting, tuple(buttons),
+        return Inputs(t_ns, self._cycle, tuple(flywheels), hood, feeder, angle, sighting, tuple(buttons),
                       tuple(self._faults), self._frames, self._unseen, self._missed)
 
     def write(self, command: Command) -> Sent:
         """Send what each motor needs to do as asked; says what really went out."""
         t_ns = self._clock.now_ns()
         command = self._withhold(command, t_ns)
-        frames = self._start()
+        frames = [] if self._is_lost else list(self._encoder.frames(t_ns))
         orders = [motor.order(torque_nm if command.enable else None, t_ns)
                   for motor, torque_nm in zip(self._motors, self._torques_nm(command), strict=True)]
         for order in orders:
@@ -120,15 +122,14 @@ class HardwareRig:
             self._withheld = because.BALL_WITHHELD(late_s=late_ns / NS_PER_S)
         return command if self._withheld is None else replace(command, feeder_torque_nm=0.0)
 
-    def _make_handlers(self) -> dict[tuple[int, bool], Callable[[hw.Frame], None]]:
-        handlers: dict[tuple[int, bool], Callable[[hw.Frame], None]] = {
-            key: motor.take for motor in self._motors for key in motor.ids()}
-        for frame_id in canandmag.frame_ids(self._encoder):
-            handlers[frame_id, True] = self._take_angle
+    def _make_handlers(self) -> dict[tuple[int, bool], list[Callable[[hw.Frame], None]]]:
+        """What takes a frame: a motor, and the encoder that is on the same controller."""
+        handlers: dict[tuple[int, bool], list[Callable[[hw.Frame], None]]] = {}
+        takers = [*((motor.ids(), motor.take) for motor in self._motors), (self._encoder.ids(), self._encoder.take)]
+        for keys, take in takers:
+            for key in keys:
+                handlers.setdefault(key, []).append(take)
         return handlers
-
-    def _take_angle(self, frame: hw.Frame) -> None:
-        self._angle = canandmag.parse(self._encoder, frame, self._angle)
 
     def _read_bus(self) -> None:
         self._frames = 0
@@ -144,13 +145,11 @@ class HardwareRig:
             self._faults.append(because.FRAMES_NOT_SENT(frames=self._unsent))
         handlers = self._handlers
         for frame in frames:
-            handler = handlers.get((frame.arbitration_id, frame.is_extended))
-            if handler is None or frame.is_remote:
-                continue
-            try:
-                handler(frame)
-            except hw.BadFrame as error:
-                self._faults.append(because.BAD_FRAME(cause=error.reason))
+            for handler in () if frame.is_remote else handlers.get((frame.arbitration_id, frame.is_extended), ()):
+                try:
+                    handler(frame)
+                except hw.BadFrame as error:
+                    self._faults.append(because.BAD_FRAME(cause=error.reason))
 
     def _read_box(self, t_ns: int) -> list[hw.ButtonEvent]:
         self._missed = None
@@ -180,14 +179,6 @@ class HardwareRig:
         if sighting is not None:
             self._unseen = sighting.reason
         return sighting
-
-    def _start(self) -> list[hw.Frame]:
-        """Frames that are sent once, before all others, as soon as there is a bus."""
-        period_ms = self._config.hood_encoder.period_ms
-        if self._started or self._is_lost or period_ms == 0:
-            return []
-        self._started = True
-        return [canandmag.make_position_period(self._encoder, period_ms)]
 
     def _torques_nm(self, command: Command) -> list[float]:
         config = self._config

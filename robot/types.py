@@ -180,6 +180,14 @@ class Watched(Struct, frozen=True):
     steady_rad_s: float = 0.0
 
 
+class Count(Struct, frozen=True):
+    """The hood motor's newest reading, where nothing but its count says where the hood is."""
+
+    t_ns: int
+    position_rad: float
+    velocity_rad_s: float
+
+
 class Memory(Struct, frozen=True):
     """All that one tick hands to the next."""
 
@@ -205,6 +213,8 @@ class Memory(Struct, frozen=True):
     track: Track | UnsetType = UNSET              # only where `aim.policy` is "belief"
     aim_sha256: str | UnsetType = UNSET           # of the aim file that the driver accepted; absent: the first one
     watched: Watched | UnsetType = UNSET          # only while advising
+    count: Count | UnsetType = UNSET              # only without a hood encoder
+    zero_deg: float | UnsetType = UNSET           # of a hood encoder that homing zeroes; absent until it has
 
 
 class Tick(Struct, frozen=True):

@@ -80,6 +80,7 @@ class AttachedMotor(NamedTuple):
     resistance_ohm: float
     watchdog_ms: int                  # of a controller in which it can be set
     endstop: Callable[[], bool] | None    # reads the limit switch, if there is one
+    is_absolute: bool = False         # its position survives a restart, where the controller can do that
 
 
 class MotorFamily(Struct, Generic[AxisKind], frozen=True, kw_only=True, eq=False):

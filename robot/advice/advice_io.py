@@ -54,6 +54,8 @@ class AdviceIo:
         self._config, self._map, self._keys, self._clock, self._over = config, shot_map, keys, clock, over
         self._sigma_m, self._camera = sigma_m, camera
         self._unseen: Reason | None = None
+        if config.hood_encoder.zero_deg is None:
+            raise InputError("hood_encoder.zero_deg: missing key; advice does not home the hood")
         self._signals = {column: _Scaled(column, as_signal(said))
                          for column, said in advised_columns(shot_map, config).items()}
         self._feed = as_signal(shot_map.shots.feed).key if shot_map.shots.feed else None
@@ -108,7 +110,7 @@ class AdviceIo:
         if hood is None:
             return None
         encoder = self._config.hood_encoder
-        turned = encoder.zero_deg + hood[1] * encoder.direction
+        turned = (encoder.zero_deg or 0.0) + hood[1] * encoder.direction
         return AngleReading(hood[0], math.radians(turned % 360.0), True)
 
     def _see(self, found: Mapping[str, Reading], faults: list[Reason]) -> Sighting | None:

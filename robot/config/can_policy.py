@@ -4,12 +4,12 @@ import math
 from collections import Counter
 
 from truearc.hw.devices.bus_rules import Rules
-from truearc.hw.devices.canandmag.bus_rules import make_rules as make_encoder_rules
 from truearc.hw.devices.registry import family_of
 from truearc.hw.monitor import MonitoredBus
 from truearc.hw.protocols import Bus, Clock
 from truearc.hw.tx_allowlist import WINDOW_NS, AllowedBus
 from truearc.robot.config.schema import Config
+from truearc.robot.hood_encoders import encoder_family_of
 from truearc.robot.motors import name_axes
 
 NS_PER_S = 1_000_000_000
@@ -32,5 +32,5 @@ def make_rules(config: Config) -> tuple[Rules, ...]:
     """Of every device of the launcher."""
     each_tick = math.ceil(SPARE * config.tick_hz * WINDOW_NS / NS_PER_S) + 1
     encoder = config.hood_encoder
-    return (make_encoder_rules(encoder.device, encoder.period_ms),
+    return (*encoder_family_of(encoder).make_rules(encoder, each_tick),
             *(family_of(axis).make_rules(axis, each_tick) for _, axis in name_axes(config)))

@@ -31,6 +31,7 @@ def contradictions(config: Any) -> Iterator[tuple[str, str]]:
             yield key, f"{low:g} is above {above.rpartition('.')[2]}, {high:g}"
     yield from _of_motors(config)
     yield from _of_choices(config)
+    yield from _of_encoder(config)
     hood, turn = (config.hood.low_deg, config.hood.high_deg), "a motor is turned round by its direction"
     for keys, (least, most), why in (
             ("flywheel.pid.kp flywheel.pid.ki flywheel.pid.kd hood.pid.kp hood.pid.ki hood.pid.kd", (0.0, math.inf),
@@ -67,6 +68,15 @@ def _of_choices(config: Any) -> Iterator[tuple[str, str]]:
         yield from nt4_errors(config.nt4, config.apriltag is not None)
 
 
+def _of_encoder(config: Any) -> Iterator[tuple[str, str]]:
+    from truearc.robot.hood_encoders import encoder_family_of  # drivers need cantools, which most commands do without
+
+    family = encoder_family_of(config.hood_encoder)
+    if config.rig.noise.hood_deg < family.least_sigma_deg:
+        yield "rig.noise.hood_deg", (f"{config.rig.noise.hood_deg:g} is too small: hood_encoder.driver "
+                                     f"{family.driver!r} knows the angle to {family.least_sigma_deg:g} deg at best")
+
+
 def _of_motors(config: Any) -> Iterator[tuple[str, str]]:
     """Motors that are one and the same device, a screw that cannot be built, torques that no motor gives."""
     for kind in ("flywheel", "hood") if config.identify is not None else ():
@@ -77,8 +87,10 @@ def _of_motors(config: Any) -> Iterator[tuple[str, str]]:
         yield "hood.included_deg", (f"from low_deg to high_deg the angle motor, pivot, nut goes from {bent[0]:g} to "
                                     f"{bent[1]:g} degrees; it stays between 0 and 180")
     named = [(f"axes.flywheels[{number}]", axis) for number, axis in enumerate(config.axes.flywheels)]
+    encoder = getattr(config.hood_encoder, "controller", None)
     owner: dict[tuple[str, int], str] = {}
-    for name, axis in (*named, ("axes.hood", config.axes.hood), ("axes.feeder", config.axes.feeder)):
+    for name, axis in (*named, ("axes.hood", config.axes.hood), ("axes.feeder", config.axes.feeder),
+                       *((("hood_encoder.controller", encoder),) if encoder is not None else ())):
         for key in {"node", "device"} & set(axis.__struct_fields__):
             first = owner.setdefault((driver_of(axis), getattr(axis, key)), name)
             if first != name:

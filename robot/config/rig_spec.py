@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 from msgspec import UNSET, Struct, UnsetType, field
 
-from truearc.robot.config.toml_errors import axis_in, struct_in
+from truearc.robot.config.toml_errors import device_in, struct_in
 
 POSITIVE = ("ball.mass_kg", "ball.radius_m", "launcher.free_speed_rad_s", "launcher.wheel.radius_m",
             "target.two_half_height_m", "world.gravity_m_s2",
@@ -235,7 +235,7 @@ def missing_keys(table: Mapping[str, Any], kind: Any, prefix: str = "") -> list[
             names += (inside or [prefix + one.encode_name]) if one.required else []
             continue
         for row in value if isinstance(value, list) else [value]:
-            own = axis_in(row) if inner is None else inner
+            own = device_in(one.type, row) if inner is None else inner
             here = missing_keys(row, own, f"{prefix}{one.encode_name}.") if isinstance(row, dict) and own else []
             names += [name for name in here if name not in names]
     return names

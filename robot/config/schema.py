@@ -12,14 +12,13 @@ from typing import Annotated, Any, Literal, TypeVar
 import msgspec
 from msgspec import Struct
 
-from truearc.hw.devices.axis import Axis, CanNode, Direction, Positive
+from truearc.hw.devices.axis import Axis, Finite, HoodEncoder, Positive
 from truearc.robot.config.limits import cannot_throw, contradictions, warn_of_pitch, warn_of_terms
 from truearc.robot.config.nt4 import Nt4
 from truearc.robot.config.rig_spec import Rig, missing_keys, rig_errors, unknown_keys
-from truearc.robot.config.toml_errors import joined, line_of, near_key, near_tables, reworded
+from truearc.robot.config.toml_errors import joined, line_of, near_key, near_tables, reworded, table_of
 
 Kind = TypeVar("Kind")
-Finite = Annotated[float, msgspec.Meta(gt=-1e9, lt=1e9)]
 Doubt = Annotated[float, msgspec.Meta(ge=0.0, lt=1e9)]
 Place = Annotated[float, msgspec.Meta(gt=-1e6, lt=1e6)]   # any number, but neither infinite nor none
 Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
@@ -49,8 +48,8 @@ class Buttons(Struct, frozen=True, forbid_unknown_fields=True):
     baud: Annotated[int, msgspec.Meta(ge=300, le=4_000_000)]
 
 
-class _AnyAxis(Struct, Axis):
-    """What every axis has; nothing is ever one of these."""
+class _AnyDevice(Struct):
+    """What the table of every device has; nothing is ever one of these."""
 
     driver: str
 
@@ -59,14 +58,6 @@ class Axes(Struct, frozen=True, forbid_unknown_fields=True):
     flywheels: Annotated[tuple[Axis, ...], msgspec.Meta(min_length=1)]    # every motor on the one flywheel belt
     hood: Axis
     feeder: Axis
-
-
-class HoodEncoder(Struct, frozen=True, forbid_unknown_fields=True):
-    driver: Literal["canandmag"]
-    device: CanNode
-    period_ms: Annotated[int, msgspec.Meta(ge=0, le=65535)]    # set in the device at start; 0: no frame is sent to it
-    zero_deg: Finite                   # encoder reading when the launch elevation is 0
-    direction: Direction                    # +1 if the reading grows with elevation
 
 
 class PidGains(Struct, frozen=True, forbid_unknown_fields=True):
@@ -382,13 +373,15 @@ def parse_toml(text: str, kind: type[Kind], name: str) -> Kind:
         raise InputError(here) from error
 
 
-def read_axis(kind: type, table: Any) -> Axis:
-    """msgspec's dec_hook for an axis: its driver's family states the keys; ValueError says what is wrong."""
-    from truearc.hw.devices.registry import find_family  # drivers need cantools, which most commands do without
+def read_axis(kind: type, table: Any) -> Axis | HoodEncoder:
+    """msgspec's dec_hook for an axis or [hood_encoder]: its driver's family states the keys; ValueError says what is
+    wrong."""
     driver = table.get("driver") if isinstance(table, dict) else None
     try:
-        return msgspec.convert(table, find_family(driver).axis if isinstance(driver, str) else _AnyAxis)
+        struct: Any = table_of(kind, driver) if isinstance(driver, str) else _AnyDevice
+        read: Axis | HoodEncoder = msgspec.convert(table, struct, dec_hook=read_axis)
+        return read
     except LookupError:
         raise ValueError(f"Invalid value {driver!r} - at `$.driver`") from None
     except msgspec.ValidationError as error:
-        raise ValueError(str(error)) from error
+        raise ValueError(joined(str(error))) from error

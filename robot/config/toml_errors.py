@@ -8,6 +8,8 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import fields
 
+from truearc.hw.devices.axis import Axis, HoodEncoder
+
 KINDS = {"float": "a number", "int": "a whole number", "str": "a text in quotes", "bool": "true or false",
          "object": "a table", "array": "a list", "null": "nothing"}
 LIMITS = {">=": "of at least", "<=": "of at most", ">": "above", "<": "below"}
@@ -50,10 +52,11 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 def near_key(key: str, kind: Any, table: Any) -> str:
     """did_you_mean for a dotted key that a file of the struct `kind`, decoded as `table`, does not have."""
-    place, _, name = re.sub(r"\[.*?\]", "", key).rpartition(".")
-    for part in filter(None, place.split(".")):
-        kind = struct_in({one.name: one.type for one in fields(kind)}.get(part)) if kind is not None else None
-    kind = axis_in(_at(table, key.rpartition(".")[0])) if kind is None else kind
+    *above, name = key.split(".")
+    for number, part in enumerate(above, 1):
+        types = {one.name: one.type for one in fields(kind)} if kind is not None else {}
+        annotation = types.get(re.sub(r"\[.*?\]", "", part))
+        kind = struct_in(annotation) or device_in(annotation, _at(table, ".".join(above[:number])))
     return "" if kind is None else did_you_mean(name, kind.__struct_fields__)
 
 
@@ -68,15 +71,32 @@ def near_tables(table: Any, kind: Any, prefix: str = "") -> str:
     return said
 
 
-def axis_in(table: Any) -> Any:
-    """The struct of an axis's table, by its driver's family; None where there is no such driver that works."""
-    from truearc.hw.devices.registry import find_family  # drivers need cantools, which most commands do without
+def device_in(annotation: Any, table: Any) -> Any:
+    """The struct of a device's table, by its driver, where the field's annotation is about axes or the hood's encoder;
+    None where it is not, and where there is no such driver that works."""
     from truearc.hw.plugins import PluginError
     driver = table.get("driver") if isinstance(table, dict) else None
+    kind = _device(annotation)
     try:
-        return find_family(driver).axis if isinstance(driver, str) else None
+        return table_of(kind, driver) if kind is not None and isinstance(driver, str) else None
     except (LookupError, PluginError):
         return None
+
+
+def _device(annotation: Any) -> Any:
+    if annotation in (Axis, HoodEncoder):
+        return annotation
+    return next(filter(None, map(_device, getattr(annotation, "__args__", ()))), None)
+
+
+def table_of(kind: Any, driver: str) -> Any:
+    """The struct of a device's table, by its driver; kind: Axis or HoodEncoder. Raises as find_family."""
+    # drivers need cantools, which most commands do without
+    if kind is HoodEncoder:
+        from truearc.robot.hood_encoders import BY_DRIVER
+        return BY_DRIVER[driver].table
+    from truearc.hw.devices.registry import find_family
+    return find_family(driver).axis
 
 
 def struct_in(annotation: Any) -> Any:
@@ -99,10 +119,13 @@ def _at(table: Any, key: str) -> Any:
 
 def _known(key: str) -> list[str]:
     """The values of a key that takes few."""
-    if key.startswith("axes.") and key.endswith(".driver"):
+    if key == "hood_encoder.driver":
+        from truearc.robot.hood_encoders import BY_DRIVER
+        return list(BY_DRIVER)
+    if key.endswith(".driver") or key == "hood_encoder.controller":
         from truearc.hw.devices.registry import drivers
         return list(drivers())
-    few = {"hood_encoder.driver": ["canandmag"], "aim.policy": ["plan", "belief"]}
+    few = {"aim.policy": ["plan", "belief"]}
     return ["1", "-1"] if key.endswith(".direction") else few.get(key, [])
 
 

@@ -4,7 +4,6 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from truearc.hw.devices.axis import Axis
-from truearc.hw.devices.canandmag.doctor import check_encoder
 from truearc.hw.devices.family import AxisCheck, Endpoints, Heard
 from truearc.hw.devices.odrive.doctor import parse_endpoints
 from truearc.hw.devices.registry import family_of
@@ -16,6 +15,7 @@ from truearc.robot.aim_file import load_aim_for, needs_aim
 from truearc.robot.config.schema import Can, Config, GateConfig, InputError, about, load_text
 from truearc.robot.gate.contract import FEATURES
 from truearc.robot.gate.model import load_gate
+from truearc.robot.hood_encoders import encoder_family_of
 from truearc.robot.motors import name_axes
 
 SHORT_QUEUE = 64                      # frames; the kernel's own ten are full within one tick of four axes
@@ -30,7 +30,9 @@ def load_endpoints(path: Path) -> Endpoints:
 
 def questions(config: Config, endpoints: Endpoints | None) -> list[Frame]:
     """Reads only: each axis's version, and its parameters when their numbers are known; nothing of advisory ones."""
-    return [frame for _, axis in name_axes(config) for frame in family_of(axis).questions(axis, endpoints)]
+    encoder = config.hood_encoder
+    return [*(frame for _, axis in name_axes(config) for frame in family_of(axis).questions(axis, endpoints)),
+            *encoder_family_of(encoder).questions(encoder)]
 
 
 def check_devices(config: Config, endpoints: Endpoints | None, heard: Heard) -> Iterator[Finding]:
@@ -38,7 +40,7 @@ def check_devices(config: Config, endpoints: Endpoints | None, heard: Heard) -> 
     for name, axis in name_axes(config):
         yield from family_of(axis).examine(axis, AxisCheck(name, config.tick_hz, endpoints), heard)
     encoder = config.hood_encoder
-    yield check_encoder(encoder.device, encoder.period_ms, config.gate.reading_age_s, heard)
+    yield from encoder_family_of(encoder).examine(encoder, config.gate.reading_age_s, heard)
 
 
 def check_model(gate: GateConfig, path: Path | None) -> Finding:

@@ -61,7 +61,7 @@ def doubted_readings(inputs: Inputs, config: Config) -> list[Reason]:
     motors = (*inputs.flywheels, inputs.hood_motor, inputs.feeder)
     for (name, axis), motor in zip(name_axes(config), motors, strict=True):
         reasons += _motor(name, axis, motor, inputs.t_ns, config.gate)
-    return reasons + _encoder(inputs.hood_angle, inputs.t_ns, config.gate)
+    return reasons + (_encoder(inputs.hood_angle, inputs.t_ns, config.gate) if config.hood_encoder.is_heard else [])
 
 
 def _encoder(angle: AngleReading | None, t_ns: int, gate: GateConfig) -> list[Reason]:

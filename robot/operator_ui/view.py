@@ -163,10 +163,12 @@ def _links(sighting: Sighting | None, tick: Tick, config: Config) -> Block:
     motors = (*inputs.flywheels, inputs.hood_motor, inputs.feeder)
     lines = [_motor(name, motor, inputs.t_ns, config.gate.reading_age_s)
              for (name, _), motor in zip(name_axes(config), motors, strict=True)]
-    angle_ns = inputs.hood_angle.t_ns if inputs.hood_angle is not None else 0
+    if config.hood_encoder.is_heard:
+        angle_ns = inputs.hood_angle.t_ns if inputs.hood_angle is not None else 0
+        lines.append(_reading("hood encoder", angle_ns, inputs.t_ns, config.gate.reading_age_s))
     gone = any(fault.code in BOX_GONE for fault in inputs.faults)
     return Block("Links: age of reading / heartbeat", (
-        *lines, _reading("hood encoder", angle_ns, inputs.t_ns, config.gate.reading_age_s),
+        *lines,
         _reading("camera", sighting.t_ns if sighting is not None else 0, inputs.t_ns, config.gate.sighting_age_s),
         Line("button box", "gone" if gone else "answers", not gone)))
 

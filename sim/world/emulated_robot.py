@@ -11,7 +11,6 @@ from msgspec.structs import replace
 
 from truearc.hw.devices.axis import Axis
 from truearc.hw.devices.button_box.emulator import ButtonBox, open_button_box
-from truearc.hw.devices.canandmag.emulator import CanandmagNode
 from truearc.hw.devices.family import AttachedMotor
 from truearc.hw.devices.registry import family_of
 from truearc.hw.emulated.clock import StepClock
@@ -25,6 +24,7 @@ from truearc.robot.aim_file import NO_AIMS, Aims, load_aim_for, needs_aim
 from truearc.robot.config.can_policy import guard
 from truearc.robot.config.schema import AimConfig, Config, InputError
 from truearc.robot.gate.model import Gate, load_gate
+from truearc.robot.hood_encoders import encoder_family_of
 from truearc.robot.motors import make_motors, name_axes
 from truearc.robot.operator_ui.screens import Screen, with_screen
 from truearc.robot.recording.candump import TappedBus
@@ -61,12 +61,12 @@ def check_emulated(config: Config) -> Config:
 
 
 def make_nodes(config: Config, world: Plant, watchdog_ms: int = WATCHDOG_MS) -> dict[str, Node]:
-    """Every emulated device that the configuration names, by its name ("flywheel_a", ..., "hood_encoder")."""
+    """Every emulated device on the bus of the configuration, by its name ("flywheel_a", ..., "hood_encoder")."""
     nodes: dict[str, Node] = {name: make_axis_node(axis, name, world, watchdog_ms)
                               for name, (_, axis) in zip(World.motors, name_axes(config), strict=True)}
     encoder = config.hood_encoder
-    nodes["hood_encoder"] = CanandmagNode(encoder.device, world, encoder.zero_deg, encoder.direction)
-    return nodes
+    node = encoder_family_of(encoder).make_node(encoder, world, nodes)
+    return nodes if node is None else {**nodes, "hood_encoder": node}
 
 
 def make_axis_node(axis: Axis, name: str, world: Plant, watchdog_ms: int) -> Node:
@@ -155,7 +155,9 @@ def emulated_rig(config: Config, world: World, nodes: Mapping[str, Node], box: B
         twin = Twin(world, far, tuple(nodes.values()), (box.step, *steppers))
         stream = wires.enter_context(closing(open_serial(box.port, config.buttons.baud)))
         bus = TappedBus(guard(near, config, clock, Counter()), tap)
-        yield HardwareRig(config, bus, stream, eyes, clock, lambda: over(clock.now_ns())), clock
+        make = encoder_family_of(config.hood_encoder).make_off_bus
+        encoder = None if make is None else make(config.hood_encoder, world)
+        yield HardwareRig(config, bus, stream, eyes, clock, lambda: over(clock.now_ns()), encoder), clock
 
 
 class Pace:

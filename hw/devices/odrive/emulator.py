@@ -25,7 +25,8 @@ class OdriveSettings(Struct, frozen=True):
     current_ms: int = 10
     bus_ms: int = 100
     error_ms: int = 0
-    watchdog_ms: int = 100
+    watchdog_ms: int = 100            # 0: off
+    is_absolute: bool = False         # its encoder knows its position after a restart
     velocity_limit_rad_s: float = 1000.0
     current_limit_a: float = 100.0
     torque_nm_a: float = 0.02                     # the motor's torque constant, as the device believes it
@@ -76,7 +77,7 @@ class OdriveNode(ReportingNode):
         self._sum_nm, self._driven_ns = 0.0, 0    # of the velocity controller
         self._torque_nm = 0.0                     # the robot's sign
         self._truth = self._plant.motor(self._name)
-        self._start_rad = self._truth.position_rad
+        self._start_rad = 0.0 if self.settings.is_absolute else self._truth.position_rad
         self._expires_ns = NEVER_NS
         self._reports = tuple(Report(period_ms * MS, t_ns + PHASE_NS, make)
                               for period_ms, make in self._answers().values())

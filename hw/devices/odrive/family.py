@@ -19,7 +19,8 @@ class OdriveConfig(odrive.OdriveAxis, Axis, frozen=True, forbid_unknown_fields=T
 
 
 def make_node(axis: odrive.OdriveAxis, motor: AttachedMotor) -> OdriveNode:
-    settings = replace(SETTINGS.get(motor.name, OdriveSettings()), watchdog_ms=motor.watchdog_ms)
+    settings = replace(SETTINGS.get(motor.name, OdriveSettings()), watchdog_ms=motor.watchdog_ms,
+                       is_absolute=motor.is_absolute)
     return OdriveNode(axis, motor.name, motor.plant, settings, motor.endstop if axis.endstop_endpoint else None)
 
 

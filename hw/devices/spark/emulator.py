@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from truearc.hw.codec import Values, load_codec
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.frames import RPM_RAD_S, SparkAxis
-from truearc.hw.emulated.nodes import MS, NEVER_NS, Plant, Report, ReportingNode, take_reports
+from truearc.hw.emulated.nodes import MS, NEVER_NS, MotorTruth, Plant, Report, ReportingNode, take_reports
 from truearc.hw.frc import CONTROLLER_HEARTBEAT
 from truearc.hw.protocols import BadFrame, Frame
 
@@ -23,7 +23,11 @@ HIGHEST_V, HIGHEST_A = 29.99, 149.9               # what its twelve bits can say
 TEMPERATURE_DEGC = 25
 # A new device's parameters
 DEFAULTS = {spark.FORWARD_LIMIT: 1.0, spark.REVERSE_LIMIT: 1.0, spark.STALL_LIMIT: 80.0, spark.AVERAGE_DEPTH: 64.0,
-            spark.SAMPLE_DELTA: 200.0, spark.HALL_PERIOD: 0.03125, spark.HALL_DEPTH: 3.0, spark.STATUS_2_PERIOD: 20.0}
+            spark.SAMPLE_DELTA: 200.0, spark.HALL_PERIOD: 0.03125, spark.HALL_DEPTH: 3.0, spark.STATUS_2_PERIOD: 20.0,
+            spark.STATUS_5_PERIOD: 20.0, spark.DUTY_FACTOR: 1.0}
+PERIODS = {2: spark.STATUS_2_PERIOD, 5: spark.STATUS_5_PERIOD}    # status -> parameter
+NO_MOTOR = MotorTruth(0.0, 0.0, 0.0, 0.0)
+DUTY_PERIOD_US, STEPS = 1025, 1024                # of REV's through-bore encoder
 
 
 class SparkSettings(Struct, frozen=True):
@@ -36,20 +40,23 @@ class SparkSettings(Struct, frozen=True):
 
 
 class SparkNode(ReportingNode):
-    """One device with one motor of the plant. Coasts at a duty of 0. Takes duties only.
+    """One device with one motor of the plant, or none. Coasts at a duty of 0. Takes duties only.
 
     It applies its set point, which it keeps, only while secondary heartbeats name it: one that does not, or none for
     100 ms, and the output is 0. One that has met a competition controller ignores them until its power is cycled, and
     what that controller would have it do is not emulated. A closed limit switch stops it in that direction.
     Speed is what the position did over the sample delta; averaging over samples is not emulated, for at what moments
     they are taken is not public. Firmware before 25 answers for its version and has no other frame in common.
+    `absolute_rev` is the angle of the encoder on its data port, in turns; None: no signal.
     """
 
-    def __init__(self, axis: SparkAxis, motor: str, plant: Plant, settings: SparkSettings | None = None,
+    absolute_rev: Callable[[], float] | None = None
+
+    def __init__(self, axis: SparkAxis, motor: str | None, plant: Plant, settings: SparkSettings | None = None,
                  endstop: Callable[[], bool] | None = None) -> None:
         self.motor = motor
         self.endstop = endstop                    # reads the limit switch on its data port
-        self._axis, self._name, self._plant = axis, motor, plant
+        self.device, self._axis, self._name, self._plant = axis.device, axis, motor, plant
         self.settings = settings or SparkSettings()
         self._codec = load_codec("spark")
         self._takers = {spark.frame_id(axis, name): (name, take) for name, take in (
@@ -69,13 +76,15 @@ class SparkNode(ReportingNode):
         self._duty = 0.0
         self._expires_ns = NEVER_NS
         self._enabled = False
-        self._truth = self._plant.motor(self._name)
+        self._truth = self._look()
         self._start_rad = self._truth.position_rad
         self._seen = deque([(t_ns, self._truth.position_rad)])
         self._torque_nm = self.output = 0.0       # output: applied duty, the device's own sign
-        self._reports = tuple(Report(0 if self._is_old else period_ms * MS, t_ns + PHASE_NS, make)
-                              for period_ms, make in ((10, self._make_status_0), (250, self._make_status_1),
-                                                      (0, self._make_status_2)))
+        self._statuses = {number: Report(0 if self._is_old else period_ms * MS, t_ns + PHASE_NS, make)
+                          for number, period_ms, make in (
+                              (0, 10, self._make_status_0), (1, 250, self._make_status_1), (2, 0, self._make_status_2),
+                              (5, 0, self._make_status_5), (6, 0, self._make_status_6))}
+        self._reports = tuple(self._statuses.values())
         self._plan(t_ns)
 
     def fail(self, faults: int) -> None:
@@ -118,6 +127,9 @@ class SparkNode(ReportingNode):
         self._plan_loop(t_ns)
         return frames
 
+    def _look(self) -> MotorTruth:
+        return NO_MOTOR if self._name is None else self._plant.motor(self._name)
+
     def _plan_loop(self, t_ns: int) -> None:
         self._plan(self._expires_ns, t_ns + LOOP_NS if self._enabled else NEVER_NS)
 
@@ -125,7 +137,7 @@ class SparkNode(ReportingNode):
 
     def _drive(self, t_ns: int) -> None:
         """Look at the motor, and work out the output and what torque comes of it."""
-        self._truth = truth = self._plant.motor(self._name)
+        self._truth = truth = self._look()
         self._remember(t_ns)
         self.output = self._limited(self._duty) if self._enabled else 0.0
         settings, sign = self.settings, self._axis.direction
@@ -180,16 +192,16 @@ class SparkNode(ReportingNode):
 
     def _take_statuses(self, values: Values, t_ns: int) -> list[Frame]:
         mask, wanted = int(values["mask"]), int(values["enabled"])
-        for number, report in enumerate(self._reports):
+        for number, report in self._statuses.items():
             if mask >> number & 1:
                 report.set_period(self._period_ms(number) * MS if wanted >> number & 1 else 0, t_ns)
-        enabled = sum(1 << number for number, report in enumerate(self._reports) if report.due_ns < NEVER_NS)
-        unavailable = mask & wanted & ~spark.STATUSES
+        enabled = sum(1 << number for number, report in self._statuses.items() if report.due_ns < NEVER_NS)
+        unavailable = mask & wanted & ~sum(1 << number for number in self._statuses)
         return [spark.make(self._axis, "SET_STATUSES_ENABLED_RESPONSE", {
             "result": int(unavailable != 0), "mask": mask, "enabled": enabled})]
 
     def _period_ms(self, number: int) -> int:
-        return (10, 250, int(self.parameters[spark.STATUS_2_PERIOD]))[number]
+        return int(self.parameters[PERIODS[number]]) if number in PERIODS else {0: 10, 1: 250, 6: 20}[number]
 
     def _take_clear(self, values: Values, t_ns: int) -> None:
         self.clear_faults()
@@ -202,8 +214,9 @@ class SparkNode(ReportingNode):
             taken, value = False, 0.0
         if taken:
             self.parameters[parameter] = value
-            if parameter == spark.STATUS_2_PERIOD and self._reports[2].due_ns < NEVER_NS:
-                self._reports[2].set_period(self._period_ms(2) * MS, t_ns)
+            for number in (number for number, period in PERIODS.items() if period == parameter):
+                if self._statuses[number].due_ns < NEVER_NS:
+                    self._statuses[number].set_period(self._period_ms(number) * MS, t_ns)
         now = self.parameters.get(parameter, 0.0)
         kind = FLOAT if parameter in spark.FLOATS else UINT
         return [spark.make(self._axis, "PARAMETER_WRITE_RESPONSE", {
@@ -232,6 +245,20 @@ class SparkNode(ReportingNode):
         return spark.make(self._axis, "STATUS_2", {
             "velocity_rpm": self._velocity_rpm(self._seen[-1][0]),
             "position_rev": self._axis.direction * turned_rad / math.tau})
+
+    def _turned(self) -> float:
+        """The encoder's angle in turns, in the steps in which it signals it."""
+        return 0.0 if self.absolute_rev is None else round(self.absolute_rev() * STEPS) % STEPS / STEPS
+
+    def _make_status_5(self) -> Frame:
+        return spark.make(self._axis, "STATUS_5", {
+            "velocity_rpm": 0.0, "position_rev": self.parameters[spark.DUTY_FACTOR] * self._turned()})
+
+    def _make_status_6(self) -> Frame:
+        lost = self.absolute_rev is None
+        return spark.make(self._axis, "STATUS_6", {
+            "raw_duty": 0.0 if lost else (1.0 + (DUTY_PERIOD_US - 2) * self._turned()) / DUTY_PERIOD_US,
+            "period_us": 0 if lost else DUTY_PERIOD_US, "no_signal": int(lost)})
 
     def _make_version(self) -> Frame:
         major, minor, build = self.settings.firmware

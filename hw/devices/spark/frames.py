@@ -16,7 +16,7 @@ from truearc.hw import fault_codes as codes
 from truearc.hw.codec import Values, load_codec
 from truearc.hw.devices.axis import CanNode, Direction
 from truearc.hw.fault_codes import FRAME_UNEXPECTED, PARAMETER_VALUE
-from truearc.hw.protocols import BadFrame, ErrorTable, Frame, MotorReading, errors_in
+from truearc.hw.protocols import AngleReading, BadFrame, ErrorTable, Frame, MotorReading, errors_in
 from truearc.hw.reason import Reason
 
 RPM_RAD_S = math.tau / 60.0
@@ -42,16 +42,19 @@ RESET_WARNING = 0x40                              # among STATUS_1's warnings
 
 READINGS = ("STATUS_0", "STATUS_1", "STATUS_2")   # what becomes part of a MotorReading
 STATUSES = 0b111                                  # the same as bits of SET_STATUSES_ENABLED
+ENCODER_READINGS = ("STATUS_5", "STATUS_6")       # of an absolute encoder on the data port: angle, whether it signals
+ENCODER_STATUSES = 0b1100000
 
 # Parameters, by number
 FORWARD_LIMIT, REVERSE_LIMIT = 52, 53             # 1: the switch stops the motor
 STALL_LIMIT = 59                                  # A
 AVERAGE_DEPTH, SAMPLE_DELTA = 70, 71              # of an encoder's speed: samples; 0.5 ms
 HALL_PERIOD, HALL_DEPTH = 136, 137                # of a brushless motor's own sensor: s; samples
-STATUS_2_PERIOD = 160                             # ms
+STATUS_2_PERIOD, STATUS_5_PERIOD = 160, 163       # ms
+DUTY_FACTOR = 139                                 # STATUS_5's position is that many for one turn
 PARAMETERS = (FORWARD_LIMIT, REVERSE_LIMIT, STALL_LIMIT, AVERAGE_DEPTH, SAMPLE_DELTA, HALL_PERIOD, HALL_DEPTH,
-              STATUS_2_PERIOD)
-FLOATS = (HALL_PERIOD,)
+              STATUS_2_PERIOD, STATUS_5_PERIOD, DUTY_FACTOR)
+FLOATS = (HALL_PERIOD, DUTY_FACTOR)
 # A new device smears speed over 0.1 s and says it every 20 ms: too late for a loop, and a ball's dip does not show.
 QUICK_SPEED = MappingProxyType({AVERAGE_DEPTH: 1.0, SAMPLE_DELTA: 16.0, HALL_PERIOD: 0.008, HALL_DEPTH: 1.0,
                                 STATUS_2_PERIOD: 10.0})
@@ -165,6 +168,19 @@ def parse(axis: SparkAxis, frame: Frame, previous: MotorReading) -> MotorReading
     if message == "STATUS_1":
         return replace(previous, axis_error=previous.axis_error & LOCKED | _errors(values), errors_t_ns=t_ns)
     return _with_status_0(axis, values, t_ns, previous)
+
+
+def parse_angle(axis: SparkAxis, frame: Frame, previous: AngleReading | None) -> AngleReading | None:
+    """`previous` brought up to date by one frame of an encoder on the data port; None until the first angle.
+
+    The angle is the device's, in [0, 2 pi). A fault of 1 is an encoder without a signal. Raises as `parse`.
+    """
+    if frame.arbitration_id == frame_id(axis, "STATUS_6"):
+        lost = int(_parse(axis, "STATUS_6", frame)["no_signal"])
+        return previous and replace(previous, faults=lost, faults_t_ns=frame.t_ns, magnet_ok=not lost)
+    turns = _parse(axis, "STATUS_5", frame)["position_rev"]
+    known = previous or AngleReading(0, 0.0, False, 0, 0)
+    return replace(known, t_ns=frame.t_ns, angle_rad=math.tau * (turns % 1.0), magnet_ok=not known.faults)
 
 
 def parse_applied(axis: SparkAxis, frame: Frame) -> float:

@@ -8,14 +8,13 @@ from truearc.hw import fault_codes as codes
 from truearc.hw.dc_motor import DcMotor, duty_for, torque_of
 from truearc.hw.devices.heard_motor import HeardMotor
 from truearc.hw.devices.spark import frames as spark
+from truearc.hw.devices.spark.setup import STALE_NS, SparkSetup
 from truearc.hw.protocols import BadFrame, Frame, Order
 from truearc.hw.reason import Reason
 
 MS = 1_000_000
-RETRY_NS = 100 * MS                   # how often a question without an answer is asked again
 FEED_NS = 25 * MS                     # an unchanged duty is repeated this often, in case a frame was lost
 HEARTBEAT_NS = 20 * MS                # a device's patience is five times this
-STALE_NS = 100 * MS                   # a duty is not worked out from a speed or a voltage older than this
 FAULTS_STALE_NS = 1000 * MS           # STATUS_1 comes every 0.25 s
 DEAF_NS = 150 * MS                    # a device that applies nothing for this long does not do as it is asked
 LEAST_DUTY = 0.01                     # one smaller may be rounded away
@@ -54,18 +53,13 @@ class SparkMotor(HeardMotor):
     """
 
     def __init__(self, axis: spark.SparkAxis, motor: DcMotor, heartbeat: SparkHeartbeat) -> None:
+        self._setup = SparkSetup(axis, spark.STATUSES, spark.settings(axis))
         takers = {"STATUS_0": self._take_status_0, "STATUS_1": super().take, "STATUS_2": super().take,
-                  "GET_FIRMWARE_VERSION": self._take_version, "SET_STATUSES_ENABLED_RESPONSE": self._take_statuses,
-                  "PARAMETER_WRITE_RESPONSE": self._take_setting}
+                  **self._setup.takers}
         self._messages = tuple(takers)
         self._takers = {spark.frame_id(axis, name): take for name, take in takers.items()}
         super().__init__(spark.name_of(axis), self._takers, True, partial(spark.parse, axis))
         self._axis, self._motor, self._heartbeat = axis, motor, heartbeat
-        self._version: tuple[int, int, int] | None = None
-        self._statuses_on = False
-        self._statuses_ns = 0                     # since then STATUS_2 has had a chance to come
-        self._unset = spark.settings(axis)        # settings that the device has not confirmed
-        self._asked_ns = -RETRY_NS
         self._wanted = False
         self._duty: float | None = None           # what the device was last sent; None: it is not to drive
         self._fed_ns = 0
@@ -81,15 +75,13 @@ class SparkMotor(HeardMotor):
         taker(frame)
 
     def faults(self, t_ns: int) -> tuple[Reason, ...]:
-        fault = self._setup_fault() or self._driving_fault(t_ns)
+        fault = self._setup.fault() or self._driving_fault(t_ns)
         return super().faults(t_ns) if fault is None else (fault,)
 
     def order(self, torque_nm: float | None, t_ns: int) -> Order:
-        if self._statuses_on and t_ns - max(self.reading.t_ns, self._statuses_ns) > STALE_NS:
-            self._forget()                        # status frames that were on are not: it has lost its settings
         frames = self._rearm() if torque_nm is not None and not self._wanted else []
         self._wanted = torque_nm is not None
-        frames += self._setup(t_ns)
+        frames += self._setup.frames(t_ns, self.reading.t_ns)
         order = self._stop(t_ns) if torque_nm is None or not self._may_drive(t_ns) else self._drive(torque_nm, t_ns)
         return order._replace(frames=(*frames, *order.frames))
 
@@ -102,71 +94,17 @@ class SparkMotor(HeardMotor):
         super().take(frame)
         self._applied = spark.parse_applied(self._axis, frame)
 
-    def _take_version(self, frame: Frame) -> None:
-        self._version = spark.parse_version(self._axis, frame)
-        if self._speaks_our_frames():
-            self._asked_ns = -RETRY_NS            # the next question need not wait
-
-    def _take_statuses(self, frame: Frame) -> None:
-        self._statuses_on = spark.parse_statuses(self._axis, frame) & spark.STATUSES == spark.STATUSES
-        self._statuses_ns = frame.t_ns
-        if self._statuses_on:
-            self._asked_ns = -RETRY_NS
-
-    def _take_setting(self, frame: Frame) -> None:
-        answer = spark.parse_setting(self._axis, frame)
-        if answer is None or answer[0] not in self._unset:
-            return
-        parameter, value = answer
-        if spark.setting_bits(parameter, self._unset[parameter]) == spark.setting_bits(parameter, value):
-            del self._unset[parameter]
-
-    # --- setting up
-
-    def _forget(self) -> None:
-        self._version, self._statuses_on, self._unset = None, False, spark.settings(self._axis)
-
     def _rearm(self) -> list[Frame]:
         if self.reading.axis_error & spark.HAS_RESET:
-            self._forget()                        # whatever it may have lost is set again before it drives
+            self._setup.forget()                  # whatever it may have lost is set again before it drives
         self._deaf = False
         return [spark.make_clear_faults(self._axis)]
-
-    def _speaks_our_frames(self) -> bool:
-        return self._version is not None and (spark.OLDEST_FIRMWARE <= self._version[0] <= spark.NEWEST_FIRMWARE)
-
-    def _is_ready(self) -> bool:
-        return self._speaks_our_frames() and self._statuses_on and not self._unset
-
-    def _setup(self, t_ns: int) -> list[Frame]:
-        """The next question on the way to a device that is ready; none while an answer may still come."""
-        if self._is_ready() or t_ns - self._asked_ns < RETRY_NS:
-            return []
-        self._asked_ns = t_ns
-        if not self._speaks_our_frames():         # a refused one too: it may be exchanged or updated
-            return [spark.make_version_query(self._axis)]
-        if not self._statuses_on:
-            return [spark.make_statuses(self._axis, spark.STATUSES)]
-        return [spark.make_setting(self._axis, parameter, value) for parameter, value in self._unset.items()]
-
-    def _setup_fault(self) -> Reason | None:
-        device = self._axis.device
-        if self._version is None:
-            return codes.SPARK_FIRMWARE_UNKNOWN(spark=device)
-        if not self._speaks_our_frames():
-            return codes.SPARK_FIRMWARE_UNSUPPORTED(spark=device, version=".".join(map(str, self._version)),
-                                              oldest=spark.OLDEST_FIRMWARE, newest=spark.NEWEST_FIRMWARE)
-        if not self._statuses_on:
-            return codes.SPARK_STATUS_OFF(spark=device)
-        if self._unset:
-            return codes.SPARK_SETTINGS_UNCONFIRMED(spark=device, parameters=tuple(self._unset))
-        return None
 
     # --- driving
 
     def _may_drive(self, t_ns: int) -> bool:
         reading = self.reading
-        return (self._is_ready() and not reading.axis_error and reading.bus_v > 0.0
+        return (self._setup.is_ready and not reading.axis_error and reading.bus_v > 0.0
                 and _is_young(reading.t_ns, t_ns, STALE_NS) and _is_young(reading.bus_t_ns, t_ns, STALE_NS)
                 and _is_young(reading.errors_t_ns or 0, t_ns, FAULTS_STALE_NS))
 
@@ -186,7 +124,7 @@ class SparkMotor(HeardMotor):
     def _stop(self, t_ns: int) -> Order:
         frames = (spark.make_duty(self._axis, 0.0),) if self._duty is not None else ()
         self._duty = None
-        self._note_state(spark.IDLE if self._is_ready() else spark.UNKNOWN)
+        self._note_state(spark.IDLE if self._setup.is_ready else spark.UNKNOWN)
         return Order((*frames, *self._heartbeat.frames(self._axis.device, False, t_ns)))
 
     def _note_whether_it_heeds(self, t_ns: int) -> None:

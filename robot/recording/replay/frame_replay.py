@@ -11,10 +11,12 @@ from pathlib import Path
 from msgspec import Struct
 from msgspec.structs import replace
 
+from truearc.hw.devices.hood_encoder import Encoder
 from truearc.hw.protocols import CameraFrame, Frame, LinkLost
 from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config, InputError, naming
 from truearc.robot.config.whole_file import check_file
+from truearc.robot.hood_encoders import encoder_family_of
 from truearc.robot.reasons import BAD_FRAME, CAN_LOST
 from truearc.robot.recording.candump import parse_candump
 from truearc.robot.recording.files import load_image, load_pictures
@@ -88,7 +90,9 @@ class FramesRig:
         self._ticks, self._config, self._session, self._rows = ticks, config, session, rows
         self._bus = LoggedBus(session / CAN, self.done)
         self._clock = _RecordedClock()
-        self._rig = HardwareRig(config, self._bus, _NoBox(), NoEyes(), self._clock, lambda: False)
+        self._is_wired = encoder_family_of(config.hood_encoder).make_off_bus is None
+        self._rig = HardwareRig(config, self._bus, _NoBox(), NoEyes(), self._clock, lambda: False,
+                                None if self._is_wired else Encoder())
         self._pictures = {picture.t_ns: picture for picture in load_pictures(session)}
 
     def read(self) -> Inputs | None:
@@ -101,8 +105,8 @@ class FramesRig:
         if parsed is None or self.done.ended:
             return None
         return replace(recorded, flywheels=parsed.flywheels, hood_motor=parsed.hood_motor, feeder=parsed.feeder,
-                       hood_angle=parsed.hood_angle, sighting=self._see(recorded.sighting),
-                       faults=self._faults(recorded.faults, parsed.faults))
+                       hood_angle=parsed.hood_angle if self._is_wired else recorded.hood_angle,
+                       sighting=self._see(recorded.sighting), faults=self._faults(recorded.faults, parsed.faults))
 
     def write(self, command: Command) -> Sent:
         """Return what was sent then; drivers get the command, since some of their faults depend on it."""

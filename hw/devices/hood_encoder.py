@@ -1,0 +1,71 @@
+"""Everything that a kind of hood encoder declares about itself, one EncoderFamily value."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Generic, TypeVar
+
+from msgspec import Struct
+
+from truearc.hw.devices.axis import HoodEncoder
+from truearc.hw.devices.bus_rules import Rules
+from truearc.hw.devices.family import Heard
+from truearc.hw.emulated.nodes import Node, Plant
+from truearc.hw.finding import Finding
+from truearc.hw.protocols import AngleReading, Frame
+from truearc.hw.reason import Reason
+
+CHECK = "hood encoder"                # as the doctor and reasons name it
+
+
+Table = TypeVar("Table", bound=HoodEncoder)
+
+
+class Encoder:
+    """A hood encoder at work, here one that is not there. It never waits: `take` is given the frames that came."""
+
+    reading: AngleReading | None = None
+
+    def ids(self) -> tuple[tuple[int, bool], ...]:
+        """(arbitration id, is extended) of every frame that `take` understands."""
+        return ()
+
+    def take(self, frame: Frame) -> None:
+        """Bring `reading` up to date by one frame that is not remote; BadFrame leaves it as it was."""
+
+    def read(self, t_ns: int) -> AngleReading | None:
+        """Once a tick: the newest angle; None before the first."""
+        return self.reading
+
+    def faults(self, t_ns: int) -> tuple[Reason, ...]:
+        """Faults that the reading does not hold and that stand in the way of firing; of its device, about a "motor"."""
+        return ()
+
+    def frames(self, t_ns: int) -> tuple[Frame, ...]:
+        """Once a tick, while there is a bus: frames to send."""
+        return ()
+
+
+class EncoderFamily(Struct, Generic[Table], frozen=True, kw_only=True, eq=False):
+    """One kind of hood encoder.
+
+    driver: its name, `driver` in launcher.toml.
+    table: struct of [hood_encoder].
+    example: such a table, for tests.
+    least_sigma_deg: [rig.noise] hood_deg may not be smaller, which is how well a dataset says the angle is known.
+    make: what reads it on the robot.
+    make_rules: frames of it, and how often within WINDOW_NS one may be sent that each tick sends once.
+    questions: what the doctor asks; no answer may need a change of the device.
+    examine: the doctor's findings from what was heard; the age in s up to which an angle may fire.
+    make_node: the emulated device, given those of the motors by name; None where one of them has it on board.
+    make_off_bus: for one that is not on the bus, what reads it on the emulated robot. It is not replayed from frames.
+    """
+
+    driver: str
+    table: type[Table]
+    example: Table
+    least_sigma_deg: float
+    make: Callable[[Table], Encoder]
+    make_rules: Callable[[Table, int], Sequence[Rules]]
+    questions: Callable[[Table], Sequence[Frame]]
+    examine: Callable[[Table, float, Heard], Iterable[Finding]]
+    make_node: Callable[[Table, Plant, Mapping[str, Node]], Node | None]
+    make_off_bus: Callable[[Table, Plant], Encoder] | None = None

@@ -1,0 +1,102 @@
+"""An encoder that a motor controller of any MotorFamily reports as its position; the controller is never driven."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+from msgspec import Struct
+
+from truearc.hw.devices.axis import Axis, Finite, HoodEncoder, Positive
+from truearc.hw.devices.bus_rules import Rules
+from truearc.hw.devices.family import AttachedMotor, AxisCheck, Heard
+from truearc.hw.devices.hood_encoder import CHECK, Encoder, EncoderFamily
+from truearc.hw.devices.odrive.family import OdriveConfig
+from truearc.hw.devices.registry import family_of
+from truearc.hw.emulated.nodes import MotorTruth, Node, Plant
+from truearc.hw.finding import Finding
+from truearc.hw.protocols import AngleReading, Frame, Motor
+from truearc.hw.reason import Reason
+
+TICK_HZ = 200                         # the doctor's measure of a lagging speed, which is not used here
+SIGMA_DEG = 0.2                       # an encoder that homing zeroes is as good as the switch
+
+
+class MotorEncoderConfig(Struct, HoodEncoder, frozen=True, forbid_unknown_fields=True, omit_defaults=True,
+                         tag_field="driver", tag="motor"):
+    """A controller whose encoder turns with the hood; its own direction makes a rising hood positive."""
+
+    controller: Axis
+    gear: Positive                    # turns of the encoder per turn of the hood
+    zero_deg: Finite | None = None    # reading where the launch elevation is 0; absent: it counts, the switch tells
+
+
+class MotorEncoder(Encoder):
+    """A motor of which only the position is used."""
+
+    def __init__(self, table: MotorEncoderConfig) -> None:
+        family = family_of(table.controller)
+        motors: Sequence[Motor] = family.make_motors([table.controller])
+        self._motor, self._gear = motors[0], table.gear
+
+    def ids(self) -> tuple[tuple[int, bool], ...]:
+        return self._motor.ids()
+
+    def take(self, frame: Frame) -> None:
+        self._motor.take(frame)
+
+    def read(self, t_ns: int) -> AngleReading | None:
+        said = self._motor.reading
+        if not said.t_ns:
+            return None
+        return AngleReading(said.t_ns, said.position_rad / self._gear % math.tau, True, said.axis_error,
+                            said.heartbeat_t_ns)
+
+    def faults(self, t_ns: int) -> tuple[Reason, ...]:
+        return tuple(fault.about(motor=CHECK) for fault in self._motor.faults(t_ns))
+
+    def frames(self, t_ns: int) -> tuple[Frame, ...]:
+        return self._motor.order(None, t_ns).frames
+
+
+def make_rules(table: MotorEncoderConfig, each_tick: int) -> tuple[Rules]:
+    rules: Rules = family_of(table.controller).make_rules(table.controller, each_tick)
+    return (rules,)
+
+
+def questions(table: MotorEncoderConfig) -> Sequence[Frame]:
+    asked: Sequence[Frame] = family_of(table.controller).questions(table.controller, None)
+    return asked
+
+
+def examine(table: MotorEncoderConfig, longest_age_s: float, heard: Heard) -> Iterator[Finding]:
+    """Its controller's findings."""
+    yield from family_of(table.controller).examine(table.controller, AxisCheck(CHECK, TICK_HZ, None), heard)
+
+
+class _Pivot:
+    """A plant whose only motor is the encoder, which turns with the hood and is not driven. It tells no speed."""
+
+    motors: tuple[str, ...] = ("hood_encoder",)
+
+    def __init__(self, plant: Plant, table: MotorEncoderConfig) -> None:
+        self._gear, self._zero_rad = table.gear, math.radians(table.zero_deg or 0.0)
+        self.bus_v, self.hood_encoder_rad, self.view = plant.bus_v, plant.hood_encoder_rad, plant.view
+        self.hood_at_limit = plant.hood_at_limit
+
+    def advance(self, t_ns: int, torque_nm: Mapping[str, float]) -> None:
+        """It is the world's that advances."""
+
+    def motor(self, name: str) -> MotorTruth:
+        return MotorTruth(self._gear * (self._zero_rad + self.hood_encoder_rad()), 0.0, 0.0, 0.0)
+
+
+def make_node(table: MotorEncoderConfig, plant: Plant, nodes: Mapping[str, Node]) -> Node:
+    attached = AttachedMotor(_Pivot.motors[0], _Pivot(plant, table), 1.0, 1.0, 0, None, table.zero_deg is not None)
+    node: Node = family_of(table.controller).make_node(table.controller, attached)
+    node.motor = None                 # none is attached: the world has no such motor
+    return node
+
+
+MOTOR = EncoderFamily(
+    driver="motor", table=MotorEncoderConfig, example=MotorEncoderConfig(OdriveConfig(6, 1, 0), 1.0),
+    least_sigma_deg=SIGMA_DEG, make=lambda table: MotorEncoder(table), make_rules=make_rules,
+    questions=questions, examine=examine, make_node=make_node)

@@ -1,0 +1,120 @@
+"""An absolute (duty-cycle) encoder on a SPARK's data port as an EncoderFamily. The SPARK may be a motor's as well."""
+
+import math
+from collections.abc import Iterator, Mapping
+from functools import partial
+from typing import Annotated
+
+from msgspec import Meta, Struct
+from msgspec.structs import replace
+
+from truearc.hw.devices.axis import CanNode, Direction, Finite, HoodEncoder
+from truearc.hw.devices.bus_rules import Rules, allow_seldom
+from truearc.hw.devices.family import Heard
+from truearc.hw.devices.hood_encoder import CHECK, Encoder, EncoderFamily
+from truearc.hw.devices.spark import bus_rules
+from truearc.hw.devices.spark import frames as spark
+from truearc.hw.devices.spark.doctor import check_firmware
+from truearc.hw.devices.spark.emulator import SparkNode
+from truearc.hw.devices.spark.setup import SparkSetup
+from truearc.hw.emulated.nodes import Node, Plant
+from truearc.hw.finding import Finding, failure, ok
+from truearc.hw.protocols import AngleReading, Frame
+from truearc.hw.reason import Reason
+from truearc.hw.tx_allowlist import allow
+
+LONGEST_MS = 50                       # later ones would be too old to fire with, and to tell a reset by
+# Of one that signals its turn in 1024 steps: a step's standard deviation is 0.1 deg, and its ends are as far off
+SIGMA_DEG = 0.2
+
+
+class SparkEncoderConfig(Struct, HoodEncoder, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="spark"):
+    """A through-bore encoder that turns with the hood, on the data port of a SPARK MAX or Flex."""
+
+    device: CanNode                   # the SPARK's
+    period_ms: Annotated[int, Meta(ge=0, le=LONGEST_MS)]    # set in the device; 0: no frame is sent to it
+    zero_deg: Finite                  # encoder reading when the launch elevation is 0
+    direction: Direction              # +1 if the reading grows with elevation
+
+
+class SparkEncoder(Encoder):
+    """Angles count only once the device has confirmed that one turn is 1, which it forgets in a reset."""
+
+    def __init__(self, table: SparkEncoderConfig) -> None:
+        self._axis = _axis(table)
+        self._setup = SparkSetup(self._axis, spark.ENCODER_STATUSES, _settings(table)) if table.period_ms else None
+        takers = {} if self._setup is None else self._setup.takers
+        self._takers = {spark.frame_id(self._axis, name): take for name, take in takers.items()}
+
+    def ids(self) -> tuple[tuple[int, bool], ...]:
+        angles = (spark.frame_id(self._axis, name) for name in spark.ENCODER_READINGS)
+        return tuple((frame_id, True) for frame_id in (*self._takers, *angles))
+
+    def take(self, frame: Frame) -> None:
+        if (taker := self._takers.get(frame.arbitration_id)) is not None:
+            taker(frame)
+        elif self._setup is None or self._setup.is_ready:
+            self.reading = spark.parse_angle(self._axis, frame, self.reading)
+
+    def faults(self, t_ns: int) -> tuple[Reason, ...]:
+        fault = None if self._setup is None else self._setup.fault()
+        return () if fault is None else (fault.about(motor=CHECK),)
+
+    def frames(self, t_ns: int) -> tuple[Frame, ...]:
+        if self._setup is None:
+            return ()
+        return tuple(self._setup.frames(t_ns, 0 if self.reading is None else self.reading.t_ns))
+
+
+def make_rules(table: SparkEncoderConfig, each_tick: int) -> tuple[Rules]:
+    axis = _axis(table)
+    settings = [spark.make_setting(axis, parameter, value) for parameter, value in _settings(table).items()]
+    allowed = (allow(settings[0], 2 * len(settings)),
+               *allow_seldom([spark.make_statuses(axis, spark.ENCODER_STATUSES), spark.make_version_query(axis)]))
+    return (replace(bus_rules.make_rules(axis, each_tick), allowed=allowed if table.period_ms else ()),)
+
+
+def examine(table: SparkEncoderConfig, longest_age_s: float, heard: Heard) -> Iterator[Finding]:
+    """Its SPARK's firmware, and its angle where that is on: a run turns it on by itself."""
+    axis = _axis(table)
+    if table.period_ms:
+        yield check_firmware(CHECK, axis, heard)
+    ids = [(spark.frame_id(axis, name), True) for name in spark.ENCODER_READINGS]
+    start: AngleReading | None = None
+    reading, refused = heard.read(ids, partial(spark.parse_angle, axis), start)
+    if refused:
+        yield failure(CHECK, f"sends what cannot be ({refused[0]})", "is its conversion factor 1?")
+    elif reading is None and not table.period_ms:
+        yield failure(CHECK, f"device {table.device} does not report it", "have its controller turn status 5 and 6 on")
+    elif reading is not None and reading.faults:
+        yield failure(CHECK, "gives no signal", "look at its plug and at the SPARK's data port")
+    else:
+        yield ok(CHECK, "gives an angle" if reading is not None else "is reported once the robot runs")
+
+
+def make_node(table: SparkEncoderConfig, plant: Plant, nodes: Mapping[str, Node]) -> Node | None:
+    def turns() -> float:
+        return (table.zero_deg + table.direction * math.degrees(plant.hood_encoder_rad())) / 360.0
+
+    for motor in nodes.values():
+        if isinstance(motor, SparkNode) and motor.device == table.device:
+            motor.absolute_rev = turns
+            return None
+    node = SparkNode(_axis(table), None, plant)
+    node.absolute_rev = turns
+    return node
+
+
+def _axis(table: SparkEncoderConfig) -> spark.SparkAxis:
+    return spark.SparkAxis(table.device, 1)
+
+
+def _settings(table: SparkEncoderConfig) -> dict[int, float]:
+    return {spark.DUTY_FACTOR: 1.0, spark.STATUS_5_PERIOD: float(table.period_ms)}
+
+
+SPARK_ENCODER = EncoderFamily(
+    driver="spark", table=SparkEncoderConfig, example=SparkEncoderConfig(3, 10, 40.0, 1), least_sigma_deg=SIGMA_DEG,
+    make=lambda table: SparkEncoder(table), make_rules=make_rules,
+    questions=lambda table: (spark.make_version_query(_axis(table)),) if table.period_ms else (),
+    examine=examine, make_node=make_node)

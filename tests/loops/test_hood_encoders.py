@@ -1,0 +1,86 @@
+"""The emulated robot with each hood encoder: it shoots, replays to the bit, and what fails is a HOLD that says why."""
+
+import struct
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+
+from benchmarks.matrix.signs import find, says
+from tests.faulty_robot import parts_with
+from tests.robot.encoders import COUNTING, NONE, NT4, ODRIVE, SPARK, SPARK_OWN
+from truearc.hw import fault_codes as hw
+from truearc.robot import reasons as bot
+from truearc.robot.config.schema import Config
+from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.replay.recompute import replay, replay_frames
+from truearc.robot.recording.session import load_trials
+from truearc.sim.data.recordings import shots_from_sessions
+from truearc.sim.world.emulated_robot import emulate
+from truearc_proof.world.faults import OVERWRITTEN, SILENT, STUCK, UNPOWERED, Fault
+
+SECOND = 1_000_000_000
+FOREVER = 1 << 62
+STATUS_5, STATUS_6, ESTIMATES = 0x0205B947, 0x0205B987, 6 << 5 | 9
+NOT_A_NUMBER = struct.pack("<f", float("nan"))
+
+
+@pytest.mark.parametrize(("config", "within_deg"), [
+    (NONE, 0.15), (SPARK, 0.35), (SPARK_OWN, 0.35), (ODRIVE, 0.15), (COUNTING, 0.15), (NT4, 0.15)],
+    ids=["none", "spark", "spark-own", "odrive", "counting", "nt4"])
+def test_a_session_is_shot_and_replays_to_the_bit(tmp_path: Path, config: Config, within_deg: float) -> None:
+    result, = emulate(config, tmp_path / "s", trials=1, seed=3)
+    trial, = load_trials(tmp_path / "s")
+    assert trial.outcome.outcome in (result.outcome, "rejected") and trial.shot is not None
+    assert trial.shot.hood_deg == pytest.approx(result.hood_deg, abs=within_deg)
+    ticks, cut_short = replay(tmp_path / "s")
+    assert ticks > 400 and cut_short is None
+    again, from_wires = replay_frames(tmp_path / "s")
+    assert again.ticks == ticks and from_wires.frames > ticks and not from_wires.ended
+    assert shots_from_sessions([tmp_path / "s"], "d", telemetry=False).facts.noise.hood_deg == 0.6
+
+
+@pytest.mark.parametrize(("config", "fault", "signs"), [
+    (SPARK, Fault(SILENT, SECOND, FOREVER), says(bot.DEVICE_STALE, device="hood encoder")),
+    (SPARK, Fault(SILENT, SECOND, FOREVER, STATUS_6), says(bot.DEVICE_FAULTS_STALE, device="hood encoder")),
+    (SPARK, Fault(STUCK, SECOND, FOREVER), says(bot.HOOD_ENCODERS_DISAGREE)),
+    (SPARK, Fault(OVERWRITTEN, SECOND, FOREVER, STATUS_5, at=4, data=NOT_A_NUMBER),
+     says(bot.BAD_FRAME, cause=says(hw.FRAME_VALUE, value="nan"))),
+    (SPARK, Fault(OVERWRITTEN, SECOND, FOREVER, STATUS_5, at=4, data=struct.pack("<f", 47.0)),
+     says(bot.BAD_FRAME, cause=says(hw.FRAME_VALUE, signal="position_rev"))),
+    (SPARK, Fault(OVERWRITTEN, SECOND, FOREVER, STATUS_5, at=4, data=struct.pack("<f", 0.6)),
+     says(bot.HOOD_ENCODERS_DISAGREE)),
+    (SPARK, Fault(OVERWRITTEN, SECOND, FOREVER, STATUS_6, at=4, data=b"\x01"), says(bot.MAGNET_LOST)),
+    (SPARK, Fault(OVERWRITTEN, 0, FOREVER, 0x02052607, at=0, data=b"\x18"),
+     says(hw.SPARK_FIRMWARE_UNSUPPORTED, motor="hood encoder")),
+    (ODRIVE, Fault(SILENT, SECOND, FOREVER), says(bot.DEVICE_STALE, device="hood encoder")),
+    (ODRIVE, Fault(OVERWRITTEN, SECOND, FOREVER, ESTIMATES, at=0, data=NOT_A_NUMBER),
+     says(bot.BAD_FRAME, cause=says(hw.FRAME_VALUE, value="nan"))),
+    (ODRIVE, Fault(STUCK, SECOND, FOREVER), says(bot.HOOD_ENCODERS_DISAGREE)),
+    (COUNTING, Fault(UNPOWERED, 17 * SECOND // 10, 18 * SECOND // 10), says(bot.HOOD_ENCODERS_DISAGREE)),
+], ids=["silent", "no-signal-report", "frozen", "nan", "out-of-range", "jump", "no-signal", "firmware", "odrive-silent",
+        "odrive-nan", "odrive-frozen", "restart"])
+def test_an_encoder_that_fails_is_a_hold_that_says_why(tmp_path: Path, config: Config, fault: Fault, signs) -> None:
+    config = replace(config, gate=replace(config.gate, request_s=1.5))
+    assert emulate(config, tmp_path / "s", trials=1, seed=5, **parts_with({"hood_encoder": (fault,)})) == []
+    held = load_trials(tmp_path / "s")[-1].outcome.reasons
+    refused = [reason for tick, _ in TickReader(tmp_path / "s") for reason in tick.inputs.faults]
+    assert held and find(signs, [*held, *refused]), held
+    assert replay(tmp_path / "s")[1] is None
+    assert replay_frames(tmp_path / "s")[1].ended == ""
+
+
+@pytest.mark.parametrize("fault", [Fault(SILENT, 3 * SECOND, 3 * SECOND + SECOND // 5),
+                                   Fault(UNPOWERED, 3 * SECOND, 3 * SECOND + SECOND // 50)], ids=["gap", "restart"])
+def test_without_an_encoder_a_lost_count_is_homed_again_before_it_fires(tmp_path: Path, fault: Fault) -> None:
+    results = emulate(NONE, tmp_path / "s", trials=2, seed=3, **parts_with({"hood": (fault,)}))
+    ticks = [tick for tick, _ in TickReader(tmp_path / "s")]
+    lost = next(k for k, tick in enumerate(ticks) if tick.inputs.t_ns > fault.begin_ns and not tick.memory.homed)
+    assert 0 <= ticks[lost].inputs.t_ns - fault.begin_ns < SECOND // 5
+    assert bot.HOOD_NOT_HOMED() in ticks[lost].verdict.reasons
+    again = next(tick for tick in ticks[lost:] if tick.memory.homed)
+    assert again.inputs.hood_motor.endstop and again.inputs.t_ns - fault.begin_ns > SECOND // 5
+    fired = [tick for tick in ticks if tick.verdict.fire]
+    assert all(tick.memory.homed for tick in fired) and fired[-1].inputs.t_ns > again.inputs.t_ns
+    assert results[-1].hood_deg == pytest.approx(fired[-1].estimate.hood_deg, abs=0.15)
+    assert replay(tmp_path / "s")[1] is None
