@@ -1,4 +1,4 @@
-"""Plain least squares of a ball-throwing robot's flights, beside which docs/real-data.md holds what discover says.
+"""Plain least squares of a ball-throwing robot's flights; docs/measured/real-data.md has what discover says.
 
     python -m benchmarks.ball_butler ball_butler_tracks.csv [--picture FILE]
 

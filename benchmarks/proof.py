@@ -1,7 +1,7 @@
-"""The tables of packed rounds of proof, as docs/proof.md has them.
+"""The tables of packed rounds of proof, as docs/measured/proof.md has them.
 
     truearc prove pack --out ROUND --packed benchmarks/results/round4-L0a.tar.xz
-    python -m benchmarks.proof benchmarks/results/round*.tar.xz [--write docs/proof.md] [--reliability FILE.png]
+    python -m benchmarks.proof benchmarks/results/round*.tar.xz [--write FILE] [--reliability FILE.png]
     python -m benchmarks.proof docs/measured/sealed/*.tar.xz --posterior --write docs/measured/sealed.md
     python -m benchmarks.proof benchmarks/results/round4-L0*.tar.xz --beside OWN.tar.xz      # drawn from other entropy
 

@@ -1,6 +1,6 @@
 """How fast, how accurate and how wary vision is, beside a straightforward OpenCV pipeline.
 
-    python -m benchmarks.vision [--frames 200] [--clutter 10000] [--files 10000] [--plot docs/vision.png]
+    python -m benchmarks.vision [--frames 200] [--clutter 10000] [--files 10000] [--plot docs/images/vision.png]
 
 Rendered images come from hw/emulated, which shares no code with robot/vision. With the shared recordings at hand
 (TRUEARC_DATA, else ../shared/data) the real photographs are measured too.

@@ -24,7 +24,7 @@ LOOKS = {
     "smear 4 px": Look(smear_px=(3.5, 2.0)),
     "bloom 40 %": Look(halo_share=0.4),
 }
-WRITTEN = {"gamma 2.2": Look(gamma=2.2), "clipped 2.5 x": Look(gain=2.5)}    # not as vision asks for: docs/vision.md
+WRITTEN = {"gamma 2.2": Look(gamma=2.2), "clipped 2.5 x": Look(gain=2.5)}    # not as docs/how-to/vision.md asks
 SMEAR_PX = 0.0366                     # of a degree a second, in an exposure of 3 ms
 TURNING = {f"turns {rate} deg/s": Look(turn_deg_s=(rate, rate / 5), readout_s=0.03,
                                        smear_px=(-SMEAR_PX * rate, SMEAR_PX * rate / 5)) for rate in (10, 30, 90)}

@@ -44,7 +44,7 @@ class Measurement(Struct, tag_field="do", tag="measure"):
     """A measurement to make instead."""
 
     what: str                         # for people
-    instrument: str | UnsetType = UNSET            # what measures it: a name in docs/terms.md
+    instrument: str | UnsetType = UNSET            # what measures it: a name in docs/reference/terms.md
     record: str | UnsetType = UNSET                # or what to record: tracks or side
     covariate: str | UnsetType = UNSET             # or the covariate whose cause is sought
     separates: tuple[str, ...] | UnsetType = UNSET            # candidate terms that it tells apart
@@ -79,16 +79,16 @@ Every key and unit of the files that users write or read. Made from the code by 
 
 | file | described in |
 |---|---|
-| dataset: `rig.toml`, `shots.csv`, `tracks.csv`, `times.csv`, `traces.csv` | [dataset](../dataset.md) |
-| `launcher.toml` | [below](#launchertoml); axes: [motors](../motors.md); `[rig]`: as in a dataset |
+| dataset: `rig.toml`, `shots.csv`, `tracks.csv`, `times.csv`, `traces.csv` | [dataset](dataset.md) |
+| `launcher.toml` | [below](#launchertoml); axes: [motors](../how-to/motors.md); `[rig]`: as in a dataset |
 | belief: coefficients, scatter, covariance | [below](#belief) |
 | results as JSON: finding, identifiability, design, proposal, a session's header | [below](#json-documents) |
 | a session's other files | first lines of `robot/recording/session.py` |
-| codes of reasons in recordings | [reasons](../reasons.md) |
-| CAN frames, button box | [buses](../buses.md), [button-box](../button-box.md) |
-| set points of `truearc aim` as CSV or JSON | [aim](../aim.md#options) |
-| `shots.toml`: which keys of a log say what | [importing](../importing.md#map) |
-| plan of shots for `emulate --plan` and `run --plan` | [discover](../discover.md) |
+| codes of reasons in recordings | [reasons](reasons.md) |
+| CAN frames, button box | [buses](../how-to/buses.md), [button-box](../how-to/button-box.md) |
+| set points of `truearc aim` as CSV or JSON | [aim](../how-to/aim.md#options) |
+| `shots.toml`: which keys of a log say what | [importing](../how-to/importing.md#map) |
+| plan of shots for `emulate --plan` and `run --plan` | [discover](../how-to/discover.md) |
 
 A key's ending is its unit: `_m` metres, `_deg` degrees, `_s` seconds, `_rad_s` rad/s, `_nm` Nm, `_px` pixels.
 Angles are above the horizontal.
@@ -107,7 +107,7 @@ TOML, `schema = "truearc.coefficients/1"`. `fit` and `discover --adopt` write it
 | key | unit | meaning |
 |---|---|---|
 | `schema` | | truearc.coefficients/1 |
-| `TERM.PARAMETER` | as in [terms](../terms.md) | a table per term that is believed |
+| `TERM.PARAMETER` | as in [terms](terms.md) | a table per term that is believed |
 | `scatter.speed` | 1 | standard deviation of the log of the exit speed from shot to shot |
 | `scatter.elevation_deg` | deg | standard deviation of the exit elevation from shot to shot |
 | `covariance.names` | | fitted parameters: `TERM.PARAMETER` or `scatter.NAME` |
@@ -127,7 +127,7 @@ def comments_of(kind: type) -> dict[str, str]:
 
 
 def structs_of(kind: type[Struct]) -> list[type[Struct]]:
-    """A struct and those in its fields, each once, outer ones first; without those of rig.toml (docs/dataset.md)."""
+    """A struct and those in its fields, each once, outer ones first; without those of rig.toml (datasets' page)."""
     found: list[type[Struct]] = [kind]
     for one in found:
         for field in msgspec.structs.fields(one):

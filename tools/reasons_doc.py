@@ -1,4 +1,4 @@
-"""`docs/reasons.md`, made from the codes: `python -m tools.reasons_doc > docs/reasons.md`.
+"""`docs/reference/reasons.md`, made from the codes: `python -m tools.reasons_doc > docs/reference/reasons.md`.
 
 With names of installed motor drivers (`python -m tools.reasons_doc samplemotor`) their own reasons are listed, too.
 """

@@ -1,6 +1,6 @@
 """The terms as Markdown tables, made of what they declare.
 
-    python -m tools.term_table docs/terms.md
+    python -m tools.term_table docs/reference/terms.md
 
 writes the tables of the built-in terms into the page, between its two marks.
 """

@@ -1,6 +1,6 @@
 """A hood that yields to the ball, the more the faster the wheels turn.
 
-A worked example of a term outside truearc (docs/terms.md). All names of truearc are imported here, in one place.
+A worked example of a term outside truearc (docs/reference/terms.md). All names of truearc are imported here.
 """
 
 import math

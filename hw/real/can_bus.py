@@ -13,7 +13,7 @@ from truearc.hw.protocols import Clock, Frame, LinkLost
 from truearc.hw.reason import Reason
 
 ADVICE = {errno.EAFNOSUPPORT: ": this kernel has no CAN; load it with modprobe can_raw",
-          errno.ENODEV: ": there is no such interface; docs/buses.md says how to bring it up"}
+          errno.ENODEV: ": there is no such interface; docs/how-to/buses.md says how to bring it up"}
 KNOWN = (can.CanError, NotImplementedError, OSError, ValueError, TypeError)     # say themselves what is wrong
 QUEUE_FULL = (errno.ENOBUFS, errno.EAGAIN)
 # python-can 4.6 raises a bare CanOperationError for these two (socketcan's send, virtual's): no code, no class of their

@@ -106,7 +106,7 @@ class Rig(Struct, frozen=True):
     """What rig.toml says: ball, launcher, target, air, world, noise, tracker, site and believed terms; SI units and
     degrees.
 
-    `target`: None where no opening was shot at. Keys and their meaning: docs/dataset.md.
+    `target`: None where no opening was shot at. Keys and their meaning: docs/reference/dataset.md.
     """
 
     ball: Ball
@@ -139,7 +139,7 @@ LENGTHS_M = {"centimetres": 0.01, "inches": 0.0254, "millimetres": 0.001}
 OTHER_UNITS = {"m": "another unit", "s": "revolutions per minute", "m3": "another unit",
                "s2": "feet or centimetres per second squared; on Earth it is 9.81", "deg": "another unit",
                "sd": "per cent; it is a share: 0.01 for one per cent"}
-# the terms that truearc.sim has; a distribution may add others (docs/terms.md)
+# the terms that truearc.sim has; a distribution may add others (docs/reference/terms.md)
 TERMS = ("hood_offset", "hood_backlash", "encoder_scale", "distance_scale", "distance_bias", "vision_latency",
          "track_scale", "track_tilt", "track_roll", "track_clock", "track_perspective", "wheel_slip",
          "exit_efficiency", "wheel_droop", "ball_compression", "ball_wear", "ball_spread", "battery_sag", "rapid_fire",

@@ -37,7 +37,7 @@ def check_box(box: Stream, clock: Clock) -> Finding:
         wrong = faults[0] if faults else wrong
     if wrong is not None:
         return failure(check, f"its lines cannot be read ({text(wrong)})",
-                       "compare its program with docs/button-box.md")
+                       "compare its program with docs/how-to/button-box.md")
     return failure(check, f"silent for {BOX_S:g} s", "look at its power and at [buttons] port and baud")
 
 

@@ -1,6 +1,6 @@
 """Tells a driver what each reason for a HOLD means, and what can be done about it.
 
-`driver_messages.toml` has the words, in the order of importance. `docs/reasons.md` shows them all.
+`driver_messages.toml` has the words, in the order of importance. `docs/reference/reasons.md` shows them all.
 """
 
 import tomllib

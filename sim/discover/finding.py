@@ -39,7 +39,7 @@ class TestResult(Struct, frozen=True):
     p_alone: float                    # as if this were the only test
     p_value: float                    # as the largest of the whole family
     amplitude: float                  # per unit of the shape
-    unit: str                         # of `amplitude`, as in docs/terms.md
+    unit: str                         # of `amplitude`, as in docs/reference/terms.md
     log_gain: float                   # nats by which the data favour it
 
 
@@ -71,11 +71,11 @@ class Interval(Struct, frozen=True):
     sd: float                         # standard deviation
     low90: float                      # lower end of the 90 % interval
     high90: float                     # upper end
-    unit: str                         # as in docs/terms.md; 1: a share
+    unit: str                         # as in docs/reference/terms.md; 1: a share
 
 
 class Named(Struct, frozen=True):
-    term: str                         # name in docs/terms.md
+    term: str                         # name in docs/reference/terms.md
     probability: float                # that it is among what is missing, with nothing unexplained beside it
     parameters: dict[str, Interval]   # by name
     sentence: str                     # for people

@@ -18,12 +18,12 @@ class BeliefFile(Struct, frozen=True):
 class ProposedEffect(Struct, frozen=True):
     """One effect that the proposed belief has and the former did not."""
 
-    term: str                         # name in docs/terms.md
+    term: str                         # name in docs/reference/terms.md
     probability: float                # that it is this term, of all candidates and an unknown one
     value: float                      # in `unit`
     low90: float                      # lower end of the 90 % interval
     high90: float                     # upper end
-    unit: str                         # as in docs/terms.md; 1: a share
+    unit: str                         # as in docs/reference/terms.md; 1: a share
     sentence: str                     # for people
 
 

@@ -1,7 +1,7 @@
 """Ball state -> trajectory -> where it crosses a vertical plane: the paper's Eq. 4-10, integrated.
 
 Reached means: the point mass crosses x = distance for the first time, before it meets the floor (z = 0) and before it
-turns back (vx <= 0). docs/paper.md says why.
+turns back (vx <= 0). docs/how-to/paper.md says why.
 """
 
 import math

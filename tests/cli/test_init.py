@@ -11,7 +11,7 @@ from truearc.cli.main import main
 from truearc.robot.config.schema import load_config
 
 SHOTS = Path(__file__).parents[2] / "examples" / "spreadsheet"
-DOCS = Path(__file__).parents[2] / "docs" / "dataset.md"
+DOCS = Path(__file__).parents[2] / "docs" / "reference" / "dataset.md"
 MEASURED = {"mass_kg": 0.14, "radius_m": 0.0508, "release_height_m": 0.75, "free_speed_rad_s": 594.0,
             "centre_height_m": 2.44}
 

@@ -33,7 +33,7 @@ def ask(port, method, path, body=None):
 
 
 def test_serves_page_and_gate_until_ctrl_c(tmp_path):
-    """As docs/page.md prints it, on a free port."""
+    """As docs/how-to/operator-page.md prints it, on a free port."""
     shutil.copy(GATE, tmp_path / "gate.onnx")
     command = [sys.executable, "-m", "truearc", "serve", "gate.onnx", "--threshold", "0.5", "--port", "0"]
     with subprocess.Popen(command, cwd=tmp_path, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as served:

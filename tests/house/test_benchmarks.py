@@ -66,7 +66,7 @@ ELSEWHERE = {
     "archives": "prints and unpacks an archive of git; test_commands.py runs it as the pages print it",
     "bare_loop": "asks for real-time priority on a core of its own, until a signal",
     "loop_frames": "the sender of `loop --frames`, below",
-    "proof": "reads archives; test_commands.py runs it as docs/proof.md prints it",
+    "proof": "reads archives; test_commands.py runs it as docs/measured/proof.md prints it",
     "timed_run": "the robot of `loop --lateness`, below",
 }
 JUDGES = ("gate", "start_up")   # exit code 1 where a busy machine is too slow: not tested here

@@ -69,7 +69,7 @@ ELSEWHERE = {
     r"^python -m benchmarks\.(?!archives|proof)": "test_benchmarks.py runs every benchmark",
     r"^python -m truearc_proof.world.survey": "plays hundreds of worlds",
     r"^(truearc prove check|python -m benchmarks.proof) .*benchmarks/results": "needs the archives of tag proof-1",
-    r"^truearc prove --worlds 80 --level L[12] .*--follow-up --out": "docs/proof.md prints it at L0, which runs",
+    r"^truearc prove --worlds 80 --level L[12] .*--follow-up --out": "the page prints it at L0, which runs",
     r"^truearc prove --worlds 80 --level L2 .*--rivals": "the slowest round; tests/proof/rivals runs every rival, and "
                                                          "test_benchmarks.py a field of them",
     r"^truearc prove drive": "tests/loops/test_prove_drive.py plays a world of it",
@@ -119,7 +119,7 @@ class Workspace:
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
             code = main(words)
         if words[0] == "fit":
-            self.fitted.add(command)  # the loop over datasets on docs/real-data.md fits two a second time
+            self.fitted.add(command)  # the loop over datasets on docs/measured/real-data.md fits two a second time
         wanted = next((code for pattern, code in EXIT.items() if re.search(pattern, command)), 0)
         assert code == wanted, f"{command}: exit code {code}\n{said.getvalue()[-1500:]}"
 

@@ -17,7 +17,7 @@ GOLDEN = sorted([*REFERENCE.glob("finding-*/finding.json"), *REFERENCE.glob("ide
                  *REFERENCE.glob("design/*.json"), *REFERENCE.glob("gated-*/session.json"),
                  Path(__file__).parents[1] / "robot" / "aim.json",
                  REFERENCE.parent / "inputs" / "proposal.json"])
-ELSEWHERE = ("axes.", "rig.", "collect.prescribed.")     # docs/motors.md, docs/dataset.md, `--plan`
+ELSEWHERE = ("axes.", "rig.", "collect.prescribed.")     # docs/how-to/motors.md, docs/reference/dataset.md, `--plan`
 
 
 def kind_of(path: Path) -> str:

@@ -21,7 +21,7 @@ MADE_BY_TESTS = ("bare.md", "page.md", "notes.md", "a.md", "docs/gone.md")      
 
 TOPS = ("hw", "robot", "sim", "model_export", "truearc", "proof", "benchmarks", "tests", "tools", "docs", "examples")
 CODE_PATH = re.compile(rf"(?<![\w./<{{*-])(?:{'|'.join(TOPS)})/[\w./*<>{{}}-]*")
-HISTORY = ("CHANGELOG.md", "docs/proof.md")           # they name files and commands as they were
+HISTORY = ("CHANGELOG.md", "docs/measured/proof.md")           # they name files and commands as they were
 COMMAND = re.compile(r"(?<!import )(?<![\w./-])(?:\.venv/bin/)?truearc ([a-z][^`|;&#\n]*)")
 
 
@@ -55,8 +55,9 @@ def names_without_a_page(path: Path, text: str) -> list[str]:
     test = ROOT / "tests" in path.parents           # tests join names to a folder that they have in a variable
     known = (*ELSEWHERE, *(MADE_BY_TESTS if test else ()))
     names = [name for name in NAME.findall(re.sub(r"\w+://\S+", "", text)) if name not in known]
-    places = (ROOT, path.parent, *((ROOT / "docs", ROOT / "benchmarks" / "results") if test else ()),
-              *((ROOT / "docs" / "reference",) if path.name == "formats_doc.py" else ()))
+    places = (ROOT, path.parent, *((*(ROOT / "docs").iterdir(), ROOT / "benchmarks" / "results") if test else ()),
+              *((ROOT / "docs" / "reference",) if path.parent == ROOT / "tools" else ()),
+              *((ROOT / "docs",) if path.name == "mkdocs.yml" else ()))
     return [name for name in names if not any((place / name).is_file() for place in places)]
 
 

@@ -14,7 +14,7 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.columns import NO_RANGE, RANGES, TEXTS, WORDS
 
 ROOT = Path(__file__).parents[2]
-DATASET = (ROOT / "docs" / "dataset.md").read_text(encoding="utf-8")
+DATASET = (ROOT / "docs" / "reference" / "dataset.md").read_text(encoding="utf-8")
 REQUIRED = "required"
 
 

@@ -149,5 +149,5 @@ def test_every_code_has_a_message_or_is_the_cause_of_one_that_has():
 
 
 def test_the_docs_are_made_from_the_codes():
-    page = (ROOT / "docs" / "reasons.md").read_text(encoding="utf-8")
-    assert page == make_page(), "python -m tools.reasons_doc > docs/reasons.md"
+    page = (ROOT / "docs" / "reference" / "reasons.md").read_text(encoding="utf-8")
+    assert page == make_page(), "python -m tools.reasons_doc > docs/reference/reasons.md"

@@ -173,7 +173,7 @@ def read_until(bus, count: int) -> list[Frame]:
     return frames
 
 
-@pytest.mark.parametrize(("code", "advice"), [(errno.EAFNOSUPPORT, "modprobe can_raw"), (errno.ENODEV, "docs/buses")])
+@pytest.mark.parametrize(("code", "advice"), [(errno.EAFNOSUPPORT, "modprobe can_raw"), (errno.ENODEV, "how-to/buses")])
 def test_a_missing_kernel_module_or_interface_comes_with_advice(clock, monkeypatch, code: int, advice: str) -> None:
     def refuse(**options: object) -> None:
         raise OSError(code, os.strerror(code))

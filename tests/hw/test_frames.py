@@ -20,7 +20,7 @@ from truearc.hw.devices.button_box.frames import (
 )
 from truearc.hw.protocols import ButtonEvent
 
-PAGE = Path(__file__).parents[2] / "docs" / "button-box.md"
+PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "button-box.md"
 seqs = st.integers(0, 65535)
 events = st.one_of(st.builds(ButtonEvent, st.just(5), seqs, st.sampled_from(BUTTONS)),
                    st.builds(BoxHeartbeat, st.just(5), seqs))

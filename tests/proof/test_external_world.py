@@ -19,7 +19,7 @@ from truearc_proof.worlds.external_world import seal_own
 from truearc_proof.worlds.generate_data import make_data
 from truearc_proof.worlds.sampling_plan import Drawn
 
-DOCS = Path(__file__).parents[2] / "docs" / "challenge.md"
+DOCS = Path(__file__).parents[2] / "docs" / "how-to" / "challenge.md"
 WIND: dict[str, Any] = {"kind": "one", "effects": {"wind_x": 2.0}}
 
 

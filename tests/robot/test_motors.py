@@ -171,7 +171,7 @@ def test_axes_are_named_in_the_inputs_order() -> None:
 
 
 def test_the_lines_in_the_manual_are_taken() -> None:
-    manual = (Path(__file__).parents[2] / "docs" / "motors.md").read_text(encoding="utf-8")
+    manual = (Path(__file__).parents[2] / "docs" / "how-to" / "motors.md").read_text(encoding="utf-8")
     axes = tomllib.loads(re.search(r"```toml\n(.*?)```", manual, re.DOTALL)[1])["axes"]
     taken = [read_axis(Axis, lines) for lines in (axes["feeder"], axes["hood"], axes["flywheels"][0])]
     assert [type(axis) for axis in taken] == [OdriveConfig, SparkConfig, AdvisoryConfig]

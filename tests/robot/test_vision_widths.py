@@ -34,7 +34,7 @@ def see(distance_m, seed=0, look=USUAL, tape=TAPE, hidden=(), **where):
                          [(2.5, 0.6), (4.0, 0.6), (6.0, 0.6), (9.0, 0.6), (2.5, 1.5), (5.0, 1.5)])
 @pytest.mark.parametrize("times", [0.5, 2.0])
 def test_tape_of_another_width_is_not_the_target(times, distance_m, blur_px):
-    """As far as its edges are sharp enough to tell; docs/vision.md says how far that is."""
+    """As far as its edges are sharp enough to tell; docs/how-to/vision.md says how far that is."""
     other = replace(TAPE, tape_width_m=times * TAPE.tape_width_m)
     for seed in range(4):
         sighting = see(distance_m, seed, Look(blur_px=blur_px), other, facing_deg=10.0 * seed - 15.0)
@@ -76,7 +76,7 @@ def hidden_parts():
 @pytest.mark.parametrize("distance_m", [2.5, 5.0, 8.0])
 @pytest.mark.parametrize("part", hidden_parts())
 def test_tape_hidden_along_its_own_edges_is_not_the_target(part, distance_m):
-    """A twentieth of the height, or half of a straight's width; less than that is in docs/vision.md."""
+    """A twentieth of the height, or half of a straight's width; less than that is in docs/how-to/vision.md."""
     for seed in range(6):
         sighting = see(distance_m, seed, hidden=[np.array(hidden_parts()[part])], facing_deg=10.0 * seed - 25.0)
         assert not sighting.found and sighting.reason

@@ -6,7 +6,7 @@ r"""The operator's button box: a line protocol over a serial port. No IO.
 `<seq>` counts presses, decimal, 0-65535 and then 0 again, without leading zeros: a gap means lost presses, and the
 heartbeat shows it even when no further press comes. `<crc>` is CRC-8 (polynomial 0x07, start 0, as in SMBus) of
 the characters between `$` and `*`, two upper-case hexadecimal digits. Whatever does not match to the letter is refused.
-`docs/button-box.md` says the same to whoever builds a box.
+`docs/how-to/button-box.md` says the same to whoever builds a box.
 """
 
 import re

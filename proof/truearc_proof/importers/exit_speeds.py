@@ -1,6 +1,6 @@
 """Exit speeds that teams measured at several speeds of their wheels -> dataset, without outcomes.
 
-docs/importing.md says what the columns are, where they come from, and what is assumed of each launcher.
+docs/how-to/importing.md says what the columns are, where they come from, and what is assumed of each launcher.
 """
 
 import math

@@ -8,7 +8,7 @@ from truearc.sim.physics.launch import Exit, exit_opposed, is_opposed
 
 TABLE_I = {"Training": {"two": 1.0, "three": 0.9231, "mean_m": 0.051, "median_m": 0.058},
            "Testing": {"two": 0.9286, "three": 0.8571, "mean_m": 0.283, "median_m": 0.124}}
-# size of D_s -> overall accuracy, "F1-3pt", "F1-2pt": each a class's accuracy by its own arithmetic (docs/paper.md)
+# size of D_s -> overall accuracy, "F1-3pt", "F1-2pt": a class's accuracy by its own arithmetic (docs/how-to/paper.md)
 TABLE_II = {0: (0.4429, 0.0417, 0.6666), 500: (0.7857, 0.5000, 0.8750), 600: (0.8714, 0.7083, 0.9167),
             750: (0.9143, 0.7916, 0.9583), 900: (0.9856, 0.9583, 1.0000), 1000: (0.9571, 0.9167, 0.9583),
             1250: (0.9285, 0.8750, 0.9167)}

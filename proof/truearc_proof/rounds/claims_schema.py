@@ -1,4 +1,4 @@
-"""Claims about sealed worlds, `truearc.claims/2`: the keys that a grader reads (docs/challenge.md).
+"""Claims about sealed worlds, `truearc.claims/2`: the keys that a grader reads (docs/how-to/challenge.md).
 
 Everything that is compared is an id: verdicts, names of terms, parameters, columns, stages, directions, instruments.
 Sentences are for people. `truearc.claims/1`, which the published rounds have, named instruments by their text.

@@ -2,7 +2,7 @@
 
 An audit hook of the interpreter, which cannot be taken off again, refuses them wherever it runs. That guards against
 accident, not against malice: a subprocess, ctypes, or a library that opens files by itself passes it. Whoever does not
-trust a solver gives it a copy of the round without keeper/, which is all that it needs (docs/challenge.md).
+trust a solver gives it a copy of the round without keeper/, which is all that it needs (docs/how-to/challenge.md).
 
 Claims come back from the workers by value and are written here, so that none that outlives a killed solver writes
 anything beside the next one.

@@ -1,4 +1,4 @@
-"""Measurements of the emulated world: `python -m truearc_proof.world.survey` prints the tables of docs/world.md."""
+"""Measurements of the emulated world: `python -m truearc_proof.world.survey` prints them as tables."""
 
 import math
 import statistics

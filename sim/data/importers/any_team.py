@@ -22,7 +22,7 @@ def import_shots(files: Sequence[str | Path], *, rig: Rig | str | Path, shot_map
     Args:
         files: Logs, a session each, or tables.
         rig: Ball, wheels and target, or the path of a rig.toml.
-        shot_map: Path of a shots.toml, or the name of a map that comes with truearc (docs/importing.md); None: guessed
+        shot_map: Path of a shots.toml, or the name of a map of truearc's (docs/how-to/importing.md); None: guessed
             from the first log's entry names, units and numbers.
         name: Of the dataset.
 

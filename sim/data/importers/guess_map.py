@@ -74,7 +74,7 @@ def guess_map(log: Log, rig: Rig, name: str) -> Guess:
                         (column, speed)):
         if key is None:
             raise InputError(f"{name}: no signal's name, unit and numbers look like {wanted}; write a map by hand: "
-                             "docs/importing.md")
+                             "docs/how-to/importing.md")
         columns[wanted] = key
         lines.append(f"{wanted}: {key}{_unit_note(log[key], wanted)}")
     if column == MOTOR:

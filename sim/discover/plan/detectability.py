@@ -36,7 +36,7 @@ class TermIdentifiability(Struct, frozen=True):
     lists absorb it). like: the most similar other term with its correlation. also: known otherwise.
     """
 
-    term: str                         # name in docs/terms.md
+    term: str                         # name in docs/reference/terms.md
     stage: str                        # sensing | launch | flight | arrival
     unit: str                         # of `usual` and `smallest`
     usual: float                      # usual size of the effect

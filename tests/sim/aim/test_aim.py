@@ -149,7 +149,7 @@ def test_every_form_has_the_same_numbers(table: ta.AimTable) -> None:
     assert read["schema"] == "truearc.aim_table/1" and [row["motor_rad_s"] for row in read["rows"]] == [
         row.motor_rad_s for row in table.rows]
     assert len(table.to_csv().splitlines()) == len(table.rows) + 1
-    page = (ROOT / "docs" / "aim.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "how-to" / "aim.md").read_text(encoding="utf-8")
     assert set(table.to_csv().splitlines()[0].split(",")) == set(read["rows"][0])
     assert all(f"`{name}`" in page for name in read["rows"][0])
 

@@ -1,4 +1,4 @@
-"""Real recordings: what docs/real-data.md says of them, verdicts where they are cheap to ask for."""
+"""Real recordings: what docs/measured/real-data.md says of them, verdicts where they are cheap to ask for."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -61,7 +61,7 @@ def test_two_imports_of_one_launcher_have_one_rig(data_dir: Path) -> None:
 
 def test_falling_balls_are_slower_than_gravity_has_them(data_dir: Path) -> None:
     """Smooth and rough balls from 47 m; without drag they would be 8 m lower at the end. (That discovery names it, and
-    why both drops of all balls have no one name, is in docs/real-data.md with its commands: naming takes a minute.)"""
+    why both drops of all balls have no one name, is in docs/measured/real-data.md: naming takes a minute.)"""
     drops = only(import_ball_drops(data_dir / "real/ball_drops.csv"), "session=drop 1")
     intake = take_in(drops)
     fitted = fit_believed(intake, lay_out(intake, ("gravity",), groups_of(drops.shots, intake.rows)))
@@ -117,5 +117,5 @@ def test_254s_old_balls_are_shot_steeper_and_would_fly_too_high_as_new_ones(data
 
 
 def test_3476s_hoods_are_warned_of(data_dir: Path) -> None:
-    """Hoods so flat cannot be elevations, and `discover` gives them a wrong name: docs/real-data.md."""
+    """Hoods so flat cannot be elevations, and `discover` gives them a wrong name: docs/measured/real-data.md."""
     assert len(doubts_of(import_3476(data_dir / "real/frc3476_tuning_history.csv"))) == 1

@@ -37,6 +37,6 @@ def test_any_order_of_rows_says_the_same(data_dir: Path) -> None:
     for (*_, one), (*_, other) in zip(told, shuffled, strict=True):
         assert all(np.array_equal(a, b) for a, b in zip(one[:3], other[:3], strict=True))
     (balls,) = (one for team, _, one in told if team == "254")
-    assert balls.hood_deg.mean() == pytest.approx(5.2, abs=0.05)           # by hand, docs/real-data.md
+    assert balls.hood_deg.mean() == pytest.approx(5.2, abs=0.05)           # by hand, docs/measured/real-data.md
     whole = [one for team, said, one in told if team == "3476"][-1]
     assert (whole.hood_deg.min(), whole.hood_deg.max()) == (-8.5, -2.0) and not whole.share.any()

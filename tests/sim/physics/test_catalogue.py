@@ -97,8 +97,8 @@ def test_every_declared_field_is_used_beside_the_declarations() -> None:
 
 
 def test_the_page_of_terms_is_current() -> None:
-    page = (ROOT / "docs" / "terms.md").read_text(encoding="utf-8")
-    assert put_tables(page) == page, "bring it up to date: python -m tools.term_table docs/terms.md"
+    page = (ROOT / "docs" / "reference" / "terms.md").read_text(encoding="utf-8")
+    assert put_tables(page) == page, "bring it up to date: python -m tools.term_table docs/reference/terms.md"
     assert all(f"| `{name}` |" in page for name in BUILT_IN.names)
 
 

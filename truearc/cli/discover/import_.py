@@ -1,4 +1,4 @@
-"""Turn the logs, tables and recordings of others into a dataset directory (docs/importing.md)."""
+"""Turn the logs, tables and recordings of others into a dataset directory (docs/how-to/importing.md)."""
 
 import argparse
 from pathlib import Path

@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--nt", required=True, metavar="TEAM|ADDRESS", help="team number, or host[:port], of the "
                         "robot's NetworkTables server")
     parser.add_argument("--map", required=True, metavar="MAP", help="which keys say what: a shots.toml, or a map that "
-                        "comes with truearc (docs/importing.md)")
+                        "comes with truearc (docs/how-to/importing.md)")
     parser.add_argument("--gate", type=Path, required=True, help="exported model")
     parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="ball, wheels and target (default: those of "
                         "--config)")

@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--aim", type=Path, metavar="FILE", help="aim file; needed when the aim policy is 'belief'")
     parser.add_argument("--endpoints", type=Path, metavar="JSON", help="flat_endpoints.json for the doctor")
     parser.add_argument("--wheels", type=Path, metavar="DIR", help="wheels of what truearc needs, for that computer: "
-                        "it then needs no network (docs/deploy.md)")
+                        "it then needs no network (docs/how-to/deploy.md)")
     parser.add_argument("--plugin", type=Path, action="append", default=[], metavar="PATH", help="wheel or source "
                         "folder of a distribution with motor drivers, to be installed there, too; may be repeated")
     parser.add_argument("--core", type=int, metavar="N", help="core of the control loop (default: any)")
@@ -98,7 +98,7 @@ def _wheels(folder: Path | None) -> list[Path]:
         return []
     found = sorted(path for path in folder.glob("*.whl") if not path.name.startswith("truearc-"))
     if not any(path.name.startswith("numpy-") for path in found):
-        raise InputError(f"{folder}: no wheels of what truearc needs; docs/deploy.md has the command that fetches them")
+        raise InputError(f"{folder}: no wheels of what truearc needs; docs/how-to/deploy.md says how to fetch them")
     return found
 
 

@@ -186,7 +186,7 @@ def _ask_for_real_time(args: argparse.Namespace) -> None:
         answers.append(ask_fifo_beside(args.priority))
     answers += [] if args.core is None else [ask_core(args.core)]
     for asked, refused in answers:
-        _say(f"{asked}: " + (f"REFUSED ({refused}); ticks may come late, see docs/deploy.md" if refused else "granted"))
+        _say(f"{asked}: " + (f"REFUSED ({refused}); late ticks: docs/how-to/deploy.md" if refused else "granted"))
     gc.collect()
     gc.freeze()                                   # what is there by now will stay: the collector need not look again
 

@@ -1,7 +1,7 @@
 """Write templates to fill in: a dataset (rig.toml and shots.csv), or with --robot a launcher's configuration.
 
 shots.csv gets a row for each shot: a name, the horizontal distance to the target in metres, the hood's angle above the
-horizontal in degrees, motor speed / free speed, and miss, two or three. docs/dataset.md has every other column and key.
+horizontal in degrees, motor speed / free speed, and miss, two or three. docs/reference/dataset.md has all of them.
 """
 
 import argparse

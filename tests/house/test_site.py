@@ -1,0 +1,71 @@
+"""The site: MkDocs builds it without a warning, it needs no network, and it can be read in an afternoon."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tools.site_hooks import unlink_outside
+from tools.site_reference import api_page, commands_page
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+MOST_WORDS = 90_000
+GROUPS = ["Tutorials", "How-to", "Reference", "Explanation", "Measured"]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The built site; the build is strict: a page out of nav, a lost link or a lost anchor ends it."""
+    folder = tmp_path_factory.mktemp("site")
+    done = subprocess.run([sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)],
+                          cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def words_of(text: str) -> int:
+    """Words and numbers; bars and rules of tables are neither."""
+    return sum(re.search(r"\w", word) is not None for word in text.split())
+
+
+def test_every_page_is_built(site: Path) -> None:
+    pages = {path.relative_to(DOCS).with_suffix(".html").as_posix().replace("README", "index")
+             for path in DOCS.rglob("*.md")}
+    assert pages == {path.relative_to(site).as_posix() for path in site.rglob("*.html")} - {"404.html"}
+
+
+def test_pages_are_in_five_groups(site: Path) -> None:
+    tabs = re.findall(r'<li class="md-tabs__item[^"]*">\s*<a [^>]*>\s*([^<]*?)\s*</a>',
+                      (site / "index.html").read_text(encoding="utf-8"))
+    assert tabs[1:] == GROUPS
+
+
+def test_site_fetches_nothing_from_elsewhere(site: Path) -> None:
+    fetched = re.compile(r'<(?:script|img|iframe)[^>]* src="(?:https?:)?//|<link[^>]* href="(?:https?:)?//')
+    assert not [path.name for path in site.rglob("*.html") if fetched.search(path.read_text(encoding="utf-8"))]
+
+
+def test_every_link_of_the_site_leads_to_a_file(site: Path) -> None:
+    lost = [(path.name, link) for path in site.rglob("*.html") if path.name != "404.html"
+            for link in re.findall(r'(?:href|src)="([^"#?:]+)[#"?]', path.read_text(encoding="utf-8"))
+            if not (path.parent / link).exists()]
+    assert lost == []
+
+
+def test_site_has_few_words() -> None:
+    assert sum(words_of(path.read_text(encoding="utf-8")) for path in DOCS.rglob("*.md")) <= MOST_WORDS
+
+
+def test_links_out_of_the_site_become_names() -> None:
+    text = "[the tick](../../robot/tick.py#top), [aim](aim.md), [a](https://host/a.md), ![b](../images/demo.png)"
+    told = "the tick (`robot/tick.py`), [aim](aim.md), [a](https://host/a.md), ![b](../images/demo.png)"
+    assert unlink_outside(text, DOCS / "how-to") == told
+
+
+def test_reference_is_as_generated() -> None:
+    told = "run `python -m tools.site_reference`"
+    assert (DOCS / "reference" / "commands.md").read_text(encoding="utf-8") == commands_page(), told
+    assert (DOCS / "reference" / "python-api.md").read_text(encoding="utf-8") == api_page(), told
