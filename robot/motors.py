@@ -1,6 +1,7 @@
-"""The motor axes of the configuration: their names and drivers."""
+"""The motor axes of the configuration, their names and drivers; what its hood encoder needs of it."""
 
 from truearc.hw.devices.axis import Axis
+from truearc.hw.devices.hood_encoder import Around
 from truearc.hw.devices.registry import family_of
 from truearc.hw.protocols import Motor
 from truearc.robot.config.schema import Config, InputError
@@ -26,3 +27,8 @@ def make_motors(config: Config) -> tuple[Motor, ...]:
             if owner.setdefault(key, name) != name:
                 raise InputError(f"axes: {owner[key]} and {name} are the same device (CAN frame 0x{key[0]:x})")
     return motors
+
+
+def around_encoder(config: Config) -> Around:
+    """The part of the configuration beside its own table that the hood's encoder may need."""
+    return Around(config.gate.reading_age_s, "" if config.nt4 is None else config.nt4.server)

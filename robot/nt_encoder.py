@@ -1,7 +1,6 @@
 """The hood's angle from a key of the robot's NetworkTables server as an EncoderFamily: another program's reading."""
 
 import math
-import time
 from collections.abc import Iterator, Mapping
 from typing import Literal, Protocol
 
@@ -9,33 +8,33 @@ from msgspec import Struct
 
 from truearc.hw.devices.axis import Direction, Finite, HoodEncoder
 from truearc.hw.devices.family import Heard
-from truearc.hw.devices.hood_encoder import CHECK, Encoder, EncoderFamily
+from truearc.hw.devices.hood_encoder import CHECK, Around, Encoder, EncoderFamily
 from truearc.hw.emulated.nodes import MS, Plant
 from truearc.hw.finding import Finding, failure, ok
 from truearc.hw.protocols import AngleReading
+from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.advice.nt_keys import NtKeys, Reading
-from truearc.robot.config.schema import InputError
+from truearc.robot.config.input_error import InputError
 
 DEGREES = {"deg": 1.0, "rad": 180.0 / math.pi, "rev": 360.0}
 MOST_DEG = 360.0                      # in size; more is not an angle of a hood, or not in this unit
 SIGMA_DEG = 0.3                       # it is up to two of the robot's loops old, and so may a moving hood's be off
 LOOP_NS = 20 * MS                     # of a robot program
-LOOK_S = 2.0                          # that the doctor waits for the server
+LOOK_NS, STEP_NS = 2000 * MS, 5 * MS  # that the doctor waits for the server
 
 
 class NtEncoderConfig(Struct, HoodEncoder, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="nt4"):
-    """A key in which the robot's own program publishes the hood's angle, each loop, equal values too."""
+    """A key of [nt4]'s server in which the robot's program publishes the hood's angle, each loop, equal values too."""
 
-    server: str                       # team number or HOST[:PORT]
     key: str
     unit: Literal["deg", "rad", "rev"]
     zero_deg: Finite                  # its value in degrees where the launch elevation is 0
     direction: Direction              # +1 if it grows with elevation
 
 
-class Keys(Protocol):
+class AngleKeys(Protocol):
     """Where keys come from; nothing waits."""
 
     @property
@@ -47,7 +46,7 @@ class Keys(Protocol):
 class NtEncoder(Encoder):
     """The newest value of a key; its stamp is when it was published, so one that stays away grows old."""
 
-    def __init__(self, table: NtEncoderConfig, keys: Keys) -> None:
+    def __init__(self, table: NtEncoderConfig, keys: AngleKeys) -> None:
         self._key, self._deg, self._keys = table.key, DEGREES[table.unit], keys
         self._faults: tuple[Reason, ...] = ()
 
@@ -66,31 +65,31 @@ class NtEncoder(Encoder):
         return self._faults
 
 
-def examine(table: NtEncoderConfig, longest_age_s: float, heard: Heard) -> Iterator[Finding]:
+def examine(table: NtEncoderConfig, around: Around, heard: Heard) -> Iterator[Finding]:
     """Whether the server is there, has the key, and publishes it often enough."""
     try:
-        keys = NtKeys(table.server, [table.key])
+        keys = NtKeys(around.nt_server, [table.key])
     except InputError as error:
-        yield failure(CHECK, str(error), "see hood_encoder.server")
+        yield failure(CHECK, str(error), "see nt4.server")
         return
-    encoder, last, changes = NtEncoder(table, keys), 0, 0
-    until_ns = time.monotonic_ns() + int(LOOK_S * 1e9)
-    while (now_ns := time.monotonic_ns()) < until_ns and changes < 3:
+    encoder, clock, last, changes = NtEncoder(table, keys), MonotonicClock(), 0, 0
+    until_ns = clock.now_ns() + LOOK_NS
+    while (now_ns := clock.now_ns()) < until_ns and changes < 3:
         reading = encoder.read(now_ns)
-        if reading is not None and reading.t_ns != last:
+        if reading is not None and reading.t_ns - last > MS:      # two clocks: the same value's stamp moves a little
             last, changes = reading.t_ns, changes + 1
-        time.sleep(0.005)
+        clock.sleep_until_ns(now_ns + STEP_NS)
     keys.close()
     if faults := encoder.faults(now_ns):
-        yield failure(CHECK, "; ".join(because.texts(faults)), "look at hood_encoder.server, key and unit")
+        yield failure(CHECK, "; ".join(because.texts(faults)), "look at nt4.server, hood_encoder.key and unit")
     elif changes < 3:
-        yield failure(CHECK, f"{table.key} is not published anew", "publish it in each loop, equal values too")
+        yield failure(CHECK, f"{table.key} stands still", "publish it in each loop, equal values too")
     else:
         yield ok(CHECK, f"{table.key} is published")
 
 
 class _WorldKeys:
-    """What the robot program of the emulated robot publishes: the angle as of its newest loop."""
+    """Keys of the emulated robot's own program: the angle as of its newest loop."""
 
     connected = True
 
@@ -107,8 +106,8 @@ class _WorldKeys:
 
 
 NT4 = EncoderFamily(
-    driver="nt4", table=NtEncoderConfig, example=NtEncoderConfig("10.29.28.2", "/Hood/AngleDeg", "deg", 0.0, 1),
-    least_sigma_deg=SIGMA_DEG, make=lambda table: NtEncoder(table, NtKeys(table.server, [table.key])),
+    driver="nt4", table=NtEncoderConfig, example=NtEncoderConfig("/Hood/AngleDeg", "deg", 0.0, 1),
+    least_sigma_deg=SIGMA_DEG, make=lambda table, around: NtEncoder(table, NtKeys(around.nt_server, [table.key])),
     make_rules=lambda table, each_tick: (), questions=lambda table: (), examine=examine,
     make_node=lambda table, plant, nodes: None,
     make_off_bus=lambda table, plant: NtEncoder(table, _WorldKeys(table, plant)))

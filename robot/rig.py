@@ -15,7 +15,7 @@ from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config
 from truearc.robot.hood_encoders import encoder_family_of
-from truearc.robot.motors import make_motors, name_axes
+from truearc.robot.motors import around_encoder, make_motors, name_axes
 from truearc.robot.runtime import RigLayer, RobotIo
 from truearc.robot.types import Command, Inputs, Sent, Sighting, Tick
 from truearc.robot.vision_source import Eyes
@@ -38,7 +38,7 @@ class HardwareRig:
         self._motors = make_motors(config)
         self._names = [name for name, _ in name_axes(config)]
         table = config.hood_encoder
-        self._encoder = encoder or encoder_family_of(table).make(table)
+        self._encoder = encoder or encoder_family_of(table).make(table, around_encoder(config))
         self._handlers = self._make_handlers()
         self._pending = b""
         self._heard_box_ns = 0

@@ -13,9 +13,11 @@ from typing import Any
 import msgspec
 from msgspec import UNSET, Struct, UnsetType
 
+from truearc.hw.devices.canandmag.family import CanandmagConfig
 from truearc.robot.aim_file import AimContent
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import Config
+from truearc.robot.hood_encoders import BY_DRIVER
 from truearc.robot.recording.session import Header
 from truearc.sim.data.columns import UNITS
 from truearc.sim.discover.finding import FindingRecord
@@ -80,7 +82,7 @@ Every key and unit of the files that users write or read. Made from the code by 
 | file | described in |
 |---|---|
 | dataset: `rig.toml`, `shots.csv`, `tracks.csv`, `times.csv`, `traces.csv` | [dataset](dataset.md) |
-| `launcher.toml` | [below](#launchertoml); axes: [motors](../how-to/motors.md); `[rig]`: as in a dataset |
+| `launcher.toml` | [below](#launchertoml); axes, hood encoders: [motors](../how-to/motors.md); `[rig]` as a dataset's |
 | belief: coefficients, scatter, covariance | [below](#belief) |
 | results as JSON: finding, identifiability, design, proposal, a session's header | [below](#json-documents) |
 | a session's other files | first lines of `robot/recording/session.py` |
@@ -184,6 +186,10 @@ def launcher_keys() -> Iterator[tuple[str, str, str]]:
 def range_of(key: str) -> str:
     """Limits of a key of launcher.toml by its declaration; "" where there are none."""
     kind: Any = msgspec.inspect.type_info(Config)
+    if key == "hood_encoder.driver":
+        return ", ".join(BY_DRIVER)
+    if key.startswith("hood_encoder."):
+        kind, key = msgspec.inspect.type_info(CanandmagConfig), key.removeprefix("hood_encoder.")
     for part in key.split("."):
         kind = next(field.type for field in kind.fields if field.encode_name == part)
         kind = kind.types[0] if isinstance(kind, msgspec.inspect.UnionType) else kind

@@ -14,8 +14,9 @@ from truearc.api.recording import Recording
 from truearc.api.table import Table
 from truearc.model_export.graph import export_weights
 from truearc.model_export.verify import verify_gate
+from truearc.robot.config.input_error import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError, load_config
+from truearc.robot.config.schema import load_config
 from truearc.sim.aim.compare import Comparison, SetPoints, compare, load_set_points
 from truearc.sim.data.dataset import Dataset, dataset, load_dataset, load_rig, save_dataset
 from truearc.sim.data.importers.any_team import import_shots

@@ -1,7 +1,7 @@
 """Everything that a kind of hood encoder declares about itself, one EncoderFamily value."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 from msgspec import Struct
 
@@ -44,6 +44,13 @@ class Encoder:
         return ()
 
 
+class Around(NamedTuple):
+    """The part of the rest of the configuration that an encoder may need."""
+
+    longest_age_s: float              # of an angle that may still fire
+    nt_server: str                    # of [nt4]; "" without that table
+
+
 class EncoderFamily(Struct, Generic[Table], frozen=True, kw_only=True, eq=False):
     """One kind of hood encoder.
 
@@ -54,7 +61,7 @@ class EncoderFamily(Struct, Generic[Table], frozen=True, kw_only=True, eq=False)
     make: what reads it on the robot.
     make_rules: frames of it, and how often within WINDOW_NS one may be sent that each tick sends once.
     questions: what the doctor asks; no answer may need a change of the device.
-    examine: the doctor's findings from what was heard; the age in s up to which an angle may fire.
+    examine: the doctor's findings from what was heard.
     make_node: the emulated device, given those of the motors by name; None where one of them has it on board.
     make_off_bus: for one that is not on the bus, what reads it on the emulated robot. It is not replayed from frames.
     """
@@ -63,9 +70,9 @@ class EncoderFamily(Struct, Generic[Table], frozen=True, kw_only=True, eq=False)
     table: type[Table]
     example: Table
     least_sigma_deg: float
-    make: Callable[[Table], Encoder]
+    make: Callable[[Table, Around], Encoder]
     make_rules: Callable[[Table, int], Sequence[Rules]]
     questions: Callable[[Table], Sequence[Frame]]
-    examine: Callable[[Table, float, Heard], Iterable[Finding]]
+    examine: Callable[[Table, Around, Heard], Iterable[Finding]]
     make_node: Callable[[Table, Plant, Mapping[str, Node]], Node | None]
     make_off_bus: Callable[[Table, Plant], Encoder] | None = None

@@ -8,7 +8,7 @@ from msgspec import Struct
 from truearc.hw.devices.axis import Axis, Finite, HoodEncoder, Positive
 from truearc.hw.devices.bus_rules import Rules
 from truearc.hw.devices.family import AttachedMotor, AxisCheck, Heard
-from truearc.hw.devices.hood_encoder import CHECK, Encoder, EncoderFamily
+from truearc.hw.devices.hood_encoder import CHECK, Around, Encoder, EncoderFamily
 from truearc.hw.devices.odrive.family import OdriveConfig
 from truearc.hw.devices.registry import family_of
 from truearc.hw.emulated.nodes import MotorTruth, Node, Plant
@@ -17,7 +17,7 @@ from truearc.hw.protocols import AngleReading, Frame, Motor
 from truearc.hw.reason import Reason
 
 TICK_HZ = 200                         # the doctor's measure of a lagging speed, which is not used here
-SIGMA_DEG = 0.2                       # an encoder that homing zeroes is as good as the switch
+SIGMA_DEG = 0.2                       # an encoder that homing zeroes is as exact as the switch
 
 
 class MotorEncoderConfig(Struct, HoodEncoder, frozen=True, forbid_unknown_fields=True, omit_defaults=True,
@@ -67,7 +67,7 @@ def questions(table: MotorEncoderConfig) -> Sequence[Frame]:
     return asked
 
 
-def examine(table: MotorEncoderConfig, longest_age_s: float, heard: Heard) -> Iterator[Finding]:
+def examine(table: MotorEncoderConfig, around: Around, heard: Heard) -> Iterator[Finding]:
     """Its controller's findings."""
     yield from family_of(table.controller).examine(table.controller, AxisCheck(CHECK, TICK_HZ, None), heard)
 
@@ -98,5 +98,5 @@ def make_node(table: MotorEncoderConfig, plant: Plant, nodes: Mapping[str, Node]
 
 MOTOR = EncoderFamily(
     driver="motor", table=MotorEncoderConfig, example=MotorEncoderConfig(OdriveConfig(6, 1, 0), 1.0),
-    least_sigma_deg=SIGMA_DEG, make=lambda table: MotorEncoder(table), make_rules=make_rules,
+    least_sigma_deg=SIGMA_DEG, make=lambda table, around: MotorEncoder(table), make_rules=make_rules,
     questions=questions, examine=examine, make_node=make_node)

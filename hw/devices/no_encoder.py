@@ -20,6 +20,6 @@ class NoEncoder(Struct, HoodEncoder, frozen=True, forbid_unknown_fields=True, ta
 
 NONE = EncoderFamily(
     driver="none", table=NoEncoder, example=NoEncoder(), least_sigma_deg=SIGMA_DEG,
-    make=lambda table: Encoder(), make_rules=lambda table, each_tick: (), questions=lambda table: (),
-    examine=lambda table, age_s, heard: (ok(CHECK, "there is none: the screw's count since homing is not checked"),),
+    make=lambda table, around: Encoder(), make_rules=lambda table, each_tick: (), questions=lambda table: (),
+    examine=lambda table, around, heard: (ok(CHECK, "there is none: the screw's count since homing is not checked"),),
     make_node=lambda table, plant, nodes: None)

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from typing import Any, NamedTuple
 
+from truearc.robot.config.input_error import InputError
 from truearc.robot.config.nt4 import EXPECTED, server_parts
-from truearc.robot.config.schema import InputError
 
 OURS = "/truearc/"
 OLDER = "/AdvantageKit"               # where AdvantageKit puts what its log has under /RealOutputs and the like

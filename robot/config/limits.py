@@ -72,6 +72,8 @@ def _of_encoder(config: Any) -> Iterator[tuple[str, str]]:
     from truearc.robot.hood_encoders import encoder_family_of  # drivers need cantools, which most commands do without
 
     family = encoder_family_of(config.hood_encoder)
+    if family.driver == "nt4" and config.nt4 is None:
+        yield "hood_encoder.driver", "'nt4' needs [nt4] with its server"
     if config.rig.noise.hood_deg < family.least_sigma_deg:
         yield "rig.noise.hood_deg", (f"{config.rig.noise.hood_deg:g} is too small: hood_encoder.driver "
                                      f"{family.driver!r} knows the angle to {family.least_sigma_deg:g} deg at best")

@@ -13,6 +13,7 @@ import msgspec
 from msgspec import Struct
 
 from truearc.hw.devices.axis import Axis, Finite, HoodEncoder, Positive
+from truearc.robot.config.input_error import InputError as InputError
 from truearc.robot.config.limits import cannot_throw, contradictions, warn_of_pitch, warn_of_terms
 from truearc.robot.config.nt4 import Nt4
 from truearc.robot.config.rig_spec import Rig, missing_keys, rig_errors, unknown_keys
@@ -33,9 +34,6 @@ Count = Annotated[int, msgspec.Meta(gt=0, lt=1_000_000)]
 MAX_LINE = 20_000                     # characters: longer ones take minutes to parse
 MAX_TEXT_BYTES, MAX_BYTES = 4_000_000, 500_000_000      # of a configuration or belief; of a model or table
 
-class InputError(Exception):
-    """The user's file or option is wrong; the message names file, line, key or frame. Commands end with exit code 2."""
-
 
 class Can(Struct, frozen=True, forbid_unknown_fields=True):
     interface: str                    # python-can interface name: socketcan, slcan, virtual, ...
@@ -49,7 +47,7 @@ class Buttons(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class _AnyDevice(Struct):
-    """What the table of every device has; nothing is ever one of these."""
+    """The key of every device's table; nothing is ever one of these."""
 
     driver: str
 

@@ -16,7 +16,7 @@ from truearc.robot.config.schema import Can, Config, GateConfig, InputError, abo
 from truearc.robot.gate.contract import FEATURES
 from truearc.robot.gate.model import load_gate
 from truearc.robot.hood_encoders import encoder_family_of
-from truearc.robot.motors import name_axes
+from truearc.robot.motors import around_encoder, name_axes
 
 SHORT_QUEUE = 64                      # frames; the kernel's own ten are full within one tick of four axes
 BRING_UP = "bring it up with the files of `truearc deploy`, or `ip link set {} up type can bitrate {} restart-ms 100`"
@@ -29,10 +29,11 @@ def load_endpoints(path: Path) -> Endpoints:
 
 
 def questions(config: Config, endpoints: Endpoints | None) -> list[Frame]:
-    """Reads only: each axis's version, and its parameters when their numbers are known; nothing of advisory ones."""
+    """Reads only: each axis's version, and its parameters when their numbers are known; nothing of advisory ones. The
+    hood's encoder may be on a motor's controller, which is asked once."""
     encoder = config.hood_encoder
-    return [*(frame for _, axis in name_axes(config) for frame in family_of(axis).questions(axis, endpoints)),
-            *encoder_family_of(encoder).questions(encoder)]
+    asked = [frame for _, axis in name_axes(config) for frame in family_of(axis).questions(axis, endpoints)]
+    return list(dict.fromkeys([*asked, *encoder_family_of(encoder).questions(encoder)]))
 
 
 def check_devices(config: Config, endpoints: Endpoints | None, heard: Heard) -> Iterator[Finding]:
@@ -40,7 +41,7 @@ def check_devices(config: Config, endpoints: Endpoints | None, heard: Heard) -> 
     for name, axis in name_axes(config):
         yield from family_of(axis).examine(axis, AxisCheck(name, config.tick_hz, endpoints), heard)
     encoder = config.hood_encoder
-    yield from encoder_family_of(encoder).examine(encoder, config.gate.reading_age_s, heard)
+    yield from encoder_family_of(encoder).examine(encoder, around_encoder(config), heard)
 
 
 def check_model(gate: GateConfig, path: Path | None) -> Finding:

@@ -99,6 +99,27 @@ def test_speeds_and_turns_become_radians_in_the_robots_sign(axis: SparkAxis, rpm
     assert reading.position_rad == pytest.approx(axis.direction * TURN * turns)
 
 
+@given(turns=st.floats(-1.0, 1.0, width=32), lost=st.booleans())
+def test_an_encoder_on_the_data_port_tells_its_angle_and_whether_it_signals(turns: float, lost: bool) -> None:
+    axis = SparkAxis(5, 1)
+    heard = frame(0x0205B940, axis, struct.pack("<ff", 12.0, turns))
+    reading = spark.parse_angle(axis, heard, None)
+    assert (reading.t_ns, reading.magnet_ok, reading.faults_t_ns) == (7, True, 0)
+    assert math.cos(reading.angle_rad - TURN * turns) == pytest.approx(1.0) and 0.0 <= reading.angle_rad <= TURN
+    signal = frame(0x0205B980, axis, struct.pack("<HHI", 30_000, 1025, int(lost)), 9)
+    said = spark.parse_angle(axis, signal, reading)
+    assert (said.t_ns, said.faults_t_ns, said.faults, said.magnet_ok) == (7, 9, int(lost), not lost)
+    assert spark.parse_angle(axis, heard, said).magnet_ok is not lost       # until the next report
+    assert spark.parse_angle(axis, signal, None) is None
+
+
+@pytest.mark.parametrize("turns", [1.5, -1.01, math.nan, math.inf, 90.0])
+def test_an_angle_that_is_not_a_share_of_a_turn_is_refused(turns: float) -> None:
+    axis = SparkAxis(5, 1)
+    with pytest.raises(BadFrame, match=r"spark 5, id 0x0205b945: spark STATUS_5: .*position_rev"):
+        spark.parse_angle(axis, frame(0x0205B940, axis, struct.pack("<ff", 0.0, turns)), None)
+
+
 def test_answers() -> None:
     axis = SparkAxis(5, 1)
     assert spark.parse_version(axis, frame(0x02052600, axis, bytes([25, 1, 0x01, 0x02, 0, 0, 0, 0]))) == (25, 1, 258)
@@ -139,6 +160,9 @@ THEIRS = {
                  "soft_reverse": "SOFT_REVERSE_LIMIT_REACHED", "inverted": "INVERTED",
                  "primary_heartbeat_lock": "PRIMARY_HEARTBEAT_LOCK", "model": "SPARK_MODEL"},
     "STATUS_2": {"velocity_rpm": "PRIMARY_ENCODER_VELOCITY", "position_rev": "PRIMARY_ENCODER_POSITION"},
+    "STATUS_5": {"velocity_rpm": "DUTY_CYCLE_ENCODER_VELOCITY", "position_rev": "DUTY_CYCLE_ENCODER_POSITION"},
+    "STATUS_6": {"raw_duty": "UNADJUSTED_DUTY_CYCLE", "period_us": "DUTY_CYCLE_PERIOD",
+                 "no_signal": "DUTY_CYCLE_NO_SIGNAL"},
     "VELOCITY_SETPOINT": {"velocity_rpm": "SETPOINT", "feedforward": "ARBITRARY_FEEDFORWARD", "slot": "PID_SLOT",
                           "feedforward_is_duty": "ARBITRARY_FEEDFORWARD_UNITS"},
     "DUTY_CYCLE_SETPOINT": {"duty": "SETPOINT", "feedforward": "ARBITRARY_FEEDFORWARD", "slot": "PID_SLOT",

@@ -84,3 +84,11 @@ def test_without_an_encoder_a_lost_count_is_homed_again_before_it_fires(tmp_path
     assert all(tick.memory.homed for tick in fired) and fired[-1].inputs.t_ns > again.inputs.t_ns
     assert results[-1].hood_deg == pytest.approx(fired[-1].estimate.hood_deg, abs=0.15)
     assert replay(tmp_path / "s")[1] is None
+
+
+def test_without_an_encoder_a_count_that_stands_still_is_a_hold(tmp_path: Path) -> None:
+    config = replace(NONE, gate=replace(NONE.gate, request_s=1.5))
+    fault = Fault(STUCK, SECOND, FOREVER)
+    assert emulate(config, tmp_path / "s", trials=1, seed=5, **parts_with({"hood": (fault,)})) == []
+    held = load_trials(tmp_path / "s")[-1].outcome.reasons
+    assert find(says(hw.ENCODER_STUCK, motor="hood motor"), held) or find(says(bot.HOOD_OFF_ANGLE), held), held

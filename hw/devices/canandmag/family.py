@@ -45,7 +45,7 @@ class CanandmagEncoder(Encoder):
 
 CANANDMAG = EncoderFamily(
     driver="canandmag", table=CanandmagConfig, example=CanandmagConfig(5, 10, 40.0, 1), least_sigma_deg=0.0,
-    make=lambda table: CanandmagEncoder(table),
+    make=lambda table, around: CanandmagEncoder(table),
     make_rules=lambda table, each_tick: (make_rules(table.device, table.period_ms),), questions=lambda table: (),
-    examine=lambda table, age_s, heard: (check_encoder(table.device, table.period_ms, age_s, heard),),
+    examine=lambda table, around, heard: (check_encoder(table.device, table.period_ms, around.longest_age_s, heard),),
     make_node=lambda table, plant, nodes: CanandmagNode(table.device, plant, table.zero_deg, table.direction))

@@ -6,14 +6,13 @@ from functools import partial
 from typing import Annotated
 
 from msgspec import Meta, Struct
-from msgspec.structs import replace
 
 from truearc.hw.devices.axis import CanNode, Direction, Finite, HoodEncoder
-from truearc.hw.devices.bus_rules import Rules, allow_seldom
+from truearc.hw.devices.bus_rules import Rules
 from truearc.hw.devices.family import Heard
-from truearc.hw.devices.hood_encoder import CHECK, Encoder, EncoderFamily
-from truearc.hw.devices.spark import bus_rules
+from truearc.hw.devices.hood_encoder import CHECK, Around, Encoder, EncoderFamily
 from truearc.hw.devices.spark import frames as spark
+from truearc.hw.devices.spark.bus_rules import make_encoder_rules
 from truearc.hw.devices.spark.doctor import check_firmware
 from truearc.hw.devices.spark.emulator import SparkNode
 from truearc.hw.devices.spark.setup import SparkSetup
@@ -21,7 +20,6 @@ from truearc.hw.emulated.nodes import Node, Plant
 from truearc.hw.finding import Finding, failure, ok
 from truearc.hw.protocols import AngleReading, Frame
 from truearc.hw.reason import Reason
-from truearc.hw.tx_allowlist import allow
 
 LONGEST_MS = 50                       # later ones would be too old to fire with, and to tell a reset by
 # Of one that signals its turn in 1024 steps: a step's standard deviation is 0.1 deg, and its ends are as far off
@@ -67,14 +65,10 @@ class SparkEncoder(Encoder):
 
 
 def make_rules(table: SparkEncoderConfig, each_tick: int) -> tuple[Rules]:
-    axis = _axis(table)
-    settings = [spark.make_setting(axis, parameter, value) for parameter, value in _settings(table).items()]
-    allowed = (allow(settings[0], 2 * len(settings)),
-               *allow_seldom([spark.make_statuses(axis, spark.ENCODER_STATUSES), spark.make_version_query(axis)]))
-    return (replace(bus_rules.make_rules(axis, each_tick), allowed=allowed if table.period_ms else ()),)
+    return (make_encoder_rules(_axis(table), _settings(table) if table.period_ms else None, each_tick),)
 
 
-def examine(table: SparkEncoderConfig, longest_age_s: float, heard: Heard) -> Iterator[Finding]:
+def examine(table: SparkEncoderConfig, around: Around, heard: Heard) -> Iterator[Finding]:
     """Its SPARK's firmware, and its angle where that is on: a run turns it on by itself."""
     axis = _axis(table)
     if table.period_ms:
@@ -115,6 +109,6 @@ def _settings(table: SparkEncoderConfig) -> dict[int, float]:
 
 SPARK_ENCODER = EncoderFamily(
     driver="spark", table=SparkEncoderConfig, example=SparkEncoderConfig(3, 10, 40.0, 1), least_sigma_deg=SIGMA_DEG,
-    make=lambda table: SparkEncoder(table), make_rules=make_rules,
+    make=lambda table, around: SparkEncoder(table), make_rules=make_rules,
     questions=lambda table: (spark.make_version_query(_axis(table)),) if table.period_ms else (),
     examine=examine, make_node=make_node)
