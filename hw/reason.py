@@ -15,8 +15,8 @@ from msgspec.structs import force_setattr, replace
 
 OPTIONAL = "?"                        # at the end of a parameter's unit: it may be absent
 LARGEST = sys.float_info.max          # what is beyond is not finite
-UNITS = (("_rad_s", "rad/s"), ("_rad", "rad"), ("_deg", "deg"), ("_nm", "Nm"), ("_ns", "ns"), ("_px", "px"),
-         ("_m", "m"), ("_s", "s"), ("_v", "V"), ("_a", "A"))       # by how a name ends
+UNITS = (("_rad_s", "rad/s"), ("_m_s", "m/s"), ("_deg_s", "deg/s"), ("_rad", "rad"), ("_deg", "deg"), ("_nm", "Nm"),
+         ("_ns", "ns"), ("_px", "px"), ("_m", "m"), ("_s", "s"), ("_v", "V"), ("_a", "A"))     # by how a name ends
 KINDS = {"cause": "reason", "causes": "reasons", "errors": "reasons", "motor": "motor", "bytes": "count",
          "frames": "count", "presses": "count", "spark": "count"}  # by the name itself
 NUMERIC = "efg"                       # how the format of a number ends
