@@ -46,6 +46,7 @@ class Header(Struct, frozen=True):
     policy: str                       # collect | model
     started: str | None               # wall clock, ISO 8601; null on the twin, whose clock starts at zero
     aim_sha256: str | UnsetType = UNSET           # of aim.json; absent: there was none
+    wall_offset_ns: int | UnsetType = UNSET       # wall clock (Unix) less the robot's at the start; absent: unknown
 
 
 class Picture(Struct, frozen=True):
@@ -65,10 +66,11 @@ def make_trials(tick: Tick) -> list[Trial]:
             for outcome in tick.outcomes]
 
 
-def make_header(config: Config, gate: Gate | None, started: str | None, aim: AimFile | None = None) -> Header:
+def make_header(config: Config, gate: Gate | None, started: str | None, aim: AimFile | None = None,
+                wall_offset_ns: int | UnsetType = UNSET) -> Header:
     """What session.json will say."""
     return Header(FORMAT, version("truearc"), config_hash(config), gate.sha256 if gate else None, config.gate.policy,
-                  started, aim.sha256 if aim else UNSET)
+                  started, aim.sha256 if aim else UNSET, wall_offset_ns)
 
 
 def load_header(session: Path) -> Header:

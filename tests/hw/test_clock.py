@@ -1,11 +1,13 @@
 """Two clocks with one promise: sleep_until_ns returns once now_ns says so."""
 
+import time
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from truearc.hw.emulated.clock import StepClock
-from truearc.hw.real.clock import MonotonicClock
+from truearc.hw.real.clock import MonotonicClock, unix_s, wall_clock, wall_offset_ns
 
 
 @given(times=st.lists(st.integers(0, 10**12), max_size=20))
@@ -27,3 +29,9 @@ def test_the_machines_clock_keeps_absolute_deadlines(ahead_ns: int) -> None:
     clock.sleep_until_ns(start_ns + ahead_ns)
     assert clock.now_ns() >= start_ns + ahead_ns
     assert clock.now_ns() - start_ns < 500_000_000          # a deadline that is past costs nothing
+
+
+def test_the_wall_clock_is_the_machines_clock_and_an_offset() -> None:
+    assert abs(MonotonicClock().now_ns() + wall_offset_ns() - time.time_ns()) < 500_000_000
+    assert abs(unix_s(wall_clock()) - time.time()) < 5.0
+    assert unix_s("2026-02-02T03:40:07+01:00") == 1_770_000_007

@@ -3,6 +3,8 @@
 import signal
 import socket
 import sys
+import time
+from datetime import datetime
 from pathlib import Path
 
 import msgspec
@@ -19,7 +21,7 @@ from truearc.hw.devices.button_box.frames import make_heartbeat
 from truearc.robot.config.schema import load_config
 from truearc.robot.operator_ui.page_option import parse_page
 from truearc.robot.operator_ui.server import open_page
-from truearc.robot.recording.session import LATENESS
+from truearc.robot.recording.session import LATENESS, load_header
 from truearc.robot.tick import step
 from truearc.robot.vision_source import NoEyes
 
@@ -69,7 +71,11 @@ def test_a_run_ends_idle_timed_and_announced(wires, tmp_path, monkeypatch, capsy
     assert [frame.data[0] for frame in wires.sent[-4:]] == [1, 1, 1, 1]       # every axis asked to be idle
     out = capsys.readouterr().out
     assert f"{TICKS} ticks" in out and f"3.00 ms (all); 0 of {TICKS - 1} by a whole tick or more" in out
-    rows = [msgspec.json.decode(row) for row in next((tmp_path / "s").iterdir()).joinpath(LATENESS).open("rb")]
+    (session,) = (tmp_path / "s").iterdir()
+    header = load_header(session)
+    assert abs(header.wall_offset_ns + time.monotonic_ns() - time.time_ns()) < 1e9
+    assert abs(datetime.fromisoformat(header.started).timestamp() - time.time()) < 60.0
+    rows = [msgspec.json.decode(row) for row in session.joinpath(LATENESS).open("rb")]
     assert sum(sum(row["counts"]) for row in rows) == TICKS - 1 and len(rows) == 3
     assert max(row["worst_us"] for row in rows) == 3000.0
 

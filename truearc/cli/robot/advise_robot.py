@@ -9,7 +9,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from truearc.cli.robot.run_robot import Ending, make_room
-from truearc.hw.real.clock import MonotonicClock, wall_clock
+from truearc.hw.real.clock import MonotonicClock, wall_clock, wall_offset_ns
 from truearc.robot.advice.advice_io import AdviceIo, Adviser, advised_columns
 from truearc.robot.advice.nt_camera import NtCamera, keys_of_camera
 from truearc.robot.advice.nt_keys import NtKeys
@@ -45,7 +45,7 @@ def advise(args: argparse.Namespace) -> tuple[int, Path]:
         seeing = config.nt4.vision if config.nt4 else None
         keys = NtKeys(args.nt, [*keys_of(shot_map), *(keys_of_camera(seeing) if seeing else [])])
         wires.callback(keys.close)
-        header = replace(make_header(config, gate, started, aims.get("")), policy=POLICY)
+        header = replace(make_header(config, gate, started, aims.get(""), wall_offset_ns()), policy=POLICY)
         recorder = SessionWriter(folder, header, config, args.gate.read_bytes(), lossless=False, aim=aim)
         wires.callback(recorder.close)
         clock = MonotonicClock()

@@ -17,7 +17,7 @@ from truearc.cli.gate.answer import make_command
 from truearc.cli.robot.run_processes import LAYOUTS, ProcessLayout
 from truearc.hw.protocols import Bus, Clock, LinkLost, Stream
 from truearc.hw.real.can_bus import open_can
-from truearc.hw.real.clock import MonotonicClock, wall_clock
+from truearc.hw.real.clock import MonotonicClock, wall_clock, wall_offset_ns
 from truearc.hw.real.realtime import ask_core, ask_fifo, ask_fifo_beside, ask_locked_memory
 from truearc.hw.real.reconnect import MendedStream
 from truearc.hw.real.serial_port import open_serial
@@ -89,7 +89,7 @@ def run_robot(args: argparse.Namespace) -> int:
                    partial(open_publisher, config, args.gate if asks else None, False))
         layout = LAYOUTS[args.layout](config, wires, partial(open_screens, screens))
         bus, box, eyes, clock = _open_wires(config, layout, wires, tally)
-        recorder = SessionWriter(folder, make_header(config, gate, started, aims.get("")), config,
+        recorder = SessionWriter(folder, make_header(config, gate, started, aims.get(""), wall_offset_ns()), config,
                                  args.gate.read_bytes() if args.gate else None, lossless=False,
                                  open_keeper=layout.open_keeper, aim=args.aim.read_bytes() if args.aim else None)
         wires.callback(recorder.close)

@@ -5,11 +5,12 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from truearc.cli.robot.run_robot import Ending, open_bus
 from truearc.hw.protocols import CameraFrame, LinkLost
-from truearc.hw.real.clock import MonotonicClock, wall_clock
+from truearc.hw.real.clock import MonotonicClock, wall_clock, wall_offset_ns
 from truearc.hw.real.serial_port import open_serial
 from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config, InputError, about
@@ -51,7 +52,9 @@ class Watch:
 
 def open_recorder(folder: Path, config: Config, started: str | None, lossless: bool) -> SessionWriter:
     """Open a session whose header says that it records a sysid program, not shots."""
-    return SessionWriter(folder, replace(make_header(config, None, started), policy=POLICY), config, None, lossless)
+    offset_ns = UNSET if started is None else wall_offset_ns()
+    header = replace(make_header(config, None, started, wall_offset_ns=offset_ns), policy=POLICY)
+    return SessionWriter(folder, header, config, None, lossless)
 
 
 def drive_robot(config: Config, folder: Path | None, tell: Say) -> Path:
