@@ -11,7 +11,7 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.data.dataset import Shots
 from truearc.sim.physics import catalogue as known
-from truearc.sim.physics.flight import STEP_S, Balls, Crossing, fly, with_balls
+from truearc.sim.physics.flight import STEP_S, Balls, Crossing, fly, path, with_balls
 from truearc.sim.physics.launch import Exit, exit_no_slip, exit_opposed, is_opposed
 from truearc.sim.physics.term import Opening, complete
 from truearc.sim.progress import Progress
@@ -20,6 +20,8 @@ MISS, TWO, THREE = "miss", "two", "three"
 BLOCK = 4096                          # rows flown at once
 LAUNCH_STATE = ("exit_speed_m_s", "exit_spin_rev_s")
 DIGITS = 9                            # of derived columns: rounding errors must not become a covariate
+POINT_S, POINTS = 0.01, 400           # of a trajectory; straight lines between its points are within 0.2 mm of it
+LANES = 256                           # flown at once for trajectories
 NAMED = 5                             # shots that a message names before it only counts
 ORDINARY = Circumstances()
 
@@ -44,6 +46,45 @@ def predict(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Sh
     own = with_balls(rig, balls)
     exit, distance_m = sense(own, values, launch_of(rig, shots), require(shots, "distance_m"), whose, among)
     return fly_rows(rig, values, leave(own, values, exit, whose, among), distance_m, progress, among, balls, step_s)
+
+
+def trajectories(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots,
+                 circumstances: Circumstances = ORDINARY, among: known.Catalogue | None = None
+                 ) -> tuple[tuple[np.ndarray, float], ...]:
+    """Each shot's flight, flown as `predict` does with the rig's ball, and the distance to its plane in m.
+
+    A flight is places [k, 3] in m in the launcher's frame (x toward the target, y left, z up; origin on the floor below
+    the exit), POINT_S apart, from the exit to where it first meets the plane or the floor or turns back; it ends after
+    POINTS in any case. InputError names shots without a distance or a launch.
+    """
+    values, whose = known.effective(coefficients, circumstances, among), by_robot(shots)
+    exit, distance_m = sense(rig, values, launch_of(rig, shots), require(shots, "distance_m"), whose, among)
+    exit = Exit(*map(np.asarray, leave(rig, values, exit, whose, among)))
+    terms = known.flight_terms({"gravity", *values}, among)
+    named = {term.name: values[term.name] for term in terms if term.name in values}
+    flown: list[tuple[np.ndarray, float]] = []
+    for first in range(0, len(shots), LANES):
+        rows = np.arange(first, min(first + LANES, len(shots)))
+        axes = path(rig, terms, take_values(named, rows), exit.take(rows), POINTS, POINT_S).position_m
+        places = np.stack(np.broadcast_arrays(*map(np.asarray, axes)), axis=-1)
+        flown += [(_until_end(places[:, lane], plane_m), plane_m)
+                  for lane, plane_m in enumerate(np.asarray(distance_m)[rows].tolist())]
+    return tuple(flown)
+
+
+def _until_end(places: np.ndarray, distance_m: float) -> np.ndarray:
+    """Up to the plane, the floor or the turn, whichever is first; there on the straight line to the point beyond."""
+    x, z = places[:, 0], places[:, 2]
+    beyond = np.flatnonzero((x[1:] >= distance_m) | (z[1:] < 0.0) | (np.diff(x) <= 0.0))
+    if len(beyond) == 0:
+        return places
+    before, after = places[beyond[0]], places[beyond[0] + 1]
+    share = 1.0 if after[0] > before[0] else 0.0
+    if after[0] >= distance_m:
+        share = (distance_m - before[0]) / (after[0] - before[0])
+    if after[2] < 0.0:
+        share = min(share, before[2] / (before[2] - after[2]))
+    return np.concatenate([places[:beyond[0] + 1], [before + share * (after - before)]])
 
 
 def own_balls(rig: Rig, shots: Shots) -> Balls | None:
