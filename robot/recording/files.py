@@ -30,15 +30,15 @@ Row = tuple[int, bytes, list[tuple[Frame, bool]], list[bytes]]
 class TickFile:
     """telemetry.mcap: a message per tick on /tick, one per marked trial on /trial.
 
-    Every `flush` ends a chunk, so that what is before it can be read.
+    Every `flush` ends a chunk, so that what is before it can be read. `mcap`: its writer, for further topics.
     """
 
     def __init__(self, file: IO[bytes] | Appender, rows: RowFormat) -> None:
         self._file, self._written = file, Counter[int]()
-        self._mcap = Writer(file, compression=CompressionType.ZSTD)
-        self._mcap.start(profile="", library="truearc")
+        self.mcap = Writer(file, compression=CompressionType.ZSTD)
+        self.mcap.start(profile="", library="truearc")
         self._ticks, self._trials = (
-            self._mcap.register_channel(topic, "json", self._mcap.register_schema(
+            self.mcap.register_channel(topic, "json", self.mcap.register_schema(
                 f"truearc.{kind.__name__}", "jsonschema", rows.schema(kind)))
             for topic, kind in ((layout.TICK_TOPIC, Tick), (layout.TRIAL_TOPIC, Trial)))
 
@@ -52,15 +52,15 @@ class TickFile:
         self._add(self._trials, t_ns, row)
 
     def flush(self) -> None:
-        self._mcap.flush()
+        self.mcap.flush()
 
     def finish(self) -> None:
         """Write the summary that makes the file whole."""
-        self._mcap.finish()
+        self.mcap.finish()
         self._file.flush()
 
     def _add(self, channel: int, t_ns: int, row: bytes) -> None:
-        self._mcap.add_message(channel, log_time=t_ns, data=row, publish_time=t_ns, sequence=self._written[channel])
+        self.mcap.add_message(channel, log_time=t_ns, data=row, publish_time=t_ns, sequence=self._written[channel])
         self._written[channel] += 1
 
 

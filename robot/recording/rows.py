@@ -1,6 +1,6 @@
 """How ticks and trials are written in a session's files: the newest format, and whichever an older session has."""
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import msgspec
 from msgspec import Struct
@@ -34,6 +34,11 @@ class RowFormat(Protocol):
         """These as they are after they were written and read."""
 
 
+def as_object(schema: dict[str, Any]) -> dict[str, Any]:
+    """A JSON schema that says at its root that it is an object: a viewer refuses one whose root is a reference."""
+    return {"type": "object", "properties": {}, "allOf": [{"$ref": schema["$ref"]}], "$defs": schema["$defs"]}
+
+
 class Rows2:
     """truearc.session/2: the structs as they are, reasons as code and parameters."""
 
@@ -43,7 +48,7 @@ class Rows2:
         self.decode_trial = msgspec.json.Decoder(Trial).decode
 
     def schema(self, kind: type[Tick] | type[Trial]) -> bytes:
-        return msgspec.json.encode(msgspec.json.schema(kind))
+        return msgspec.json.encode(as_object(msgspec.json.schema(kind)))
 
     def recorded(self, reasons: tuple[Reason, ...]) -> tuple[Reason, ...]:
         return reasons

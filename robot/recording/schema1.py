@@ -21,7 +21,7 @@ import msgspec
 from truearc.hw import fault_codes as hw
 from truearc.hw.reason import OPTIONAL, Code, Reason
 from truearc.robot import reasons as bot
-from truearc.robot.recording.rows import Trial
+from truearc.robot.recording.rows import Trial, as_object
 from truearc.robot.types import Progress, Tick
 
 MOTOR = r"(?:flywheel motor \d+|hood motor|feeder motor)"
@@ -111,7 +111,7 @@ class Rows1:
     def schema(self, kind: type[Tick] | type[Trial]) -> bytes:
         made = msgspec.json.schema(kind)
         made["$defs"]["Reason"] = {"title": "Reason", "type": "string"}
-        return self._encode(made)
+        return self._encode(as_object(made))
 
     def recorded(self, reasons: tuple[Reason, ...]) -> tuple[Reason, ...]:
         return tuple(read(write(one)) for one in reasons)

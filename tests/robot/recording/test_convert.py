@@ -103,7 +103,8 @@ def test_wpilibs_own_reader_agrees(plain, tmp_path):
             start = record.getStartData()
             started[start.entry] = (start.name, start.type, start.metadata)
             continue
-        value = getattr(record, getters[started[record.getEntry()][1]])()
+        kind = started[record.getEntry()][1]
+        value = bytes(record.getRaw()) if kind.startswith("struct") else getattr(record, getters[kind])()
         heard.append((record.getEntry(), record.getTimestamp(), value))
     assert started == signals and len(heard) == len(records)
     for (number, t_us, value), (entry, stamp, payload) in zip(heard, records, strict=True):
@@ -112,6 +113,44 @@ def test_wpilibs_own_reader_agrees(plain, tmp_path):
             assert struct.pack("<d", value) == payload
         elif signals[number][1] == "int64":
             assert struct.pack("<q", value) == payload
+        elif signals[number][1].startswith("struct"):
+            assert value == payload
+
+
+def test_a_wpilog_has_poses_by_their_schemas_and_when_the_robot_was_enabled(plain, tmp_path):
+    signals, records = read_wpilog(convert(plain, "wpilog", tmp_path / "s.wpilog").read_bytes())
+    numbers = {name: number for number, (name, _, _) in signals.items()}
+    schemas = {name.removeprefix("/.schema/struct:"): next(
+        payload.decode() for at, _, payload in records if at == number)
+        for name, number in numbers.items() if name.startswith("/.schema/struct:")}
+    assert all(signals[numbers[f"/.schema/struct:{name}"]][1] == "structschema" for name in schemas)
+    assert signals[numbers["/pose"]][1] == "struct:Pose2d" and signals[numbers["DS:enabled"]][1] == "boolean"
+
+    def decode(kind, data):                       # by WPILib's struct schema language, as far as it is used
+        fields = {}
+        for field in schemas[kind].split(";"):
+            inner, name = field.split()
+            if inner == "double":
+                fields[name], data = struct.unpack("<d", data[:8])[0], data[8:]
+            else:
+                fields[name], data = decode(inner, data)
+        return fields, data
+
+    poses = {t_us: decode("Pose2d", payload) for number, t_us, payload in records if number == numbers["/pose"]}
+    enabled = {t_us: payload for number, t_us, payload in records if number == numbers["DS:enabled"]}
+    pose, armed = None, None
+    for tick in ticks(plain):
+        pose, armed = poses.get(tick.inputs.t_ns // 1000, pose), enabled.get(tick.inputs.t_ns // 1000, armed)
+        assert armed == (b"\1" if tick.memory.armed else b"\0")
+        if tick.estimate.distance_m is None:
+            assert pose is None
+            continue
+        found, rest = pose
+        assert rest == b"" and found["translation"] == {"x": tick.estimate.distance_m, "y": 0.0}
+        yaw = found["rotation"]["value"]          # the target, seen from the robot, lies to its right by the bearing
+        ahead, left = (-found["translation"]["x"] * math.cos(yaw), found["translation"]["x"] * math.sin(yaw))
+        assert math.degrees(math.atan2(-left, ahead)) == pytest.approx(tick.memory.last_sighting.bearing_deg, abs=1e-9)
+    assert len(enabled) >= 2 and len(poses) > 10
 
 
 @given(number=st.integers(1, 400), t_us=st.integers(0, 2**63 - 1), texts=st.lists(st.text(max_size=20), max_size=4))
@@ -173,7 +212,9 @@ def test_a_recording_itself_has_ticks_and_trials(plain):
 
 
 def test_mcap_has_what_the_recording_has(plain, tmp_path):
-    assert read_mcap(convert(plain, "mcap", tmp_path / "s.mcap")) == read_mcap(plain / "telemetry.mcap")
+    (heard, schemas), (recorded, names) = (read_mcap(path) for path in (
+        convert(plain, "mcap", tmp_path / "s.mcap"), plain / "telemetry.mcap"))
+    assert heard == recorded and schemas > names
 
 
 @pytest.mark.parametrize("name", ["golden_faults", "golden_2"])

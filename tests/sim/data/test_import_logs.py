@@ -189,3 +189,13 @@ def test_every_map_that_comes_with_truearc_can_be_read_and_says_what_it_is_for()
     maps = ready_maps()
     assert set(maps) == {"advantagekit", "wpilib", "viking-2928", "ftc-csv", "tracker", "kinovea"}
     assert all(len(about) > 20 for about in maps.values()) and all(load_map(name).columns for name in maps)
+
+
+def test_a_session_that_was_exported_is_read_with_its_poses(session: Path, tmp_path: Path) -> None:
+    out = tmp_path / "monday.wpilog"
+    assert main(["session", "convert", str(session), "--to", "wpilog", "-o", str(out), "--quiet"]) == 0
+    log, ticks = read_wpilog(out), list(ta.Recording(session))
+    at_s = ticks[-1].inputs.t_ns * 1e-9
+    assert log["/pose/translation/x"].before(at_s) == ticks[-1].estimate.distance_m is not None
+    assert log["/pose/translation/y"].before(at_s) == 0.0 and log["DS:enabled"].before(at_s) == ticks[-1].memory.armed
+    assert log["/estimate/hood_deg"].unit == "deg" and "systemTime" not in log

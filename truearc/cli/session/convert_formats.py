@@ -8,12 +8,14 @@ from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
 
-from truearc.cli.common import make_progress
+from truearc.cli.common import catalogue_of, make_progress, refuse
 from truearc.cli.outputs import refuse_file
 from truearc.robot.config.schema import InputError
 from truearc.robot.recording.export import convert as exports
 from truearc.robot.recording.export.convert import TRIAL_COLUMNS, ExportRows
+from truearc.robot.recording.export.field_pose import in_target_frame
 from truearc.robot.recording.export.tabular import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Column, Value
+from truearc.robot.recording.export.viewer_mcap import NO_FLIGHTS, Flights
 
 GROUP_ROWS = 10_000                   # of a Parquet file
 WriteRows = Callable[[tuple[Column, ...], Iterator[list[Value]], Path], None]
@@ -25,10 +27,13 @@ def convert(args: argparse.Namespace) -> int:
         raise InputError(f"{args.out}: lies in the session that it is made from; a recording is never written over")
     if args.to in ("csv", "parquet"):
         refuse_file(trials_path(args.out), args.force)
+    if args.to != "mcap":
+        refuse(args, ("--belief", "--terms-from"), "applies with --to mcap only")
     progress = make_progress("convert", args.quiet)
     rows = ExportRows(args.session, progress)
+    formats = FORMATS | {"mcap": partial(_to_one_file, partial(_write_mcap, flights=_flights(args)))}
     try:
-        made = FORMATS[args.to](rows, args.out)
+        made = formats[args.to](rows, args.out)
         if rows.count == 0:
             raise InputError(f"{rows.reader.path}: no ticks to convert"
                            + (f" ({rows.reader.cut_short})" if rows.reader.cut_short else ""))
@@ -76,6 +81,41 @@ def _to_one_file(write: Callable[[ExportRows, BinaryIO], None], rows: ExportRows
     return (out,)
 
 
+def _write_mcap(rows: ExportRows, file: BinaryIO, flights: Flights) -> None:
+    if lost := exports.write_mcap(rows, file, flights):
+        print(f"warning: {rows.session}: {lost} images are named but missing", file=sys.stderr)
+
+
+def _flights(args: argparse.Namespace) -> Flights:
+    """The flights of the session's marked shots by --belief, before the target."""
+    if args.belief is None:
+        refuse(args, ("--terms-from",), "applies with --belief only")
+        return NO_FLIGHTS
+    try:
+        from truearc.sim.compile_cache import keep_compiled
+        from truearc.sim.data.recordings import shots_from_sessions
+        from truearc.sim.data.shot_conditions import circumstances_of
+        from truearc.sim.infer.belief import load_belief
+        from truearc.sim.infer.curve import along
+        from truearc.sim.infer.likelihood.shot_columns import every_column
+        from truearc.sim.physics.simulate import trajectories
+    except ModuleNotFoundError as error:
+        raise InputError(f"--belief: needs {error.name}, which the robot's base install leaves out: "
+                         "pip install 'truearc[sim]'") from error
+    keep_compiled()
+    belief = load_belief(args.belief, catalogue_of(args))
+    dataset = shots_from_sessions([args.session], args.session.name)
+    what = f"as the belief {args.belief.name} has it from the set points at the feed; not measured"
+    if other := belief.other_rig(dataset.rig):
+        print(f"warning: {args.belief}: {other}", file=sys.stderr)
+        what += f"; {other}"
+    around = along(belief.curves, circumstances_of(dataset), every_column(dataset), len(dataset.shots))
+    flown = trajectories(dataset.rig, belief.coefficients, dataset.shots, around, belief.catalogue)
+    points = {int(shot_id.rpartition("-")[2]): [in_target_frame(distance_m, *place) for place in places.tolist()]
+              for shot_id, (places, distance_m) in zip(dataset.shots.shot_id, flown, strict=True)}
+    return Flights(points, what, (args.belief,))
+
+
 def trials_path(out: Path) -> Path:
     """Where the trials go: week.csv -> week.trials.csv."""
     return out.with_suffix(".trials" + out.suffix)
@@ -88,5 +128,4 @@ def _part(path: Path) -> Path:
 
 FORMATS: dict[str, Callable[[ExportRows, Path], tuple[Path, ...]]] = {
     "csv": partial(_to_two_files, exports.write_csv), "parquet": partial(_to_two_files, _write_parquet),
-    "mcap": partial(_to_one_file, exports.write_mcap),
     "wpilog": partial(_to_one_file, exports.write_wpilog)}
