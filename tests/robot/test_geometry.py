@@ -36,7 +36,7 @@ def test_the_encoder_may_wrap_between_zero_and_the_hood():
     zero = CONFIG.hood_encoder.zero_deg
     for elevation in (-30.0, 0.0, 15.0, 75.0, 179.0):
         angle = math.radians((zero + elevation) % 360.0)
-        assert elevation_from_encoder_deg(angle, CONFIG.hood_encoder) == pytest.approx(elevation, abs=1e-9)
+        assert elevation_from_encoder_deg(angle, CONFIG.hood_encoder, zero) == pytest.approx(elevation, abs=1e-9)
 
 
 def test_the_exit_is_nearer_than_the_lens():
