@@ -10,6 +10,7 @@ With `aim.policy = "belief"` the set points are those of the aim file, and the d
 import math
 
 from msgspec import UNSET, UnsetType
+from msgspec.structs import replace
 
 from truearc.robot.aim_file import NO_AIMS, Aims, needs_aim
 from truearc.robot.config.rig_spec import Target
@@ -24,6 +25,7 @@ EXPLAINED = 0.25                      # a trim of this share of the spread expla
 PLACE_M = 0.3                         # a shot of the plan is fired from no further than this from its place
 Walk = tuple[float, float, float]
 REAIM_M = 0.1                         # an aim by an aim file is made again where the robot has moved by more than this
+STILL_M_S = 0.05                      # a robot that is slower stands
 PLAN, BELIEF = "plan", "belief"
 IDLE = Aim(motor_ratio=0.0, hood_deg=0.0, source="idle")
 NO_FILE = Aim(motor_ratio=0.0, hood_deg=0.0, source="no-aim-file")
@@ -67,7 +69,7 @@ def aim(estimate: Estimate, memory: Memory, config: Config, aims: Aims = NO_AIMS
     if config.collect.prescribed:
         return _prescribed(estimate.distance_m, memory.trial, config.collect)
     if needs_aim(config):
-        return _by_belief(estimate.distance_m, memory, aims)
+        return _by_belief(estimate.distance_m, estimate, memory, config, aims)
     hood_deg, trim = _elevation(estimate.distance_m, target, memory.trial, config)
     rise_m = target.centre_height_m - config.rig.launcher.release_height_m
     speed = vacuum_speed_m_s(estimate.distance_m, rise_m, hood_deg, config.rig.world.gravity_m_s2)
@@ -78,16 +80,44 @@ def aim(estimate: Estimate, memory: Memory, config: Config, aims: Aims = NO_AIMS
     return Aim(motor_ratio=min(max(ratio, 0.0), 1.0), hood_deg=hood_deg, source=PLAN)
 
 
-def _by_belief(distance_m: float, memory: Memory, aims: Aims) -> Aim:
+def _by_belief(distance_m: float, estimate: Estimate, memory: Memory, config: Config, aims: Aims) -> Aim:
     file = aims.get(memory.aim_sha256 or "")
     if file is None:
         return NO_FILE
-    point = file.at(distance_m)
+    asked = None if config.nt4 is None else config.nt4.velocity
+    toward, left = estimate.toward_m_s, estimate.leftward_m_s
+    moving = None if asked is None or toward is UNSET or left is UNSET else file.moving(
+        distance_m, toward, left, asked.delay_s)
+    if moving is None and is_moving(estimate):
+        return BEYOND
+    point = file.at(distance_m) if moving is None else moving.point
+    trim = 0.0 if moving is None else moving.trim
     correction = memory.walk[0]
-    ratio = 0.0 if point is None else point.motor_ratio * math.exp(correction)
+    ratio = 0.0 if point is None else point.motor_ratio * math.exp(correction + trim)
     if point is None or not 0.0 < ratio <= 1.0:
         return BEYOND
-    return Aim(ratio, point.hood_deg, BELIEF, correction=correction, lead_deg=point.lead_deg)
+    if moving is None:
+        return Aim(ratio, point.hood_deg, BELIEF, correction=correction, lead_deg=point.lead_deg)
+    return Aim(ratio, point.hood_deg, BELIEF, correction=correction, lead_deg=point.lead_deg + moving.lead_deg,
+               virtual_m=moving.virtual_m, trim=trim)
+
+
+def is_moving(estimate: Estimate) -> bool:
+    """Whether the robot is known to drive."""
+    return speed_m_s(estimate) > STILL_M_S
+
+
+def speed_m_s(estimate: Estimate) -> float:
+    """Of the robot; 0 where it is not known."""
+    toward, left = estimate.toward_m_s, estimate.leftward_m_s
+    return 0.0 if toward is UNSET or left is UNSET else math.hypot(toward, left)
+
+
+def as_at_rest(estimate: Estimate, aim: Aim) -> Estimate:
+    """The same throw from a robot that stands: what the gate, which knows such shots alone, is asked."""
+    if aim.virtual_m is UNSET or aim.trim is UNSET:
+        return estimate
+    return replace(estimate, distance_m=aim.virtual_m, motor_ratio=estimate.motor_ratio * math.exp(-aim.trim))
 
 
 def place_m(distance_m: float | None, memory: Memory, config: Config) -> float | None:

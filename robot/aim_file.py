@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
-from msgspec import Struct
+from msgspec import UNSET, Struct, UnsetType
 
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target
 from truearc.robot.config.schema import MAX_TEXT_BYTES, Config, InputError, load_bytes, naming
@@ -28,6 +28,9 @@ CONTRACT = {"in": "distance_m: ball exit to target plane, horizontal",
             "between": "cubic Hermite"}
 CHECKED = 8                           # places between two distances at which a file is tried when it is read
 LONGEST_NOTE = 200                    # characters
+ROUNDS = 16                           # to the distance of a throw on the move: each leaves a third of the error at most
+CLOSE_M = 1e-3                        # what may then be left
+MOST_SHARE = 0.7                      # sine of the greatest lead
 
 
 class Curve(Struct, frozen=True, forbid_unknown_fields=True):
@@ -37,13 +40,26 @@ class Curve(Struct, frozen=True, forbid_unknown_fields=True):
     slope: tuple[float, ...]          # per metre
 
 
-class Segment(Struct, frozen=True, forbid_unknown_fields=True):
+class Motion(Struct, frozen=True, forbid_unknown_fields=True):
+    """Effect of the robot's own velocity on a ball thrown with a set point."""
+
+    carry_s: Curve                    # m per m/s along the throw, until it comes to its distance
+    sideways_s: Curve                 # and across
+    trim_s_m: Curve                   # change of the log of the motor's speed per m/s along
+    bend_s2_m2: Curve                 # and per square of that
+    sink_s2_m2: Curve                 # per square of the velocity across
+    low_m: float                      # least distance for which that is known
+    high_m: float                     # greatest
+
+
+class Segment(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Set points from its first distance to its last, which ascend; two at least."""
 
     distance_m: tuple[float, ...]     # exit to target plane, horizontal
     hood_deg: Curve                   # launch elevation
     motor_ratio: Curve                # motor speed / free speed
     lead_deg: Curve                   # aim to the left of the target
+    motion: Motion | UnsetType = UNSET            # absent: not to be shot with on the move
 
 
 class AimRig(Struct, frozen=True, forbid_unknown_fields=True):
@@ -74,6 +90,16 @@ class SetPoint(NamedTuple):
     lead_deg: float
 
 
+class OnTheMove(NamedTuple):
+    """A set point for a robot that drives: where a robot at rest would have to stand for the same throw, that set
+    point, by how much more to aim to the left of the target, and the log of the speed that comes on top."""
+
+    virtual_m: float
+    point: SetPoint
+    lead_deg: float
+    trim: float
+
+
 class AimFile(NamedTuple):
     """A loaded aim file. Made by load_aim only, which has checked it. `sha256`: of the file."""
 
@@ -82,10 +108,37 @@ class AimFile(NamedTuple):
 
     def at(self, distance_m: float) -> SetPoint | None:
         """The set point for a distance; None where the file has none."""
-        for segment in self.content.segments:
-            if segment.distance_m[0] <= distance_m <= segment.distance_m[-1]:
-                return _between(segment, distance_m)
-        return None
+        segment = self._segment(distance_m)
+        return None if segment is None else _between(segment, distance_m)
+
+    def moving(self, distance_m: float, toward_m_s: float, left_m_s: float, delay_s: float) -> OnTheMove | None:
+        """The set point for a robot whose velocity, toward the target and to the left of it, the ball takes along.
+
+        delay_s: from now to when it leaves. None where the file has none.
+        """
+        turn_rad, virtual_m = 0.0, distance_m
+        for _ in range(ROUNDS):
+            segment = self._segment(virtual_m)
+            if segment is None or segment.motion is UNSET or not (
+                    segment.motion.low_m <= virtual_m <= segment.motion.high_m):
+                return None
+            carry_s, sideways_s, trim, bend, sink = (_cubic(segment, curve, virtual_m)
+                                                     for curve in _curves(segment.motion))
+            along = toward_m_s * math.cos(turn_rad) + left_m_s * math.sin(turn_rad)
+            across = left_m_s * math.cos(turn_rad) - toward_m_s * math.sin(turn_rad)
+            share = -(sideways_s + delay_s) * across / distance_m if distance_m > 0.0 else math.inf
+            if not abs(share) <= MOST_SHARE:
+                return None
+            before, turn_rad = virtual_m, math.asin(share)
+            virtual_m = distance_m * math.cos(turn_rad) - (carry_s + delay_s) * along
+        if not abs(virtual_m - before) <= CLOSE_M or (segment := self._segment(virtual_m)) is None:
+            return None
+        return OnTheMove(virtual_m, _between(segment, virtual_m), math.degrees(turn_rad),
+                         trim * along + bend * along * along + sink * across * across)
+
+    def _segment(self, distance_m: float) -> Segment | None:
+        return next((one for one in self.content.segments if one.distance_m[0] <= distance_m <= one.distance_m[-1]),
+                    None)
 
 
 Aims = Mapping[str, AimFile]          # by hash; under "" the one that the robot started with
@@ -93,15 +146,22 @@ NO_AIMS: Aims = {}
 
 
 def _between(segment: Segment, distance_m: float) -> SetPoint:
+    return SetPoint._make(_cubic(segment, curve, distance_m)
+                          for curve in (segment.hood_deg, segment.motor_ratio, segment.lead_deg))
+
+
+def _curves(motion: Motion) -> list[Curve]:
+    return [motion.carry_s, motion.sideways_s, motion.trim_s_m, motion.bend_s2_m2, motion.sink_s2_m2]
+
+
+def _cubic(segment: Segment, curve: Curve, distance_m: float) -> float:
     x = segment.distance_m
     k = min(bisect_right(x, distance_m), len(x) - 1) - 1
     wide = x[k + 1] - x[k]
     t = (distance_m - x[k]) / wide
     u = 1.0 - t
     first, last, leaving, coming = u * u * (1.0 + 2.0 * t), t * t * (3.0 - 2.0 * t), wide * t * u * u, -wide * t * t * u
-    return SetPoint._make(
-        first * curve.value[k] + last * curve.value[k + 1] + leaving * curve.slope[k] + coming * curve.slope[k + 1]
-        for curve in (segment.hood_deg, segment.motor_ratio, segment.lead_deg))
+    return first * curve.value[k] + last * curve.value[k + 1] + leaving * curve.slope[k] + coming * curve.slope[k + 1]
 
 
 def contract_hash() -> str:
@@ -171,7 +231,8 @@ def _errors(content: AimContent) -> Iterator[tuple[str, str]]:
         yield "note", f"not a line of at most {LONGEST_NOTE} characters"
     for number, segment in enumerate(content.segments):
         x, name = segment.distance_m, f"segments[{number}]"
-        curves = (segment.hood_deg, segment.motor_ratio, segment.lead_deg)
+        moving = [] if segment.motion is UNSET else _curves(segment.motion)
+        curves = (segment.hood_deg, segment.motor_ratio, segment.lead_deg, *moving)
         if len(x) < 2 or any(len(part) != len(x) for curve in curves for part in (curve.value, curve.slope)):
             yield name, "two distances are needed at least, and as many of everything else"
         elif not all(map(math.isfinite, (*x, *(y for curve in curves for y in (*curve.value, *curve.slope))))):

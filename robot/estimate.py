@@ -131,6 +131,7 @@ def estimate(inputs: Inputs, memory: Memory, config: Config) -> Estimate:
     if memory.track is not UNSET:
         rate = memory.track.rate_m_s
         distance = memory.track.distance_m + rate * (inputs.t_ns - memory.track.t_ns) * NS
+    toward, leftward, bearing = _velocity(inputs, sighting, config)
     return Estimate(
         motor_rad_s=mean,
         motor_ratio=mean / free if free else 0.0,
@@ -142,8 +143,20 @@ def estimate(inputs: Inputs, memory: Memory, config: Config) -> Estimate:
         battery_v=sum(motor.bus_v for motor in inputs.flywheels) / len(inputs.flywheels),
         oldest_s=_oldest_s(inputs, config),
         sighting_s=None if sighting is None else (inputs.t_ns - sighting.t_ns) * NS,
-        closing_m_s=rate,
+        closing_m_s=rate, toward_m_s=toward, leftward_m_s=leftward, bearing_deg=bearing,
     )
+
+
+def _velocity(inputs: Inputs, sighting: Sighting | None,
+              config: Config) -> tuple[float | UnsetType, float | UnsetType, float | UnsetType]:
+    """(toward the target, to the left of it, bearing of the target in degrees), absent where one is not known."""
+    moves = inputs.velocity
+    if moves is UNSET or sighting is None or not is_fresh(inputs, moves.t_ns, config):
+        return UNSET, UNSET, UNSET
+    bearing = math.radians(sighting.bearing_deg or 0.0)
+    c, s = math.cos(bearing), math.sin(bearing)
+    return (c * moves.forward_m_s - s * moves.left_m_s, s * moves.forward_m_s + c * moves.left_m_s,
+            sighting.bearing_deg or 0.0)
 
 
 def _oldest_s(inputs: Inputs, config: Config) -> float:

@@ -71,6 +71,12 @@ KEY_IMPLAUSIBLE = Code("key_implausible", "{key}: {value} is not an angle", {"ke
 KEY_JUMPED = Code("key_jumped", "{key} jumped {ago_s:.1f} s ago", {"key": "text"})
 NT_VALUE_IMPOSSIBLE = Code("nt_value_impossible", "{key}: not a possible value", {"key": "text"})
 
+# Shots on the move
+ROBOT_SPEED_UNKNOWN = Code("robot_speed_unknown", "the robot's velocity is not known, or old")
+ROBOT_TOO_FAST = Code("robot_too_fast", "the robot drives at {speed_m_s:.1f} m/s, above {limit_m_s:.1f}")
+ROBOT_MOVES = Code("robot_moves", "the robot drives at {speed_m_s:.1f} m/s, and there is no set point for that")
+NOT_LED = Code("not_led", "the launcher points {off_deg:+.1f} deg beside its lead of {lead_deg:+.1f}")
+
 # The target
 TARGET_NEVER_SEEN = Code("target_never_seen", "target not seen since the start{cause: (~)}")
 TARGET_STALE = Code("target_stale", "target last seen {age_s:.1f} s ago{cause: (~)}")

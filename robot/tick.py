@@ -1,9 +1,10 @@
 """One tick: estimate -> aim -> verdict -> control. Pure: no clock, no wires, no randomness, so a replay is exact."""
 
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from truearc.robot.aim import aim as aim_at
-from truearc.robot.aim import config_id, from_here, is_left, is_planned, place_m
+from truearc.robot.aim import config_id, from_here, is_left, is_moving, is_planned, place_m, speed_m_s
 from truearc.robot.aim_file import NO_AIMS, Aims
 from truearc.robot.button_logic import operate
 from truearc.robot.config.schema import Config
@@ -38,7 +39,9 @@ def step(inputs: Inputs, memory: Memory, config: Config, gate: Gate | None, aims
 def _hold_aim(belief: Estimate, memory: Memory, config: Config, aims: Aims) -> tuple[Aim, Memory]:
     # From the request on the set points stand still: what follows every noisy sighting never settles. Whether they are
     # for where the robot stands is asked in every tick.
-    if memory.aim is not None and not is_left(memory.aim, memory.aim_place_m, belief.distance_m):
+    # On the move they follow: they belong to a velocity, too.
+    stays = memory.aim is not None and not is_left(memory.aim, memory.aim_place_m, belief.distance_m)
+    if memory.aim is not None and stays and not is_moving(belief):
         return from_here(memory.aim, memory.aim_place_m, belief.distance_m), memory
     aim = aim_at(belief, memory, config, aims)
     fresh = belief.sighting_s is not None and 0.0 <= belief.sighting_s <= config.gate.sighting_age_s
@@ -56,7 +59,7 @@ def _shot(inputs: Inputs, belief: Estimate, verdict: Verdict, memory: Memory, co
         distance_m=belief.distance_m, distance_sigma_m=belief.distance_sigma_m, hood_deg=belief.hood_deg,
         motor_ratio=belief.motor_ratio, motor_rad_s=belief.motor_rad_s, battery_v=belief.battery_v,
         since_last_shot_s=None if before is None else (inputs.t_ns - before.t_ns) * NS,
-        p_two=verdict.p_two, p_three=verdict.p_three)
+        p_two=verdict.p_two, p_three=verdict.p_three, speed_m_s=speed_m_s(belief) if is_moving(belief) else UNSET)
 
 
 def _lapse(inputs: Inputs, verdict: Verdict, memory: Memory, config: Config) -> tuple[Memory, tuple[Outcome, ...]]:

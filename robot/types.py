@@ -33,6 +33,14 @@ class AimOffer(Struct, frozen=True):
     note: str
 
 
+class RobotVelocity(Struct, frozen=True):
+    """How the robot drives, in its own axes; forward is where the launcher throws."""
+
+    t_ns: int
+    forward_m_s: float
+    left_m_s: float
+
+
 class Inputs(Struct, frozen=True, omit_defaults=True):
     """All that the tick may know about the outside; a replay needs nothing else.
 
@@ -52,6 +60,7 @@ class Inputs(Struct, frozen=True, omit_defaults=True):
     unseen: Reason | None = None                  # why the newest image shows no target; None where it does
     missed: Reason | None = None                  # what the button box did that presses may be lost by
     aim_offer: AimOffer | UnsetType = UNSET       # absent while none is on offer
+    velocity: RobotVelocity | UnsetType = UNSET   # newest; absent where none is read, or none can be believed
     aim_accept: str | UnsetType = UNSET           # SHA-256 of the aim file that was just accepted on the page
 
 
@@ -69,6 +78,9 @@ class Estimate(Struct, frozen=True):
     oldest_s: float                               # age of the oldest reading that firing needs
     sighting_s: float | None                      # age of the newest sighting with a target in it
     closing_m_s: float | UnsetType = UNSET        # by which distance_m was brought up to date; falling is negative
+    toward_m_s: float | UnsetType = UNSET         # the robot's velocity toward the target; absent: not known
+    leftward_m_s: float | UnsetType = UNSET       # and to the left of it
+    bearing_deg: float | UnsetType = UNSET        # target to the right of where the launcher points; with a velocity
 
 
 class Aim(Struct, frozen=True):
@@ -80,6 +92,8 @@ class Aim(Struct, frozen=True):
     stand_m: float | UnsetType = UNSET            # it is for this distance, and the robot is elsewhere
     correction: float | UnsetType = UNSET         # by the driver's marks, in the log of the speed; belief only
     lead_deg: float | UnsetType = UNSET           # aim to the left of the target, against wind across; belief only
+    virtual_m: float | UnsetType = UNSET          # on the move: distance from which a robot at rest would throw so
+    trim: float | UnsetType = UNSET               # on the move: what of the log of the speed is for that
 
 
 class Verdict(Struct, frozen=True):
@@ -136,6 +150,7 @@ class Shot(Struct, frozen=True):
     since_last_shot_s: float | None
     p_two: float | None
     p_three: float | None
+    speed_m_s: float | UnsetType = UNSET          # of the robot, where it was shot on the move
 
 
 class Outcome(Struct, frozen=True):

@@ -5,21 +5,24 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
+from msgspec import UNSET
+
 from truearc.hw.protocols import AngleReading, ButtonEvent, CameraFrame, Clock, LinkLost, MotorReading
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.advice.nt_keys import Reading
+from truearc.robot.aim import as_at_rest
 from truearc.robot.config.schema import Config, InputError
 from truearc.robot.config.shot_map import NOT_MARKED, ShotMap, Signal, as_signal, plain
 from truearc.robot.config.unit_table import MOTOR, WHEEL, factor_of, unit_in
 from truearc.robot.gate.model import Gate
 from truearc.robot.reasons import texts
 from truearc.robot.runtime import Recorder
-from truearc.robot.types import Command, Inputs, Sent, Sighting, Tick
+from truearc.robot.types import Command, Inputs, RobotVelocity, Sent, Sighting, Tick
 
 NS_PER_S = 1_000_000_000
-STALE = ("nt_lost", "key_missing", "camera_lost", "device_stale", "device_never_received", "target_stale",
-         "target_never_seen", "ticks_stalled")
+STALE = ("nt_lost", "key_missing", "camera_lost", "robot_speed_unknown", "device_stale", "device_never_received",
+         "target_stale", "target_never_seen", "ticks_stalled")
 DISTANCE = "distance_m"
 NEEDED = (DISTANCE, "hood_deg", "battery_v")
 
@@ -41,18 +44,24 @@ class Camera(Protocol):
     def sight(self, found: Mapping[str, Reading]) -> Sighting | None: ...
 
 
+class Driven(Protocol):
+    """Says how the robot drives."""
+
+    def take(self, found: Mapping[str, Reading]) -> RobotVelocity | None: ...
+
+
 class AdviceIo:
     """Inputs from the keys of a map, `config.tick_hz` times a second; sigma_m: of the robot's own distance, which
-    `camera` measures where there is one.
+    `camera` measures where there is one; driven: how it drives.
 
     Raises:
         InputError: the map lacks a column that advice needs, or states a unit that is not one of its column.
     """
 
     def __init__(self, config: Config, shot_map: ShotMap, keys: Keys, clock: Clock, over: Callable[[], bool],
-                 sigma_m: float, camera: Camera | None = None) -> None:
+                 sigma_m: float, camera: Camera | None = None, driven: Driven | None = None) -> None:
         self._config, self._map, self._keys, self._clock, self._over = config, shot_map, keys, clock, over
-        self._sigma_m, self._camera = sigma_m, camera
+        self._sigma_m, self._camera, self._driven = sigma_m, camera, driven
         self._unseen: Reason | None = None
         if config.hood_encoder.zero_deg is None:
             raise InputError("hood_encoder.zero_deg: missing key; advice does not home the hood")
@@ -86,7 +95,8 @@ class AdviceIo:
         flywheels = (motor,) * len(self._config.axes.flywheels)
         return Inputs(t_ns, self._cycle, flywheels, MotorReading(), MotorReading(),
                       self._angle(self._number("hood_deg", found, faults)), self._see(found, faults),
-                      self._presses(found, t_ns), tuple(faults), unseen=self._unseen)
+                      self._presses(found, t_ns), tuple(faults), unseen=self._unseen,
+                      velocity=(None if self._driven is None else self._driven.take(found)) or UNSET)
 
     def write(self, command: Command) -> Sent:
         """Send nothing."""
@@ -222,13 +232,14 @@ def advice_of(tick: Tick, config: Config, gate: Gate | None) -> dict[str, float 
     """Return the values to publish of a tick; NaN: not known.
 
     verdict: FIRE, HOLD, or STALE where a key is missing or old; age_s: of the oldest key. hood_deg, wheel_rad_s (of the
-    motors), correction: the aim file's; without one where the launcher is, and 0.
+    motors), correction, lead_deg (to the left of the target): the aim file's; without one where the launcher is, and 0.
     """
     seen, verdict = tick.estimate, tick.verdict
     novelty = math.nan
     answered = verdict.p_two is not None
     if gate is not None and answered and seen.distance_m is not None and seen.hood_deg is not None:
-        novelty = _or_nan(gate.rate(seen.distance_m, seen.motor_ratio, seen.hood_deg).novelty)
+        asked = as_at_rest(seen, tick.aim)
+        novelty = _or_nan(gate.rate(asked.distance_m or 0.0, asked.motor_ratio, seen.hood_deg).novelty)
     stamps = [tick.inputs.flywheels[0].t_ns, tick.inputs.hood_angle.t_ns if tick.inputs.hood_angle else 0]
     last = tick.memory.last_sighting
     oldest_ns = min(*stamps, last.t_ns if last else 0)
@@ -239,6 +250,7 @@ def advice_of(tick: Tick, config: Config, gate: Gate | None) -> dict[str, float 
             "reasons": tuple(texts(verdict.reasons)), "novelty": novelty, "hood_deg": tick.aim.hood_deg,
             "wheel_rad_s": tick.aim.motor_ratio * free,
             "correction": tick.aim.correction if isinstance(tick.aim.correction, float) else 0.0,
+            "lead_deg": tick.aim.lead_deg if isinstance(tick.aim.lead_deg, float) else 0.0,
             "age_s": (tick.inputs.t_ns - oldest_ns) / NS_PER_S if oldest_ns else math.nan}
 
 

@@ -10,13 +10,14 @@ from msgspec.structs import replace
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.aim import aim as aim_at
+from truearc.robot.aim import as_at_rest, is_moving, speed_m_s
 from truearc.robot.aim_file import NO_AIMS, Aims
 from truearc.robot.button_logic import operate
 from truearc.robot.config.schema import Config
 from truearc.robot.control import RELEASED
 from truearc.robot.estimate import estimate, remember
 from truearc.robot.gate.model import Gate
-from truearc.robot.gate.verdict import judge_model, judge_target
+from truearc.robot.gate.verdict import judge_model, judge_motion, judge_target
 from truearc.robot.types import Aim, Estimate, Inputs, Memory, Shot, Tick, Verdict, Watched
 
 NS = 1e-9
@@ -41,9 +42,9 @@ def step(inputs: Inputs, memory: Memory, config: Config, gate: Gate | None, aims
     # without an aim file there is nothing to propose: the set points are where the launcher is
     aim = (aim_at(belief, replace(memory, armed=True), config, aims) if aims
            else Aim(max(belief.motor_ratio, 0.0), belief.hood_deg or 0.0, POLICY))
-    p_two, p_three, doubts = judge_model(belief, config.gate, gate)
+    p_two, p_three, doubts = judge_model(as_at_rest(belief, aim), config.gate, gate)
     reasons = (*inputs.faults, *_stale(inputs, config), *_jumped(inputs, watched), *_settled(inputs, watched, config),
-               *judge_target(inputs, belief, config), *doubts)
+               *judge_target(inputs, belief, config), *judge_motion(belief, aim, config), *doubts)
     verdict = Verdict(not reasons, reasons, p_two, p_three)
     shot = _shot(inputs, belief, verdict, memory) if any(event.button == "fire" for event in inputs.buttons) else None
     if shot is not None:
@@ -105,4 +106,5 @@ def _shot(inputs: Inputs, belief: Estimate, verdict: Verdict, memory: Memory) ->
     trial = memory.trial + bool(memory.awaiting)          # that one was never marked
     return Shot(trial, inputs.t_ns, f"c{trial:04d}", belief.distance_m, belief.distance_sigma_m, belief.hood_deg,
                 belief.motor_ratio, belief.motor_rad_s, belief.battery_v,
-                None if before is None else (inputs.t_ns - before.t_ns) * NS, verdict.p_two, verdict.p_three)
+                None if before is None else (inputs.t_ns - before.t_ns) * NS, verdict.p_two, verdict.p_three,
+                speed_m_s(belief) if is_moving(belief) else UNSET)

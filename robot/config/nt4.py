@@ -26,11 +26,25 @@ class Nt4Vision(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=T
     sigma_share: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0      # and as a share of it
 
 
+class Nt4Velocity(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """How the robot drives, for shots on the move; forward is where the launcher throws and the camera looks."""
+
+    key: str                          # struct ChassisSpeeds, or an array that begins with forward and left, m/s
+    most_m_s: Positive                # faster: HOLD
+    pointing_deg: Positive            # the launcher may point this far beside the lead
+    delay_s: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0          # from a FIRE to when the ball leaves
+    frame: Literal["robot", "field"] = "robot"
+    heading: str = ""                 # field: key of the robot's heading, counter-clockwise
+    heading_unit: Literal["rad", "deg"] = "rad"
+    alive: str = ""                   # key that changes in every loop of the robot's program: a velocity may stand
+
+
 class Nt4(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Where `truearc run` publishes what `truearc advise` does, and what it reads."""
 
     server: str                       # team number, or host[:port]
     vision: Nt4Vision | None = None
+    velocity: Nt4Velocity | None = None
 
 
 def server_parts(server: str) -> tuple[int, str, int] | None:
@@ -51,3 +65,5 @@ def nt4_errors(nt4: Nt4, has_tags: bool) -> Iterator[tuple[str, str]]:
         yield "nt4.vision", "needs [apriltag], whose ids, centre_height_m and behind_m say which tags mark the target"
     if nt4.vision is not None and not nt4.vision.camera.strip("/"):
         yield "nt4.vision.camera", "is empty; give the camera's name"
+    if nt4.velocity is not None and (nt4.velocity.frame == "field") != bool(nt4.velocity.heading):
+        yield "nt4.velocity.heading", "is needed where frame = \"field\", and only there"

@@ -12,7 +12,7 @@ from truearc.hw.devices.registry import family_of
 from truearc.hw.protocols import AngleReading, MotorReading
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
-from truearc.robot.aim import BEYOND, NO_FILE, is_planned
+from truearc.robot.aim import BEYOND, NO_FILE, as_at_rest, is_moving, is_planned, speed_m_s
 from truearc.robot.config.schema import Config, GateConfig
 from truearc.robot.gate.contract import FEATURES, NOVELTY_LIMIT
 from truearc.robot.gate.model import Gate, Rating
@@ -30,8 +30,8 @@ def judge(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: 
     """The verdict of one tick; `reasons` is empty exactly when `fire` is true."""
     reasons = [*_operator(memory), *inputs.faults, *doubted_readings(inputs, config),
                *([] if memory.homed else [because.HOOD_NOT_HOMED()]), *_launcher(inputs, estimate, aim, memory, config),
-               *judge_target(inputs, estimate, config)]
-    p_two, p_three, doubts = judge_model(estimate, config.gate, gate)
+               *judge_target(inputs, estimate, config), *judge_motion(estimate, aim, config)]
+    p_two, p_three, doubts = judge_model(as_at_rest(estimate, aim), config.gate, gate)
     reasons += doubts
     return Verdict(not reasons, tuple(reasons), p_two, p_three)
 
@@ -142,6 +142,23 @@ def judge_target(inputs: Inputs, estimate: Estimate, config: Config) -> list[Rea
     if not 0.0 <= estimate.distance_m <= FARTHEST_M or not 0.0 <= estimate.distance_sigma_m < math.inf:
         return [because.TARGET_IMPLAUSIBLE(distance_m=estimate.distance_m, sigma_m=estimate.distance_sigma_m)]
     return []
+
+
+def judge_motion(estimate: Estimate, aim: Aim, config: Config) -> list[Reason]:
+    """Reasons from how the robot drives, where it tells: not known, too fast, no set point for that, no lead taken."""
+    asked = None if config.nt4 is None else config.nt4.velocity
+    if asked is None:
+        return []
+    if estimate.toward_m_s is UNSET or estimate.bearing_deg is UNSET:
+        return [because.ROBOT_SPEED_UNKNOWN()]
+    if not (speed := speed_m_s(estimate)) <= asked.most_m_s:
+        return [because.ROBOT_TOO_FAST(speed_m_s=speed, limit_m_s=asked.most_m_s)]
+    if not is_moving(estimate):
+        return []
+    if aim.virtual_m is UNSET or aim.lead_deg is UNSET:
+        return [because.ROBOT_MOVES(speed_m_s=speed)]
+    off_deg = estimate.bearing_deg - aim.lead_deg
+    return [] if abs(off_deg) <= asked.pointing_deg else [because.NOT_LED(lead_deg=aim.lead_deg, off_deg=off_deg)]
 
 
 def judge_model(estimate: Estimate, config: GateConfig,

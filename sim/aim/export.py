@@ -10,15 +10,17 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import PchipInterpolator
 
-from truearc.robot.aim_file import SCHEMA, AimContent, AimFile, Curve, Segment, contract_hash, rig_of
+from truearc.robot.aim_file import SCHEMA, AimContent, AimFile, Curve, Motion, Segment, contract_hash, rig_of
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
 from truearc.robot.gate.seal import UNSEALED, seal
+from truearc.sim.aim.on_the_move import on_the_move
 from truearc.sim.aim.set_point import AimRow
 from truearc.sim.aim.solve import chances_of, solve
 from truearc.sim.infer.belief import Belief
 from truearc.sim.printed import Printed
 
+FLOWN, SET = ("distance_m", "hood_deg", "motor_ratio", "flight_s"), ("hood_deg", "motor_ratio", "lead_deg")
 CHECKED = 40                          # distances at which a file is checked
 MOST_LOST = 0.05                      # points that a set point of the file may fall short of the best by
 Rows = Float[np.ndarray, " n"]
@@ -50,15 +52,17 @@ class AimCheck(Printed):
 
 
 def aim_bytes(rows: Sequence[AimRow], refused: Iterable[tuple[float, str]], rig: Rig, note: str,
-              provenance: dict[str, Any]) -> bytes:
+              provenance: dict[str, Any], belief: Belief) -> bytes:
     """The sealed file; a distance without a set point parts it. InputError where no two neighbours are left."""
     gaps = [distance_m for distance_m, _ in refused]
-    runs: list[list[AimRow]] = [[rows[0]]]
-    for before, row in pairwise(rows):
+    columns = [np.array([getattr(row, name) for row in rows]) for name in FLOWN]
+    moving = np.column_stack(on_the_move(rig, belief, *columns))
+    runs: list[list[int]] = [[0]]
+    for number, (before, row) in enumerate(pairwise(rows), 1):
         if any(before.distance_m < gap < row.distance_m for gap in gaps):
             runs.append([])
-        runs[-1].append(row)
-    segments = tuple(_segment(run) for run in runs if len(run) > 1)
+        runs[-1].append(number)
+    segments = tuple(_segment([rows[number] for number in run], moving[run]) for run in runs if len(run) > 1)
     if not segments:
         raise InputError("distances_m: no two neighbouring distances have a set point; an aim file needs them")
     content = AimContent(SCHEMA, UNSEALED, contract_hash(), note, rig_of(rig), segments, provenance)
@@ -79,12 +83,18 @@ def check_aim_file(aim: AimFile, belief: Belief, rig: Rig, seed: int = 0) -> Aim
     return AimCheck(distance_m, chances_of(rig, belief, distance_m, hood_deg, ratio).points, best.points)
 
 
-def _segment(rows: Sequence[AimRow]) -> Segment:
+def _segment(rows: Sequence[AimRow], moving: Float[np.ndarray, "n 5"]) -> Segment:
     x = np.array([row.distance_m for row in rows])
 
-    def curve(name: str) -> Curve:
-        y = np.array([getattr(row, name) for row in rows])
+    def curve(y: Rows) -> Curve:
         slope = PchipInterpolator(x, y).derivative()(x) if len(x) > 2 else np.full(2, (y[1] - y[0]) / (x[1] - x[0]))
         return Curve(tuple(map(float, y)), tuple(map(float, slope)))
 
-    return Segment(tuple(map(float, x)), curve("hood_deg"), curve("motor_ratio"), curve("lead_deg"))
+    hood, ratio, lead = (curve(np.array([getattr(row, name) for row in rows])) for name in SET)
+    known = np.flatnonzero(np.isfinite(moving).all(axis=1))
+    if len(known) < 2 or np.ptp(known) != len(known) - 1:
+        return Segment(tuple(map(float, x)), hood, ratio, lead)
+    filled = moving[np.clip(np.arange(len(x)), known[0], known[-1])]
+    carry, sideways, trim, bend, sink = map(curve, filled.T)
+    return Segment(tuple(map(float, x)), hood, ratio, lead,
+                   Motion(carry, sideways, trim, bend, sink, float(x[known[0]]), float(x[known[-1]])))

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from msgspec import UNSET
 
 from truearc.robot.config.schema import Config, InputError
 from truearc.robot.config.shot_map import OUTCOMES
@@ -66,7 +67,9 @@ def _split(session: Path) -> tuple[list[Trial], list[str]]:
     kept, dropped = [], []
     for trial in load_trials(session):
         outcome = trial.outcome
-        if outcome.outcome in OUTCOMES and trial.shot is not None:
+        if outcome.outcome in OUTCOMES and trial.shot is not None and trial.shot.speed_m_s is not UNSET:
+            dropped.append(f"{session.name} trial {outcome.trial}: shot on the move, at {trial.shot.speed_m_s:.1f} m/s")
+        elif outcome.outcome in OUTCOMES and trial.shot is not None:
             kept.append(trial)
         else:
             why = "; ".join(texts(outcome.reasons)) or "by the driver"

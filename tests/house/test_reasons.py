@@ -20,7 +20,7 @@ CODES = (*fault_codes.CODES, *reasons.CODES)
 DECLARING = (ROOT / "hw" / "fault_codes.py", ROOT / "robot" / "reasons.py")
 TELLING = (ROOT / "robot" / "operator_ui" / "driver_messages.py", ROOT / "robot" / "recording" / "schema1.py")
 KINDS = {"text", "count", "flag", "motor", "device", "texts", "counts", "reason", "reasons"}
-UNITS = {"s", "m", "deg", "rad/s", "Nm", "px", "ms", "ratio", "share", "probability", "of the signal",
+UNITS = {"s", "m", "m/s", "deg", "rad/s", "Nm", "px", "ms", "ratio", "share", "probability", "of the signal",
          "of the parameter"}
 SENTENCE = re.compile(r"[A-Za-z]{2,}\W+[A-Za-z]{2,}")
 NAMING = {"device", "controller", "bus", "motor"}  # "canandmag device " is a name

@@ -108,7 +108,7 @@ def test_a_robot_that_is_well_is_told_to_fire_and_why() -> None:
         rated.novelty, abs=0.02)
     assert last["reasons"] == () and 0.0 < float(last["age_s"]) < 0.1          # type: ignore[arg-type]
     assert set(last) == {"p_two", "p_three", "verdict", "reasons", "novelty", "hood_deg", "wheel_rad_s", "correction",
-                         "age_s"}
+                         "lead_deg", "age_s"}
 
 
 @pytest.mark.parametrize("key", NEEDED)

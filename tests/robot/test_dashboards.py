@@ -6,7 +6,8 @@ from pathlib import Path
 from truearc.robot.advice.nt_keys import OURS
 
 LAYOUT = Path(__file__).parents[2] / "examples" / "dashboards" / "elastic.json"
-PUBLISHED = {"p_two", "p_three", "verdict", "reasons", "novelty", "hood_deg", "wheel_rad_s", "correction", "age_s"}
+PUBLISHED = {"p_two", "p_three", "verdict", "reasons", "novelty", "hood_deg", "wheel_rad_s", "correction", "age_s",
+             "lead_deg"}
 
 
 def test_elastic_shows_every_topic_once_without_overlap() -> None:

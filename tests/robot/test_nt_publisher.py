@@ -72,7 +72,7 @@ def wait_until(true: object, limit_s: float = 10.0) -> None:
 def test_a_fire_is_published_even_where_later_ticks_hold() -> None:
     assert FIRED.verdict.fire
     said = published([HELD, FIRED, HELD, HELD])
-    assert [one["verdict"] for one in said] == ["FIRE"] and len(said[0]) == 9
+    assert [one["verdict"] for one in said] == ["FIRE"] and len(said[0]) == 10
 
 
 def test_the_age_is_that_at_sending() -> None:

@@ -173,7 +173,7 @@ def export_aim(table: AimTable, belief: Belief, rig: Rig, path: str | Path, *, n
     """
     check_kind("table", table, AimTable, "aim(...)")
     record = {"version": version("truearc"), "coefficients": belief.coefficients, "scatter": belief.scatter}
-    data = aim_bytes(table.rows, table.refused, rig, note, record)
+    data = aim_bytes(table.rows, table.refused, rig, note, record, belief)
     with naming(path), whole_file(path) as new:
         new.write_bytes(data)
         return verify_aim(new, belief, rig)

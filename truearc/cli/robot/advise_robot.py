@@ -13,6 +13,7 @@ from truearc.hw.real.clock import MonotonicClock, wall_clock, wall_offset_ns
 from truearc.robot.advice.advice_io import AdviceIo, Adviser, advised_columns
 from truearc.robot.advice.nt_camera import NtCamera, keys_of_camera
 from truearc.robot.advice.nt_keys import NtKeys
+from truearc.robot.advice.nt_velocity import NtVelocity, keys_of_velocity
 from truearc.robot.advice.tick import POLICY, step
 from truearc.robot.aim_file import load_aim_for
 from truearc.robot.config.rig_spec import Rig
@@ -42,15 +43,17 @@ def advise(args: argparse.Namespace) -> tuple[int, Path]:
                 path = Path(place) / "aim.json"
                 path.write_bytes(aim)
                 aims = {"": load_aim_for(path, config)}
-        seeing = config.nt4.vision if config.nt4 else None
-        keys = NtKeys(args.nt, [*keys_of(shot_map), *(keys_of_camera(seeing) if seeing else [])])
+        seeing, driving = (config.nt4.vision, config.nt4.velocity) if config.nt4 else (None, None)
+        keys = NtKeys(args.nt, [*keys_of(shot_map), *(keys_of_camera(seeing) if seeing else []),
+                                *(keys_of_velocity(driving) if driving else [])])
         wires.callback(keys.close)
         header = replace(make_header(config, gate, started, aims.get(""), wall_offset_ns()), policy=POLICY)
         recorder = SessionWriter(folder, header, config, args.gate.read_bytes(), lossless=False, aim=aim)
         wires.callback(recorder.close)
         clock = MonotonicClock()
         rig = AdviceIo(config, shot_map, keys, clock, lambda: ending.asked or recorder.is_over(), args.sigma,
-                       NtCamera(config, keys, clock) if seeing else None)
+                       NtCamera(config, keys, clock) if seeing else None,
+                       NtVelocity(config, keys, clock) if driving else None)
         ticks = run(RecordingRig(rig, recorder.trouble), config, gate, Adviser(recorder, keys, config, gate),
                     partial(step, aims=aims))
     if recorder.failed is not None:

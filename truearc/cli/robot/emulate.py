@@ -5,6 +5,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from msgspec.structs import replace
+
 import truearc as ta
 from truearc.cli.common import SHIPPED, make_progress, number, refuse
 from truearc.robot.config.schema import Config, InputError, load_config
@@ -42,6 +44,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Return 0 when every trial is over."""
     config = load_config(args.config)
+    if config.nt4 is not None:        # it stands still, and sees with a camera of its own
+        config = replace(config, nt4=replace(config.nt4, vision=None, velocity=None))
     config = with_plan(config, load_plan(args.plan, config) if args.plan else (), args.repeats)
     trials = _trials(args.trials, config)
     print(_serve(args, config, trials) if args.bus != VIRTUAL else _emulate(args, config, trials))

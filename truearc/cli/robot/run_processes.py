@@ -16,10 +16,13 @@ from truearc.hw.real.ipc import Inbox, Outbox
 from truearc.hw.real.reconnect import MendedCamera
 from truearc.hw.shared_latest import Capacity, Slots
 from truearc.robot.advice.nt_camera import OwnNtCamera
+from truearc.robot.advice.nt_velocity import OwnNtVelocity, Velocity
 from truearc.robot.config.schema import Config, about
 from truearc.robot.operator_ui.screens import OpenScreen, Screen, with_screen
 from truearc.robot.processes.recorder import NEWS, Desk
 from truearc.robot.processes.recorder_client import FarKeeper
+from truearc.robot.processes.velocity import ROOM as VELOCITY_ROOM
+from truearc.robot.processes.velocity import FarVelocity, tell_velocity
 from truearc.robot.processes.vision import FarEyes, make_room, relay, tell, watch
 from truearc.robot.recording.file_writers import Keeper, LaneKeeper
 from truearc.robot.recording.files import Row
@@ -47,6 +50,14 @@ class OneProcess:
         camera = open_mended(self._config, clock)
         self._wires.callback(camera.close)
         return InlineEyes(camera, make_see(self._config))
+
+    def open_velocity(self, clock: Clock) -> Velocity | None:
+        """How the robot drives, where [nt4] says who tells."""
+        if self._config.nt4 is None or self._config.nt4.velocity is None:
+            return None
+        velocity = OwnNtVelocity(self._config, clock)
+        self._wires.callback(velocity.close)
+        return velocity
 
     def open_keeper(self, folder: Path) -> Keeper:
         """Open the files of a recording; InputError when they cannot be."""
@@ -76,11 +87,20 @@ class ThreeProcesses:
         self._sightings = Slots(memory, room)
         self.vision = Child("vision", look, (config, memory, room), restarts=True, mortal=True)
         wires.callback(self.vision.close, CLOSE_S)
+        self._velocity: FarVelocity | None = None
+        if config.nt4 is not None and config.nt4.velocity is not None:
+            told = make_shared(VELOCITY_ROOM.bytes)
+            self._velocity = FarVelocity(Slots(told, VELOCITY_ROOM))
+            driven = Child("velocity", drive, (config, told), restarts=True, mortal=True)
+            wires.callback(driven.close, CLOSE_S)
         self.recorder = RecorderProcess(wires, open_screen)
 
     def open_eyes(self, clock: Clock) -> Eyes:
         self.vision.wait()
         return FarEyes(self._sightings, lambda: self.vision.trouble, clock)
+
+    def open_velocity(self, clock: Clock) -> Velocity | None:
+        return self._velocity
 
     def open_keeper(self, folder: Path) -> Keeper:
         return self.recorder.open_keeper(folder)
@@ -134,6 +154,14 @@ def look(line: Line, is_first: bool, config: Config, memory: object, room: Capac
     line.say(None)
     watch(camera, make_see(config), slots, clock, line.is_over)
     camera.close()
+
+
+def drive(line: Line, is_first: bool, config: Config, memory: object) -> None:
+    """The process that reads how the robot drives."""
+    velocity = OwnNtVelocity(config, MonotonicClock())
+    line.say(None)
+    tell_velocity(velocity, Slots(memory, VELOCITY_ROOM), line.is_over)
+    velocity.close()
 
 
 def write(line: Line, is_first: bool, end: socket.socket, memory: object,

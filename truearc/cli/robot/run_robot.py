@@ -37,6 +37,7 @@ from truearc.robot.operator_ui.screens import open_screens
 from truearc.robot.operator_ui.server import open_page
 from truearc.robot.processes.aim_inbox import AimInbox, OfferingRig
 from truearc.robot.processes.tick_timing import Lateness, TimedRig
+from truearc.robot.processes.velocity import MovingRig
 from truearc.robot.processes.watchdog_rig import WatchedRig
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter
@@ -102,7 +103,9 @@ def run_robot(args: argparse.Namespace) -> int:
                           lambda: ending.asked or recorder.is_over())
         wires.callback(rig.release)               # first of all to be done on the way out, whatever happened
         _ask_for_real_time(args)
-        kept = RecordingRig(TimedRig(rig, lateness), recorder.trouble)
+        kept: RobotIo = RecordingRig(TimedRig(rig, lateness), recorder.trouble)
+        velocity = layout.open_velocity(clock)
+        kept = kept if velocity is None else MovingRig(kept, velocity)
         watched = WatchedRig(_offering(args, config, folder, aims, kept, wires), config, manager.say)
         ticks = run(watched, config, gate, layout.show(recorder), partial(step, aims=aims))
     print(f"{folder}: {ticks} ticks" + (f", {recorder.dropped} batches lost" if recorder.dropped else ""))
