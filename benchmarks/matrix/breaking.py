@@ -79,4 +79,11 @@ class Start(Struct, frozen=True):
     what: str
 
 
-Breaking = Device | Both | Inside | Wire | Box | Camera | Disk | Model | Time | Process | Start
+class Key(Struct, frozen=True):
+    """A key of the robot's NetworkTables, or all that begin so, while truearc advises; benchmarks.matrix.keys."""
+
+    what: str                         # "freezes", "jumps", "disappears", "not a number", "server gone"
+    key: str
+
+
+Breaking = Device | Both | Inside | Wire | Box | Camera | Disk | Model | Time | Process | Start | Key

@@ -11,7 +11,9 @@ import msgspec
 from msgspec import Struct
 
 from benchmarks.matrix.ages import needed_frames
+from benchmarks.matrix.breaking import Key
 from benchmarks.matrix.devices import Seen
+from benchmarks.matrix.keys import judge_keys
 from benchmarks.matrix.launchers import with_launcher
 from benchmarks.matrix.models import AnswersAgain
 from benchmarks.matrix.play import AIM, ends_robot, make_config
@@ -58,6 +60,9 @@ class Result(Struct):
 def judge(row: Row, bus: str, stepped: bool, folder: Path, said: str) -> Result:
     """The result of the run in `folder`."""
     result = Result(row.name, row.family, bus, bound_s=row.within_s + (0.0 if stepped else GRACE_S), after=row.after)
+    if isinstance(row.breaking, Key):
+        judge_keys(row, row.breaking, folder, result)
+        return result
     if row.after == REFUSED:
         result.outcome, result.reason = "not started", said.partition("truearc run: ")[2] or said
         if not said.startswith("exit 2") or not re.search(row.refusal, said):

@@ -16,11 +16,12 @@ from typing import NamedTuple
 from msgspec.structs import replace
 
 from benchmarks.matrix.box import BrokenBox
-from benchmarks.matrix.breaking import Breaking, Disk, Model, Process, Start, Time
+from benchmarks.matrix.breaking import Breaking, Disk, Key, Model, Process, Start, Time
 from benchmarks.matrix.devices import FarSide
 from benchmarks.matrix.disks import mount_small_disk, unmount
 from benchmarks.matrix.far_wire import FarWire
 from benchmarks.matrix.hurry import hurry, in_a_hurry
+from benchmarks.matrix.keys import play_keys
 from benchmarks.matrix.launchers import with_launcher
 from benchmarks.matrix.models import write_model
 from benchmarks.matrix.robot_side import run_robot
@@ -80,6 +81,9 @@ def play(row: Row, bus: str, folder: Path) -> str:
     channel = {"virtual": f"matrix-{folder.name}", "slcan": str(folder / "adapter"), "socketcan": "vcan0"}[bus]
     stepped = bus == "virtual" and not row.real
     place = Place(row, (bus, channel), folder, stepped)
+    if isinstance(row.breaking, Key):
+        play_keys(row, row.breaking, folder)
+        return ""
     if isinstance(row.breaking, Start):
         return _start(place, row.breaking.what)
     if stepped:

@@ -4,6 +4,7 @@ import math
 import struct
 
 from benchmarks.matrix.breaking import Box, Camera, Device, Disk, Inside, Model, Process, Start, Time, Wire
+from benchmarks.matrix.key_rows import KEY_ROWS
 from benchmarks.matrix.row import (
     AXES,
     BEAT_S,
@@ -219,4 +220,4 @@ def _near() -> list[Row]:
             REARM, lasts_s=2.0, buses=("slcan", "socketcan"))]
 
 
-ROWS = tuple([*_frames(), *_devices(), *_wires(), *_camera(), *_box(), *_near(), *SPARK_ROWS])
+ROWS = tuple([*_frames(), *_devices(), *_wires(), *_camera(), *_box(), *_near(), *SPARK_ROWS, *KEY_ROWS])

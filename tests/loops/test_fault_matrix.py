@@ -6,8 +6,11 @@ from pathlib import Path
 
 import pytest
 
+import truearc.robot.advice.tick
 import truearc.robot.gate.verdict
+from benchmarks.matrix.breaking import Key
 from benchmarks.matrix.judge import Result, judge
+from benchmarks.matrix.keys import POSE, WELL
 from benchmarks.matrix.play import ends_robot, play
 from benchmarks.matrix.row import KEEPS, REFUSED, Row
 from benchmarks.matrix.rows import ROWS
@@ -28,6 +31,7 @@ QUICK = ("flywheel motor 1: no frames", "hood encoder: frames too long", "flywhe
          "SPARKs: a competition controller on the bus locks them all",
          "advice only, feeder motor: gate driver fault", "camera: another place, reached while fire is asked for",
          "both flywheel motors: say the speed that is wanted, and turn at another")
+KEYS = [row.name for row in ROWS if isinstance(row.breaking, Key)]      # quick: all of them
 STEPPED = [row.name for row in ROWS if not row.real and "virtual" in row.buses]
 REAL = ["flywheel motor 1: no frames", "adapter pulled out, and in again",
         "control process stopped for 0.6 s (SIGSTOP)", "camera: the same image again and again",
@@ -45,6 +49,22 @@ def run(row: Row, bus: str, folder: Path) -> Result:
 def test_a_fault_on_the_virtual_bus(name: str, tmp_path: Path) -> None:
     result = run(NAMES[name], "virtual", tmp_path)
     assert not result.wrong and result.stale == 0, result
+
+
+@pytest.mark.parametrize("name", KEYS)
+def test_a_key_in_trouble_while_truearc_advises(name: str, tmp_path: Path) -> None:
+    result = run(NAMES[name], "virtual", tmp_path)
+    assert not result.wrong and result.stale == 0, result
+
+
+def test_each_key_that_advice_needs_freezes_jumps_and_disappears(monkeypatch: pytest.MonkeyPatch,
+                                                                 tmp_path: Path) -> None:
+    troubles = {(row.breaking.key, row.breaking.what) for row in ROWS if isinstance(row.breaking, Key)}
+    for key in (*WELL, POSE, "/Drive/Speeds"):
+        assert {what for named, what in troubles if named == key} >= {"freezes", "jumps", "disappears"}
+    monkeypatch.setattr(truearc.robot.advice.tick, "_stale", lambda inputs, config: [])
+    result = run(NAMES["advise: hood angle freezes"], "virtual", tmp_path)
+    assert result.stale > 0 and "while it stood" in "; ".join(result.wrong)       # the judge sees who believes it
 
 
 @posix

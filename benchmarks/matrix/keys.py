@@ -1,0 +1,160 @@
+"""`truearc advise` where a key of the robot's NetworkTables is in trouble: played in stepped time, and judged.
+
+Every key has noise, as sensors have. Wrong is a FIRE later than the row's bound after the trouble began and before it
+ended, none before or afterwards, a HOLD without the row's reason, and a replay that differs.
+"""
+
+import math
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from msgspec.structs import replace
+
+from benchmarks.matrix.breaking import Key
+from benchmarks.matrix.row import Row
+from benchmarks.matrix.signs import find
+from truearc.cli.common import SHIPPED
+from truearc.hw.emulated.clock import StepClock
+from truearc.robot.advice.advice_io import AdviceIo
+from truearc.robot.advice.nt_camera import NtCamera
+from truearc.robot.advice.nt_keys import Reading
+from truearc.robot.advice.nt_velocity import NtVelocity
+from truearc.robot.advice.tick import POLICY, step
+from truearc.robot.config.nt4 import Nt4, Nt4Velocity, Nt4Vision
+from truearc.robot.config.schema import AprilTag, Config, load_config
+from truearc.robot.config.shot_map import ShotMap, Signal
+from truearc.robot.gate.model import Rating
+from truearc.robot.reasons import text
+from truearc.robot.recording.encoder import SessionWriter
+from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.replay.recompute import Comparer, Difference, RecordedRows
+from truearc.robot.recording.session import make_header
+from truearc.robot.rig import ReplayRig
+from truearc.robot.runtime import run
+
+NS = 1_000_000_000
+HZ, FRESH_S, BEGIN_S, AFTER_S = 50, 0.25, 1.0, 2.0
+MAP = ShotMap("truearc.shot-map/1", columns={
+    "distance_m": "/Vision/Distance", "hood_deg": Signal("/Hood/Angle", "deg"),
+    "motor_rad_s": Signal("/Shooter/RPM", "rpm"), "battery_v": "/Battery"})
+POSE = "/photonvision/front/targetPose"
+WELL = {"/Vision/Distance": 3.0, "/Hood/Angle": 45.0, "/Shooter/RPM": 2400.0, "/Battery": 12.4}
+CAMERA = {f"{POSE}/0": 2.74, f"{POSE}/1": 0.0, f"{POSE}/2": -0.53, "/photonvision/front/heartbeat": 1.0,
+          "/photonvision/front/hasTarget": 1.0, "/photonvision/front/latencyMillis": 30.0}
+DRIVEN = {"/Drive/Speeds/0": 0.0, "/Drive/Speeds/1": 0.0}
+NOISE = {"/Shooter/RPM": 2.0, "/Battery": 0.02, "/photonvision/front/hasTarget": 0.0,
+         "/photonvision/front/latencyMillis": 0.0}
+JUMP = 2.0                            # what jumps is so many times as large, or that many m/s
+
+
+class Agrees:
+    """A gate that agrees with everything."""
+
+    sha256 = "0" * 64
+
+    def rate(self, distance_m: float, motor_ratio: float, hood_deg: float) -> Rating:
+        return Rating(0.9, 0.9, True, 0.0)
+
+
+class Robot:
+    """The robot's keys; `trouble` from `begin_ns` to `end_ns`."""
+
+    def __init__(self, trouble: Key, begin_ns: int, end_ns: int) -> None:
+        self._trouble, self._begin_ns, self._end_ns = trouble, begin_ns, end_ns
+        self._stands = False
+        self._values = WELL | (CAMERA if "photonvision" in trouble.key else {}) | (
+            DRIVEN if "Drive" in trouble.key else {})
+
+    @property
+    def connected(self) -> bool:
+        return not (self._trouble.what == "server gone" and self._stands)
+
+    def read(self, now_ns: int) -> Mapping[str, Reading]:
+        self._stands = self._begin_ns <= now_ns < self._end_ns
+        return {} if not self.connected else {
+            key: reading for key, value in self._values.items() if (reading := self._reading(key, value, now_ns))}
+
+    def publish(self, values: object) -> None:
+        """Nobody listens."""
+
+    def _reading(self, key: str, value: float, now_ns: int) -> Reading | None:
+        wave = math.sin(now_ns * 1e-9 * 61.0 + len(key))
+        well = Reading(now_ns - 2_000_000, value + NOISE.get(key, 1e-3) * wave)
+        if not self._stands or not key.startswith(self._trouble.key):
+            return well
+        match self._trouble.what:
+            case "freezes":
+                return Reading(self._begin_ns, value)
+            case "jumps":
+                off = now_ns // 100_000_000 % 2
+                return Reading(well.t_ns, well.value * JUMP if off and value else well.value + JUMP * off)
+            case "not a number":
+                return Reading(well.t_ns, math.nan)
+        return None
+
+
+def make_config(trouble: Key) -> Config:
+    """The shipped launcher, a gate obeyed, and the camera or the velocity that the trouble is about."""
+    shipped = load_config(SHIPPED)
+    nt4 = Nt4("254", Nt4Vision("photonvision", "front", 0.05) if "photonvision" in trouble.key else None,
+              Nt4Velocity("/Drive/Speeds", 2.0, 2.0) if "Drive" in trouble.key else None)
+    gate = replace(shipped.gate, policy="model", reading_age_s=FRESH_S, sighting_age_s=FRESH_S)
+    return replace(shipped, tick_hz=HZ, gate=gate, nt4=nt4, apriltag=AprilTag((4,), 0.1651, 1.23, 0.3))
+
+
+def play_keys(row: Row, trouble: Key, folder: Path) -> None:
+    """Record the run in `folder`/session."""
+    config, clock = make_config(trouble), StepClock(lambda t_ns: None)
+    began_ns = clock.now_ns()
+    begin_ns = began_ns + round(BEGIN_S * NS)
+    end_ns = begin_ns + round(row.lasts_s * NS)
+    robot, gate = Robot(trouble, begin_ns, end_ns), Agrees()
+    assert config.nt4 is not None
+    rig = AdviceIo(config, MAP, robot, clock, lambda: clock.now_ns() >= end_ns + AFTER_S * NS, 0.05,
+                   NtCamera(config, robot, clock) if config.nt4.vision else None,
+                   NtVelocity(config, robot, clock) if config.nt4.velocity else None)
+    header = replace(make_header(config, None, None), policy=POLICY)
+    recorder = SessionWriter(folder / "session", header, config, None, lossless=True)
+    run(rig, config, _as_gate(gate), recorder, step)
+    recorder.close()
+    (folder / "keys.json").write_bytes(msgspec.json.encode((begin_ns, end_ns)))
+
+
+def judge_keys(row: Row, trouble: Key, folder: Path, result: Any) -> None:
+    """Fill in `result` (benchmarks.matrix.judge.Result)."""
+    ticks = [tick for tick, _ in TickReader(folder / "session")]
+    begin_ns, end_ns = msgspec.json.decode((folder / "keys.json").read_bytes(), type=tuple[int, int])
+    fires = [tick.inputs.t_ns for tick in ticks if tick.verdict.fire]
+    result.ticks, result.fires, result.outcome = len(ticks), len(fires), "HOLD"
+    if not any(t_ns < begin_ns for t_ns in fires):
+        result.wrong.append("had not fired before")
+    result.stale = sum(begin_ns + round(row.within_s * NS) < t_ns < end_ns for t_ns in fires)
+    if result.stale:
+        result.wrong.append(f"fired {result.stale} times while it stood")
+    held = next(((tick, reason) for tick in ticks if tick.inputs.t_ns >= begin_ns
+                 and (reason := find(row.reason, tick.verdict.reasons)) is not None), None)
+    if held is None or (hold_s := (held[0].inputs.t_ns - begin_ns) / NS) > row.within_s:
+        result.wrong.append(f"no HOLD with its reason within {row.within_s:.2f} s")
+    else:
+        result.hold_s, result.reason = hold_s, text(held[1])
+    again = next((t_ns for t_ns in fires if t_ns > end_ns), None)
+    result.recovery_s = None if again is None else (again - end_ns) / NS
+    if again is None:
+        result.wrong.append("never fired again")
+    _judge_replay(trouble, folder, result)
+
+
+def _judge_replay(trouble: Key, folder: Path, result: Any) -> None:
+    rows = RecordedRows(TickReader(folder / "session"))
+    try:
+        run(ReplayRig(rows), make_config(trouble), _as_gate(Agrees()), Comparer(rows), partial(step, aims={}))
+    except Difference as difference:
+        result.wrong.append(f"replays otherwise: {difference}")
+
+
+def _as_gate(gate: Agrees) -> Any:
+    return gate
+
