@@ -55,6 +55,12 @@ def keys_of_camera(vision: Nt4Vision) -> list[str]:
     return [names.alive, names.seen, *names.latency, *parts, *filter(None, [names.tag])]
 
 
+def calibration_key(vision: Nt4Vision) -> str | None:
+    """A key that is there where the camera is calibrated; None: it tells nothing of that."""
+    names = names_of_camera(vision)
+    return f"{names.pose.rpartition('/')[0]}/cameraIntrinsics/0" if vision.kind == "photonvision" else None
+
+
 class NtCamera:
     """truearc.robot.vision_source.Eyes on keys; neither call waits for the network.
 

@@ -3,6 +3,7 @@
 The library publishes a value when it changes, so a stamp is that of the newest change.
 """
 
+import math
 import struct
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
@@ -66,6 +67,19 @@ class NtKeys:
                     found[key] = reading
                     break
         return found
+
+    @property
+    def offset_s(self) -> float | None:
+        """The server's clock less that of this library; None while it is not known."""
+        offset_us = self._instance.getServerTimeOffset()
+        return None if offset_us is None else offset_us * 1e-6
+
+    def ahead_s(self) -> float:
+        """By how much the newest stamp is ahead of our clock; at most 0 where none is."""
+        now_us = self._now()
+        stamps = [subscriber.get().time() for subscribers in self._subscribed.values() for subscriber in subscribers
+                  if subscriber.exists()]
+        return (max(stamps) - now_us) * 1e-6 if stamps else -math.inf
 
     def publish(self, values: Mapping[str, float | str | Sequence[str]]) -> None:
         """Put values under /truearc/, and send them at once."""

@@ -14,7 +14,10 @@ PROGRESS = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--config", type=Path, required=True, help="launcher.toml")
+    parser.add_argument("--config", type=Path, help="launcher.toml; needed without --nt")
+    parser.add_argument("--nt", metavar="TEAM|ADDRESS", help="look at the keys that truearc advise --map reads, and "
+                        "at nothing else")
+    parser.add_argument("--map", metavar="MAP", help="as for truearc advise; with --nt")
     parser.add_argument("--gate", type=Path, help="model, as for truearc run")
     parser.add_argument("--aim", type=Path, metavar="FILE", help="aim file, as for truearc run")
     parser.add_argument("--out", type=Path, default=Path("sessions"), help="folder for sessions, as for truearc run")
@@ -22,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         "their watchdogs and encoder filters are asked, too")
     parser.add_argument("--priority", type=number(int, 1, 99), default=50, metavar="P", help="as for truearc run")
     parser.add_argument("--seconds", type=number(float, 0.5, 600.0), default=2.0, metavar="S",
-                        help="to listen to the bus")
+                        help="to listen to the bus, or to --nt")
     parser.add_argument("--json", action="store_true", help="findings as JSON")
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import msgspec
 
+from truearc.cli.robot.doctor_network import look_at_network, look_beside
 from truearc.hw.devices.family import Endpoints, listen
 from truearc.hw.finding import FAILURE, WARNING, Finding, failure, line
 from truearc.hw.machine import CanLink
@@ -20,21 +21,30 @@ from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.machine import is_clock_synchronised, read_exposure, read_link
 from truearc.hw.real.realtime import rehearse
 from truearc.hw.real.serial_port import open_serial
-from truearc.robot.config.schema import Config, load_config
+from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.doctor import devices, senses
 from truearc.robot.motors import name_axes
 
 
 def check_robot(args: argparse.Namespace) -> int:
     """Print the findings; 1 if any is a failure. args: those of `truearc doctor`."""
+    if args.nt or args.map:
+        return _report([*look_beside(args)], args.json)
+    if args.config is None:
+        raise InputError("--config is needed: which launcher.toml to look at; or --nt and --map")
     config = load_config(args.config)
     endpoints = devices.load_endpoints(args.endpoints) if args.endpoints else None
-    findings = [*_look_at_wires(config, endpoints, args.seconds), *senses.check_real_time(rehearse(args.priority)),
-                senses.check_clock(is_clock_synchronised()), devices.check_model(config.gate, args.gate),
-                *devices.check_aim(config, args.aim), _look_at_disk(args.out)]
+    findings = [*_look_at_wires(config, endpoints, args.seconds), *look_at_network(config),
+                *senses.check_real_time(rehearse(args.priority)), senses.check_clock(is_clock_synchronised()),
+                devices.check_model(config.gate, args.gate), *devices.check_aim(config, args.aim),
+                _look_at_disk(args.out)]
+    return _report(findings, args.json)
+
+
+def _report(findings: list[Finding], as_json: bool) -> int:
     levels = [finding.level for finding in findings]
     failures, warnings = levels.count(FAILURE), levels.count(WARNING)
-    if args.json:
+    if as_json:
         print(msgspec.json.encode({"failures": failures, "warnings": warnings, "findings": findings}).decode())
     else:
         print(*map(line, findings), sep="\n")
@@ -53,6 +63,8 @@ def _look_at_wires(config: Config, endpoints: Endpoints | None, seconds: float) 
             yield senses.check_box(box, clock)
         except LinkLost as error:
             yield failure("button box", str(error), "plug it in; stop a running robot; see [buttons] port")
+        if config.nt4 is not None and config.nt4.vision is not None:
+            return                    # another camera sees for us
         yield senses.check_exposure(config.camera, read_exposure(config.camera.device))
         try:
             camera = open_camera(config.camera.device, config.camera.width_px, config.camera.height_px,
