@@ -16,6 +16,7 @@ OURS = "/truearc/"
 OLDER = "/AdvantageKit"               # where AdvantageKit puts what its log has under /RealOutputs and the like
 PERIOD_S = 0.01                       # between what the server sends
 IDENTITY = "truearc"
+MOST_BITS = 64                        # of an integer
 # WPILib's structs that are doubles alone, and how many; rotations in space are w, x, y, z
 STRUCTS = {"Rotation2d": 1, "Translation2d": 2, "Translation3d": 3, "Pose2d": 3, "Transform2d": 3, "Twist2d": 3,
            "ChassisSpeeds": 3, "Pose3d": 7, "Transform3d": 7}
@@ -119,7 +120,7 @@ def need_library() -> None:
 
 def names_of(key: str) -> list[str]:
     """Topics that a map's key may be: of the log's name without NT:, and where AdvantageKit publishes it; a key
-    `/Name/0` may also be a part of an array, or of a struct of doubles."""
+    `/Name/0` may also be a part of an array or of a struct of doubles, or a bit of an integer (its lowest is 0)."""
     plain = "/" + key.removeprefix("NT:").lstrip("/")
     array = [plain.rpartition("/")[0]] if plain.rpartition("/")[2].isdigit() else []
     return [name for one in (plain, *array) for name in (one, OLDER + one)]
@@ -137,6 +138,9 @@ def _reading(subscriber: Any, key: str, now_us: int, now_ns: int) -> Reading | N
         if not place.isdigit() or not int(place) < len(raw):
             return None
         raw = raw[int(place)]
+    elif isinstance(raw, int) and not isinstance(raw, bool) and (bit := key.rpartition("/")[2]).isdigit() and (
+            not subscriber.getTopic().getName().endswith(f"/{bit}")):
+        raw = raw >> min(int(bit), MOST_BITS) & 1
     if not isinstance(raw, str | bool | int | float):
         return None
     return Reading(now_ns - max(now_us - value.time(), 0) * 1000, raw if isinstance(raw, str) else float(raw))

@@ -1,5 +1,7 @@
 """Advice from keys: FIRE where all is well, never where a key freezes, jumps or disappears; recorded and replayed."""
 
+import socket
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -10,7 +12,7 @@ from msgspec.structs import replace
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.robot.advice.advice_io import AdviceIo, Adviser, advised_columns
-from truearc.robot.advice.nt_keys import Reading, names_of, parse_server
+from truearc.robot.advice.nt_keys import NtKeys, Reading, names_of, parse_server
 from truearc.robot.advice.tick import POLICY, step
 from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.config.shot_map import Detection, OutcomeKeys, ShotMap, Signal
@@ -216,3 +218,37 @@ def test_set_points_are_those_of_the_aim_file_for_this_distance() -> None:
     assert inputs is not None
     tick = partial(step, aims={})(inputs, Memory(), facts, gate)
     assert tick.aim.hood_deg == pytest.approx(51.737, rel=1e-3) and tick.aim.source == POLICY
+
+
+def test_a_gamepads_buttons_and_a_toggle_are_read_from_a_real_server() -> None:
+    ntcore = pytest.importorskip("ntcore")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    server = ntcore.NetworkTableInstance.create()
+    server.startServer("", "127.0.0.1", 0, port)
+    pad = server.getIntegerTopic("/AdvantageKit/DriverStation/Joystick1/ButtonValues").publish()
+    toggle = server.getBooleanTopic("/SmartDashboard/Scored").publish()
+    buttons = ["/DriverStation/Joystick1/ButtonValues/0", "/DriverStation/Joystick1/ButtonValues/2"]
+    keys = NtKeys(f"127.0.0.1:{port}", [*buttons, "/SmartDashboard/Scored"])
+    facts = replace(MAP, outcome=OutcomeKeys(buttons={buttons[0]: "three", buttons[1]: "miss-low",
+                                                      "/SmartDashboard/Scored": "two"}))
+    clock = Clock()
+    io = AdviceIo(config(), facts, keys, clock, lambda: False, 0.02)
+    pressed = list[str]()
+    for held, scored in ((0, False), (0b100, False), (0b101, False), (0, False), (0, True)):
+        pad.set(held)
+        toggle.set(scored)
+        server.flush()
+        wanted = [float(held & 1), float(held >> 2 & 1), float(scored)]
+        began = time.monotonic()
+        while [one.value for one in keys.read(time.monotonic_ns()).values()] != wanted:
+            assert time.monotonic() - began < 10.0
+            time.sleep(0.01)
+        clock.t_ns = max(clock.t_ns, time.monotonic_ns())
+        inputs = io.read()
+        assert inputs is not None
+        pressed += [event.button for event in inputs.buttons]
+    keys.close()
+    server.stopServer()
+    assert pressed == ["miss-low", "three", "two"]
