@@ -52,6 +52,7 @@ class NtKeys:
         self._subscribed = {key: [self._instance.getTopic(name).genericSubscribe(options) for name in names_of(key)]
                             for key in keys}
         self._publishers: dict[str, Any] = {}
+        self._stamps: dict[str, tuple[int, int]] = {}     # of each key's newest value: on the library's clock, on ours
 
     @property
     def connected(self) -> bool:
@@ -63,11 +64,18 @@ class NtKeys:
         found = {}
         for key, subscribers in self._subscribed.items():
             for subscriber in subscribers:
-                reading = _reading(subscriber, key, now_us, now_ns)
-                if reading is not None:
-                    found[key] = reading
+                timed = _reading(subscriber, key)
+                if timed is not None:
+                    found[key] = Reading(self._stamp(key, timed[0], now_us, now_ns), timed[1])
                     break
         return found
+
+    def _stamp(self, key: str, changed_us: int, now_us: int, now_ns: int) -> int:
+        """When a value changed, on our clock. Worked out once: the clocks are not read at one moment, and a value whose
+        stamp wanders would seem to be a new one."""
+        if self._stamps.get(key, (0, 0))[0] != changed_us:
+            self._stamps[key] = changed_us, now_ns - max(now_us - changed_us, 0) * 1000
+        return self._stamps[key][1]
 
     @property
     def offset_s(self) -> float | None:
@@ -126,7 +134,8 @@ def names_of(key: str) -> list[str]:
     return [name for one in (plain, *array) for name in (one, OLDER + one)]
 
 
-def _reading(subscriber: Any, key: str, now_us: int, now_ns: int) -> Reading | None:
+def _reading(subscriber: Any, key: str) -> tuple[int, float | str] | None:
+    """When the newest value of a topic changed, on the library's clock in us, and that value."""
     value = subscriber.get()
     if not value.isValid() or not subscriber.exists():
         return None
@@ -143,7 +152,7 @@ def _reading(subscriber: Any, key: str, now_us: int, now_ns: int) -> Reading | N
         raw = raw >> min(int(bit), MOST_BITS) & 1
     if not isinstance(raw, str | bool | int | float):
         return None
-    return Reading(now_ns - max(now_us - value.time(), 0) * 1000, raw if isinstance(raw, str) else float(raw))
+    return value.time(), raw if isinstance(raw, str) else float(raw)
 
 
 def _doubles(raw: bytes, kind: str) -> tuple[float, ...]:

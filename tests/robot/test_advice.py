@@ -249,6 +249,8 @@ def test_a_gamepads_buttons_and_a_toggle_are_read_from_a_real_server() -> None:
         inputs = io.read()
         assert inputs is not None
         pressed += [event.button for event in inputs.buttons]
+    stamps = {keys.read(time.monotonic_ns())["/SmartDashboard/Scored"].t_ns for _ in range(2000)}
     keys.close()
     server.stopServer()
     assert pressed == ["miss-low", "three", "two"]
+    assert len(stamps) == 1           # a stamp that wanders would make an old mark a new one
