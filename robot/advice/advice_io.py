@@ -21,8 +21,9 @@ from truearc.robot.runtime import Recorder
 from truearc.robot.types import Command, Inputs, RobotVelocity, Sent, Sighting, Tick
 
 NS_PER_S = 1_000_000_000
-STALE = ("nt_lost", "key_missing", "camera_lost", "robot_speed_unknown", "device_stale", "device_never_received",
-         "target_stale", "target_never_seen", "ticks_stalled")
+STALE = {code.name for code in (
+    because.NT_LOST, because.KEY_MISSING, because.CAMERA_LOST, because.ROBOT_SPEED_UNKNOWN, because.DEVICE_STALE,
+    because.DEVICE_NEVER_RECEIVED, because.TARGET_STALE, because.TARGET_NEVER_SEEN, because.TICKS_STALLED)}
 DISTANCE = "distance_m"
 NEEDED = (DISTANCE, "hood_deg", "battery_v")
 
