@@ -2,7 +2,7 @@
 
     python -m benchmarks.ball_drops ball_drops.csv [--vague] [--ask] [--quick]
 
-The file is the one that `truearc import ball-drops` reads (docs/how-to/importing.md). Each ball's drag and the shared
+The file is the one that `truearc import ball-drops` reads (proof/IMPORTERS.md). Each ball's drag and the shared
 parameters are fitted to one drop of each of ten balls (without the bowling ball, as the authors did). Of the other drop
 only the first K samples are used, and only for its height and moment of release; the figure is the distance between
 the forecast and the filmed height at frame 42 (2.8 s), averaged over the balls, for either drop as the hold-out one.

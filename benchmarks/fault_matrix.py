@@ -1,7 +1,7 @@
 """Fault matrix: every fault on every bus, played and judged.
 
     python -m benchmarks.fault_matrix [--bus virtual,slcan,socketcan] [--only PATTERN] [--out FILE] [--folder DIR]
-    python -m benchmarks.fault_matrix --table FILE [--write docs/measured/reliability.md]
+    python -m benchmarks.fault_matrix --table FILE [--write archive/fault-matrix.md]
 
 Each row of benchmarks/matrix/rows.py is played on each bus that there is (socketcan: where vcan0 is), on the robot's
 own code with emulated devices: it fires, then something breaks, then it is repaired. A line of FILE a cell; one that is

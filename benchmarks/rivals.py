@@ -3,7 +3,7 @@
     python -m benchmarks.rivals DIR [--only falls,drops,worlds] [--steps N] [--left N] [--picture FILE]
 
 DIR holds ball_drops.csv, as `truearc import ball-drops` reads it, and sepia_ball_drop/ with 1_field.* and 1_sim.* of
-SEPIA's tutorial (docs/how-to/importing.md). Falls are SEPIA's: each radius, then each height, is left out, forecast by
+SEPIA's tutorial (proof/IMPORTERS.md). Falls are SEPIA's: each radius, then each height, is left out, forecast by
 the other drops, by Kennedy and O'Hagan's calibration of its authors' runs and by truearc's drag with v^2 or v,
 whichever fits these better. Ends of tracks are forecast as in benchmarks/field.py. Worlds are development worlds (seed
 701), one a hidden term.

@@ -5,6 +5,7 @@ With names of installed motor drivers (`python -m tools.reasons_doc samplemotor`
 
 import sys
 from collections.abc import Iterable
+from itertools import groupby
 from string import Formatter
 
 from truearc.hw import fault_codes
@@ -15,9 +16,8 @@ from truearc.robot.operator_ui.driver_messages import MESSAGES
 
 HEAD = """# Reasons
 
-Why the robot holds, and what is wrong with it, is a code with parameters. Recordings keep it as such, for example
-`{"code": "device_stale", "params": {"device": "hood motor", "age_s": 0.312}}`. Replay compares it and other code tests
-it; text is made from it where people read. Made by `python -m tools.reasons_doc`.
+A reason says why the robot holds or what is wrong with it: a code with parameters. Recordings keep the code, for example
+`{"code": "device_stale", "params": {"device": "hood motor", "age_s": 0.312}}`. Made by `python -m tools.reasons_doc`.
 """
 MESSAGE_HEAD = """
 ## What the operator's page says
@@ -28,11 +28,12 @@ itself. The second column names a cause, or a motor's single error, for which th
 |---|---|---|---|---|"""
 CODE_HEAD = """
 ## Codes
-A parameter that ends in `?` may be absent. `cause` and `causes` are reasons themselves. A code without a
-message above is a cause of one that has a message, or an error that stops a command before it starts.
-A motor driver of another distribution has its own reasons, named `DRIVER.WHAT` (`MotorFamily.messages`).
+Names in ‹› are parameters; their ending is the unit. The third column has those that may be absent (`?`) or that the
+text does not show. `cause` and `causes` are reasons themselves. A code without a message above is a cause of one that has
+a message, or an error that stops a command before it starts. A motor driver of another distribution has its own reasons,
+named `DRIVER.WHAT` (`MotorFamily.messages`).
 
-| code | log text | parameters |
+| code | log text | more |
 |---|---|---|"""
 
 
@@ -40,21 +41,25 @@ def make_page(drivers: Iterable[str] = ()) -> str:
     """The whole page, with the own reasons of these drivers."""
     own = [message for driver in drivers for message in find_family(driver).messages]
     codes = (*reasons.CODES, *fault_codes.CODES, *(message.code for message in own))
-    return "\n".join([HEAD.rstrip(), MESSAGE_HEAD, *map(_message_row, (*own, *MESSAGES)), CODE_HEAD,
+    alike = groupby((*own, *MESSAGES), key=lambda one: (one.code.name, one.kind, one.means, one.do))
+    return "\n".join([HEAD.rstrip(), MESSAGE_HEAD, *(_message_row(list(group)) for _, group in alike), CODE_HEAD,
                       *map(_code_row, codes), ""])
 
 
-def _message_row(message: Message) -> str:
-    means = _shown(message.means)
-    case = f"`{message.case}`" if message.case else ""
-    return (f"| `{message.code.name}` | {case} | {message.kind} | {means[:1].upper()}{means[1:]} | "
-            f"{_shown(message.do)} |")
+def _message_row(alike: list[Message]) -> str:
+    """A row for messages of one code that differ in their case alone."""
+    first = alike[0]
+    means = _shown(first.means)
+    cases = ", ".join(f"`{message.case}`" for message in alike if message.case)
+    return (f"| `{first.code.name}` | {cases} | {first.kind} | {means[:1].upper()}{means[1:]} | "
+            f"{_shown(first.do)} |")
 
 
 def _code_row(code: Code) -> str:
-    params = ", ".join(f"`{name}{OPTIONAL if unit.endswith(OPTIONAL) else ''}` [{unit.rstrip(OPTIONAL)}]"
-                       for name, unit in code.params.items())
-    return f"| `{code.name}` | {_shown(code.text)} | {params} |"
+    text = _shown(code.text)
+    more = ", ".join(f"`{name}{OPTIONAL if unit.endswith(OPTIONAL) else ''}`" for name, unit in code.params.items()
+                     if unit.endswith(OPTIONAL) or f"‹{name}›" not in text)
+    return f"| `{code.name}` | {text} | {more} |"
 
 
 def _shown(template: str) -> str:

@@ -68,7 +68,6 @@ ELSEWHERE = {
     r"^truearc vision": "needs photographs, a board or a person; tests/robot/test_vision*.py run it on drawn ones",
     r"^python -m benchmarks\.(?!archives|proof)": "test_benchmarks.py runs every benchmark",
     r"^python -m truearc_proof.world.survey": "plays hundreds of worlds",
-    r"^(truearc prove check|python -m benchmarks.proof) .*benchmarks/results": "needs the archives of tag proof-1",
     r"^truearc prove --worlds 80 --level L[12] .*--follow-up --out": "the page prints it at L0, which runs",
     r"^truearc prove --worlds 80 --level L2 .*--rivals": "the slowest round; tests/proof/rivals runs every rival, and "
                                                          "test_benchmarks.py a field of them",

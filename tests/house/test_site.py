@@ -7,12 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from tools.measured_doc import fill
 from tools.site_hooks import unlink_outside
 from tools.site_reference import api_page, commands_page
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-MOST_WORDS = 90_000
+MOST_WORDS = 36_000
 GROUPS = ["Tutorials", "How-to", "Reference", "Explanation", "Measured"]
 
 
@@ -69,3 +70,9 @@ def test_reference_is_as_generated() -> None:
     told = "run `python -m tools.site_reference`"
     assert (DOCS / "reference" / "commands.md").read_text(encoding="utf-8") == commands_page(), told
     assert (DOCS / "reference" / "python-api.md").read_text(encoding="utf-8") == api_page(), told
+
+
+@pytest.mark.parametrize("name", ["README.md", "proof.md"])
+def test_measured_tables_are_what_the_result_files_say(name: str) -> None:
+    page = (DOCS / "measured" / name).read_text(encoding="utf-8")
+    assert "<!-- result: " in page and fill(page) == page, "run `python -m tools.measured_doc`"

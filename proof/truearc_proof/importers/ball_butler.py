@@ -1,6 +1,6 @@
 """Throws of a ball-throwing robot, followed by motion capture (Jugglebot's Ball Butler) -> dataset.
 
-docs/how-to/importing.md says what the columns are, where the files come from, and what is assumed.
+proof/IMPORTERS.md says what the columns are, where the files come from, and what is assumed.
 """
 
 import math

@@ -1,6 +1,6 @@
 """Balls dropped from 47 m and filmed (de Silva et al. 2020, "Discovery of physics from data") -> dataset.
 
-docs/how-to/importing.md says what the columns are, where they come from, and what is assumed.
+proof/IMPORTERS.md says what the columns are, where they come from, and what is assumed.
 """
 
 import math

@@ -1,6 +1,6 @@
 """Exit speeds that teams measured at several speeds of their wheels -> dataset, without outcomes.
 
-docs/how-to/importing.md says what the columns are, where they come from, and what is assumed of each launcher.
+proof/IMPORTERS.md says what the columns are, where they come from, and what is assumed of each launcher.
 """
 
 import math

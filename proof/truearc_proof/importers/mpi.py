@@ -1,6 +1,6 @@
 """Flights of a three-wheel table-tennis launcher (ball_prediction, MPI for Intelligent Systems) -> dataset.
 
-docs/how-to/importing.md says what the columns are, where the files come from, and what is assumed.
+proof/IMPORTERS.md says what the columns are, where the files come from, and what is assumed.
 """
 
 import math

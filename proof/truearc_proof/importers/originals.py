@@ -29,7 +29,7 @@ def matching(path: Path, pattern: str, comment: str = C_COMMENT, within: str = r
     table = re.search(within, code, flags=re.DOTALL)
     matches = list(re.compile(pattern).finditer(code, *table.span())) if table else []
     if not matches:
-        raise InputError(f"{path}: holds no numbers where expected (docs/how-to/importing.md says which file it "
+        raise InputError(f"{path}: holds no numbers where expected (proof/IMPORTERS.md says which file it "
                          f"is)")
     columns: dict[str, list[Cell]] = {name: [match[name].strip() or None for match in matches]
                                       for name in re.compile(pattern).groupindex}

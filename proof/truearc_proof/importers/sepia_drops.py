@@ -1,6 +1,6 @@
 """Drops of the SEPIA calibration toolbox (lanl/SEPIA, examples/Ball_Drop) -> dataset with times at heights.
 
-docs/how-to/importing.md says what the files hold, where they come from, and what is assumed.
+proof/IMPORTERS.md says what the files hold, where they come from, and what is assumed.
 """
 
 import math

@@ -1,6 +1,6 @@
 """Set points that FRC teams tuned by hand -> dataset: each is taken as a shot through the middle of the goal.
 
-docs/how-to/importing.md says what the columns are, where they come from, and what is assumed of each robot.
+proof/IMPORTERS.md says what the columns are, where they come from, and what is assumed of each robot.
 """
 
 import math
