@@ -37,7 +37,7 @@ def sealed() -> str:
             here = re.sub(r" \([^)]*-[^)]*\)", "", here)
             here = f"**{here}**" if reached.startswith("NOT") else here
             rows.setdefault(figure, []).append(f"{here} ({wanted})" if wanted != "-" else here)
-    return make_markdown(("figure (wanted)", *levels), [[figure, *here] for figure, here in rows.items()]) + "\n"
+    return "\n" + make_markdown(("figure (wanted)", *levels), [[figure, *here] for figure, here in rows.items()]) + "\n"
 
 RESULTS: dict[str, Callable[[], str]] = {"demo": demo, "screen": screen, "sealed": sealed}
 

@@ -16,7 +16,7 @@ from truearc.robot.operator_ui.driver_messages import MESSAGES
 
 HEAD = """# Reasons
 
-A reason says why the robot holds or what is wrong with it: a code with parameters. Recordings keep the code, for example
+A reason says why the robot holds or what is wrong with it: a code with parameters. Recordings keep the code, such as
 `{"code": "device_stale", "params": {"device": "hood motor", "age_s": 0.312}}`. Made by `python -m tools.reasons_doc`.
 """
 MESSAGE_HEAD = """
@@ -28,10 +28,10 @@ itself. The second column names a cause, or a motor's single error, for which th
 |---|---|---|---|---|"""
 CODE_HEAD = """
 ## Codes
-Names in ‹› are parameters; their ending is the unit. The third column has those that may be absent (`?`) or that the
-text does not show. `cause` and `causes` are reasons themselves. A code without a message above is a cause of one that has
-a message, or an error that stops a command before it starts. A motor driver of another distribution has its own reasons,
-named `DRIVER.WHAT` (`MotorFamily.messages`).
+Names in ‹› are parameters; their ending is the unit. The third column has those that may be absent (`?`) or that
+the text does not show. `cause` and `causes` are reasons themselves. A code without a message above is a cause of one
+that has a message, or an error that stops a command before it starts. A motor driver of another distribution has its
+own reasons, named `DRIVER.WHAT` (`MotorFamily.messages`).
 
 | code | log text | more |
 |---|---|---|"""

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 MASS_KG, RADIUS_M, AIR_KG_M3, CD, CL = 0.14, 0.0889, 1.2, 0.5, 0.10
-STEP_S, FRAME_S, NOISE_M = 1e-4, 1 / 60, 0.005
+STEP_S, FRAME_S, NOISE_M = 1e-4, 1 / 30, 0.005
 
 
 def fly(speed: float, elevation: float, spin_rev_s: float) -> np.ndarray:
@@ -30,10 +30,10 @@ def fly(speed: float, elevation: float, spin_rev_s: float) -> np.ndarray:
 
 
 def main(folder: Path) -> None:
-    """Write 30 flights."""
+    """Write 24 flights."""
     random = np.random.default_rng(7)
     shots, tracks = ["shot_id,exit_spin_rev_s"], ["shot_id,t_s,x_m,y_m,z_m"]
-    for shot in range(30):
+    for shot in range(24):
         spin = random.uniform(0, 6)
         track = fly(random.uniform(8, 11), np.radians(random.uniform(40, 60)), spin)
         shots.append(f"{shot},{spin + random.normal(0, 0.1):.2f}")

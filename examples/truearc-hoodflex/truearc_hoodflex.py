@@ -1,6 +1,6 @@
 """A hood that yields to the ball, the more the faster the wheels turn.
 
-A worked example of a term outside truearc (docs/reference/terms.md). All names of truearc are imported here.
+A worked example of a term outside truearc (docs/how-to/add-a-term.md). All names of truearc are imported here.
 """
 
 import math

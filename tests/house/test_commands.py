@@ -40,15 +40,15 @@ SHORTER = (
     (r"^make (?!-)", "make -n "),
     (r"^(pytest .*)", r"\1 -n 0 -q --collect-only"),
     (r"^(truearc emulate) --trials \d+ (.* --page)$", r"\1 --trials 1 \2 127.0.0.1:0"),
-    (r"^(truearc emulate) --trials \d\d+(?! --bus)(.*windy.*)", r"\1 --trials 12\2"),
-    (r"^(truearc emulate) --trials \d\d+(?! --bus)(?!.*windy)", r"\1 --trials 2"),
+    (r"^(truearc emulate) --trials \d\d+(?! --bus)(.*(?:windy|-hour).*)", r"\1 --trials 12\2"),
+    (r"^(truearc emulate) --trials \d\d+(?! --bus)(?!.*(?:windy|-hour))", r"\1 --trials 2"),
     (r"^(truearc sysid --emulate)", r"\1 --only hood"),
     (r"^(truearc prove --worlds.*) --level L[12]", r"\1 --level L0"),
     (r"^(truearc identifiability rig.toml.*) --shots 300", r"\1 --shots 40"),
     (r"^truearc prove (?:--worlds \d+)", "truearc prove --worlds 1 --processes 1"),
     (r"^(truearc prove --worlds.*) --shots \d+", r"\1 --shots 40"),
     (r"--seed-from-entropy", "--engines numpy --seed 3"),
-    (r"^(truearc prove check.*) --worlds 20", r"\1 --worlds 1"),
+    (r"^(truearc prove check.*) --worlds \d+", r"\1 --worlds 1"),
     (r"^(truearc deploy \S+ --config my_launcher.toml) --wheels wheels", r"\1 --dry-run"),
     (r" --gate gate.onnx --core 3", " --core 3"),
     (r"(truearc doctor.*) \[--endpoints flat_endpoints.json\] \[--json\]", r"\1 --json"),
@@ -75,6 +75,7 @@ ELSEWHERE = {
     r"^truearc reproduce": "tests/proof/reproduce runs it in a small form",
     r"^(mkdir away|truearc prove solve --out away|cp -r away)": "the page's round is solved by then; tests/proof/"
                                                                 "test_round.py solves one without its keeper",
+    r"^truearc discover examples/tracks": "tests/sim/discover/test_tutorial_tracks.py asks it",
     r"^truearc (discover (mpi|drops|falls|bb|two-weeks|new-and-old)|fit (mpi|bb))":
         "takes long; test_real.py, test_misfit.py, test_import_sepia_drops.py ask it",
 }

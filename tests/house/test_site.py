@@ -56,6 +56,25 @@ def test_every_link_of_the_site_leads_to_a_file(site: Path) -> None:
     assert lost == []
 
 
+def test_lists_and_tables_are_rendered_as_such(site: Path) -> None:
+    raw = re.compile(r"^\s*(?:[-*] |\d+\. |\||```)", re.MULTILINE)
+    assert [(path.name, said) for path in site.rglob("*.html")
+            for said in re.findall("<p>(.*?)</p>", path.read_text("utf-8"), re.DOTALL) if raw.search(said)] == []
+
+
+def sentences_of(page: str) -> list[str]:
+    """Sentences and parts between semicolons and colons, without tables, headings, code and targets of links."""
+    page = re.sub(r"^ *```.*?^ *```|^    \S.*?$|<!--.*?-->", "", page, flags=re.DOTALL | re.MULTILINE)
+    page = re.sub(r"\]\([^)]*\)", "]", re.sub(r"`[^`]*`", "x", page))
+    parts = (" ".join(part.split()) for part in re.split(r"\n(?=\n|\||[-*] |\d+\. |#|>)", page))
+    return [said for part in parts if not part.startswith(("|", "#")) for said in re.split(r"(?<=[.!?:;])\s+", part)]
+
+
+@pytest.mark.parametrize("page", sorted(DOCS.rglob("*.md")), ids=lambda page: page.relative_to(DOCS).as_posix())
+def test_sentences_are_short(page: Path) -> None:
+    assert [said for said in sentences_of(page.read_text(encoding="utf-8")) if words_of(said) > 25] == []
+
+
 def test_site_has_few_words() -> None:
     assert sum(words_of(path.read_text(encoding="utf-8")) for path in DOCS.rglob("*.md")) <= MOST_WORDS
 

@@ -102,7 +102,7 @@ def refuse(args: argparse.Namespace, options: tuple[str, ...], why: str) -> None
 def add_terms_from(parser: argparse.ArgumentParser) -> None:
     """Add --terms-from, the user's own terms beside the catalogue's, to a command that names terms."""
     parser.add_argument("--terms-from", metavar="FILE.py", action="append",
-                        help="Python file that defines further terms (docs/reference/terms.md); may be repeated")
+                        help="Python file that defines further terms (docs/how-to/add-a-term.md); may be repeated")
 
 
 def catalogue_of(args: argparse.Namespace) -> "Catalogue":
