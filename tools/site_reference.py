@@ -14,7 +14,7 @@ from truearc.cli.registry import COMMANDS, GROUPS, Command, load_plugins
 REFERENCE = Path(__file__).resolve().parents[1] / "docs" / "reference"
 COMMANDS_HEAD = """# Commands
 
-Every command of `truearc`, with its arguments and options. `truearc COMMAND --help` explains each, with an example.
+Every command of `truearc`, with its arguments and options. `--help` behind a command explains each, with an example.
 Exit codes: 0 done, 1 the answer is no, 2 wrong input. Made from the code by `python -m tools.site_reference`.
 """
 API_HEAD = """# Python API

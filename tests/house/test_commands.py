@@ -43,7 +43,6 @@ SHORTER = (
     (r"^(truearc emulate) --trials \d\d+(?! --bus)(.*(?:windy|-hour).*)", r"\1 --trials 12\2"),
     (r"^(truearc emulate) --trials \d\d+(?! --bus)(?!.*(?:windy|-hour))", r"\1 --trials 2"),
     (r"^(truearc sysid --emulate)", r"\1 --only hood"),
-    (r"^(truearc prove --worlds.*) --level L[12]", r"\1 --level L0"),
     (r"^(truearc identifiability rig.toml.*) --shots 300", r"\1 --shots 40"),
     (r"^truearc prove (?:--worlds \d+)", "truearc prove --worlds 1 --processes 1"),
     (r"^(truearc prove --worlds.*) --shots \d+", r"\1 --shots 40"),
@@ -68,19 +67,16 @@ ELSEWHERE = {
     r"^truearc vision": "needs photographs, a board or a person; tests/robot/test_vision*.py run it on drawn ones",
     r"^python -m benchmarks\.(?!archives|proof)": "test_benchmarks.py runs every benchmark",
     r"^python -m truearc_proof.world.survey": "plays hundreds of worlds",
-    r"^truearc prove --worlds 80 --level L[12] .*--follow-up --out": "the page prints it at L0, which runs",
-    r"^truearc prove --worlds 80 --level L2 .*--rivals": "the slowest round; tests/proof/rivals runs every rival, and "
-                                                         "test_benchmarks.py a field of them",
     r"^truearc prove drive": "tests/loops/test_prove_drive.py plays a world of it",
     r"^truearc reproduce": "tests/proof/reproduce runs it in a small form",
     r"^(mkdir away|truearc prove solve --out away|cp -r away)": "the page's round is solved by then; tests/proof/"
                                                                 "test_round.py solves one without its keeper",
-    r"^truearc discover examples/tracks": "tests/sim/discover/test_tutorial_tracks.py asks it",
+    r"^truearc discover (examples/tracks|my_tracks)": "tests/sim/discover/test_tutorial_tracks.py asks it",
     r"^truearc (discover (mpi|drops|falls|bb|two-weeks|new-and-old)|fit (mpi|bb))":
         "takes long; test_real.py, test_misfit.py, test_import_sepia_drops.py ask it",
 }
 # Exit codes that are documented: templates not filled in, no launcher is there, six shots are too few
-EXIT = {r"^truearc check my_shots": 2, r"^truearc doctor": 1, r"^truearc discover old --belief": 2}
+EXIT = {r"^truearc (check|discover) my_shots": 2, r"^truearc doctor": 1, r"^truearc discover old --belief": 2}
 
 
 # commands of several pages that need nothing of the page: the first page that has one runs it
@@ -233,6 +229,7 @@ def workspace(tmp_path: Path, data_dir: Path, monday: Path, monkeypatch: pytest.
         shutil.copytree(ROOT / "examples" / "spreadsheet", folder / name, ignore=shutil.ignore_patterns("README.md"))
         rows = (folder / name / "shots.csv").read_text(encoding="utf-8").splitlines(keepends=True)
         (folder / name / "shots.csv").write_text("".join(rows[:1 + ROWS]), encoding="utf-8")
+    shutil.copytree(ROOT / "examples" / "tracks", folder / "my_tracks")
     shutil.copytree(monday, folder / "sessions" / "monday")
     shutil.copy(monday.with_name("practice.wpilog"), folder)
     shutil.copy(ROOT / "examples" / "spreadsheet" / "rig.toml", folder)
@@ -251,7 +248,7 @@ def workspace(tmp_path: Path, data_dir: Path, monday: Path, monkeypatch: pytest.
 @pytest.mark.parametrize("page", [pytest.param(page, marks=pytest.mark.data if page.name == "real-data.md" else ())
                                   for page in PAGES], ids=lambda page: str(page.relative_to(ROOT)))
 def test_every_command_of_a_page_does_what_it_says(page: Path, workspace: Workspace) -> None:
-    if page == ROOT / "README.md":
+    if page in (ROOT / "README.md", ROOT / "docs/tutorials/on-a-robot.md"):
         (workspace.folder / "my_launcher.toml").unlink()  # the page makes it
     failed = []
     for command, in_block in commands_of(page):
