@@ -13,7 +13,7 @@ from truearc.sim.physics.catalogue import BUILT_IN
 from truearc.sim.physics.term import STAGES, Parameter, Term
 
 BEGIN, END = "<!-- generated: tables of terms -->", "<!-- end of the generated tables -->"
-HEAD = ("term", "law", "parameter", "unit", "meaning", "believed before any data", "source", "moves a shot",
+HEAD = ("term", "law", "parameter", "unit", "meaning", "believed before any data", "moves a shot",
         "needs in the data", "measured with")
 
 
@@ -41,7 +41,7 @@ def _rows(term: Term) -> Iterator[list[str]]:
     for number, one in enumerate(term.parameters):
         first = number == 0
         yield [f"`{term.name}`" if first else "", law if first else "", f"`{one.name}`", one.unit, one.meaning,
-               _prior(one), one.source, *(about if first else ("", "", ""))]
+               _prior(one), *(about if first else ("", "", ""))]
 
 
 def _prior(one: Parameter) -> str:
