@@ -53,7 +53,7 @@ def run(drawn: Drawn) -> Line:
 
 
 def answer_of(finding: FindingRecord) -> Line:
-    """A finding as a line keeps it."""
+    """Return the fields of a finding that a line keeps."""
     return {"found": finding.mismatch.found, "p_value": finding.mismatch.p_value, "verdict": finding.verdict,
             "set": finding.set or (), "also": [one.set or () for one in finding.also],
             "names": [one.term for one in finding.what[:6]],

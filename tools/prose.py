@@ -2,8 +2,9 @@
 
     python tools/prose.py [PATH...]      list every hit (of these files)
 
-Text is docstrings (D), comments (C) and messages (M, string literals with a space) of Python files, and Markdown
-outside code (T). A line with `prose: allow` is an exception; in a string of several lines, any of its lines.
+Text is docstrings (D), comments (C) and messages (M, string literals with a space) of Python files, TOML files and the
+scripts of HTML pages, and Markdown outside code, text files and the text of HTML pages (T). A line with `prose: allow`
+is an exception; in a string of several lines, any of its lines.
 """
 
 import ast
@@ -13,7 +14,7 @@ import sys
 import tokenize
 import tomllib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,6 +23,12 @@ PHRASES = ROOT / "tests" / "house" / "phrases.toml"
 CODE = ("hw", "robot", "sim", "model_export", "truearc", "proof", "benchmarks", "tools", "examples")
 PAGES = ("docs", "benchmarks", "examples", ".github")
 ALLOW = "prose: allow"
+OLD = ("schema1_sentences.toml",)     # sentences of recordings made before reasons had codes; read, never written
+QUOTED = r""""(\\.|[^"\\\n])*"|'(\\.|[^'\\\n])*'"""
+TOML = re.compile(rf"(?P<comment>#[^\n]*(\n[ \t]*#[^\n]*)*)|(?P<string>{QUOTED})")
+SCRIPT = re.compile(rf"(?P<comment>//[^\n]*(\n[ \t]*//[^\n]*)*)|(?P<string>{QUOTED}|`[^`]*`)")
+HTML = re.compile(r"<style.*?</style>|<!--.*?-->|<script[^>]*>(?P<script>.*?)</script>|<[^>]*>|(?P<text>[^<]+)",
+                  re.DOTALL)
 
 
 class Phrase(NamedTuple):
@@ -55,16 +62,16 @@ def load_phrases(path: Path = PHRASES) -> list[Phrase]:
 
 
 def find_files(root: Path = ROOT) -> list[Path]:
-    """Return the Python files and Markdown pages that the phrases apply to."""
-    code = [path for folder in CODE for path in (root / folder).rglob("*.py")]
+    """Return the files of code and the pages that the phrases apply to."""
+    code = [path for folder in CODE for suffix in SPLIT for path in (root / folder).rglob(f"*{suffix}")]
     pages = [*root.glob("*.md"), *(path for folder in PAGES for path in (root / folder).rglob("*.md"))]
-    return sorted(path for path in {*code, *pages} if not {"build", "__pycache__"} & {*path.parts})
+    return sorted(path for path in {*code, *pages}
+                  if not {"build", "__pycache__", *OLD} & {*path.parts} and ".egg-info" not in str(path))
 
 
 def find_hits(path: Path, phrases: list[Phrase]) -> list[Hit]:
     """Return every hit in a file, in the order of its text."""
-    source = path.read_text(encoding="utf-8")
-    pieces = split_python(source) if path.suffix == ".py" else split_markdown(source)
+    pieces = SPLIT[path.suffix](path.read_text(encoding="utf-8"))
     return [Hit(piece.line, found.group(), phrase.use) for piece in pieces for phrase in phrases
             if piece.kind in phrase.scope for found in phrase.pattern.finditer(piece.text)]
 
@@ -91,6 +98,31 @@ def split_python(source: str) -> Iterator[Piece]:
         if text and " " in text.strip() and not _is_allowed(lines, node.lineno, node.end_lineno):
             yield Piece("D" if id(node) in docstrings else "M", node.lineno, " ".join(text.split()))
     yield from _comments(source, lines)
+
+
+def split_toml(source: str) -> Iterator[Piece]:
+    """Yield strings with a space, and comments; comments on lines that follow each other are one piece."""
+    yield from _split(source, TOML)
+
+
+def split_html(source: str) -> Iterator[Piece]:
+    """Yield the text between tags, and strings and comments of scripts."""
+    for found in HTML.finditer(source):
+        line = source.count("\n", 0, found.start()) + 1
+        if found["script"]:
+            yield from (Piece(one.kind, one.line + line - 1, one.text) for one in _split(found["script"], SCRIPT))
+        elif found["text"] and " " in found["text"].strip():
+            yield Piece("T", line, " ".join(found["text"].split()))
+
+
+def _split(source: str, pattern: re.Pattern[str]) -> Iterator[Piece]:
+    """Yield what a pattern of strings (M) and comments (C) finds, from lines without an exception."""
+    lines = source.splitlines()
+    for found in pattern.finditer(source):
+        kind, text = ("C", found["comment"]) if found["comment"] else ("M", found["string"] or "")
+        first, last = (source.count("\n", 0, place) + 1 for place in found.span())
+        if " " in text.strip() and not _is_allowed(lines, first, last):
+            yield Piece(kind, first, " ".join(re.sub(r"^[ \t]*(#|//)", "", text, flags=re.MULTILINE).split()))
 
 
 def _has_docstring(node: ast.AST) -> bool:
@@ -123,6 +155,10 @@ def _comments(source: str, lines: list[str]) -> Iterator[Piece]:
         texts.append(token.string.lstrip("# ").strip())
     if texts:
         yield Piece("C", first, " ".join(texts))
+
+
+SPLIT: dict[str, Callable[[str], Iterator[Piece]]] = {
+    ".py": split_python, ".md": split_markdown, ".txt": split_markdown, ".toml": split_toml, ".html": split_html}
 
 
 def main(words: list[str]) -> int:

@@ -1,4 +1,4 @@
-"""Docstrings, comments, messages and pages avoid the phrases of phrases.toml."""
+"""Docstrings, comments, messages and pages avoid the phrases of phrases.toml; and grades of reading."""
 
 from pathlib import Path
 
@@ -10,9 +10,12 @@ from tools.prose import (
     find_files,
     find_hits,
     load_phrases,
+    split_html,
     split_markdown,
     split_python,
+    split_toml,
 )
+from tools.reading_grade import count_syllables, grade
 
 PHRASES = load_phrases()
 FILES = find_files()
@@ -51,7 +54,33 @@ def test_markdown_text_is_searched(tmp_path: Path, source: str, found: set[str])
     assert {hit.found for hit in hits_of(tmp_path, "a.md", source)} == found
 
 
+@pytest.mark.parametrize(("name", "source", "found"), [
+    ("a.toml", '# so\n# many\nx = "by luck"\nluck = "doubt"\ny = "by luck"  # prose: allow\n', {"so many", "luck"}),
+    ("a.txt", "By\nluck.\n\nSo\n\nmany.\n", {"luck"}),
+    ("a.html", '<style>by luck</style><p class="by luck">so many</p>\n<script>\n// anew here\nsay(`by luck`)</script>',
+     {"so many", "anew", "luck"}),
+])
+def test_text_of_other_files_is_searched(tmp_path: Path, name: str, source: str, found: set[str]) -> None:
+    hits = hits_of(tmp_path, name, source)
+    assert {hit.found for hit in hits} == found and len(hits) == len(found)
+
+
 def test_pieces_carry_their_lines() -> None:
     assert [(piece.kind, piece.line) for piece in split_python('"""A b."""\n\n# c d\nx = "e f"\n')] == [
         ("D", 1), ("M", 4), ("C", 3)]
+    assert [(piece.kind, piece.line) for piece in split_html("<p>a b</p>\n<script>\nx = 'c d'\n// e f\n</script>")] == [
+        ("T", 1), ("M", 3), ("C", 4)]
+    assert [(piece.kind, piece.line) for piece in split_toml('x = "a # b"\n\ny = "c"  # d e\n')] == [("M", 1), ("C", 3)]
     assert [piece.line for piece in split_markdown("a\n\n```\nb\n```\n\nc\n")] == [1, 7]
+
+
+@pytest.mark.parametrize(("word", "count"), [
+    ("ball", 1), ("the", 1), ("simulation", 4), ("table", 2), ("leave", 1), ("wheels", 1), ("uncertainty", 4)])
+def test_syllables_are_counted(word: str, count: int) -> None:
+    assert count_syllables(word) == count
+
+
+def test_grade_of_a_text_worked_out_by_hand() -> None:
+    """Two sentences, 9 words, 10 syllables; a decimal point ends no sentence."""
+    assert grade(["The ball leaves the wheel 1.5 m high. It falls."]) == pytest.approx(
+        (2, 4.5, 10.0 / 9.0, 0.39 * 4.5 + 11.8 * 10.0 / 9.0 - 15.59))

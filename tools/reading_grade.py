@@ -1,0 +1,67 @@
+"""Reading grade of reports, messages and docstrings: Flesch and Kincaid's, the school year that a text asks for.
+
+    python -m tools.reading_grade [CHECKOUT]
+
+0.39 words per sentence + 11.8 syllables per word - 15.59 (Kincaid et al. 1975, Research Branch Report 8-75). Reports
+are the sentences of the golden findings and the fine print; messages have at least five words. Syllables are groups of
+vowels, without a silent e, so that only grades by this tool compare.
+"""
+
+import json
+import re
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from tools.prose import CODE, ROOT, split_python
+
+FEWEST_WORDS = 5                      # of a message; shorter ones are labels
+WORD = re.compile(r"[A-Za-z]+(?:'[a-z]+)?")
+
+
+def count_syllables(word: str) -> int:
+    """Return the number of groups of vowels, without an e that ends the word; at least one."""
+    word = word.lower()
+    groups = len(re.findall(r"[aeiouy]+", word))
+    silent = word.endswith("e") and not word.endswith(("le", "ee", "ye"))
+    return max(groups - silent, 1)
+
+
+def grade(texts: Iterable[str]) -> tuple[int, float, float, float]:
+    """Return (sentences, words per sentence, syllables per word, grade) of texts, each at least one sentence."""
+    sentences = [WORD.findall(one) for text in texts for one in re.split(r"[.!?](?=\s|$)", text)]
+    sentences = [words for words in sentences if words]
+    words = [word for sentence in sentences for word in sentence]
+    length, weight = len(words) / len(sentences), sum(map(count_syllables, words)) / len(words)
+    return len(sentences), length, weight, 0.39 * length + 11.8 * weight - 15.59
+
+
+def reports(root: Path) -> Iterator[str]:
+    """Yield the sentences of the golden findings, and the paragraphs of the fine print."""
+    for path in sorted((root / "tests" / "golden" / "reference").rglob("finding*.json")):
+        yield json.loads(path.read_text(encoding="utf-8"))["sentence"]
+    for path in (root / "sim" / "discover").rglob("fine_print.txt"):
+        yield from path.read_text(encoding="utf-8").split("\n\n")
+
+
+def pieces(root: Path, kind: str) -> Iterator[str]:
+    """Yield the messages (M) or docstrings (D) of all code."""
+    for path in sorted(path for folder in CODE for path in (root / folder).rglob("*.py")):
+        if "build" not in path.relative_to(root).parts:
+            for piece in split_python(path.read_text(encoding="utf-8")):
+                if piece.kind == kind and (kind == "D" or len(WORD.findall(piece.text)) >= FEWEST_WORDS):
+                    yield piece.text
+
+
+def main(words: list[str]) -> int:
+    """Print a line for each kind of text."""
+    root = Path(words[0]).resolve() if words else ROOT
+    for name, texts in (("reports", reports(root)), ("messages", pieces(root, "M")), ("docstrings", pieces(root, "D"))):
+        count, length, weight, found = grade(texts)
+        print(f"{name:10s} grade {found:4.1f}   {count:5d} sentences, {length:4.1f} words each, {weight:.2f} syllables "
+              "per word")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
