@@ -1,11 +1,13 @@
-"""A self-contained HTML page: verdict first, then pictures, then the fine print. Nothing is fetched from anywhere."""
+"""A self-contained HTML page: its origin, the verdict, pictures, the fine print. Nothing is fetched from anywhere."""
 
 import base64
 import html
 import io
+import re
 from collections.abc import Iterable, Sequence
+from importlib.metadata import version
 from importlib.resources import files
-from typing import Any
+from typing import Any, NamedTuple
 
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -13,15 +15,50 @@ from matplotlib.figure import Figure
 
 STYLE = (files("truearc.sim") / "report.css").read_text(encoding="utf-8")
 DPI = 130
+PHONE_IN = 4.4                        # width of a picture whose letters are legible on a phone
+LEAST_SCALE = 0.6                     # of a picture; a wider one scrolls in its own box
+SHOWN = 16                            # digits of a hash
+FIRST_SENTENCE = re.compile(r"(.+?[.!?])\s+(?=[A-Z])(.*)", re.DOTALL)
 
 
-def make_page(title: str, verdict: str, sections: Iterable[tuple[str, str]]) -> str:
-    """HTML text; `sections` are (heading, HTML body), a heading of "" continues the one before."""
+class Origin(NamedTuple):
+    """Where a page comes from, as its first line states it; "" is left out.
+
+    made_at: Date and time, ISO 8601. command: As it was typed. sha256: Of the data.
+    """
+
+    made_at: str = ""
+    command: str = ""
+    sha256: str = ""
+
+
+NO_ORIGIN = Origin()
+
+
+def make_page(title: str, verdict: str, sections: Iterable[tuple[str, str]], origin: Origin = NO_ORIGIN) -> str:
+    """Return the page: title, origin, the verdict's first sentence in a box, its other sentences, the sections.
+
+    Args:
+        title: Plain text, as is `verdict`.
+        sections: (heading, HTML body); a heading of "" continues the section before.
+        origin: Date, command and data; the version is added.
+    """
     parts = [f"<h2>{html.escape(heading)}</h2>\n{body}" if heading else body for heading, body in sections]
+    found = FIRST_SENTENCE.fullmatch(verdict)
+    first, rest = found.groups() if found else (verdict, "")
     return ("<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
             "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">"
             f"<title>{html.escape(title)}</title><style>\n{STYLE}</style></head><body>\n<h1>{html.escape(title)}</h1>\n"
-            f"<p class=\"verdict\">{html.escape(verdict)}</p>\n" + "\n".join(parts) + "\n</body></html>\n")
+            f"{_origin_line(origin)}\n<p class=\"verdict\">{html.escape(first)}</p>\n"
+            + "\n".join([*([paragraph(rest)] if rest else []), *parts]) + "\n</body></html>\n")
+
+
+def _origin_line(origin: Origin) -> str:
+    items = [origin.made_at.replace("T", " "), f"truearc {version('truearc')}",
+             f"data SHA-256 {origin.sha256[:SHOWN]}" if origin.sha256 else ""]
+    said = " · ".join(html.escape(one) for one in items if one)
+    return f"<p class=\"origin\">{said}" + (f"<br><code>{html.escape(origin.command)}</code>" if origin.command else
+                                            "") + "</p>"
 
 
 def new_figure(width_in: float = 8.0, height_in: float = 3.6) -> Figure:
@@ -53,7 +90,9 @@ def picture(png: bytes | None, alt: str, caption: str = "") -> str:
         return ""
     data = base64.b64encode(png).decode("ascii")
     below = f"<figcaption>{html.escape(caption)}</figcaption>" if caption else ""
-    return f"<figure><img alt=\"{html.escape(alt)}\" src=\"data:image/png;base64,{data}\">{below}</figure>"
+    least_px = LEAST_SCALE * int.from_bytes(png[16:20])       # the header's width
+    return (f"<figure><div class=\"scroll\"><img alt=\"{html.escape(alt)}\" style=\"min-width:{least_px:.0f}px\" "
+            f"src=\"data:image/png;base64,{data}\"></div>{below}</figure>")
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:

@@ -16,7 +16,7 @@ from truearc.sim.discover.detect.test_battery import ALLOWANCE, Asked
 from truearc.sim.discover.finding import FindingRecord
 from truearc.sim.discover.report.build_finding import make_finding, silent
 from truearc.sim.discover.select.name_effects import Search, Step, name_effects
-from truearc.sim.discover.settings import FALSE_ALARM
+from truearc.sim.discover.settings import FALSE_ALARM, SIGN_DRAWS
 from truearc.sim.infer.baseline_fit import BaselineFit, climb, fit_believed, only_shared, usual_spot
 from truearc.sim.infer.belief import Belief, launcher_of, ranges_of
 from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
@@ -29,7 +29,6 @@ from truearc.sim.physics.catalogue import Catalogue, as_catalogue, catalogue
 from truearc.sim.physics.term import Term
 from truearc.sim.progress import Progress
 
-DRAWS = 1999
 # Circumstances that compare a shot with the whole session: with each further shot they would be others.
 OF_SESSION = ("age", "battery", "density", "droop")
 LAUNCHED = ("exit_speed_m_s", "exit_deg", "exit_spin_rev_s")
@@ -121,7 +120,7 @@ def make_search(dataset: Dataset, false_alarm: float = FALSE_ALARM, seed: int = 
 def detect(fitted: BaselineFit, search: Search, progress: Progress) -> tuple[Asked, Judged]:
     """All tests of one fit, judged. Without a test nothing is judged."""
     asked = search.ask(fitted)
-    judged = judge(asked.scores, [test.family for test in asked.tests], ALLOWANCE, DRAWS, search.seed, progress)
+    judged = judge(asked.scores, [test.family for test in asked.tests], ALLOWANCE, SIGN_DRAWS, search.seed, progress)
     return asked, judged
 
 

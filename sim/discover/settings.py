@@ -3,6 +3,7 @@
 from truearc.robot.config.schema import InputError
 
 FALSE_ALARM = 0.05
+SIGN_DRAWS = 1999                     # sign flips behind a p-value, which is therefore 1 / 2000 at least
 LEAST_FALSE_ALARM = 0.002             # a p of at least 1 in 1000 can decide about it
 LEVELS = ("L0", "L1", "L2")           # outcomes | with telemetry | with tracks
 LEVEL = "L0"

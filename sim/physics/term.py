@@ -21,6 +21,7 @@ from truearc.sim.physics.term_fields import (
     ANGLE,
     LENGTH,
     NUMBER,
+    SECONDS,
     SHARE,
     SPEED,
     Instrument,
@@ -33,7 +34,7 @@ from truearc.sim.physics.term_fields import (
 from truearc.sim.physics.vector import Vec, plus, scale, times, total
 
 __all__ = [
-    "ANGLE", "DIRECTIONS", "KINDS", "LENGTH", "NUMBER", "SHARE", "SPEED", "STAGES", "AirShareTerm",
+    "ANGLE", "DIRECTIONS", "KINDS", "LENGTH", "NUMBER", "SECONDS", "SHARE", "SPEED", "STAGES", "AirShareTerm",
     "AirTerm", "ArrivalTerm", "BallState", "Circumstances", "DistanceTerm", "Exit", "FlightTerm", "ForceShareTerm",
     "Forces", "HoodTerm", "InFlight", "Instrument", "LaunchTerm", "Number", "Opening", "Parameter", "Phrase", "Prior",
     "Rig", "SensingTerm", "SpeedTerm", "Term", "Values", "Vec", "WatchTerm", "WindTerm", "amplitude", "complete",

@@ -10,6 +10,7 @@ ANGLE: Scale = (1.0, "°")
 LENGTH: Scale = (100.0, " cm")
 SPEED: Scale = (1.0, " m/s")
 NUMBER: Scale = (1.0, "")
+SECONDS: Scale = (1.0, " s")
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,8 @@ class Instrument(NamedTuple):
 class Phrase(NamedTuple):
     """`more`, `less`: what a positive and a negative amplitude mean; {} takes the size.
 
-    The amplitude times `factor` is in `unit`; `per`: what the size is stated for.
+    The amplitude times `factor` is in `unit`; `per`: what the size is stated for. rate: the amplitude is a rate, and
+    the size its inverse, a time constant, in `unit`.
     """
 
     more: str
@@ -92,15 +94,17 @@ class Phrase(NamedTuple):
     factor: float
     unit: str
     per: str = ""
+    rate: bool = False
 
 
-def either_way(text: str, scale: Scale = NUMBER, per: str = "") -> Phrase:
+def either_way(text: str, scale: Scale = NUMBER, per: str = "", rate: bool = False) -> Phrase:
     """Return a phrase whose two directions differ where `text` has alternatives: "the air is {} <denser|thinner>".
 
     Args:
         text: Takes the size in place of {}.
         scale: Factor and unit in which the size is shown.
         per: That for which the size is stated.
+        rate: The amplitude is a rate, shown as its time constant.
     """
     more, less = (re.sub(r"<(.*?)\|(.*?)>", rf"\{side}", text) for side in (1, 2))
-    return Phrase(more, less, *scale, per)
+    return Phrase(more, less, *scale, per, rate)

@@ -1,11 +1,12 @@
 """An HTML page on a system identification: efforts, measured and forecast speeds, and the fitted numbers."""
 
+import html
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from truearc.sim.report import make_page, make_png, new_panels, paragraph, picture, table
+from truearc.sim.report import NO_ORIGIN, PHONE_IN, Origin, make_page, make_png, new_panels, paragraph, picture, table
 from truearc.sim.sysid.fit import SysidFit
 from truearc.sim.sysid.motion import Floats
 from truearc.sim.sysid.sysid_text import UNITS, WORDS
@@ -17,7 +18,7 @@ INK, LINE, BAND, MISS = "#1a1c20", "#1f5fa8", "#e8edf4", "#b3261e"
 def draw_fit(fit: SysidFit) -> Figure:
     """Effort, speed (measured and forecast) and residual over time; shaded: every other piece."""
     record, rows = fit.record, fit.rows
-    figure, (effort, speed, residual, spread) = new_panels(9.0, 7.6, 4, height_ratios=(0.8, 1.6, 1.1, 1.1))
+    figure, (effort, speed, residual, spread) = new_panels(PHONE_IN, 8.0, 4, height_ratios=(0.8, 1.6, 1.1, 1.1))
     speed.sharex(effort)
     residual.sharex(effort)
     spread.sharey(residual)
@@ -29,7 +30,7 @@ def draw_fit(fit: SysidFit) -> Figure:
     at_s, forecast = _with_gaps(record.speed_t_s[rows], fit.forecast_rad_s, rows)
     speed.plot(at_s, forecast, color=LINE, linewidth=1.0, label="forecast from efforts alone")
     speed.set_ylabel("speed, rad/s")
-    speed.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, borderaxespad=0.0)
+    speed.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, borderaxespad=0.0, fontsize=8.5)
     missed = record.speed_rad_s[rows] - fit.forecast_rad_s
     for axes, x, name in ((residual, record.speed_t_s, "time, s"), (spread, record.speed_rad_s, "speed, rad/s")):
         axes.axhline(0.0, color=INK, linewidth=0.7)
@@ -41,11 +42,12 @@ def draw_fit(fit: SysidFit) -> Figure:
     return figure
 
 
-def make_fit_page(title: str, fits: Mapping[str, SysidFit], notes: Sequence[str]) -> str:
-    """HTML: the figures' worth first, then pictures, then the numbers."""
+def make_fit_page(title: str, fits: Mapping[str, SysidFit], gains: str, notes: Sequence[str],
+                  origin: Origin = NO_ORIGIN) -> str:
+    """HTML: the worth of the fit, the gains to paste (TOML), then pictures and the numbers."""
     verdict = " ".join(f"{joint.capitalize()}: unseen pieces within {fit.rms_rad_s:.3g} rad/s (R^2 {fit.r2:.5f})."
                        for joint, fit in fits.items())
-    sections = []
+    sections = [("Paste into launcher.toml", f"<pre>{html.escape(gains)}</pre>")]
     for joint, fit in fits.items():
         rows = [(number.name, WORDS[number.name], number.value, number.low90, number.high90,
                  UNITS[fit.record.unit][number.name]) for number in fit.numbers.values()]
@@ -53,7 +55,7 @@ def make_fit_page(title: str, fits: Mapping[str, SysidFit], notes: Sequence[str]
                    "simulated from its start, with nothing but the effort to go by.")
         sections.append((joint, picture(make_png(draw_fit(fit)), f"{joint}: effort, speed and residual", caption)
                          + table(("", "", "value", "90 % from", "to", "unit"), rows)))
-    return make_page(title, verdict, [*sections, *(("", paragraph(note, dim=True)) for note in notes)])
+    return make_page(title, verdict, [*sections, *(("", paragraph(note, dim=True)) for note in notes)], origin)
 
 
 def _with_gaps(t_s: Floats, values: Floats, rows: np.ndarray) -> tuple[Floats, Floats]:

@@ -86,19 +86,28 @@ def say_inertia(fit: SysidFit, motors: int) -> str:
     return f"  inertia of everything on the shaft: {whole.value:.5g} kg m2 {_interval(whole)} ({motors} motors)"
 
 
+def make_gains(fits: Mapping[str, SysidFit], config: Config | None) -> str:
+    """TOML: the keys that follow from the fits, to be pasted. Voltages have no place in launcher.toml."""
+    parts = []
+    for joint, fit in fits.items():
+        if config is None:
+            parts.append(_open_loop(fit))
+        elif joint == FLYWHEEL:
+            parts.append(_flywheel(fit, flywheel_gains(fit, config)))
+        elif joint == HOOD:
+            parts.append(_hood(fit, hood_gains(fit, config)))
+    return "\n\n".join(map("\n".join, parts)) + "\n"
+
+
 def make_fragment(title: str, fits: Mapping[str, SysidFit], config: Config | None, notes: Iterable[str]) -> str:
-    """TOML: what was fitted as comments, and the keys that follow from it. Voltages have no place in launcher.toml."""
-    parts = [f"# {title}", *(f"# {note}" for note in notes)]
+    """TOML: the gains to paste, then as comments what was fitted, and from what."""
+    parts = []
     for joint, fit in fits.items():
         parts += ["", *(f"# {text}" for text in say_fit(fit))]
-        if config is None:
-            parts += _open_loop(fit)
-        elif joint == FLYWHEEL:
-            parts += ["# " + say_inertia(fit, len(config.axes.flywheels)),
-                      *_flywheel(fit, flywheel_gains(fit, config))]
-        elif joint == HOOD:
-            parts += _hood(fit, hood_gains(fit, config))
-    return "\n".join(parts) + "\n"
+        if config is not None and joint == FLYWHEEL:
+            parts.append("# " + say_inertia(fit, len(config.axes.flywheels)))
+    origin = ["", f"# {title}", *(f"# {note}" for note in notes)]
+    return make_gains(fits, config) + "\n".join([*parts, *origin]) + "\n"
 
 
 def _open_loop(fit: SysidFit) -> list[str]:
@@ -111,7 +120,7 @@ def _open_loop(fit: SysidFit) -> list[str]:
 def _flywheel(fit: SysidFit, gains: Gains) -> list[str]:
     ks, kv = line(fit)
     bent = ["# ks and kv: the straight line that comes nearest to the bent friction"] if fit.law.windage else []
-    return [*bent, "[flywheel]", _key("ks_nm", ks), _key("kv_nm_s", kv), _key("ka_nm_s2", fit.numbers["ka"]),
+    return ["[flywheel]", *bent, _key("ks_nm", ks), _key("kv_nm_s", kv), _key("ka_nm_s2", fit.numbers["ka"]),
             *_pid("flywheel", gains)]
 
 

@@ -3,6 +3,9 @@
 import dataclasses
 import json
 import pickle
+import re
+import shlex
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -35,12 +38,15 @@ def gate(week: ta.Dataset, found: ta.Finding) -> ta.GateTraining:
 
 def test_finding_equals_what_the_command_prints_and_writes(folder, week, found, tmp_path, capsys) -> None:
     out, page, adopted = tmp_path / "f.json", tmp_path / "f.html", tmp_path / "a.toml"
-    assert main(["discover", str(folder), "--believe", ",".join(BELIEVE), "--json", str(out), "--report", str(page),
-                 "--adopt", str(adopted), "--quiet"]) == 0
+    words = ["discover", str(folder), "--believe", ",".join(BELIEVE), "--json", str(out), "--report", str(page),
+             "--adopt", str(adopted), "--quiet"]
+    assert main(words) == 0
     printed = capsys.readouterr().out
     assert printed.startswith(f"{found}\nadopted: ") and printed.endswith(f" -> {adopted}\n")
     assert out.read_bytes() == found.to_json().encode()
-    found.to_html(tmp_path / "api.html")
+    made_at = re.search(r'<p class="origin">(\S+ \S+) · truearc', page.read_text(encoding="utf-8"))[1]
+    assert abs((datetime.now(UTC) - datetime.fromisoformat(made_at)).total_seconds()) < 600.0
+    found.to_html(tmp_path / "api.html", made_at=made_at, command=f"truearc {shlex.join(words)}")
     assert page.read_bytes() == (tmp_path / "api.html").read_bytes()
     kept, own = ta.load_belief(adopted), found.adopt()
     assert (kept.coefficients, kept.scatter, kept.names) == (own.coefficients, own.scatter, own.names)

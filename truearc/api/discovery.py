@@ -13,6 +13,7 @@ from truearc.api.terms import check_kind, names_of
 from truearc.robot.config.schema import InputError, about
 from truearc.robot.config.whole_file import save_whole
 from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.load import hash_dataset
 from truearc.sim.discover import investigate as engine
 from truearc.sim.discover.adopt import make_belief, with_worth
 from truearc.sim.discover.finding import FindingRecord
@@ -26,6 +27,7 @@ from truearc.sim.infer.plausibility.check import check_plausible
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.physics.term import Term
 from truearc.sim.progress import Progress
+from truearc.sim.report import Origin
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +45,12 @@ class Finding(FindingReport):
         """Every figure of the answer, as the JSON schema truearc.finding/1 has it."""
         return self.investigation.finding
 
-    def to_html(self, path: str | Path) -> None:
-        """Write the whole report as one HTML file; OSError where it cannot be written."""
-        save_whole(path, make_report(self.name, self.investigation).encode())
+    def to_html(self, path: str | Path, *, made_at: str = "", command: str = "") -> None:
+        """Write the whole report as one HTML file; OSError where it cannot be written.
+
+        made_at, command: date and command line for its head, beside the version and the hash of the data.
+        """
+        save_whole(path, make_report(self.name, self.investigation, Origin(made_at, command)).encode())
 
     def plot_residuals(self) -> Figure:
         """Draw real shots less simulation, against what the first effect goes with, before and after putting it in.
@@ -130,6 +135,8 @@ def discover(dataset: Dataset, *, belief: Belief | None = None, believe: Iterabl
     since = None if since is None else check_plausible(since, accept)
     found = engine.discover(dataset, names, false_alarm, seed, progress, belief, since,
                             _measured(measured or {}, among), among)
+    hashed = structs.replace(found.finding.data, sha256=hash_dataset(dataset))
+    found = replace(found, finding=structs.replace(found.finding, data=hashed))
     return Finding(dataset.name, with_worth(found))
 
 

@@ -14,6 +14,7 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
 from truearc.robot.config.whole_file import save_whole
 from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.data.load import hash_dataset
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.plan.detectability import Sight
 from truearc.sim.discover.plan.expected_information import foresee, foresee_dataset, is_planned
@@ -26,6 +27,7 @@ from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.physics.term import Term
 from truearc.sim.printed import Printed
 from truearc.sim.progress import Progress
+from truearc.sim.report import Origin
 
 TERM_COLUMNS = ("term", "stage", "unit", "usual", "smallest", "power", "shots_needed", "share_left", "like",
                 "correlation", "why_not")
@@ -36,11 +38,13 @@ SHOT_COLUMNS = ("shots", "like", "distance_m", "hood_deg", "motor_ratio", "exit_
 
 @dataclass(frozen=True)
 class Identifiability(Printed):
-    """What shots of a kind could show of each term. `name`: of rig or dataset; `sight`: every figure."""
+    """What shots of a kind could show of each term. `name`: of rig or dataset; `sight`: every figure; `sha256`: of the
+    dataset's content, or the rig's."""
 
     name: str
     sight: Sight
     catalogue: Catalogue
+    sha256: str = ""
 
     def table(self) -> Table:
         """Return a row per term, most easily seen first.
@@ -57,9 +61,13 @@ class Identifiability(Printed):
         """Return the answer as JSON (schema truearc.identifiability/1)."""
         return make_json(self.sight).decode()
 
-    def to_html(self, path: str | Path) -> None:
-        """Write the report as one HTML file; OSError where it cannot be written."""
-        save_whole(path, make_sight_page(self.name, self.sight, self.catalogue).encode())
+    def to_html(self, path: str | Path, *, made_at: str = "", command: str = "") -> None:
+        """Write the report as one HTML file; OSError where it cannot be written.
+
+        made_at, command: date and command line for its head, beside the version and the hash of the data.
+        """
+        origin = Origin(made_at, command, self.sha256)
+        save_whole(path, make_sight_page(self.name, self.sight, self.catalogue, origin).encode())
 
     def lines(self) -> list[str]:
         """Return the report: how many terms would be seen, and a line per term."""
@@ -91,8 +99,8 @@ def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, 
     """
     check_kind("rig_or_dataset", rig_or_dataset, (Rig, Dataset), "load_rig(...) or truearc.load_dataset(...)")
     rig = rig_or_dataset.rig if isinstance(rig_or_dataset, Dataset) else rig_or_dataset
-    check_plausible(rig_or_dataset if isinstance(rig_or_dataset, Dataset) else
-                    Dataset("", rig, Shots((), {}, {})), accept)
+    data = rig_or_dataset if isinstance(rig_or_dataset, Dataset) else Dataset("", rig, Shots((), {}, {}))
+    check_plausible(data, accept)
     among = as_catalogue(terms)
     believed = names_of(rig.believe.terms if believe is None else believe,
                         "rig.toml: believe.terms" if believe is None else "believe", among) or ()
@@ -103,10 +111,10 @@ def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, 
             option = "sides (--sides)" if sides else "seed (--seed)"
             raise InputError(f"{option}: applies to planned shots only; these have results")
         sight = foresee_dataset(rig_or_dataset, believed, sides, seed or 0, progress, among)
-        return Identifiability(name or rig_or_dataset.name, sight, among)
+        return Identifiability(name or rig_or_dataset.name, sight, among, hash_dataset(data))
     sight = foresee(rig, believed, LEVEL if level is None else level, SEASON_SHOTS if shots is None else shots, sides,
                     seed or 0, progress, among)
-    return Identifiability(name or "rig", sight, among)
+    return Identifiability(name or "rig", sight, among, hash_dataset(data))
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from truearc import robot
+from truearc.hw.real.clock import wall_clock
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError, load_config, load_text, parse_table
 from truearc.robot.config.whole_file import save_whole
@@ -16,6 +17,7 @@ from truearc.sim.progress import Progress
 
 if TYPE_CHECKING:                     # imports JAX, which --help does without
     from truearc.sim.physics.catalogue import Catalogue
+    from truearc.sim.report import Origin
 
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 Number = TypeVar("Number", int, float)
@@ -61,6 +63,12 @@ def write_out(path: str | Path | None, text: str) -> None:
     """
     if path is not None:
         save_whole(path, text.encode())
+
+
+def origin_of(args: argparse.Namespace) -> "Origin":
+    """Return the time and the command line for the head of a report."""
+    from truearc.sim.report import Origin  # loads Matplotlib
+    return Origin(wall_clock(), getattr(args, "typed", ""))
 
 
 def add_accept(parser: argparse.ArgumentParser) -> None:

@@ -3,6 +3,7 @@
 import argparse
 import difflib
 import re
+import shlex
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn, Protocol, cast
@@ -56,7 +57,7 @@ class Parser(argparse.ArgumentParser):
         self.register("type", float, number(float))
 
     def parse(self, words: list[str]) -> argparse.Namespace:
-        """Parse the words behind the command's name.
+        """Parse the words behind the command's name; the line as it was typed is in `typed`.
 
         Raises:
             InputError: An option that the command does not have, before all else; then whatever argparse refuses.
@@ -65,7 +66,9 @@ class Parser(argparse.ArgumentParser):
             option = word.partition("=")[0]
             if option.startswith("--") and " " not in option and option not in self._option_string_actions:
                 raise InputError(f"{option}: there is no such option{_nearest(option, self._option_string_actions)}")
-        return self.parse_args(words)
+        args = self.parse_args(words)
+        args.typed = shlex.join([*self.prog.split(), *words])
+        return args
 
     def error(self, message: str) -> NoReturn:
         """Raise argparse's message in the project's form."""

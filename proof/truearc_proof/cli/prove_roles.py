@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 from msgspec import structs
 
-from truearc.cli.common import make_progress
+from truearc.cli.common import make_progress, origin_of
 from truearc.robot.config.schema import InputError
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS
@@ -40,7 +40,7 @@ def play_role(args: argparse.Namespace) -> int:
         return _pack(args, room)
     if args.role == "check":
         check_packed(args, room)
-        _tell(room, graded_of(room))
+        _tell(args, room, graded_of(room))
         return 0
     return _seal_own(args, room) if args.world or args.data else _play(args, room)
 
@@ -59,7 +59,8 @@ def _play(args: argparse.Namespace, room: Room) -> int:
     if args.role is None and args.follow_up:
         solve_apart(args, args.out)
     if args.role in (None, "grade"):
-        _tell(room, grade_round(room, make_progress("grade", args.quiet), args.processes, args.scheduler, args.so_far))
+        _tell(args, room, grade_round(room, make_progress("grade", args.quiet), args.processes, args.scheduler,
+                                      args.so_far))
     print(f"{room.ledger}: {_head(room)}")
     return 0
 
@@ -78,7 +79,7 @@ def _drive(args: argparse.Namespace, room: Room) -> int:
         driven = play_driven(room.root, plan, args.trials or args.shots, make_progress("drive", args.quiet),
                              args.processes)
         print(driven_table(driven).markdown())
-        _save_report(room, graded_of(room))
+        _save_report(args, room, graded_of(room))
         print(f"report: {room.report}")
     return 0
 
@@ -117,7 +118,7 @@ def _rivals(args: argparse.Namespace) -> tuple[str, ...]:
     return tuple(args.rivals.split(",")) if args.rivals else ()
 
 
-def _tell(room: Room, graded: Sequence[Graded]) -> None:
+def _tell(args: argparse.Namespace, room: Room, graded: Sequence[Graded]) -> None:
     """The tables, and the page."""
     waiting = len(unclaimed(room.steps()))
     if waiting:
@@ -125,20 +126,21 @@ def _tell(room: Room, graded: Sequence[Graded]) -> None:
     if not graded:
         print("Nothing has been marked yet.")
         return
-    tables = [one.markdown() for one in _save_report(room, graded)]
+    tables = [one.markdown() for one in _save_report(args, room, graded)]
     sealed = [f"{one.world} was sealed as {room.steps()[one.world][SEALED]}: compare it with the number you were given"
             for one in graded if one.first.engine == OWN]
     files = f"report: {room.report}; figures: {room.figures}; every mark: {room.grades}"
     print("\n\n".join([verdict([one.first for one in graded]), *tables, *sealed, files]))
 
 
-def _save_report(room: Room, graded: Sequence[Graded]) -> list[Table]:
+def _save_report(args: argparse.Namespace, room: Room, graded: Sequence[Graded]) -> list[Table]:
     """Write the page; its tables, that of the driven worlds among them where there are any."""
     marks, again = [one.first for one in graded], [(one.first, one.again) for one in graded if one.again is not None]
     driven = driven_of(room_of(room.root))
     tables = [*make_tables(marks, again), *([driven_table(driven)] if driven else [])]
-    entries = read_ledger(room.ledger) or read_ledger(room_of(room.root).ledger)
-    room.report.write_text(make_proof_page(marks, tables, entries), encoding="utf-8")
+    ledger = room.ledger if read_ledger(room.ledger) else room_of(room.root).ledger
+    origin = origin_of(args)._replace(sha256=last_digest(ledger))
+    room.report.write_text(make_proof_page(marks, tables, read_ledger(ledger), origin), encoding="utf-8")
     if marks:
         room.figures.write_bytes(msgspec.json.format(msgspec.json.encode(plain_figures(marks)), indent=1) + b"\n")
     return tables

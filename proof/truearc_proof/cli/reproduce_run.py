@@ -5,7 +5,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
-from truearc.cli.common import SHIPPED, make_progress
+from truearc.cli.common import SHIPPED, make_progress, origin_of
 from truearc.robot.config.schema import InputError, load_config
 from truearc.sim.data.dataset import save_dataset
 from truearc.sim.progress import Progress
@@ -40,7 +40,8 @@ def reproduce(args: argparse.Namespace) -> int:
     analysis = analyse(repetitions, answers, settings)
     tables = make_tables(repetitions, analysis, settings)
     save_figures(folder, pool, repetitions, analysis, tables, settings)
-    save_page(folder / "index.html", pool, repetitions, answers, analysis, tables, settings)
+    save_page(folder / "index.html", pool, repetitions, answers, analysis, tables, settings,
+              origin_of(args))
     for line in [*(table.text() for table in in_short(tables)), "", *what_varies(pool, settings), *headline(analysis)]:
         print(line)
     print(f"\n{OURS_NOT_THEIRS}\nreport: {folder / 'index.html'}; figures: figures.csv, table_1.csv, summary.json")

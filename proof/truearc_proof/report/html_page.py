@@ -4,7 +4,7 @@
 from collections.abc import Sequence
 
 from truearc.sim.intervals import wilson
-from truearc.sim.report import make_page, paragraph, picture, table
+from truearc.sim.report import NO_ORIGIN, Origin, make_page, paragraph, picture, table
 from truearc_proof.report.plots import chance_png, ladder_png, matrix_png, reliability_png
 from truearc_proof.report.tables import Question, ladder_of, share
 from truearc_proof.rounds.ledger import Entry
@@ -17,7 +17,8 @@ LAMBDA = ("Lambda is how plain an effect is in such data: the square of its ampl
           "that anybody could have.")
 
 
-def make_proof_page(marks: Sequence[Mark], tables: Sequence[Table], entries: Sequence[Entry]) -> str:
+def make_proof_page(marks: Sequence[Mark], tables: Sequence[Table], entries: Sequence[Entry],
+                    origin: Origin = NO_ORIGIN) -> str:
     """HTML that needs nothing but itself. entries: the round's ledger. A round that was only driven has no marks."""
     levels = sorted({f"{one.level}, {one.shots} shots" for one in marks})
     sections = [("What was said of what was true", _matrix(marks))] if marks else []
@@ -35,7 +36,7 @@ def make_proof_page(marks: Sequence[Mark], tables: Sequence[Table], entries: Seq
     sections += [("Every world", _worlds(marks))] if marks else []
     sections += [("The ledger", _ledger(entries))]
     title = f"{len(marks)} concealed worlds, {'; '.join(levels)}" if marks else "driven worlds"
-    return make_page(f"truearc prove: {title}", verdict(marks), sections)
+    return make_page(f"truearc prove: {title}", verdict(marks), sections, origin)
 
 
 def verdict(marks: Sequence[Mark]) -> str:

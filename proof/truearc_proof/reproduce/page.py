@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from truearc.sim.data.columns import OUTCOMES
+from truearc.sim.data.load import hash_dataset
 from truearc.sim.paper.sweep_settings import SweepSetting
-from truearc.sim.report import make_page, make_png, paragraph, picture, table
+from truearc.sim.report import NO_ORIGIN, Origin, make_page, make_png, paragraph, picture, table
 from truearc.sim.tables import save_csv
 from truearc_proof.reproduce.analysis import BY_TEST, BY_VALIDATION, EVERYTHING, PAPERS, Analysis
 from truearc_proof.reproduce.collect import LAUNCHABLE, Pool
@@ -66,7 +67,7 @@ def headline(analysis: Analysis) -> list[str]:
 
 
 def save_page(path: Path, pool: Pool, repetitions: Sequence[Repetition], answers: Sequence[dict[SweepSetting, Answer]],
-              analysis: Analysis, tables: Sequence[Table], settings: Settings) -> None:
+              analysis: Analysis, tables: Sequence[Table], settings: Settings, origin: Origin = NO_ORIGIN) -> None:
     """Write the page; everything is inline."""
     target = pool.real.facts.target
     assert target is not None
@@ -90,8 +91,8 @@ def save_page(path: Path, pool: Pool, repetitions: Sequence[Repetition], answers
         drawn = "".join(body for start, body in pictures.items() if one.title.startswith(start))
         sections.append((one.title, drawn + table(one.header, one.rows) + paragraph(one.note, dim=True)))
     verdict = " ".join([OURS_NOT_THEIRS, *headline(analysis)])
-    path.write_text(make_page("truearc reproduce: the paper's tables and figures", verdict, sections),
-                    encoding="utf-8")
+    path.write_text(make_page("truearc reproduce: the paper's tables and figures", verdict, sections,
+                              origin._replace(sha256=hash_dataset(pool.real))), encoding="utf-8")
 
 
 def save_figures(folder: Path, pool: Pool, repetitions: Sequence[Repetition], analysis: Analysis,

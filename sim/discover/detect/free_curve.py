@@ -53,6 +53,24 @@ def correct(evidence: ScoreTable, test: Test) -> Correction:
                       evidence.log_score + evidence.gain(before), evidence.log_score + evidence.gain(after))
 
 
+def curve_of(found: Correction) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+    """(amplitude less its mean over the shots, its standard deviation) [n], as fitted to all shots.
+
+    By the information at the fit, the ridge as a prior, shared numbers marginalised. The mean is left out: a shared
+    number may stand in for it.
+    """
+    evidence, test = found.evidence, found.test
+    basis = _basis(evidence, test)
+    whole = np.ones(len(basis), dtype=bool)
+    ridge = _ridge(evidence, test, basis, whole)
+    fit = _fit(evidence, basis, whole, ridge)
+    info = _normal(evidence, basis, whole, _spread(evidence, basis, fit))[1]
+    penalty = block_diag(np.diag(_penalty(evidence, basis, whole, ridge)), evidence.precision)
+    q, shape = basis.shape[1], basis - basis.mean(0)
+    covariance = np.linalg.inv(info + penalty + 1e-12 * np.eye(len(info)))[:q, :q]
+    return shape @ fit[:q], np.sqrt(np.maximum(np.einsum("nq,qr,nr->n", shape, covariance, shape), 0.0))
+
+
 def unseen(evidence: ScoreTable, basis: Basis) -> tuple[Float[Array, " n"], Float[Array, " q"]]:
     """(held-out log score, coefficients fitted to all shots) with the first column's amplitude in the span of
     `basis`; folds as in `correct`."""

@@ -50,16 +50,32 @@ def say_effect(term: str, interval: Interval, sentence: str, among: Catalogue | 
     less = interval.value < 0.0
     factor = -phrase.factor if less else phrase.factor
     low, high = sorted((interval.low90 * factor, interval.high90 * factor))
-    value, lowest, highest = _together(interval.value * factor, low, high)
-    size = f"{value}{phrase.unit} (90 %: {lowest} to {highest}{phrase.unit})"
+    size = (_time_constant if phrase.rate else _size)(interval.value * factor, low, high, phrase.unit)
     return (phrase.less if less else phrase.more).format(size)
+
+
+def _size(value: float, low: float, high: float, unit: str) -> str:
+    said, lowest, highest = _together(value, low, high)
+    return f"{said}{unit} (90 %: {lowest} to {highest}{unit})"
+
+
+def _time_constant(rate: float, low: float, high: float, unit: str) -> str:
+    """The inverse of a rate, whose interval's ends swap; a rate that may be zero leaves it without an upper end."""
+    if low > 0.0:
+        return _size(1.0 / rate, 1.0 / high, 1.0 / low, unit)
+    return f"{_number(_inverse(rate))}{unit} (90 %: at least {_number(_inverse(high))}{unit})"
+
+
+def _inverse(rate: float) -> float:
+    return math.inf if rate == 0.0 else 1.0 / rate
 
 
 def size_of(name: str, amount: float, unit: str, among: Catalogue | None = None) -> str:
     """An amount of a term's amplitude (or of a free column) as people say it, with the unit that it is per."""
     phrase = phrase_of(name, among)
     if phrase is not None:
-        return f"{_number(amount * phrase.factor)}{phrase.unit}{phrase.per}"
+        shown = _inverse(amount * phrase.factor) if phrase.rate else amount * phrase.factor
+        return f"{_number(shown)}{phrase.unit}{phrase.per}"
     factor, said = scale_of(unit)
     return f"{_number(amount * factor)}{said}"
 

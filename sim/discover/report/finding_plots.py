@@ -1,4 +1,6 @@
-"""Pictures of the report: residuals against what they follow, along the flight, over the field; shots needed."""
+"""Pictures of the report: residuals against what they follow, a free curve, along the flight, over the field; shots
+needed. All are PHONE_IN wide, panels one below the other, so that a phone shows their letters at a legible size.
+"""
 
 from collections.abc import Sequence
 from typing import TypeVar
@@ -9,13 +11,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from truearc.sim.discover.detect.localization import joint_bands
+from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
+from truearc.sim.discover.detect.free_curve import curve_of
+from truearc.sim.discover.detect.localization import Place, joint_bands
 from truearc.sim.discover.detect.residuals import Along, Bins, Part, Residual, binned, bins_of
 from truearc.sim.discover.plan.detectability import Sight
-from truearc.sim.discover.report.effect_wording import plain
+from truearc.sim.discover.report.effect_wording import plain, scale_of
+from truearc.sim.discover.report.finding_text import NINETY
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue
-from truearc.sim.report import make_png, new_figure
+from truearc.sim.report import PHONE_IN, make_png, new_figure, new_panels
 
 INK, BEFORE, AFTER = "#30343b", "#1f5fa8", "#c2571a"
 STAGE_COLOURS = {"sensing": "#7a56a8", "launch": "#c2571a", "flight": "#1f5fa8", "arrival": "#2f7d4f"}
@@ -33,15 +38,14 @@ Shown = TypeVar("Shown")
 
 
 def residual_figure(residual: Residual, along: Along, rows: Int[Array, " n"], what: str) -> Figure:
-    """Residual by bins of `along`, as simulated on the left, with `what` put in on the right (when something was)."""
+    """Residual by bins of `along`, as simulated, and below with `what` put in (when something was)."""
     bins, parts = bins_of(along, rows), _both(residual.before, residual.after, what)
-    figure = new_figure(9.0 if len(parts) == 2 else 6.0, 3.5)
-    panels = figure.subplots(1, len(parts), sharey=True, squeeze=False)[0]
+    figure, panels = new_panels(PHONE_IN, 0.6 + 2.4 * len(parts), len(parts), sharex=True, sharey=True)
     for axes, (title, part, colour) in zip(panels, parts, strict=True):
         _points(axes, bins, part, residual.factor, colour)
         axes.set_title(title, loc="left", fontsize=11, color=colour, fontweight="bold")
-        axes.set_xlabel(_worded(bins.name))
-    panels[0].set_ylabel(f"{residual.name}: real − simulated\n[{residual.unit}]")
+    panels[-1].set_xlabel(_worded(bins.name))
+    figure.supylabel(f"{residual.name}, real − simulated [{residual.unit}]", fontsize=10)
     if residual.after is not None:
         gone = (binned(residual.before, bins)[0] - binned(residual.after, bins)[0]) * residual.factor
         panels[0].plot(bins.middle, gone, color=AFTER, lw=2.0, alpha=0.8, zorder=1, label=f"{what}, as fitted")
@@ -66,23 +70,58 @@ def _points(axes: Axes, bins: Bins, part: Part, factor: float, colour: str) -> N
     _clean(axes)
 
 
+def curve_png(place: Place) -> bytes | None:
+    """The free curve of an unexplained effect, fitted to all shots, less its mean; None where it is the same in all."""
+    what, column = place.test.what, place.column
+    if what is None:
+        return None
+    value, sd = curve_of(place.correction)
+    rows, (factor, unit) = place.correction.evidence.rows, scale_of(column.unit)
+    value, reach = value * factor, NINETY * sd * factor
+    figure, (axes,) = new_panels(PHONE_IN, 3.0)
+    if isinstance(what, CovariatePair):
+        seen = axes.scatter(what.first.values[rows], what.second.values[rows], c=value, cmap="RdBu_r", s=18,
+                            vmin=-np.abs(value).max(), vmax=np.abs(value).max(), edgecolor=INK, lw=0.3)
+        figure.colorbar(seen, ax=axes, label=f"{column.name} [{unit.strip()}]")
+        axes.set(xlabel=_worded(what.first.name), ylabel=_worded(what.second.name))
+    else:
+        _curve(axes, what, rows, value, reach)
+        axes.axhline(0.0, color=INK, lw=0.9)
+        axes.set(xlabel=_worded(what.name), ylabel=f"change of {column.name}\n[{unit.strip()}]")
+    _clean(axes)
+    return make_png(figure)
+
+
+def _curve(axes: Axes, what: Covariate | Factor, rows: Int[Array, " n"], value: Each, reach: Each) -> None:
+    """A line with its 90 % band over a number, which ticks at the bottom mark; a point for each group."""
+    if isinstance(what, Factor):
+        codes, first = np.unique(what.codes[rows], return_index=True)
+        axes.errorbar(codes, value[first], reach[first], fmt="o", ms=6, color=AFTER, elinewidth=1.4, capsize=2.5)
+        axes.set_xticks(codes, [what.levels[code] if code >= 0 else "unknown" for code in codes])
+        return
+    at, first = np.unique(what.values[rows], return_index=True)
+    first, at = first[np.isfinite(at)], at[np.isfinite(at)]
+    axes.fill_between(at, value[first] - reach[first], value[first] + reach[first], color=AFTER, alpha=0.2, lw=0)
+    axes.plot(at, value[first], color=AFTER, lw=2.0)
+    axes.plot(at, np.zeros(len(at)), "|", color=INK, ms=5, alpha=0.5, transform=axes.get_xaxis_transform())
+
+
 def flight_png(before: ScoreTable, after: ScoreTable | None, what: str,
                groups: Sequence[tuple[str, Bool[Array, " n"]]]) -> bytes | None:
     """Missing acceleration by flight time, a row a group of shots (label, [n] booleans); None without bands."""
     if not any(column.times_s for column in before.columns):
         return None
     directions = [way for way in DIRECTIONS if _bands(before, way)]
-    figure = new_figure(9.0, 3.1 if len(groups) == 1 else 5.0)
-    grid = figure.subplots(len(groups), len(directions), sharex=True, sharey=True, squeeze=False)
-    for row, (label, chosen) in zip(grid, groups, strict=True):
-        for axes, way in zip(row, directions, strict=True):
+    figure = new_figure(PHONE_IN, 1.0 + 1.7 * len(directions))
+    grid = figure.subplots(len(directions), len(groups), sharex=True, sharey=True, squeeze=False)
+    for row, way in zip(grid, directions, strict=True):
+        for axes, (label, chosen) in zip(row, groups, strict=True):
             _band_panel(axes, way, _both(before, after, what), chosen)
-        row[0].set_ylabel(f"{label}\n[m/s²]" if label else "real − simulated\n[m/s²]")
-    for axes, way in zip(grid[0], directions, strict=True):
-        axes.set_title(DIRECTION_LABELS[way], loc="left", fontsize=11)
-    for axes in grid[-1]:
-        axes.set_xlabel("time in flight [s]")
-    figure.legend(*grid[0, -1].get_legend_handles_labels(), loc="outside upper right", ncols=2, frameon=False,
+            axes.set_title(f"{DIRECTION_LABELS[way]}\n{label}" if label else DIRECTION_LABELS[way], loc="left",
+                           fontsize=9)
+    figure.supxlabel("time in flight [s]", fontsize=10)
+    figure.supylabel("real − simulated [m/s²]", fontsize=10)
+    figure.legend(*grid[0, -1].get_legend_handles_labels(), loc="outside upper left", ncols=1, frameon=False,
                   fontsize=9)
     return make_png(figure)
 
@@ -124,17 +163,16 @@ def field_png(residual: Residual, across: tuple[str, Each], up: tuple[str, Each]
     if any(len(edge) < 3 for edge in edges):
         return None
     parts = _both(residual.before, residual.after, what)
-    figure = new_figure(9.0 if len(parts) == 2 else 5.5, 3.6)
-    panels = figure.subplots(1, len(parts), sharey=True, squeeze=False)[0]
+    figure, panels = new_panels(PHONE_IN, 1.2 + 2.7 * len(parts), len(parts), sharex=True, sharey=True)
     for axes, (title, part, colour) in zip(panels, parts, strict=True):
         values, error = _cells(part, (across[1], up[1]), edges)
         image = axes.pcolormesh(*edges, (values / error).T, cmap="RdBu_r", vmin=-SURE_SD, vmax=SURE_SD,
                                 edgecolor="white", lw=1.5)
         _write_cells(axes, edges, values * residual.factor, values / error)
         axes.set_title(title, loc="left", fontsize=11, color=colour, fontweight="bold")
-        axes.set_xlabel(across[0])
-    panels[0].set_ylabel(up[0])
-    figure.colorbar(image, ax=list(panels), pad=0.01,
+        axes.set_ylabel(up[0])
+    panels[-1].set_xlabel(across[0])
+    figure.colorbar(image, ax=list(panels), location="bottom", aspect=30,
                     label=f"colour: standard errors from 0\nnumbers: {residual.name} [{residual.unit}]")
     return make_png(figure)
 
@@ -172,30 +210,28 @@ def sight_png(sight: Sight, among: Catalogue | None = None) -> bytes | None:
     seen = [one for one in sight.terms if one.shots_needed is not None]
     if not seen:
         return None
-    figure = new_figure(9.0, 0.9 + 0.27 * len(seen))
-    axes = figure.subplots()
+    figure, (axes,) = new_panels(PHONE_IN, 1.3 + 0.24 * len(seen))
     for row, one in enumerate(reversed(seen)):
         needed = one.shots_needed or 1
         axes.barh(row, needed, left=0.8, height=0.68, color=STAGE_COLOURS[one.stage],
                   alpha=1.0 if needed <= sight.shots else 0.45)
-        axes.text(needed * 1.15 + 0.8, row, f"{needed:,}".replace(",", " "), va="center", fontsize=9, color=INK,
+        axes.text(needed * 1.15 + 0.8, row, f"{needed:,}".replace(",", " "), va="center", fontsize=8, color=INK,
                   bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6})
     axes.set_yticks(range(len(seen)), [plain(one.term, among) for one in reversed(seen)])
     axes.set_xscale("log")
-    axes.set_xlim(0.8, 4.0 * max(max(one.shots_needed or 1 for one in seen), sight.shots))
+    axes.set_xlim(0.8, 12.0 * max(max(one.shots_needed or 1 for one in seen), sight.shots))
     axes.axvline(sight.shots, color=INK, lw=1.2, ls="--", zorder=0)
     axes.text(sight.shots, len(seen) - 0.35, f" {sight.shots} shots", fontsize=9, color=INK, va="bottom")
     axes.set_ylim(-0.6, len(seen) + 0.3)
-    axes.set_xlabel("shots needed to see it at its usual size, four times in five")
+    axes.set_xlabel("shots needed to see it at its usual size,\nfour times in five")
     stages = [stage for stage in STAGE_COLOURS if any(one.stage == stage for one in seen)]
-    axes.legend(handles=[Patch(color=STAGE_COLOURS[stage], label=stage) for stage in stages], frameon=False,
-                loc="upper right", fontsize=9)
+    figure.legend(handles=[Patch(color=STAGE_COLOURS[stage], label=stage) for stage in stages], frameon=False,
+                  loc="outside upper right", ncols=len(stages), fontsize=8.5, handlelength=1.0, columnspacing=1.0)
     _clean(axes)
     return make_png(figure)
 
 
 def _clean(axes: Axes) -> None:
-    axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(labelsize=9)
 
 

@@ -11,6 +11,7 @@ from truearc.sim.discover.detect.weight_functions import STEP
 from truearc.sim.discover.finding import Adoption, FindingRecord, FitSummary, FoundEffect, Named, Unknown, Where
 from truearc.sim.discover.plan.detectability import sight_of
 from truearc.sim.discover.report.effect_wording import in_words, plain, say_effect, scale_of, size_of
+from truearc.sim.discover.settings import SIGN_DRAWS
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.term import Term
@@ -19,6 +20,7 @@ STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", 
                "arrival": "at the target"}
 NINETY = 1.6448536269514722
 SHOWN = 6
+RARE = 0.1                            # p up to which it is stated as one dataset in how many
 WIDE = 2.0                            # standard deviations by which times differ: chance hardly does that to ten
 LEAST_SHOWN = 0.005                   # probability of a name on the console: not 0 %
 UNSURE = 0.25                       # probability of an unexplained effect, from which a sentence says so
@@ -191,8 +193,8 @@ def say_none(believed: tuple[str, ...], p_value: float | None, shots: int, false
     if p_value is None:
         return (f"These {shots} shots cannot say anything about the simulation: too few of them have a track, or an "
                 "outcome or height, with distance and launch, that would tell.")
-    return (f"No mismatch: {shots} shots differ from the simulation ({_list(believed, among)}) by no more than chance "
-            f"(p = {p_value:.2g}, alarm at {false_alarm:g}).")
+    return (f"No mismatch: {shots} shots differ from the simulation ({_list(believed, among)}) by no more than "
+            f"chance. If nothing were missing, {say_chance(p_value)} (p = {p_value:.2g}, alarm at {false_alarm:g}).")
 
 
 def say_scatter(off: float | None) -> str:
@@ -308,8 +310,19 @@ def _missing(believed: tuple[str, ...], among: Catalogue | None) -> str:
     return f"The simulation ({_list(believed, among)}) leaves something out"
 
 
+def say_chance(p_value: float) -> str:
+    """Return how many of the datasets in which nothing is missing would look as extreme as this one.
+
+    A p of the score test counts sign flips, and the data among them: below one in all of them it cannot fall.
+    """
+    if p_value > RARE:
+        return f"{100.0 * p_value:.0f} datasets in 100 would look this extreme"
+    least = "at most " if p_value * (1 + SIGN_DRAWS) < 1.5 else ""
+    return f"{least}1 dataset in {int(float(f'{1.0 / p_value:.2g}')):,} would look this extreme"
+
+
 def _chance(p_value: float) -> str:
-    return f" p = {p_value:.2g} (score test, adjusted for all tests)."
+    return f" If nothing were missing, {say_chance(p_value)} (p = {p_value:.2g}, adjusted for all tests)."
 
 
 def _list(names: Sequence[str], among: Catalogue | None) -> str:

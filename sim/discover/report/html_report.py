@@ -8,19 +8,20 @@ import numpy as np
 from matplotlib.figure import Figure
 from msgspec import UnsetType
 
+from truearc.sim.discover.detect.covariates import CovariatePair
 from truearc.sim.discover.detect.residuals import View, halves, views_of
 from truearc.sim.discover.finding import FindingRecord
 from truearc.sim.discover.investigate import Investigation
 from truearc.sim.discover.plan.detectability import sight_of
 from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report.effect_wording import IN_FLIGHT, in_words, plain, say_effect
-from truearc.sim.discover.report.finding_plots import field_png, flight_png, residual_figure
+from truearc.sim.discover.report.finding_plots import curve_png, field_png, flight_png, residual_figure
 from truearc.sim.discover.report.identifiability_report import sight_section, sight_sentence
 from truearc.sim.discover.select.name_effects import Step
 from truearc.sim.infer.likelihood.score_table import Array
 from truearc.sim.metrics import POINTS_THREE
 from truearc.sim.physics.catalogue import Catalogue
-from truearc.sim.report import make_page, make_png, paragraph, picture, table
+from truearc.sim.report import NO_ORIGIN, Origin, make_page, make_png, paragraph, picture, table
 
 HERE = files("truearc.sim.discover.report")
 STYLE = (HERE / "finding.css").read_text(encoding="utf-8")
@@ -31,7 +32,7 @@ BARS = ("A bar is the probability that this effect is among those left out. Seve
 LEVELS = {"L0": "outcomes only", "L1": "outcomes with telemetry", "L2": "tracks of the flight, or times at heights"}
 
 
-def make_report(name: str, investigation: Investigation) -> str:
+def make_report(name: str, investigation: Investigation, origin: Origin = NO_ORIGIN) -> str:
     """HTML text of the answer about the dataset called `name`."""
     finding, among = investigation.finding, investigation.catalogue
     sections = [("", f"<style>\n{STYLE}</style>" + _summary(finding, among))]
@@ -49,7 +50,8 @@ def make_report(name: str, investigation: Investigation) -> str:
         sections.append(("What to do next", _listed("ol", [_capital(wording.say_step(step, among))
                                                            for step in finding.next])))
     sections.append(("Fine print", _fine_print(finding)))
-    return make_page(f"truearc discover: {name}", finding.sentence, sections)
+    return make_page(f"truearc discover: {name}", finding.sentence, sections,
+                     origin._replace(sha256=finding.data.sha256))
 
 
 def make_pictures(investigation: Investigation) -> list[tuple[str, str]]:
@@ -58,6 +60,8 @@ def make_pictures(investigation: Investigation) -> list[tuple[str, str]]:
     for view in _views(investigation, investigation.steps):
         what = _said(view.step, investigation.catalogue)
         shown = [_against(view, what), _along_flight(view, what)]
+        if view.step is not None and view.step.unknown:
+            shown.insert(0, _free_curve(view.step))
         if view.step is None:
             sections.append(("Simulation and shots", "".join([*shown, _field(view, investigation, what)])))
         elif view.step.base == ():
@@ -93,12 +97,24 @@ def _said(step: Step | None, among: Catalogue) -> str:
     return "the free curve" if step.unknown else plain(step.naming.leader, among)
 
 
+def _free_curve(step: Step) -> str:
+    """The unexplained effect itself; "" where it is the same in all shots."""
+    place = step.place
+    png = None if place is None else curve_png(place)
+    if place is None or png is None or place.test.what is None:
+        return ""
+    what = place.test.what
+    sized = ("Colour: its size." if isinstance(what, CovariatePair) else "Band and bars: 90 % by the likelihood.")
+    return picture(png, f"free curve: {place.column.name} against {what.name}", "The free curve: the change of "
+                   f"{place.column.name} over {in_words(what.name)} that fits all shots best, less its mean. {sized}")
+
+
 def _against(view: View, what: str) -> str:
     """Against the covariate that the effect goes with."""
-    after = "" if view.after is None else " Where that is right, the pattern is gone on the right."
+    after = "" if view.after is None else " Where that is right, the pattern is gone in the lower picture."
     return picture(make_png(_figure(view, what)), f"{view.residual.name} against {view.against.name}",
-                   f"What the real shots did less what the simulation says, in bins of {view.against.name}; bars are "
-                   f"one standard error.{after}")
+                   f"Real shots less simulated ones, in bins of {in_words(view.against.name)}. Bars are one standard "
+                   f"error.{after}")
 
 
 def _along_flight(view: View, what: str) -> str:
@@ -226,12 +242,12 @@ def _percent(share: float | None) -> float | None:
 def _fine_print(finding: FindingRecord) -> str:
     data, mismatch = finding.data, finding.mismatch
     fitted = [(name, value) for values in data.fitted.values() for name, value in values.items()]
-    said = ""
+    said, by = "", f"{data.clusters['by']} ({data.clusters['count']})"
     if mismatch.p_value is not None:
         families = ", ".join(f"{name} p = {p:.2g}" for name, p in mismatch.families.items())
         said += paragraph(f"{mismatch.tests_made} tests, alarm at {mismatch.false_alarm:g}; all together p = "
-                          f"{mismatch.p_value:.2g} ({families}). Signs are drawn for each {data.clusters['by']} "
-                          f"({data.clusters['count']}).", dim=True)
+                          f"{mismatch.p_value:.2g}, each family alone: {families}. Signs are drawn for each {by}.",
+                          dim=True)
     said += "".join(paragraph(" ".join(text.split()), dim=True) for text in FINE_PRINT)
     if fitted:
         said += table(("fitted", "value"), fitted)

@@ -8,7 +8,7 @@ from truearc.sim.discover.plan.detectability import TAKEN, Fittable, Sight, Term
 from truearc.sim.discover.report.effect_wording import plain, size_of
 from truearc.sim.discover.report.finding_plots import sight_png
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
-from truearc.sim.report import make_page, paragraph, picture, table
+from truearc.sim.report import NO_ORIGIN, Origin, make_page, paragraph, picture, table
 from truearc.sim.tables import make_text
 
 SURE = 0.8                            # power that counts as "would be seen"
@@ -45,8 +45,9 @@ def sight_sentence(sight: Sight) -> str:
     more, never = len(possible) - len(shown), len(sight.terms) - len(possible)
     said = (f"{sight.shots} shots of this kind ({sight.level}) would show {len(shown)} of {len(sight.terms)} effects "
             "at their usual size, four times in five")
-    said += f"; {more} more would take more shots" if more else ""
-    return said + (f"; {never} no number of them could show." if never else ".")
+    said += f"; {more} more need more shots" if more else ""
+    said += f"; {never} {'is' if never == 1 else 'are'} undetectable with any number of shots" if never else ""
+    return f"{said}."
 
 
 def why_not(one: TermIdentifiability, among: Catalogue | None = None) -> str:
@@ -72,12 +73,12 @@ def sight_section(sight: Sight, opened: bool = False, among: Catalogue | None = 
             + f"<details><summary>Effect by effect</summary>{inner}</details>")
 
 
-def make_sight_page(name: str, sight: Sight, among: Catalogue | None = None) -> str:
+def make_sight_page(name: str, sight: Sight, among: Catalogue | None = None, origin: Origin = NO_ORIGIN) -> str:
     """HTML page of what data of the rig `name` could tell."""
     believed = ", ".join(plain(one, among) for one in sight.believed)
     return make_page(f"truearc identifiability: {name}", sight_sentence(sight), [
-        ("Before any data", paragraph(f"Believed: {believed}. Every other effect of the catalogue is asked for.")
-         + sight_section(sight, True, among))])
+        ("Before any data", paragraph(f"Believed: {believed}. Tested: every other effect of the catalogue.")
+         + sight_section(sight, True, among))], origin)
 
 
 def _alike(sight: Sight, among: Catalogue | None) -> str:

@@ -25,6 +25,7 @@ from truearc.sim.discover.finding import (
 from truearc.sim.discover.report.effect_wording import plain, say_effect, scale_of, size_of
 from truearc.sim.discover.report.finding_text import (
     console_lines,
+    say_chance,
     say_named,
     say_none,
     say_step,
@@ -80,6 +81,29 @@ def test_shares_are_told_as_per_cent_with_their_interval() -> None:
     assert said == "the ball leaves 4.2 % (90 %: 3.2 to 5.2 %) slower than the wheels' surfaces run"
     assert "1.5 cm (90 %: 0.5 to 2.5 cm) lower" in say_effect("target_height", interval(-0.015, 0.005, "m"), "")
     assert "3.0 % (90 %: 1.0 to 5.0 %) slower" in say_effect("battery_sag", interval(0.3, 0.1), "")
+
+
+def test_spin_decay_is_told_as_a_time_constant_whose_ends_swap() -> None:
+    """After the time constant the term itself leaves 1/e of the spin."""
+    said = say_effect("spin_decay", Interval(0.5, 0.07, 0.4, 0.625, "1/s"), "")
+    assert said == "the ball loses spin in flight, with a time constant of 2.00 s (90 %: 1.60 to 2.50 s)"
+    spinning = BallState(Vec(0.0, 0.0, 1.0), Vec(9.0, 0.0, 1.0), Vec(0.0, -5.0, 0.0), 2.0)
+    later = find_terms(["spin_decay"])[0].meet(FACTS, {"rate_per_s": 0.5}, spinning)
+    assert float(later.spin_rev_s.y) == pytest.approx(-5.0 / np.e, rel=1e-6)
+    unsure = say_effect("spin_decay", Interval(0.2, 0.2, -0.1, 0.5, "1/s"), "")
+    assert unsure.endswith("with a time constant of 5.0 s (90 %: at least 2.0 s)")
+    assert size_of("spin_decay", 0.4, "1/s") == "2.5 s (time constant)"
+
+
+@pytest.mark.parametrize(("p_value", "said"), [
+    (1.0 / 2000.0, "at most 1 dataset in 2,000"), (2.0 / 2000.0, "1 dataset in 1,000"),
+    (3.0 / 2000.0, "1 dataset in 670"), (0.0105, "1 dataset in 95"), (0.05, "1 dataset in 20"),
+    (0.41, "41 datasets in 100"), (1.0, "100 datasets in 100")])
+def test_a_p_value_is_told_as_a_share_of_datasets_in_which_nothing_is_missing(p_value: float, said: str) -> None:
+    assert say_chance(p_value) == f"{said} would look this extreme"
+    whole = f"If nothing were missing, {said} would look this extreme (p = {p_value:.2g}, "
+    assert whole in told((named("drag", 0.5, 0.1),), p_value=p_value)
+    assert whole in say_none(("gravity",), p_value, 80, 0.05)
 
 
 def test_a_term_that_nobody_has_words_for_is_told_by_its_own_sentence() -> None:

@@ -1,8 +1,10 @@
 """The report as a page: verdict first, well-formed, nothing fetched, every kind of verdict."""
 
+import html
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from importlib.metadata import version
 
 import msgspec
 import numpy as np
@@ -10,12 +12,15 @@ import pytest
 
 from tests.sim.discover.worlds import FACTS, World, make_outcomes
 from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.discover.detect.covariates import Covariate
+from truearc.sim.discover.detect.free_curve import curve_of
 from truearc.sim.discover.finding import FoundEffect, Interval, Named
 from truearc.sim.discover.investigate import Investigation, discover
 from truearc.sim.discover.plan.expected_information import foresee
 from truearc.sim.discover.report.html_report import make_pictures, make_report
 from truearc.sim.discover.report.identifiability_report import make_sight_page, sight_lines, sight_sentence, why_not
 from truearc.sim.physics.catalogue import find_terms
+from truearc.sim.report import Origin
 
 BELIEVED = ("gravity", "drag", "magnus", "exit_efficiency")
 VOID = {"meta", "img", "br"}
@@ -64,7 +69,13 @@ def quiet() -> Investigation:
 
 def test_the_verdict_comes_first_then_where_then_what_then_the_fine_print(drifting: Investigation) -> None:
     assert drifting.finding.verdict != "none"
-    text = read(make_report("week <1>", drifting))
+    origin = Origin("2026-03-01T10:00:00+01:00", "truearc discover week --report 'a b.html'")
+    page = make_report("week <1>", drifting, origin)
+    text = read(page)
+    first, rest = drifting.finding.sentence.split(". ", 1)
+    assert f'<p class="verdict">{html.escape(first)}.</p>\n<p>{html.escape(rest)}</p>' in page
+    head = text[:text.index(first)]
+    assert f"2026-03-01 10:00:00+01:00 · truearc {version('truearc')}" in head and origin.command in head
     places = [text.index(part) for part in (drifting.finding.sentence, "What these 120 shots could show", "Where it is",
                                             "What it is", "What it is worth", "Fine print")]
     assert places == sorted(places)
@@ -76,7 +87,7 @@ def test_the_verdict_comes_first_then_where_then_what_then_the_fine_print(drifti
 def test_the_pictures_show_the_drift_before_and_its_absence_after(drifting: Investigation) -> None:
     sections = make_pictures(drifting)
     assert sections[0][0] == "Where it is"
-    assert sections[0][1].count("data:image/png;base64,") == 2          # against its covariate, over the field
+    assert sections[0][1].count("data:image/png;base64,") == 3     # free curve, against its covariate, field
     assert re.search(r"against (t_s|order_in_session)", sections[0][1])
 
 
@@ -108,10 +119,17 @@ def test_nothing_found_still_shows_the_shots_and_what_they_could_have_told(quiet
 
 
 def test_an_effect_without_a_name_is_drawn_with_its_free_curve(drifting: Investigation) -> None:
-    step = replace(drifting.steps[0], unknown=True)
-    finding = msgspec.structs.replace(drifting.finding, verdict="unknown", set=None)
-    text = read(make_report("unknown", replace(drifting, finding=finding, steps=(step,))))
-    assert "an unexplained effect" in text and "Where it is" in text
+    assert drifting.finding.verdict == "unknown"
+    where, picture = make_pictures(drifting)[0]
+    assert where == "Where it is" and 'alt="free curve: launch speed against t_s"' in picture
+    assert "change of launch speed over the time in the session" in picture
+    place = drifting.steps[0].place
+    assert place is not None and isinstance(place.test.what, Covariate)
+    share, sd = curve_of(place.correction)
+    t_s = place.test.what.values[place.correction.evidence.rows]
+    true = 0.1 * (t_s - t_s.mean()) / t_s.max()          # of World(speed_drift=0.1), to first order
+    assert np.abs(share - true).max() < 0.012 and (np.abs(share - true) < 3.0 * sd + 0.003).all()
+    assert 0.0 < sd.max() < 0.02
 
 
 def test_data_that_say_nothing_make_a_page_all_the_same() -> None:

@@ -1,5 +1,6 @@
 """Anybody's step test: columns by their units, problems by file and line; and what comes out of the door."""
 
+import hashlib
 import tomllib
 
 import pytest
@@ -55,11 +56,15 @@ def test_the_door_answers_in_toml_that_says_what_it_is_worth(tmp_path, capsys):
     path = stairs_csv(tmp_path / "a.csv")
     assert main(["sysid", "--csv", str(path), "--quiet", "--report", str(tmp_path / "a.html")]) == 0
     out = capsys.readouterr().out
+    assert out.startswith("[feedforward]\nks_v = ")
     said = tomllib.loads(out)["feedforward"]
     for key, name in (("ks_v", "ks"), ("kv_v_s", "kv"), ("ka_v_s2", "ka")):
         assert said[key] == pytest.approx(TRUTH[name], rel=0.02)
     assert "R^2 0.99" in out and "90 %" in out
-    assert (tmp_path / "a.html").read_text(encoding="utf-8").count("data:image/png") == 1
+    page = (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert page.count("data:image/png") == 1 and page.index("[feedforward]") < page.index("data:image/png")
+    head = page[page.index("<body>"):page.index("[feedforward]")]
+    assert "truearc sysid --csv" in head and hashlib.sha256(path.read_bytes()).hexdigest()[:16] in head
 
 
 def test_the_picture_is_the_same_each_time_and_shows_the_residuals():
@@ -68,4 +73,4 @@ def test_the_picture_is_the_same_each_time_and_shows_the_residuals():
     residuals = figure.axes[2].lines[-1].get_ydata()
     assert len(residuals) == len(fit.rows) and abs(residuals.std() - fit.rms_rad_s) < 0.1
     assert make_png(draw_fit(fit)) == make_png(draw_fit(fit))
-    assert "R^2" in make_fit_page("t", {"wheel": fit}, ["a note"])
+    assert "R^2" in make_fit_page("t", {"wheel": fit}, "[a]", ["a note"])

@@ -64,7 +64,8 @@ def main(args: argparse.Namespace) -> int:
         refused = error
     common.write_out(args.json, found.to_json())
     if args.report:
-        found.to_html(args.report)
+        origin = common.origin_of(args)
+        found.to_html(args.report, made_at=origin.made_at, command=origin.command)
     print(found)                      # last: whoever reads it may be gone
     if adopted is not None:
         print(adopted)

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 import truearc as ta
-from truearc.cli.common import add_accept, catalogue_of, make_progress, number, refuse, write_out
+from truearc.cli.common import add_accept, catalogue_of, make_progress, number, origin_of, refuse, write_out
 from truearc.cli.discover.discover import add_believe, add_reports
 from truearc.robot.config.schema import about
 from truearc.sim.discover.settings import LEVEL, LEVELS, SEASON_SHOTS
@@ -39,8 +39,9 @@ def main(args: argparse.Namespace) -> int:
         answer = ta.identifiability(source, level=args.level, shots=args.shots, believe=args.believe,
                                     terms=catalogue_of(args), sides=args.sides, seed=args.seed, name=path.name,
                                     accept=args.accept, progress=make_progress("identifiability", args.quiet))
-    print(answer)
     write_out(args.json, answer.to_json())
     if args.report:
-        answer.to_html(args.report)
+        origin = origin_of(args)
+        answer.to_html(args.report, made_at=origin.made_at, command=origin.command)
+    print(answer)                     # last: whoever reads it may be gone
     return 0

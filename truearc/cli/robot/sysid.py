@@ -5,6 +5,7 @@ configuration.
 """
 
 import argparse
+import hashlib
 import sys
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -14,9 +15,10 @@ from typing import TYPE_CHECKING
 from msgspec.structs import replace
 
 import truearc
-from truearc.cli.common import SHIPPED, make_progress, number, refuse, write_out
+from truearc.cli.common import SHIPPED, make_progress, number, origin_of, refuse, write_out
 from truearc.cli.outputs import out_file
 from truearc.robot.config.schema import Config, InputError, load_config
+from truearc.robot.recording.session import TELEMETRY
 from truearc.robot.sysid.program import FLYWHEEL, HOOD
 
 if TYPE_CHECKING:
@@ -101,7 +103,7 @@ def _answer(args: argparse.Namespace, source: str, records: "Mapping[str, Record
     if not records:
         return 1
     from truearc.sim.sysid.fit import fit_motion
-    from truearc.sim.sysid.sysid_text import make_fragment
+    from truearc.sim.sysid.sysid_text import make_fragment, make_gains
     show, fits = make_progress("sysid", args.quiet), {}
     for done, (joint, record) in enumerate(records.items()):
         show(done / len(records), joint)
@@ -109,10 +111,16 @@ def _answer(args: argparse.Namespace, source: str, records: "Mapping[str, Record
     show(1.0, "")
     title = f"truearc sysid {truearc.__version__}: {source}"
     fragment = make_fragment(title, fits, config, notes)
-    print(fragment, end="")
     write_out(args.gains, fragment)
     if args.report is not None:
         # matplotlib, likewise
         from truearc.sim.sysid.html_report import make_fit_page
-        write_out(args.report, make_fit_page(title, fits, notes))
+        origin = origin_of(args)._replace(sha256=_hash(Path(source)))
+        write_out(args.report, make_fit_page(title, fits, make_gains(fits, config), notes, origin))
+    print(fragment, end="")           # last: whoever reads it may be gone
     return 0
+
+
+def _hash(source: Path) -> str:
+    """SHA-256 of a table, or of a session's ticks."""
+    return hashlib.sha256((source / TELEMETRY if source.is_dir() else source).read_bytes()).hexdigest()

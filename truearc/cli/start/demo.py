@@ -14,13 +14,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import truearc as ta
-from truearc.cli.common import SHIPPED, make_progress, number, write_out
+from truearc.cli.common import SHIPPED, make_progress, number, origin_of, write_out
 from truearc.cli.outputs import OutFolder
 from truearc.cli.start.demo_effects import EFFECTS, NOTHING, draw_effect
 from truearc.robot.config.schema import Config, load_config
 
 if TYPE_CHECKING:                     # imports JAX and MuJoCo, which --help does without
     from truearc.cli.start.demo_acts import Act, Sizes
+    from truearc.sim.report import Origin
 
 EXAMPLE = "truearc demo --out report"
 MARK = ".truearc-demo"                # a folder with this in it was made by us and may be made again
@@ -39,6 +40,7 @@ def main(args: argparse.Namespace, sizes: "Sizes | None" = None) -> int:
     from truearc.cli.start.demo_acts import Sizes, play_event
     from truearc.cli.start.demo_page import answer, save_page, say_limits
     from truearc.sim.compile_cache import keep_compiled
+    from truearc.sim.data.load import hash_dataset
     keep_compiled()
     began, folder, sizes = time.monotonic(), args.out, sizes or Sizes()
     seed = secrets.choice(range(*SEEDS)) if args.seed is None else args.seed
@@ -59,8 +61,9 @@ def main(args: argparse.Namespace, sizes: "Sizes | None" = None) -> int:
     control = play_event(config.rig, practice, NOTHING.options, seed, 1, sizes, make_progress("control", args.quiet))
     _say(f"{_marks(control)}. Verdict: {control.finding.verdict}")
     acts = {"practice": practice, "event": event, "control": control}
-    _keep(folder, acts)
-    page = save_page(folder, acts, envelope)
+    origin = origin_of(args)
+    _keep(folder, acts, origin)
+    page = save_page(folder, acts, envelope, origin._replace(sha256=hash_dataset(event.shots)))
     print("\n== what was wrong, how large, and what it was worth")
     print("\n".join(answer(acts, envelope.effect.name)))
     _say(say_limits(event, control))
@@ -99,12 +102,12 @@ def _marks(act: "Act") -> str:
             f"{sides['high']} high")
 
 
-def _keep(folder: Path, acts: "dict[str, Act]") -> None:
+def _keep(folder: Path, acts: "dict[str, Act]", origin: "Origin") -> None:
     """Write each act's shots, finding and belief, for the commands that read them."""
     for name, act in acts.items():
         ta.save_dataset(folder / "data" / name, act.shots)
         act.adopted.save(folder / f"{name}.toml")
-        act.finding.to_html(folder / f"{name}.html")
+        act.finding.to_html(folder / f"{name}.html", made_at=origin.made_at, command=origin.command)
 
 
 def _say(text: str) -> None:

@@ -10,13 +10,12 @@ from truearc.cli.start.demo_effects import NOTHING, Envelope
 from truearc.sim.discover.report.effect_wording import plain, size_of
 from truearc.sim.discover.report.finding_text import either
 from truearc.sim.plots import COLOURS
-from truearc.sim.report import make_page, make_png, new_panels, paragraph, picture, table
+from truearc.sim.report import PHONE_IN, Origin, make_page, make_png, new_panels, paragraph, picture, table
 from truearc.sim.tables import make_text
 
 HEAD = ("", "what was wrong", "what the robot found", "threes", "points per ball")
 SEEN = "Of their usual size"          # what a finding of nothing says of the effects that it could not have shown
 LISTED = 3                            # names in a row
-WIDE_IN = 4.4                         # of a picture, so that its letters are legible on a phone
 MARKS = {("three", ""): "o", ("two", ""): "o", ("two", "low"): "v", ("two", "high"): "^", ("miss", "low"): "v",
          ("miss", "high"): "^"}
 BEFORE, AFTER = "#9aa3af", "#1f5fa8"
@@ -54,14 +53,14 @@ def say_limits(event: Act, control: Act) -> str:
     return line + (f"{SEEN}{blind}" if blind else "") or "Marks do not show in which part a difference arises."
 
 
-def save_page(folder: Path, acts: Acts, envelope: Envelope) -> Path:
+def save_page(folder: Path, acts: Acts, envelope: Envelope, origin: Origin) -> Path:
     """Write index.html; returns its path."""
     effect, event = envelope.effect.name, acts["event"]
     before, after = (one.per_ball for one in event.volleys)
-    verdict = (f"At the event something had changed that no sensor saw ({effect}): {before:.2f} points per ball. After "
-               f"{len(event.shots.shots)} marked shots the robot aimed again: {after:.2f} points per ball.")
+    verdict = (f"At the event something had changed that no sensor saw ({effect}): {before:.2f} points per ball, and "
+               f"{after:.2f} once the robot had aimed again after {len(event.shots.shots)} marked shots.")
     aim = event.aims[1].plot()
-    aim.set_size_inches(WIDE_IN, 1.5 * WIDE_IN)
+    aim.set_size_inches(PHONE_IN, 1.5 * PHONE_IN)
     sections = [
         ("What it was worth", picture(make_png(_draw_worth(acts)), "points per ball before and after")),
         ("What the marks showed", picture(make_png(_draw_marks(event)), "outcomes of the marked shots")),
@@ -74,12 +73,12 @@ def save_page(folder: Path, acts: Acts, envelope: Envelope) -> Path:
             "the rest by the same MuJoCo world without them. Before and after are the same balls from the same places. "
             f"Envelope: {envelope.text}; SHA-256 {envelope.sha256}.", dim=True))]
     page = folder / "index.html"
-    page.write_text(make_page("truearc demo", verdict, sections), encoding="utf-8")
+    page.write_text(make_page("truearc demo", verdict, sections, origin), encoding="utf-8")
     return page
 
 
 def _draw_worth(acts: Acts) -> Figure:
-    figure, (axes,) = new_panels(WIDE_IN, 3.4)
+    figure, (axes,) = new_panels(PHONE_IN, 3.4)
     for row, act in enumerate(acts.values()):
         for shift, volley, colour in zip((-0.2, 0.2), act.volleys, (BEFORE, AFTER), strict=True):
             axes.barh(row + shift, volley.per_ball, color=colour, height=0.38)
@@ -91,7 +90,7 @@ def _draw_worth(acts: Acts) -> Figure:
 
 
 def _draw_marks(act: Act) -> Figure:
-    figure, (axes,) = new_panels(WIDE_IN, 3.8)
+    figure, (axes,) = new_panels(PHONE_IN, 3.8)
     shots = act.shots.shots
     marks = list(zip(shots.text("outcome"), shots.text("side"), strict=True))
     for mark, marker in MARKS.items():
