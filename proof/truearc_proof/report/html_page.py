@@ -27,7 +27,9 @@ def make_proof_page(marks: Sequence[Mark], tables: Sequence[Table], entries: Seq
                          paragraph(LAMBDA, dim=True)))
     chance = chance_png(marks)
     if chance is not None:
-        sections.append(("Where nothing is missing", picture(chance, "p-values of the nulls against chance")))
+        sections.append(("Where nothing is missing", picture(
+            chance, "p-values of the nulls against chance", "Worlds in which nothing is missing. A share p of "
+            "them should look so extreme that their p-value is p or less: the diagonal.")))
     reliability = reliability_png(marks)
     if reliability is not None:
         sections.append(("Do probabilities mean what they say", picture(
