@@ -47,7 +47,7 @@ CAMERA = {f"{POSE}/0": 2.74, f"{POSE}/1": 0.0, f"{POSE}/2": -0.53, "/photonvisio
 DRIVEN = {"/Drive/Speeds/0": 0.0, "/Drive/Speeds/1": 0.0}
 NOISE = {"/Shooter/RPM": 2.0, "/Battery": 0.02, "/photonvision/front/hasTarget": 0.0,
          "/photonvision/front/latencyMillis": 0.0}
-JUMP = 2.0                            # factor by which a value jumps; of 0, what is added
+JUMP = 2.0                            # times as large, or m/s more, is a value that jumps
 
 
 class Agrees:
@@ -78,7 +78,7 @@ class Robot:
             key: reading for key, value in self._values.items() if (reading := self._reading(key, value, now_ns))}
 
     def publish(self, values: object) -> None:
-        """Keep nothing."""
+        """No client listens."""
 
     def _reading(self, key: str, value: float, now_ns: int) -> Reading | None:
         wave = math.sin(now_ns * 1e-9 * 61.0 + len(key))

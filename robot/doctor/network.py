@@ -77,7 +77,7 @@ def _check_clocks(heard: HeardKeys) -> Finding:
         return failure(CLOCKS, f"stamps are up to {heard.ahead_s:.2f} s ahead of ours",
                        "restart what publishes them: its clock was set after it had connected")
     if not heard.offsets_s:
-        return warning(CLOCKS, "the server's time is not known yet", "listen for longer (--seconds)")
+        return warning(CLOCKS, "the server has not sent its time", "listen for longer (--seconds)")
     drift_s = max(heard.offsets_s) - min(heard.offsets_s)
     if drift_s > DRIFT_S:
         return warning(CLOCKS, f"the server's clock changed by {drift_s * 1e3:.0f} ms against ours while listening",
@@ -98,6 +98,6 @@ def check_tags(config: Config, newest: Mapping[str, Reading] | None) -> Iterator
         yield warning(TAGS, "a Limelight does not say whether it is calibrated", "look at its own page: Calibration")
     elif newest is None or key not in newest:
         yield failure(TAGS, f"PhotonVision has no calibration of {vision.camera!r} at this resolution",
-                      "calibrate it on PhotonVision's page: without it targetPose is all zeros")
+                      "calibrate it on PhotonVision's page: without, targetPose has no pose")
     else:
         yield ok(TAGS, f"PhotonVision has a calibration of {vision.camera!r}")
