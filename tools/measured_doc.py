@@ -20,11 +20,11 @@ MARKS = re.compile(r"(<!-- result: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 def demo() -> str:
     """Threes before and after adoption, over the seeds of the demo."""
     said = demo_seeds.make_table(list(lines_of(MEASURED / "demo_seeds-6000.jsonl.xz")))
-    return f"```text\n{said.partition(chr(10) + 'threes before -> after')[0]}\n```\n"
+    return f"\n```text\n{said.partition(chr(10) + 'threes before -> after')[0]}\n```\n"
 
 def screen() -> str:
     """Shares that the screen of thousands of worlds finds."""
-    return f"```text\n{scale.make_table(list(lines_of(MEASURED / 'scale-900.jsonl.xz')))}\n```\n"
+    return f"\n```text\n{scale.make_table(list(lines_of(MEASURED / 'scale-900.jsonl.xz')))}\n```\n"
 
 def sealed() -> str:
     """Targets of the posterior at each level of data, side by side; bold where a target is missed."""

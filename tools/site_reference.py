@@ -12,10 +12,12 @@ from truearc.cli.parsers import make_parser
 from truearc.cli.registry import COMMANDS, GROUPS, Command, load_plugins
 
 REFERENCE = Path(__file__).resolve().parents[1] / "docs" / "reference"
+UNLISTED = ("help", "quiet", "force")
 COMMANDS_HEAD = """# Commands
 
 Every command of `truearc`, with its arguments and options. `--help` behind a command explains each, with an example.
-Exit codes: 0 done, 1 the answer is no, 2 wrong input. Made from the code by `python -m tools.site_reference`.
+`--quiet` and `--force` (write over what is there) are not listed. Exit codes: 0 done, 1 the answer is no, 2 wrong input.
+Made from the code by `python -m tools.site_reference`.
 """
 API_HEAD = """# Python API
 
@@ -37,7 +39,7 @@ def commands_page() -> str:
 
 
 def _command_row(command: Command) -> str:
-    actions = [one for one in make_parser(command)._actions if one.help != SUPPRESS and one.dest != "help"]
+    actions = [one for one in make_parser(command)._actions if one.help != SUPPRESS and one.dest not in UNLISTED]
     return f"| `{command.name}` | {command.summary} | {' '.join(map(_argument, actions))} |"
 
 
