@@ -35,6 +35,10 @@ FRUGAL = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1",
           "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.3"}
 os.environ |= {name: value for name, value in FRUGAL.items() if name not in os.environ}
 
+# Where nothing may write bytecode, every worker compiles all sources, and every command that a test starts does so
+# again: two seconds of CPU time for each that imports JAX.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 # Tracing makes many small objects that stay: the usual threshold of 700 looks for rubbish among them all the time.
 gc.set_threshold(50_000, 20, 20)
