@@ -304,7 +304,7 @@ def _push(pushes: Float[jax.Array, "3 shapes"], edges_s: Float[Array, " edges"],
     speed = jnp.sqrt(velocity.x**2 + velocity.y**2 + velocity.z**2 + 1e-12)
     shape = jnp.ones(1)
     if pushes.shape[1] > 1:
-        band = jnp.arange(pushes.shape[1] - 2) == jnp.searchsorted(edges_s, ball.time_s)
+        band = jnp.arange(pushes.shape[1] - 2) == jnp.sum(edges_s < ball.time_s)     # searchsorted would be a loop
         shape = jnp.concatenate([shape, band.astype(float), jnp.array([speed / 10.0])])
     size = pushes @ shape
     along, up, left = axes(velocity)
@@ -319,7 +319,7 @@ def _plane(chain: Chain, values: Mapping[str, Any], law: Law, push: Law, ball: B
     def rate(state: State) -> State:
         """By x."""
         pace = jnp.maximum(state[3], SLOWEST_M_S)
-        return _rate(law, push, ball.spin_rev_s, state.at[3].set(pace)) / pace
+        return _rate(law, push, ball.spin_rev_s, jnp.concatenate([state[:3], pace[None], state[4:]])) / pace
 
     def advance(carry: tuple[State, Bool[jax.Array, ""]], _: None) -> tuple[tuple[State, Bool[jax.Array, ""]], None]:
         state, near = carry
@@ -343,17 +343,15 @@ def _track(chain: Chain, values: Mapping[str, Any], law: Law, push: Law, ball: B
     """Positions that the tracker gives at its own times."""
     rate = partial(_rate, law, push, ball.spin_rev_s)
 
-    def through(state: State, span_s: Number, steps: int) -> State:
-        end: State = lax.scan(lambda here, _: (_runge_kutta(rate, here, span_s / steps), None), state, None, steps)[0]
-        return end
-
-    def sample(state: State, span_s: Number) -> tuple[State, Float[jax.Array, "6"]]:
-        state = through(state, span_s, chain.substeps)
+    def advance(state: State, step_s: Number) -> tuple[State, Float[jax.Array, "6"]]:
+        state = _runge_kutta(rate, state, step_s)
         return state, state[:6]
 
     lead_s = lane.lead_s + deviate[5]
-    first = through(_pack(ball), lead_s, LEAD_STEPS)
-    states = jnp.concatenate([first[None, :6], lax.scan(sample, first, jnp.diff(lane.time_s))[1]])
+    # one loop, which is compiled once: the steps to the first sample, and on from there
+    lead = jnp.broadcast_to(lead_s / LEAD_STEPS, (LEAD_STEPS,))
+    steps_s = jnp.concatenate([lead, jnp.repeat(jnp.diff(lane.time_s) / chain.substeps, chain.substeps)])
+    states = lax.scan(advance, _pack(ball), steps_s)[1][LEAD_STEPS - 1::chain.substeps]
     place, velocity = states[:, :3], states[:, 3:]
     seen = Vec(*place.T)
     for term in stages.watch_terms(values, chain.catalogue):
