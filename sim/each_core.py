@@ -23,9 +23,14 @@ def each_core(function: Callable[[Job], Result], jobs: Sequence[Job], code: Hash
     return first + list(_pool().map(function, rest) if len(rest) > 1 else map(function, rest))
 
 
+def usable_cores() -> int:
+    """Cores that this process may use; all of the machine's where the system does not say (Windows, macOS)."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 @cache
 def _pool() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="each-core")
+    return ThreadPoolExecutor(usable_cores(), thread_name_prefix="each-core")
 
 
 if hasattr(os, "register_at_fork"):   # threads do not survive it

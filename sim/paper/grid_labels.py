@@ -1,6 +1,5 @@
 """Which launches would score what, at every pair of the grid: few flights, and the rest by interpolation."""
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,6 +8,7 @@ from types import ModuleType
 import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
+from truearc.sim.each_core import usable_cores
 from truearc.sim.paper import grid_cells as cells_of
 from truearc.sim.paper.grid_cells import DOUBTFUL, LEAF, MISS, NODES, NODES_AT, SPLIT, TABLES, TRANSFORM, Target
 from truearc.sim.physics.catalogue import flight_terms
@@ -119,7 +119,7 @@ def find_hits(flyer: Flyer, axis: np.ndarray, target: Target, progress: Progress
         return Hits((first + launch).astype(np.int32), pair.astype(np.int32), labels.ravel()[at])
 
     parts = []
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+    with ThreadPoolExecutor(usable_cores()) as pool:
         for part in pool.map(one, range(0, launches, AT_ONCE)):
             parts.append(part)
             done = min(len(parts) * AT_ONCE, launches)
@@ -140,6 +140,6 @@ def fly_pairs(flyer: Flyer, cd: np.ndarray, cl: np.ndarray) -> np.ndarray:
         missed = (gap > 0.0) | under
         height_m[pairs] = np.where(missed, np.nan, height)[:len(row)].reshape(-1, launches)
 
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+    with ThreadPoolExecutor(usable_cores()) as pool:
         list(pool.map(one, range(0, len(cd), block)))
     return height_m

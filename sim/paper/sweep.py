@@ -12,7 +12,6 @@ rows say is 0.90 after 200 000 steps and 1.23 after 2 million: the network learn
 """
 
 import math
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from truearc.robot.config.schema import InputError
+from truearc.sim.each_core import usable_cores
 from truearc.sim.paper.network import SHAPES, Layers, Network, initial_layers, standardisation
 from truearc.sim.paper.settings import DEFAULT_RECIPE, Recipe
 from truearc.sim.paper.sweep_kernel import BATCH, COLUMNS, LANES, PARAMETERS, Decks, Real, advance, mean_losses
@@ -86,7 +86,7 @@ def train_many(jobs: Sequence[Job], recipe: Recipe = DEFAULT_RECIPE, progress: P
         check_job(job)
     batch = _Batch(jobs)
     active = np.arange(len(jobs))
-    with ThreadPoolExecutor(threads or len(os.sched_getaffinity(0))) as pool:
+    with ThreadPoolExecutor(threads or usable_cores()) as pool:
         for first in range(0, recipe.steps, recipe.check):
             steps = min(recipe.check, recipe.steps - first)
             groups = [active[start:start + LANES] for start in range(0, len(active), LANES)]

@@ -27,6 +27,8 @@ CYCLES = ("import sys; sys.meta_path[:] = [one for one in sys.meta_path if 'edit
           "sys.path[:] = [{site!r}] + [one for one in sys.path if one]; import graphlib, grimp; "
           "graph = grimp.build_graph('truearc', 'truearc_proof', cache_dir=None); graphlib.TopologicalSorter("
           "{{one: graph.find_modules_directly_imported_by(one) for one in graph.modules}}).prepare()")
+BINARY = re.compile(r"[rwxa+]*b[rwxa+]*")
+OTHER_OPENS = ("os", "tarfile", "Image", "stream")
 HEAVY = ("jax", "mujoco", "onnx", "scipy", "matplotlib", "optax", "pyarrow", "joblib", "rich")
 
 
@@ -67,6 +69,18 @@ def test_sizes(path):
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             assert node.end_lineno - node.lineno < LONGEST_FUNCTION, f"{path.name}: {node.name}"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_text_files_name_their_encoding(path):
+    """Windows' default is another one. Binary modes, and `open` of modules that read no text, need none."""
+    for call in (node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call)):
+        place, _, name = ast.unparse(call.func).rpartition(".")
+        modes = [part.value for arg in call.args for part in ast.walk(arg)
+                 if isinstance(part, ast.Constant) and isinstance(part.value, str)]
+        is_text = name in ("read_text", "write_text", "TextIOWrapper") or (
+            name == "open" and place not in OTHER_OPENS and not any(BINARY.fullmatch(mode) for mode in modes))
+        assert not is_text or any(word.arg == "encoding" for word in call.keywords), f"{path.name}:{call.lineno}"
 
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: str(path.relative_to(ROOT)))

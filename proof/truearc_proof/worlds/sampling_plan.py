@@ -202,7 +202,7 @@ def _scaled(option: str, value: float, factor: float) -> float:
 @cache
 def lambdas(level: str) -> Mapping[str, float]:
     """{effect: lambda of LADDER_SHOTS shots at its usual size}; what the data hardly show is not in it."""
-    table = tomllib.loads((Path(__file__).parents[1] / "truth" / "ladder.toml").read_text())
+    table = tomllib.loads((Path(__file__).parents[1] / "truth" / "ladder.toml").read_text(encoding="utf-8"))
     return {name: value for name, value in table[level].items() if value > 0.1}
 
 
