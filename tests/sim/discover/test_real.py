@@ -1,4 +1,7 @@
-"""Real recordings: what docs/measured/real-data.md says of them, verdicts where they are cheap to ask for."""
+"""Real recordings: what docs/measured/real-data.md says of them, verdicts where they are cheap to ask for.
+
+tests/cli/test_notebooks.py has the table-tennis launcher's.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -27,29 +30,6 @@ from truearc_proof.importers.mpi import import_mpi
 from truearc_proof.importers.set_points import GOAL_M, import_254, import_3476
 
 pytestmark = [pytest.mark.data, pytest.mark.slow]
-
-
-def test_backspin_lift_is_named_and_flights_end_where_it_says(data_dir: Path) -> None:
-    dataset = thinned(import_mpi(data_dir / "real/mpi_launches.csv", data_dir / "real/mpi_tracks.csv"))
-    finding = discover(dataset, ("gravity", "drag")).finding
-    assert finding.mismatch.found and finding.data.level == "L2"
-    assert finding.what[0].term == "magnus"
-    assert (finding.where.stage, finding.where.direction) == ("flight", "vertical")
-    assert finding.where.covariate == "exit_spin_rev_s"
-    # three sessions, one spin each: an honest answer says that they cannot be told apart
-    assert {"session", "wheel_bottom_rad_s"} <= set(finding.where.inseparable)
-    # lift by plain parabolas: what spin adds upward, across flights that leave at about 5 m/s
-    assert finding.verdict == "named" and finding.unknown is None and dataset.tracks is not None
-    bent = np.array([2.0 * np.polyfit(dataset.tracks.t_s[here], dataset.tracks.z_m[here], 2)[0]
-                     for here in (dataset.tracks.shot == shot for shot in range(32))])
-    spun = np.array(dataset.shots.text("session")) == "backspin"
-    assert bent[spun].mean() > bent[~spun].mean()
-    (interval,) = finding.what[0].parameters.values()
-    assert interval.low90 > 0.0
-    assert finding.fit is not None and finding.fit.gain_per_shot is not None and finding.fit.gain_se is not None
-    assert finding.fit.gain_per_shot > 2.0 * finding.fit.gain_se
-    assert finding.fit.height_rmse_before_m is not None and finding.fit.height_rmse_after_m is not None
-    assert finding.fit.height_rmse_after_m < 0.5 * finding.fit.height_rmse_before_m
 
 
 def test_two_imports_of_one_launcher_have_one_rig(data_dir: Path) -> None:
