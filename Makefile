@@ -5,7 +5,7 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 
-.PHONY: demo test test-fast golden faults mutants setup clean
+.PHONY: demo test test-fast golden faults mutants release-check setup clean
 setup: $(VENV)/.installed
 
 # both distributions, editable; build/view shows static tools the import names. Bytecode comes with the first import: to
@@ -40,6 +40,10 @@ mutants: setup
 	cp -r pyproject.toml tests truearc build/mutants
 	cp -r hw robot sim model_export build/mutants/truearc
 	cd build/mutants && $(abspath $(BIN))/mutmut run && $(abspath $(BIN))/mutmut results
+
+# needs the package index; every Python from 3.11 to 3.13 that is found
+release-check:
+	$(PYTHON) tools/release_check.py $(RELEASE)
 
 clean:
 	rm -rf build $(VENV) report sessions .truearc_cache
