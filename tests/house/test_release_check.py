@@ -16,7 +16,7 @@ def test_pythons_that_do_not_start_are_left_out(tmp_path: Path) -> None:
     broken = tmp_path / "python3.12"
     broken.write_text("#!/bin/sh\nexit 127\n", encoding="utf-8")
     broken.chmod(0o755)
-    here = "%d.%d" % sys.version_info[:2]
+    here = f"{sys.version_info.major}.{sys.version_info.minor}"
     assert find_pythons([str(broken), str(tmp_path / "none"), sys.executable]) == {here: sys.executable}
 
 
