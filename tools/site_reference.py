@@ -16,7 +16,7 @@ UNLISTED = ("help", "quiet", "force")
 COMMANDS_HEAD = """# Commands
 
 Every command of `truearc`, with its arguments and options. `--help` behind a command explains each, with an example.
-`--quiet` and `--force` (write over what is there) are not listed. Exit codes: 0 done, 1 a negative answer, 2 wrong input.
+`--quiet` and `--force` (write over what is there) are not listed. Exit codes: 0 done, 1 a no, 2 wrong input.
 Made from the code by `python -m tools.site_reference`.
 """
 API_HEAD = """# Python API

@@ -79,8 +79,9 @@ ELSEWHERE = {
 EXIT = {r"^truearc (check|discover) my_shots": 2, r"^truearc doctor": 1, r"^truearc discover old --belief": 2}
 
 
-# commands of several pages that need nothing of the page: the first page that has one runs it
-ONCE = ("truearc discover examples/spreadsheet ", "pytest ")
+# commands of several pages on which nothing else depends: the first page that has one runs it
+ONCE = ("truearc discover examples/spreadsheet ", "pytest ", "truearc train --real data/week",
+        "truearc export weights/ -o")
 _done: set[str] = set()
 
 
