@@ -153,7 +153,7 @@ def _try(place: Place, home: Path) -> None:
 
 
 def _run(*command: str | Path, cwd: Path = ROOT) -> str:
-    """Return the output of a command; CalledProcessError with its output where it fails."""
+    """Return a command's output; CalledProcessError with its output where it fails."""
     return subprocess.run(command, cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=True,
                           env={**os.environ, "PYTHONPATH": "", "PYTHONSAFEPATH": "1"}).stdout
 

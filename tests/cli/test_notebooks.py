@@ -41,8 +41,8 @@ def test_committed_notebook_has_outputs_and_names_no_machine(path: Path) -> None
 
 @pytest.fixture
 def run(data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """A function that runs a notebook, which prints what is committed, digits aside. It returns the finding as JSON, the
-    fit's values by name, and all that was printed."""
+    """A function that runs a notebook, which prints what is committed, digits aside. It returns the finding as JSON,
+    the fit's values by name, and all that was printed."""
     monkeypatch.setenv("TRUEARC_DATA", str(data_dir))
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
 

@@ -33,7 +33,6 @@ def test_stated_pythons_are_those_that_are_tried() -> None:
 
 
 def test_dependencies_state_a_lowest_and_a_first_untried_version() -> None:
-    wanted = [Requirement(line) for lines in (PROJECT["dependencies"], *(PROJECT["optional-dependencies"][extra]
-                                                                         for extra in ("sim", "frc"))) for line in lines]
-    for one in wanted:
+    extras = PROJECT["optional-dependencies"]
+    for one in map(Requirement, (*PROJECT["dependencies"], *extras["sim"], *extras["frc"])):
         assert {bound.operator for bound in one.specifier} == {">=", "<"}, one.name
