@@ -118,8 +118,8 @@ TOML, `schema = "truearc.coefficients/1"`. `fit` and `discover --adopt` write it
 | `provenance` | | dataset, method, 90 % intervals, ranges of its shots; no predicted number depends on it |
 
 ## JSON documents
-Numbers that are not finite are `null`. The schemas (draft 2020-12) ship in the package: `truearc/schemas/`. A later
-version may add keys.
+[x] is a list, {x} an object whose values are x; x? may be `null`, as are numbers that are not finite. Schemas (of
+draft 2020-12) ship in the package: `truearc/schemas/`. A later version may add keys.
 """
 
 
@@ -230,10 +230,11 @@ def _type_text(annotation: Any) -> str:
     parts = [one for one in getattr(annotation, "__args__", ()) if one not in (Ellipsis, UnsetType)]
     origin = getattr(annotation, "__origin__", None)
     if origin is tuple:
-        return "list of " + " or ".join(dict.fromkeys(_type_text(one) for one in parts))
+        return f"[{' or '.join(dict.fromkeys(_type_text(one) for one in parts))}]"
     if origin is dict:
-        return f"object of {_type_text(parts[1])}"
-    return " or ".join(_type_text(one) for one in parts)
+        return f"{{{_type_text(parts[1])}}}"
+    said = " or ".join(_type_text(one) for one in parts if one is not type(None))
+    return f"{said}?" if type(None) in parts else said
 
 
 def make_page() -> str:
