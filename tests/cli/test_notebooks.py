@@ -1,22 +1,17 @@
 """The notebooks of examples/notebooks run as they are, say what is committed of them, and are fit to be read."""
 
 import json
-import os
 import re
-import sys
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import nbformat
 import pytest
-from jupyter_client.manager import AsyncKernelManager
-from nbclient import NotebookClient
 
-HOME = Path(__file__).parents[2] / "examples" / "notebooks"
+from tools.notebooks import HOME, execute
+
 BOOKS = sorted(HOME.glob("*.ipynb"))
 LARGEST = 300_000                     # bytes of a notebook with its pictures
-PATIENCE_S = 1800                     # of a cell, on a machine with much else to do
 ASK = "print(finding.to_json()); import json; print(json.dumps(fit.table().to_dict()))"
 DIGITS = re.compile(r"[\d.]+")
 HERE = re.compile(r"/(home|root|work|tmp|Users)\b|\.venv|\b[A-Z]:\\")
@@ -44,19 +39,15 @@ def run(data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     """A function that runs a notebook, which prints what is committed, digits aside. It returns the finding as JSON,
     the fit's values by name, and all that was printed."""
     monkeypatch.setenv("TRUEARC_DATA", str(data_dir))
-    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
 
     def run_book(name: str) -> tuple[dict[str, Any], dict[str, float], str]:
         book = nbformat.read(HOME / f"{name}.ipynb", as_version=4)
         before = [DIGITS.sub("#", printed(cell)) for cell in book.cells if cell.cell_type == "code"]
         book.cells.append(nbformat.v4.new_code_cell(ASK))
-        with TemporaryDirectory() as place:           # a short path: sockets' names are limited; ports may be taken
-            kernel = AsyncKernelManager(kernel_name="python3", transport="ipc", ip=f"{place}/kernel")
-            NotebookClient(book, km=kernel, timeout=PATIENCE_S, startup_timeout=PATIENCE_S,
-                           resources={"metadata": {"path": str(tmp_path)}}).execute()
+        execute(book, tmp_path)
         said = [printed(cell) for cell in book.cells if cell.cell_type == "code"]
         record, _, fitted = said.pop().strip().rpartition("\n")
-        assert [DIGITS.sub("#", text) for text in said] == before
+        assert [DIGITS.sub("#", text) for text in said] == before, "run `python -m tools.notebooks`, and read them"
         table = json.loads(fitted)
         return json.loads(record), dict(zip(table["parameter"], table["value"], strict=True)), "".join(said)
 

@@ -1,4 +1,4 @@
-"""What `make release-check` would make of this machine; the check itself needs a package index and half an hour."""
+"""What `make release-check` would make of this machine; the check itself needs a package index and some minutes."""
 
 import sys
 import tomllib
