@@ -159,7 +159,7 @@ def _settle_hits(table: RawTable, rig: Rig, has_three: bool, problems: Problems)
     else:
         more = f", here and in {len(hits) - 1} more rows" if hits[1:] else ""
         table.fault(problems, hits[0], "outcome", f"'hit' may be a two or a three: write which{more}; where every hit "
-                    "counts alike, write no three, and leave target.three_half_height_m out of rig.toml")
+                    "counts alike, write no three, and state target.three_half_height_m = 0 in rig.toml")
     cells = ["two" if word == HIT else cell for word, cell in zip(outcome, table.columns["outcome"], strict=True)]
     return replace(table, columns=table.columns | {"outcome": cells}), rig
 

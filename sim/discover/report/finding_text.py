@@ -132,7 +132,7 @@ def say_points(adoption: Adoption) -> str:
     passed = [f"{share:.0%} of the shots as made" + ("" if points is None else f" at {points:.2f} points each")
               for share, points in ((adoption.fired_before, adoption.scored_before),
                                     (adoption.fired_after, adoption.scored_after))]
-    verdict = f"not adopted as found: {adoption.refused}" if adoption.refused else "adopted"
+    verdict = f"not adopted as found: {adoption.refused}" if adoption.refused else "worth adopting (--adopt)"
     return (f"points on {adoption.shots} hold-out shots: aimed {adoption.aimed_before:.2f} -> "
             f"{adoption.aimed_after:.2f} per ball; the gate lets through {passed[0]} -> {passed[1]}; together "
             f"{adoption.gain:+.2f} per shot (90 %: {adoption.low90:+.2f} to {adoption.high90:+.2f}); {verdict}")
