@@ -8,6 +8,7 @@ from jaxtyping import Float
 from msgspec import UNSET, UnsetType
 from msgspec.structs import replace
 
+from truearc.sim.data.columns import SPIN_VECTOR
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover import finding as parts
 from truearc.sim.discover.detect.covariates import Covariate, carried_by, followed_column
@@ -40,16 +41,21 @@ def silent(dataset: Dataset, intake: Intake, terms: tuple[str, ...], false_alarm
            among: Catalogue | None = None) -> FindingRecord:
     """The finding of data that carry no test."""
     data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {}, {"by": "shot", "count": 0},
-                             dataset.accepted, _untested(dataset))
+                             dataset.accepted, untested(dataset))
     nowhere = Where(None, None, None, None, {}, None, None, (), "the data carry no test")
     return FindingRecord(data, parts.Mismatch(False, None, false_alarm, {}, 0, {}), nowhere, "none",
                    wording.say_none(terms, None, len(dataset.shots), false_alarm, among), None, None)
 
 
-def _untested(dataset: Dataset) -> tuple[str, ...]:
-    """Kinds of effects that need columns which the dataset lacks."""
-    return () if dataset.shots.timed else (
-        "what goes with the order of the shots, such as wear and hood backlash: not every shot has its t_s",)
+def untested(dataset: Dataset) -> tuple[str, ...]:
+    """Return the kinds of effects that need columns which the dataset lacks."""
+    lacks = [] if dataset.shots.timed else [
+        "what goes with the order of the shots, such as wear and hood backlash: not every shot has its t_s"]
+    if not dataset.rig.launcher.wheel and not any(
+            np.isfinite(dataset.shots.number(name)).any() for name in ("exit_spin_rev_s", *SPIN_VECTOR)):
+        lacks.append("lift and what else goes with the ball's spin: no shot has its exit_spin_rev_s, and rising air "
+                     "may stand for it")
+    return tuple(lacks)
 
 
 def _has_topspin(dataset: Dataset) -> bool:
@@ -63,7 +69,7 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
     """Put it together; without steps nothing was found."""
     intake, among, false_alarm = fitted.intake, fitted.layout.chain.catalogue, search.false_alarm
     data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {"all": fitted.values},
-                             {"by": "shot", "count": len(dataset.shots)}, dataset.accepted, _untested(dataset),
+                             {"by": "shot", "count": len(dataset.shots)}, dataset.accepted, untested(dataset),
                              _has_topspin(dataset),
                              _terms_only(stopped(without(fitted.evidence), among))
                              | stopped(best_of(fitted, steps), among))

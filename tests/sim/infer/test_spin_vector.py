@@ -1,5 +1,6 @@
 """Spin about any axis, measured: tracks flown by SciPy's DOP853 with drag and the lift of the whole spin."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 import truearc as ta
 from benchmarks.lift import CL, RIG, tracked
 from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.discover.report.build_finding import untested
 from truearc.sim.infer.likelihood.prepared_data import take_in
 from truearc.sim.infer.plausibility.check import check_plausible
 
@@ -53,3 +55,10 @@ def test_a_spin_with_a_part_unknown_is_not_used() -> None:
     part = Dataset("part", RIG, Shots(dataset.shots.shot_id, numbers, {}), dataset.tracks)
     spin = np.asarray(take_in(part).lanes.spin_rev_s)
     assert np.array_equal(spin[0], [4.0, 4.0, 4.0]) and np.array_equal(spin[3], [0.0, 0.0, 0.0])
+
+
+def test_lift_without_a_spin_is_said_to_be_untested() -> None:
+    """Else rising air, named for sure, would be a wrong answer without a warning."""
+    spun = tracked(np.random.default_rng(7).normal(0.0, 6.0, (12, 3)), launched=False)
+    bare = replace(spun, shots=Shots(spun.shots.shot_id, {}, {}))
+    assert any("lift" in line for line in untested(bare)) and not any("lift" in line for line in untested(spun))
