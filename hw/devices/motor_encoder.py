@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from msgspec import Struct
 
+from truearc.hw import fault_codes as codes
 from truearc.hw.devices.axis import Axis, Finite, HoodEncoder, Positive
 from truearc.hw.devices.bus_rules import Rules
 from truearc.hw.devices.family import AttachedMotor, AxisCheck, Heard
@@ -13,11 +14,13 @@ from truearc.hw.devices.odrive.family import OdriveConfig
 from truearc.hw.devices.registry import family_of
 from truearc.hw.emulated.nodes import MotorTruth, Node, Plant
 from truearc.hw.finding import Finding
-from truearc.hw.protocols import AngleReading, Frame, Motor
+from truearc.hw.protocols import AngleReading, Frame, Motor, MotorReading
 from truearc.hw.reason import Reason
 
 TICK_HZ = 200                         # the doctor's measure of a lagging speed, which is not used here
 SIGMA_DEG = 0.2                       # an encoder that homing zeroes is as exact as the switch
+# It is not driven. A SPARK's reset stays until it is driven; a count that it has lost differs from the screw's
+DRIVING = (codes.ERROR_HAS_RESET.name, codes.ERROR_LOCKED.name)
 
 
 class MotorEncoderConfig(Struct, HoodEncoder, frozen=True, forbid_unknown_fields=True, omit_defaults=True,
@@ -33,9 +36,8 @@ class MotorEncoder(Encoder):
     """A motor of which only the position is used."""
 
     def __init__(self, table: MotorEncoderConfig) -> None:
-        family = family_of(table.controller)
-        motors: Sequence[Motor] = family.make_motors([table.controller])
-        self._motor, self._gear = motors[0], table.gear
+        motors: Sequence[Motor] = family_of(table.controller).make_motors([table.controller])
+        self._motor, self._table = motors[0], table
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
         return self._motor.ids()
@@ -47,7 +49,8 @@ class MotorEncoder(Encoder):
         said = self._motor.reading
         if not said.t_ns:
             return None
-        return AngleReading(said.t_ns, said.position_rad / self._gear % math.tau, True, said.axis_error,
+        errors = errors_of(self._table, said.axis_error)
+        return AngleReading(said.t_ns, said.position_rad / self._table.gear % math.tau, not errors, said.axis_error,
                             said.heartbeat_t_ns)
 
     def faults(self, t_ns: int) -> tuple[Reason, ...]:
@@ -55,6 +58,12 @@ class MotorEncoder(Encoder):
 
     def frames(self, t_ns: int) -> tuple[Frame, ...]:
         return self._motor.order(None, t_ns).frames
+
+
+def errors_of(table: MotorEncoderConfig, axis_error: int) -> tuple[Reason, ...]:
+    """The controller's errors that are in the way of believing its position; those of DRIVING are not."""
+    errors: Sequence[Reason] = family_of(table.controller).errors(table.controller, MotorReading(axis_error=axis_error))
+    return tuple(error for error in errors if error.code not in DRIVING)
 
 
 def make_rules(table: MotorEncoderConfig, each_tick: int) -> tuple[Rules]:

@@ -8,6 +8,7 @@ import math
 from msgspec import UNSET, UnsetType
 
 from truearc.hw.devices.axis import Axis
+from truearc.hw.devices.motor_encoder import MotorEncoderConfig, errors_of
 from truearc.hw.devices.registry import family_of
 from truearc.hw.protocols import AngleReading, MotorReading
 from truearc.hw.reason import Reason
@@ -61,17 +62,21 @@ def doubted_readings(inputs: Inputs, config: Config) -> list[Reason]:
     motors = (*inputs.flywheels, inputs.hood_motor, inputs.feeder)
     for (name, axis), motor in zip(name_axes(config), motors, strict=True):
         reasons += _motor(name, axis, motor, inputs.t_ns, config.gate)
-    return reasons + (_encoder(inputs.hood_angle, inputs.t_ns, config.gate) if config.hood_encoder.is_heard else [])
+    return reasons + (_encoder(inputs.hood_angle, inputs.t_ns, config) if config.hood_encoder.is_heard else [])
 
 
-def _encoder(angle: AngleReading | None, t_ns: int, gate: GateConfig) -> list[Reason]:
+def _encoder(angle: AngleReading | None, t_ns: int, config: Config) -> list[Reason]:
     if angle is None:
         return [because.DEVICE_NEVER_RECEIVED(device=ENCODER)]
-    if not _young(t_ns - angle.t_ns, gate.reading_age_s):
+    if not _young(t_ns - angle.t_ns, config.gate.reading_age_s):
         return [because.DEVICE_STALE(device=ENCODER, age_s=(t_ns - angle.t_ns) * NS)]
     if missing := _no_fault_report(ENCODER, angle.faults_t_ns, t_ns, HEARTBEAT_S):
         return [missing]
-    return [] if angle.magnet_ok else [because.MAGNET_LOST()]
+    if angle.magnet_ok:
+        return []
+    table = config.hood_encoder
+    errors = errors_of(table, angle.faults) if isinstance(table, MotorEncoderConfig) else ()
+    return [because.MOTOR_ERROR(motor=ENCODER, errors=errors) if errors else because.MAGNET_LOST()]
 
 
 def _motor(name: str, axis: Axis, motor: MotorReading, t_ns: int, gate: GateConfig) -> list[Reason]:

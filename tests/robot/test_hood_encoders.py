@@ -14,10 +14,13 @@ from tests.robot.alike import codes
 from tests.robot.encoders import COUNTING, NONE, NT4, ODRIVE, SPARK, SPARK_OWN, with_encoder
 from tests.robot.good_tick import CONFIG, HOOD_DEG, NOW_NS, good_inputs, good_memory, seconds
 from truearc.cli.robot.doctor_checks import look_at_bus
+from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.family import OdriveConfig
+from truearc.hw.devices.spark import frames as spark
 from truearc.hw.emulated.clock import StepClock
 from truearc.hw.emulated.emulated_robot import Twin
 from truearc.hw.finding import FAILURE, OK
+from truearc.hw.protocols import MotorReading
 from truearc.hw.real.can_bus import open_can
 from truearc.robot import reasons as because
 from truearc.robot.config.can_policy import guard
@@ -236,6 +239,27 @@ def test_a_counting_encoder_is_zeroed_at_the_switch_and_then_checked() -> None:
     later = step(replace(at_switch, hood_angle=turned), homed.memory, COUNTING, None)
     assert later.estimate.hood_deg == pytest.approx(COUNTING.hood.low_deg + 9.0)
     assert because.HOOD_ENCODERS_DISAGREE.name in codes(later.verdict.reasons)
+
+
+@pytest.mark.parametrize("bit", [bit for bit, _ in odrive.ERRORS] + [1 << 31])
+def test_an_error_of_the_controller_that_is_the_encoder_is_a_hold_with_that_error(bit: int) -> None:
+    table, inputs = ODRIVE.hood_encoder, good_inputs()
+    encoder, stamp = encoder_family_of(table).make(table, around_encoder(CONFIG)), inputs.hood_angle.t_ns
+    turned = math.radians(table.zero_deg + table.direction * good_memory().aim.hood_deg)
+    for errors in (0, bit):
+        encoder._motor.reading = MotorReading(t_ns=stamp, position_rad=table.gear * turned, heartbeat_t_ns=stamp,
+                                              axis_error=errors)
+        tick = step(replace(inputs, hood_angle=encoder.read(NOW_NS)), good_memory(), ODRIVE, None)
+        assert tick.verdict.fire is not bool(errors)
+    assert tick.verdict.reasons == (because.MOTOR_ERROR(motor="hood encoder", errors=odrive.errors_of(bit)),)
+
+
+@pytest.mark.parametrize("bits", [0, 0x04, 0x100, 0x200, 0x300, 0x104])
+def test_a_sparks_reset_and_lock_are_about_driving_and_its_faults_about_the_angle(bits: int) -> None:
+    table = COUNTING.hood_encoder
+    encoder = encoder_family_of(table).make(table, around_encoder(CONFIG))
+    encoder._motor.reading = MotorReading(t_ns=5, axis_error=bits)
+    assert encoder.read(9).magnet_ok is not bool(bits & spark.FAULTS)
 
 
 def test_an_encoder_gear_is_turns_of_it_per_turn_of_the_hood() -> None:
