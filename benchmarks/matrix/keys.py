@@ -40,13 +40,19 @@ HZ, FRESH_S, BEGIN_S, AFTER_S = 50, 0.25, 1.0, 2.0
 MAP = ShotMap("truearc.shot-map/1", columns={
     "distance_m": "/Vision/Distance", "hood_deg": Signal("/Hood/Angle", "deg"),
     "motor_rad_s": Signal("/Shooter/RPM", "rpm"), "battery_v": "/Battery"})
-POSE = "/photonvision/front/targetPose"
+FRONT, LIMELIGHT, HEADING, ALIVE = "/photonvision/front", "/limelight", "/Drive/Heading", "/Drive/Loop"
+POSE = f"{FRONT}/targetPose"
 WELL = {"/Vision/Distance": 3.0, "/Hood/Angle": 45.0, "/Shooter/RPM": 2400.0, "/Battery": 12.4}
-CAMERA = {f"{POSE}/0": 2.74, f"{POSE}/1": 0.0, f"{POSE}/2": -0.53, "/photonvision/front/heartbeat": 1.0,
-          "/photonvision/front/hasTarget": 1.0, "/photonvision/front/latencyMillis": 30.0}
-DRIVEN = {"/Drive/Speeds/0": 0.0, "/Drive/Speeds/1": 0.0}
-NOISE = {"/Shooter/RPM": 2.0, "/Battery": 0.02, "/photonvision/front/hasTarget": 0.0,
-         "/photonvision/front/latencyMillis": 0.0}
+CAMERAS = {
+    FRONT: {f"{POSE}/0": 2.74, f"{POSE}/1": 0.0, f"{POSE}/2": -0.53, f"{FRONT}/heartbeat": 1.0,
+            f"{FRONT}/hasTarget": 1.0, f"{FRONT}/latencyMillis": 30.0},
+    LIMELIGHT: {**{f"{LIMELIGHT}/targetpose_cameraspace/{axis}": at for axis, at in enumerate((0.0, 0.53, 2.74))},
+                f"{LIMELIGHT}/hb": 1.0, f"{LIMELIGHT}/tv": 1.0, f"{LIMELIGHT}/cl": 15.0, f"{LIMELIGHT}/tl": 15.0,
+                f"{LIMELIGHT}/stddevs/0": 0.02, f"{LIMELIGHT}/stddevs/1": 0.02, f"{LIMELIGHT}/tid": 4.0}}
+VISION = {FRONT: Nt4Vision("photonvision", "front", 0.05), LIMELIGHT: Nt4Vision("limelight", "limelight", 0.05)}
+DRIVEN = {"/Drive/Speeds/0": 0.0, "/Drive/Speeds/1": 0.0, HEADING: 0.0, ALIVE: 1.0}
+EXACT = ("hasTarget", "latencyMillis", "/tv", "/tid")          # without noise
+NOISE = {"/Shooter/RPM": 2.0, "/Battery": 0.02}
 JUMP = 2.0                            # times as large, or m/s more, is a value that jumps
 
 
@@ -65,8 +71,7 @@ class Robot:
     def __init__(self, trouble: Key, begin_ns: int, end_ns: int) -> None:
         self._trouble, self._begin_ns, self._end_ns = trouble, begin_ns, end_ns
         self._stands = False
-        self._values = WELL | (CAMERA if "photonvision" in trouble.key else {}) | (
-            DRIVEN if "Drive" in trouble.key else {})
+        self._values = WELL | CAMERAS.get(_camera_of(trouble), {}) | (DRIVEN if "Drive" in trouble.key else {})
 
     @property
     def connected(self) -> bool:
@@ -82,7 +87,7 @@ class Robot:
 
     def _reading(self, key: str, value: float, now_ns: int) -> Reading | None:
         wave = math.sin(now_ns * 1e-9 * 61.0 + len(key))
-        well = Reading(now_ns - 2_000_000, value + NOISE.get(key, 1e-3) * wave)
+        well = Reading(now_ns - 2_000_000, value if key.endswith(EXACT) else value + NOISE.get(key, 1e-3) * wave)
         if not self._stands or not key.startswith(self._trouble.key):
             return well
         match self._trouble.what:
@@ -99,10 +104,16 @@ class Robot:
 def make_config(trouble: Key) -> Config:
     """The shipped launcher, a gate obeyed, and the camera or the velocity that the trouble is about."""
     shipped = load_config(SHIPPED)
-    nt4 = Nt4("254", Nt4Vision("photonvision", "front", 0.05) if "photonvision" in trouble.key else None,
-              Nt4Velocity("/Drive/Speeds", 2.0, 2.0) if "Drive" in trouble.key else None)
+    velocity = Nt4Velocity("/Drive/Speeds", 2.0, 2.0)
+    if trouble.key in (HEADING, ALIVE):
+        velocity = replace(velocity, frame="field", heading=HEADING, alive=ALIVE if trouble.key == ALIVE else "")
+    nt4 = Nt4("254", VISION.get(_camera_of(trouble)), velocity if "Drive" in trouble.key else None)
     gate = replace(shipped.gate, policy="model", reading_age_s=FRESH_S, sighting_age_s=FRESH_S)
     return replace(shipped, tick_hz=HZ, gate=gate, nt4=nt4, apriltag=AprilTag((4,), 0.1651, 1.23, 0.3))
+
+
+def _camera_of(trouble: Key) -> str:
+    return next((table for table in CAMERAS if trouble.key.startswith(f"{table}/")), "")
 
 
 def play_keys(row: Row, trouble: Key, folder: Path) -> None:

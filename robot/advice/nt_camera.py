@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple, NoReturn
 
+from truearc.hw.fault_codes import CAMERA_FROZEN
 from truearc.hw.protocols import CameraFrame, Clock, LinkLost
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
@@ -66,14 +67,16 @@ class NtCamera:
 
     A distance is horizontal, from the lens to the tag and [apriltag] behind_m more, as that of an image. A tag that is
     not the target's, or whose height contradicts the camera's mounting, does not count. Both raise LinkLost for a key
-    that is missing or has an impossible value, and for half a second after a distance that jumped.
+    that is missing or has an impossible value, for a place that changes while the heartbeat stands still, and for half
+    a second after a distance that jumped.
     """
 
     def __init__(self, config: Config, keys: Keys, clock: Clock) -> None:
         assert config.nt4 is not None and config.nt4.vision is not None and config.apriltag is not None
         self._vision, self._tag, self._camera = config.nt4.vision, config.apriltag, config.camera
         self._keys, self._clock = keys, clock
-        self._names = names_of_camera(self._vision)
+        self._names, self._needed = names_of_camera(self._vision), keys_of_camera(self._vision)
+        self._oldest_ns = round(config.gate.sighting_age_s * NS_PER_S)
         self._told_ns = 0                         # stamp of the newest reading that was used
         self._last: tuple[int, float] | None = None       # stamp and distance of the newest sighting
         self._jumped_ns: int | None = None
@@ -89,19 +92,22 @@ class NtCamera:
 
     def sight(self, found: Mapping[str, Reading]) -> Sighting | None:
         """What these readings say that is new."""
-        seen, alive = self._take(found, self._names.seen), self._take(found, self._names.alive)
-        latency_s = self._latency_s(found)
-        place = [self._take(found, _part(self._names.pose, axis)) for axis in range(3)]
-        newest = place[0] if seen.value == 1.0 else alive
+        told = {key: self._take(found, key) for key in self._needed}
+        seen, alive = told[self._names.seen], told[self._names.alive]
+        latency_s = 1e-3 * sum(float(told[key].value) for key in self._names.latency)
+        newest = told[_part(self._names.pose, 0)] if seen.value else alive
         if newest.t_ns > self._told_ns:
             self._told_ns, self._doubt = newest.t_ns, None
-            tag = found.get(self._names.tag)
             if not 0.0 <= latency_s <= MOST_LATENCY_S:
                 return self._refuse(because.NT_VALUE_IMPOSSIBLE(key=self._names.latency[0]))
+            if seen.value not in (0.0, 1.0):
+                return self._refuse(because.NT_VALUE_IMPOSSIBLE(key=self._names.seen))
+            if newest.t_ns - alive.t_ns > self._oldest_ns:
+                return self._refuse(CAMERA_FROZEN(camera=self._vision.camera))
             t_ns = newest.t_ns - round(latency_s * NS_PER_S)
-            if seen.value != 1.0 or (tag is not None and tag.value not in self._tag.ids):
+            if not seen.value or (self._names.tag and told[self._names.tag].value not in self._tag.ids):
                 return Sighting(t_ns, False, because.NO_TAG())
-            return self._sighting(t_ns, [float(one.value) for one in place], found)
+            return self._sighting(t_ns, told)
         return None if self._doubt is None else self._refuse(self._doubt)
 
     def _refuse(self, doubt: Reason) -> NoReturn:
@@ -112,19 +118,19 @@ class NtCamera:
         reading = found.get(key)
         if reading is None or isinstance(reading.value, str):
             raise LinkLost(because.KEY_MISSING(key=key))
+        if not math.isfinite(reading.value):
+            raise LinkLost(because.NT_VALUE_IMPOSSIBLE(key=key))
         return reading
 
-    def _latency_s(self, found: Mapping[str, Reading]) -> float:
-        return 1e-3 * sum(float(self._take(found, key).value) for key in self._names.latency)
-
-    def _sighting(self, t_ns: int, place: list[float], found: Mapping[str, Reading]) -> Sighting:
+    def _sighting(self, t_ns: int, told: Mapping[str, Reading]) -> Sighting:
+        place = [float(told[_part(self._names.pose, axis)].value) for axis in range(3)]
         ahead, left, up = place if self._vision.kind == "photonvision" else (place[2], -place[0], -place[1])
         pitch = math.radians(self._camera.pitch_deg)
         forward_m = ahead * math.cos(pitch) - up * math.sin(pitch)
         above_m = ahead * math.sin(pitch) + up * math.cos(pitch)
         to_tag_m = math.hypot(forward_m, left)
         distance_m = to_tag_m + self._tag.behind_m - self._camera.bias_m
-        sigma_m = self._sigma_m(distance_m, found)
+        sigma_m = self._sigma_m(distance_m, told)
         if not (math.isfinite(distance_m) and math.isfinite(above_m) and forward_m > 0.0):
             self._refuse(because.NT_VALUE_IMPOSSIBLE(key=self._names.pose))
         if sigma_m is None:
@@ -136,11 +142,11 @@ class NtCamera:
             self._refuse(jumped)
         return Sighting(t_ns, True, None, distance_m, sigma_m, -math.degrees(math.atan2(left, forward_m)))
 
-    def _sigma_m(self, distance_m: float, found: Mapping[str, Reading]) -> float | None:
+    def _sigma_m(self, distance_m: float, told: Mapping[str, Reading]) -> float | None:
         """One standard deviation; None where the camera states one that cannot be."""
-        own = [found.get(_part(self._names.stddevs, place)) for place in range(MEGATAG_1) if self._names.stddevs]
-        stated = [one.value for one in own if one is not None and not isinstance(one.value, str)]
-        if not all(0.0 <= one < math.inf for one in stated):
+        stated = [float(told[_part(self._names.stddevs, place)].value) for place in range(MEGATAG_1)
+                  if self._names.stddevs]
+        if any(one < 0.0 for one in stated):
             return None
         return math.hypot(self._vision.sigma_m, self._vision.sigma_share * distance_m, self._camera.bias_sigma_m,
                           *stated)

@@ -75,6 +75,27 @@ def test_a_key_that_is_missing_or_no_number_is_no_velocity(key: str, value: floa
     assert NtVelocity(config(FIELD), Table(found), Clock()).read() is None
 
 
+def test_a_velocity_of_the_field_is_as_old_as_its_heading_and_with_alive_as_that() -> None:
+    found = keys(1.0, 0.0, Heading=0.0) | {"/Drive/Heading": Reading(NOW_NS - NS, 0.0)}
+    alone = NtVelocity(config(replace(FIELD, alive="")), Table(found), Clock()).read()
+    assert alone is not None and alone.t_ns == NOW_NS - NS
+    standing = NtVelocity(config(FIELD), Table(found), Clock()).read()
+    assert standing is not None and standing.t_ns == NOW_NS + 7
+
+
+@pytest.mark.parametrize("alive", ["", "/Time"])
+def test_a_heading_that_jumps_silences_it_and_one_that_turns_once_round_does_not(alive: str) -> None:
+    table = Table({})
+    velocity = NtVelocity(config(replace(FIELD, alive=alive)), table, Clock())
+    known = []
+    for number in range(100):
+        t_ns = NOW_NS + number * 20_000_000
+        heading = 170.0 + 5.0 * number - 360.0 * (number > 20) + 90.0 * (number >= 40)
+        table.found = keys(0.0, 0.0, t_ns, Heading=heading) | {"/Time": Reading(t_ns, 1.0)}
+        known.append(velocity.read() is not None)
+    assert all(known[:40]) and not any(known[40:66]) and all(known[68:])
+
+
 def test_a_jump_silences_it_for_half_a_second_and_a_lost_server_at_once() -> None:
     table = Table({})
     velocity = NtVelocity(config(ROBOT), table, Clock())
