@@ -66,7 +66,7 @@ def guess_map(log: Log, rig: Rig, name: str) -> Guess:
     words = {key: _words(key) for key in log}
     moving = {key: series for key, series in log.items() if series.numeric and len(series.t_s) > 1}
     lines: list[str] = []
-    columns: dict[str, str | Signal] = {}
+    columns: dict[str, Signal] = {}
     speed = _best(moving, words, "motor_rad_s", SPIN, SPEED)
     column = _wheel_column(rig)
     for wanted, key in (("distance_m", _best(moving, words, "distance_m", {"distance", "dist", "range"}, set())),
@@ -75,21 +75,22 @@ def guess_map(log: Log, rig: Rig, name: str) -> Guess:
         if key is None:
             raise InputError(f"{name}: no signal's name, unit and numbers look like {wanted}; write a map by hand: "
                              "docs/how-to/importing.md")
-        columns[wanted] = key
+        columns[wanted] = Signal(key, unit=_unit(log[key], own_unit(wanted)))
         lines.append(f"{wanted}: {key}{_unit_note(log[key], wanted)}")
     if column == MOTOR:
         lines.append("motor_rad_s: taken to be the speed of the motors; where it is that of the wheels, divide by the "
                      "gear: times = 1 / gear")
     battery = _best(moving, words, "battery_v", {"battery", "bus"}, {"voltage", "volts", "v"})
     if battery is not None:
-        columns["battery_v"] = battery
+        columns["battery_v"] = Signal(battery, unit=_unit(log[battery], own_unit("battery_v")))
         lines.append(f"battery_v: {battery}")
-    set_point = _set_point(log, words, log[str(speed)])
+    set_point = _set_point(log, words, log[columns[column].key], columns[column].unit)
     feed = _feed(log, words)
     outcome, marked_by = _outcome(log, words)
-    lines += [f"set point of the speed: {set_point or 'none found: spinning down may look like a ball'}",
+    wanted = set_point.key if set_point else "none found: spinning down may look like a ball"
+    lines += [f"set point of the speed: {wanted}",
               f"feeder: {feed or 'none found: every dip of the speed is a shot'}", marked_by]
-    return Guess(ShotMap(SCHEMA, columns=columns, shots=Detection(set_point=set_point, feed=feed), outcome=outcome),
+    return Guess(ShotMap(SCHEMA, columns={**columns}, shots=Detection(set_point=set_point, feed=feed), outcome=outcome),
                  tuple(lines))
 
 
@@ -102,8 +103,13 @@ def _wheel_column(rig: Rig) -> str:
     return MOTOR if rig.launcher.free_speed_rad_s or not wheels else f"wheel_{wheels[0].name}_rad_s"
 
 
+def _unit(series: Series, default: str) -> str:
+    """The unit that the log states, or that the key ends in; readers of the map do not see the log's metadata."""
+    return series.unit or unit_in(series.name) or default
+
+
 def _unit_note(series: Series, column: str) -> str:
-    unit = series.unit or unit_in(series.name)
+    unit = _unit(series, "")
     return f", in {unit}" if unit else f", whose unit is not stated: taken as {own_unit(column)}"
 
 
@@ -115,7 +121,7 @@ def _best(moving: Log, words: dict[str, list[str]], column: str, nouns: set[str]
 
 
 def _score(series: Series, said: list[str], column: str, nouns: set[str], kinds: set[str]) -> float:
-    unit = series.unit or unit_in(series.name)
+    unit = _unit(series, "")
     factor = factor_of(column, unit) if unit else None
     of_kind = bool(kinds & set(said)) or factor is not None
     if not nouns & set(said) or (kinds and not of_kind) or WANTED & set(said) or (ODD - kinds) & set(said):
@@ -134,8 +140,9 @@ def _score(series: Series, said: list[str], column: str, nouns: set[str], kinds:
             + 0.5 * bool({"hub", "goal", "speaker", "target"} & set(said)))
 
 
-def _set_point(log: Log, words: dict[str, list[str]], speed: Series) -> str | None:
-    """A signal of the same words, but wanted, that the speed follows."""
+def _set_point(log: Log, words: dict[str, list[str]], speed: Series, unit: str) -> Signal | None:
+    """A signal of the same words, but wanted, that the speed follows; unit: of the speed, and of it if none is stated.
+    """
     mine = set(_words(speed.name))
     found = []
     for key in log:
@@ -145,9 +152,10 @@ def _set_point(log: Log, words: dict[str, list[str]], speed: Series) -> str | No
             continue
         if (ODD - {"rad"}) & said:
             continue
-        if 0.5 * (top := _top(series)) < _top(speed) < 2.0 * top:
+        own, theirs = factor_of(MOTOR, _unit(series, unit)), factor_of(MOTOR, unit)
+        if own and theirs and 0.5 * (top := own[0] * _top(series)) < theirs[0] * _top(speed) < 2.0 * top:
             found.append((len(mine & said), -len(said), key))
-    return max(found)[2] if found else None
+    return Signal(max(found)[2], unit=_unit(log[max(found)[2]], unit)) if found else None
 
 
 def _top(series: Series) -> float:
