@@ -9,6 +9,7 @@ from msgspec import structs
 
 import truearc as ta
 from tests.sim.discover.odd_rigs import make_drops
+from tests.sim.few_terms import few_terms
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.discover import adopt
@@ -37,13 +38,14 @@ from truearc_proof.truth.world import make_world
 
 pytestmark = pytest.mark.slow
 SHOTS = 96
+FEW = few_terms("rapid_fire", "hood_offset", "wheel_slip", "wind_x")
 
 
 @pytest.fixture(scope="module")
 def hasty() -> tuple[Dataset, Investigation]:
     """A robot that shoots too soon after the shot before."""
     dataset = shoot(make_world({"rapid_fire": 0.12}, "L1", SHOTS, 1, side=True))
-    return dataset, discover(dataset, seed=1)
+    return dataset, discover(dataset, seed=1, terms=FEW)
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +57,7 @@ def season() -> tuple[Dataset, Dataset]:
 
 @pytest.fixture(scope="module")
 def nameless(season: tuple[Dataset, Dataset]) -> Investigation:
-    return discover(season[0], seed=1)
+    return discover(season[0], seed=1, terms=FEW)
 
 
 def right(dataset: Dataset, coefficients: dict[str, dict[str, float]]) -> float:
@@ -200,7 +202,8 @@ def changed(found: Investigation, names: tuple[str, ...]) -> Investigation:
 
 def test_an_unexplained_change_is_adopted_with_the_name_that_it_stands_beside() -> None:
     """Balls that leave slower the farther off the target is, by a fifth in 2.5 m, and a robot that shoots too soon."""
-    found = discover(shoot(make_world({"rapid_fire": 0.2, "far_kick": -0.2}, "L1", 200, 1, side=True)), seed=1)
+    found = discover(shoot(make_world({"rapid_fire": 0.2, "far_kick": -0.2}, "L1", 192, 1, side=True)), seed=1,
+                     terms=FEW)
     leader = found.steps[0].naming.leader
     assert leader == "rapid_fire.loss"
     belief, provenance = make_belief(changed(found, (leader,)), threshold=None)
@@ -236,7 +239,7 @@ def test_nothing_is_adopted_where_tracks_and_outcomes_contradict_each_other() ->
     order = np.random.default_rng(1).permutation(len(outcome))
     texts = {**dataset.shots.texts, "outcome": tuple(outcome[k] for k in order)}
     texts.pop("side", None)
-    mixed_up = ta.discover(replace(dataset, shots=replace(dataset.shots, texts=texts)), seed=1)
+    mixed_up = ta.discover(replace(dataset, shots=replace(dataset.shots, texts=texts)), seed=1, terms=FEW)
     with pytest.raises(ta.InputError, match=r"nothing is adopted: .*(scatter\.distance|tracks and outcomes)"):
         mixed_up.adopt()
 
@@ -249,7 +252,7 @@ def test_the_simulator_that_believes_it_foretells_better(hasty: tuple[Dataset, I
 
 
 def test_without_a_finding_the_fit_alone_is_adopted() -> None:
-    found = discover(shoot(make_world({}, "L1", SHOTS, 1, side=True)), seed=1)
+    found = discover(shoot(make_world({}, "L1", SHOTS, 1, side=True)), seed=1, terms=FEW)
     belief, provenance = make_belief(found)
     assert provenance["adopted"] == [] and provenance["verdict"] == "none"
     assert set(belief.coefficients) == {"drag", "magnus", "exit_efficiency"}
@@ -288,10 +291,10 @@ def test_a_curve_that_is_believed_is_not_found_again(nameless: Investigation, se
     kept = [k for k, name in enumerate(belief.names) if not name.startswith("curve.")]
     plain = Belief({name: value for name, value in belief.coefficients.items() if name != "free_speed"}, belief.scatter,
                    tuple(belief.names[k] for k in kept), belief.covariance[np.ix_(kept, kept)])
-    assert not discover(later, seed=1, belief=belief).finding.mismatch.found
-    assert discover(later, seed=1, belief=plain).finding.mismatch.found
+    assert not discover(later, seed=1, belief=belief, terms=FEW).finding.mismatch.found
+    assert discover(later, seed=1, belief=plain, terms=FEW).finding.mismatch.found
     numbers = {**later.shots.numbers, "hood_deg": later.shots.number("hood_deg") - 2.0}
-    bent = discover(replace(later, shots=replace(later.shots, numbers=numbers)), seed=1, belief=belief)
+    bent = discover(replace(later, shots=replace(later.shots, numbers=numbers)), seed=1, belief=belief, terms=FEW)
     assert bent.finding.verdict == "named" and bent.finding.what[0].term == "hood_offset"
     adopted, provenance = make_belief(bent)
     assert provenance["adopted"] == ["hood_offset"] and "refused" not in provenance
@@ -328,14 +331,14 @@ def filmed(tilt_deg: float) -> Dataset:
 
 
 def test_nothing_is_adopted_beside_a_tracker_error_at_its_bound() -> None:
-    level = ta.discover(filmed(0.0), believe=["gravity"])
-    assert "drag" in level.adopt().coefficients and level.adopt().coefficients["drag"]["cd"] == pytest.approx(0.5, 0.1)
-    tilted = ta.discover(filmed(20.0), believe=["gravity"])               # the fit takes at most 15 degrees
+    level = ta.discover(filmed(0.0), believe=["gravity"], terms=FEW)
+    started = level.adopt()
+    assert started.coefficients["drag"]["cd"] == pytest.approx(0.5, 0.1)
+    tilted = ta.discover(filmed(20.0), believe=["gravity"], terms=FEW)     # the fit takes at most 15 degrees
     assert tilted.record.data.at_limit["track_tilt.angle_deg"] == 15.0
     assert "track_tilt.angle_deg at 15" in tilted.sentence
     with pytest.raises(ta.InputError, match="nothing is adopted: track_"):
         tilted.adopt()
-    started = level.adopt()
     assert make_belief(replace(tilted.investigation, belief=started))[0] is started
 
 
@@ -343,8 +346,8 @@ def test_what_was_found_is_judged_beside_the_belief_as_it_is() -> None:
     """A robot that adopts nothing keeps its numbers, so these are what a finding must beat: not a fit of them to the
     very shots. Heights as another code flies the belief."""
     home, event = (shoot(make_world(effects, "L0", 60, 12)) for effects in ({}, {"wind_x": -3.0}))
-    belief, _ = make_belief(replace(discover(home, seed=1), steps=()))
-    found = discover(event, seed=1, belief=belief)
+    belief, _ = make_belief(replace(discover(home, seed=1, terms=FEW), steps=()))
+    found = discover(event, seed=1, belief=belief, terms=FEW)
     assert found.fitted is not None
     model = adopt.unfitted(found.fitted)
     told = adopt.worth.as_believed(model)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.sim.discover.odd_rigs import make_drops, make_three_wheels
+from tests.sim.few_terms import few_terms
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots, join_datasets
 from truearc.sim.discover.finding import FindingRecord, make_json
@@ -99,7 +100,8 @@ def test_what_is_promoted_has_no_slope_left(decaying: Investigation) -> None:
 
 
 def test_two_effects_are_named_one_after_the_other() -> None:
-    finding = look("L2", {"spin_decay": 1.2, "hood_offset": 2.0}).finding
+    rivals = few_terms("spin_decay", "hood_offset", "wind_x", "wheel_slip", "drag_reynolds", "lift_saturation")
+    finding = discover(concealed("L2", {"spin_decay": 1.2, "hood_offset": 2.0}, 1), seed=1, terms=rivals).finding
     assert {finding.what[0].term, *(further.what[0].term for further in finding.also)} == {"spin_decay", "hood_offset"}
 
 

@@ -9,6 +9,7 @@ from msgspec import structs
 
 import truearc as ta
 from tests.sim.discover.odd_rigs import make_drops
+from tests.sim.few_terms import few_terms
 from tests.sim.thin import thinned
 from truearc_proof.importers.mpi import import_mpi
 
@@ -41,7 +42,7 @@ def test_real_tracks_without_y_are_pushed_to_no_side(data_dir: Path) -> None:
     filmed = thinned(import_mpi(real / "mpi_launches.csv", real / "mpi_tracks.csv")).take(np.arange(0, 32, 3))
     assert filmed.tracks is not None
     flat = replace(filmed, tracks=replace(filmed.tracks, y_m=np.full_like(filmed.tracks.y_m, 0.31)))
-    where = ta.discover(flat, seed=0).record.where
+    where = ta.discover(flat, seed=0, terms=few_terms(LATERAL, "wind_x")).record.where
     assert where.direction != "lateral" and "lateral" not in (where.channel or "")
 
 

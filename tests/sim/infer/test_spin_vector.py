@@ -8,6 +8,7 @@ import pytest
 
 import truearc as ta
 from benchmarks.lift import CL, RIG, tracked
+from tests.sim.few_terms import few_terms
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.discover.report.build_finding import untested
 from truearc.sim.infer.likelihood.prepared_data import take_in
@@ -18,7 +19,8 @@ from truearc.sim.infer.plausibility.check import check_plausible
 @pytest.mark.parametrize("launched", [False, True])
 def test_lift_is_named_from_spin_about_any_axis(launched: bool) -> None:
     spins = np.random.default_rng(7).normal(0.0, 6.0, (16, 3))
-    finding = ta.discover(tracked(spins, launched), believe=["gravity", "drag"])
+    rivals = few_terms("wind_x", "wind_y", "wind_z", "spin_decay", "spin_drag", "drag_reynolds", "buoyancy")
+    finding = ta.discover(tracked(spins, launched), believe=["gravity", "drag"], terms=rivals)
     assert finding.verdict == "named" and finding.record.set == ("magnus",), finding.sentence
     cl = finding.record.what[0].parameters["cl"]
     assert cl.low90 < CL < cl.high90 and cl.high90 - cl.low90 < 0.05

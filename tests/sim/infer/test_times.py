@@ -3,6 +3,7 @@
 import numpy as np
 
 import truearc as ta
+from tests.sim.few_terms import few_terms
 from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Rig
 from truearc.sim.data.dataset import Dataset, Shots, Times
 
@@ -68,7 +69,8 @@ def test_a_throw_is_timed_where_it_comes_by() -> None:
     shots = Shots(tuple(f"s{k}" for k in range(n)), {"exit_speed_m_s": speed, "hood_deg": deg}, {})
     scatter = SIGMA_S * rng.normal(size=n)
     times = Times(np.arange(n), t_s + scatter, np.full(n, 1.0), np.full(n, SIGMA_S))
-    assert ta.discover(Dataset("throws", rig, shots, times=times), believe=["gravity"]).verdict == "none"
+    assert ta.discover(Dataset("throws", rig, shots, times=times), believe=["gravity"],
+                       terms=few_terms("hood_offset", "wind_x")).verdict == "none"
 
 
 def test_a_shot_without_any_time_is_left_out_and_said() -> None:
