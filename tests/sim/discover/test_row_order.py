@@ -1,5 +1,6 @@
 """Where a table has no time, no answer depends on the order of its rows; where it has, that order is by time."""
 
+import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -10,9 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import truearc as ta
+from tests.sim.few_terms import few_terms
 from truearc.sim.infer.likelihood.shot_columns import number_columns
 
 SHEET = ta.load_dataset(Path(__file__).parents[3] / "examples" / "spreadsheet")
+HASH = re.compile(r'"sha256": "[0-9a-f]{64}"')
+FEW = few_terms("wheel_slip", "hood_offset", "battery_sag", "rapid_fire", "hood_backlash", "ball_wear")
 
 
 def shuffled(dataset: ta.Dataset, order: list[int]) -> ta.Dataset:
@@ -34,15 +38,16 @@ def with_columns(dataset: ta.Dataset, **columns: np.ndarray) -> ta.Dataset:
 
 @cache
 def finding_as_written() -> ta.Finding:
-    return ta.discover(renumbered(SHEET), seed=3)
+    return ta.discover(renumbered(SHEET), seed=3, terms=FEW)
 
 
 @pytest.mark.slow
 def test_a_finding_is_the_same_for_every_order_of_rows() -> None:
     """Of one order at random: each takes seconds."""
     order = np.random.default_rng().permutation(len(SHEET.shots)).tolist()
-    again = ta.discover(renumbered(shuffled(SHEET, order)), seed=3)
-    assert again.to_json() == finding_as_written().to_json(), order
+    again = ta.discover(renumbered(shuffled(SHEET, order)), seed=3, terms=FEW)
+    one, other = (HASH.sub("", found.to_json()) for found in (again, finding_as_written()))   # of the rows as they came
+    assert one == other, order
 
 
 @pytest.mark.slow
@@ -91,6 +96,6 @@ def test_with_times_the_order_is_theirs() -> None:
 
 
 def test_what_needs_an_order_is_said_to_be_untested() -> None:
-    found, timed = finding_as_written(), ta.discover(with_columns(SHEET, t_s=10.0 * np.arange(48)), seed=3)
+    found, timed = finding_as_written(), ta.discover(with_columns(SHEET, t_s=10.0 * np.arange(48)), seed=3, terms=FEW)
     assert any(line.startswith("not tested: what goes with the order of the shots") for line in found.lines())
     assert found.record.data.untested and timed.record.data.untested == ()

@@ -8,6 +8,7 @@ from scipy.stats import halfnorm, norm
 import truearc as ta
 from tests.sim.infer.independent import make_dataset
 from tests.sim.infer.test_misfit import flights
+from tests.sim.thin import thinned
 from truearc.cli.main import main
 from truearc.sim.infer.belief import load_belief
 from truearc.sim.infer.pool.partial_pooling import Said, pool_normal
@@ -56,7 +57,7 @@ def test_eight_schools_are_as_by_quadrature():
 def test_intervals_hold_what_is_common_and_what_is_next_in_ninety_of_a_hundred():
     rng = np.random.default_rng(3)
     common, following = [], []
-    for _ in range(40):
+    for _ in range(20):
         centre = rng.normal(0.0, 1.0, 2)
         tau = np.abs(rng.normal(0.0, 0.3, 2))
         mixing = rng.normal(size=(5, 6, 2))
@@ -94,7 +95,7 @@ def test_a_member_that_says_nothing_of_a_number_has_the_common_one():
 def weeks(tmp_path_factory):
     folder = tmp_path_factory.mktemp("pool")
     for seed in (21, 22):
-        ta.save_dataset(folder / f"d{seed}", make_dataset(seed, 60, side=True))
+        ta.save_dataset(folder / f"d{seed}", make_dataset(seed, 32, side=True))
     return [str(folder / f"d{seed}") for seed in (21, 22)]
 
 
@@ -163,7 +164,7 @@ def test_fits_of_other_terms_are_refused(fits):
 @pytest.mark.slow
 def test_thirds_of_a_real_launcher_have_one_lift(data_dir):
     """Of which each once had another lift, whose interval excluded the others'."""
-    whole = import_mpi(data_dir / "real" / "mpi_launches.csv", data_dir / "real" / "mpi_tracks.csv")
+    whole = thinned(import_mpi(data_dir / "real" / "mpi_launches.csv", data_dir / "real" / "mpi_tracks.csv"), 37)
     fits = [ta.fit(whole.take(list(range(start, len(whole.shots), 3))), ["gravity", "drag", "magnus"])
             for start in range(3)]
     lifts = [one for fit in fits for one in fit.intervals if one.name == "magnus.cl"]
