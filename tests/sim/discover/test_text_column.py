@@ -7,7 +7,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from truearc.cli.main import main
+import truearc as ta
+from tests.sim.few_terms import few_terms
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.model import join_datasets
 from truearc.sim.data.save import save_dataset
@@ -31,11 +32,12 @@ def two_suppliers() -> Dataset:
 
 
 def test_a_supplier_is_found_said_and_believed(two_suppliers: Dataset, tmp_path: Path) -> None:
-    """From files to files, through the front door."""
+    """From files to files."""
     save_dataset(tmp_path / "shots", two_suppliers)
-    assert main(["discover", str(tmp_path / "shots"), "--json", str(tmp_path / "found.json"), "--adopt",
-                 str(tmp_path / "adopted.toml"), "--seed", "1"]) == 0
-    found = msgspec.json.decode((tmp_path / "found.json").read_bytes())
+    finding = ta.discover(ta.load_dataset(tmp_path / "shots"), seed=1,
+                          terms=few_terms("wheel_slip", "hood_offset", "ball_wear", "wind_x"))
+    found = msgspec.json.decode(finding.to_json())
+    finding.adopt().save(tmp_path / "adopted.toml")
     assert found["verdict"] == "unknown" and found["unknown"]["covariate"] == "ball_supplier"
     assert found["where"]["stage"] == "launch" and "depending on ball_supplier" in found["sentence"]
     assert found["adoption"]["aimed_after"] > found["adoption"]["aimed_before"] + 0.1     # the supplier is in the aim
