@@ -1,6 +1,6 @@
 """Plain least squares of a ball-throwing robot's flights; docs/measured/real-data.md has what discover says.
 
-    python -m benchmarks.ball_butler ball_butler_tracks.csv [--picture FILE]
+    python -m benchmarks.ball_butler ball_butler_tracks.csv [--picture FILE] [--flights N]
 
 Shares no code with truearc's solver: one Runge-Kutta step a sample, a start and a velocity for each flight, and a few
 numbers for all flights. Their errors are by how flights differ (sandwich), not by the noise of samples.
@@ -56,6 +56,11 @@ def load_flights(path: str) -> Flights:
     gaps_s = np.diff(tracks.t_s)[np.diff(tracks.shot) == 0]
     assert np.ptp(gaps_s) < 1e-4
     return Flights(position_m, real, float(gaps_s.mean()))
+
+
+def first(flights: Flights, most: int | None) -> Flights:
+    """The first flights; all where there is no number."""
+    return flights._replace(position_m=flights.position_m[:most], real=flights.real[:most])
 
 
 def fly(flights: Flights, start: Array, free: tuple[str, ...], value: Array) -> Array:
@@ -115,8 +120,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("file", metavar="FILE")
     parser.add_argument("--picture", metavar="FILE")
+    parser.add_argument("--flights", type=int, help="the first ones only: to try this script")
     args = parser.parse_args()
-    flights = load_flights(args.file)
+    flights = first(load_flights(args.file), args.flights)
     rows = []
     for free in FITS:
         found = fit(flights, free)

@@ -23,7 +23,7 @@ QUICK = {
     "aim": "--rigs 1",
     "aim_tick": "--trials 1 --rounds 1",
     "adoption": "--worlds 1 --shots 24 --unseen 12 --seed 11 --only nothing --processes 1 --out worlds.jsonl",
-    "ball_butler": "DATA/real/ball_butler_tracks.csv",
+    "ball_butler": "DATA/real/ball_butler_tracks.csv --flights 16",
     "ball_drops": "DATA/real/ball_drops.csv --quick",
     "coverage": "--replicates 1 --shots 30",
     "lift": "--seeds 1",
