@@ -82,7 +82,7 @@ class Start(Struct, frozen=True):
 class Key(Struct, frozen=True):
     """A key of the robot's NetworkTables, or all that begin so, while truearc advises; benchmarks.matrix.keys."""
 
-    what: str                         # "freezes", "jumps", "disappears", "not a number", "server gone"
+    what: str                         # "freezes", "jumps", "disappears", "not a number", "impossible", "server gone"
     key: str
 
 

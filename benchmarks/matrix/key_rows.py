@@ -18,6 +18,10 @@ JUMPED, CAMERA_JUMPED = says(bot.KEY_JUMPED), says(bot.CAMERA_LOST, cause=says(b
 UNKNOWN = says(bot.ROBOT_SPEED_UNKNOWN)
 
 
+PLAIN = {"distance": "/Vision/Distance", "hood angle": "/Hood/Angle", "wheel speed": "/Shooter/RPM",
+         "battery": "/Battery"}
+
+
 def _rows(name: str, key: str, old: Signs, old_s: float, jumped: Signs, gone: Signs) -> list[Row]:
     return [Row(f"advise: {name} {what}", "key", Key(what, key), reason, within_s, lasts_s=LAST_S,
                 buses=("virtual",), launcher="NetworkTables")
@@ -52,5 +56,7 @@ KEY_ROWS = (
     *_rows("robot's velocity", "/Drive/Speeds", UNKNOWN, OLD_S, UNKNOWN, UNKNOWN),
     *_rows("robot's heading", HEADING, UNKNOWN, OLD_S, UNKNOWN, UNKNOWN),
     *_some(_rows("robot's loop", ALIVE, UNKNOWN, OLD_S, UNKNOWN, UNKNOWN), "freezes", *GONE),
+    *(Row(f"advise: {name} impossible", "key", Key("impossible", key), says(bot.NT_VALUE_IMPOSSIBLE), AT_ONCE_S,
+          lasts_s=LAST_S, buses=("virtual",), launcher="NetworkTables") for name, key in PLAIN.items()),
     Row("advise: server gone", "key", Key("server gone", ""), says(bot.NT_LOST), AT_ONCE_S, lasts_s=LAST_S,
         buses=("virtual",), launcher="NetworkTables"))

@@ -96,6 +96,8 @@ class Robot:
             case "jumps":
                 off = now_ns // 100_000_000 % 2
                 return Reading(well.t_ns, well.value * JUMP if off and value else well.value + JUMP * off)
+            case "impossible":                    # of an angle: the same place
+                return Reading(well.t_ns, well.value - 3600.0)
             case "not a number":
                 return Reading(well.t_ns, math.nan)
         return None

@@ -11,10 +11,12 @@ from truearc.hw.protocols import AngleReading, ButtonEvent, CameraFrame, Clock, 
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.advice.nt_keys import Reading
-from truearc.robot.aim import as_at_rest
+from truearc.robot.advice.tick import POLICY
+from truearc.robot.aim import NOWHERE, as_at_rest
 from truearc.robot.config.schema import Config, InputError
 from truearc.robot.config.shot_map import NOT_MARKED, ShotMap, Signal, as_signal, plain
 from truearc.robot.config.unit_table import MOTOR, WHEEL, factor_of, unit_in
+from truearc.robot.gate.contract import FEATURES
 from truearc.robot.gate.model import Gate
 from truearc.robot.reasons import texts
 from truearc.robot.runtime import Recorder
@@ -26,6 +28,10 @@ STALE = {code.name for code in (
     because.DEVICE_NEVER_RECEIVED, because.TARGET_STALE, because.TARGET_NEVER_SEEN, because.TICKS_STALLED)}
 DISTANCE = "distance_m"
 NEEDED = (DISTANCE, "hood_deg", "battery_v")
+# Lowest and highest of a column that can be; of the motors' speed as a share of the free speed. Distance and hood: no
+# launcher is beyond (gate's contract). Battery: FRC's, whose controller browns out at 6.3 V
+POSSIBLE = {DISTANCE: (FEATURES[0].low, FEATURES[0].high), "hood_deg": (FEATURES[2].low, FEATURES[2].high),
+            "battery_v": (6.0, 16.0), MOTOR: (-0.1, 1.1)}
 
 
 class Keys(Protocol):
@@ -66,8 +72,7 @@ class AdviceIo:
         self._unseen: Reason | None = None
         if config.hood_encoder.zero_deg is None:
             raise InputError("hood_encoder.zero_deg: missing key; advice does not home the hood")
-        self._signals = {column: _Scaled(column, as_signal(said))
-                         for column, said in advised_columns(shot_map, config).items()}
+        self._signals = scaled_columns(shot_map, config)
         self._feed = as_signal(shot_map.shots.feed).key if shot_map.shots.feed else None
         self._due_ns = clock.now_ns()
         self._cycle = self._seq = 0
@@ -107,12 +112,16 @@ class AdviceIo:
         return None
 
     def _number(self, column: str, found: Mapping[str, Reading], faults: list[Reason]) -> tuple[int, float] | None:
-        """(stamp, value in the column's unit); None, and a fault, where the key is not there or holds no number."""
+        """(stamp, value in the column's unit); None, and a fault, where the key is not there, holds no number, or one
+        that cannot be."""
         scaled = self._signals[column]
         reading = found.get(scaled.key)
-        value = None if reading is None or isinstance(reading.value, str) else scaled.value(reading.value)
-        if reading is None or value is None or not math.isfinite(value):
+        if reading is None or isinstance(reading.value, str) or not math.isfinite(reading.value):
             faults.append(because.KEY_MISSING(key=scaled.key))
+            return None
+        value = scaled.value(reading.value)
+        if not scaled.low <= value <= scaled.high:
+            faults.append(because.NT_VALUE_IMPOSSIBLE(key=scaled.key))
             return None
         return reading.t_ns, value
 
@@ -177,11 +186,13 @@ _BUTTONS = {"hit": "two", "miss": "miss-low", "low": "miss-low", "high": "miss-h
             **dict.fromkeys(NOT_MARKED, "reject")}
 
 
-class _Scaled:
-    """A key and how its number becomes one of a column."""
+class Scaled:
+    """A key, how its number becomes one of a column, and the lowest and highest of those that can be."""
 
-    def __init__(self, column: str, signal: Signal) -> None:
-        self.key, self._signal = signal.key, signal
+    def __init__(self, column: str, signal: Signal, free_rad_s: float) -> None:
+        self.column, self.key, self._signal = column, signal.key, signal
+        scale = free_rad_s if column == MOTOR else 1.0
+        self.low, self.high = (scale * end for end in POSSIBLE[column])
         stated = signal.unit or unit_in(signal.key)
         factor = factor_of(column, stated) if stated else (1.0, 0.0)
         if factor is None:
@@ -190,6 +201,12 @@ class _Scaled:
 
     def value(self, raw: float) -> float:
         return (raw * self._signal.times + self._signal.plus - self._zero) * self._factor
+
+
+def scaled_columns(shot_map: ShotMap, config: Config) -> dict[str, Scaled]:
+    """The columns that advice needs, by name; InputError as advised_columns, and for a unit that is none of its."""
+    free = config.rig.launcher.free_speed_rad_s or math.inf
+    return {column: Scaled(column, as_signal(said), free) for column, said in advised_columns(shot_map, config).items()}
 
 
 def advised_columns(shot_map: ShotMap, config: Config) -> dict[str, str | Signal]:
@@ -233,7 +250,8 @@ def advice_of(tick: Tick, config: Config, gate: Gate | None) -> dict[str, float 
     """Return the values to publish of a tick; NaN: not known.
 
     verdict: FIRE, HOLD, or STALE where a key is missing or old; age_s: of the oldest key. hood_deg, wheel_rad_s (of the
-    motors), correction, lead_deg (to the left of the target): the aim file's; without one where the launcher is, and 0.
+    motors), correction, lead_deg (to the left of the target): the aim file's, NaN and 0 where it has none; without one
+    where the launcher is, and 0.
     """
     seen, verdict = tick.estimate, tick.verdict
     novelty = math.nan
@@ -241,18 +259,32 @@ def advice_of(tick: Tick, config: Config, gate: Gate | None) -> dict[str, float 
     if gate is not None and answered and seen.distance_m is not None and seen.hood_deg is not None:
         asked = as_at_rest(seen, tick.aim)
         novelty = _or_nan(gate.rate(asked.distance_m or 0.0, asked.motor_ratio, seen.hood_deg).novelty)
-    stamps = [tick.inputs.flywheels[0].t_ns, tick.inputs.hood_angle.t_ns if tick.inputs.hood_angle else 0]
-    last = tick.memory.last_sighting
-    oldest_ns = min(*stamps, last.t_ns if last else 0)
+    oldest_ns = _oldest_ns(tick)
     word = "FIRE" if verdict.fire else (
         "STALE" if any(reason.code in STALE for reason in verdict.reasons) else "HOLD")
+    hood_deg, ratio = _set_points(tick)
     free = config.rig.launcher.free_speed_rad_s or math.nan
     return {"p_two": _or_nan(verdict.p_two), "p_three": _or_nan(verdict.p_three), "verdict": word,
-            "reasons": tuple(texts(verdict.reasons)), "novelty": novelty, "hood_deg": tick.aim.hood_deg,
-            "wheel_rad_s": tick.aim.motor_ratio * free,
+            "reasons": tuple(texts(verdict.reasons)), "novelty": novelty, "hood_deg": hood_deg,
+            "wheel_rad_s": ratio * free,
             "correction": tick.aim.correction if isinstance(tick.aim.correction, float) else 0.0,
             "lead_deg": tick.aim.lead_deg if isinstance(tick.aim.lead_deg, float) else 0.0,
             "age_s": (tick.inputs.t_ns - oldest_ns) / NS_PER_S if oldest_ns else math.nan}
+
+
+def _set_points(tick: Tick) -> tuple[float, float]:
+    """(hood in degrees, share of the free speed), NaN where there are none."""
+    has_launcher = tick.estimate.hood_deg is not None and tick.inputs.flywheels[0].t_ns
+    if tick.aim.source in NOWHERE or (tick.aim.source == POLICY and not has_launcher):
+        return math.nan, math.nan
+    return tick.aim.hood_deg, tick.aim.motor_ratio
+
+
+def _oldest_ns(tick: Tick) -> int:
+    """The stamp of the oldest key; 0 where one has never come. A motor of ours may not tell its battery."""
+    inputs, motor, last = tick.inputs, tick.inputs.flywheels[0], tick.memory.last_sighting
+    return min(motor.t_ns, motor.bus_t_ns or motor.t_ns, inputs.hood_angle.t_ns if inputs.hood_angle else 0,
+               last.t_ns if last else 0, inputs.t_ns if inputs.velocity is UNSET else inputs.velocity.t_ns)
 
 
 def _or_nan(value: float | None) -> float:

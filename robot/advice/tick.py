@@ -1,7 +1,8 @@
 """One tick of advice about a launcher that others drive. Pure, like truearc.robot.tick, so a replay is exact.
 
 The verdict is the same code's (truearc.robot.gate.verdict), less the interlocks of motors that are not ours. FIRE
-means: every key is fresh and plausible, the wheels are steady, and the model agrees.
+means: every key is fresh and plausible, the wheels are steady, the aim file, where there is one, has a set point for
+this distance, and the model agrees with the launcher as it stands, at the set point or not.
 """
 
 from msgspec import UNSET
@@ -9,15 +10,15 @@ from msgspec.structs import replace
 
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
+from truearc.robot.aim import NOWHERE, as_at_rest, is_moving, speed_m_s
 from truearc.robot.aim import aim as aim_at
-from truearc.robot.aim import as_at_rest, is_moving, speed_m_s
 from truearc.robot.aim_file import NO_AIMS, Aims
 from truearc.robot.button_logic import operate
 from truearc.robot.config.schema import Config
 from truearc.robot.control import RELEASED
 from truearc.robot.estimate import estimate, remember
 from truearc.robot.gate.model import Gate
-from truearc.robot.gate.verdict import judge_model, judge_motion, judge_target
+from truearc.robot.gate.verdict import judge_model, judge_motion, judge_target, no_aim
 from truearc.robot.types import Aim, Estimate, Inputs, Memory, Shot, Tick, Verdict, Watched
 
 NS = 1e-9
@@ -43,8 +44,9 @@ def step(inputs: Inputs, memory: Memory, config: Config, gate: Gate | None, aims
     aim = (aim_at(belief, replace(memory, armed=True), config, aims) if aims
            else Aim(max(belief.motor_ratio, 0.0), belief.hood_deg or 0.0, POLICY))
     p_two, p_three, doubts = judge_model(as_at_rest(belief, aim), config.gate, gate)
+    nowhere = [no_aim(belief, aim)] if aim.source in NOWHERE else []
     reasons = (*inputs.faults, *_stale(inputs, config), *_jumped(inputs, watched), *_settled(inputs, watched, config),
-               *judge_target(inputs, belief, config), *judge_motion(belief, aim, config), *doubts)
+               *nowhere, *judge_target(inputs, belief, config), *judge_motion(belief, aim, config), *doubts)
     verdict = Verdict(not reasons, reasons, p_two, p_three)
     shot = _shot(inputs, belief, verdict, memory) if any(event.button == "fire" for event in inputs.buttons) else None
     if shot is not None:
@@ -59,19 +61,19 @@ def _stale(inputs: Inputs, config: Config) -> list[Reason]:
     for device, t_ns, oldest_s in ((WHEELS, motor.t_ns, limit_s), (HOOD, angle.t_ns if angle else 0, limit_s),
                                    (BATTERY, motor.bus_t_ns, BATTERY_AGE * limit_s)):
         age_s = (inputs.t_ns - t_ns) * NS
-        if t_ns == 0:
-            reasons.append(because.DEVICE_NEVER_RECEIVED(device=device))
+        if t_ns == 0:                             # where a key was not believed, that fault says why
+            reasons += [] if inputs.faults else [because.DEVICE_NEVER_RECEIVED(device=device)]
         elif not 0.0 <= age_s <= oldest_s:
             reasons.append(because.DEVICE_STALE(device=device, age_s=age_s))
     return reasons
 
 
 def _watch(inputs: Inputs, belief: Estimate, memory: Memory, config: Config) -> Watched:
-    """The newest values, when one of them last jumped, and since when the wheels' speed has been the same."""
+    """The newest values, when one last jumped or was impossible, and since when the wheels' speed has been the same."""
     last = Watched() if memory.watched is UNSET else memory.watched
     free = config.rig.launcher.free_speed_rad_s or 1.0
     seen = memory.last_sighting
-    now = {
+    newest = {
         WHEELS: (inputs.flywheels[0].t_ns, belief.motor_rad_s, last.speed_t_ns, last.speed_rad_s,
                  SPEED_STEP * free, SPEED_RATE_S * free),
         HOOD: (inputs.hood_angle.t_ns if inputs.hood_angle else 0, belief.hood_deg or 0.0, last.hood_t_ns,
@@ -80,7 +82,10 @@ def _watch(inputs: Inputs, belief: Estimate, memory: Memory, config: Config) -> 
                    last.distance_m, DISTANCE_STEP_M, DISTANCE_RATE_M_S),
         BATTERY: (inputs.flywheels[0].bus_t_ns, belief.battery_v, last.battery_t_ns, last.battery_v, BATTERY_STEP_V,
                   BATTERY_RATE_V_S)}
-    jumped = [name for name, (t_ns, value, was_ns, was, at_once, rate) in now.items()
+    # a key that is not there keeps its value, so that one which is another afterwards has jumped
+    now = {name: new if new[0] else (*new[2:4], *new[2:]) for name, new in newest.items()}
+    jumped = [str(fault.params["key"]) for fault in inputs.faults if fault.code == because.NT_VALUE_IMPOSSIBLE.name]
+    jumped += [name for name, (t_ns, value, was_ns, was, at_once, rate) in now.items()
               if was_ns and t_ns > was_ns and not abs(value - was) <= at_once + rate * (t_ns - was_ns) * NS]
     calm = abs(belief.motor_rad_s - last.steady_rad_s) <= config.flywheel.tolerance_rad_s and last.steady_t_ns
     return Watched(*now[WHEELS][:2], *now[HOOD][:2], *now[DISTANCE][:2], *now[BATTERY][:2],

@@ -101,7 +101,7 @@ def _motor(name: str, axis: Axis, motor: MotorReading, t_ns: int, gate: GateConf
 def _launcher(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> list[Reason]:
     wanted = aim.motor_ratio * (config.rig.launcher.free_speed_rad_s or 0.0)
     if wanted <= 0.0:
-        return [_no_aim(estimate, aim)]
+        return [no_aim(estimate, aim)]
     reasons = _place(aim)
     if not abs(estimate.motor_rad_s - wanted) <= config.flywheel.tolerance_rad_s:
         reasons.append(because.WHEELS_OFF_SPEED(speed_rad_s=estimate.motor_rad_s, wanted_rad_s=wanted))
@@ -119,7 +119,8 @@ def _place(aim: Aim) -> list[Reason]:
     return [] if is_planned(aim) else [because.NO_AIM()]
 
 
-def _no_aim(estimate: Estimate, aim: Aim) -> Reason:
+def no_aim(estimate: Estimate, aim: Aim) -> Reason:
+    """Why an aim without a set point has none."""
     if aim.source == NO_FILE.source:
         return because.AIM_FILE_MISSING()
     if aim.source == BEYOND.source and estimate.distance_m is not None:

@@ -1,5 +1,6 @@
 """Advice from keys: FIRE where all is well, never where a key freezes, jumps or disappears; recorded and replayed."""
 
+import math
 import socket
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -9,12 +10,14 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
+from tests.robot.aim_files import CONTENT, HOOD, LEAD, RATIO, write
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.robot.advice.advice_io import AdviceIo, Adviser, advised_columns
 from truearc.robot.advice.nt_keys import NtKeys, Reading, names_of, parse_server
 from truearc.robot.advice.tick import POLICY, step
-from truearc.robot.config.schema import Config, InputError, load_config
+from truearc.robot.aim_file import Segment, load_aim
+from truearc.robot.config.schema import AimConfig, Config, InputError, load_config
 from truearc.robot.config.shot_map import Detection, OutcomeKeys, ShotMap, Signal
 from truearc.robot.gate.model import load_gate
 from truearc.robot.recording.encoder import SessionWriter
@@ -71,6 +74,8 @@ class Robot:
                 found[self.key] = Reading(now_ns, WELL[self.key] * (1.5 if since_s % 0.2 < 0.1 else 1.0))
             elif self.trouble == "disappears":
                 del found[self.key]
+            elif self.trouble.startswith("says "):
+                found[self.key] = found[self.key]._replace(value=float(self.trouble[5:]))
             else:
                 self.connected = False
         return found
@@ -85,9 +90,12 @@ class Nothing:
     def keep_picture(self, picture: object) -> None: ...
 
 
-def advise(robot: Robot, seconds: float, recorder: object = None, play: Iterator[None] | None = None) -> list[str]:
-    """The verdicts of so many seconds; `play` goes on by one before each tick."""
+def advise(robot: Robot, seconds: float, recorder: object = None, play: Iterator[None] | None = None,
+           aim: Path | None = None) -> list[str]:
+    """The verdicts of so many seconds; `play` goes on by one before each tick; aim: the file of set points."""
     clock, facts, gate = Clock(), config(), load_gate(GATE)
+    facts = facts if aim is None else replace(facts, aim=AimConfig("belief", 0.0))
+    aims = {} if aim is None else {"": load_aim(aim)}
     end_ns = clock.t_ns + round(seconds * NS)
 
     def over() -> bool:
@@ -96,7 +104,8 @@ def advise(robot: Robot, seconds: float, recorder: object = None, play: Iterator
         return clock.t_ns >= end_ns
 
     io = AdviceIo(facts, MAP, robot, clock, over, 0.02)
-    run(io, facts, gate, Adviser(recorder or Nothing(), robot, facts, gate), step)      # type: ignore[arg-type]
+    run(io, facts, gate, Adviser(recorder or Nothing(), robot, facts, gate),             # type: ignore[arg-type]
+        partial(step, aims=aims))
     return [str(said["verdict"]) for said in robot.said]
 
 
@@ -120,6 +129,45 @@ def test_a_key_that_freezes_or_disappears_is_stale(trouble: str, key: str) -> No
     patience_s = (5.0 if key == "/Battery" else 0.5) if trouble == "freezes" else 0.0
     assert "FIRE" in verdicts[:4 * HZ]
     assert set(verdicts[round((4.1 + patience_s) * HZ):]) == {"STALE"}
+
+
+@pytest.mark.parametrize(("key", "value"), [
+    ("/Hood/Angle", 51.737 + 360.0), ("/Hood/Angle", 51.737 - 360.0), ("/Hood/Angle", 1e300), ("/Battery", 0.0),
+    ("/Battery", -12.4), ("/Battery", 12400.0), ("/Vision/Distance", -2.2488), ("/Vision/Distance", 224.88),
+    ("/Shooter/RPM", -WELL["/Shooter/RPM"]), ("/Shooter/RPM", 1.2 * 594.0 * 9.549297)])
+def test_a_value_that_cannot_be_is_named_from_the_start_too(key: str, value: float) -> None:
+    robot = Robot(f"says {value}", key)
+    verdicts = advise(robot, 6.0)
+    assert "FIRE" in verdicts[:4 * HZ] and "FIRE" not in verdicts[4 * HZ + 1:]
+    assert verdicts[4 * HZ + 1] == "HOLD" and f"{key}: not a possible value" in robot.said[-1]["reasons"]  # type: ignore[operator]
+    always = Robot()
+    always.marks[key] = Reading(0, value)         # instead of the good one
+    always.read = lambda now_ns: {name: one._replace(t_ns=now_ns) for name, one in      # type: ignore[method-assign]
+                                  Robot.read(always, now_ns).items()}
+    assert "FIRE" not in advise(always, 2.0)
+
+
+def test_a_jump_over_a_value_that_is_missing_or_cannot_be_is_still_one() -> None:
+    class Gap(Robot):
+        def read(self, now_ns: int) -> Mapping[str, Reading]:
+            found = dict(super().read(now_ns))
+            tick = round((now_ns - self.began_ns) / NS * HZ)
+            if tick == 4 * HZ:
+                del found["/Hood/Angle"]
+            elif tick > 4 * HZ:
+                found["/Hood/Angle"] = found["/Hood/Angle"]._replace(value=70.0)
+            return found
+
+    robot = Gap()
+    verdicts = advise(robot, 4.3)
+    assert verdicts[4 * HZ - 2] == "FIRE" and "FIRE" not in verdicts[4 * HZ:]
+    assert any("hood angle jumped" in reason for reason in robot.said[-1]["reasons"])      # type: ignore[union-attr]
+
+
+def test_the_age_is_that_of_the_oldest_key_the_battery_too() -> None:
+    robot = Robot("freezes", "/Battery")
+    advise(robot, 6.0)
+    assert robot.said[-1]["verdict"] == "FIRE" and robot.said[-1]["age_s"] == pytest.approx(2.0, abs=0.05)
 
 
 @pytest.mark.parametrize("key", NEEDED)
@@ -211,7 +259,28 @@ def test_what_is_neither_is_refused_by_name(server: str) -> None:
         parse_server(server)
 
 
-def test_set_points_are_those_of_the_aim_file_for_this_distance() -> None:
+def test_set_points_are_those_of_the_aim_file_and_where_it_has_none_it_holds(tmp_path: Path) -> None:
+    robot = Robot()
+    assert advise(robot, 3.0, aim=write(tmp_path / "aim.json"))[-1] == "FIRE"
+    assert 54.0 < float(robot.said[-1]["hood_deg"]) < 60.0                     # type: ignore[arg-type]
+    far = Segment((3.0, 4.0), *(replace(curve, value=curve.value[1:3], slope=curve.slope[1:3])
+                                for curve in (HOOD, RATIO, LEAD)))
+    robot = Robot()
+    assert "FIRE" not in advise(robot, 3.0, aim=write(tmp_path / "far.json", replace(CONTENT, segments=(far,))))
+    last = robot.said[-1]
+    assert last["reasons"] == ("the aim file has no set point for 2.25 m",) and last["verdict"] == "HOLD"
+    assert math.isnan(last["hood_deg"]) and math.isnan(last["wheel_rad_s"])    # type: ignore[arg-type]
+
+
+def test_without_an_aim_file_and_a_hood_there_are_no_set_points() -> None:
+    robot = Robot("disappears", "/Hood/Angle")
+    advise(robot, 4.2)
+    before, last = robot.said[4 * HZ - 2], robot.said[-1]
+    assert before["hood_deg"] == pytest.approx(51.737, rel=1e-3)
+    assert math.isnan(last["hood_deg"]) and math.isnan(last["wheel_rad_s"])    # type: ignore[arg-type]
+
+
+def test_set_points_are_where_the_launcher_is_without_an_aim_file() -> None:
     from truearc.robot.types import Memory
     facts, gate, clock, robot = config(), load_gate(GATE), Clock(), Robot()
     inputs = AdviceIo(facts, MAP, robot, clock, lambda: False, 0.02).read()
