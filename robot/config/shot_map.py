@@ -46,12 +46,14 @@ class Detection(Struct, frozen=True, forbid_unknown_fields=True):
 
 class OutcomeKeys(Struct, frozen=True, forbid_unknown_fields=True):
     """How outcomes are known: `key` takes one of `values`, or one of `buttons` is pressed, within `within_s` of the
-    shot. Words: miss, two, three, hit, miss-low, two-high, ...; "rejected" leaves the shot out."""
+    shot. Words: miss, two, three, hit, miss-low, two-high, ...; "rejected" leaves the shot out. otherwise: the word of
+    shots that have no other; without it they are left out."""
 
     key: str = ""
     values: dict[str, str] = {}
     buttons: dict[str, str] = {}
     within_s: float = 30.0
+    otherwise: str = ""
 
 
 class TimeColumn(Struct, frozen=True, forbid_unknown_fields=True):
@@ -120,7 +122,8 @@ def _read(text: str, name: str, is_column: Callable[[str], bool] = lambda name: 
         unit = as_signal(said).unit
         if unit and factor_of(column, unit) is None:
             raise InputError(f"{name}: columns.{column}.unit: {unit!r} is not a unit of {column}")
-    for key, word in (*found.outcome.values.items(), *found.outcome.buttons.items()):
+    for key, word in (*found.outcome.values.items(), *found.outcome.buttons.items(),
+                      ("otherwise", found.outcome.otherwise)):
         if word not in MARKS and word not in NOT_MARKED:
             raise InputError(f"{name}: outcome: {key} = {word!r}: is none of {', '.join(MARKS)}, rejected")
     return found

@@ -34,7 +34,7 @@ def import_shots(files: Sequence[str | Path], *, rig: Rig | str | Path, shot_map
     found = guess(files[0], facts).map if shot_map is None else (
         shot_map if isinstance(shot_map, ShotMap) else load_map(shot_map, is_shot_column))
     if facts.target and not states_three(rig) and "hit" in (*found.outcome.values.values(),
-                                                           *found.outcome.buttons.values()):
+                                                           *found.outcome.buttons.values(), found.outcome.otherwise):
         facts = structs.replace(facts, target=structs.replace(facts.target, three_half_height_m=0.0))
     paths = [Path(file) for file in files]
     return (shots_from_logs if found.rows == "time" else shots_from_tables)(paths, found, facts, name)

@@ -3,8 +3,10 @@
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+from msgspec import structs
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
@@ -20,7 +22,9 @@ from truearc.robot.config.shot_map import (
 from truearc.robot.config.toml_text import make_toml
 from truearc.robot.config.unit_table import MOTOR, factor_of, own_unit, unit_in
 from truearc.sim.data.columns import RANGES
+from truearc.sim.data.importers.logged_shots import Reading
 from truearc.sim.data.importers.series import Log, Series
+from truearc.sim.data.model import Floats
 
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 WANTED = {"set", "setpoint", "target", "goal", "desired", "reference", "ref", "command", "commanded", "requested",
@@ -32,6 +36,8 @@ SPIN = {"flywheel", "flywheels", "shooter", "wheel", "wheels", "launcher", "top"
 SPEED = {"velocity", "speed", "rpm", "rps", "rad", "rads"}
 ANGLE = {"angle", "position", "deg", "degrees", "rad", "radians", "elevation", "pitch", "hood"}
 PLAUSIBLE_RAD_S = (20.0, 3000.0)      # of a wheel that throws, at its fastest
+PULSE_S = 0.2, 2.0                    # a fall sooner after a shot is none of its outcome's; a pulse is shorter
+FALLS = 2                             # of a state, at least
 MOST_WORDS = 12                       # different texts of a signal of outcomes
 
 
@@ -86,12 +92,12 @@ def guess_map(log: Log, rig: Rig, name: str) -> Guess:
         lines.append(f"battery_v: {battery}")
     set_point = _set_point(log, words, log[columns[column].key], columns[column].unit)
     feed = _feed(log, words)
-    outcome, marked_by = _outcome(log, words)
+    shot_map = ShotMap(SCHEMA, columns={**columns}, shots=Detection(set_point=set_point, feed=feed))
+    outcome, marked_by = _outcome(log, words, Reading(Path(name), log, shot_map, rig))
     wanted = set_point.key if set_point else "none found: spinning down may look like a ball"
     lines += [f"set point of the speed: {wanted}",
               f"feeder: {feed or 'none found: every dip of the speed is a shot'}", marked_by]
-    return Guess(ShotMap(SCHEMA, columns={**columns}, shots=Detection(set_point=set_point, feed=feed), outcome=outcome),
-                 tuple(lines))
+    return Guess(structs.replace(shot_map, outcome=outcome), tuple(lines))
 
 
 def _words(key: str) -> list[str]:
@@ -172,8 +178,8 @@ def _feed(log: Log, words: dict[str, list[str]]) -> str | None:
     return max(found)[2] if found else None
 
 
-def _outcome(log: Log, words: dict[str, list[str]]) -> tuple[OutcomeKeys, str]:
-    """A text of outcomes that are known here, or a boolean that names a hit."""
+def _outcome(log: Log, words: dict[str, list[str]], reading: Reading) -> tuple[OutcomeKeys, str]:
+    """A text of outcomes that are known here, or a boolean that names a hit and stands until the next outcome."""
     for key, series in log.items():
         if not series.numeric:
             texts = dict.fromkeys(str(value).strip().lower() for value in series.values)
@@ -184,8 +190,31 @@ def _outcome(log: Log, words: dict[str, list[str]]) -> tuple[OutcomeKeys, str]:
     nouns = {"scored", "successful", "success", "hit", "made"}
     for key in _booleans(log):
         if nouns & set(words[key]):
-            return OutcomeKeys(key=key, values={"true": "hit", "false": "miss"}), f"outcome: {key}: true is a hit"
+            values, said = _meaning(log[key], reading.shots().t_s)
+            return OutcomeKeys(key=key, values=values) if values else OutcomeKeys(), f"outcome: {key}: {said}"
     return OutcomeKeys(), "outcome: none found: state outcome in the map, or shots have none"
+
+
+def _meaning(scored: Series, shots_s: Floats) -> tuple[dict[str, str], str]:
+    """(values of an outcome's boolean, what they are taken to mean); no values where the log leaves that open.
+
+    A state falls by the outcome of a later shot. A pulse falls by itself, whatever comes next.
+    """
+    edges = scored.changes()
+    rose, fell = _edges(edges)
+    state = [bool(((shots_s > up) & (shots_s < down - PULSE_S[0])).any()) for up, down in zip(rose, fell, strict=True)]
+    if len(state) >= FALLS and all(state) and (fell - rose > PULSE_S[1]).all():
+        return {"true": "hit", "false": "miss"}, "true is a hit, false a miss"
+    if state and not any(state) and (fell - rose < PULSE_S[1]).all():
+        return {"true": "hit"}, ("is true for a moment after a hit; shots without it are left out. If they missed, "
+                                 "state outcome.otherwise = \"miss\"")
+    return {}, "left out: it may be a state or a pulse; state outcome in the map, or shots have none"
+
+
+def _edges(boolean: Series) -> tuple[Floats, Floats]:
+    """(when a boolean without repeats rose, when it fell again); of the last rise without a fall neither."""
+    up = np.flatnonzero(np.asarray(boolean.values[:-1]) > 0.5)
+    return boolean.t_s[up], boolean.t_s[up + 1]
 
 
 def _booleans(log: Log) -> Iterable[str]:

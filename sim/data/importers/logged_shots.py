@@ -10,7 +10,7 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
 from truearc.robot.config.shot_map import MARKS, NOT_MARKED, ShotMap, Signal, as_signal, plain
 from truearc.robot.config.unit_table import MOTOR, WHEEL, factor_of, own_unit, unit_in
-from truearc.sim.data.importers.find_shots import find_shots
+from truearc.sim.data.importers.find_shots import FoundShots, find_shots
 from truearc.sim.data.importers.series import Log, Series, read_csv_log, read_wpilog
 from truearc.sim.data.load import assemble
 from truearc.sim.data.model import Dataset
@@ -45,7 +45,7 @@ def shots_from_logs(paths: Sequence[Path], shot_map: ShotMap, rig: Rig, name: st
     left_out: list[str] = []
     for number, path in enumerate(paths):
         progress(number / len(paths), path.name)
-        found = _Reading(path, read_log(path, shot_map), shot_map, rig)
+        found = Reading(path, read_log(path, shot_map), shot_map, rig)
         more, odd = found.rows()
         rows += more
         left_out += odd
@@ -58,7 +58,7 @@ def shots_from_logs(paths: Sequence[Path], shot_map: ShotMap, rig: Rig, name: st
     return replace(dataset, left_out=tuple(left_out))
 
 
-class _Reading:
+class Reading:
     """One log under a map."""
 
     def __init__(self, path: Path, log: Log, shot_map: ShotMap, rig: Rig) -> None:
@@ -82,8 +82,8 @@ class _Reading:
             raise InputError(f"{self.path}: {signal.key}: holds texts; {column} is a number")
         return found if not found.numeric else _in_unit(found, column, signal, self.path)
 
-    def rows(self) -> tuple[list[dict[str, Cell]], list[str]]:
-        """(a row a shot that has a mark, what was left out)."""
+    def shots(self) -> FoundShots:
+        """The shots, whether they have a mark or not."""
         shots = self.map.shots
         wheel = self.columns.get(shots.wheel or next((one for one in self.columns if _is_speed(one)), ""))
         if wheel is None:
@@ -92,14 +92,19 @@ class _Reading:
         column = next(name for name, series in self.columns.items() if series is wheel)
         wanted = None if shots.set_point is None else self._column(column, shots.set_point)
         feed = None if shots.feed is None else self.series(as_signal(shots.feed).key)
-        found = find_shots(wheel, wanted, feed, shots.feed_above, shots.least_dip)
+        return find_shots(wheel, wanted, feed, shots.feed_above, shots.least_dip)
+
+    def rows(self) -> tuple[list[dict[str, Cell]], list[str]]:
+        """(a row a shot that has a mark, what was left out)."""
+        found = self.shots()
         marks = self._marks()
         rows, odd = list[dict[str, Cell]](), [f"{self.path.name}: {line}" for line in found.odd]
         before = float("nan")
         for number, t_s in enumerate(found.t_s):
             until = found.t_s[number + 1] if number + 1 < len(found.t_s) else np.inf
             mark = next((word for at, word in reversed(marks)
-                         if t_s < at <= min(until, t_s + self.map.outcome.within_s)), None)
+                         if t_s < at <= min(until, t_s + self.map.outcome.within_s)),
+                        self.map.outcome.otherwise or None)
             since, before = t_s - before, t_s
             if marks and (mark is None or mark in NOT_MARKED):
                 odd.append(f"{self.path.name}: t = {t_s:.2f} s: {'no outcome' if mark is None else 'rejected'}")

@@ -103,13 +103,14 @@ def _shots(path: Path, table: RawTable, shot_map: ShotMap, rig: Rig) -> tuple[li
                                  **{column: cells[row] for column, cells in columns.items()}}
         if marks is not None:
             said = plain(_as_value(marks[row]))
-            if said not in words:
+            if said not in words and not shot_map.outcome.otherwise:
                 raise InputError(f"{table.place(row)}: {shot_map.outcome.key}: {marks[row]!r} is none of the map's "
                                  f"values ({', '.join(shot_map.outcome.values)})")
-            if words[said] in NOT_MARKED:
+            word = words.get(said, shot_map.outcome.otherwise)
+            if word in NOT_MARKED:
                 odd.append(f"{table.place(row)}: rejected")
                 continue
-            shot["outcome"], shot["side"] = (word or None for word in MARKS[words[said]])
+            shot["outcome"], shot["side"] = (word or None for word in MARKS[word])
         rows.append(shot)
     return rows, odd
 

@@ -3,6 +3,7 @@
 import csv
 import math
 import struct
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,9 @@ from truearc.cli.main import main
 from truearc.robot.advice.advice_io import _Scaled
 from truearc.robot.config.shot_map import as_signal, load_map, ready_maps
 from truearc.robot.recording.export.wpilog import WpilogWriter, make_payload
-from truearc.sim.data.importers.series import read_csv_log, read_wpilog
+from truearc.robot.recording.session import load_trials
+from truearc.sim.data.importers.guess_map import _meaning
+from truearc.sim.data.importers.series import Series, read_csv_log, read_wpilog
 
 pytest.importorskip("wpiutil")
 COMPARED = ("distance_m", "hood_deg", "motor_ratio", "battery_v", "t_s", "since_last_shot_s")
@@ -97,6 +100,82 @@ def test_a_guessed_map_states_the_units_that_only_the_logs_metadata_do(session: 
     assert read == pytest.approx({"distance_m": 3.048, "hood_deg": 45.0, "motor_rad_s": 80.0 * math.pi,
                                   "battery_v": 12.0})
     assert as_signal(shot_map.shots.set_point or "").unit == "rpm"       # unstated: that of the speed which follows it
+
+
+HITS = ("two", "three")
+
+
+@pytest.fixture(scope="module")
+def hit_rig(rig: Path) -> Path:
+    """The same of a target at which every hit counts alike."""
+    path = rig.with_name("hit.toml")
+    path.write_text("".join(line for line in rig.read_text().splitlines(keepends=True) if "three_half_h" not in line))
+    return path
+
+
+def write_scored(session: Path, path: Path, monkeypatch: pytest.MonkeyPatch, scored: Callable[[float], bool]) -> None:
+    """The log with a boolean of outcomes in place of the text."""
+    signals = {name: said for name, said in stranger_log.SIGNALS.items() if "ShotResult" not in name}
+    plain_values = stranger_log._values
+    monkeypatch.setattr(stranger_log, "SIGNALS", {**signals, "/RealOutputs/Scored": ("bool", "")})
+    monkeypatch.setattr(stranger_log, "load_trials", lambda session: [])
+    monkeypatch.setattr(stranger_log, "_values", lambda tick, free: {
+        **plain_values(tick, free), "/RealOutputs/Scored": scored(tick.inputs.t_ns * 1e-9)})
+    write_stranger_log(session, path)
+    monkeypatch.undo()
+
+
+def hit_times(session: Path) -> tuple[list[float], list[tuple[float, bool]]]:
+    """(when hits were marked, [(when a trial was marked, whether it hit)])."""
+    marks = [trial.outcome for trial in load_trials(session) if trial.outcome.outcome != "rejected"]
+    trials = sorted((mark.t_ns * 1e-9, mark.outcome.startswith(HITS)) for mark in marks)
+    return [t_s for t_s, hit in trials if hit], trials
+
+
+def test_a_boolean_that_is_true_for_a_moment_after_a_hit_makes_no_miss_of_its_fall(
+        session: Path, hit_rig: Path, recorded: ta.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    hits, _ = hit_times(session)
+    write_scored(session, tmp_path / "monday.wpilog", monkeypatch,
+                 lambda now: any(0.0 <= now - t_s < 0.5 for t_s in hits))
+    assert main(["import", "wpilog", str(tmp_path / "monday.wpilog"), "--guess", "--rig", str(hit_rig), "-o",
+                 str(tmp_path / "found")]) == 0
+    assert "true for a moment after a hit; shots without it are left out" in capsys.readouterr().out
+    found = ta.load_dataset(tmp_path / "found").shots
+    truth = [text.startswith(HITS) for text in recorded.shots.text("outcome")]
+    assert 4 < len(found) == sum(truth) < len(truth) and set(found.text("outcome")) == {"two"}
+    text = (tmp_path / "found" / "shots.toml").read_text()
+    (tmp_path / "all.toml").write_text(text.replace("[outcome]", '[outcome]\notherwise = "miss"'))
+    every = ta.import_shots([tmp_path / "monday.wpilog"], rig=hit_rig, shot_map=tmp_path / "all.toml").shots
+    at = [int(np.abs(every.number("t_s") - t_s).argmin()) for t_s in recorded.shots.number("t_s")]
+    assert [every.text("outcome")[row] == "two" for row in at] == truth
+
+
+def test_a_boolean_that_stands_until_the_next_outcome_marks_hits_and_misses(
+        session: Path, hit_rig: Path, recorded: ta.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    _, trials = hit_times(session)
+    write_scored(session, tmp_path / "monday.wpilog", monkeypatch, lambda now: next(
+        (hit for t_s, hit in reversed(trials) if t_s <= now), False))
+    found = ta.import_shots([tmp_path / "monday.wpilog"], rig=hit_rig).shots
+    assert len(found) >= 4 and set(found.text("outcome")) == {"two", "miss"}
+    for t_s, text in zip(found.number("t_s"), found.text("outcome"), strict=True):
+        shot = int(np.abs(recorded.shots.number("t_s") - t_s).argmin())
+        assert (text == "two") == recorded.shots.text("outcome")[shot].startswith(HITS)
+
+
+@pytest.mark.parametrize(("runs", "shots", "meant"), [
+    ([(1.0, 1.5), (9.0, 9.5)], [0.0, 4.0, 8.0], {"true": "hit"}),
+    ([(1.0, 5.0), (9.0, 13.0)], [0.0, 4.0, 8.0, 12.0], {"true": "hit", "false": "miss"}),
+    ([(1.0, 5.0)], [0.0, 4.0], {}),                         # once may be by chance
+    ([(1.0, 2.5), (3.0, 4.5)], [0.0, 2.0, 4.0], {}),        # a fast stream: the pulse lasts beyond the next shot
+    ([(1.0, 4.1), (9.0, 12.1)], [0.0, 4.0, 8.0, 12.0], {}), # cleared as the next ball is fed
+    ([(1.0, 5.0), (9.0, 9.5)], [0.0, 4.0, 8.0], {}), ([], [0.0, 4.0], {})])
+def test_what_a_boolean_means_is_left_open_in_doubt(runs: list[tuple[float, float]], shots: list[float],
+                                                    meant: dict[str, str]) -> None:
+    edges = [(-1.0, 0.0), *(edge for up, down in runs for edge in ((up, 1.0), (down, 0.0)))]
+    series = Series("Scored", np.array([t_s for t_s, _ in edges]), np.array([value for _, value in edges]))
+    values, said = _meaning(series, np.array(shots))
+    assert values == meant and ("left out:" in said) == (not meant)
 
 
 def test_without_a_feeder_every_shot_is_found_from_its_dip_at_fifty_hertz(session: Path, rig: Path,
