@@ -77,6 +77,9 @@ def _column(table: RawTable, column: str, said: str | Signal) -> list[Cell]:
     """Cells of a column, numbers in its unit."""
     signal = as_signal(said)
     cells = _cells(table, signal)
+    texts = [row for row, cell in enumerate(cells) if own_unit(column) and not _is_number(cell)]
+    if texts:
+        raise InputError(f"{table.place(texts[0])}: {signal.key}: {cells[texts[0]]!r} is not a number")
     if not own_unit(column) and (signal.times, signal.plus) == (1.0, 0.0):
         return cells
     stated = signal.unit or unit_in(signal.key)
@@ -89,12 +92,18 @@ def _column(table: RawTable, column: str, said: str | Signal) -> list[Cell]:
             for cell, number in zip(cells, numbers, strict=True)]
 
 
+def _is_number(cell: Cell) -> bool:
+    """Whether a cell is empty or a number."""
+    return cell is None or not str(cell).strip() or parse_number(cell) is not None
+
+
 def _shots(path: Path, table: RawTable, shot_map: ShotMap, rig: Rig) -> tuple[list[dict[str, Cell]], list[str]]:
     columns: dict[str, list[Cell]] = {}
     for column, said in shot_map.columns.items():
         name, scale = as_read(column, rig)
         cells = _column(table, column, said)
-        columns[name] = cells if scale == 1.0 else [None if cell is None else float(cell) * scale for cell in cells]
+        columns[name] = cells if scale == 1.0 else [None if number is None else number * scale
+                                                    for number in map(parse_number, cells)]
     marks = _cells(table, Signal(shot_map.outcome.key)) if shot_map.outcome.key else None
     words = {plain(key): word for key, word in shot_map.outcome.values.items()}
     rows, odd = list[dict[str, Cell]](), list[str]()

@@ -49,6 +49,15 @@ def test_a_word_that_the_map_does_not_know_is_named_by_line(tmp_path: Path) -> N
         ta.import_shots([tmp_path / "a.csv"], rig=RIG, shot_map="viking-2928")
 
 
+@pytest.mark.parametrize(("row", "said"), [("2,fast,48,2,true,", "velocity_rps: 'fast'"),
+                                           ("2,55,steep,2,true,", "hood_angle_deg: 'steep'"),
+                                           ("near,55,48,2,true,", "distance_m: 'near'")])
+def test_a_text_where_a_number_belongs_is_named(row: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(f"{HEADER}2,55,48,1,true,\n{row}\n")
+    with pytest.raises(ta.InputError, match=rf"a\.csv:3: {said} is not a number"):
+        ta.import_shots([tmp_path / "a.csv"], rig=HIT_OR_MISS, shot_map="viking-2928")
+
+
 def test_a_table_without_the_columns_is_named(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("distance_m,hood\n2,48\n")
     with pytest.raises(ta.InputError, match=r"a\.csv:1: there is no line with the columns distance_m, hood_angle_deg"):
