@@ -63,6 +63,7 @@ class Reading:
 
     def __init__(self, path: Path, log: Log, shot_map: ShotMap, rig: Rig) -> None:
         self.path, self.log, self.map, self.rig = path, log, shot_map, rig
+        self.odd: list[str] = []
         self.columns = {column: self._column(column, said) for column, said in shot_map.columns.items()}
         self.scales = {column: as_read(column, rig) for column in self.columns}
 
@@ -80,7 +81,19 @@ class Reading:
         found = self.series(signal.key)
         if own_unit(column) and not found.numeric:
             raise InputError(f"{self.path}: {signal.key}: holds texts; {column} is a number")
-        return found if not found.numeric else _in_unit(found, column, signal, self.path)
+        if not found.numeric:
+            return found
+        read = _in_unit(found, column, signal, self.path)
+        return self._finite(read) if _is_speed(column) else read
+
+    def _finite(self, series: Series) -> Series:
+        """A speed without the samples that are no number; how many they are is said."""
+        values = np.asarray(series.values, dtype=float)
+        finite = np.isfinite(values)
+        if not finite.all():
+            line = f"{self.path.name}: {series.name}: samples that are not finite: {np.count_nonzero(~finite)}"
+            self.odd += [line] if line not in self.odd else []
+        return replace(series, t_s=series.t_s[finite], values=values[finite])
 
     def shots(self) -> FoundShots:
         """The shots, whether they have a mark or not."""
@@ -98,7 +111,7 @@ class Reading:
         """(a row a shot that has a mark, what was left out)."""
         found = self.shots()
         marks = self._marks()
-        rows, odd = list[dict[str, Cell]](), [f"{self.path.name}: {line}" for line in found.odd]
+        rows, odd = list[dict[str, Cell]](), [*self.odd, *(f"{self.path.name}: {line}" for line in found.odd)]
         before = float("nan")
         for number, t_s in enumerate(found.t_s):
             until = found.t_s[number + 1] if number + 1 < len(found.t_s) else np.inf
@@ -119,7 +132,8 @@ class Reading:
         for column, series in self.columns.items():
             value = series.before(t_s)
             name, scale = self.scales[column]
-            row[name] = value if value is None or isinstance(value, str) else float(value) * scale
+            known = value is not None and (isinstance(value, str) or np.isfinite(value))
+            row[name] = None if not known else value if isinstance(value, str) else float(value or 0.0) * scale
         if mark is not None:
             row["outcome"], row["side"] = (word or None for word in MARKS[mark])
         return row

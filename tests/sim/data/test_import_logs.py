@@ -1,6 +1,7 @@
 """A team's log under its own names becomes the shots that were recorded, and what is wrong with it is named."""
 
 import csv
+import itertools
 import math
 import struct
 from collections.abc import Callable
@@ -100,6 +101,30 @@ def test_a_guessed_map_states_the_units_that_only_the_logs_metadata_do(session: 
     assert read == pytest.approx({"distance_m": 3.048, "hood_deg": 45.0, "motor_rad_s": 80.0 * math.pi,
                                   "battery_v": 12.0})
     assert as_signal(shot_map.shots.set_point or "").unit == "rpm"       # unstated: that of the speed which follows it
+
+
+@pytest.mark.parametrize("feeder", [True, False])
+def test_a_speed_that_is_no_number_is_left_out_and_a_distance_is_unknown(
+        feeder: bool, session: Path, rig: Path, recorded: ta.Dataset, tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    plain_values, count = stranger_log._values, itertools.count()
+    first_s, odd = float(recorded.shots.number("t_s")[0]), {5: math.nan, 300: math.inf}
+
+    def damaged(tick: Any, free: float) -> dict[str, Any]:
+        found, number = plain_values(tick, free), next(count)
+        found["/Shooter/FlywheelVelocityRadPerSec"] = odd.get(number, found["/Shooter/FlywheelVelocityRadPerSec"])
+        if abs(tick.inputs.t_ns * 1e-9 - first_s) < 0.3:
+            found["/RealOutputs/Vision/DistanceToHubMeters"] = math.inf
+        return found
+
+    monkeypatch.setattr(stranger_log, "_values", damaged)
+    write_stranger_log(session, tmp_path / "monday.wpilog", feeder)
+    found = ta.import_shots([tmp_path / "monday.wpilog"], rig=rig)
+    same(found, recorded, ("hood_deg",))
+    assert [line for line in found.left_out if "finite" in line] == [
+        "monday.wpilog: /Shooter/FlywheelVelocityRadPerSec: samples that are not finite: 2"]
+    assert np.isnan(found.shots.number("distance_m")[0])
+    assert np.isfinite(found.shots.number("distance_m")[1:]).all()
 
 
 HITS = ("two", "three")
