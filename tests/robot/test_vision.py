@@ -110,7 +110,7 @@ def test_sigma_grows_with_distance():
 def test_what_spoils_a_picture_moves_no_edge(look):
     """At most 5 cm root mean square up to 9 m and 1 % beyond, up to 35 degrees aside; no bias, honest sigma."""
     rng, near, far, ratios = np.random.default_rng(21), [], [], []
-    for seed in range(80):
+    for seed in range(48):
         distance_m = rng.uniform(2.4, 12.0)
         scene = Scene(replace(CONFIG.camera, pitch_deg=24.0 if distance_m < 6 else 14.0), seed=seed, look=look)
         scene.place(distance_m, rng.uniform(-35, 35), rng.uniform(-8, 8))
@@ -119,7 +119,7 @@ def test_what_spoils_a_picture_moves_no_edge(look):
             error_m = sighting.distance_m - distance_m
             ratios.append(error_m / sighting.sigma_m)
             (near if distance_m <= 9 else far).append(error_m if distance_m <= 9 else error_m / distance_m)
-    assert len(ratios) >= 78 and 0.6 < np.sqrt(np.mean(np.square(ratios))) < 1.3
+    assert len(ratios) >= 47 and 0.6 < np.sqrt(np.mean(np.square(ratios))) < 1.3
     assert np.sqrt(np.mean(np.square(near))) < 0.05 and abs(np.mean(near)) < 0.01
     assert np.sqrt(np.mean(np.square(far))) < 0.01
 
