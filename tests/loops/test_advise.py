@@ -1,5 +1,9 @@
 """`truearc advise` beside a stand-in robot program on a real NetworkTables server, in processes of their own."""
 
+import signal
+import subprocess
+import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -43,3 +47,15 @@ def test_what_cannot_begin_is_refused_before_there_is_a_folder(words: list[str],
     out = tmp_path / "sessions"
     assert main(["advise", "--nt", "127.0.0.1:1", "--gate", str(GATE), "--out", str(out), *words]) == 2
     assert said in capsys.readouterr().err and not out.exists()
+
+
+def test_a_server_that_is_not_there_is_said(tmp_path: Path) -> None:
+    words = ["advise", "--nt", "127.0.0.1:1", "--map", "wpilib", "--gate", str(GATE), "--out", str(tmp_path)]
+    asked = subprocess.Popen([sys.executable, "-m", "truearc", *words], stderr=subprocess.PIPE, text=True)
+    late = threading.Timer(60.0, asked.kill)
+    late.start()
+    assert asked.stderr is not None
+    assert any("127.0.0.1:1: does not answer" in line for line in asked.stderr)
+    asked.send_signal(signal.SIGINT)
+    assert asked.wait() == 0
+    late.cancel()

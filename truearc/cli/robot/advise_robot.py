@@ -1,7 +1,9 @@
 """The work of `truearc advise`: connects, records, runs until a signal."""
 
 import argparse
+import sys
 import tempfile
+import threading
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -13,6 +15,7 @@ from truearc.hw.real.clock import MonotonicClock, wall_clock, wall_offset_ns
 from truearc.robot.advice.advice_io import AdviceIo, Adviser, advised_columns
 from truearc.robot.advice.nt_camera import NtCamera, keys_of_camera
 from truearc.robot.advice.nt_keys import NtKeys
+from truearc.robot.advice.nt_publisher import PATIENCE_S
 from truearc.robot.advice.nt_velocity import NtVelocity, keys_of_velocity
 from truearc.robot.advice.tick import POLICY, step
 from truearc.robot.aim_file import load_aim_for
@@ -47,6 +50,11 @@ def advise(args: argparse.Namespace) -> tuple[int, Path]:
         keys = NtKeys(args.nt, [*keys_of(shot_map), *(keys_of_camera(seeing) if seeing else []),
                                 *(keys_of_velocity(driving) if driving else [])])
         wires.callback(keys.close)
+        watch = threading.Timer(PATIENCE_S, lambda: None if keys.connected else print(
+            f"truearc: NetworkTables server {args.nt}: does not answer; the verdict is STALE until it does",
+            file=sys.stderr, flush=True))
+        wires.callback(watch.cancel)
+        watch.start()
         header = replace(make_header(config, gate, started, aims.get(""), wall_offset_ns()), policy=POLICY)
         recorder = SessionWriter(folder, header, config, args.gate.read_bytes(), lossless=False, aim=aim)
         wires.callback(recorder.close)
