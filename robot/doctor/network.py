@@ -1,10 +1,11 @@
 """The robot's NetworkTables as they were heard for a while: server, keys, clocks, a camera that sees tags."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from truearc.hw.finding import Finding, failure, ok, warning
+from truearc.robot.advice.advice_io import Scaled
 from truearc.robot.advice.nt_camera import calibration_key, keys_of_camera
 from truearc.robot.advice.nt_keys import Reading
 from truearc.robot.advice.nt_velocity import keys_of_velocity
@@ -46,25 +47,38 @@ def keys_wanted(config: Config) -> tuple[list[str], list[str]]:
     return lively, still
 
 
-def check_network(server: str, lively: Sequence[str], still: Sequence[str], heard: HeardKeys) -> Iterator[Finding]:
-    """Server, each key, clocks. lively: keys that must change; still: keys that must be there."""
+def check_network(server: str, lively: Sequence[str], still: Sequence[str], heard: HeardKeys,
+                  columns: Iterable[Scaled] = (), texts: Collection[str] = ()) -> Iterator[Finding]:
+    """Server, each key, clocks. lively: keys that must change; still: keys that must be there. columns: those whose
+    values have bounds; texts: keys that may be no number."""
     if not heard.is_connected:
         yield failure(SERVER, f"{server} does not answer", "is the robot on, its program running, this computer in its "
                       "network? Give its team number or address")
         return
     yield ok(SERVER, f"{server} answers")
+    by_key = {column.key: column for column in columns}
     for key in dict.fromkeys([*lively, *still]):
-        yield _check_key(key, key in lively, heard)
+        yield _check_value(key, heard.newest.get(key), by_key.get(key), key in texts) or _check_changes(
+            key, key in lively, heard)
     yield _check_clocks(heard)
 
 
-def _check_key(key: str, must_change: bool, heard: HeardKeys) -> Finding:
-    check, reading = f"key {key}", heard.newest.get(key)
+def _check_value(key: str, reading: Reading | None, column: Scaled | None, may_be_text: bool) -> Finding | None:
+    check = f"key {key}"
     if reading is None:
         return failure(check, "the robot publishes no such key", "compare its name with a dashboard's list of topics")
-    if not isinstance(reading.value, str) and not math.isfinite(reading.value):
+    if isinstance(reading.value, str):
+        return None if may_be_text else failure(check, f"is a text, {reading.value!r}", "publish it as a number")
+    if not math.isfinite(reading.value):
         return failure(check, "is not a number", "look at what publishes it")
-    changes = heard.changes.get(key, 0)
+    if column is None or column.low <= (value := column.value(reading.value)) <= column.high:
+        return None
+    return failure(check, f"{column.column} would be {value:.6g}, possible is {column.low:g} to {column.high:g}",
+                   "look at what publishes it, and at its unit in the map")
+
+
+def _check_changes(key: str, must_change: bool, heard: HeardKeys) -> Finding:
+    check, reading, changes = f"key {key}", heard.newest[key], heard.changes.get(key, 0)
     if must_change and changes == 0:
         return warning(check, f"has not changed in {heard.seconds:g} s: it would count as stale",
                        "publish it as it is measured, with its noise; name a key that changes, or raise --fresh")

@@ -12,10 +12,12 @@ from msgspec.structs import replace
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.hw.finding import FAILURE, OK, WARNING
+from truearc.robot.advice.advice_io import scaled_columns
 from truearc.robot.advice.nt_camera import calibration_key, keys_of_camera
 from truearc.robot.advice.nt_keys import Reading
 from truearc.robot.config.nt4 import Nt4, Nt4Velocity, Nt4Vision
 from truearc.robot.config.schema import AprilTag, Config, load_config
+from truearc.robot.config.shot_map import load_map
 from truearc.robot.doctor.network import HeardKeys, check_network, check_tags, keys_wanted
 
 CONFIG = load_config(SHIPPED)
@@ -55,6 +57,29 @@ def test_each_trouble_is_named_with_what_to_do(heard: HeardKeys, level: str, pla
     found = list(check_network("254", ["/a"], ["/b"], heard))
     assert [finding.level for finding in found].index(level) == place and found[place].do
     assert sum(finding.level != OK for finding in found) == 1
+
+
+@pytest.mark.parametrize(("column", "value", "said"), [
+    ("distance_m", -3.0, "distance_m would be -3, possible is 0 to 20"),
+    ("hood_deg", 411.0, "hood_deg would be 411, possible is 0 to 90"),
+    ("battery_v", -5.0, "battery_v would be -5, possible is 6 to 16"),
+    ("motor_rad_s", 9000.0, "motor_rad_s would be 942.478, possible is -59.4 to 653.4"),
+    ("hood_deg", "45", "is a text, '45'"), ("distance_m", 3.0, ""), ("battery_v", 12.0, "")])
+def test_a_value_that_advice_would_not_believe_fails(column: str, value: float | str, said: str,
+                                                     tmp_path: Path) -> None:
+    (tmp_path / "shots.toml").write_text(MAP, encoding="utf-8")
+    columns = scaled_columns(load_map(tmp_path / "shots.toml"), CONFIG)
+    key = columns[column].key
+    heard = HeardKeys(2.0, True, {key: Reading(1, value)}, {key: 100}, -0.01, [5.0])
+    finding = list(check_network("254", [key], [], heard, columns.values()))[1]
+    assert (finding.level, finding.says if said else "") == (FAILURE if said else OK, said)
+    assert finding.check == f"key {key}" and bool(finding.do) == bool(said)
+
+
+def test_only_an_outcome_may_be_a_text() -> None:
+    heard = HEARD._replace(newest={**HEARD.newest, "/b": Reading(1, "in")})
+    assert levels(heard) == [OK, OK, FAILURE, OK]
+    assert [one.level for one in check_network("254", ["/a"], ["/b"], heard, texts=["/b"])] == [OK] * 4
 
 
 def test_a_server_that_is_not_there_is_all_that_is_said() -> None:

@@ -23,7 +23,7 @@ from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.machine import is_clock_synchronised, read_exposure, read_link
 from truearc.hw.real.realtime import rehearse
 from truearc.hw.real.serial_port import open_serial
-from truearc.robot.advice.advice_io import advised_columns
+from truearc.robot.advice.advice_io import Scaled, scaled_columns
 from truearc.robot.advice.nt_keys import NtKeys, Reading
 from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.config.shot_map import as_signal, load_map
@@ -133,15 +133,16 @@ def look_beside(args: argparse.Namespace) -> Iterator[Finding]:
     if args.nt is None or args.map is None:
         raise InputError("--nt and --map belong together: where the robot is, and which keys say what")
     config, shot_map = load_config(args.config or SHIPPED), load_map(args.map)
-    lively = [as_signal(said).key for said in advised_columns(shot_map, config).values()]
+    columns = [*scaled_columns(shot_map, config).values()]
     quiet = [as_signal(said).key for said in (shot_map.shots.feed, shot_map.outcome.key) if said]
     seen, still = keys_wanted(config)
-    yield from _listen_and_check(config, args.nt, [*lively, *seen], [*quiet, *shot_map.outcome.buttons, *still],
-                                 args.seconds)
+    yield from _listen_and_check(config, args.nt, [*(one.key for one in columns), *seen],
+                                 [*quiet, *shot_map.outcome.buttons, *still], args.seconds, columns,
+                                 [shot_map.outcome.key])
 
 
 def _listen_and_check(config: Config, server: str, lively: Sequence[str], still: Sequence[str],
-                      seconds: float) -> Iterator[Finding]:
+                      seconds: float, columns: Sequence[Scaled] = (), texts: Sequence[str] = ()) -> Iterator[Finding]:
     try:
         keys = NtKeys(server, [*lively, *still])
     except InputError as error:
@@ -151,7 +152,7 @@ def _listen_and_check(config: Config, server: str, lively: Sequence[str], still:
         heard = hear(keys, MonotonicClock(), seconds)
     finally:
         keys.close()
-    yield from check_network(server, lively, still, heard)
+    yield from check_network(server, lively, still, heard, columns, texts)
     if heard.is_connected:
         yield from check_tags(config, heard.newest)
 
