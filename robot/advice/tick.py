@@ -94,6 +94,8 @@ def _watch(inputs: Inputs, belief: Estimate, memory: Memory, config: Config) -> 
 
 
 def _jumped(inputs: Inputs, watched: Watched) -> list[Reason]:
+    if any(fault.params.get("key") == watched.jumped for fault in inputs.faults):
+        return []                                 # an impossible value, and that is said
     ago_s = (inputs.t_ns - watched.jumped_t_ns) * NS
     return [because.KEY_JUMPED(key=watched.jumped, ago_s=ago_s)] if watched.jumped_t_ns and ago_s <= CALM_S else []
 

@@ -72,11 +72,10 @@ def _encoder(angle: AngleReading | None, t_ns: int, config: Config) -> list[Reas
         return [because.DEVICE_STALE(device=ENCODER, age_s=(t_ns - angle.t_ns) * NS)]
     if missing := _no_fault_report(ENCODER, angle.faults_t_ns, t_ns, HEARTBEAT_S):
         return [missing]
-    if angle.magnet_ok:
-        return []
     table = config.hood_encoder
-    errors = errors_of(table, angle.faults) if isinstance(table, MotorEncoderConfig) else ()
-    return [because.MOTOR_ERROR(motor=ENCODER, errors=errors) if errors else because.MAGNET_LOST()]
+    if isinstance(table, MotorEncoderConfig) and (errors := errors_of(table, angle.faults)):
+        return [because.MOTOR_ERROR(motor=ENCODER, errors=errors)]
+    return [] if angle.magnet_ok else [because.MAGNET_LOST()]
 
 
 def _motor(name: str, axis: Axis, motor: MotorReading, t_ns: int, gate: GateConfig) -> list[Reason]:

@@ -249,8 +249,10 @@ def test_an_error_of_the_controller_that_is_the_encoder_is_a_hold_with_that_erro
     for errors in (0, bit):
         encoder._motor.reading = MotorReading(t_ns=stamp, position_rad=table.gear * turned, heartbeat_t_ns=stamp,
                                               axis_error=errors)
-        tick = step(replace(inputs, hood_angle=encoder.read(NOW_NS)), good_memory(), ODRIVE, None)
-        assert tick.verdict.fire is not bool(errors)
+        read = encoder.read(NOW_NS)
+        assert read.magnet_ok is not bool(errors)
+        tick = step(replace(inputs, hood_angle=replace(read, magnet_ok=True)), good_memory(), ODRIVE, None)
+        assert tick.verdict.fire is not bool(errors)          # nor where a recording from before says that it is well
     assert tick.verdict.reasons == (because.MOTOR_ERROR(motor="hood encoder", errors=odrive.errors_of(bit)),)
 
 
