@@ -1,6 +1,5 @@
 """Two tables of set points beside each other: where they differ, and by how many points, by a belief."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from jaxtyping import Float
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
+from truearc.sim.aim.read_snippets import read_java, read_json
 from truearc.sim.aim.snippets import RPM
 from truearc.sim.aim.solve import chances_of
 from truearc.sim.data.columns import RANGES, parse_number
@@ -83,7 +83,7 @@ class Comparison(Printed):
 
 def load_set_points(path: str | Path, rig: Rig) -> SetPoints:
     """Read a table of set points: CSV with `distance_m`, `hood_deg` and `motor_ratio` or `motor_rad_s` (or in other
-    units: `distance_ft`, `motor_rpm`, ...), or JSON as `truearc aim --format json` writes it.
+    units: `distance_ft`, `motor_rpm`, ...), or JSON or Java as `truearc aim` writes them.
 
     Args:
         path: The file.
@@ -98,7 +98,7 @@ def load_set_points(path: str | Path, rig: Rig) -> SetPoints:
     if not free_rad_s:
         raise InputError(f"{path}: rig.toml has no launcher.free_speed_rad_s, which turns motor speeds into ratios")
     with gathered() as problems:
-        raw = _json_table(path) if path.suffix.lower() == ".json" else parse_csv(text_of(path), path, problems)
+        raw = _read(path, problems)
         raw = RawTable(path, {ALIASES.get(name, name): cells for name, cells in raw.columns.items()}, raw.lines)
         ratios = "motor_ratio" in {"_".join(name.lower().split()) for name in raw.columns}
         table = in_read_units(raw, lambda name: name in READ and (ratios or name != "motor_ratio"), problems)
@@ -114,13 +114,13 @@ def load_set_points(path: str | Path, rig: Rig) -> SetPoints:
     return SetPoints(str(path), distance_m, hood_deg, motor if speed == "motor_ratio" else motor / free_rad_s)
 
 
-def _json_table(path: Path) -> RawTable:
-    try:
-        rows = json.loads(text_of(path))["rows"]
-        columns: dict[str, list[str | float | None]] = {name: [row[name] for row in rows] for name in READ}
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path}: is not a table of truearc aim --format json ({error!r})") from error
-    return RawTable(path, columns, list(range(1, len(rows) + 1)))
+def _read(path: Path, problems: Problems) -> RawTable:
+    text = text_of(path)
+    if path.suffix.lower() in (".json", ".json-3476"):
+        return read_json(text, path, READ)
+    if path.suffix.lower().startswith(".java"):
+        return read_java(text, path)
+    return parse_csv(text, path, problems)
 
 
 def _numbers(table: RawTable, name: str, limits: tuple[float, float], problems: Problems) -> Rows:

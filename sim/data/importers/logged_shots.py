@@ -87,7 +87,7 @@ class Reading:
         return self._finite(read) if _is_speed(column) else read
 
     def _finite(self, series: Series) -> Series:
-        """A speed without the samples that are no number; how many they are is said."""
+        """A speed without the samples that are not finite; their number is said."""
         values = np.asarray(series.values, dtype=float)
         finite = np.isfinite(values)
         if not finite.all():

@@ -8,12 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import truearc as ta
 from tests.sim.physics.rigs import GUPPY
 from truearc.cli.main import main
 from truearc.sim.aim.make_table import flown
+from truearc.sim.aim.snippets import TEAMS
 from truearc.sim.data.table import gathered
 from truearc.sim.infer.belief import Belief, point_belief
 from truearc_proof.importers.frc_3476 import load_3476
@@ -88,6 +91,41 @@ def test_a_table_against_itself_gains_nothing_in_any_form(table: ta.AimTable, be
     assert found.old_points == pytest.approx([row.points for row in table.rows], abs=1e-6)
 
 
+SETTINGS = st.lists(st.tuples(st.integers(5, 300), st.floats(0.0, 90.0), st.floats(0.05, 1.0),
+                              st.sampled_from([0.0, 2.0])), min_size=1, max_size=8, unique_by=lambda one: one[0])
+
+
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(said=SETTINGS, form=st.sampled_from(["csv", "json", "java", *TEAMS]))
+def test_every_form_that_aim_writes_is_read_to_its_rounding(said: list[tuple[int, float, float, float]], form: str,
+                                                            table: ta.AimTable, tmp_path: Path) -> None:
+    free = GUPPY.launcher.free_speed_rad_s or math.nan
+    rows = tuple(table.rows[0]._replace(distance_m=0.05 * step, hood_deg=hood, motor_ratio=ratio,
+                                        motor_rad_s=ratio * free, lead_deg=lead) for step, hood, ratio, lead in said)
+    path = tmp_path / f"t.{form.split('-')[0]}"
+    path.write_text({"csv": ta.AimTable.to_csv, "json": ta.AimTable.to_json}.get(form, lambda one: one.to_text(form))(
+        replace(table, rows=rows)))
+    found, wanted = ta.load_set_points(path, GUPPY), sorted(rows, key=lambda row: row.distance_m)
+    np.testing.assert_allclose(found.distance_m, [row.distance_m for row in wanted], rtol=0.0, atol=1.3e-4)
+    np.testing.assert_allclose(found.hood_deg, [row.hood_deg for row in wanted], rtol=0.0, atol=0.0051)
+    np.testing.assert_allclose(found.motor_ratio, [row.motor_ratio for row in wanted], rtol=0.0, atol=0.0055 / free)
+
+
+@pytest.mark.parametrize(("text", "said"), [
+    ("hoodDeg.put(2.0, 40.0);\nmotorRpm.put(2.0, fast);", "t.java:2: 'fast' is not a number"),
+    ("hoodDeg.put(2.0, 40.0);\nmotorRpm.put(2.0, 3000.0)", "t.java:2: 'motorRpm.put(2.0, 3000.0)' is not an entry"),
+    ("hoodDeg.put(2.0, 40.0);\nhoodDeg.put(2.0, 41.0);", "t.java:2: hood_deg at 2.0 stands in line 1 already"),
+    ("hoodDeg.put(2.0, 40.0);\nhoodDeg.put(3.0, 40.0);\nmotorRpm.put(2.0, 3000.0);", "t.java:2: 3.0 has no motor_rpm"),
+    ("hoodDeg.put(2.0, 40.0);", "t.java: is not a table of truearc aim"), ("", "t.java: is not a table of truearc aim"),
+    ("hoodDeg.put(2.0, 140.0);\nmotorRpm.put(2.0, 3000.0);", "t.java:1: hood_deg: 140 is not between 0 and 90"),
+    ("foo.put(2.0, 40.0);", "t.java:1: 'foo.put(2.0, 40.0);' is not an entry"),
+    ("hoodDeg.put(2.0, 40.0); // mine", "t.java:1: 'hoodDeg.put(2.0, 40.0); // mine' is not an entry")])
+def test_java_that_is_no_table_is_named_by_line(text: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "t.java").write_text(text)
+    with pytest.raises(ta.InputError, match=re.escape(said)):
+        ta.load_set_points(tmp_path / "t.java", GUPPY)
+
+
 def test_what_is_worse_is_said_with_where(table: ta.AimTable, belief: Belief, tmp_path: Path) -> None:
     rows = [row._replace(motor_ratio=row.motor_ratio * (1.04 if row.distance_m == 4.5 else 1.0)) for row in table.rows]
     (tmp_path / "old.csv").write_text(table.to_csv())
@@ -111,6 +149,8 @@ def test_what_is_worse_is_said_with_where(table: ta.AimTable, belief: Belief, tm
     ("t.csv", "distance_m,hood_deg,motor_ratio\n2,140,0.5\n", "t.csv:2: hood_deg: 140 is not between 0 and 90"),
     ("t.csv", "distance_m,hood_deg,motor_rpm\n2,40,9000\n", "t.csv:2: motor_rpm: 9000 is not between 0 and"),
     ("t.csv", "distance_m,hood_deg,motor_ratio\n3,40,0.5\n3,41,0.5\n", "t.csv: a distance stands twice"),
+    ("t.json", '{"shooterConfigs": [{"distance": "far", "hoodEjectAngle": 4, "flywheelSpeed": 3000}]}',
+     "t.json: is not a table of truearc aim"),
     ("t.json", "{}", "t.json: is not a table of truearc aim"), ("t.json", "[1", "t.json: is not a table of truearc")])
 def test_a_table_that_is_none_is_named(tmp_path: Path, name: str, text: str, said: str) -> None:
     (tmp_path / name).write_text(text)
@@ -129,7 +169,7 @@ def replace_free_speed() -> ta.Rig:
 def test_the_command_compares_what_aim_wrote(belief: Belief, tmp_path: Path,
                                              capsys: pytest.CaptureFixture[str]) -> None:
     belief.save(tmp_path / "belief.toml")
-    for name, form in (("a.csv", "csv"), ("b.json", "json")):
+    for name, form in (("a.csv", "csv"), ("b.json", "json"), ("ShotTable.java", "java-6328")):
         assert main(["aim", str(tmp_path / "belief.toml"), "--rig", str(LAUNCHER), "--distances", "3:5:1", "--hood",
                      "35:55", "--format", form, "-o", str(tmp_path / name), "--quiet"]) == 0
     assert json.loads((tmp_path / "b.json").read_text())["rows"][0]["flight_s"] > 0.1
@@ -137,5 +177,7 @@ def test_the_command_compares_what_aim_wrote(belief: Belief, tmp_path: Path,
                  str(tmp_path / "belief.toml"), "--rig", str(LAUNCHER)]) == 0
     out = capsys.readouterr().out
     assert "scores +0.00 points a ball" in out and len(out.splitlines()) == 6
+    assert main(["compare", str(tmp_path / "a.csv"), str(tmp_path / "ShotTable.java"), "--belief",
+                 str(tmp_path / "belief.toml"), "--rig", str(LAUNCHER)]) == 0
     assert main(["compare", str(tmp_path / "none.csv"), str(tmp_path / "b.json"), "--belief",
                  str(tmp_path / "belief.toml"), "--rig", str(LAUNCHER)]) == 2

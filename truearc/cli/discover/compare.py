@@ -1,7 +1,7 @@
 """Compare two tables of set points: where they differ, and by how many points a ball, by a belief.
 
 Tables are CSV files with distance_m, hood_deg and motor_ratio or motor_rad_s (or in other units: distance_ft,
-motor_rpm), or JSON of `truearc aim --format json`. Between rows they are straight, as robots interpolate.
+motor_rpm), or JSON or Java as `truearc aim` writes them. Between rows they are straight, as robots interpolate.
 """
 
 import argparse
