@@ -13,10 +13,11 @@ from truearc.sim.data.importers.mapped_tables import shots_from_tables
 from truearc.sim.data.model import Dataset
 from truearc.sim.data.rig import load_rig, states_three
 from truearc.sim.data.units import is_shot_column
+from truearc.sim.progress import Progress
 
 
 def import_shots(files: Sequence[str | Path], *, rig: Rig | str | Path, shot_map: str | Path | ShotMap | None = None,
-                 name: str = "imported") -> Dataset:
+                 name: str = "imported", progress: Progress = lambda done, note: None) -> Dataset:
     """Return the shots of robot logs (WPILOG, CSV) or of tables as a dataset; what was left out is in `left_out`.
 
     Args:
@@ -25,6 +26,7 @@ def import_shots(files: Sequence[str | Path], *, rig: Rig | str | Path, shot_map
         shot_map: Path of a shots.toml, or the name of a map of truearc's (docs/how-to/importing.md); None: guessed
             from the first log's entry names, units and numbers.
         name: Of the dataset.
+        progress: Called with the share of the logs that is read, and the name of the log.
 
     Raises:
         InputError: names file, line and key of what cannot be read, or of what the map wants and is not there; there is
@@ -37,9 +39,11 @@ def import_shots(files: Sequence[str | Path], *, rig: Rig | str | Path, shot_map
                                                            *found.outcome.buttons.values(), found.outcome.otherwise):
         facts = structs.replace(facts, target=structs.replace(facts.target, three_half_height_m=0.0))
     paths = [Path(file) for file in files]
-    return (shots_from_logs if found.rows == "time" else shots_from_tables)(paths, found, facts, name)
+    if found.rows == "time":
+        return shots_from_logs(paths, found, facts, name, progress)
+    return shots_from_tables(paths, found, facts, name)
 
 
-def guess(file: str | Path, rig: Rig) -> Guess:
+def guess(file: str | Path, rig: Rig, progress: Progress = lambda done, note: None) -> Guess:
     """Propose a map for a log; InputError where nothing looks like a speed, a distance or a hood."""
-    return guess_map(read_log(Path(file), ShotMap(SCHEMA)), rig, str(file))
+    return guess_map(read_log(Path(file), ShotMap(SCHEMA), progress), rig, str(file))

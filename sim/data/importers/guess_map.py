@@ -18,6 +18,8 @@ from truearc.robot.config.shot_map import (
     OutcomeKeys,
     ShotMap,
     Signal,
+    as_signal,
+    load_map,
 )
 from truearc.robot.config.toml_text import make_toml
 from truearc.robot.config.unit_table import MOTOR, factor_of, own_unit, unit_in
@@ -38,6 +40,7 @@ ANGLE = {"angle", "position", "deg", "degrees", "rad", "radians", "elevation", "
 PLAUSIBLE_RAD_S = (20.0, 3000.0)      # of a wheel that throws, at its fastest
 PULSE_S = 0.2, 2.0                    # a fall sooner after a shot is none of its outcome's; a pulse is shorter
 FALLS = 2                             # of a state, at least
+OWN = "truearc"                       # a map that comes with truearc
 MOST_WORDS = 12                       # different texts of a signal of outcomes
 
 
@@ -51,7 +54,8 @@ class Guess:
     def to_toml(self) -> str:
         """The map as a shots.toml, with those lines as comments."""
         columns = {name: _plain(said) for name, said in self.map.columns.items()}
-        shots = {name: _plain(said) for name in ("set_point", "feed") if (said := getattr(self.map.shots, name))}
+        shots = {name: _plain(said) for name in ("wheel", "set_point", "feed")
+                 if (said := getattr(self.map.shots, name))}
         outcome = {name: said for name in ("key", "values", "buttons") if (said := getattr(self.map.outcome, name))}
         table = {"schema": SCHEMA, "columns": columns, **({"shots": shots} if shots else {}),
                  **({"outcome": outcome} if outcome else {})}
@@ -69,6 +73,9 @@ def guess_map(log: Log, rig: Rig, name: str) -> Guess:
     Raises:
         InputError: no signal looks like the speed of a wheel, or like a distance, or like a hood's angle.
     """
+    own = load_map(OWN)
+    if all(as_signal(said).key in log for said in own.columns.values()):
+        return Guess(own, (f"a session of truearc: the map {OWN}",))
     words = {key: _words(key) for key in log}
     moving = {key: series for key, series in log.items() if series.numeric and len(series.t_s) > 1}
     lines: list[str] = []

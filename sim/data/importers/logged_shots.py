@@ -1,6 +1,6 @@
 """Logs of robots, and tables of shots, to a dataset by a map of their keys."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,17 +16,16 @@ from truearc.sim.data.load import assemble
 from truearc.sim.data.model import Dataset
 from truearc.sim.data.recordings import AFTER_S, BEFORE_S
 from truearc.sim.data.table import Cell, RawTable, gathered
+from truearc.sim.progress import Progress, part_of
 
 SECONDS = {"s": 1.0, "ms": 1e3, "us": 1e6}
 PUBLISHED_S = 0.2                     # the same mark again, sooner than this, is one that is said in every loop
 
-Progress = Callable[[float, str], None]
 
-
-def read_log(path: Path, shot_map: ShotMap) -> Log:
+def read_log(path: Path, shot_map: ShotMap, progress: Progress = lambda done, note: None) -> Log:
     """A WPILOG, or a CSV export."""
     if path.suffix.lower() == ".wpilog":
-        return read_wpilog(path)
+        return read_wpilog(path, lambda done: progress(done, path.name))
     return read_csv_log(path, shot_map.time.column, SECONDS[shot_map.time.unit])
 
 
@@ -44,8 +43,8 @@ def shots_from_logs(paths: Sequence[Path], shot_map: ShotMap, rig: Rig, name: st
     traces: list[tuple[str, float, str, float]] = []
     left_out: list[str] = []
     for number, path in enumerate(paths):
-        progress(number / len(paths), path.name)
-        found = Reading(path, read_log(path, shot_map), shot_map, rig)
+        found = Reading(path, read_log(path, shot_map, part_of(progress, number / len(paths), 1.0 / len(paths))),
+                        shot_map, rig)
         more, odd = found.rows()
         rows += more
         left_out += odd
@@ -84,7 +83,7 @@ class Reading:
         if not found.numeric:
             return found
         read = _in_unit(found, column, signal, self.path)
-        return self._finite(read) if _is_speed(column) else read
+        return self._finite(read) if _is_speed(column) or column == self.map.shots.wheel else read
 
     def _finite(self, series: Series) -> Series:
         """A speed without the samples that are not finite; their number is said."""

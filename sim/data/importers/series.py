@@ -59,7 +59,7 @@ Log = Mapping[str, Series]
 
 
 def read_wpilog(path: Path, progress: Callable[[float], None] = lambda done: None) -> Log:
-    """Every signal of numbers, booleans or texts, and the parts of arrays (`name/0`) and of WPILib's plane structs.
+    """Every signal of numbers, booleans or texts, and the parts of arrays (`name/0`), JSON and WPILib's plane structs.
 
     Raises:
         InputError: there is no such file, it is not a WPILOG, or WPILib's reader is not installed.
@@ -134,6 +134,8 @@ def _values(name: str, kind: str, record: Any) -> Iterator[tuple[str, float | st
         if kind in single:
             value = getattr(record, single[kind])()
             yield name, value if isinstance(value, str) else float(value)
+            if kind == "json":
+                yield from _parts(name, json.loads(value))
         elif kind in several:
             for number, value in enumerate(getattr(record, several[kind])()):
                 yield f"{name}/{number}", value if isinstance(value, str) else float(value)
@@ -141,8 +143,17 @@ def _values(name: str, kind: str, record: Any) -> Iterator[tuple[str, float | st
             raw = bytes(record.getRaw())
             for part, value in zip(STRUCTS[kind], struct.unpack(f"<{len(STRUCTS[kind])}d", raw), strict=True):
                 yield f"{name}/{part}", value
-    except (TypeError, struct.error):
+    except (TypeError, ValueError, RecursionError, struct.error):
         return
+
+
+def _parts(name: str, said: object) -> Iterator[tuple[str, float | str]]:
+    """(name, value) of the numbers, truth values and texts in JSON, under the names of AdvantageScope."""
+    if isinstance(said, dict | list):
+        for key, value in said.items() if isinstance(said, dict) else enumerate(said):
+            yield from _parts(f"{name}/{key}", value)
+    elif said is not None:
+        yield name, said if isinstance(said, str) else float(said)    # type: ignore[arg-type]
 
 
 def _series(name: str, t_s: list[float], values: list[Any], unit: str) -> Series:

@@ -3,6 +3,7 @@
 import csv
 import itertools
 import math
+import shutil
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 import truearc as ta
 from tests.sim.data import stranger_log
@@ -19,6 +21,7 @@ from truearc.robot.advice.advice_io import _Scaled
 from truearc.robot.config.shot_map import as_signal, load_map, ready_maps
 from truearc.robot.recording.export.wpilog import WpilogWriter, make_payload
 from truearc.robot.recording.session import load_trials
+from truearc.sim.data.importers.any_team import guess
 from truearc.sim.data.importers.guess_map import _meaning
 from truearc.sim.data.importers.series import Series, read_csv_log, read_wpilog
 
@@ -327,11 +330,13 @@ def test_times_in_milliseconds_are_seconds(tmp_path: Path) -> None:
 
 def test_every_map_that_comes_with_truearc_can_be_read_and_says_what_it_is_for() -> None:
     maps = ready_maps()
-    assert set(maps) == {"advantagekit", "wpilib", "viking-2928", "ftc-csv", "tracker", "kinovea"}
+    assert set(maps) == {"advantagekit", "wpilib", "viking-2928", "ftc-csv", "tracker", "kinovea",
+                         "truearc"}
     assert all(len(about) > 20 for about in maps.values()) and all(load_map(name).columns for name in maps)
 
 
-def test_a_session_that_was_exported_is_read_with_its_poses(session: Path, tmp_path: Path) -> None:
+def test_a_session_that_was_exported_is_read_with_its_poses_and_its_shots(session: Path, rig: Path,
+                                                                          recorded: ta.Dataset, tmp_path: Path) -> None:
     out = tmp_path / "monday.wpilog"
     assert main(["session", "convert", str(session), "--to", "wpilog", "-o", str(out), "--quiet"]) == 0
     log, ticks = read_wpilog(out), list(ta.Recording(session))
@@ -339,3 +344,26 @@ def test_a_session_that_was_exported_is_read_with_its_poses(session: Path, tmp_p
     assert log["/pose/translation/x"].before(at_s) == ticks[-1].estimate.distance_m is not None
     assert log["/pose/translation/y"].before(at_s) == 0.0 and log["DS:enabled"].before(at_s) == ticks[-1].memory.armed
     assert log["/estimate/hood_deg"].unit == "deg" and "systemTime" not in log
+    assert main(["import", "wpilog", str(out), "--guess", "--rig", str(rig), "-o", str(tmp_path / "found"),
+                 "--quiet"]) == 0
+    same(ta.load_dataset(tmp_path / "found"), recorded)
+    assert load_map(tmp_path / "found" / "shots.toml") == structs.replace(load_map("truearc"), about="")
+
+
+def test_progress_names_each_log(log: Path, rig: Path, tmp_path: Path) -> None:
+    shutil.copy(log, tmp_path / "tuesday.wpilog")
+    said: list[tuple[float, str]] = []
+    ta.import_shots([log, tmp_path / "tuesday.wpilog"], rig=rig, shot_map=guess(log, ta.load_rig(rig)).map,
+                    progress=lambda done, note: said.append((done, note)))
+    assert said == [(0.0, "monday.wpilog"), (0.5, "tuesday.wpilog")]
+
+
+def test_json_has_its_parts_and_what_is_none_is_a_text(tmp_path: Path) -> None:
+    with (tmp_path / "a.wpilog").open("wb") as file:
+        log = WpilogWriter(file, "")
+        number = log.start("/J", "json", "", 0)
+        for t_us, text in enumerate(('{"a": {"b": [1, true, null, "x"]}}', "{", '{"a": {"b": [2]}}')):
+            log.append(number, t_us, text.encode())
+    found = read_wpilog(tmp_path / "a.wpilog")
+    assert set(found) == {"/J", "/J/a/b/0", "/J/a/b/1", "/J/a/b/3"} and len(found["/J"].values) == 3
+    assert list(found["/J/a/b/0"].values) == [1.0, 2.0] and found["/J/a/b/3"].values == ("x",)

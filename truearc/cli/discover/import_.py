@@ -4,11 +4,11 @@ import argparse
 from pathlib import Path
 
 import truearc as ta
+from truearc.cli.common import make_progress
 from truearc.cli.outputs import DATASET, OutFolder
 from truearc.sim.data.importers.registry import load_importers
 
 EXAMPLE = "truearc import wpilog monday.wpilog --guess --rig rig.toml -o data/monday"
-PROGRESS = False
 MAP = "shots.toml"
 
 
@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         "texts in the column (ball_quality=new), to compare parts with each other")
     how = parser.add_mutually_exclusive_group()
     how.add_argument("--map", metavar="MAP", help="wpilog, csv: which keys say what: a shots.toml, or one that comes "
-                     "with truearc: advantagekit, wpilib, viking-2928, ftc-csv, tracker, kinovea")
+                     "with truearc: advantagekit, wpilib, truearc, viking-2928, ftc-csv, tracker, kinovea")
     how.add_argument("--guess", action="store_true", help="propose that map from the first log's entry names, write it "
                      f"to DIR/{MAP}, and import by it")
     parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="wpilog, csv: ball, wheels and target (truearc "
@@ -67,11 +67,13 @@ def _by_map(args: argparse.Namespace) -> "tuple[ta.Dataset, str]":
         raise ta.InputError(f"{args.source}: --rig RIG.toml is needed: a log does not say what ball, wheels and target "
                             "there are; `truearc init DIR` makes one to fill in")
     if args.map:
-        return ta.import_shots(args.files, rig=args.rig, shot_map=args.map, name=args.out.name), ""
+        return ta.import_shots(args.files, rig=args.rig, shot_map=args.map, name=args.out.name,
+                               progress=make_progress("import", args.quiet)), ""
     if not args.guess:
         raise ta.InputError(f"{args.source}: --map MAP is needed, or --guess, which proposes one")
-    guessed = guess(args.files[0], ta.load_rig(args.rig))
+    guessed = guess(args.files[0], ta.load_rig(args.rig), make_progress("guess", args.quiet))
     print("guessed from the names, units and numbers of the log; make sure of it:")
     for line in guessed.lines:
         print(f"  {line}")
-    return ta.import_shots(args.files, rig=args.rig, shot_map=guessed.map, name=args.out.name), guessed.to_toml()
+    return ta.import_shots(args.files, rig=args.rig, shot_map=guessed.map, name=args.out.name,
+                           progress=make_progress("import", args.quiet)), guessed.to_toml()
