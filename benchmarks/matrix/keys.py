@@ -53,7 +53,8 @@ VISION = {FRONT: Nt4Vision("photonvision", "front", 0.05), LIMELIGHT: Nt4Vision(
 DRIVEN = {"/Drive/Speeds/0": 0.0, "/Drive/Speeds/1": 0.0, HEADING: 0.0, ALIVE: 1.0}
 EXACT = ("hasTarget", "latencyMillis", "/tv", "/tid")          # without noise
 NOISE = {"/Shooter/RPM": 2.0, "/Battery": 0.02}
-JUMP = 2.0                            # times as large, or m/s more, is a value that jumps
+JUMP = 1.5                            # times as large, or m/s or rad more, is a value that jumps
+JUMPS = {"/Battery": 0.5}             # no battery has 1.5 times as much
 
 
 class Agrees:
@@ -95,7 +96,7 @@ class Robot:
                 return Reading(self._begin_ns, value)
             case "jumps":
                 off = now_ns // 100_000_000 % 2
-                return Reading(well.t_ns, well.value * JUMP if off and value else well.value + JUMP * off)
+                return Reading(well.t_ns, value * JUMPS.get(key, JUMP) if off and value else well.value + JUMP * off)
             case "impossible":                    # of an angle: the same place
                 return Reading(well.t_ns, well.value - 3600.0)
             case "not a number":
