@@ -13,7 +13,7 @@ from truearc_proof.rounds.round_layout import Room
 from truearc_proof.worlds.sampling_plan import MUJOCO, NUMPY
 
 pytestmark = pytest.mark.slow
-ARGUMENTS = ["--worlds", "6", "--level", "L1", "--shots", "24", "--seed", "68", "--follow-up", "--processes", "1"]
+ARGUMENTS = ["--worlds", "4", "--level", "L1", "--shots", "24", "--seed", "26", "--follow-up", "--processes", "1"]
 
 
 @pytest.fixture(scope="module")
@@ -27,12 +27,12 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> Room:
 def test_every_world_of_either_engine_is_sealed_before_and_opened_after_it_is_claimed(played: Room) -> None:
     entries = read_ledger(played.ledger)
     order = {step: [one.number for one in entries if one.what == step] for step in ("sealed", "claimed", "opened")}
-    assert [len(numbers) for numbers in order.values()] == [7, 6, 6]        # MuJoCo's home is sealed, too
+    assert [len(numbers) for numbers in order.values()] == [5, 4, 4]        # MuJoCo's home is sealed, too
     assert max(order["sealed"]) < min(order["claimed"]) and max(order["claimed"]) < min(order["opened"])
     marks = [one.first for one in graded_of(played)]
     assert {one.engine for one in marks} == {NUMPY, MUJOCO}
     assert {(one.engine, one.kind) for one in marks} == {
-        (NUMPY, "off"), (NUMPY, "one"), (NUMPY, "two"), (NUMPY, "dirty"), (MUJOCO, "one"), (MUJOCO, "clean")}
+        (NUMPY, "off"), (NUMPY, "dirty"), (MUJOCO, "one"), (MUJOCO, "clean")}
 
 
 def test_marks_follow_from_claims_and_seals(played: Room) -> None:
