@@ -17,7 +17,7 @@ import truearc as ta
 from tests.sim.data import stranger_log
 from tests.sim.data.stranger_log import write_stranger_log
 from truearc.cli.main import main
-from truearc.robot.advice.advice_io import _Scaled
+from truearc.robot.advice.advice_io import Scaled
 from truearc.robot.config.shot_map import as_signal, load_map, ready_maps
 from truearc.robot.recording.export.wpilog import WpilogWriter, make_payload
 from truearc.robot.recording.session import load_trials
@@ -28,6 +28,7 @@ from truearc.sim.data.importers.series import Series, read_csv_log, read_wpilog
 pytest.importorskip("wpiutil")
 COMPARED = ("distance_m", "hood_deg", "motor_ratio", "battery_v", "t_s", "since_last_shot_s")
 TRIALS = 24
+FREE_RAD_S = 594.0
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +99,7 @@ def test_a_guessed_map_states_the_units_that_only_the_logs_metadata_do(session: 
                  str(tmp_path / "found")]) == 0
     same(ta.load_dataset(tmp_path / "found"), recorded)
     shot_map = load_map(tmp_path / "found" / "shots.toml")
-    read = {column: _Scaled(column, as_signal(said)).value(raw) for column, said, raw in
+    read = {column: Scaled(column, as_signal(said), FREE_RAD_S).value(raw) for column, said, raw in
             [(column, shot_map.columns[column], raw) for column, raw in
              (("distance_m", 10.0), ("hood_deg", math.pi / 4.0), ("motor_rad_s", 2400.0), ("battery_v", 12.0))]}
     assert read == pytest.approx({"distance_m": 3.048, "hood_deg": 45.0, "motor_rad_s": 80.0 * math.pi,
