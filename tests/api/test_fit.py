@@ -11,7 +11,7 @@ TERMS = ("drag", "magnus", "exit_efficiency")
 
 @pytest.fixture(scope="module")
 def week():
-    return make_dataset(11, 60, side=True)
+    return make_dataset(11, 32, side=True)
 
 
 @pytest.mark.slow
@@ -21,7 +21,7 @@ def test_fit_equals_what_the_command_prints_and_writes(week, tmp_path, capsys) -
     assert main(["fit", str(tmp_path / "d"), "--terms", ",".join(TERMS), "-o", str(out),
                  "--quiet"]) == 0
     fit = ta.fit(ta.load_dataset(tmp_path / "d"), [one for one in ta.catalogue() if one.name in TERMS])
-    assert capsys.readouterr().out == f"{fit}\n" and fit._repr_html_().startswith("<pre>fitted to 60")
+    assert capsys.readouterr().out == f"{fit}\n" and fit._repr_html_().startswith("<pre>fitted to 32")
     fit.belief.save(tmp_path / "own.toml")
     assert out.read_bytes() == (tmp_path / "own.toml").read_bytes()
     table = fit.table().to_dict()
@@ -35,8 +35,8 @@ def test_fit_equals_what_the_command_prints_and_writes(week, tmp_path, capsys) -
 def test_grid_equals_what_the_command_prints_and_writes(week, tmp_path, capsys) -> None:
     ta.save_dataset(tmp_path / "d", week)
     out = tmp_path / "coefficients.toml"
-    assert main(["paper", "fit", str(tmp_path / "d"), "--step", "0.1", "-o", str(out), "--quiet"]) == 0
-    grid = ta.fit(ta.load_dataset(tmp_path / "d"), method="grid", step=0.1)
+    assert main(["paper", "fit", str(tmp_path / "d"), "--step", "0.2", "-o", str(out), "--quiet"]) == 0
+    grid = ta.fit(ta.load_dataset(tmp_path / "d"), method="grid", step=0.2)
     assert capsys.readouterr().out == f"{grid}\n"
     grid.belief.save(tmp_path / "own.toml")
     assert out.read_bytes() == (tmp_path / "own.toml").read_bytes()

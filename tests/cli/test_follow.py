@@ -1,9 +1,12 @@
 """`truearc follow`: shots as they come, an alarm where something changed, and a proposal that changes nothing."""
 
 import hashlib
-from contextlib import nullcontext
+from contextlib import nullcontext, redirect_stdout
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
+from typing import NamedTuple
+from unittest.mock import patch
 
 import msgspec
 import numpy as np
@@ -27,12 +30,21 @@ from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.finding import Adoption
 from truearc.sim.discover.investigate import discover
 from truearc.sim.discover.proposal import AimProposal, BeliefFile
+from truearc.sim.progress import Progress
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
 
 pytestmark = pytest.mark.slow
 BEFORE, AFTER = 30, 40
 HOME = make_world({}, "L1", 200, 21, side=True)
+
+
+class Proposed(NamedTuple):
+    """The folder of shots, belief and out/, what was printed, and the finding."""
+
+    folder: Path
+    said: str
+    finding: ta.Finding
 
 
 def session(seed: int, shots: int, effects: dict[str, float], name: str) -> ta.Dataset:
@@ -62,8 +74,25 @@ def found(changed: ta.Dataset, belief: ta.Belief) -> "ta.Following":
 
 
 @pytest.fixture(scope="module")
-def named(found: "ta.Following") -> ta.Finding:
-    return found.find()
+def proposed(changed: ta.Dataset, belief: ta.Belief, tmp_path_factory: pytest.TempPathFactory) -> "Proposed":
+    """What the command says, writes and finds, once for all tests."""
+    folder, finds, find = tmp_path_factory.mktemp("proposed"), [], ta.Following.find
+    ta.save_dataset(folder / "event", changed)
+    belief.save(folder / "home.toml")
+
+    def find_and_keep(following: "ta.Following", progress: Progress) -> ta.Finding:
+        finds.append(find(following, progress))
+        return finds[-1]
+
+    with patch.object(ta.Following, "find", find_and_keep), redirect_stdout(StringIO()) as said:
+        assert main(["follow", str(folder / "event"), "--belief", str(folder / "home.toml"), "--once", "--quiet",
+                     "--distances", "3,4,5", "--out", str(folder / "out")]) == 0
+    return Proposed(folder, said.getvalue(), finds[0])
+
+
+@pytest.fixture(scope="module")
+def named(proposed: "Proposed") -> ta.Finding:
+    return proposed.finding
 
 
 def test_follow_finds_since_when(found: "ta.Following") -> None:
@@ -91,19 +120,16 @@ def test_follow_says_no_change_of_the_same_launcher(belief: ta.Belief, tmp_path:
     assert not (tmp_path / "out").exists()
 
 
-def test_follow_proposes_a_belief_and_its_aim(changed: ta.Dataset, belief: ta.Belief, tmp_path: Path,
-                                              capsys: pytest.CaptureFixture[str]) -> None:
-    ta.save_dataset(tmp_path / "event", changed)
+def test_follow_proposes_a_belief_and_its_aim(proposed: "Proposed", changed: ta.Dataset, belief: ta.Belief,
+                                              tmp_path: Path) -> None:
     belief.save(tmp_path / "home.toml")
-    old = (tmp_path / "home.toml").read_bytes()
-    assert main(["follow", str(tmp_path / "event"), "--belief", str(tmp_path / "home.toml"), "--once", "--quiet",
-                 "--distances", "3,4,5", "--out", str(tmp_path / "out")]) == 0
-    assert "; accept?" in capsys.readouterr().out
-    made = msgspec.json.decode((tmp_path / "out" / "proposal.json").read_bytes(), type=AimProposal)
-    new = (tmp_path / "out" / made.after.file).read_bytes()
+    old, out = (tmp_path / "home.toml").read_bytes(), proposed.folder / "out"
+    assert "; accept?" in proposed.said
+    made = msgspec.json.decode((out / "proposal.json").read_bytes(), type=AimProposal)
+    new = (out / made.after.file).read_bytes()
     assert [one.sha256 for one in (made.before, made.after)] == [hashlib.sha256(one).hexdigest() for one in (old, new)]
-    assert (tmp_path / "home.toml").read_bytes() == old and len(made.id) == 16 and made.t is not None
-    adopted = ta.load_belief(tmp_path / "out" / "belief.toml")
+    assert (proposed.folder / "home.toml").read_bytes() == old and len(made.id) == 16 and made.t is not None
+    adopted = ta.load_belief(out / "belief.toml")
     assert adopted.provenance["adopted"] and made.effects[0].low90 < made.effects[0].value < made.effects[0].high90
     tables = [ta.aim(one, changed.rig, distances_m=[4.0], hood_deg=(45.0, 60.0)).rows[0] for one in (belief, adopted)]
     assert tables[1].points > 0.3 and [row.distance_m for row in made.rows] == [3.0, 4.0, 5.0]
@@ -124,7 +150,7 @@ def test_follow_sends_the_aim_file_to_the_robot_that_offers_it(
     ta.save_dataset(tmp_path / "event", changed)
     belief.save(tmp_path / "home.toml")
     asked = ["follow", str(tmp_path / "event"), "--belief", str(tmp_path / "home.toml"), "--once", "--quiet",
-             "--distances", "4:4.5:0.25", "--force", "--out", str(tmp_path / "out"), "--send", page.url, "--token"]
+             "--distances", "4:4.25:0.25", "--force", "--out", str(tmp_path / "out"), "--send", page.url, "--token"]
     try:
         (tmp_path / "wrong").write_text("wrong")
         assert main([*asked, str(tmp_path / "wrong")]) == 0
