@@ -18,7 +18,7 @@ FACTS = CONFIG.rig
 TRUTH = {"drag": {"cd": 0.5}, "magnus": {"cl": 0.05}}
 EFFICIENCY, SCATTER, REPEATS = 0.75, 0.004, 10
 SMALL = Settings(base_seed=5, draws=2, configurations=30, transfer=12, repeats=REPEATS, pool_each=14, launched=36,
-                 sizes=(0, 90), best_size=90, weights=(0.01, 1.0), grid_step=0.1, steps=1500, patience=750)
+                 sizes=(0, 90), best_size=90, weights=(0.01, 1.0), grid_step=0.1, steps=500, patience=250)
 
 
 def shoot(shots: Shots, rng: np.random.Generator) -> np.ndarray:
