@@ -8,6 +8,7 @@ import pytest
 
 from tests.proof.forging import enter_otherwise, leave_world_out, make_mark_kinder
 from truearc.cli.main import main
+from truearc.robot.config.schema import InputError
 from truearc_proof.rounds.archive import check_round, pack, unpack
 from truearc_proof.rounds.commitment import canonical, load_seal, save_seal
 from truearc_proof.rounds.grader import graded_of
@@ -42,6 +43,11 @@ def test_the_same_data_are_made_again_from_the_seals_alone(packed: Path, tmp_pat
     assert "3 worlds were sealed, 3 marked" in said and "3 worlds made again" in said
     assert "at most 0 (strength), 0 (error), 0 (oracle_gain), 0 (off_m), 0 (allowed), 0 (random)." in said
     assert main(words) == 2 and "is there already" in capsys.readouterr().err
+
+
+def test_a_round_that_is_not_marked_is_not_packed(played: Room, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="w0001, w0002, w0003: not marked yet"):
+        pack(played, tmp_path / "early.tar.xz")
 
 
 def test_packing_twice_gives_the_same_file(room: Room, packed: Path, tmp_path: Path) -> None:
