@@ -19,7 +19,8 @@ HEAVY = {"numpy", "jax", "scipy", "mujoco", "cv2", "cantools", "pandas", "polars
          "onnxruntime", "numba", "msgspec"}
 UNWANTED = {"jax", "scipy", "mujoco", "cv2", "cantools"}
 SHOTS = Path(__file__).parents[2] / "examples" / "spreadsheet"
-APART = {("demo_effects.py", "world.options"),   # the demo plays a world, too
+APART = {("demo_effects.py", "world.options"),   # the demo plays a world, too, and its page has the hash of the shots
+         ("demo.py", "data.load"),
          *(("demo_acts.py", module) for module in ("aim.solve", "data.dataset", "discover.adopt", "world.options",
                                                    "world.season"))}
 REFERENCE = Path(__file__).parents[1] / "golden" / "reference"
