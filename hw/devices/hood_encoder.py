@@ -61,6 +61,7 @@ class EncoderFamily(Struct, Generic[Table], frozen=True, kw_only=True, eq=False)
     make: what reads it on the robot.
     make_rules: frames of it, and how often within WINDOW_NS one may be sent that each tick sends once.
     questions: what the doctor asks; no answer may need a change of the device.
+    errors: why a reading with these `faults` (of AngleReading) is not to be believed, about a "motor".
     examine: the doctor's findings from what was heard.
     make_node: the emulated device, given those of the motors by name; None where one of them has it on board.
     make_off_bus: for one that is not on the bus, what reads it on the emulated robot. It is not replayed from frames.
@@ -75,4 +76,5 @@ class EncoderFamily(Struct, Generic[Table], frozen=True, kw_only=True, eq=False)
     questions: Callable[[Table], Sequence[Frame]]
     examine: Callable[[Table, Around, Heard], Iterable[Finding]]
     make_node: Callable[[Table, Plant, Mapping[str, Node]], Node | None]
+    errors: Callable[[Table, int], Sequence[Reason]] = lambda table, faults: ()
     make_off_bus: Callable[[Table, Plant], Encoder] | None = None

@@ -108,4 +108,4 @@ def make_node(table: MotorEncoderConfig, plant: Plant, nodes: Mapping[str, Node]
 MOTOR = EncoderFamily(
     driver="motor", table=MotorEncoderConfig, example=MotorEncoderConfig(OdriveConfig(6, 1, 0), 1.0),
     least_sigma_deg=SIGMA_DEG, make=lambda table, around: MotorEncoder(table), make_rules=make_rules,
-    questions=questions, examine=examine, make_node=make_node)
+    questions=questions, errors=errors_of, examine=examine, make_node=make_node)

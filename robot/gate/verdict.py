@@ -8,7 +8,6 @@ import math
 from msgspec import UNSET, UnsetType
 
 from truearc.hw.devices.axis import Axis
-from truearc.hw.devices.motor_encoder import MotorEncoderConfig, errors_of
 from truearc.hw.devices.registry import family_of
 from truearc.hw.protocols import AngleReading, MotorReading
 from truearc.hw.reason import Reason
@@ -17,6 +16,7 @@ from truearc.robot.aim import BEYOND, NO_FILE, as_at_rest, is_moving, is_planned
 from truearc.robot.config.schema import Config, GateConfig
 from truearc.robot.gate.contract import FEATURES, NOVELTY_LIMIT
 from truearc.robot.gate.model import Gate, Rating
+from truearc.robot.hood_encoders import encoder_family_of
 from truearc.robot.motors import name_axes
 from truearc.robot.types import Aim, Estimate, Inputs, Memory, Verdict
 
@@ -72,8 +72,7 @@ def _encoder(angle: AngleReading | None, t_ns: int, config: Config) -> list[Reas
         return [because.DEVICE_STALE(device=ENCODER, age_s=(t_ns - angle.t_ns) * NS)]
     if missing := _no_fault_report(ENCODER, angle.faults_t_ns, t_ns, HEARTBEAT_S):
         return [missing]
-    table = config.hood_encoder
-    if isinstance(table, MotorEncoderConfig) and (errors := errors_of(table, angle.faults)):
+    if errors := tuple(encoder_family_of(config.hood_encoder).errors(config.hood_encoder, angle.faults)):
         return [because.MOTOR_ERROR(motor=ENCODER, errors=errors)]
     return [] if angle.magnet_ok else [because.MAGNET_LOST()]
 

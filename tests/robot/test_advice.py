@@ -1,11 +1,11 @@
 """Advice from keys: FIRE where all is well, never where a key freezes, jumps or disappears; recorded and replayed."""
 
 import math
-import socket
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 from msgspec.structs import replace
@@ -289,17 +289,12 @@ def test_set_points_are_where_the_launcher_is_without_an_aim_file() -> None:
     assert tick.aim.hood_deg == pytest.approx(51.737, rel=1e-3) and tick.aim.source == POLICY
 
 
-def test_a_gamepads_buttons_and_a_toggle_are_read_from_a_real_server() -> None:
-    ntcore = pytest.importorskip("ntcore")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    server = ntcore.NetworkTableInstance.create()
-    server.startServer("", "127.0.0.1", 0, port)
+def test_a_gamepads_buttons_and_a_toggle_are_read_from_a_real_server(nt_server: tuple[Any, str]) -> None:
+    server, address = nt_server
     pad = server.getIntegerTopic("/AdvantageKit/DriverStation/Joystick1/ButtonValues").publish()
     toggle = server.getBooleanTopic("/SmartDashboard/Scored").publish()
     buttons = ["/DriverStation/Joystick1/ButtonValues/0", "/DriverStation/Joystick1/ButtonValues/2"]
-    keys = NtKeys(f"127.0.0.1:{port}", [*buttons, "/SmartDashboard/Scored"])
+    keys = NtKeys(address, [*buttons, "/SmartDashboard/Scored"])
     facts = replace(MAP, outcome=OutcomeKeys(buttons={buttons[0]: "three", buttons[1]: "miss-low",
                                                       "/SmartDashboard/Scored": "two"}))
     clock = Clock()
@@ -320,6 +315,5 @@ def test_a_gamepads_buttons_and_a_toggle_are_read_from_a_real_server() -> None:
         pressed += [event.button for event in inputs.buttons]
     stamps = {keys.read(time.monotonic_ns())["/SmartDashboard/Scored"].t_ns for _ in range(2000)}
     keys.close()
-    server.stopServer()
     assert pressed == ["miss-low", "three", "two"]
     assert len(stamps) == 1           # a stamp that wanders would make an old mark a new one

@@ -1,11 +1,11 @@
 """PhotonVision and Limelight over NetworkTables: distance by geometry of its own, latency, sigma, every trouble."""
 
 import math
-import socket
 import struct
 import time
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as some
 from msgspec.structs import replace
 
+from tests.robot.nt_server import Table
 from tests.robot.test_advice import GATE, HZ, MAP, NS, Clock, Robot
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
@@ -65,16 +66,6 @@ def keys(kind: str, place: list[float], t_ns: int = NOW_NS, **other: float) -> d
                   "tid": 7.0}
     values |= {f"{pose}/{axis}": value for axis, value in enumerate(place)} | other
     return {f"{table}/{name}": Reading(t_ns, value) for name, value in values.items()}
-
-
-class Table:
-    def __init__(self, found: Mapping[str, Reading]) -> None:
-        self.found, self.connected = found, True
-
-    def read(self, now_ns: int) -> Mapping[str, Reading]:
-        return self.found
-
-    def publish(self, values: object) -> None: ...
 
 
 def look(kind: str, found: Mapping[str, Reading], **facts: float) -> Sighting | None:
@@ -231,18 +222,13 @@ def test_no_advice_to_fire_by_a_camera_in_trouble(kind: str, trouble: str, patie
     assert "FIRE" in verdicts[:2 * HZ] and "FIRE" not in verdicts[round((2.0 + patience_s) * HZ) + 1:]
 
 
-def test_a_struct_on_a_real_server_reaches_the_control_process() -> None:
-    ntcore = pytest.importorskip("ntcore")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    server = ntcore.NetworkTableInstance.create()
-    server.startServer("", "127.0.0.1", 0, port)
+def test_a_struct_on_a_real_server_reaches_the_control_process(nt_server: tuple[Any, str]) -> None:
+    server, address = nt_server
     table = server.getTable("photonvision/front")
     pose = table.getRawTopic("targetPose").publish("struct:Transform3d")
     numbers = {name: table.getDoubleTopic(name).publish() for name in ("latencyMillis",)}
     alive, seen = table.getIntegerTopic("heartbeat").publish(), table.getBooleanTopic("hasTarget").publish()
-    facts = replace(config("photonvision"), nt4=Nt4(f"127.0.0.1:{port}", Nt4Vision("photonvision", "front", 0.03)))
+    facts = replace(config("photonvision"), nt4=Nt4(address, Nt4Vision("photonvision", "front", 0.03)))
 
     class Ticking:
         def now_ns(self) -> int:
@@ -275,7 +261,6 @@ def test_a_struct_on_a_real_server_reaches_the_control_process() -> None:
 
     relay(camera, Slots(memory, room), clock, is_over)
     camera.close()
-    server.stopServer()
     assert len(told) >= 3 and told[-1].found and told[-1].distance_m == pytest.approx(3.0 + BEHIND_M, abs=1e-3)
     assert LATENCY_S <= (time.monotonic_ns() - told[-1].t_ns) / NS < LATENCY_S + 1.0
 

@@ -1,7 +1,6 @@
 """The hood's angle from NetworkTables: what the key may say, what it may not, and a real server."""
 
 import math
-import socket
 import time
 
 import pytest
@@ -10,6 +9,7 @@ from msgspec.structs import replace
 from tests.robot.alike import codes
 from tests.robot.encoders import NT4
 from tests.robot.good_tick import NOW_NS, good_inputs, good_memory
+from tests.robot.nt_server import free_port
 from truearc.hw.devices.hood_encoder import Around
 from truearc.hw.finding import FAILURE, OK
 from truearc.robot import reasons as because
@@ -67,9 +67,7 @@ def test_a_key_that_freezes_or_jumps_is_a_hold(age_s: float, off_deg: float, cod
 
 def test_a_real_server_is_read_without_waiting_and_the_doctor_sees_what_it_publishes() -> None:
     ntcore = pytest.importorskip("ntcore")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_port()
     table, around = TABLE, Around(0.1, f"127.0.0.1:{port}")
     finding, = examine(table, around, None)       # no server yet
     assert finding.level == FAILURE and "no connection" in finding.says

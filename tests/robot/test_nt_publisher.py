@@ -1,10 +1,10 @@
 """Ticks of a launcher of ours as topics: on a real NetworkTables server, and without one."""
 
-import socket
 import time
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 from msgspec.structs import replace
@@ -80,16 +80,12 @@ def test_the_age_is_that_at_sending() -> None:
     assert isinstance(own, float) and late == pytest.approx(own + 0.25)
 
 
-def test_topics_reach_a_server_and_go_with_the_robot(capsys: pytest.CaptureFixture[str]) -> None:
-    ntcore = pytest.importorskip("ntcore")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    server = ntcore.NetworkTableInstance.create()
-    server.startServer("", "127.0.0.1", 0, port)
+def test_topics_reach_a_server_and_go_with_the_robot(nt_server: tuple[Any, str],
+                                                     capsys: pytest.CaptureFixture[str]) -> None:
+    server, address = nt_server
     verdict = server.getStringTopic("/truearc/verdict").subscribe("none")
     novelty = server.getDoubleTopic("/truearc/novelty").subscribe(-1.0)
-    config = replace(CONFIG, nt4=Nt4(f"127.0.0.1:{port}"))
+    config = replace(CONFIG, nt4=Nt4(address))
     screen = open_screens((partial(open_publisher, config, GATE, False),), MonotonicClock())
     assert screen is not None
     try:
@@ -106,7 +102,6 @@ def test_topics_reach_a_server_and_go_with_the_robot(capsys: pytest.CaptureFixtu
         screen.close()
     assert "connected" in capsys.readouterr().err
     wait_until(lambda: not verdict.exists())      # a robot that has gone publishes nothing
-    server.stopServer()
 
 
 def test_a_server_that_is_not_there_is_said_once(monkeypatch: pytest.MonkeyPatch,

@@ -1,10 +1,9 @@
 """The robot's velocity: by its key into the robot's axes, none in doubt, through another process's memory."""
 
 import math
-import socket
 import struct
 import time
-from collections.abc import Mapping
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -13,6 +12,7 @@ from msgspec import UNSET
 from msgspec.structs import replace
 
 from tests.robot.good_tick import good_inputs
+from tests.robot.nt_server import Table
 from tests.robot.test_advice import NS, Clock
 from truearc.cli.common import SHIPPED
 from truearc.hw.real.clock import MonotonicClock
@@ -34,16 +34,6 @@ speeds = some.floats(-6.0, 6.0)
 
 def config(velocity: Nt4Velocity, server: str = "254") -> Config:
     return replace(SHIPPED_CONFIG, nt4=Nt4(server, velocity=velocity))
-
-
-class Table:
-    def __init__(self, found: Mapping[str, Reading]) -> None:
-        self.found, self.connected = found, True
-
-    def read(self, now_ns: int) -> Mapping[str, Reading]:
-        return self.found
-
-    def publish(self, values: object) -> None: ...
 
 
 def keys(forward: float, left: float, t_ns: int = NOW_NS, **other: float) -> dict[str, Reading]:
@@ -144,15 +134,10 @@ def test_the_newest_velocity_reaches_the_inputs_and_none_leaves_none() -> None:
     assert rig.read() is None
 
 
-def test_chassis_speeds_on_a_real_server_are_read() -> None:
-    ntcore = pytest.importorskip("ntcore")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    server = ntcore.NetworkTableInstance.create()
-    server.startServer("", "127.0.0.1", 0, port)
+def test_chassis_speeds_on_a_real_server_are_read(nt_server: tuple[Any, str]) -> None:
+    server, address = nt_server
     chassis = server.getRawTopic("/Drive/Speeds").publish("struct:ChassisSpeeds")
-    velocity = OwnNtVelocity(config(ROBOT, f"127.0.0.1:{port}"), MonotonicClock())
+    velocity = OwnNtVelocity(config(ROBOT, address), MonotonicClock())
     began, read = time.monotonic(), None
     while read is None and time.monotonic() - began < 10.0:
         chassis.set(struct.pack("<3d", 1.5, -0.25, 0.1 * time.monotonic()))
@@ -160,6 +145,5 @@ def test_chassis_speeds_on_a_real_server_are_read() -> None:
         time.sleep(0.01)
         read = velocity.read()
     velocity.close()
-    server.stopServer()
     assert read is not None and (read.forward_m_s, read.left_m_s) == (1.5, -0.25)
     assert abs(read.t_ns - time.monotonic_ns()) < 1e9

@@ -1,10 +1,10 @@
 """The doctor on NetworkTables: server, keys, clocks, calibration; on a real server and on hand-made answers."""
 
 import math
-import socket
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from msgspec.structs import replace
@@ -110,14 +110,9 @@ def test_whether_the_camera_is_calibrated_for_tags() -> None:
 
 
 @pytest.fixture
-def robot() -> Iterator[str]:
+def robot(nt_server: tuple[Any, str]) -> Iterator[str]:
     """A server whose hood stands still and which has no battery."""
-    ntcore = pytest.importorskip("ntcore")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    server = ntcore.NetworkTableInstance.create()
-    server.startServer("", "127.0.0.1", 0, port)
+    server, address = nt_server
     distance, hood, wheel = (server.getDoubleTopic(key).publish() for key in ("/Vision/Distance", "/Hood/Angle",
                                                                               "/Shooter/RPM"))
     server.getIntegerTopic("/DriverStation/Joystick1/ButtonValues").publish().set(0)
@@ -134,10 +129,9 @@ def robot() -> Iterator[str]:
 
     thread = threading.Thread(target=publish)
     thread.start()
-    yield f"127.0.0.1:{port}"
+    yield address
     over.set()
     thread.join()
-    server.stopServer()
 
 
 def test_the_keys_of_a_map_on_a_real_server(robot: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -89,9 +89,9 @@ class ThreeProcesses:
         wires.callback(self.vision.close, CLOSE_S)
         self._velocity: FarVelocity | None = None
         if config.nt4 is not None and config.nt4.velocity is not None:
-            told = make_shared(VELOCITY_ROOM.bytes)
-            self._velocity = FarVelocity(Slots(told, VELOCITY_ROOM))
-            driven = Child("velocity", drive, (config, told), restarts=True, mortal=True)
+            shared = make_shared(VELOCITY_ROOM.bytes)
+            self._velocity = FarVelocity(Slots(shared, VELOCITY_ROOM))
+            driven = Child("velocity", drive, (config, shared), restarts=True, mortal=True)
             wires.callback(driven.close, CLOSE_S)
         self.recorder = RecorderProcess(wires, open_screen)
 
