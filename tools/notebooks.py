@@ -23,6 +23,7 @@ def execute(book: nbformat.NotebookNode, folder: Path) -> None:
         kernel = AsyncKernelManager(kernel_name="python3", transport="ipc", ip=f"{place}/kernel")
         client = NotebookClient(book, km=kernel, timeout=PATIENCE_S, startup_timeout=PATIENCE_S, record_timing=False,
                                 resources={"metadata": {"path": str(folder)}})
+        client.owns_km = True                         # so that it ends the kernel, which else lives on
         client.execute(env={**os.environ, "PATH": path})
 
 
