@@ -16,8 +16,8 @@ from truearc.robot.config.whole_file import save_whole, whole_file
 
 SHOTS = Path(__file__).parents[2] / "examples" / "spreadsheet"
 # sessions, rounds, a check; a map that is an input
-OWN_RULE = {**{name: {"--out"} for name in ("run", "emulate", "sysid", "prove", "reproduce", "doctor")},
-            "advise": {"--out", "--map"}, "import": {"--map"}}
+OWN_RULE = {**{name: {"--out"} for name in ("run", "emulate", "sysid", "prove", "reproduce")},
+            "advise": {"--out", "--map"}, "import": {"--map"}, "doctor": {"--out", "--map"}}
 
 
 NAMES = ("-o", "--out", "--json", "--report", "--adopt", "--map", "--picture", "--tied", "--reliability")

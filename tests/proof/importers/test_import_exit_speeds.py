@@ -96,7 +96,7 @@ def test_the_simulations_own_file_says_the_same_as_the_table(tmp_path: Path) -> 
     ("= 46.0", "= 46.0 * np.pi / 180.0", "shooter.py:6: angle_min: '46.0 * np.pi / 180.0' is not a finite number"),
     ("= 0.215", "= -0.215", "shooter.py:7: ball_mass_kg: -0.215 must be above 0"),
     ("R = 0.075", "R = 0.075\nR = 0.08", "shooter.py:5: stands in line 4 already"),
-    ("test_rpm", "rpm", "shooter.py: holds no numbers where they are looked for"),
+    ("test_rpm", "rpm", "shooter.py: holds no numbers where expected"),
 ])
 def test_what_is_wrong_with_it_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str], was: str, becomes: str,
                                         says: str) -> None:

@@ -18,7 +18,6 @@ import truearc
 from truearc.cli.common import SHIPPED, make_progress, number, origin_of, refuse, write_out
 from truearc.cli.outputs import out_file
 from truearc.robot.config.schema import Config, InputError, load_config
-from truearc.robot.recording.session import TELEMETRY
 from truearc.robot.sysid.program import FLYWHEEL, HOOD
 
 if TYPE_CHECKING:
@@ -123,4 +122,5 @@ def _answer(args: argparse.Namespace, source: str, records: "Mapping[str, Record
 
 def _hash(source: Path) -> str:
     """SHA-256 of a table, or of a session's ticks."""
+    from truearc.robot.recording.session import TELEMETRY
     return hashlib.sha256((source / TELEMETRY if source.is_dir() else source).read_bytes()).hexdigest()
