@@ -34,7 +34,7 @@ ROWS = np.arange(80)
 ORDER = Covariate((("t_s", np.linspace(0.0, 100.0, 80)), ("order_in_session", ROWS.astype(float))))
 OTHER = Covariate((("battery_v", np.random.default_rng(9).normal(12.0, 0.3, 80)),))
 SIDE = Factor("supplier", ("north", "south"), ROWS % 2)
-BLUE = np.array([0x1f, 0x5f, 0xa8]) / 255.0
+BLUE, ORANGE = np.array([[0x1f, 0x5f, 0xa8], [0xc2, 0x57, 0x1a]]) / 255.0
 
 
 def drifting() -> Residual:
@@ -163,7 +163,9 @@ def test_bands_along_the_flight_show_what_was_pushed() -> None:
     rows = np.flatnonzero((np.abs(image - BLUE).max(axis=2) < 0.12).any(axis=1))
     assert rows[-1] - rows[0] > 0.4 * image.shape[0]
     two = drawn(flight_png(evidence, evidence, "wind", halves(ORDER, ROWS[:40])))
-    assert two.shape[0] > image.shape[0]
+    panels = two[:, :two.shape[1] // 2], two[:, two.shape[1] // 2:]
+    assert all(share_like(panel, colour) > 1e-4 for panel in panels for colour in (BLUE, ORANGE))
+    assert share_like(image, ORANGE) == 0.0
     assert flight_png(make_linear(np.ones((4, 1, 1)), (term("a"),), np.zeros(0)), None, "", []) is None
 
 
