@@ -90,6 +90,8 @@ class Unknown(Struct, frozen=True):
     amplitude: float                  # over the covariate's range, in `unit`
     unit: str                         # of `amplitude`
     formula: str | None               # a power law where the data show one
+    low90: float | None = None        # lower end of the 90 % interval of `amplitude`, the shape taken as found
+    high90: float | None = None       # upper end
 
 
 class FoundEffect(Struct, frozen=True):

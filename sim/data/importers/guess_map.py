@@ -41,6 +41,7 @@ PLAUSIBLE_RAD_S = (20.0, 3000.0)      # of a wheel that throws, at its fastest
 PULSE_S = 0.2, 2.0                    # a fall sooner after a shot is none of its outcome's; a pulse is shorter
 FALLS = 2                             # of a state, at least
 OWN = "truearc"                       # a map that comes with truearc
+MOST_LISTED = 40                      # signals of a message
 MOST_WORDS = 12                       # different texts of a signal of outcomes
 
 
@@ -71,7 +72,8 @@ def guess_map(log: Log, rig: Rig, name: str) -> Guess:
     """Propose a map for a log.
 
     Raises:
-        InputError: no signal looks like the speed of a wheel, or like a distance, or like a hood's angle.
+        InputError: no signal looks like the speed of a wheel, or like a distance, or like a hood's angle; it lists what
+            was recognised and the signals that there are.
     """
     own = load_map(OWN)
     if all(as_signal(said).key in log for said in own.columns.values()):
@@ -79,6 +81,7 @@ def guess_map(log: Log, rig: Rig, name: str) -> Guess:
     words = {key: _words(key) for key in log}
     moving = {key: series for key, series in log.items() if series.numeric and len(series.t_s) > 1}
     lines: list[str] = []
+    missing: list[str] = []
     columns: dict[str, Signal] = {}
     speed = _best(moving, words, "motor_rad_s", SPIN, SPEED)
     column = _wheel_column(rig)
@@ -86,10 +89,12 @@ def guess_map(log: Log, rig: Rig, name: str) -> Guess:
                         ("hood_deg", _best(moving, words, "hood_deg", {"hood", "pivot", "elevation", "pitch"}, ANGLE)),
                         (column, speed)):
         if key is None:
-            raise InputError(f"{name}: no signal's name, unit and numbers look like {wanted}; write a map by hand: "
-                             "docs/how-to/importing.md")
+            missing.append(wanted)
+            continue
         columns[wanted] = Signal(key, unit=_unit(log[key], own_unit(wanted)))
         lines.append(f"{wanted}: {key}{_unit_note(log[key], wanted)}")
+    if missing:
+        raise InputError(_not_recognised(name, missing, lines, moving))
     if column == MOTOR:
         lines.append("motor_rad_s: taken to be the speed of the motors; where it is that of the wheels, divide by the "
                      "gear: times = 1 / gear")
@@ -105,6 +110,22 @@ def guess_map(log: Log, rig: Rig, name: str) -> Guess:
     lines += [f"set point of the speed: {wanted}",
               f"feeder: {feed or 'none found: every dip of the speed is a shot'}", marked_by]
     return Guess(structs.replace(shot_map, outcome=outcome), tuple(lines))
+
+
+def _not_recognised(name: str, missing: list[str], found: list[str], moving: Log) -> str:
+    """Columns that are missing, those that were recognised, and the signals to choose from, those that change first."""
+    def told(series: Series) -> str:
+        values = np.asarray(series.values, dtype=float)
+        values = values[np.isfinite(values)]
+        return (f"  {series.name}: {values.min():.4g} to {values.max():.4g} {_unit(series, '')}".rstrip()
+                if len(values) else f"  {series.name}: no numbers")
+    steady = {key: len(np.unique(series.values[:2000])) <= 2 for key, series in moving.items()}
+    keys = sorted(moving, key=lambda key: (steady[key], key))
+    more = [f"  and {len(keys) - MOST_LISTED} more"] if len(keys) > MOST_LISTED else []
+    first = (f"{name}: no signal's name, unit and numbers look like {', '.join(missing)}; write a map by hand: "
+             "docs/how-to/importing.md")
+    return "\n".join([first, *(f"recognised: {line}" for line in found), "signals with numbers:",
+                      *(told(moving[key]) for key in keys[:MOST_LISTED]), *more])
 
 
 def _words(key: str) -> list[str]:

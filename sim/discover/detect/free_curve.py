@@ -59,6 +59,20 @@ def curve_of(found: Correction) -> tuple[Float[Array, " n"], Float[Array, " n"]]
     By the information at the fit, the ridge as a prior, shared numbers marginalised. The mean is left out: a shared
     number may stand in for it.
     """
+    basis, fit, covariance = _estimate(found)
+    shape = basis - basis.mean(0)
+    return shape @ fit, np.sqrt(np.maximum(np.einsum("nq,qr,nr->n", shape, covariance, shape), 0.0))
+
+
+def contrast_of(found: Correction, weights: Float[Array, " n"]) -> tuple[float, float]:
+    """(sum over the shots of weights x amplitude, its standard deviation), as fitted to all shots."""
+    basis, fit, covariance = _estimate(found)
+    shape = weights @ basis
+    return float(shape @ fit), float(np.sqrt(max(shape @ covariance @ shape, 0.0)))
+
+
+def _estimate(found: Correction) -> tuple[Basis, Float[Array, " q"], Float[Array, "q q"]]:
+    """(basis, its coefficients, their covariance)."""
     evidence, test = found.evidence, found.test
     basis = _basis(evidence, test)
     whole = np.ones(len(basis), dtype=bool)
@@ -66,9 +80,8 @@ def curve_of(found: Correction) -> tuple[Float[Array, " n"], Float[Array, " n"]]
     fit = _fit(evidence, basis, whole, ridge)
     info = _normal(evidence, basis, whole, _spread(evidence, basis, fit))[1]
     penalty = block_diag(np.diag(_penalty(evidence, basis, whole, ridge)), evidence.precision)
-    q, shape = basis.shape[1], basis - basis.mean(0)
-    covariance = np.linalg.inv(info + penalty + 1e-12 * np.eye(len(info)))[:q, :q]
-    return shape @ fit[:q], np.sqrt(np.maximum(np.einsum("nq,qr,nr->n", shape, covariance, shape), 0.0))
+    q = basis.shape[1]
+    return basis, fit[:q], np.linalg.inv(info + penalty + 1e-12 * np.eye(len(info)))[:q, :q]
 
 
 def unseen(evidence: ScoreTable, basis: Basis) -> tuple[Float[Array, " n"], Float[Array, " q"]]:

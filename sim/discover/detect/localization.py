@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.free_curve import Correction, correct
@@ -164,16 +164,36 @@ def amplitude_of(correction: Correction) -> float:
 
     The same in every shot: its value. Groups: the largest difference between two. Pairs: between any two shots.
     """
+    return float(size_weights(correction) @ correction.amplitude)
+
+
+def size_weights(correction: Correction) -> Float[Array, " n"]:
+    """Weights of the shots' amplitudes in the effect's size."""
     what, amplitude = correction.test.what, correction.amplitude
     if what is None:
-        return float(amplitude.mean())
+        return np.full(len(amplitude), 1.0 / len(amplitude))
+    known = np.ones(len(amplitude), dtype=bool)
     if isinstance(what, Covariate):
         values = what.values[correction.evidence.rows]
         known = np.isfinite(values)
         low, high = np.quantile(values[known], (0.05, 0.95))
-        order = np.argsort(values[known], kind="stable")
-        ends = np.interp((low, high), values[known][order], amplitude[known][order])
-        span = ends[1] - ends[0]
+        span: Array = _read_at(high, values, known) - _read_at(low, values, known)
         # a bend can bring both ends level: then the height of the bend is the size
-        return float(span if abs(span) >= 0.5 * np.ptp(amplitude[known]) else np.ptp(amplitude[known]))
-    return float(np.ptp(amplitude))
+        if abs(span @ amplitude) >= 0.5 * np.ptp(amplitude[known]):
+            return span
+    among, ends = np.flatnonzero(known), np.zeros(len(amplitude))
+    ends[among[amplitude[known].argmax()]] += 1.0
+    ends[among[amplitude[known].argmin()]] -= 1.0
+    return ends
+
+
+def _read_at(at: float, values: Float[Array, " n"], known: Bool[Array, " n"]) -> Float[Array, " n"]:
+    """Weights of the shots when their numbers are interpolated at one value of the covariate."""
+    order = np.flatnonzero(known)[np.argsort(values[known], kind="stable")]
+    above = min(max(int(np.searchsorted(values[order], at, side="right")), 1), len(order) - 1)
+    first, second = order[above - 1], order[above]
+    gap = values[second] - values[first]
+    share = (at - values[first]) / gap if gap > 0.0 else 0.0
+    weights = np.zeros(len(values))
+    weights[first], weights[second] = 1.0 - share, share
+    return weights

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from truearc.sim.data.columns import SPIN_VECTOR
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.detect.test_battery import name_of
 from truearc.sim.discover.plan.detectability import sight_of
@@ -17,6 +18,7 @@ from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.term import Term, WatchTerm
 
 SHOTS = 20
+STAND_IN = "wind_z"                   # rising air pushes as lift does
 FEW = 3                               # measurements proposed at most
 
 
@@ -24,17 +26,31 @@ def next_steps(dataset: Dataset, step: Step, chosen: tuple[str, ...] | None) -> 
     """The configuration among the shots at which the two likeliest names differ most, measurements that settle the
     names that compete (or confirm the only one), and what to note of every shot from now on."""
     if chosen is None:
-        return (*_about_unknown(step), *_sides(dataset))
+        vertical = step.place is not None and step.place.column.direction == "vertical"
+        return (*_spin(dataset, vertical), *_about_unknown(step), *_sides(dataset))
     among = step.fitted.layout.chain.catalogue
     instruments = [term.instrument for name in chosen for term in among.find([name])]
     tracked = dataset.tracks is not None or dataset.times is not None
     wanted = {one.id: one.what for one in instruments if one is not None and not (tracked and one.filmed)}
-    steps: list[dict[str, Any]] = [{"do": "measure", "instrument": name, "what": what}
-                                   for name, what in list(wanted.items())[:FEW]]
+    steps: list[dict[str, Any]] = [*_spin(dataset, STAND_IN in chosen),
+                                   *({"do": "measure", "instrument": name, "what": what}
+                                     for name, what in list(wanted.items())[:FEW])]
     if len(step.naming.chosen) < 2:
         return tuple(steps)
     shot = parting_shot(dataset, step, (step.naming.chosen[0], step.naming.chosen[1]))
     return (*([shot] if shot else []), *steps, *_sides(dataset))
+
+
+def has_spin(dataset: Dataset) -> bool:
+    """Return whether lift can be tested: spin was measured, or there are wheels that give it."""
+    return bool(dataset.rig.launcher.wheel) or any(
+        np.isfinite(dataset.shots.number(name)).any() for name in ("exit_spin_rev_s", *SPIN_VECTOR))
+
+
+def _spin(dataset: Dataset, like_lift: bool) -> tuple[dict[str, Any], ...]:
+    """What looks like lift asks for the spin, where lift could not be tested."""
+    return ({"do": "measure", "record": "exit_spin_rev_s", "what": "the spin of a marked ball as it leaves (column "
+             "exit_spin_rev_s): missing lift would look like this"},) if like_lift and not has_spin(dataset) else ()
 
 
 def blind_terms(evidence: ScoreTable, threshold: float, among: Catalogue) -> list[Term]:

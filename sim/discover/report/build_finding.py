@@ -8,16 +8,16 @@ from jaxtyping import Float
 from msgspec import UNSET, UnsetType
 from msgspec.structs import replace
 
-from truearc.sim.data.columns import SPIN_VECTOR
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover import finding as parts
 from truearc.sim.discover.detect.covariates import Covariate, carried_by, followed_column
-from truearc.sim.discover.detect.localization import Place, amplitude_of, times_of
+from truearc.sim.discover.detect.free_curve import contrast_of
+from truearc.sim.discover.detect.localization import Place, size_weights, times_of
 from truearc.sim.discover.detect.score_test import Judged
 from truearc.sim.discover.detect.test_battery import TERMS, Asked, name_of
 from truearc.sim.discover.detect.tracker_change import NumberChange, can_compare, compare_trackers, rivals_of
 from truearc.sim.discover.finding import FindingRecord, FitSummary, FoundEffect, Named, TestResult, Unknown, Where
-from truearc.sim.discover.plan.recommendations import blind_terms, measure_blind, measure_names, next_steps
+from truearc.sim.discover.plan.recommendations import blind_terms, has_spin, measure_blind, measure_names, next_steps
 from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report.formula import find_formula
 from truearc.sim.discover.select.amplitude_prior import posterior_amplitude
@@ -51,8 +51,7 @@ def untested(dataset: Dataset) -> tuple[str, ...]:
     """Return the kinds of effects that need columns which the dataset lacks."""
     lacks = [] if dataset.shots.timed else [
         "what goes with the order of the shots, such as wear and hood backlash: not every shot has its t_s"]
-    if not dataset.rig.launcher.wheel and not any(
-            np.isfinite(dataset.shots.number(name)).any() for name in ("exit_spin_rev_s", *SPIN_VECTOR)):
+    if not has_spin(dataset):
         lacks.append("lift and what else goes with the ball's spin: no shot has its exit_spin_rev_s, and rising air "
                      "may stand for it")
     return tuple(lacks)
@@ -207,8 +206,10 @@ def _unknown(step: Step, seed: int) -> Unknown | None:
     place = step.place
     if place is None:
         return None
-    return Unknown(name_of(place.test, place.column), place.column.direction, amplitude_of(place.correction),
-                   place.column.unit, find_formula(place.correction, step.fitted, seed))
+    size, sd = contrast_of(place.correction, size_weights(place.correction))
+    reach = wording.NINETY * sd
+    return Unknown(name_of(place.test, place.column), place.column.direction, size, place.column.unit,
+                   find_formula(place.correction, step.fitted, seed), size - reach, size + reach)
 
 
 def _named(step: Step, name: str, probability: dict[str, float]) -> Named:

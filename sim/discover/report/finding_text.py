@@ -20,6 +20,7 @@ STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", 
                "arrival": "at the target"}
 NINETY = 1.6448536269514722
 SHOWN = 6
+EVEN = 0.5                            # probability of both of two names, from which they are said to be there together
 RARE = 0.1                            # p up to which it is stated as one dataset in how many
 WIDE = 2.0                            # standard deviations by which times differ: chance hardly does that to ten
 LEAST_SHOWN = 0.005                   # probability of a name on the console: not 0 %
@@ -35,6 +36,7 @@ def say_named(believed: tuple[str, ...], p_value: float, leading: FoundEffect, a
     """One name, or those that cannot be told apart, with the size and what it gains."""
     what = leading.what
     names = leading.set or (what[0].term,)
+    total = sum(one.probability for one in what if one.term in names)
     members = [one for one in what if one.term in names]
     likeliest = _effect(members[0], among, topspin)
     if len(names) == 1:
@@ -44,8 +46,14 @@ def say_named(believed: tuple[str, ...], p_value: float, leading: FoundEffect, a
         rest = [f"{plain(one.term, among)} ({one.probability:.0%})" for one in listed]
         rest += [f"one of {len(names) - LISTED} others"] if len(names) > LISTED + 1 else []
         stages = list(dict.fromkeys(STAGE_WORDS[one.stage] for one in what if one.term in names))
-        said = (f"{_missing(believed, among)}, {either(stages)}: {either(rest)}. These data cannot tell which of "
-                f"these it is. If it is the first, {likeliest}.")
+        cannot = "These data cannot tell which of these it is."
+        if total > 1.0 + LEAST_SHOWN:
+            cannot += " Two of them may be there together, so that the probabilities add up to more than 100%."
+        both = len(names) == 2 and total > 1.0 + EVEN
+        if both:
+            cannot = "More likely both are there than one, but these data cannot tell how large each is."
+        said = (f"{_missing(believed, among)}, {either(stages)}: {either(rest, 'and' if both else 'or')}. {cannot} "
+                f"If it is the first{' alone' if both else ''}, {likeliest}.")
     unexplained = leading.unexplained
     if isinstance(unexplained, float) and unexplained >= UNSURE:
         said += f" It may also be an effect of no term ({unexplained:.0%})."
@@ -172,6 +180,9 @@ def _looks(unknown: Unknown, place: Place) -> str:
     """How the real shots differ, and along with what."""
     words = place.column.words[unknown.amplitude < 0.0]
     size, name = _size(abs(unknown.amplitude), unknown.unit), in_words(unknown.covariate or "")
+    if unknown.low90 is not None and unknown.high90 is not None:
+        ends = (unknown.low90, unknown.high90) if unknown.amplitude >= 0.0 else (-unknown.high90, -unknown.low90)
+        size += f" (90 %: {' to '.join(_size(end, unknown.unit) for end in ends)})"
     seen = f" Compared with it {words}"
     if isinstance(place.test.what, Factor):
         return f"{seen}, by up to {size}, depending on {name}"
@@ -237,7 +248,8 @@ def console_lines(finding: FindingRecord, among: Catalogue | None = None) -> lis
     lines += [f"fitted: {', '.join(f'{name} {value:.3g}' for name, value in values.items())}"
               for values in data.fitted.values() if values]
     if likely := [one for one in finding.what[:SHOWN] if one.probability >= LEAST_SHOWN]:
-        lines.append("names: " + ", ".join(f"{one.term} {one.probability:.0%}" for one in likely))
+        pairs = " (two together count for both)" if sum(one.probability for one in likely) > 1.0 + LEAST_SHOWN else ""
+        lines.append("names: " + ", ".join(f"{one.term} {one.probability:.0%}" for one in likely) + pairs)
     if finding.mismatch.found and where.stage_probability:
         lines.append("stages: " + ", ".join(f"{stage} {p:.0%}" for stage, p in where.stage_probability.items()))
     if where.inseparable:

@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 import truearc as ta
 from benchmarks.aim import make_case, shortfalls
 from tests.sim.physics.rigs import GUPPY
+from truearc.cli.discover.aim import parse_distances
 from truearc.cli.main import main
 from truearc.robot.config.rig_spec import Noise
 from truearc.sim.aim.make_table import lead_deg
@@ -154,6 +155,12 @@ def test_every_form_has_the_same_numbers(table: ta.AimTable) -> None:
     assert all(f"`{name}`" in page for name in read["rows"][0])
 
 
+def test_distances_may_be_in_feet() -> None:
+    assert parse_distances("6:20:1ft") == pytest.approx(np.arange(6.0, 21.0) * 0.3048)
+    assert parse_distances("100,200 in") == pytest.approx([2.54, 5.08])
+    assert parse_distances("2:3:0.5m") == parse_distances("2,2.5,3.") == (2.0, 2.5, 3.0)
+
+
 def test_the_command_writes_a_table_and_a_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     belief, rig = tmp_path / "belief.toml", ROOT / "robot" / "launcher.toml"
     point_belief(DRAG, SCATTER).save(belief)
@@ -165,6 +172,6 @@ def test_the_command_writes_a_table_and_a_picture(tmp_path: Path, capsys: pytest
     assert main(["aim", str(belief), "--rig", str(rig), "--distances", "4,60", "--format", "csv", "--quiet"]) == 0
     assert "warning: 60.00 m has no set point: the ball does not come so far" in capsys.readouterr().err
     for words, said in ((["--distances", "5:3:1"], "expected LOW:HIGH:STEP"), (["--hood", "60"], "expected LOW:HIGH"),
-                        (["--distances", "two"], "is not numbers"),
+                        (["--distances", "two"], "is not numbers"), (["--distances", "3:5:1ms"], "the unit 'ms'"),
                         (["--picture", "aim.jpg"], "end the name with .png")):
         assert main(["aim", str(belief), "--rig", str(rig), *words]) == 2 and said in capsys.readouterr().err

@@ -319,8 +319,19 @@ def test_what_is_no_log_is_refused(rig: Path, tmp_path: Path) -> None:
     with pytest.raises(ta.InputError, match=r"a\.csv:3: 'x' is not a time"):
         ta.import_shots([tmp_path / "a.csv"], rig=rig)
     (tmp_path / "b.csv").write_text("Timestamp,v\n0,1\n1,2\n")
-    with pytest.raises(ta.InputError, match="no signal's name, unit and numbers look like"):
+    with pytest.raises(ta.InputError, match="no signal's name, unit and numbers look like distance_m, hood_deg, "):
         ta.import_shots([tmp_path / "b.csv"], rig=rig)
+
+
+def test_what_was_not_recognised_is_said_with_what_was_and_all_signals(rig: Path, tmp_path: Path) -> None:
+    rows = "".join(f"{k},{2.0 + 0.1 * k},{30 + k},{k % 2}\n" for k in range(20))
+    (tmp_path / "c.csv").write_text(f"Timestamp,Distance,Tilt,Busy\n{rows}")
+    with pytest.raises(ta.InputError) as refused:
+        ta.import_shots([tmp_path / "c.csv"], rig=rig)
+    first, *lines = str(refused.value).splitlines()
+    assert "hood_deg" in first and "distance_m" not in first
+    assert lines == ["recognised: distance_m: Distance, whose unit is not stated: taken as m", "signals with numbers:",
+                     "  Distance: 2 to 3.9", "  Tilt: 30 to 49", "  Busy: 0 to 1"]
 
 
 def test_times_in_milliseconds_are_seconds(tmp_path: Path) -> None:

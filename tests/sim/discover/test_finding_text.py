@@ -176,6 +176,19 @@ def test_a_name_that_a_free_curve_rivals_is_said_with_that_doubt() -> None:
     assert "effect of no term" not in sure and "effect of no term (50%)" in unsure
 
 
+@pytest.mark.parametrize(("first", "second", "said"), [
+    (1.0, 0.97, "drag (100%) and crosswind (97%). More likely both are there than one"),
+    (0.6, 0.45, "drag (60%) or crosswind (45%). These data cannot tell which of these it is. Two of them may be there"),
+    (0.6, 0.35, "drag (60%) or crosswind (35%). These data cannot tell which of these it is. If it is the first, ")])
+def test_probabilities_that_add_up_to_more_than_one_are_of_two_together(first: float, second: float, said: str) -> None:
+    what = (named("drag", 0.5, 0.1, first), named("wind_y", 1.0, 0.1, second, "m/s"))
+    assert said in told(what, ("drag", "wind_y"))
+    finding = FindingRecord(DataSummary(20, "L0", (), ("gravity",), {}, {"by": "shot", "count": 20}),
+                            Mismatch(True, 0.01, 0.05, {}, 7, {}), WHERE, "set", "Verdict.", None, None, what=what)
+    (line,) = (line for line in console_lines(finding) if line.startswith("names: "))
+    assert line.endswith("(two together count for both)") == (first + second > 1.0)
+
+
 def test_long_sets_are_cut_short() -> None:
     what = tuple(named(term.name, 0.1, 0.01, 0.05) for term in TERMS[:9])
     assert "or one of 5 others" in told(what, tuple(one.term for one in what))
@@ -211,12 +224,13 @@ def test_nothing_found_and_nothing_to_say() -> None:
     (CovariatePair(BATTERY, WARMTH, np.zeros((2, 4))), "product",
      "up to 12 %, as the battery's voltage and the temperature go"),
     (Factor("supplier", ("a", "b"), np.zeros(4, int)), "a", "by up to 12 %, depending on supplier"),
-    (None, "same", "by 12 %, in every shot alike")])
+    (None, "same", "by 12 %, in every shot alike"), (None, "measured", "by 12 % (90 %: 9 % to 15 %), in every shot")])
 def test_what_has_no_name_is_described(what: Covariate | CovariatePair | Factor | None, shape: str, said: str) -> None:
     column = Column("launch speed", "free", "launch", "along", "1", 0.2, ("the ball leaves faster", "slower"))
     correction = stand_in(Correction)
     place = Place(Test("free", 0, what, shape, np.zeros(4)), column, 0, correction, {}, {}, None)
-    unknown = Unknown(None if what is None else what.name, "along", 0.12, "1", None)
+    ends = (-0.15, -0.09) if shape == "measured" else (None, None)
+    unknown = Unknown(None if what is None else what.name, "along", -0.12 if ends[0] else 0.12, "1", None, *ends)
     assert said in say_unknown(("gravity",), 0.01, WHERE, FoundEffect((), None, unknown), (), NO_FIT, place)
 
 

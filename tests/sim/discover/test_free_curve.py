@@ -5,8 +5,8 @@ import pytest
 
 from tests.sim.discover.made import column, gaussian
 from truearc.sim.discover.detect.covariates import Covariate, Factor, smooth_shapes
-from truearc.sim.discover.detect.free_curve import correct
-from truearc.sim.discover.detect.localization import amplitude_of, shortest_run
+from truearc.sim.discover.detect.free_curve import Correction, contrast_of, correct
+from truearc.sim.discover.detect.localization import amplitude_of, shortest_run, size_weights
 from truearc.sim.discover.detect.test_battery import Test
 from truearc.sim.discover.detect.weight_functions import STEP
 from truearc.sim.infer.likelihood.score_table import ScoreTable
@@ -89,3 +89,27 @@ def test_the_shortest_run_holds_its_share() -> None:
     assert shortest_run(np.array([0.0, 5.0, 4.0, 0.5, 0.5])) == (1, 2)
     assert shortest_run(np.array([1.0, 0.0, 1.0])) == (0, 2)
     assert shortest_run(np.zeros(4)) is None
+
+
+def test_the_size_of_what_has_no_name_has_an_interval_that_holds_it() -> None:
+    """The mean's is known in closed form; a slope's and a step's hold the truth as often as they promise."""
+    noise = np.random.default_rng(5).normal(size=N)
+    found = correct(evidence_of(np.full(N, 0.8), noise), asked(None))
+    size, sd = contrast_of(found, size_weights(found))
+    assert size == pytest.approx(0.8 + noise.mean(), rel=1e-4) and sd == pytest.approx(N**-0.5, rel=1e-4)
+    held = {"straight": 0, STEP: 0}
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        x = rng.permutation(np.arange(N) / (N - 1.0))
+        after = (x > 0.4) * 1.0
+        for shape, effect, truth in (("straight", 2.0 * x, 1.8), (f"{STEP}0.4", after, 1.0)):
+            asks = Test("free", 0, Covariate((("x", x),)), shape, after - after.mean())
+            size, sd = _size(correct(evidence_of(effect, rng.normal(size=N)), asks))
+            held["straight" if shape == "straight" else STEP] += abs(size - truth) < 1.645 * sd
+    assert all(82 <= count <= 96 for count in held.values()), held
+
+
+def _size(found: Correction) -> tuple[float, float]:
+    size, sd = contrast_of(found, size_weights(found))
+    assert size == pytest.approx(amplitude_of(found), rel=1e-6)
+    return size, sd

@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from tests.sim.discover.odd_rigs import make_drops
 from truearc.robot.config.rig_spec import Site, Tracker
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.detect.reference_session import ReferenceSession
@@ -20,6 +21,7 @@ from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.likelihood.design_columns import lay_out
 from truearc.sim.infer.likelihood.prepared_data import take_in
 from truearc.sim.infer.likelihood.shot_columns import every_column
+from truearc.sim.physics.catalogue import find_terms
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
 
@@ -70,6 +72,20 @@ def test_what_has_no_name_is_measured_by_its_nearest_name_or_the_wind_outdoors(h
     step = Step(Naming((), {}, {}, {}, (leader,), ()), None, nobody, nobody, nobody, None, True, (), fitted)
     found = [one["instrument"] for one in next_steps(seen(5), step, None) if "instrument" in one]
     assert found == ([instrument] if instrument else [])
+
+
+@pytest.mark.parametrize(("known", "leader", "asked"), [
+    (False, "wind_z", True), (False, "drag", False), (True, "wind_z", False)])
+def test_what_may_be_lift_asks_for_the_spin_where_nobody_knows_it(known: bool, leader: str, asked: bool) -> None:
+    """Without spin there is no lift to test, and rising air stands for it."""
+    drops = make_drops(14, 2)
+    shots = replace(drops.shots, numbers={"exit_spin_rev_s": np.full(14, 2.0)}) if known else drops.shots
+    dataset, nobody = replace(drops, shots=shots), np.zeros(0)
+    intake = take_in(dataset)
+    fitted = fit_believed(intake, lay_out(intake, ("gravity", "drag")))
+    name = f"{leader}.{find_terms([leader])[0].parameters[0].name}"
+    step = Step(Naming((), {}, {}, {}, (name,), ()), None, nobody, nobody, nobody, None, False, (), fitted)
+    assert [one.get("record") == "exit_spin_rev_s" for one in next_steps(dataset, step, (leader,))].count(True) == asked
 
 
 @pytest.mark.parametrize(("changed", "name", "size"), [

@@ -6,17 +6,20 @@ last columns of the table say how many points an error of distance, hood angle o
 
 import argparse
 import math
+import re
 import sys
 
 import truearc as ta
 from truearc.cli import common
 from truearc.cli.outputs import out_file
 from truearc.robot.config.schema import about
+from truearc.robot.config.unit_table import CONVERTED
 from truearc.robot.config.whole_file import save_whole
 
 EXAMPLE = "truearc aim belief.toml --rig rig.toml --distances 2:7:0.25 --picture aim.png"
 FORMATS = ("text", "csv", "json", "java", "cpp", "java-6328", "java-254", "csv-2928", "json-3476")
 MOST = 1000                           # distances
+UNIT = re.compile(r"(.*[\d.]) ?([a-z]+)")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,7 +28,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         "--adopt` write it")
     parser.add_argument("--rig", required=True, metavar="FILE", help="rig.toml of a dataset, or launcher.toml")
     parser.add_argument("--distances", type=parse_distances, metavar="LOW:HIGH:STEP", help="in m, or a list such "
-                        "as 2,3.5,5 (default: every 0.25 m of the range that the belief was fitted to)")
+                        "as 2,3.5,5; a unit may follow: 6:20:1ft (default: every 0.25 m of the range that the belief "
+                        "was fitted to)")
     parser.add_argument("--hood", type=_span, metavar="LOW:HIGH", help="launch elevations in degrees to choose from "
                         "(default: the range that the belief was fitted to)")
     parser.add_argument("--format", choices=FORMATS, default="text", help="text for people, CSV or JSON with every "
@@ -77,6 +81,17 @@ def _numbers(text: str, separator: str) -> tuple[float, ...]:
 
 
 def parse_distances(text: str) -> tuple[float, ...]:
+    """Distances in m, of a list or of LOW:HIGH:STEP; a length's unit may follow the last number."""
+    stated = UNIT.fullmatch(text)
+    if stated is None:
+        return _listed_or_stepped(text)
+    lengths = {"m": 1.0, **CONVERTED["m"]}
+    if stated[2] not in lengths:
+        raise argparse.ArgumentTypeError(f"got the unit {stated[2]!r}; expected one of {', '.join(lengths)}")
+    return tuple(lengths[stated[2]] * number for number in _listed_or_stepped(stated[1]))
+
+
+def _listed_or_stepped(text: str) -> tuple[float, ...]:
     if ":" not in text:
         return _numbers(text, ",")
     numbers = _numbers(text, ":")
