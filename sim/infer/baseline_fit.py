@@ -387,8 +387,8 @@ def rough_likelihood(intake: Intake, layout: ParameterLayout, points: Float[Arra
     columns in the air."""
     some = np.arange(len(intake.marked))[::-(-len(intake.marked) // SOME)]
     lanes = intake.lanes.take(np.resize(intake.marked[some], SOME))
-    chain = replace(_lean(layout, list(kept)), track=False, bands=0)
-    mean, near = (np.asarray(part)[:, :len(some)] for part in plane_grid(chain, lanes, jnp.asarray(points)))
+    mean, near = (np.asarray(part)[:, :len(some)]
+                  for part in plane_grid(_lean(layout, list(kept)), lanes, jnp.asarray(points)))
     mean = np.where(near, mean, -10.0)
     seen = intake.seen.take(some)
     return np.array([[outcomes.log_likelihood(seen, row, np.full(len(row), 0.08 * factor)).sum()

@@ -38,6 +38,7 @@ PLANE_DEVIATES, LAUNCHED_DEVIATES = 5, 11
 PLANE_STEPS = 16                      # Runge-Kutta over x: heights within 1e-4 m, far below any spread
 PAD = 32                              # lanes fly in multiples of this, since each size is compiled,
 BLOCK = 64                            # and at most this number at once: more do not fit the caches
+POINTS = 64                           # likewise, of parameters at which heights are asked for
 WIDTH = 12                            # slopes that are flown together
 LEAD_STEPS = 3                        # from the launch to the first sample of its track
 TINY_M_S = 1e-9                       # of a ball that falls straight down
@@ -201,9 +202,11 @@ def plane_grid(chain: Chain, lanes: ShotBatch,
                points: Float[Array, "g slots"]) -> tuple[Float[Array, "g n"], Bool[Array, "g n"]]:
     """Heights above the target's centre and whether the ball came there, at each of the parameters `points`."""
     shape, numbers = apart(chain.rig)
-    found: tuple[Float[Array, "g n"], Bool[Array, "g n"]] = _plane_grid(replace(chain, rig=shape), numbers, lanes,
-                                                                        points)
-    return found
+    # nothing of tracks, and points in multiples: each other form would be compiled
+    bare = replace(chain, rig=shape, track=False, bands=0, substeps=1, free=False)
+    some = points[np.resize(np.arange(len(points)), -(-len(points) // POINTS) * POINTS)]
+    height_m, near = _plane_grid(bare, numbers, lanes._replace(time_s=lanes.time_s[:, :1]), some)
+    return height_m[:len(points)], near[:len(points)]
 
 
 @partial(jax.jit, static_argnames=("chain",))
