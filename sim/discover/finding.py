@@ -84,7 +84,7 @@ class Named(Struct, frozen=True):
     believed: float | None = None     # the one parameter's value in the belief, where a change of it is tested
 
 
-class Unknown(Struct, frozen=True):
+class Unknown(Struct, frozen=True, omit_defaults=True):
     covariate: str | None             # what the effect depends on; null: the same in all shots
     direction: str                    # along | lateral | vertical
     amplitude: float                  # over the covariate's range, in `unit`
