@@ -48,7 +48,9 @@ def test_what_is_left_is_what_least_squares_leaves(seed: int, n: int, usual: flo
     threshold = brentq(lambda z: 1.0 - both.cdf([z, z], lower_limit=[-z, -z]) - 0.03, 1.0, 4.0, xtol=1e-4)
     power = norm.sf(threshold - force**0.5) + norm.sf(threshold + force**0.5)
     assert sight["a"].power == pytest.approx(power, abs=0.04)
-    assert sight["a"].shots_needed == pytest.approx(n * (threshold + norm.ppf(0.8))**2 / force, rel=0.08, abs=1.0)
+    needed = n * (threshold + norm.ppf(0.8))**2 / force
+    assert sight["a"].shots_needed is not None
+    assert 0.92 * needed <= sight["a"].shots_needed <= 1.08 * needed + 1.0         # rounded up to a whole shot
 
 
 def test_an_effect_of_the_smallest_size_is_seen_four_times_in_five() -> None:
