@@ -26,6 +26,7 @@ NUMBERS = {"g": (9.81, 1.0), "cd": (0.0, 1.0), "by speed": (0.0, 1.0), "scale %"
 FITS = (("g",), ("cd",), ("cd", "g"), ("cd", "scale %"), ("cd", "scale %", "ahead deg", "left deg"),
         ("cd", "ahead deg", "left deg", "per m %"), ("cd", "scale %", "ahead deg", "left deg", "per m %"),
         ("cd", "by speed", "scale %", "ahead deg", "left deg"))
+UP = np.array([0.0, 0.0, 1.0])
 SHOWN = {"gravity": (), "gravity, drag": ("cd",), "gravity, drag, scale, tilts": FITS[4]}
 
 
@@ -64,27 +65,27 @@ def first(flights: Flights, most: int | None) -> Flights:
 
 
 def fly(flights: Flights, start: Array, free: tuple[str, ...], value: Array) -> Array:
-    """Seen positions [n, L, 3] of balls that leave with start [n, 6]."""
+    """Seen positions [..., n, L, 3] of balls that leave with start [..., n, 6]; value [..., free numbers]."""
     now = {name: usual for name, (usual, _) in NUMBERS.items()} | {
-        name: one * NUMBERS[name][1] for name, one in zip(free, value, strict=True)}
+        name: value[..., k, None, None] * NUMBERS[name][1] for k, name in enumerate(free)}
 
     def slope(ball: Array) -> Array:
-        speed = np.linalg.norm(ball[:, 3:], axis=1, keepdims=True)
-        pull = -K * now["cd"] * (1.0 + now["by speed"] * (speed - 2.5)) * speed * ball[:, 3:]
-        return np.concatenate([ball[:, 3:], pull - [0.0, 0.0, now["g"]]], axis=1)
+        speed = np.linalg.norm(ball[..., 3:], axis=-1, keepdims=True)
+        pull = -K * now["cd"] * (1.0 + now["by speed"] * (speed - 2.5)) * speed * ball[..., 3:]
+        return np.concatenate([ball[..., 3:], pull - now["g"] * UP], axis=-1)
 
-    ball, seen, h = start, [start[:, :3]], flights.gap_s
+    ball, seen, h = start, [start[..., :3]], flights.gap_s
     for _ in range(flights.real.shape[1] - 1):
         a = slope(ball)
         b = slope(ball + 0.5 * h * a)
         c = slope(ball + 0.5 * h * b)
         ball = ball + h / 6.0 * (a + 2.0 * b + 2.0 * c + slope(ball + h * c))
-        seen.append(ball[:, :3])
-    x, y, z = np.moveaxis(np.stack(seen, axis=1), 2, 0)
+        seen.append(ball[..., :3])
+    x, y, z = np.moveaxis(np.stack(seen, axis=-2), -1, 0)
     ahead, left = now["ahead deg"], now["left deg"]
-    x, z = x * math.cos(ahead) - z * math.sin(ahead), z * math.cos(ahead) + x * math.sin(ahead)
-    y, z = y * math.cos(left) - z * math.sin(left), z * math.cos(left) + y * math.sin(left)
-    return np.stack([x, y, z], axis=2) * (1.0 + now["scale %"] + now["per m %"] * z)[..., None]
+    x, z = x * np.cos(ahead) - z * np.sin(ahead), z * np.cos(ahead) + x * np.sin(ahead)
+    y, z = y * np.cos(left) - z * np.sin(left), z * np.cos(left) + y * np.sin(left)
+    return np.stack([x, y, z], axis=-1) * (1.0 + now["scale %"] + now["per m %"] * z)[..., None]
 
 
 def fit(flights: Flights, free: tuple[str, ...]) -> Fit:
@@ -95,16 +96,13 @@ def fit(flights: Flights, free: tuple[str, ...]) -> Fit:
               for one, place in zip(real, flights.position_m, strict=True) for k in range(3)]
     start = np.concatenate([flights.position_m[:, 0], np.reshape(speeds, (n, 3))], axis=1)
     value = np.array([0.5 if name == "cd" else NUMBERS[name][0] for name in free])
+    moves = STEP * np.eye(7 + len(free), 6 + len(free), -1)     # none, of each number of a start, of each shared one
     for _ in range(NEWTONS):
-        left = flights.position_m - fly(flights, start, free, value)
-        own = [(fly(flights, start + STEP * np.eye(6)[k], free, value) - flights.position_m + left) / STEP
-               for k in range(6)]
-        shared = [(fly(flights, start, free, value + STEP * row) - flights.position_m + left) / STEP
-                  for row in np.eye(len(free))]
+        flown = fly(flights, start + moves[:, None, :6], free, value + moves[:, 6:])
+        left, (own, shared) = flights.position_m - flown[0], np.split((flown[1:] - flown[0]) / STEP, [6])
         score, info, parts = np.zeros((n, len(free))), np.zeros((len(free),) * 2), []
         for k in range(n):
-            mine, all_, rest = (np.stack([one[k][real[k]].ravel() for one in many], axis=1) if many else
-                                np.zeros((3 * real[k].sum(), 0)) for many in (own, shared, [left]))
+            mine, all_, rest = (many[:, k, real[k]].reshape(len(many), -1).T for many in (own, shared, left[None]))
             basis = np.linalg.qr(mine)[0]
             free_of = all_ - basis @ (basis.T @ all_)
             score[k], info = free_of.T @ rest[:, 0], info + free_of.T @ free_of
