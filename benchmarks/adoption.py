@@ -73,7 +73,9 @@ def run(config: Config, more: int, world: tuple[Change, int, int]) -> Line:
     seen, unseen = (play_season(config.rig, Options(**change.options), own + k, plan_season(own + k, count), LEVEL,
                                 ORDINARY) for k, count in enumerate((shots, more)))
     found = discover(seen.dataset, BELIEVED, seed=own)
-    beliefs = {"before": make_belief(replace(found, steps=()))[0], "after": make_belief(found)[0]}
+    beliefs = {"before": make_belief(replace(found, steps=()))[0]}
+    if found.steps:                   # else both are the same, and so are their gates
+        beliefs["after"] = make_belief(found)[0]
     finding, marks = found.finding, _inside(seen.dataset.shots, unseen.dataset.shots)
     line: Line = {"name": change.name, "shots": shots, "seed": seed, "found": finding.mismatch.found,
                   "verdict": finding.verdict, "adopted": make_belief(found)[1]["adopted"]}
@@ -81,7 +83,7 @@ def run(config: Config, more: int, world: tuple[Change, int, int]) -> Line:
         gates = _gates(config.rig, belief, seen.dataset.shots, own)
         line[name] = {"off_m": off_m(config.rig, belief, unseen),
                       "gates": {kind: _judged(config, gate, marks) for kind, gate in gates.items()}}
-    return line
+    return {**line, "after": line.get("after", line["before"])}
 
 
 def _gates(facts: Rig, belief: Belief, shots: Shots, seed: int) -> dict[str, Gate]:

@@ -89,15 +89,20 @@ def split_markdown(source: str) -> Iterator[Piece]:
 
 def split_python(source: str) -> Iterator[Piece]:
     """Yield docstrings, messages and comments; comments on lines that follow each other are one piece."""
-    tree, lines = ast.parse(source), source.splitlines()
-    docstrings = {id(node.body[0].value) for node in ast.walk(tree) if _has_docstring(node)}
-    inside = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in ast.walk(node)
+    yield from split_literals(source)
+    yield from _comments(source, source.splitlines())
+
+
+def split_literals(source: str) -> Iterator[Piece]:
+    """Yield docstrings and messages."""
+    nodes, lines = list(ast.walk(ast.parse(source))), source.splitlines()
+    docstrings = {id(node.body[0].value) for node in nodes if _has_docstring(node)}
+    inside = {id(part) for node in nodes if isinstance(node, ast.JoinedStr) for part in ast.walk(node)
               if part is not node}
-    for node in ast.walk(tree):
+    for node in nodes:
         text = _text_of(node) if id(node) not in inside else None
         if text and " " in text.strip() and not _is_allowed(lines, node.lineno, node.end_lineno):
             yield Piece("D" if id(node) in docstrings else "M", node.lineno, " ".join(text.split()))
-    yield from _comments(source, lines)
 
 
 def split_toml(source: str) -> Iterator[Piece]:

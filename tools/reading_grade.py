@@ -13,7 +13,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from tools.prose import CODE, ROOT, split_python
+from tools.prose import CODE, ROOT, Piece, split_literals
 
 FEWEST_WORDS = 5                      # of a message; shorter ones are labels
 WORD = re.compile(r"[A-Za-z]+(?:'[a-z]+)?")
@@ -44,19 +44,21 @@ def reports(root: Path) -> Iterator[str]:
         yield from path.read_text(encoding="utf-8").split("\n\n")
 
 
-def pieces(root: Path, kind: str) -> Iterator[str]:
-    """Yield the messages (M) or docstrings (D) of all code."""
+def literals(root: Path) -> Iterator[Piece]:
+    """Yield the messages (M) and docstrings (D) of all code."""
     for path in sorted(path for folder in CODE for path in (root / folder).rglob("*.py")):
         if "build" not in path.relative_to(root).parts:
-            for piece in split_python(path.read_text(encoding="utf-8")):
-                if piece.kind == kind and (kind == "D" or len(WORD.findall(piece.text)) >= FEWEST_WORDS):
-                    yield piece.text
+            for piece in split_literals(path.read_text(encoding="utf-8")):
+                if piece.kind == "D" or len(WORD.findall(piece.text)) >= FEWEST_WORDS:
+                    yield piece
 
 
 def main(words: list[str]) -> int:
     """Print a line for each kind of text."""
     root = Path(words[0]).resolve() if words else ROOT
-    for name, texts in (("reports", reports(root)), ("messages", pieces(root, "M")), ("docstrings", pieces(root, "D"))):
+    pieces = list(literals(root))
+    messages, docstrings = ([piece.text for piece in pieces if piece.kind == kind] for kind in "MD")
+    for name, texts in (("reports", reports(root)), ("messages", messages), ("docstrings", docstrings)):
         count, length, weight, found = grade(texts)
         print(f"{name:10s} grade {found:4.1f}   {count:5d} sentences, {length:4.1f} words each, {weight:.2f} syllables "
               "per word")

@@ -1,9 +1,6 @@
 """Every file of benchmarks/ runs: a quick form of each one that is a command, an import of the others."""
 
-import contextlib
-import io
 import os
-import runpy
 import subprocess
 import sys
 from importlib import import_module
@@ -11,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from tests.house.here import ROOT, run_module
+
 FILES = sorted((ROOT / "benchmarks").rglob("*.py"))
 GATE = ROOT / "tests" / "golden" / "reference" / "export-physics" / "gate.onnx"
 NAMES = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in FILES]
@@ -22,7 +20,7 @@ COMMANDS = {name.partition(".")[2] for name, path in zip(NAMES, FILES, strict=Tr
 QUICK = {
     "aim": "--rigs 1",
     "aim_tick": "--trials 1 --rounds 1",
-    "adoption": "--worlds 1 --shots 24 --unseen 12 --seed 11 --only nothing --processes 1 --out worlds.jsonl",
+    "adoption": "--worlds 1 --shots 14 --unseen 12 --seed 11 --only nothing --processes 1 --out worlds.jsonl",
     "ball_butler": "DATA/real/ball_butler_tracks.csv --flights 16",
     "ball_drops": "DATA/real/ball_drops.csv --quick",
     "coverage": "--replicates 1 --shots 30",
@@ -82,20 +80,6 @@ def run(words: str, folder: Path, data: Path) -> subprocess.CompletedProcess[str
                           env={**os.environ, "PYTHONPATH": str(ROOT), "TRUEARC_DATA": str(data)})
 
 
-def run_here(name: str, options: str, monkeypatch: pytest.MonkeyPatch) -> tuple[int, str, str]:
-    """Run `python -m benchmarks.NAME OPTIONS` in this process; exit code and what it printed."""
-    monkeypatch.syspath_prepend(str(ROOT))
-    monkeypatch.delitem(sys.modules, f"benchmarks.{name}", raising=False)
-    monkeypatch.setattr(sys, "argv", [name, *options.split()])
-    code, out, err = 0, io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        try:
-            runpy.run_module(f"benchmarks.{name}", run_name="__main__", alter_sys=True)
-        except SystemExit as left:
-            code = left.code if isinstance(left.code, int) else int(left.code is not None)
-    return code, out.getvalue(), err.getvalue()
-
-
 def test_every_benchmark_has_a_quick_form() -> None:
     assert set(QUICK) | set(ELSEWHERE) == COMMANDS and not set(QUICK) & set(ELSEWHERE)
 
@@ -111,7 +95,7 @@ def test_benchmark_runs(name: str, tmp_path: Path, data_dir: Path, monkeypatch: 
     else:
         monkeypatch.chdir(tmp_path)
         monkeypatch.setenv("TRUEARC_DATA", str(data_dir))
-        code, out, err = run_here(name, options, monkeypatch)
+        code, out, err = run_module(f"benchmarks.{name}", options.split(), monkeypatch)
     assert code in ((0, 1) if name in JUDGES else (0,)), err[-2000:]
     assert out.strip() and "Traceback" not in err
 

@@ -20,6 +20,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from tests.house.here import ROOT, run_module
 from tests.sim.data.stranger_log import write_stranger_log
 from truearc.cli.main import main
 from truearc.cli.parsers import make_parser
@@ -28,7 +29,6 @@ from truearc.robot.config.schema import InputError
 from truearc_proof.cli import prove_apart
 from truearc_proof.rounds import solver
 
-ROOT = Path(__file__).parents[2]
 ROWS = 16                             # of the datasets that a reader brings
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "ARCHITECTURE.md", *sorted((ROOT / "docs").rglob("*.md")),
          *sorted((ROOT / "examples").glob("*/README.md"))]
@@ -38,12 +38,16 @@ PLACEHOLDER = re.compile(r"\.\.\.|\||\[|\b(?:DIR|FILE|SESSION|SOURCE|DRIVER|SEED
 # pattern -> what stands there instead, so that a command takes seconds
 SHORTER = (
     (r"^make (?!-)", "make -n "),
+    (r"^python tools/prose.py$", "python tools/prose.py tools/prose.py"),     # test_prose.py has every file
     (r"^(pytest .*)", r"\1 -n 0 -q --collect-only"),
     (r"^(truearc emulate) --trials \d+ (.* --page)$", r"\1 --trials 1 \2 127.0.0.1:0"),
-    (r"^(truearc emulate) --trials \d\d+(.*-hour)$", r"\1 --trials 18\2"),
+    (r"^(truearc emulate) --trials \d\d+(.*first-hour)$", r"\1 --trials 18\2"),
+    (r"^(truearc emulate) --trials \d\d+(.*windy-hour)$", r"\1 --trials 12\2"),
+    (r"wind_x_m_s = -3.0", "wind_x_m_s = -0.3"),     # too little to be found: tests/cli/test_demo.py has a find `since`
     (r"^(truearc emulate) --trials \d\d+(?! --bus)(?!.*-hour)", r"\1 --trials 2"),
     (r"^(truearc sysid --emulate)", r"\1 --only hood"),
-    (r"^(truearc identifiability rig.toml.*) --shots 300", r"\1 --shots 40"),
+    (r"^(truearc identifiability rig.toml.*) --shots 300", r"\1"),
+    (r"^(truearc identifiability rig.toml)", r"\1 --shots 40"),
     (r"^truearc prove (?:--worlds \d+)", "truearc prove --worlds 1 --processes 1"),
     (r"^(truearc prove --worlds.*) --shots \d+", r"\1 --shots 40"),
     (r"--seed-from-entropy", "--engines numpy --seed 3"),
@@ -88,10 +92,11 @@ _done: set[str] = set()
 
 
 class Workspace:
-    """A folder in which printed commands are run: shell variables last, and `truearc` is called in this process."""
+    """A folder in which printed commands are run: shell variables last, and `truearc` and what is readily run by
+    `python -m` are called in this process."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.folder, self._monkeypatch = folder, monkeypatch
         self.variables: dict[str, str] = {}
         self.fitted: set[str] = set()
 
@@ -107,13 +112,15 @@ class Workspace:
                 self.variables[assigned[1]] = assigned[2]
             elif part.startswith("truearc ") and part not in self.fitted:
                 self._call(part)
+            elif re.fullmatch(r"python -m [\w.]+[^<>|$()]*", part):
+                self._module(part)
             else:
                 self._shell(part)
 
     def _call(self, command: str) -> None:
         for name, value in self.variables.items():
             command = command.replace(f"${name}", value)
-        words = [one for word in shlex.split(command)[1:] for one in (sorted(glob.glob(word)) or [word])]
+        words = _words(command)[1:]
         said = io.StringIO()
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
             code = main(words)
@@ -121,6 +128,11 @@ class Workspace:
             self.fitted.add(command)  # the loop over datasets on docs/measured/real-data.md fits two a second time
         wanted = next((code for pattern, code in EXIT.items() if re.search(pattern, command)), 0)
         assert code == wanted, f"{command}: exit code {code}\n{said.getvalue()[-1500:]}"
+
+    def _module(self, command: str) -> None:
+        with self._monkeypatch.context() as patch:
+            code, _, err = run_module(_words(command)[2], _words(command)[3:], patch)
+        assert code == 0, f"{command}: exit code {code}\n{err[-1500:]}"
 
     def _shell(self, command: str) -> None:
         path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
@@ -140,6 +152,11 @@ def _parts(line: str) -> list[str]:
     if "(" in line or "'" in line:
         return [line]
     return [part.strip() for part in re.split(r"&&|;", line) if part.strip()]
+
+
+def _words(command: str) -> list[str]:
+    """As a shell splits them, and finds files by pattern."""
+    return [one for word in shlex.split(command) for one in (sorted(glob.glob(word)) or [word])]
 
 
 def commands_of(page: Path) -> list[tuple[str, bool]]:
@@ -244,7 +261,7 @@ def workspace(tmp_path: Path, data_dir: Path, monday: Path, monkeypatch: pytest.
     monkeypatch.chdir(folder)
     monkeypatch.setattr(solver, "forbid", lambda directory: None)
     monkeypatch.setattr(prove_apart, "subprocess", SimpleNamespace(run=run_here))
-    return Workspace(folder)
+    return Workspace(folder, monkeypatch)
 
 
 @pytest.mark.slow
