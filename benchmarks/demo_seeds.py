@@ -148,7 +148,7 @@ def main() -> int:
 
 
 def _run_all(args: argparse.Namespace, path: Path) -> dict[str, Line]:
-    sizes, events = (Sizes(24, 0, 12, 4), EVENTS[1:2]) if args.quick else (Sizes(), EVENTS)
+    sizes, events = (Sizes(16, 0, 12, 4), EVENTS[1:2]) if args.quick else (Sizes(), EVENTS)
     jobs = {f"{seed}/{sizes.practice}": seed for seed in range(args.first, args.first + args.seeds)}
     one = partial(run, load_config(SHIPPED).rig, sizes, events)
     return fill(path, jobs, one, make_progress("seeds"), args.processes)

@@ -43,7 +43,7 @@ def main() -> None:
     args = parser.parse_args()
     cv2.setNumThreads(1)
     config = load_config(HOME / "launcher.toml")
-    speed(config)
+    speed(config, min(100, 10 * args.frames))
     if DATA.is_dir():
         photographs()
     errors = sweep(config, args.frames)
@@ -54,11 +54,11 @@ def main() -> None:
     coded(config, args.files)
 
 
-def speed(config: Config) -> None:
+def speed(config: Config, frames: int) -> None:
     """Both pipelines on the same frames in one run: frame to distance, one core. Time on the core does not count what
     other processes take from it."""
     rng = np.random.default_rng(1)
-    shots = [shoot(config, rng, distance_m, LOOKS["usual"]) for distance_m in rng.uniform(2, 9, 100)]
+    shots = [shoot(config, rng, distance_m, LOOKS["usual"]) for distance_m in rng.uniform(2, 9, frames)]
     spent: dict[str, list[tuple[float, float]]] = {"truearc": [], "OpenCV baseline": []}
     errors: dict[str, list[float]] = {"truearc": [], "OpenCV baseline": []}
     for _ in range(3):
@@ -71,7 +71,7 @@ def speed(config: Config) -> None:
                                     (time.thread_time_ns() - began[1]) / 1e6))
                 if seen_m is not None:
                     errors[name].append(seen_m - shot.distance_m)
-    print("640x480 frame to distance on one core, 100 rendered frames at 2-9 m, three times")
+    print(f"640x480 frame to distance on one core, {frames} rendered frames at 2-9 m, three times")
     for name, times in spent.items():
         wall, core = np.transpose(times)
         print(f"  {name:16s} wall p50 {np.median(wall):5.2f} ms  core p50 {np.median(core):5.2f} ms, p95 "

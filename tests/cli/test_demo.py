@@ -29,12 +29,14 @@ from truearc.sim.world.options import Options
 from truearc_proof.world.practice import HOODS_DEG, RATIOS, reach_table
 
 LINES = 60                            # of the console
-QUICK = Sizes(practice=30, robot=2, marked=16, balls=6)
+QUICK = Sizes(practice=20, robot=2, marked=12, balls=4)
 PLAY = f"""
 import argparse, pathlib
 import numpy as np
 from truearc.cli.start import demo, demo_acts
+from truearc.sim.gate import surrogate
 demo_acts.DISTANCES_M = np.arange(2.5, 8.01, 1.1)      # each row of a table is a search
+surrogate.CHECKED, surrogate.LEARNED = 3000, 2000      # the gate's polynomial; tests/sim/gate has it as it is
 demo.secrets.choice = lambda seeds: 12                 # the printed seed repeats what it drew
 sizes = demo_acts.Sizes{tuple(QUICK)}
 assert demo.main(argparse.Namespace(out=pathlib.Path("report"), seed=None, quiet=True), sizes) == 0
@@ -100,7 +102,8 @@ def test_the_demo_says_what_was_wrong_how_large_and_what_it_was_worth(tmp_path: 
     before, _, after = said.partition(sealed.sha256)
     assert sealed.effect.name not in before and sealed.effect.name in after
     last = said[said.index("== what was wrong"):]
-    assert all(re.search(rf"^{act} .*\d+ to \d+ of 6", last, re.MULTILINE) for act in ("practice", "event", "control"))
+    assert all(re.search(rf"^{act} .*\d+ to \d+ of {QUICK.balls}", last, re.MULTILINE)
+               for act in ("practice", "event", "control"))
     flat = " ".join(said.split())
     assert sealed.effect.name in last
     assert re.search(r"The gate, trained in practice, only advised: it would have held \d+% of them", flat)

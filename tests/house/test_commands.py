@@ -26,6 +26,7 @@ from truearc.cli.main import main
 from truearc.cli.parsers import make_parser
 from truearc.cli.registry import find_command
 from truearc.robot.config.schema import InputError
+from truearc.sim.gate import surrogate
 from truearc_proof.cli import prove_apart
 from truearc_proof.rounds import solver
 
@@ -260,6 +261,8 @@ def workspace(tmp_path: Path, data_dir: Path, monday: Path, monkeypatch: pytest.
     (folder / "data").mkdir()
     monkeypatch.chdir(folder)
     monkeypatch.setattr(solver, "forbid", lambda directory: None)
+    monkeypatch.setattr(surrogate, "CHECKED", 3000)       # tests/model_export has a gate's graph as it is
+    monkeypatch.setattr(surrogate, "LEARNED", 2000)
     monkeypatch.setattr(prove_apart, "subprocess", SimpleNamespace(run=run_here))
     return Workspace(folder, monkeypatch)
 
