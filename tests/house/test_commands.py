@@ -227,7 +227,7 @@ def is_fragment(command: str) -> bool:
 def monday(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recorded session, as `truearc emulate` makes it, and beside it the same as another robot's log."""
     session = tmp_path_factory.mktemp("recorded") / "monday"
-    assert main(["emulate", "--trials", "14", "--seed", "3", "--out", str(session), "--quiet"]) == 0
+    assert main(["emulate", "--trials", "12", "--seed", "3", "--out", str(session), "--quiet"]) == 0
     write_stranger_log(session, session.with_name("practice.wpilog"))
     return session
 
