@@ -57,7 +57,11 @@ NO_RANGE = (-math.inf, math.inf)
 ALIKE = 3                                                     # fewest bad numbers of a column that are one problem
 WORDS = {"outcome": OUTCOMES, "side": SIDES}
 MEANT = {**dict.fromkeys(("0", "0.0", "false", "no", "n", "missed"), "; if it says that it missed, write miss"),
-         **dict.fromkeys(("1", "1.0", "true", "yes", "y", "goal", "in"), "; if it says that it went in, write hit")}
+         **dict.fromkeys(("1", "1.0", "true", "yes", "y", "goal", "in"), "; if it says that it went in, write hit"),
+         **dict.fromkeys(("short", "low", "under"), "; write miss, and low in the column side"),
+         **dict.fromkeys(("long", "high", "over"), "; write miss, and high in the column side"),
+         **dict.fromkeys(("rim", "bounced", "bounced out"), "; write hit if it went in, else miss")}
+HIT = ("hit",)                        # an outcome, too, where every hit counts alike
 TEXTS = ("session", "ball_id")
 
 # An undeclared column is one of numbers when its cells are, or when some are and its name ends in a unit (then
@@ -152,7 +156,8 @@ def text_column(table: RawTable, name: str, problems: Problems, needed: bool = T
         elif words and value and value not in words and value not in told:
             told.add(value)
             more = values.count(value) - 1
-            table.fault(problems, row, name, f"{value!r} is none of {', '.join(words)}" + MEANT.get(value, "")
+            table.fault(problems, row, name, f"{value!r} is none of {', '.join(words + HIT * (name == 'outcome'))}"
+                        + MEANT.get(value, "")
                         + (f"; here and in {more} more rows" if more else ""))
     return values
 

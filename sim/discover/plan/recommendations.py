@@ -113,7 +113,8 @@ def _sides(dataset: Dataset) -> tuple[dict[str, Any], ...]:
 
 
 def parting_shot(dataset: Dataset, step: Step, pair: tuple[str, str]) -> dict[str, Any] | None:
-    """The recorded configuration where the two, each fitted, forecast the most different heights."""
+    """The recorded configuration where the two, each fitted, forecast the most different heights; None where SHOTS of
+    them would hardly tell the two apart."""
     evidence = step.fitted.evidence
     plane = evidence.plane
     if plane is None or any(name not in step.naming.refits for name in pair):
@@ -121,6 +122,8 @@ def parting_shot(dataset: Dataset, step: Step, pair: tuple[str, str]) -> dict[st
     changes = (np.tile(moved_by(evidence, step.naming.refits[name]), (len(evidence.rows), 1)) for name in pair)
     one, other = (evidence.heights(change)[1] for change in changes)
     apart = np.abs(one - other) / plane.spread_m
+    if apart.max() * SHOTS**0.5 < 1.0:
+        return None
     shot = int(evidence.rows[plane.rows[int(apart.argmax())]])
     numbers = {name: dataset.shots.number(name)[shot] for name in ("distance_m", "hood_deg", "motor_ratio")}
     if not np.isfinite(list(numbers.values())).all():

@@ -82,10 +82,11 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
         blind = blind_terms(fitted.evidence, threshold, among) if np.isfinite(threshold) else []
         steps_to_see = measure_blind(blind, intake.samples is not None)
         sentence = (wording.say_none(terms, judged.p_any, data.shots, false_alarm, among)
-                    + said + wording.say_scatter(times_off(intake, fitted.layout, fitted.spot))
+                    + wording.say_limits(data.at_limit) + said
+                    + wording.say_scatter(times_off(intake, fitted.layout, fitted.spot))
                     + wording.say_blind(blind, steps_to_see, among)
                     + wording.say_smallest(fitted.evidence, threshold, among))
-        return FindingRecord(data, mismatch, where, "none", sentence + wording.say_limits(data.at_limit), None, fit,
+        return FindingRecord(data, mismatch, where, "none", sentence, None, fit,
                              next=(*to_check, *steps_to_see), tracker=tracker)
     first = steps[0]
     where = _where(first, judged, search, first.naming.probability)

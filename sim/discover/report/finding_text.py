@@ -21,6 +21,7 @@ STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", 
 NINETY = 1.6448536269514722
 SHOWN = 6
 EVEN = 0.5                            # probability of both of two names, from which they are said to be there together
+STANDS_OUT = 0.2                      # probability of a name, from which its size is said
 RARE = 0.1                            # p up to which it is stated as one dataset in how many
 WIDE = 2.0                            # standard deviations by which times differ: chance hardly does that to ten
 LEAST_SHOWN = 0.005                   # probability of a name on the console: not 0 %
@@ -52,8 +53,11 @@ def say_named(believed: tuple[str, ...], p_value: float, leading: FoundEffect, a
         both = len(names) == 2 and total > 1.0 + EVEN
         if both:
             cannot = "More likely both are there than one, but these data cannot tell how large each is."
-        said = (f"{_missing(believed, among)}, {either(stages)}: {either(rest, 'and' if both else 'or')}. {cannot} "
-                f"If it is the first{' alone' if both else ''}, {likeliest}.")
+        first = f" If it is the first{' alone' if both else ''}, {likeliest}."
+        if members[0].probability < STANDS_OUT:
+            first = " No name stands out."
+        listing = either(rest, "and" if both else "or")
+        said = f"{_missing(believed, among)}, {either(stages)}: {listing}. {cannot}{first}"
     unexplained = leading.unexplained
     if isinstance(unexplained, float) and unexplained >= UNSURE:
         said += f" It may also be an effect of no term ({unexplained:.0%})."
@@ -140,7 +144,8 @@ def say_points(adoption: Adoption) -> str:
     passed = [f"{share:.0%} of the shots as made" + ("" if points is None else f" at {points:.2f} points each")
               for share, points in ((adoption.fired_before, adoption.scored_before),
                                     (adoption.fired_after, adoption.scored_after))]
-    verdict = f"not adopted as found: {adoption.refused}" if adoption.refused else "worth adopting (--adopt)"
+    gained = "worth adopting (--adopt)" if adoption.low90 > 0.0 else "no clear gain or loss, if adopted (--adopt)"
+    verdict = f"not adopted as found: {adoption.refused}" if adoption.refused else gained
     return (f"points on {adoption.shots} hold-out shots: aimed {adoption.aimed_before:.2f} -> "
             f"{adoption.aimed_after:.2f} per ball; the gate lets through {passed[0]} -> {passed[1]}; together "
             f"{adoption.gain:+.2f} per shot (90 %: {adoption.low90:+.2f} to {adoption.high90:+.2f}); {verdict}")

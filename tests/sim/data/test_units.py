@@ -172,9 +172,10 @@ def test_each_word_that_is_no_outcome_is_told_once_with_what_to_write(tmp_path: 
     with pytest.raises(InputError) as raised:
         load(tmp_path, "shot_id,outcome\na,1\nb,0\nc,1\nd,1\ne,lost\n")
     assert [line.partition("csv:")[2] for line in str(raised.value).splitlines()] == [
-        "2: outcome: '1' is none of miss, two, three; if it says that it went in, write hit; here and in 2 more rows",
-        "3: outcome: '0' is none of miss, two, three; if it says that it missed, write miss",
-        "6: outcome: 'lost' is none of miss, two, three"]
+        "2: outcome: '1' is none of miss, two, three, hit; if it says that it went in, write hit; here and in 2 more "
+        "rows",
+        "3: outcome: '0' is none of miss, two, three, hit; if it says that it missed, write miss",
+        "6: outcome: 'lost' is none of miss, two, three, hit"]
 
 
 def test_a_negative_distance_is_not_called_another_unit(tmp_path: Path) -> None:

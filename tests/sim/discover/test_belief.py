@@ -82,6 +82,7 @@ def test_the_shot_that_parts_a_changed_number_from_another_name_goes_by_what_the
     other = next(name for name in refits if name != "drag.cd")
     shot = parting_shot(dataset, step, ("drag.cd", other))
     assert shot is not None and shot["separates"] == ["drag", other.partition(".")[0]]
+    assert parting_shot(dataset, step, ("drag.cd", "drag.cd")) is None         # what forecasts the same, no shot parts
 
 
 def test_denser_air_is_one_thing_and_not_two(belief: Belief) -> None:

@@ -2,6 +2,7 @@
 
 import re
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -12,6 +13,7 @@ from truearc.sim.discover.detect.free_curve import Correction
 from truearc.sim.discover.detect.localization import Place
 from truearc.sim.discover.detect.test_battery import Test
 from truearc.sim.discover.finding import (
+    Adoption,
     DataSummary,
     FindingRecord,
     FitSummary,
@@ -28,6 +30,7 @@ from truearc.sim.discover.report.finding_text import (
     say_chance,
     say_named,
     say_none,
+    say_points,
     say_step,
     say_unknown,
     too_little,
@@ -189,9 +192,18 @@ def test_probabilities_that_add_up_to_more_than_one_are_of_two_together(first: f
     assert line.endswith("(two together count for both)") == (first + second > 1.0)
 
 
-def test_long_sets_are_cut_short() -> None:
+def test_long_sets_are_cut_short_and_of_unlikely_names_no_size_is_said() -> None:
     what = tuple(named(term.name, 0.1, 0.01, 0.05) for term in TERMS[:9])
-    assert "or one of 5 others" in told(what, tuple(one.term for one in what))
+    said = told(what, tuple(one.term for one in what))
+    assert "or one of 5 others" in said and "No name stands out." in said and "If it is the first" not in said
+    likelier = (named(TERMS[0].name, 0.1, 0.01, 0.3), *what[1:])
+    assert "If it is the first" in told(likelier, tuple(one.term for one in likelier))
+
+
+def test_what_gains_no_points_for_sure_is_not_called_worth_adopting() -> None:
+    sure = Adoption(50, 0.5, 1.6, 1.9, 0.4, 0.5, 2.0, 2.1, 0.2, 0.1, 0.3, None)
+    assert say_points(sure).endswith("(90 %: +0.10 to +0.30); worth adopting (--adopt)")
+    assert say_points(msgspec.structs.replace(sure, low90=0.0)).endswith("no clear gain or loss, if adopted (--adopt)")
 
 
 def test_what_is_gained_is_told_in_outcomes_and_centimetres() -> None:
