@@ -12,7 +12,7 @@ from truearc.cli.old_names import RENAMED, forward
 from truearc.cli.registry import COMMANDS, ENTRY_POINTS
 
 ROOT = Path(__file__).parents[2]
-PAGES = sorted([*ROOT.glob("*.md"), *(page for folder in ("docs", "benchmarks", "examples", "sim", ".github")
+PAGES = sorted([*ROOT.glob("*.md"), *(page for folder in ("docs", "benchmarks", "examples", ".github")
                                       for page in (ROOT / folder).rglob("*.md"))])
 NAMED_IN = (".py", ".toml", ".md", ".html", ".yml", ".yaml", ".cff", ".txt", ".in")
 NAME = re.compile(r"(?<![\w./<{*-])(?:\.\.?/)*[\w-][\w./-]*\.md\b")
