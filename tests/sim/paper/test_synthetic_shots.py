@@ -1,6 +1,7 @@
 """Shots with uncertainty: the spread of heights is the one that goes in; labels mix where they must, and only there."""
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ from truearc.robot.config.rig_spec import Ball, LauncherFacts, Noise, Rig, Targe
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import load_dataset, save_rig
 from truearc.sim.infer.belief import Belief, draw, point_belief
-from truearc.sim.paper.synthetic_data import grid_heights, grid_shots, sample_shots
+from truearc.sim.paper import synthetic_shots
+from truearc.sim.paper.synthetic_data import grid_shots, sample_shots
 from truearc.sim.paper.synthetic_shots import (
     assign,
     check_belief,
@@ -42,9 +44,26 @@ def belief() -> Belief:
     return make_belief(0.02, 0.5)
 
 
+class Drawn(NamedTuple):
+    """Outcomes of the grid, and what near_places was given and said on the way to them."""
+
+    outcomes: np.ndarray
+    height_m: np.ndarray
+    near: np.ndarray
+
+
 @pytest.fixture(scope="module")
-def drawn(belief: Belief) -> np.ndarray:
-    return label_grid_draws(make_rig(Noise()), belief, 40, 5)
+def drawn(belief: Belief) -> Drawn:
+    seen: list[np.ndarray] = []
+
+    def look_on(rig: Rig, belief: Belief, height_m: np.ndarray) -> np.ndarray:
+        seen.extend([height_m, near_places(rig, belief, height_m)])
+        return seen[-1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(synthetic_shots, "near_places", look_on)
+        outcomes = label_grid_draws(make_rig(Noise()), belief, 40, 5)
+    return Drawn(outcomes, *seen)
 
 
 def heights_without_air(belief: Belief, rig: Rig, copies: int) -> tuple[np.ndarray, float, np.ndarray]:
@@ -98,14 +117,13 @@ def test_coefficients_are_drawn_shot_by_shot(belief: Belief) -> None:
     assert len(np.unique(heights.round(9))) == 500
 
 
-def test_labels_mix_near_the_target_and_nowhere_else(belief: Belief, drawn: np.ndarray) -> None:
+def test_labels_mix_near_the_target_and_nowhere_else(belief: Belief, drawn: Drawn) -> None:
     rig = make_rig(Noise())
-    height_m = grid_heights(rig, belief.coefficients)
-    near = near_places(rig, belief, height_m)
+    outcomes, height_m, near = drawn
     exact = classify(rig, height_m)
-    assert 0.05 < np.mean(exact[near] != drawn[near]) < 0.6
+    assert 0.05 < np.mean(exact[near] != outcomes[near]) < 0.6
     beyond = np.setdiff1d(np.arange(len(exact)), near)
-    assert (exact[beyond] == "miss").all() and (drawn[beyond] == "miss").all()
+    assert (exact[beyond] == "miss").all() and (outcomes[beyond] == "miss").all()
     # nothing that could have scored is left out: of those left out that pass closest, flown with scatter, none scores
     rng = np.random.default_rng(8)
     closest = beyond[np.argsort(np.abs(np.nan_to_num(height_m[beyond], nan=-99.0) - 2.44))[:4000]]
@@ -113,32 +131,31 @@ def test_labels_mix_near_the_target_and_nowhere_else(belief: Belief, drawn: np.n
     assert np.mean(np.abs(flown - 2.44) <= 0.35) < 1e-3
     # far inside the three-point window a shot is less often a miss than at its edge
     off_m = np.abs(height_m - 2.44)
-    assert np.mean(drawn[off_m < 0.03] == "miss") < np.mean(drawn[(off_m > 0.3) & (off_m < 0.35)] == "miss")
+    assert np.mean(outcomes[off_m < 0.03] == "miss") < np.mean(outcomes[(off_m > 0.3) & (off_m < 0.35)] == "miss")
 
 
-def test_the_sample_is_balanced_repeats_and_avoids_recorded_shots(belief: Belief, drawn: np.ndarray) -> None:
-    one = synthesise(make_rig(Noise()), belief, 90, None, 5, 40)
-    again = sample_shots(drawn, 90, None, 5)
-    assert again.shot_id == one.shot_id and again.texts == one.texts
+def test_the_sample_is_balanced_and_avoids_recorded_shots(belief: Belief, drawn: Drawn) -> None:
+    one = sample_shots(drawn.outcomes, 90, None, 5)
     assert sorted(map(one.text("outcome").count, ("miss", "two", "three"))) == [30, 30, 30]
-    assert not set(sample_shots(drawn, 90, one, 5).shot_id) & set(one.shot_id)
+    assert not set(sample_shots(drawn.outcomes, 90, one, 5).shot_id) & set(one.shot_id)
     with pytest.raises(InputError, match="--draws is 0"):
         synthesise(make_rig(Noise()), belief, 90, None, 5, 0)
 
 
-def test_the_door_says_what_a_file_without_doubt_lacks(belief: Belief, tmp_path: Path,
-                                                        capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_door_repeats_the_shots_and_says_what_a_file_without_doubt_lacks(
+        belief: Belief, drawn: Drawn, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     save_rig(tmp_path / "rig.toml", make_rig(Noise()))
     point_belief(belief.coefficients).save(tmp_path / "grid.toml")
     belief.save(tmp_path / "ml.toml")
-    words = ["paper", "synth", "--quiet", "--rig", f"{tmp_path}/rig.toml", "-n", "30", "--draws", "20"]
+    words = ["paper", "synth", "--quiet", "--rig", f"{tmp_path}/rig.toml", "-n", "90", "--draws", "40", "--seed", "5"]
     assert truearc.main([*words, "--coefficients", f"{tmp_path}/grid.toml", "-o", f"{tmp_path}/a"]) == 2
     assert "grid.toml: has no [scatter] and no [covariance]" in capsys.readouterr().err
     assert not (tmp_path / "a").exists()
     assert truearc.main([*words, "--coefficients", f"{tmp_path}/ml.toml", "-o", f"{tmp_path}/b"]) == 0
-    assert "20 sets of coefficients" in capsys.readouterr().out
+    assert "40 sets of coefficients" in capsys.readouterr().out
     made = load_dataset(tmp_path / "b").shots
-    assert sorted(map(made.text("outcome").count, ("miss", "two", "three"))) == [10, 10, 10]
-    assert load_provenance(tmp_path / "b")["draws"] == 20
+    again = sample_shots(drawn.outcomes, 90, None, 5)                # flown on its own, with the same seed
+    assert made.shot_id == again.shot_id and made.text("outcome") == again.text("outcome")
+    assert load_provenance(tmp_path / "b")["draws"] == 40
     assert load_provenance(tmp_path / "b")["scatter"] == belief.scatter
     check_belief(belief, "whole")
