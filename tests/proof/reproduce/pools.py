@@ -48,7 +48,7 @@ def configurations(count: int, rng: np.random.Generator) -> Shots:
     """Around where the target is, speeds from bisection on the truth's own flight: no code of the collection's."""
     distance_m, hood_deg = rng.uniform(2.6, 8.0, count), rng.uniform(40.0, 54.0, count)
     low, high = np.full(count, 0.2), np.full(count, 1.0)
-    for _ in range(30):
+    for _ in range(16):
         middle = 0.5 * (low + high)
         height_m = heights(distance_m, hood_deg, middle)
         above = np.nan_to_num(height_m, nan=0.0) > FACTS.target.centre_height_m
