@@ -1,8 +1,9 @@
-"""A real NetworkTables server."""
+"""A real NetworkTables server, and noise that cameras share."""
 
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.robot.nt_server import free_port
@@ -16,3 +17,25 @@ def nt_server() -> Iterator[tuple[Any, str]]:
     server.startServer("", "127.0.0.1", 0, port)
     yield server, f"127.0.0.1:{port}"
     server.stopServer()
+
+
+@pytest.fixture(scope="module")
+def noise_drawn_once() -> Iterator[None]:
+    """Emulated cameras of the same seed and lens share the picture of their noise, to the last bit what each would draw
+    for itself, and their generators go on as if they had drawn it: it takes twenty times as long as all the rest."""
+    from truearc.hw.emulated.imaging import camera
+
+    draw, drawn = camera._make_noise, {}
+
+    def once(lens: Any, level: float, random: np.random.Generator) -> np.ndarray:
+        key = (lens.height_px, lens.width_px, level, random.bit_generator.state["state"]["state"])
+        if key not in drawn:
+            noise = draw(lens, level, random)
+            noise.setflags(write=False)
+            drawn[key] = noise, random.bit_generator.state
+        noise, random.bit_generator.state = drawn[key]
+        return noise
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(camera, "_make_noise", once)
+        yield

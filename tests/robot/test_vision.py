@@ -25,6 +25,7 @@ from truearc_proof.world.camera_damage import USUAL, Look, StagedCamera
 from truearc_proof.world.distractors import KINDS, second_goal
 from truearc_proof.world.placing import place
 
+pytestmark = pytest.mark.usefixtures("noise_drawn_once")
 HOME = Path(robot.__file__).parent
 CONFIG = load_config(HOME / "launcher.toml")
 TAPE, VISION = CONFIG.tape, CONFIG.vision

@@ -1,6 +1,7 @@
 """Calibration: from taped distances, from boards that other code projected, and as its users meet it."""
 
 import csv
+import functools
 import itertools
 import re
 from pathlib import Path
@@ -98,18 +99,24 @@ def test_real_photographs_calibrated_on_half_of_them(data_dir):
     assert 0.6 <= np.mean(np.abs(ratios) < 1.0) <= 0.9 and 0.5 < np.sqrt(np.mean(np.square(ratios))) < 1.3
 
 
-def board_picture(board: Board, slant_deg, turn_deg: float, place_m, seed: int) -> np.ndarray:
-    """A board as LENS sees it, traced back pixel by pixel: no projection code of OpenCV's."""
-    rotation = cv2.Rodrigues(np.radians([slant_deg[0], slant_deg[1], 0.0]))[0] @ cv2.Rodrigues(
-        np.radians([0.0, 0.0, turn_deg]))[0]
-    flat = draw(board)
+@functools.cache
+def rays_of_lens() -> np.ndarray:
+    """Where each pixel of LENS looks, the same for all pictures."""
     columns, rows = np.meshgrid(np.arange(640.0), np.arange(480.0))
     seen = np.column_stack([columns.ravel(), rows.ravel()])
     ideal = seen.copy()
     for _ in range(40):
         ideal += seen - distort(ideal, LENS)
-    rays = np.column_stack([(ideal[:, 0] - LENS.cx_px) / LENS.fx_px, (ideal[:, 1] - LENS.cy_px) / LENS.fy_px,
+    return np.column_stack([(ideal[:, 0] - LENS.cx_px) / LENS.fx_px, (ideal[:, 1] - LENS.cy_px) / LENS.fy_px,
                             np.ones(len(ideal))])
+
+
+def board_picture(board: Board, slant_deg, turn_deg: float, place_m, seed: int) -> np.ndarray:
+    """A board as LENS sees it, traced back pixel by pixel: no projection code of OpenCV's."""
+    rotation = cv2.Rodrigues(np.radians([slant_deg[0], slant_deg[1], 0.0]))[0] @ cv2.Rodrigues(
+        np.radians([0.0, 0.0, turn_deg]))[0]
+    flat = draw(board)
+    rays = rays_of_lens()
     reach = (rotation[:, 2] @ np.array(place_m)) / (rays @ rotation[:, 2])
     on_board_m = (rays * reach[:, None] - np.array(place_m)) @ rotation
     where = on_board_m[:, :2] / board.square_m * PX + np.array(flat.shape[::-1]) / 2 - 0.5

@@ -18,6 +18,7 @@ from truearc_proof.world.camera_damage import Look, StagedCamera
 from truearc_proof.world.placing import place
 from truearc_proof.world.shutter import project_turning
 
+pytestmark = pytest.mark.usefixtures("noise_drawn_once")
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 LENS = make_lens(CONFIG.camera)
 READOUT_S, EXPOSURE_S = 0.03, 0.003

@@ -14,6 +14,7 @@ from truearc.robot.vision import detect
 from truearc_proof.world.camera_damage import USUAL, Look, Patch, StagedCamera
 from truearc_proof.world.placing import place
 
+pytestmark = pytest.mark.usefixtures("noise_drawn_once")
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 CAMERA, TAPE, VISION = CONFIG.camera, CONFIG.tape, CONFIG.vision
 RISE_M = TAPE.centre_height_m - CAMERA.height_m
