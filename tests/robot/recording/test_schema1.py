@@ -2,7 +2,7 @@
 
 import msgspec
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.robot.samples import check
@@ -79,6 +79,7 @@ def values(form, name):
 
 
 @pytest.mark.parametrize("form", load_forms(), ids=lambda form: form.template)
+@settings(max_examples=30)          # of 130 forms each, most of which have one parameter or none
 @given(data=st.data())
 def test_every_form_is_read_again_as_its_own_code(form, data):
     names = [name for name in form.code.params if "{" + name in form.template or name in form.fixed]
