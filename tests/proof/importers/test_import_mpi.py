@@ -64,7 +64,7 @@ def test_only_samples_before_the_bounce_are_kept(tmp_path_factory: pytest.TempPa
     launches = [["spin", 4, 0.5, 0.5, 350.0, 350.0, 2800.0, count]]
     tracks = import_mpi(*write(tmp_path_factory.mktemp("mpi"), launches, rows)).tracks
     assert tracks is not None
-    assert tracks.t_s[-1] < hit_s + 0.6 * 0.0055           # nearer than half a frame, and noise of 0.05, nobody can tell
+    assert tracks.t_s[-1] < hit_s + 0.6 * 0.0055           # nearer than half a frame and the noise nobody can tell
     # at most the contact sample and one before it are given up
     assert tracks.t_s[-1] > min(hit_s, samples[-1, 0]) - 2.5 * 0.0055
 
