@@ -246,7 +246,8 @@ def _direction(motion: Motion) -> Iterator[Flaw]:
                    "that of y_m")
     elif back > 0.0:
         yield Flaw("axes", "tracks: x_m", f"{back:.0%} of the balls travel backwards, the others forwards; x_m must "
-                   "point to the target: change its sign in those, and that of y_m")
+                   "point to the target: change its sign in those, and that of y_m; where balls were thrown in many "
+                   "directions of one room, leave them and accept this")
 
 
 def _release(rig: Rig, motion: Motion) -> Iterator[Flaw]:
