@@ -21,8 +21,10 @@ def draw_aim(rows: Sequence[Any], refused: Sequence[tuple[float, str]]) -> Figur
     speed.plot(x, [row.motor_rad_s * RPM for row in rows], "o-", color="#1b5e9b", markersize=3, label="set point")
     speed.set_ylabel("motor, rpm")
     speed.legend(frameon=False)
-    chance.plot(x, [row.p_two for row in rows], color="#d9822b", label="two or three points")
-    chance.plot(x, [row.p_three for row in rows], color="#2b8a3e", label="three points")
+    threes = [row.p_three for row in rows]
+    chance.plot(x, [row.p_two for row in rows], color="#d9822b", label="two or three points" if any(threes) else "hit")
+    if any(threes):
+        chance.plot(x, threes, color="#2b8a3e", label="three points")
     chance.set(ylim=(0.0, 1.02), ylabel="probability", xlabel="distance, m")
     chance.legend(frameon=False)
     for distance_m, _ in refused:

@@ -116,6 +116,8 @@ class FitSummary(Struct, frozen=True):
     accuracy_before: float | None     # share of outcomes forecast right
     accuracy_after: float | None      # share of outcomes forecast right
     height_at: str = "plane"          # or "track end": forecast from the first 40 % of the track
+    side_rmse_before_m: float | UnsetType = UNSET  # of y at the track's end, where a name pushes to the side
+    side_rmse_after_m: float | UnsetType = UNSET   # of y at the track's end
 
 
 class Adoption(Struct, frozen=True):

@@ -96,6 +96,7 @@ class Term(ABC):
         indoor_sd: One standard deviation of the amplitude in a closed hall, where that makes a difference.
         calibration_sd: Of a tracker's calibration that is fitted with every track: one standard deviation of the
             amplitude's prior there; None: the amplitude is tested like any other.
+        compared: Of a tracker's calibration that is tested, and compared with an earlier session's like what is fitted.
     """
 
     name: ClassVar[str]
@@ -117,6 +118,7 @@ class Term(ABC):
     law_sd: ClassVar[float | None] = None
     indoor_sd: ClassVar[float | None] = None
     calibration_sd: ClassVar[float | None] = None
+    compared: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()

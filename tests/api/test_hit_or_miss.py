@@ -84,6 +84,20 @@ def test_from_fit_to_gate(tmp_path: Path) -> None:
     assert p[hit, 1].mean() > p[~hit, 1].mean() + 0.3 and abs(p[:, 1].mean() - hit.mean()) < 0.1
 
 
+def test_aim_is_told_in_hits(tmp_path: Path) -> None:
+    week = ta.load_dataset(write(tmp_path / "week"))
+    belief = ta.fit(week).belief
+    table = ta.aim(belief, week.rig, distances_m=[3.0])
+    head, row = table.lines()[0], table.lines()[-1]
+    assert "P(hit)" in head and "P(three)" not in head and "points" not in head
+    (one,) = table.rows
+    assert f"{one.p_two:.0%}" in row and f"{-one.lost_1deg / 2.0:+.0%}" in row
+    labels = [text.get_text() for text in table.plot().axes[2].get_legend().get_texts()]
+    assert labels == ["hit"]
+    threes = ta.load_dataset(SPREADSHEET)
+    assert "P(three)" in ta.aim(belief, threes.rig, distances_m=[3.0]).lines()[0]
+
+
 def test_discovery_reads_hits(tmp_path: Path) -> None:
     found = ta.discover(ta.load_dataset(write(tmp_path / "week")), seed=0)
     assert found.verdict in ("named", "set", "unknown")            # wheel slip, with which the example was made

@@ -16,6 +16,7 @@ from msgspec import structs
 import truearc as ta
 from truearc.api.finding_report import SavedFinding
 from truearc.cli.main import main
+from truearc.sim.discover.finding import FoundEffect
 
 pytestmark = pytest.mark.slow
 BELIEVE = ("gravity", "drag", "magnus")
@@ -73,6 +74,8 @@ def test_finding_says_what_was_planted(found) -> None:
     last = found.effects[-1].term
     turned = SavedFinding(structs.replace(found.record, verdict="set", set=(last,)))
     assert turned.best is not None and turned.best.term == last and turned.alternatives == ()
+    beside = FoundEffect(found.record.what[-1:], (last,), None), FoundEffect(found.record.what[-1:], None, None)
+    assert [one.term for one in SavedFinding(structs.replace(found.record, also=beside)).also] == [last]
     assert found.table().column("term") == [one.term for one in found.effects]
     assert json.loads(found.to_json())["schema"] == "truearc.finding/1"
     assert isinstance(found.plot_residuals(), Figure)

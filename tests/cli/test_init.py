@@ -2,6 +2,7 @@
 
 import re
 import shutil
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -124,6 +125,24 @@ def test_init_robot_writes_a_configuration_that_loads(tmp_path: Path, capsys: py
     assert main(["init", "--robot", str(out)]) == 0
     assert load_config(out) == load_config(Path(ta.__file__).parents[1] / "robot" / "launcher.toml")
     assert f"truearc doctor --config {out}" in capsys.readouterr().out
+
+
+def test_init_of_tracks_asks_for_no_wheels_and_no_target(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "throws"
+    assert main(["init", str(folder), "--tracks"]) == 0
+    assert (folder / "tracks.csv").read_text(encoding="utf-8") == "shot_id,t_s,x_m,y_m,z_m\n"
+    rig = tomllib.loads((folder / "rig.toml").read_text(encoding="utf-8"))
+    assert set(rig["launcher"]) == {"release_height_m"} and "target" not in rig and rig["noise"]["track_m"] == 0.015
+    numbers = {"mass_kg": "0.14", "radius_m": "0.0889", "release_height_m": "0.75"}
+    text = (folder / "rig.toml").read_text(encoding="utf-8")
+    for key, number in numbers.items():
+        text = text.replace(f"{key} = nan", f"{key} = {number}")
+    (folder / "rig.toml").write_text(text, encoding="utf-8")
+    for name in ("shots.csv", "tracks.csv"):
+        (folder / name).write_bytes((SHOTS.parent / "tracks" / name).read_bytes())
+    assert len(ta.load_dataset(folder).shots) == 24
+    assert main(["init", str(tmp_path / "other"), "--tracks", "--units", "ft"]) == 2
+    assert not (tmp_path / "other" / "tracks.csv").exists()
 
 
 @pytest.mark.parametrize("words", [["init"], ["init", "week", "--robot", "my_launcher.toml"]])

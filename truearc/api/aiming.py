@@ -24,12 +24,14 @@ from truearc.sim.aim.set_point import AimRow
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.plausibility.check import check_plausible
+from truearc.sim.metrics import POINTS_TWO
 from truearc.sim.printed import Printed
 from truearc.sim.progress import Progress
 from truearc.sim.tables import make_text
 
 SCHEMA = "truearc.aim_table/1"
 HEADER = ("m", "hood deg", "motor rpm", "P(two)", "P(three)", "points", "-10 cm", "-1 deg", "-50 rpm")
+HITS = ("m", "hood deg", "motor rpm", "P(hit)", "10 cm off", "1 deg off", "50 rpm off")
 STEP_M = 0.25                         # between distances, where none are given
 DISTANCES_M = (2.0, 7.0)              # their range where the belief does not say to what it was fitted
 HOOD_DEG = (20.0, 70.0)               # likewise
@@ -67,13 +69,17 @@ class AimTable(Printed):
         return AimRow._make([*map(float, numbers), "; ".join(notes)])
 
     def lines(self) -> list[str]:
-        """Return a line per distance: set point, probabilities, and what errors cost."""
-        turned = any(one.lead_deg for one in self.rows)
-        head = (*HEADER, *(["lead deg"] if turned else []), "")
-        rows = [(f"{one.distance_m:.2f}", f"{one.hood_deg:.1f}", f"{one.motor_rad_s * snippets.RPM:.0f}",
-                 f"{one.p_two:.0%}", f"{one.p_three:.0%}", f"{one.points:.2f}", f"{one.lost_10cm:.2f}",
-                 f"{one.lost_1deg:.2f}", f"{one.lost_50rpm:.2f}", *([f"{one.lead_deg:+.1f}"] if turned else []),
-                 one.note) for one in self.rows]
+        """Return a line per distance: set point, probabilities, and what errors cost; of a hit-or-miss target in hits.
+        """
+        turned, hits = any(one.lead_deg for one in self.rows), not any(one.p_three for one in self.rows)
+        head = (*(HITS if hits else HEADER), *(["lead deg"] if turned else []), "")
+        rows = []
+        for one in self.rows:
+            lost = one.lost_10cm, one.lost_1deg, one.lost_50rpm
+            worth = ([f"{-points / POINTS_TWO:+.0%}" for points in lost] if hits else
+                     [f"{one.p_three:.0%}", f"{one.points:.2f}", *(f"{points:.2f}" for points in lost)])
+            rows.append((f"{one.distance_m:.2f}", f"{one.hood_deg:.1f}", f"{one.motor_rad_s * snippets.RPM:.0f}",
+                         f"{one.p_two:.0%}", *worth, *([f"{one.lead_deg:+.1f}"] if turned else []), one.note))
         refused = [f"{distance_m:.2f} m: no set point: {why}" for distance_m, why in self.refused]
         return [*make_text(head, rows, right=range(len(head) - 1)), *refused]
 

@@ -70,6 +70,12 @@ class FindingReport(Printed):
         """The other terms that these data cannot tell from the best one, most probable first."""
         return self._members()[1:] if self.record.set else ()
 
+    @property
+    def also(self) -> tuple[Effect, ...]:
+        """The most probable term of each further effect that was found beside the best one; `record.also` has all, and
+        those that no term explains."""
+        return tuple(_effect(one.what[0]) for one in self.record.also if one.set and one.what)
+
     def _members(self) -> tuple[Effect, ...]:
         """The effects that the verdict names, most probable first; one left out of a set may be more probable."""
         names = self.record.set

@@ -18,7 +18,6 @@ from scipy.stats import multivariate_normal
 
 from truearc.sim.infer.baseline_fit import BaselineFit
 from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
-from truearc.sim.physics.term import WatchTerm
 
 ODDS = 0.1                            # a priori, of one more number that changed, or of another term instead
 LEAST = 0.05                          # probability from which a number or term is listed
@@ -100,7 +99,7 @@ def rivals_of(fitted: BaselineFit, home: BaselineFit, term: str) -> tuple[Number
 def _numbers(fitted: BaselineFit, home: BaselineFit) -> list[str]:
     """Columns of the tracker's calibration that both sessions have."""
     wanted = [f"{term.name}.{term.amplitude.name}" for term in fitted.layout.chain.catalogue
-              if term.calibration_sd is not None or (isinstance(term, WatchTerm) and term.relative)]
+              if term.calibration_sd is not None or term.compared]
     return [name for name in wanted if all(name in _columns(one) for one in (fitted, home))]
 
 

@@ -14,6 +14,7 @@ from truearc.sim.discover.report.effect_wording import IN_FLIGHT
 from truearc.sim.discover.select.name_effects import Step
 from truearc.sim.discover.select.refit import Refit
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
+from truearc.sim.infer.plausibility.flaw import RPM
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.term import Term, WatchTerm
 
@@ -128,7 +129,9 @@ def parting_shot(dataset: Dataset, step: Step, pair: tuple[str, str]) -> dict[st
     numbers = {name: dataset.shots.number(name)[shot] for name in ("distance_m", "hood_deg", "motor_ratio")}
     if not np.isfinite(list(numbers.values())).all():
         return None
-    return {"do": "shoot", **{name: round(float(value), 3) for name, value in numbers.items()}, "shots": SHOTS,
+    free_rad_s = dataset.rig.launcher.free_speed_rad_s
+    rpm = {"motor_rpm": round(float(numbers["motor_ratio"]) * free_rad_s / RPM)} if free_rad_s else {}
+    return {"do": "shoot", **{name: round(float(value), 3) for name, value in numbers.items()}, **rpm, "shots": SHOTS,
             "separates": [name.partition(".")[0] for name in pair]}
 
 

@@ -21,7 +21,7 @@ from truearc.sim.discover.plan.recommendations import blind_terms, has_spin, mea
 from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report.formula import find_formula
 from truearc.sim.discover.select.amplitude_prior import posterior_amplitude
-from truearc.sim.discover.select.forecast_error import end_errors, times_off
+from truearc.sim.discover.select.forecast_error import end_errors, side_errors, times_off
 from truearc.sim.discover.select.name_effects import Search, Step
 from truearc.sim.infer.baseline_fit import BaselineFit, only_shared, stopped
 from truearc.sim.infer.held_out import clustered_error, unseen_change, without
@@ -270,13 +270,17 @@ def _fit(fitted: BaselineFit, steps: Sequence[Step]) -> FitSummary:
     if last.unknown:
         after = last.free if last.free is not None else last.before
     rmse_after = accuracy_after = None
+    side: tuple[float | UnsetType, float | UnsetType] = UNSET, UNSET
     if named:
         change = unseen_change(named[-1].evidence)
+        if fitted.intake.filmed and any(step.column.direction == "lateral" for step in steps if not step.unknown):
+            side = (side_errors(fitted.intake, only_shared(fitted.layout), fitted.spot, before_change),
+                    side_errors(fitted.intake, named[-1].layout, named[-1].spot, change))
         rmse_after = end_errors(fitted.intake, named[-1].layout, named[-1].spot, named[-1].evidence, change)
         accuracy_after = _accuracy(named[-1].evidence, change)
     gain = after - before
     return FitSummary(len(null.rows), float(before.mean()), float(after.mean()), float(gain.mean()),
-               clustered_error(gain, fitted.together), rmse, rmse_after, accuracy, accuracy_after, height_at)
+               clustered_error(gain, fitted.together), rmse, rmse_after, accuracy, accuracy_after, height_at, *side)
 
 
 def _accuracy(evidence: ScoreTable, change: Float[Array, "n P"]) -> float | None:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from msgspec import UnsetType
+from msgspec import UNSET, UnsetType
 
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.localization import Place
@@ -24,9 +24,11 @@ EVEN = 0.5                            # probability of both of two names, from w
 STANDS_OUT = 0.2                      # probability of a name, from which its size is said
 RARE = 0.1                            # p up to which it is stated as one dataset in how many
 WIDE = 2.0                            # standard deviations by which times differ: chance hardly does that to ten
+TOO_SURE = 0.95                       # probability of a name by tracks, from which names were right less often
 LEAST_SHOWN = 0.005                   # probability of a name on the console: not 0 %
 UNSURE = 0.25                       # probability of an unexplained effect, from which a sentence says so
-HEIGHTS = {"plane": "heights", "track end": "where tracks end, from their first 40 %,"}
+HEIGHTS = {"plane": "heights", "track end": "how high tracks end, from their first 40 %,"}
+SIDEWAYS = "how far to the side tracks end, from their first 40 %,"
 TIMES = ("t_s", "order_in_session", "shots_of_ball")
 LISTED = 4                            # names of a set that a sentence lists
 THEN = ("With that put in", "And with that, too")
@@ -244,17 +246,25 @@ def say_smallest(evidence: ScoreTable, threshold: float, among: Catalogue | None
     return f" Smallest effects that they would have shown, four times in five: {', '.join(parts)}."
 
 
+def say_how_sure(finding: FindingRecord) -> str:
+    """How often names were right that were as likely as this, where that was less often; measured in sealed rounds."""
+    sure = bool(finding.what) and finding.what[0].probability >= TOO_SURE and finding.data.level == "L2"
+    return "with tracks, 74 in 100 names said to be 99 % likely were right" if sure else ""
+
+
 def console_lines(finding: FindingRecord, among: Catalogue | None = None) -> list[str]:
     """The verdict and a few lines below it."""
     data, where = finding.data, finding.where
     made = finding.mismatch.tests_made
     lines = [finding.sentence, f"{data.shots} shots, level {data.level}, {made} test{'s' * (made != 1)} over "
                                f"{data.clusters['count']} clusters ({data.clusters['by']})"]
-    lines += [f"fitted: {', '.join(f'{name} {value:.3g}' for name, value in values.items())}"
+    fitted = "fitted without it" if finding.mismatch.found else "fitted"
+    lines += [f"{fitted}: {', '.join(f'{name} {value:.3g}' for name, value in values.items())}"
               for values in data.fitted.values() if values]
     if likely := [one for one in finding.what[:SHOWN] if one.probability >= LEAST_SHOWN]:
         pairs = " (two together count for both)" if sum(one.probability for one in likely) > 1.0 + LEAST_SHOWN else ""
-        lines.append("names: " + ", ".join(f"{one.term} {one.probability:.0%}" for one in likely) + pairs)
+        lines.append("names: " + ", ".join(f"{one.term} {one.probability:.0%}" for one in likely) + pairs
+                     + "".join(f" ({said})" for said in [say_how_sure(finding)] if said))
     if finding.mismatch.found and where.stage_probability:
         lines.append("stages: " + ", ".join(f"{stage} {p:.0%}" for stage, p in where.stage_probability.items()))
     if where.inseparable:
@@ -281,8 +291,9 @@ def say_step(step: dict[str, object], among: Catalogue | None = None) -> str:
         return f"measure {step['what']}"
     names = step["separates"]
     assert isinstance(names, list)
+    rpm = f" ({step['motor_rpm']} rpm)" if "motor_rpm" in step else ""
     return (f"{step['shots']} shots at {step['distance_m']:.3g} m, hood {step['hood_deg']:.3g}°, motor "
-            f"{step['motor_ratio']:.3g}, to tell {' from '.join(plain(name, among) for name in names)}")
+            f"{step['motor_ratio']:.3g}{rpm}, to tell {' from '.join(plain(name, among) for name in names)}")
 
 
 def gained_interval(fit: FitSummary) -> tuple[float, float] | None:
@@ -302,11 +313,13 @@ def _gained(fit: FitSummary) -> str:
         before, after = (f"{100.0 * share:.0f}" for share in (fit.accuracy_before, fit.accuracy_after))
         if before != after:
             parts[fit.accuracy_after > fit.accuracy_before].append(f"{after} of 100 outcomes right instead of {before}")
-    if fit.height_rmse_before_m is not None and fit.height_rmse_after_m is not None:
-        before, after = (_size(error_m, "m") for error_m in (fit.height_rmse_before_m, fit.height_rmse_after_m))
+    old, new, where = fit.height_rmse_before_m, fit.height_rmse_after_m, HEIGHTS[fit.height_at]
+    if fit.side_rmse_before_m is not UNSET and fit.side_rmse_after_m is not UNSET:
+        old, new, where = fit.side_rmse_before_m, fit.side_rmse_after_m, SIDEWAYS
+    if old is not None and new is not None:
+        before, after = _size(old, "m"), _size(new, "m")
         if before != after:
-            parts[fit.height_rmse_after_m < fit.height_rmse_before_m].append(
-                f"{HEIGHTS[fit.height_at]} within {after} instead of {before}")
+            parts[new < old].append(f"{where} within {after} instead of {before}")
     places = 3 if abs(fit.gain_per_shot or 0.0) < 10.0 else 0
     low, high = (f"{end:+.{places}f}" for end in interval)
     score = f"log score {fit.gain_per_shot:+.{places}f} per shot, 90 %: {low} to {high}"

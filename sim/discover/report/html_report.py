@@ -196,7 +196,8 @@ def _names(finding: FindingRecord, among: Catalogue) -> str:
     if len(members) > 1:
         listed = wording.either([plain(name, among) for name in finding.set or ()], "and")
         said = paragraph(f"These data cannot tell {listed} apart (orange).") + said
-    said += paragraph(BARS)
+    sure = wording.say_how_sure(finding)
+    said += paragraph(f"{BARS} {_capital(sure)}." if sure else BARS)
     return said + "".join(paragraph(wording.besides(further, then, among).strip())
                           for further, then in zip(finding.also, wording.THEN, strict=False))
 
@@ -214,6 +215,8 @@ def _worth(finding: FindingRecord) -> str:
         return ""
     rows = [("outcome accuracy [%]", _percent(fit.accuracy_before), _percent(fit.accuracy_after)),
             (f"height error at the {fit.height_at}, rms [m]", fit.height_rmse_before_m, fit.height_rmse_after_m),
+            ("error to the side at the track end, rms [m]", fit.side_rmse_before_m or None,
+             fit.side_rmse_after_m or None),
             ("log score per shot", fit.log_score_before, fit.log_score_after)]
     shown = [row for row in rows if row[1] is not None and row[2] is not None]
     return table((f"{fit.heldout_shots} shots", "as simulated", "corrected"), shown) + paragraph(
@@ -250,7 +253,7 @@ def _fine_print(finding: FindingRecord) -> str:
                           dim=True)
     said += "".join(paragraph(" ".join(text.split()), dim=True) for text in FINE_PRINT)
     if fitted:
-        said += table(("fitted", "value"), fitted)
+        said += table(("fitted without it" if mismatch.found else "fitted", "value"), fitted)
     return said + (_tests(finding) if mismatch.tests else "")
 
 

@@ -11,6 +11,7 @@ from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.report import NO_ORIGIN, Origin, make_page, paragraph, picture, table
 from truearc.sim.tables import make_text
 
+MOST_SHOTS = 10_000                   # beyond which the number is no longer said
 SURE = 0.8                            # power that counts as "would be seen"
 METHOD = (
     "Expected Fisher information: what is left of each effect's after the fitted coefficients, scatters and the random "
@@ -35,7 +36,12 @@ def sight_lines(sight: Sight, among: Catalogue | None = None) -> list[str]:
 def _row(one: TermIdentifiability, among: Catalogue | None) -> tuple[str, ...]:
     like = "" if one.like is None else f"{one.like} {one.correlation:+.2f}"
     return (one.term, one.stage, size_of(one.term, one.usual, one.unit, among), f"{one.share_left:.1%}",
-            str(one.shots_needed), like)
+            _shots(one.shots_needed or 0), like)
+
+
+def _shots(needed: int) -> str:
+    """The number of shots, up to MOST_SHOTS."""
+    return str(needed) if needed <= MOST_SHOTS else f"over {MOST_SHOTS}"
 
 
 def sight_sentence(sight: Sight) -> str:
@@ -92,7 +98,7 @@ def _alike(sight: Sight, among: Catalogue | None) -> str:
 
 def _table(sight: Sight, among: Catalogue | None) -> str:
     rows = [(plain(one.term, among), one.stage, size_of(one.term, one.usual, one.unit, among),
-             size_of(one.term, one.smallest or 0.0, one.unit, among), f"{one.power:.0%}", one.shots_needed,
+             size_of(one.term, one.smallest or 0.0, one.unit, among), f"{one.power:.0%}", _shots(one.shots_needed or 0),
              f"{one.share_left:.1%}", "" if one.like is None else f"{plain(one.like, among)} ({one.correlation:+.2f})")
             for one in sight.terms if one.shots_needed is not None]
     return table(("effect", "stage", "usual size", f"seen from, with {sight.shots} shots", "seen at usual size",

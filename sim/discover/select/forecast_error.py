@@ -1,4 +1,4 @@
-"""How far off a forecast of the height is: at the end of each track from its first part, or at the plane."""
+"""How far off a forecast is: at the end of each track from its first part, or of the height at the plane."""
 
 import numpy as np
 from jaxtyping import Float
@@ -28,6 +28,12 @@ def end_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint
         seen, mean_m, _ = evidence.heights(change)
         errors = (mean_m - seen.height_m)[seen.measured]
     return float(np.sqrt(np.mean(errors**2)))
+
+
+def side_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
+                change: Float[Array, "n P"]) -> float:
+    """RMS error in m of y at each track's last sample, forecast as the height is by end_errors."""
+    return float(np.sqrt(np.mean(track_errors(intake, layout, spot, change)[:, 1]**2)))
 
 
 def times_off(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint) -> float | None:

@@ -114,7 +114,7 @@ def name_effects(fitted: BaselineFit, place: Place | None, search: Search, progr
     left = search.left(named)
     if left is None:                  # nothing is found beside it, so names count without that
         alone = posterior.share("both") >= UNKNOWN and 1.0 - posterior.unexplained() > ANY
-        return (replace(whole, unknown=False) if alone else whole,)
+        return (replace(first if both else whole, unknown=False) if alone else whole,)
     if varies or both:
         change = posterior.likeliest_change(first.naming.leader)
         if both and place is not None and change is not None and _direction(fitted, change) == first.column.direction:
@@ -211,7 +211,8 @@ def with_probabilities(naming: Naming, posterior: Hypotheses, beside: bool = Fal
     chosen: list[str] = []
     for name in ranked:
         held = posterior.held_by(chosen, beside)
-        if chosen and held >= SURE * explained and (len(chosen) > 1 or probability[chosen[0]] >= SURE):
+        enough = len(chosen) > 1 or probability[name] < ANY or probability[chosen[0]] >= SURE if chosen else False
+        if enough and held >= SURE * explained:
             break
         chosen.append(name)
     aliases = naming.aliases if ranked[0] == naming.leader else ()

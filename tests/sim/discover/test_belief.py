@@ -82,6 +82,8 @@ def test_the_shot_that_parts_a_changed_number_from_another_name_goes_by_what_the
     other = next(name for name in refits if name != "drag.cd")
     shot = parting_shot(dataset, step, ("drag.cd", other))
     assert shot is not None and shot["separates"] == ["drag", other.partition(".")[0]]
+    free_rad_s = dataset.rig.launcher.free_speed_rad_s
+    assert shot["motor_rpm"] == pytest.approx(shot["motor_ratio"] * free_rad_s * 60.0 / (2.0 * np.pi), abs=4.0)
     assert parting_shot(dataset, step, ("drag.cd", "drag.cd")) is None         # what forecasts the same, no shot parts
 
 

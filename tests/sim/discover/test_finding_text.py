@@ -219,7 +219,7 @@ def test_what_is_gained_is_told_in_outcomes_and_centimetres() -> None:
     far = told(drag, fit=FitSummary(100, -0.9, -0.7, 0.2, 0.05, 7.2, 0.84, None, None))
     assert "heights within 84 cm instead of 7.2 m" in far
     ends = told(drag, fit=FitSummary(100, -0.9, -0.7, 0.2, 0.05, 0.06, 0.02, None, None, "track end"))
-    assert "where tracks end, from their first 40 %, within 2 cm instead of 6 cm" in ends
+    assert "how high tracks end, from their first 40 %, within 2 cm instead of 6 cm" in ends
 
 
 def test_nothing_found_and_nothing_to_say() -> None:
@@ -268,14 +268,18 @@ def test_sizes_in_the_units_of_people() -> None:
 
 def test_console_lines_name_steps_and_what_was_left_out() -> None:
     steps = ({"do": "measure", "what": "ball mass with a scale"},
-             {"do": "shoot", "distance_m": 6.6, "hood_deg": 38.0, "motor_ratio": 0.62, "shots": 20,
+             {"do": "shoot", "distance_m": 6.6, "hood_deg": 38.0, "motor_ratio": 0.62, "motor_rpm": 3517, "shots": 20,
               "separates": ["hood_offset", "wind_x"]})
     finding = FindingRecord(DataSummary(20, "L0", ("2 shots",), ("gravity",), {}, {"by": "shot", "count": 20}),
                       Mismatch(True, 0.01, 0.05, {}, 7, {}), WHERE, "set", "Verdict.", None, None,
                       what=(named("drag", 0.5, 0.1, 0.7), named("wind_x", 1.0, 0.1, 0.0001)), next=steps)
     lines = console_lines(finding)
     assert lines[0] == "Verdict."
-    assert "next: 20 shots at 6.6 m, hood 38°, motor 0.62, to tell hood offset from head or tail wind" in lines
+    shoot = "next: 20 shots at 6.6 m, hood 38°, motor 0.62 (3517 rpm), to tell hood offset from head or tail wind"
+    assert shoot in lines
     assert "next: measure ball mass with a scale" in lines and "left out: 2 shots" in lines
     assert "names: drag 70%" in lines
+    sure = msgspec.structs.replace(finding, data=msgspec.structs.replace(finding.data, level="L2"),
+                                   what=(named("drag", 0.5, 0.1, 0.99),))
+    assert "names: drag 99% (with tracks, 74 in 100 names said to be 99 % likely were right)" in console_lines(sure)
     assert say_step(steps[0]) == "measure ball mass with a scale"

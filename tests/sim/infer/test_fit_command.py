@@ -41,6 +41,7 @@ def test_a_fit_is_told_in_words_and_written_as_a_belief(directory, tmp_path, cap
 
 @pytest.mark.parametrize(("arguments", "message"), [
     (["--terms", "drag,magnetism"], "--terms: there is no term 'magnetism'"),
+    (["--terms", "wind"], "there is no term 'wind' (did you mean 'wind_x' or 'wind_y' or 'wind_z'?)"),
     (["--terms", "drga"], "--terms: there is no term 'drga' (did you mean 'drag'?)"),
     (["--terms", ""], "--terms: got ''; expected at least one entry"),
     (["--terms", "drag,drag"], "--terms: got drag more than once; keep one"),

@@ -6,7 +6,7 @@ With fewer than ten shots, a season of them is planned for the rig.
 import argparse
 
 import truearc as ta
-from truearc.cli.common import add_accept, make_progress, number
+from truearc.cli.common import add_accept, listed, make_progress, number
 from truearc.robot.config.schema import about
 
 EXAMPLE = "truearc check shots/"
@@ -15,6 +15,8 @@ EXAMPLE = "truearc check shots/"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument("dataset", metavar="DIR", help="dataset directory")
+    parser.add_argument("--believe", type=listed(str), metavar="TERMS", help="terms of the simulation, "
+                        "comma-separated; else rig.toml's")
     add_accept(parser)
     parser.add_argument("--seed", type=number(int, 0), help="of the season that is planned without "
                         "shots, or of where shots without results pass")
@@ -35,8 +37,8 @@ def main(args: argparse.Namespace) -> int:
         print(f"warning: {say_few(len(dataset.shots))}; no season can be planned: rig.toml has no [target]")
         return 0
     with about(args.dataset):
-        could = ta.identifiability(dataset.rig if few else dataset, seed=args.seed, accept=args.accept,
-                                   progress=make_progress("check", args.quiet))
+        could = ta.identifiability(dataset.rig if few else dataset, believe=args.believe, seed=args.seed,
+                                   accept=args.accept, progress=make_progress("check", args.quiet))
     if few:
         print(f"warning: {say_few(len(dataset.shots))}" if len(dataset.shots) else "\nno shots yet", end="")
     print("; of a season with this rig:" if few else "")

@@ -67,6 +67,8 @@ def main(args: argparse.Namespace) -> int:
         origin = common.origin_of(args)
         found.to_html(args.report, made_at=origin.made_at, command=origin.command)
     print(found)                      # last: whoever reads it may be gone
+    if args.measured and found.verdict == "none":
+        print("not used: --measured, which weighs names: nothing is missing that would have one")
     if adopted is not None:
         print(adopted)
     if refused is not None:

@@ -62,6 +62,8 @@ def advise(args: argparse.Namespace) -> tuple[int, Path]:
         rig = AdviceIo(config, shot_map, keys, clock, lambda: ending.asked or recorder.is_over(), args.sigma,
                        NtCamera(config, keys, clock) if seeing else None,
                        NtVelocity(config, keys, clock) if driving else None)
+        print(f"{args.nt}: {len(keys_of(shot_map))} keys of the map are read; advice is published under /truearc and "
+              f"recorded in {folder}; Ctrl+C ends it", file=sys.stderr, flush=True)
         ticks = run(RecordingRig(rig, recorder.trouble), config, gate, Adviser(recorder, keys, config, gate),
                     partial(step, aims=aims))
     if recorder.failed is not None:

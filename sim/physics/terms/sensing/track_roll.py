@@ -1,4 +1,4 @@
-"""A tracker that is tilted to one side, in a later session."""
+"""A tracker that is tilted to one side."""
 
 import math
 
@@ -10,15 +10,15 @@ from truearc.sim.physics.term import ANGLE, Instrument, Number, Values, Vec, Wat
 class TrackRoll(WatchTerm):
     """Positions are seen turned about the forward axis on the floor below the exit; positive: higher, what lies left.
 
-    In one session alone it is a crosswind's double.
+    It is much like a crosswind, whose push falls with the ball's speed.
     """
 
     order = 85, "turns positions of any scale"
-    parameters = amplitude("angle_deg", "deg", -15.0, 15.0, sd=1.0, meaning="angle by which tracks lean to the right",
+    parameters = amplitude("angle_deg", "deg", -15.0, 15.0, sd=2.0, meaning="angle by which tracks lean to the right",
                            source="a camera on a tripod is levelled by eye or by a bubble",
                            reason="a bubble is good to half a degree, the eye to one or two")
     direction = "lateral"
-    relative = True
+    compared = True
     sentence = "The tracker is tilted sideways: what lies to the left seems higher or lower than it is."
     phrase = either_way("the tracker is tilted sideways: it sees what lies to the left {} too <high|low>", ANGLE)
     instrument = Instrument("plumb_line", "a plumb line in the tracker's view", None)
