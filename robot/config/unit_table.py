@@ -22,9 +22,11 @@ CONVERTED = {
 ZERO = {"k": 273.15, "f": 32.0}       # in that unit, of a unit that is read; of others 0
 # what logs call units -> as columns of a dataset end
 UNITS = {
+    **{suffix: suffix for read, others in CONVERTED.items() for suffix in (read, *others)},
     **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), "m"),
     **dict.fromkeys(("in", "inch", "inches"), "in"), **dict.fromkeys(("ft", "foot", "feet"), "ft"),
     **dict.fromkeys(("cm", "centimeters"), "cm"), **dict.fromkeys(("mm", "millimeters"), "mm"),
+    **dict.fromkeys(("yd", "yard", "yards"), "yd"),
     **dict.fromkeys(("deg", "degree", "degrees", "°"), "deg"),
     **dict.fromkeys(("rad", "rads", "radian", "radians"), "rad"),
     **dict.fromkeys(("rot", "rots", "rotation", "rotations", "rev"), "rev"),
@@ -39,12 +41,14 @@ UNITS = {
     **dict.fromkeys(("ft/s", "ft_s", "fps", "feet per second", "feetpersec"), "ft_s"),
     **dict.fromkeys(("s", "sec", "second", "seconds"), "s"), **dict.fromkeys(("ms", "milliseconds"), "ms"),
     **dict.fromkeys(("us", "microseconds"), "us"),
-    **dict.fromkeys(("c", "celsius"), "c"), **dict.fromkeys(("f", "fahrenheit"), "f"),
+    **dict.fromkeys(("c", "celsius", "°c", "degc"), "c"), **dict.fromkeys(("f", "fahrenheit", "°f", "degf"), "f"),
 }
 REVOLUTION_DEG = 360.0
 SUFFIX = re.compile(r"(radians?persec(?:ond)?|rad(?:s)?per?sec|rotations?per(?:sec(?:ond)?|minute)|deg(?:rees)?persec|"
                     r"meterspersec(?:ond)?|mps|rpm|rps|radians?|rads?|degrees?|degs?|rotations?|rots?|meters?|inches|"
-                    r"feet|volts?|seconds?|_rad_s|_m_s|_ft|_in|_m|_v|_deg|_rad)(/\d+|/value)?$", re.IGNORECASE)
+                    r"feet|volts?|seconds?|_rad_s|_m_s|[ _](?:ft|in|cm|mm|yd|m|v|deg|rad))(/\d+|/value)?$",
+                    re.IGNORECASE)
+BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\.?\s*[)\]]\s*$")
 
 
 def unit_of(name: str) -> str:
@@ -71,6 +75,9 @@ def own_unit(column: str) -> str:
 
 
 def unit_in(key: str) -> str:
-    """The unit that a key's name ends in, as UNITS has it; "" for none."""
-    found = SUFFIX.search(key)
-    return UNITS.get(found[1].lower().lstrip("_"), "") if found else ""
+    """The unit that a key's name ends in, alone or in brackets, as UNITS has it; "" for none."""
+    last = BRACKETS.search(key)
+    if last and last[1].lower() in UNITS:
+        return UNITS[last[1].lower()]
+    found = SUFFIX.search((key[:last.start()] if last else key).rstrip())
+    return UNITS.get(found[1].lower().lstrip("_ "), "") if found else ""

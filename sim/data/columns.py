@@ -56,10 +56,20 @@ LOWER = {                                                     # the same of a ne
 NO_RANGE = (-math.inf, math.inf)
 ALIKE = 3                                                     # fewest bad numbers of a column that are one problem
 WORDS = {"outcome": OUTCOMES, "side": SIDES}
-MEANT = {**dict.fromkeys(("0", "0.0", "false", "no", "n", "missed"), "; if it says that it missed, write miss"),
-         **dict.fromkeys(("1", "1.0", "true", "yes", "y", "goal", "in"), "; if it says that it went in, write hit"),
-         **dict.fromkeys(("short", "low", "under"), "; write miss, and low in the column side"),
-         **dict.fromkeys(("long", "high", "over"), "; write miss, and high in the column side"),
+# what people write of a shot -> the word of a map (robot/config/shot_map.py)
+SAID_OF_SHOTS = {
+    **dict.fromkeys(("1", "1.0", "true", "yes", "y", "goal", "in", "made", "score", "scored", "good", "success"),
+                    "hit"),
+    **dict.fromkeys(("0", "0.0", "false", "no", "n", "missed", "out", "left", "right", "wide", "fail", "failed",
+                     "rim", "rim out", "bounced", "bounced out"), "miss"),
+    **dict.fromkeys(("short", "low", "under", "front"), "miss-low"),
+    **dict.fromkeys(("long", "high", "over", "back"), "miss-high"),
+    **dict.fromkeys(("redo", "void", "discard", "test", "jam"), "rejected"),
+}
+TODO = {"hit": "; if it says that it went in, write hit", "miss": "; if it says that it missed, write miss",
+        "miss-low": "; write miss, and low in the column side",
+        "miss-high": "; write miss, and high in the column side", "rejected": "; leave the cell empty"}
+MEANT = {**{text: TODO[word] for text, word in SAID_OF_SHOTS.items()},
          **dict.fromkeys(("rim", "bounced", "bounced out"), "; write hit if it went in, else miss")}
 HIT = ("hit",)                        # an outcome, too, where every hit counts alike
 TEXTS = ("session", "ball_id")

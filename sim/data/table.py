@@ -105,15 +105,15 @@ def parse_csv(text: str, path: Path, problems: Problems) -> RawTable:
     name, are skipped."""
     mark = _separator(text, path)
     rows = _rows(text, path, mark)
-    _, header = next(rows, (1, []))
+    top, header = next(rows, (1, []))
     width = len(header)
     while header and not header[-1].strip():              # spreadsheets write empty columns behind the last
         header.pop()
     if not header:
-        raise InputError(f"{path}:1: the header is missing")
+        raise InputError(f"{path}:{top}: the header is missing")
     for name in header:
         if not name.strip() or header.count(name) > 1:
-            raise InputError(f"{path}:1: column {name!r} " + ("stands twice" if name.strip() else "is unnamed"))
+            raise InputError(f"{path}:{top}: column {name!r} " + ("stands twice" if name.strip() else "is unnamed"))
     columns: dict[str, list[Cell]] = {name: [] for name in header}
     lines = []
     for line, cells in rows:
@@ -121,7 +121,7 @@ def parse_csv(text: str, path: Path, problems: Problems) -> RawTable:
             continue
         beyond = "".join(cells[len(header):]).strip()
         if beyond and len(cells) <= width:
-            raise InputError(f"{path}:1: column '' is unnamed, and has {beyond!r} in line {line}; name it")
+            raise InputError(f"{path}:{top}: column '' is unnamed, and has {beyond!r} in line {line}; name it")
         if beyond or len(cells) < len(header):
             problems.add(f"{path}:{line}", "", f"{len(cells)} cells where the header has {len(header)}; a cell with "
                          "a comma in it stands in quotes, an empty one needs its comma, too")
@@ -150,7 +150,7 @@ def _with_points(columns: dict[str, list[Cell]], path: Path) -> dict[str, list[C
 
 def _separator(text: str, path: Path) -> str:
     """Spreadsheets of many countries write semicolons, and then commas for decimal points; others tabs."""
-    header = text.partition("\n")[0]
+    header = text.lstrip("\r\n").partition("\n")[0]
     for mark, name in ((";", "semicolons"), ("\t", "tabs")):
         if mark in header and "," not in header:
             print(f"warning: {path}: read with {name} between cells", file=sys.stderr)

@@ -49,7 +49,7 @@ def in_read_units(table: RawTable, is_read: Callable[[str], bool], problems: Pro
     columns: dict[str, list[Cell]] = {}
     written = {}
     for name, cells in table.columns.items():
-        read, factor, zero = _read_as(name, is_read)
+        read, factor, zero = read_as(name, is_read)
         if read in columns:
             problems.add(table.place(-1), name, f"stands for {read}, which is there already; keep one")
         if read != name:
@@ -73,7 +73,7 @@ def in_read_units(table: RawTable, is_read: Callable[[str], bool], problems: Pro
     return replace(table, columns=columns, written=written)
 
 
-def _read_as(name: str, is_read: Callable[[str], bool]) -> tuple[str, float, float]:
+def read_as(name: str, is_read: Callable[[str], bool]) -> tuple[str, float, float]:
     """The column that a name stands for, the factor of its numbers, and where they count from.
 
     The name itself, 1 and 0 where it is another column.
@@ -104,7 +104,7 @@ def _meant(name: str, is_read: Callable[[str], bool], there: set[str]) -> str | 
                                                         for have in there):
             return column
     plain = "_".join(name.lower().split())
-    if plain in MEANT and is_read("shot_id") and _read_as(meant := MEANT[plain], is_read)[0] not in there:
+    if plain in MEANT and is_read("shot_id") and read_as(meant := MEANT[plain], is_read)[0] not in there:
         return meant
     plain = plain.removesuffix(unit_of(plain)).rstrip("_") if plain.startswith("wheel_") else plain
     without_unit = [f"{plain}_{unit}" for unit in CONVERTED if is_read(f"{plain}_{unit}")]

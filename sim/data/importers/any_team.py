@@ -8,6 +8,7 @@ from msgspec import structs
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.shot_map import SCHEMA, ShotMap, load_map
 from truearc.sim.data.importers.guess_map import Guess, guess_map
+from truearc.sim.data.importers.guess_table import guess_table, is_log
 from truearc.sim.data.importers.logged_shots import read_log, shots_from_logs
 from truearc.sim.data.importers.mapped_tables import shots_from_tables
 from truearc.sim.data.model import Dataset
@@ -24,7 +25,7 @@ def import_shots(files: Sequence[str | Path], *, rig: Rig | str | Path, shot_map
         files: Logs, a session each, or tables.
         rig: Ball, wheels and target, or the path of a rig.toml.
         shot_map: Path of a shots.toml, or the name of a map of truearc's (docs/how-to/importing.md); None: guessed
-            from the first log's entry names, units and numbers.
+            from names, units and numbers of the first log, or of tables with a row per shot.
         name: Of the dataset.
         progress: Called with the share of the logs that is read, and the name of the log.
 
@@ -33,7 +34,7 @@ def import_shots(files: Sequence[str | Path], *, rig: Rig | str | Path, shot_map
             no shot.
     """
     facts = rig if isinstance(rig, Rig) else load_rig(rig)
-    found = guess(files[0], facts).map if shot_map is None else (
+    found = guess(files, facts).map if shot_map is None else (
         shot_map if isinstance(shot_map, ShotMap) else load_map(shot_map, is_shot_column))
     if facts.target and not states_three(rig) and "hit" in (*found.outcome.values.values(),
                                                            *found.outcome.buttons.values(), found.outcome.otherwise):
@@ -44,6 +45,10 @@ def import_shots(files: Sequence[str | Path], *, rig: Rig | str | Path, shot_map
     return shots_from_tables(paths, found, facts, name)
 
 
-def guess(file: str | Path, rig: Rig, progress: Progress = lambda done, note: None) -> Guess:
-    """Propose a map for a log; InputError where nothing looks like a speed, a distance or a hood."""
-    return guess_map(read_log(Path(file), ShotMap(SCHEMA), progress), rig, str(file))
+def guess(files: Sequence[str | Path], rig: Rig, progress: Progress = lambda done, note: None) -> Guess:
+    """Propose a map for logs, by the first, or for tables with a row per shot; InputError where nothing looks like a
+    speed, a distance or an angle."""
+    paths = [Path(file) for file in files]
+    if is_log(paths[0]):
+        return guess_map(read_log(paths[0], ShotMap(SCHEMA), progress), rig, str(paths[0]))
+    return guess_table(paths, rig)

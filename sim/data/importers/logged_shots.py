@@ -1,5 +1,6 @@
 """Logs of robots, and tables of shots, to a dataset by a map of their keys."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +20,7 @@ from truearc.sim.data.table import Cell, RawTable, gathered
 from truearc.sim.progress import Progress, part_of
 
 SECONDS = {"s": 1.0, "ms": 1e3, "us": 1e6}
+MOST_UNKNOWN = 10                     # texts of a signal of outcomes that are named
 PUBLISHED_S = 0.2                     # the same mark again, sooner than this, is one that is said in every loop
 
 
@@ -145,12 +147,19 @@ class Reading:
             series = self.series(said.key)
             words = {plain(key): word for key, word in said.values.items()}
             last: tuple[float, str] | None = None
+            unknown = Counter[str]()
             for t_s, value in zip(series.t_s, series.values, strict=True):
                 text = plain(value)
                 again = last is not None and last[1] == text and (series.each_row or t_s - last[0] < PUBLISHED_S)
                 last = float(t_s), text
                 if text in words and not again:
                     marks.append((float(t_s), words[text]))
+                elif text and not series.numeric and not again:
+                    unknown[text] += 1
+            self.odd += [f"{self.path.name}: {said.key}: {text!r} ({times(count)}) is none of outcome.values"
+                         for text, count in unknown.most_common(MOST_UNKNOWN)]
+            if len(unknown) > MOST_UNKNOWN:
+                self.odd.append(f"{self.path.name}: {said.key}: {len(unknown) - MOST_UNKNOWN} more such texts")
         for key, word in said.buttons.items():
             pressed = self.series(key)
             on = np.concatenate([[False], np.asarray(pressed.values, dtype=float) > 0.5])
@@ -199,6 +208,11 @@ def _in_unit(series: Series, column: str, signal: Signal, path: Path) -> Series:
     if factor is None:
         raise InputError(f"{path}: {signal.key}: {said!r} is not a unit of {column}; state unit = \"...\" in the map")
     return replace(series, values=(values - factor[1]) * factor[0])
+
+
+def times(count: int) -> str:
+    """A count as a text: once, 2 times."""
+    return "once" if count == 1 else f"{count} times"
 
 
 def as_table(rows: Sequence[Mapping[str, Cell]], path: Path) -> RawTable:

@@ -1,7 +1,9 @@
 """Tables of other people to a dataset by a map of their columns: a row a shot, or a row a position of one ball."""
 
+import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,9 +15,10 @@ from truearc.sim.data.columns import parse_number
 from truearc.sim.data.importers.logged_shots import as_read, as_table
 from truearc.sim.data.load import assemble
 from truearc.sim.data.model import Dataset
-from truearc.sim.data.table import Cell, RawTable, gathered, parse_csv, text_of
+from truearc.sim.data.table import Cell, RawTable, gathered, load_table, parse_csv, text_of
 
 PLACE = re.compile(r"#(\d+)")         # a column by its number
+MOST_TITLE = 20                       # lines of a title above the header, less one
 
 
 def shots_from_tables(paths: Sequence[Path], shot_map: ShotMap, rig: Rig, name: str) -> Dataset:
@@ -31,15 +34,18 @@ def shots_from_tables(paths: Sequence[Path], shot_map: ShotMap, rig: Rig, name: 
     if shot_map.rows == "position":
         return _tracks(tables, shot_map, rig, name)
     rows: list[dict[str, Cell]] = []
+    lines: list[int] = []
     left_out: list[str] = []
     for path, table in tables:
-        more, odd = _shots(path, table, shot_map, rig)
+        more, at, odd = _shots(path, table, shot_map, rig)
         rows += more
+        lines += at
         left_out += odd
     if not rows:
         raise InputError(f"{paths[0]}: there is no shot" + "".join(f"\n{line}" for line in left_out[:5]))
     with gathered() as problems:
-        dataset = assemble(name, rig, problems, as_table(rows, paths[0]))
+        shots = as_table(rows, paths[0])
+        dataset = assemble(name, rig, problems, shots if paths[1:] else replace(shots, lines=lines, in_memory=False))
     return replace(dataset, left_out=tuple(left_out))
 
 
@@ -47,17 +53,35 @@ def _read(path: Path, shot_map: ShotMap) -> RawTable:
     """The table below the line that has the map's columns; what stands before it is a title of the program's."""
     wanted = {as_signal(said).key for said in shot_map.columns.values()} | ({shot_map.outcome.key} - {""})
     names = {key for key in wanted if not PLACE.fullmatch(key)}
+    found = table_below(path, lambda cells, after: names <= cells and (bool(names) or _is_data(after)))
+    if found is None or not names <= set(found.columns):
+        raise InputError(f"{path}:1: there is no line with the columns {', '.join(sorted(names))}")
+    return found
+
+
+def table_below(path: Path, is_header: Callable[[set[str], str], bool]) -> RawTable | None:
+    """The table below the first line that is a header, by its cells and the line after it; None where none is."""
+    if path.suffix == ".parquet":
+        with gathered() as problems:
+            return load_table(path, problems)
     lines = text_of(path).splitlines(keepends=True)
-    for number, line in enumerate(lines[:20]):
-        cells = {cell.strip().strip('"') for cell in re.split(r"[,;\t]", line.strip("\r\n"))}
-        if names <= cells and (names or (number + 1 < len(lines) and _is_data(lines[number + 1]))):
+    for number in range(min(MOST_TITLE, len(lines))):
+        if is_header(_header(lines[number:number + MOST_TITLE]), "".join(lines[number + 1:number + 2])):
             break
     else:
-        raise InputError(f"{path}:1: there is no line with the columns {', '.join(sorted(names))}")
+        return None
     with gathered() as problems:
-        table = parse_csv("".join(lines[number:]), path, problems)
-    return replace(table, lines=[line + number for line in table.lines],
-                   columns={name.strip(): cells for name, cells in table.columns.items()})
+        table = parse_csv("\n" * number + "".join(lines[number:]), path, problems)
+    return replace(table, columns={name.strip(): cells for name, cells in table.columns.items()})
+
+
+def _header(lines: list[str]) -> set[str]:
+    """Cells of the first line, of any separator; a cell in quotes may go on in the next."""
+    cells = {cell.strip().strip('"') for cell in re.split(r"[,;\t]", lines[0].strip("\r\n"))}
+    for mark in ",;\t":
+        with suppress(csv.Error):
+            cells |= {cell.strip() for cell in next(csv.reader(lines, delimiter=mark), [])}
+    return cells
 
 
 def _is_data(line: str) -> bool:
@@ -97,7 +121,9 @@ def _is_number(cell: Cell) -> bool:
     return cell is None or not str(cell).strip() or parse_number(cell) is not None
 
 
-def _shots(path: Path, table: RawTable, shot_map: ShotMap, rig: Rig) -> tuple[list[dict[str, Cell]], list[str]]:
+def _shots(path: Path, table: RawTable, shot_map: ShotMap, rig: Rig
+           ) -> tuple[list[dict[str, Cell]], list[int], list[str]]:
+    """(a row a shot, the line of each, what was left out)."""
     columns: dict[str, list[Cell]] = {}
     for column, said in shot_map.columns.items():
         name, scale = as_read(column, rig)
@@ -106,27 +132,30 @@ def _shots(path: Path, table: RawTable, shot_map: ShotMap, rig: Rig) -> tuple[li
                                                     for number in map(parse_number, cells)]
     marks = _cells(table, Signal(shot_map.outcome.key)) if shot_map.outcome.key else None
     words = {plain(key): word for key, word in shot_map.outcome.values.items()}
-    rows, odd = list[dict[str, Cell]](), list[str]()
+    rows, lines, odd = list[dict[str, Cell]](), list[int](), list[str]()
     for row in range(len(table.lines)):
         shot: dict[str, Cell] = {"shot_id": f"{path.stem}-{row:04d}", "session": path.stem,
                                  **{column: cells[row] for column, cells in columns.items()}}
         if marks is not None:
-            said = plain(_as_value(marks[row]))
+            said = outcome_text(marks[row])
             if said not in words and not shot_map.outcome.otherwise:
                 raise InputError(f"{table.place(row)}: {shot_map.outcome.key}: {marks[row]!r} is none of the map's "
-                                 f"values ({', '.join(shot_map.outcome.values)})")
+                                 f"values ({', '.join(filter(None, shot_map.outcome.values))})")
             word = words.get(said, shot_map.outcome.otherwise)
             if word in NOT_MARKED:
-                odd.append(f"{table.place(row)}: rejected")
+                odd.append(f"{table.place(row)}: {'rejected' if said else 'no outcome'}")
                 continue
-            shot["outcome"], shot["side"] = (word or None for word in MARKS[word])
+            outcome, side = MARKS[word]
+            shot["outcome"], shot["side"] = outcome or None, side or shot.get("side")
         rows.append(shot)
-    return rows, odd
+        lines.append(table.lines[row])
+    return rows, lines, odd
 
 
-def _as_value(cell: Cell) -> Cell:
+def outcome_text(cell: Cell) -> str:
+    """A cell of outcomes as maps compare it; "" for an empty one."""
     number = parse_number(cell)
-    return cell if number is None else number
+    return "" if cell is None else plain(cell if number is None else number)
 
 
 def _tracks(tables: list[tuple[Path, RawTable]], shot_map: ShotMap, rig: Rig, name: str) -> Dataset:

@@ -365,7 +365,7 @@ def test_a_session_that_was_exported_is_read_with_its_poses_and_its_shots(sessio
 def test_progress_names_each_log(log: Path, rig: Path, tmp_path: Path) -> None:
     shutil.copy(log, tmp_path / "tuesday.wpilog")
     said: list[tuple[float, str]] = []
-    ta.import_shots([log, tmp_path / "tuesday.wpilog"], rig=rig, shot_map=guess(log, ta.load_rig(rig)).map,
+    ta.import_shots([log, tmp_path / "tuesday.wpilog"], rig=rig, shot_map=guess([log], ta.load_rig(rig)).map,
                     progress=lambda done, note: said.append((done, note)))
     assert said == [(0.0, "monday.wpilog"), (0.5, "tuesday.wpilog")]
 

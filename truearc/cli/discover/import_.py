@@ -1,6 +1,7 @@
 """Turn the logs, tables and recordings of others into a dataset directory (docs/how-to/importing.md)."""
 
 import argparse
+import shlex
 from pathlib import Path
 
 import truearc as ta
@@ -27,8 +28,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     how = parser.add_mutually_exclusive_group()
     how.add_argument("--map", metavar="MAP", help="wpilog, csv: which keys say what: a shots.toml, or one that comes "
                      "with truearc: advantagekit, wpilib, truearc, viking-2928, ftc-csv, tracker, kinovea")
-    how.add_argument("--guess", action="store_true", help="propose that map from the first log's entry names, write it "
-                     f"to DIR/{MAP}, and import by it")
+    how.add_argument("--guess", action="store_true", help="propose that map from the names, units and numbers in the "
+                     f"first file, write it to DIR/{MAP}, and import by it; a CSV without a column Timestamp has a row "
+                     "per shot")
     parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="wpilog, csv: ball, wheels and target (truearc "
                         "init DIR makes one to fill in)")
 
@@ -71,9 +73,16 @@ def _by_map(args: argparse.Namespace) -> "tuple[ta.Dataset, str]":
                                progress=make_progress("import", args.quiet)), ""
     if not args.guess:
         raise ta.InputError(f"{args.source}: --map MAP is needed, or --guess, which proposes one")
-    guessed = guess(args.files[0], ta.load_rig(args.rig), make_progress("guess", args.quiet))
-    print("guessed from the names, units and numbers of the log; make sure of it:")
+    guessed = guess(args.files, ta.load_rig(args.rig), make_progress("guess", args.quiet))
+    print(f"guessed from the names, units and numbers of {args.files[0]}; make sure of it:")
     for line in guessed.lines:
         print(f"  {line}")
-    return ta.import_shots(args.files, rig=args.rig, shot_map=guessed.map, name=args.out.name,
-                           progress=make_progress("import", args.quiet)), guessed.to_toml()
+    try:
+        return ta.import_shots(args.files, rig=args.rig, shot_map=guessed.map, name=args.out.name,
+                               progress=make_progress("import", args.quiet)), guessed.to_toml()
+    except ta.InputError as error:
+        print(f"\nthe map, to save as {MAP} and correct:\n\n{guessed.to_toml()}")
+        again = shlex.join(["truearc", "import", args.source, *args.files, "--map", MAP, "--rig", str(args.rig),
+                            "-o", str(args.out)])
+        raise ta.InputError(f"{error}\nCorrect the file; or save the map above as {MAP}, correct it (words of "
+                            f"outcomes: outcome.values), and run: {again}") from error

@@ -1,0 +1,241 @@
+"""A spreadsheet with a row per shot, under its own names, becomes shots in SI units, or is named where it cannot."""
+
+import tempfile
+import tomllib
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import truearc as ta
+from truearc.cli.main import main
+from truearc.robot.config.shot_map import MARKS, NOT_MARKED, as_signal
+from truearc.robot.config.unit_table import unit_in
+from truearc.sim.data.columns import SAID_OF_SHOTS
+from truearc.sim.data.importers.any_team import guess
+
+RIG = """
+[ball]
+mass_kg = 0.14
+radius_m = 0.0889
+[launcher]
+release_height_m = 0.75
+free_speed_rad_s = 600.0
+[[launcher.wheel]]
+name = "main"
+radius_m = 0.05
+gear = 1.0
+clock_deg = 180.0
+[target]
+centre_height_m = 2.44
+three_half_height_m = 0.0
+two_half_height_m = 0.35
+"""
+HEADER = "Shot,Dist (ft),Hood angle,Flywheel RPM,Result,Robot"
+ROWS = ["1,10,45,3300,in,old", "2,10,45,3200,short,old", "3,12,46,3500,long,old", "4,12,46,3450,Rim out,old",
+        "5,14,47,3600,left,old", "6,14,47,3650,made,old", "7,16,48,3900,missed low,new", "8,16,48,3950,good,new",
+        "9,18,49,4100,over,new", "10,18,49,4000,redo,new", "11,11,45,3400,yes,new", "12,13,46,3550,no,new"]
+RPM = 0.10471975511965977                              # rad/s of a revolution per minute
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Path:
+    path = tmp_path / "rig.toml"
+    path.write_text(RIG)
+    return path
+
+
+def sheet(folder: Path, *lines: str, name: str = "mine.csv") -> Path:
+    path = folder / name
+    path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+    return path
+
+
+def test_a_students_spreadsheet_is_imported_and_checked(rig: Path, tmp_path: Path,
+                                                        capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    mine = sheet(tmp_path, HEADER, *ROWS)
+    assert main(["import", "csv", str(mine), "--guess", "--rig", str(rig), "-o", str(out)]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        f"guessed from the names, units and numbers of {mine}; make sure of it:",
+        "  distance_m: Dist (ft), in ft",
+        "  hood_deg: Hood angle, whose unit is not stated: taken as deg",
+        "  motor_rad_s: Flywheel RPM, in rpm",
+        "  motor_rad_s: taken to be the speed of the motors; where it is that of the wheels, divide by the gear: "
+        "times = 1 / gear",
+        "  t_s: Shot: the order of the shots",
+        "  shot_id: Shot",
+        "  outcome: Result: in = hit, short = miss-low, long = miss-high, rim out = miss, left = miss, made = hit, "
+        "missed low = miss-low, good = hit, over = miss-high, redo = rejected, yes = hit, no = miss",
+        "  not used: Robot",
+        f"{out}: 11 shots, 0 track samples",
+        f"left out: {mine}:11: rejected"]
+    shots = ta.load_dataset(out).shots
+    assert shots.shot_id == ("1", "2", "3", "4", "5", "6", "7", "8", "9", "11", "12")
+    assert shots.text("outcome") == ("two", "miss", "miss", "miss", "miss", "two", "miss", "two", "miss", "two", "miss")
+    assert shots.text("side") == ("", "low", "high", "", "", "", "low", "", "high", "", "")
+    assert shots.number("distance_m")[:3] == pytest.approx([3.048, 3.048, 3.6576])
+    assert shots.number("hood_deg")[:3].tolist() == [45.0, 45.0, 46.0]
+    assert shots.number("motor_ratio")[:2] == pytest.approx([3300 * RPM / 600.0, 3200 * RPM / 600.0])
+    assert shots.number("t_s").tolist() == [1, 2, 3, 4, 5, 6, 7, 8, 9, 11, 12]
+    assert main(["check", str(out)]) == 0
+    again = ta.import_shots([mine], rig=rig, shot_map=out / "shots.toml")                   # what was written is a map
+    assert again.shots.text("outcome") == shots.text("outcome")
+
+
+def test_a_word_that_is_not_known_is_said_with_what_to_do_and_the_map(rig: Path, tmp_path: Path,
+                                                                      capsys: pytest.CaptureFixture[str]) -> None:
+    mine = sheet(tmp_path, HEADER, *ROWS, "13,13,46,3550,bounce,new", "14,13,46,3550,,new", "15,13,46,3550,bounce,new")
+    words = ["import", "csv", str(mine), "--rig", str(rig), "-o", str(tmp_path / "out")]
+    assert main([*words, "--guess"]) == 2
+    out, err = capsys.readouterr()
+    assert "outcome: Result: empty (once): left out\n" in out
+    assert "outcome: Result: not known: 'bounce' (2 times); add it to outcome.values in shots.toml\n" in out
+    assert f"{mine}:14: Result: 'bounce' is none of the map's values (in, short," in err
+    assert "save the map above as shots.toml" in err and "outcome.values" in err and not (tmp_path / "out").exists()
+    text = out.partition("and correct:\n\n")[2]
+    assert tomllib.loads(text)["rows"] == "shot"
+    (tmp_path / "shots.toml").write_text(text.replace("[outcome.values]", '[outcome.values]\nbounce = "miss"'))
+    assert main([*words, "--map", str(tmp_path / "shots.toml")]) == 0
+    assert f"left out: {mine}:15: no outcome\n" in capsys.readouterr().out
+    assert len(ta.load_dataset(tmp_path / "out").shots) == 13
+
+
+def test_columns_beside_those_that_are_needed(rig: Path, tmp_path: Path) -> None:
+    mine = sheet(tmp_path, "Practice, Monday,,,,,,,,,,", "#,Day,Range [in],Pitch (deg),Exit speed,"
+                 "Motor speed (rps),Made,Ball,Temp (F),Battery,Battery voltage,Side",
+                 "1,Mon,120,45,9,55,1,A,50,1,12.5,",
+                 "2,Mon,120,45,9,54,0,B,50,2,12.25,low", "4,Tue,100,46,9,56,0,A,68,1,12.5,high",
+                 "5,Tue,100,46,9,57,1,B,68,2,12.25,")
+    found = guess([mine], ta.load_rig(rig))
+    assert found.lines[-1] == "not used: Exit speed, Battery"
+    assert {column: as_signal(said).key for column, said in found.map.columns.items()} == {
+        "side": "Side", "distance_m": "Range [in]", "hood_deg": "Pitch (deg)", "motor_rad_s": "Motor speed (rps)",
+        "battery_v": "Battery voltage", "temperature_c": "Temp (F)", "ball_id": "Ball", "session": "Day", "t_s": "#",
+        "shot_id": "#"}
+    shots = ta.import_shots([mine], rig=rig).shots
+    assert shots.number("distance_m") == pytest.approx([3.048, 3.048, 2.54, 2.54])
+    assert shots.number("motor_ratio")[0] == pytest.approx(55 * 6.283185307179586 / 600.0)
+    assert shots.number("temperature_c") == pytest.approx([10.0, 10.0, 20.0, 20.0])
+    assert shots.number("battery_v").tolist() == [12.5, 12.25, 12.5, 12.25]
+    assert shots.text("session") == ("Mon", "Mon", "Tue", "Tue") and shots.text("ball_id") == ("A", "B", "A", "B")
+    assert shots.text("outcome") == ("two", "miss", "miss", "two") and shots.text("side") == ("", "low", "high", "")
+
+
+def test_names_of_a_dataset_are_read_as_they_say(rig: Path, tmp_path: Path) -> None:
+    mine = sheet(tmp_path, "shot_id,distance_ft,hood_deg,wheel_main_rpm,outcome,battery_mv", "a,10,45,3000,hit,12500",
+                 "b,11,45,3000,miss,12500")
+    shots = ta.import_shots([mine], rig=rig).shots
+    assert shots.shot_id == ("a", "b") and shots.number("distance_m") == pytest.approx([3.048, 3.3528])
+    assert shots.number("wheel_main_rad_s") == pytest.approx([3000 * RPM] * 2)
+    assert shots.number("battery_v").tolist() == [12.5, 12.5] and shots.text("outcome") == ("two", "miss")
+
+
+def test_semicolons_a_form_with_clock_times_and_a_header_of_two_lines(rig: Path, tmp_path: Path) -> None:
+    mine = sheet(tmp_path, 'Timestamp;"Distance', '(m)";Angle;RPM;What happened', "3/4/2026 10:12:33;3,5;45;3000;in",
+                 "3/4/2026 10:13:33;3,5;45,5;3000;short")
+    shots = ta.import_shots([mine], rig=rig).shots
+    assert shots.number("distance_m").tolist() == [3.5, 3.5] and shots.number("hood_deg").tolist() == [45.0, 45.5]
+    assert shots.text("outcome") == ("two", "miss") and shots.text("side") == ("", "low")
+
+
+def test_shots_of_two_days_are_told_apart_and_the_words_of_both_count(rig: Path, tmp_path: Path) -> None:
+    files = [sheet(tmp_path, HEADER, *rows, name=name) for name, rows in (("mon.csv", ROWS[:2]), ("tue.csv", [
+        "1,12,46,3500,long,old", "2,12,46,3500,in,old"]))]
+    shots = ta.import_shots(files, rig=rig).shots
+    assert shots.shot_id == ("mon-0000", "mon-0001", "tue-0000", "tue-0001")
+    assert shots.text("session") == ("mon", "mon", "tue", "tue") and shots.text("side") == ("", "low", "high", "")
+
+
+def test_what_is_missing_is_said_with_what_was_recognised(rig: Path, tmp_path: Path) -> None:
+    mine = sheet(tmp_path, "Shot,Dist (ft),Tilt,Power,Result", "1,10,45,0.5,in", "2,11,46,0.6,out")
+    with pytest.raises(ta.InputError) as refused:
+        guess([mine], ta.load_rig(rig))
+    assert str(refused.value).splitlines() == [
+        f"{mine}: no column's name, unit and numbers look like hood_deg, motor_rad_s; write a map by hand: "
+        "docs/how-to/importing.md (a log has its times in a column Timestamp)",
+        "recognised: distance_m: Dist (ft), in ft", "columns with numbers:", "  Dist (ft): 10 to 11 ft",
+        "  Power: 0.5 to 0.6", "  Shot: 1 to 2", "  Tilt: 45 to 46"]
+
+
+@pytest.mark.parametrize(("lines", "said"), [
+    (["Dist (ft),Angle,RPM", "10,45,3000", "~11,45,3000", "12,45,3000"],
+     "mine.csv:3: Dist (ft): '~11' is not a number"),
+    (["Title", "Dist (ft),Angle,RPM", "10,45,3000", "10,45"], "mine.csv:4: 2 cells where the header has 3"),
+    (["Title", "Dist (ft),hood_deg,RPM", "10,45,3000", "10,145,3000"], "mine.csv:4: hood_deg: 145 is out of range"),
+    (["Time (s),Distance,Angle,RPM", *(f"{k / 50},3,45,3000" for k in range(30))],
+     "Time (s): rows are 0.02 s apart, as of a log"), ([], "header is missing"), (["\n"], "header is missing")])
+def test_a_wrong_cell_is_named_by_line_and_a_log_is_no_table_of_shots(lines: list[str], said: str, rig: Path,
+                                                                      tmp_path: Path) -> None:
+    with pytest.raises(ta.InputError) as refused:
+        ta.import_shots([sheet(tmp_path, *lines)], rig=rig)
+    assert said in str(refused.value)
+
+
+@pytest.mark.parametrize("column", ["Windy", "Spun up", "Side", "Miss side"])
+def test_yes_and_no_and_sides_are_no_outcomes(column: str, rig: Path, tmp_path: Path) -> None:
+    words = ("high", "low") if "ide" in column else ("yes", "no")
+    mine = sheet(tmp_path, f"Dist (ft),Angle,RPM,{column}", *(f"10,45,3000,{word}" for word in words))
+    found = guess([mine], ta.load_rig(rig))
+    assert not found.map.outcome.key and any(line.startswith("outcome: none found") for line in found.lines)
+
+
+def test_texts_of_a_log_that_are_no_outcomes_are_left_out_by_name(rig: Path, tmp_path: Path) -> None:
+    """Balls at 2, 5, ... s, each with a word 1 s later, and one word that nothing says the meaning of."""
+    words = ["in", "short", "bounce", "long", "bounce", "in"]
+    rows = ["Timestamp,Key,Value"]
+    for k in range(1000):
+        t_s = k * 0.02
+        since = (t_s - 2.0) % 3.0 if t_s >= 2.0 else 9.0
+        rows += [f"{t_s:.2f},/Shooter/WheelRPM,{3000 - 300 * max(0.0, 1.0 - since / 0.4):.3f}",
+                 f"{t_s:.2f},/DistanceFt,{10 + 0.1 * (k % 5)}", f"{t_s:.2f},/HoodDeg,{40 + 0.1 * (k % 5)}"]
+    rows += [f"{3.0 + 3.0 * shot:.2f},/ShotResult,{word}" for shot, word in enumerate(words)]
+    rows += [f"{0.1 * k:.2f},/Intake,{('in', 'out')[k % 2]}" for k in range(30)]            # says nothing of balls
+    log = sheet(tmp_path, *rows)
+    found = guess([log], ta.load_rig(rig))
+    assert found.lines[-2:] == ("outcome: /ShotResult: in = hit, short = miss-low, long = miss-high", "outcome: "
+                                "/ShotResult: not known: 'bounce' (2 times); add it to outcome.values in shots.toml")
+    dataset = ta.import_shots([log], rig=rig)
+    assert dataset.shots.text("outcome") == ("two", "miss", "miss", "two")
+    assert "mine.csv: /ShotResult: 'bounce' (2 times) is none of outcome.values" in dataset.left_out
+    assert sum("no outcome" in line for line in dataset.left_out) == 2
+
+
+@pytest.mark.parametrize(("name", "unit"), [
+    ("Dist (ft)", "ft"), ("Dist [in.]", "in"), ("dist_ft", "ft"), ("Dist ft", "ft"), ("dist_cm", "cm"),
+    ("Angle (°)", "deg"), ("Hood angle", ""), ("Wheel RPM (top)", "rpm"), ("Speed (rad/s)", "rad_s"),
+    ("Temp (°F)", "f"), ("Dist (yards)", "yd"), ("Notes (see below)", ""), ("Distance (hub)", ""), ("Time (s) ", "s"),
+    ("x)", ""), ("", "")])
+def test_units_in_headers(name: str, unit: str) -> None:
+    assert unit_in(name) == unit
+
+
+def test_what_is_said_of_shots_are_words_of_maps() -> None:
+    assert set(SAID_OF_SHOTS.values()) <= {*MARKS, *NOT_MARKED}
+
+
+NAMES = st.sampled_from(["Dist (ft)", "distance_m", "Angle", "hood_rad", "RPM", "motor_ratio", "Wheel (rps)", "Result",
+                         "Shot", "#2", "Time (s)", "Timestamp", "side", "Day", "Temp", "Battery", "shot_id", "outcome"])
+CELLS = st.sampled_from(["", "1", "2", "10", "45", "3000", "-5", "nan", "1e999", "in", "short", "3,5", "true", "#"])
+
+
+@settings(deadline=None, max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_any_table_is_read_or_refused(data: st.DataObject, rig: Path) -> None:
+    mark = data.draw(st.sampled_from(",;\t"))
+    header = data.draw(st.lists(NAMES | st.text(min_size=1, max_size=6), min_size=1, max_size=7, unique=True))
+    needed = data.draw(st.sampled_from([[], ["Dist", "Hood", "Motor RPM"]]))
+    rows = data.draw(st.lists(st.lists(CELLS | st.text(max_size=4), min_size=len(header), max_size=len(header)),
+                              max_size=5))
+    text = "\n".join(mark.join([*line, *more]) for line, more in
+                     [(header, needed), *((row, ["3", "45", "3000"][:len(needed)]) for row in rows)])
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "mine.csv"
+        path.write_bytes(text.encode("utf-8", "replace"))
+        try:
+            found = guess([path], ta.load_rig(rig))
+            tomllib.loads(found.to_toml())
+            ta.import_shots([path], rig=rig, shot_map=found.map)
+        except ta.InputError:
+            pass
