@@ -98,11 +98,13 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Int[Ar
     first_push = len(slots) + chain.deviates
     found = [(column, len(slots) + number) for number, column in (*FREE, *([AZIMUTH] if intake.filmed else []))]
     found += [(column, first_push + number) for number, column in _pushes(chain, edges)]
-    if intake.scatter is not None and intake.scatter.sigma_m[1] >= UNMEASURED_M:    # y tells nothing
+    sideless = intake.scatter is not None and intake.scatter.sigma_m[1] >= UNMEASURED_M       # y tells nothing
+    if sideless:
         found = [(column, place) for column, place in found if column.direction != "lateral"]
     trackers = calibrated(catalogue) if intake.filmed else [one for one in catalogue if isinstance(one, WatchTerm)]
     known = {*believed, *catalogue.always, *(term.name for term in trackers if tracked)}
-    asked = [term for term in catalogue if term.name not in known and (belief is not None or not term.relative)]
+    asked = [term for term in catalogue if term.name not in known and (belief is not None or not term.relative)
+             and not (sideless and isinstance(term, WatchTerm) and term.direction == "lateral")]
     found += [(Column(f"{term.name}.{term.amplitude.name}", "term", term.stage, term.direction, term.amplitude.unit,
                       usual_of(term, intake.rig), follows=term.follows or ""),
                slots.index((term.name, term.amplitude.name))) for term in asked]
