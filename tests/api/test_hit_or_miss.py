@@ -67,9 +67,17 @@ def test_who_aims_without_a_three_is_told_what_is_taken(tmp_path: Path, capsys: 
     assert capsys.readouterr().err == ""
 
 
-def test_from_fit_to_gate(tmp_path: Path) -> None:
-    week = ta.load_dataset(write(tmp_path / "week"))
-    belief = ta.fit(week).belief
+@pytest.fixture(scope="module")
+def week(tmp_path_factory: pytest.TempPathFactory) -> ta.Dataset:
+    return ta.load_dataset(write(tmp_path_factory.mktemp("hits") / "week"))
+
+
+@pytest.fixture(scope="module")
+def belief(week: ta.Dataset) -> ta.Belief:
+    return ta.fit(week).belief
+
+
+def test_from_fit_to_gate(week: ta.Dataset, belief: ta.Belief, tmp_path: Path) -> None:
     hit = np.array([one != "miss" for one in week.shots.text("outcome")])
     forecast = np.array(ta.predict(week, belief).column("outcome"))
     assert set(forecast) <= {"miss", "two"} and ((forecast == "two") == hit).mean() > 0.7
@@ -84,9 +92,7 @@ def test_from_fit_to_gate(tmp_path: Path) -> None:
     assert p[hit, 1].mean() > p[~hit, 1].mean() + 0.3 and abs(p[:, 1].mean() - hit.mean()) < 0.1
 
 
-def test_aim_is_told_in_hits(tmp_path: Path) -> None:
-    week = ta.load_dataset(write(tmp_path / "week"))
-    belief = ta.fit(week).belief
+def test_aim_is_told_in_hits(week: ta.Dataset, belief: ta.Belief) -> None:
     table = ta.aim(belief, week.rig, distances_m=[3.0])
     head, row = table.lines()[0], table.lines()[-1]
     assert "P(hit)" in head and "P(three)" not in head and "points" not in head
