@@ -262,8 +262,10 @@ class _Guessing:
 
 
 def _weight(said: set[str], values: Mapping[str, str], counts: Counter[str]) -> float:
-    """How much speaks for a column of outcomes; 0: it has none. Of another name than theirs, all its words must be outcomes,
-    a hit and a miss among them, and not just yes and no."""
+    """How much speaks for a column of outcomes; 0: it has none.
+
+    Of another name than theirs, all its words must be outcomes, a hit and a miss among them, and not just yes and no.
+    """
     known = sum(counts[text] for text in values) / max(sum(counts.values()) - counts[""], 1)
     if len(counts) > MOST_WORDS and known < 0.5:
         return 0.0

@@ -84,5 +84,5 @@ def _by_map(args: argparse.Namespace) -> "tuple[ta.Dataset, str]":
         print(f"\nthe map, to save as {MAP} and correct:\n\n{guessed.to_toml()}")
         again = shlex.join(["truearc", "import", args.source, *args.files, "--map", MAP, "--rig", str(args.rig),
                             "-o", str(args.out)])
-        raise ta.InputError(f"{error}\nCorrect the file; or save the map above as {MAP}, correct it (words of "
+        raise ta.InputError(f"{error}\nCorrect what is named; or save the map above as {MAP}, correct it (words of "
                             f"outcomes: outcome.values), and run: {again}") from error
