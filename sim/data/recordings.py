@@ -20,7 +20,7 @@ BEFORE_S, AFTER_S = 0.1, 0.7                      # telemetry kept around the fe
 NUMBERS = ("distance_m", "hood_deg", "motor_ratio", "battery_v", "since_last_shot_s")
 
 
-def shots_from_sessions(sessions: Sequence[Path], name: str, telemetry: bool = True) -> Dataset:
+def shots_from_sessions(sessions: Sequence[str | Path], name: str, telemetry: bool = True) -> Dataset:
     """Return all marked shots of recorded sessions as a dataset; rejected and held trials are named in `left_out`.
 
     Args:
@@ -31,6 +31,12 @@ def shots_from_sessions(sessions: Sequence[Path], name: str, telemetry: bool = T
     Raises:
         InputError: the sessions' rigs differ, two sessions have one name, or there is no shot at all.
     """
+    if isinstance(sessions, str | Path):
+        raise InputError(f"sessions: a list of folders is expected: [{str(sessions)!r}]")
+    return _from_folders([Path(session) for session in sessions], name, telemetry)
+
+
+def _from_folders(sessions: Sequence[Path], name: str, telemetry: bool) -> Dataset:
     _check_names(sessions)
     rows: list[tuple[str, Trial]] = []
     left_out: list[str] = []

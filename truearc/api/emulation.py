@@ -1,12 +1,15 @@
 """Play the emulated robot."""
 
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from truearc.api.table import Table
 from truearc.robot.config.schema import Config
 from truearc.robot.operator_ui.screens import Screen
+from truearc.robot.reasons import text
+from truearc.robot.recording.session import load_trials
 from truearc.sim.printed import Printed
 from truearc.sim.progress import Progress
 from truearc.sim.world import emulated_robot as engine
@@ -18,10 +21,12 @@ KINDS = ("three", "two-high", "two", "two-low", "miss-high", "miss-low")
 
 @dataclass(frozen=True)
 class Emulation(Printed):
-    """What became of each ball that the emulated robot launched; `where`: its session's folder, or its bus."""
+    """What became of each ball that the emulated robot launched; `where`: its session's folder, or its bus; `held`: how
+    many trials were held for a reason, by one of its texts."""
 
     where: str | Path
     balls: tuple[BallResult, ...]
+    held: Mapping[str, int] = field(default_factory=dict)
 
     def table(self) -> Table:
         """Return a row per ball: configuration, launch, where it crossed the target's plane, and its outcome."""
@@ -32,7 +37,8 @@ class Emulation(Printed):
         counts = Counter(ball.outcome for ball in self.balls)
         marks = ", ".join(f"{counts[kind]} {kind}" for kind in KINDS if counts[kind])
         return [f"{self.where}: {len(self.balls)} ball{'s' * (len(self.balls) != 1)} launched"
-                + f" ({marks})" * bool(marks)]
+                + f" ({marks})" * bool(marks),
+                *(f"held {count} time{'s' * (count != 1)}: {why}" for why, count in self.held.items())]
 
 
 def emulate(config: Config, folder: str | Path, trials: int, seed: int, options: Options | None = None,
@@ -60,5 +66,13 @@ def emulate(config: Config, folder: str | Path, trials: int, seed: int, options:
         OSError: the session cannot be written.
     """
     folder = Path(folder)
-    return Emulation(folder, tuple(engine.emulate(config, folder, trials, seed, options, gate_path, progress, page,
-                                                  aim_path=aim_path)))
+    balls = tuple(engine.emulate(config, folder, trials, seed, options, gate_path, progress, page, aim_path=aim_path))
+    return Emulation(folder, balls, _held(folder))
+
+
+def _held(folder: Path) -> dict[str, int]:
+    """How many trials were held for each reason, the commonest first, as the first of them says it."""
+    reasons = [reason for trial in load_trials(folder) if trial.outcome.outcome == "held"
+               for reason in trial.outcome.reasons]
+    said = {reason.code: text(reason) for reason in reversed(reasons)}
+    return {said[code]: count for code, count in Counter(reason.code for reason in reasons).most_common()}

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+import truearc as ta
 from truearc import robot
 from truearc.cli.main import main
 from truearc.robot.config.schema import InputError, load_config
@@ -16,6 +17,7 @@ from truearc.sim.data.dataset import load_dataset, save_dataset
 from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.data.repeatability_labels import label_by_repeatability, rule
 from truearc.sim.world.emulated_robot import emulate
+from truearc.sim.world.options import Options
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 
@@ -98,6 +100,20 @@ def test_what_is_no_session_is_named(tmp_path, capsys):
 def test_two_sessions_of_one_name_are_refused(session, tmp_path):
     with pytest.raises(InputError, match="unique"):
         shots_from_sessions([session[0], session[0]], "d")
+
+
+def test_why_no_ball_was_launched_is_said(tmp_path):
+    """The hood's encoder is off by more than the screw's count allows: the robot holds every shot."""
+    played = ta.emulate(CONFIG, tmp_path / "held", 2, 1, Options(hood_offset_deg=2.0))
+    assert played.balls == () and list(played.held.values()) == [2]
+    assert played.lines()[1].startswith("held 2 times: hood encoder ")
+
+
+def test_folders_may_be_texts_but_one_text_is_no_list(session):
+    found = shots_from_sessions([str(session[0])], "d", telemetry=False)
+    assert found.shots.text("outcome") == shots_from_sessions([session[0]], "d", telemetry=False).shots.text("outcome")
+    with pytest.raises(InputError, match=r"sessions: a list of folders is expected: \['"):
+        shots_from_sessions(str(session[0]), "d")
 
 
 def test_trials_that_are_cut_short_are_said_to_be_missing(session, tmp_path, capsys):
