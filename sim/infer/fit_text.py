@@ -8,6 +8,7 @@ from truearc.sim.infer.advise import SHOTS, Proposal
 from truearc.sim.infer.crossval import CrossValidation
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.infer.identifiability import Identified, identify
+from truearc.sim.infer.likelihood.noise import UNMEASURED_M
 from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS, say_few
 from truearc.sim.infer.map_fit import MapFit
 from truearc.sim.infer.parameters import Sought
@@ -17,6 +18,7 @@ EVIDENCE = {"outcome": "outcomes", "side": "sides (high or low)", "miss_height_m
             "exit_speed_m_s": "measured exit speeds", "exit_deg": "measured exit angles",
             "exit_spin_rev_s": "measured spins", "tracks": "tracks", "times": "times at heights"}
 IMPROBABLE = 2.58                     # prior standard deviations that a hundredth of the prior lies beyond
+MISFIT = 1.3                          # times their noise that tracks differ from a fit that lacks something
 NEAREST = 15                          # shots whose median stands for "at this distance"
 
 
@@ -39,6 +41,13 @@ def say_evidence(fit: MapFit) -> Iterable[str]:
     intake = fit.fitted.intake
     used = ", ".join(f"{count} {EVIDENCE[kind]}" for kind, count in intake.used.items())
     yield f"fitted to {len(intake.rows)} of {len(fit.dataset.shots)} shots: {used}"
+    numbers = dict(zip((one.name for one in fit.evidence.columns), fit.evidence.point, strict=True))
+    wider = numbers.get("scatter.track")
+    if intake.scatter is not None and wider is not None:
+        own_m = dict(zip("xyz", intake.scatter.sigma_m, strict=True))
+        noise = ", ".join(f"{axis} {1000.0 * size:.2g}" for axis, size in own_m.items() if size < UNMEASURED_M)
+        yield (f"tracks differ from this fit by {np.exp(wider):.2g} times their own noise ({noise} mm, as the tracks "
+               "show it)" + ("; something is missing: truearc discover looks for it" if np.exp(wider) > MISFIT else ""))
     for line in intake.left_out:
         yield f"left out: {line}"
     if len(intake.rows) < FEWEST_SHOTS:

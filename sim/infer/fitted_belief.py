@@ -11,7 +11,7 @@ from truearc.sim.infer.likelihood.score_table import Column, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue, find_terms
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS
 from truearc.sim.physics.scales import fits_scale
-from truearc.sim.physics.term import complete
+from truearc.sim.physics.term import WatchTerm, complete
 
 
 def belongs(column: Column, among: Catalogue) -> bool:
@@ -29,7 +29,8 @@ def believed_columns(evidence: ScoreTable, among: Catalogue) -> list[int]:
 
 def coefficients_of(evidence: ScoreTable, believed: tuple[str, ...], among: Catalogue) -> Coefficients:
     """Every believed and named term of the catalogue, with parameters that were not fitted at their defaults."""
-    apart = {*among.always, *(term.name for term in NAMELESS)}
+    tracker = (term.name for term in among if isinstance(term, WatchTerm))
+    apart = {*among.always, *tracker, *(term.name for term in NAMELESS)}
     given: Coefficients = {name: {} for name in believed if name not in apart}
     for k in believed_columns(evidence, among):
         term, _, parameter = evidence.columns[k].name.partition(".")

@@ -65,7 +65,8 @@ class Catalogue:
         """
         wanted = set(names)
         for name in sorted(wanted - {term.name for term in (*self.terms, *NAMELESS)}):
-            near = [one for one in self.names if one.startswith(f"{name}_")] or get_close_matches(name, self.names, 1)
+            near = ([one.name for one in self.terms if one.label == name or one.name.startswith(f"{name}_")]
+                    or get_close_matches(name, self.names, 1))
             like = f" (did you mean {' or '.join(map(repr, near))}?)" if near else ""
             raise InputError(f"there is no term {name!r}{like}; the catalogue has {', '.join(sorted(self.names))}")
         return tuple(term for term in (*self.terms, *NAMELESS) if term.name in wanted)

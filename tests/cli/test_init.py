@@ -73,7 +73,7 @@ def test_check_says_what_filled_in_shots_could_show(made: Path, capsys: pytest.C
         shutil.copy(SHOTS / name, made / name)
     assert main(["check", "week", "--quiet"]) == 0
     said = capsys.readouterr().out
-    assert "week: 48 shots (21 miss, 8 three, 19 two)" in said and "plausible: no check objects" in said
+    assert "week: 48 shots (21 miss, 8 three, 19 two)" in said and "plausible: every check passed" in said
     assert "48 shots of this kind (L0) would show" in said and "hood_deg             31.1 to 53.6" in said
 
 

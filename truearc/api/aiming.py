@@ -15,6 +15,7 @@ from truearc.api.terms import check_kind
 from truearc.robot.aim_file import check_rig, load_aim
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError, naming
+from truearc.robot.config.unit_table import CONVERTED
 from truearc.robot.config.whole_file import whole_file
 from truearc.sim.aim import snippets
 from truearc.sim.aim.export import AimCheck, aim_bytes, check_aim_file
@@ -68,19 +69,21 @@ class AimTable(Printed):
         notes = dict.fromkeys(one.note for one in self.rows if one.distance_m in (low, high) and one.note)
         return AimRow._make([*map(float, numbers), "; ".join(notes)])
 
-    def lines(self) -> list[str]:
-        """Return a line per distance: set point, probabilities, and what errors cost; of a hit-or-miss target in hits.
-        """
+    def lines(self, unit: str = "m") -> list[str]:
+        """Return a line per distance in this unit of length: set point, probabilities, and what errors cost; of a
+        hit-or-miss target in hits."""
+        metres = {"m": 1.0, **CONVERTED["m"]}[unit]
         turned, hits = any(one.lead_deg for one in self.rows), not any(one.p_three for one in self.rows)
-        head = (*(HITS if hits else HEADER), *(["lead deg"] if turned else []), "")
+        head = (unit, *(HITS if hits else HEADER)[1:], *(["lead deg"] if turned else []), "")
         rows = []
         for one in self.rows:
             lost = one.lost_10cm, one.lost_1deg, one.lost_50rpm
-            worth = ([f"{-points / POINTS_TWO:+.0%}" for points in lost] if hits else
-                     [f"{one.p_three:.0%}", f"{one.points:.2f}", *(f"{points:.2f}" for points in lost)])
-            rows.append((f"{one.distance_m:.2f}", f"{one.hood_deg:.1f}", f"{one.motor_rad_s * snippets.RPM:.0f}",
-                         f"{one.p_two:.0%}", *worth, *([f"{one.lead_deg:+.1f}"] if turned else []), one.note))
-        refused = [f"{distance_m:.2f} m: no set point: {why}" for distance_m, why in self.refused]
+            worth = ([f"{-points / POINTS_TWO:+.0%}".replace("-0%", "0%") for points in lost] if hits
+                     else [f"{one.p_three:.0%}", f"{one.points:.2f}", *(f"{points:.2f}" for points in lost)])
+            rows.append((f"{one.distance_m / metres:.2f}", f"{one.hood_deg:.1f}",
+                         f"{one.motor_rad_s * snippets.RPM:.0f}", f"{one.p_two:.0%}", *worth,
+                         *([f"{one.lead_deg:+.1f}"] if turned else []), one.note))
+        refused = [f"{distance_m / metres:.2f} {unit}: no set point: {why}" for distance_m, why in self.refused]
         return [*make_text(head, rows, right=range(len(head) - 1)), *refused]
 
     def to_text(self, form: str) -> str:

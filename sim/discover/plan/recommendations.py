@@ -105,12 +105,16 @@ def _of_filmed(step: Step) -> tuple[dict[str, Any], ...]:
 
 
 def _sides(dataset: Dataset) -> tuple[dict[str, Any], ...]:
-    """A miss without a side tells half of what it could."""
+    """A shot without a side tells half of what it could."""
     outcome, side = dataset.shots.text("outcome"), dataset.shots.text("side")
-    blind = sum(said in ("miss", "two") and not where for said, where in zip(outcome, side, strict=True))
+    hit = "hit" if dataset.rig.target and dataset.rig.target.hit_or_miss else "two"
+    blind = {word: sum(one == said and not where for one, where in zip(outcome, side, strict=True))
+             for word, said in (("miss", "miss"), (hit, "two"))}
+    if sum(blind.values()) <= 0.5 * sum(map(bool, outcome)):
+        return ()
+    words = " and each ".join(f"{word} ({count} lack it)" for word, count in blind.items() if count)
     return ({"do": "measure", "record": "side",
-             "what": "on which side of the centre, low or high, each shot passes (column side)"},) \
-        if blind > 0.5 * sum(map(bool, outcome)) else ()
+             "what": f"on which side of the centre, low or high, each {words} passes (column side)"},)
 
 
 def parting_shot(dataset: Dataset, step: Step, pair: tuple[str, str]) -> dict[str, Any] | None:

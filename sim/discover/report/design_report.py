@@ -13,6 +13,7 @@ from truearc.sim.physics.catalogue import Catalogue, find_terms
 SCHEMA = "truearc.design/1"
 # How a shot must be like the one it is named after, where a name that competes follows a circumstance.
 AS_THEN: dict[str, str] = WORDING["as_then"]
+LEAST_GAIN = 0.01                     # probability by which a plan must raise that of one name that stands alone
 SETTINGS = ("distance_m", "hood_deg", "motor_ratio", "exit_speed_m_s", "exit_deg")
 
 
@@ -48,11 +49,21 @@ def design_lines(table: dict[str, Any], among: Catalogue | None = None) -> list[
         lines.append(f"As then also with {', '.join(table['as_then'])}: a name that is left follows that.")
     random = table["random_shots_worth_as_much"]
     worth = f"more than {MOST_RANDOM} times as many as there are" if random is None else f"{random}"
+    before, after = table["probability_before"], table["probability_after"]
+    if after < before + LEAST_GAIN:
+        lines.append(f"Such shots hardly help, if one of these it is: the right one stands alone (95 % sure) with a "
+                     f"probability of {before:.0%} now.")
+        return lines + _measurements(table, before)
     lines.append(f"After these {total} shots the right one stands alone (95 % sure) with a probability of "
-                 f"{table['probability_after']:.0%}, now {table['probability_before']:.0%}; of shots like the present "
+                 f"{after:.0%}, now {before:.0%}; of shots like the present "
                  f"ones it would take {worth} to part them as well.")
-    lines += [f"Or measure {one['what']}: {one['probability']:.0%}." for one in table["next"] if one["do"] == "measure"]
-    return lines
+    return lines + _measurements(table, before)
+
+
+def _measurements(table: dict[str, Any], before: float) -> list[str]:
+    """Those that part the names better than the present shots do."""
+    return [f"Or measure {one['what']}: {one['probability']:.0%}." for one in table["next"]
+            if one["do"] == "measure" and one["probability"] > before]
 
 
 def _together(blocks: tuple[Block, ...]) -> list[Block]:

@@ -13,13 +13,14 @@ from truearc.sim.discover.plan.detectability import sight_of
 from truearc.sim.discover.report.effect_wording import in_words, plain, say_effect, scale_of, size_of
 from truearc.sim.discover.settings import SIGN_DRAWS
 from truearc.sim.infer.likelihood.score_table import ScoreTable
-from truearc.sim.physics.catalogue import Catalogue
+from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.physics.term import Term
 
 STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", "flight": "in flight",
                "arrival": "at the target"}
 NINETY = 1.6448536269514722
 SHOWN = 6
+OUTWEIGHS = 10.0                      # times as likely as the next: these data do speak for the first
 EVEN = 0.5                            # probability of both of two names, from which they are said to be there together
 STANDS_OUT = 0.2                      # probability of a name, from which its size is said
 RARE = 0.1                            # p up to which it is stated as one dataset in how many
@@ -60,11 +61,18 @@ def say_named(believed: tuple[str, ...], p_value: float, leading: FoundEffect, a
             first = " No name stands out."
         listing = either(rest, "and" if both else "or")
         said = f"{_missing(believed, among)}, {either(stages)}: {listing}. {cannot}{first}"
+        if members[0].probability > max(0.5, OUTWEIGHS * members[1].probability) and not both:
+            said = (f"{_missing(believed, among)}: most likely {rest[0]}. If so, {likeliest}. "
+                    f"{_capital(either(rest[1:]))} cannot be excluded.")
     unexplained = leading.unexplained
     if isinstance(unexplained, float) and unexplained >= UNSURE:
         said += f" It may also be an effect of no term ({unexplained:.0%})."
     more = "".join(besides(further, then, among, topspin) for further, then in zip(also, THEN, strict=False))
     return said + _since(place) + more + _gained(fit) + _chance(p_value)
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
 
 def either(names: Sequence[str], last: str = "or") -> str:
@@ -272,7 +280,9 @@ def console_lines(finding: FindingRecord, among: Catalogue | None = None) -> lis
     if finding.mismatch.found and where.times_s:
         lines.append(f"along the flight: {where.times_s[0]:.2f} to {where.times_s[1]:.2f} s")
     lines += [] if isinstance(finding.adoption, UnsetType) else [say_points(finding.adoption)]
-    lines += [f"next: {say_step(step, among)}" for step in finding.next]
+    lines += [f"next: {say_step(step, among)}{then_measured(step, finding, among)}" for step in finding.next]
+    if found := found_names(finding):
+        lines.append(f"next: believe that and look again: --believe {','.join((*data.believed, *found))}")
     lines += [f"warning: {line}" for line in data.accepted]
     lines += [f"not tested: {line}" for line in data.untested]
     lines += [f"left out: {line}" for line in data.left_out]
@@ -294,6 +304,25 @@ def say_step(step: dict[str, object], among: Catalogue | None = None) -> str:
     rpm = f" ({step['motor_rpm']} rpm)" if "motor_rpm" in step else ""
     return (f"{step['shots']} shots at {step['distance_m']:.3g} m, hood {step['hood_deg']:.3g}°, motor "
             f"{step['motor_ratio']:.3g}{rpm}, to tell {' from '.join(plain(name, among) for name in names)}")
+
+
+def found_names(finding: FindingRecord) -> list[str]:
+    """Names that stand alone, of a finding that compares with no earlier session."""
+    each = [(finding.what, finding.set), *((one.what, one.set) for one in finding.also)]
+    alone = [what[0] for what, names in each if what and names is not None and len(names) == 1]
+    named = finding.verdict == "named" and all(one.believed is None for one in alone)
+    return [one.term for one in alone if one.term not in finding.data.believed] if named else []
+
+
+def then_measured(step: dict[str, object], finding: FindingRecord, among: Catalogue | None = None) -> str:
+    """Which option takes what was measured of a name that competes; empty where the step measures none."""
+    found = as_catalogue(among)
+    terms = [term for name in finding.set or () if (term := found.get(name)) is not None]
+    one = next((term for term in terms if term.instrument and term.instrument.id == step.get("instrument")), None)
+    if one is None or step["do"] != "measure":
+        return ""
+    unit = "as a share" if one.amplitude.unit == "1" else f"in {one.amplitude.unit}"
+    return f"; then add --measured {one.name}=VALUE,SD ({one.amplitude.meaning}, {unit})"
 
 
 def gained_interval(fit: FitSummary) -> tuple[float, float] | None:

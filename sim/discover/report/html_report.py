@@ -104,7 +104,7 @@ def _free_curve(step: Step) -> str:
     if place is None or png is None or place.test.what is None:
         return ""
     what = place.test.what
-    sized = ("Colour: its size." if isinstance(what, CovariatePair) else "Band and bars: 90 % by the likelihood.")
+    sized = ("Colour: its size." if isinstance(what, CovariatePair) else "The band: 90 % by the likelihood.")
     return picture(png, f"free curve: {place.column.name} against {what.name}", "The free curve: the change of "
                    f"{place.column.name} over {in_words(what.name)} that fits all shots best, less its mean. {sized}")
 

@@ -118,5 +118,5 @@ def _fitted(sight: Sight) -> str:
 def _uncertainty(one: Fittable, sd: float) -> str:
     """A standard deviation; of scatters, which are known by their logs, a factor."""
     if one.name.startswith("scatter."):
-        return f"times or over {np.exp(sd):.2f}"
+        return f"within a factor of {np.exp(sd):.2f}"
     return f"± {sd:.2g}" + ("" if one.unit == "1" else f" {one.unit}")

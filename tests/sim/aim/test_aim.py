@@ -156,6 +156,7 @@ def test_every_form_has_the_same_numbers(table: ta.AimTable) -> None:
 
 
 def test_distances_may_be_in_feet() -> None:
+    assert (parse_distances("6:20:1ft").unit, parse_distances("2:3:0.5").unit) == ("ft", "m")
     assert parse_distances("6:20:1ft") == pytest.approx(np.arange(6.0, 21.0) * 0.3048)
     assert parse_distances("100,200 in") == pytest.approx([2.54, 5.08])
     assert parse_distances("2:3:0.5m") == parse_distances("2,2.5,3.") == (2.0, 2.5, 3.0)

@@ -222,6 +222,29 @@ def test_what_is_gained_is_told_in_outcomes_and_centimetres() -> None:
     assert "how high tracks end, from their first 40 %, within 2 cm instead of 6 cm" in ends
 
 
+def test_a_name_that_outweighs_the_others_of_its_set_is_said_first() -> None:
+    set_of = (named("hood_offset", 2.1, 0.4, 0.64), named("drag_reynolds", 0.1, 0.1, 0.02))
+    said = say_named(("gravity",), 0.006, FoundEffect(set_of, ("hood_offset", "drag_reynolds"), None, 0.34), (), NO_FIT,
+                     None)
+    assert said.startswith("The simulation (gravity) leaves something out: most likely hood offset (64%). If so, ")
+    assert "Drag by speed (2%) cannot be excluded. It may also be an effect of no term (34%)." in said
+    near = (set_of[0], named("drag_reynolds", 0.1, 0.1, 0.2))
+    said = say_named(("gravity",), 0.006, FoundEffect(near, ("hood_offset", "drag_reynolds"), None, 0.1), (), NO_FIT,
+                     None)
+    assert "These data cannot tell which of these it is" in said
+
+
+def test_what_is_measured_is_told_with_the_option_that_takes_it() -> None:
+    step = {"do": "measure", "instrument": "inclinometer", "what": "hood angle with an inclinometer"}
+    finding = FindingRecord(DataSummary(20, "L0", (), ("gravity",), {}, {"by": "shot", "count": 20}),
+                      Mismatch(True, 0.01, 0.05, {}, 7, {}), WHERE, "named", "Verdict.", None, None,
+                      what=(named("hood_offset", 2.0, 0.1, 0.7),), set=("hood_offset",), next=(step,))
+    said = "next: measure hood angle with an inclinometer; then add --measured hood_offset=VALUE,SD (true elevation"
+    lines = console_lines(finding)
+    assert any(line.startswith(said) for line in lines)
+    assert "next: believe that and look again: --believe gravity,hood_offset" in lines
+
+
 def test_nothing_found_and_nothing_to_say() -> None:
     assert "No mismatch: 80 shots" in say_none(("gravity",), 0.4, 80, 0.05)
     assert "cannot say anything" in say_none(("gravity",), None, 20, 0.05)

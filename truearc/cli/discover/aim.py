@@ -57,7 +57,9 @@ def main(args: argparse.Namespace) -> int:
                        progress=common.make_progress("aim", args.quiet))
     if args.robot is None:
         common.refuse(args, ("--note",), "applies with --robot only")
-    common.print_or_write(args.out, table.to_text(args.format))
+    unit = args.distances.unit if args.distances is not None else "m"
+    common.print_or_write(args.out, "\n".join(table.lines(unit)) if args.format == "text" else
+                          table.to_text(args.format))
     if args.format != "text":         # which says so itself
         for distance_m, why in table.refused:
             print(f"warning: {distance_m:.2f} m has no set point: {why}", file=sys.stderr)
@@ -80,15 +82,23 @@ def _numbers(text: str, separator: str) -> tuple[float, ...]:
     return numbers
 
 
-def parse_distances(text: str) -> tuple[float, ...]:
-    """Distances in m, of a list or of LOW:HIGH:STEP; a length's unit may follow the last number."""
+class Distances(tuple[float, ...]):
+    """Distances in m; `unit`: in which they were stated, and are printed."""
+
+    unit = "m"
+
+
+def parse_distances(text: str) -> Distances:
+    """Distances of a list or of LOW:HIGH:STEP; a length's unit may follow the last number."""
     stated = UNIT.fullmatch(text)
     if stated is None:
-        return _listed_or_stepped(text)
+        return Distances(_listed_or_stepped(text))
     lengths = {"m": 1.0, **CONVERTED["m"]}
     if stated[2] not in lengths:
         raise argparse.ArgumentTypeError(f"got the unit {stated[2]!r}; expected one of {', '.join(lengths)}")
-    return tuple(lengths[stated[2]] * number for number in _listed_or_stepped(stated[1]))
+    found = Distances(lengths[stated[2]] * number for number in _listed_or_stepped(stated[1]))
+    found.unit = stated[2]
+    return found
 
 
 def _listed_or_stepped(text: str) -> tuple[float, ...]:

@@ -76,7 +76,7 @@ def ranges(dataset: "ta.Dataset") -> list[str]:
 def plausibility(dataset: "ta.Dataset") -> list[str]:
     """Return what the plausibility checks of a dataset that passed them have to say."""
     from truearc.sim.infer.plausibility.check import SCORES, judges_reach
-    objections = [f"warning: {objection}" for objection in dataset.accepted] or ["plausible: no check objects"]
+    objections = [f"warning: {objection}" for objection in dataset.accepted] or ["plausible: every check passed"]
     flights = {"tracks", "times"} & set(dataset.samples)
     unjudged = [("tracks.csv", "gravity, axes, units of length and time", not flights),
                 (f"{SCORES} scoring shots of known distance, angle and speed",

@@ -4,6 +4,7 @@ Before there are data, `truearc identifiability` reports what a season of shots 
 """
 
 import argparse
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,8 @@ from truearc.cli.outputs import out_file
 from truearc.robot.config.schema import about
 from truearc.sim.discover.settings import FALSE_ALARM, check_chances
 
+LIKELY = 0.1                          # probability of a name, from which it is compared with its measurement
+FAR = 4.0                             # standard deviations by which they contradict each other
 EXAMPLE = "truearc discover shots/ --believe gravity,drag --json finding.json --report finding.html"
 
 
@@ -67,6 +70,8 @@ def main(args: argparse.Namespace) -> int:
         origin = common.origin_of(args)
         found.to_html(args.report, made_at=origin.made_at, command=origin.command)
     print(found)                      # last: whoever reads it may be gone
+    for line in _contradicted(found, args.measured):
+        print(line)
     if args.measured and found.verdict == "none":
         print("not used: --measured, which weighs names: nothing is missing that would have one")
     if adopted is not None:
@@ -74,6 +79,18 @@ def main(args: argparse.Namespace) -> int:
     if refused is not None:
         raise refused
     return 0
+
+
+def _contradicted(found: "ta.Finding", measured: Sequence[str]) -> list[str]:
+    """A line for each likely name whose fitted size its measurement contradicts."""
+    from truearc.sim.infer.likelihood.external_measurements import read_measured
+    sizes = {name.partition(".")[0]: size for name, size in read_measured(
+        [word for word in measured if word.partition("=")[0] in {one.term for one in found.effects}], "--measured",
+        found.investigation.catalogue).items()}
+    return [f"warning: --measured {one.term}: {size.value:g} was measured, and these shots say {one.value:.3g} "
+            f"{one.unit}: one of both is wrong, or something else is missing"
+            for one in found.effects if one.probability >= LIKELY and (size := sizes.get(one.term)) is not None
+            and abs(one.value - size.value) > FAR * math.hypot(one.sd, size.sd)]
 
 
 def _check(args: argparse.Namespace) -> None:
