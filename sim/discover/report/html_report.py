@@ -204,8 +204,11 @@ def _names(finding: FindingRecord, among: Catalogue) -> str:
 
 def _bar(name: str, probability: float, kind: str, bold: bool, note: str) -> str:
     below = f'<div class="note">{html.escape(note)}</div>' if note else ""
+    long = probability >= 0.5         # then the number stands in the bar, else right of it
+    place = "left:.5rem" if long else f"left:calc({100.0 * probability:.1f}% + .4rem)"
     return (f'<div class="{"in" if bold else ""}">{html.escape(name)}</div><div class="track"><div class="fill {kind}" '
-            f'style="width:{100.0 * probability:.1f}%"></div><span class="much">{probability:.0%}</span></div>{below}')
+            f'style="width:{100.0 * probability:.1f}%"></div><span class="much{" on" if long else ""}" '
+            f'style="{place}">{probability:.0%}</span></div>{below}')
 
 
 def _worth(finding: FindingRecord) -> str:
