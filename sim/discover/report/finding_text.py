@@ -61,7 +61,7 @@ def say_named(believed: tuple[str, ...], p_value: float, leading: FoundEffect, a
             first = " No name stands out."
         listing = either(rest, "and" if both else "or")
         said = f"{_missing(believed, among)}, {either(stages)}: {listing}. {cannot}{first}"
-        if members[0].probability > max(0.5, OUTWEIGHS * members[1].probability) and not both:
+        if outweighs(members) and not both:
             said = (f"{_missing(believed, among)}: most likely {rest[0]}. If so, {likeliest}. "
                     f"{_capital(either(rest[1:]))} cannot be excluded.")
     unexplained = leading.unexplained
@@ -69,6 +69,11 @@ def say_named(believed: tuple[str, ...], p_value: float, leading: FoundEffect, a
         said += f" It may also be an effect of no term ({unexplained:.0%})."
     more = "".join(besides(further, then, among, topspin) for further, then in zip(also, THEN, strict=False))
     return said + _since(place) + more + _gained(fit) + _chance(p_value)
+
+
+def outweighs(members: Sequence[Named]) -> bool:
+    """Whether the first of a set is likely by itself, and far likelier than the next."""
+    return len(members) > 1 and members[0].probability > max(0.5, OUTWEIGHS * members[1].probability)
 
 
 def _capital(text: str) -> str:

@@ -195,7 +195,10 @@ def _names(finding: FindingRecord, among: Catalogue) -> str:
     said = f'<div class="bars">{"".join(rows)}</div>'
     if len(members) > 1:
         listed = wording.either([plain(name, among) for name in finding.set or ()], "and")
-        said = paragraph(f"These data cannot tell {listed} apart (orange).") + said
+        cannot = f"These data cannot tell {listed} apart (orange)."
+        if wording.outweighs([one for one in finding.what if one.term in members]):
+            cannot = f"In orange what cannot be excluded: {listed}."
+        said = paragraph(cannot) + said
     sure = wording.say_how_sure(finding)
     said += paragraph(f"{BARS} {_capital(sure)}." if sure else BARS)
     return said + "".join(paragraph(wording.besides(further, then, among).strip())
