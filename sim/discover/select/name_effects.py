@@ -211,8 +211,8 @@ def with_probabilities(naming: Naming, posterior: Hypotheses, beside: bool = Fal
     chosen: list[str] = []
     for name in ranked:
         held = posterior.held_by(chosen, beside)
-        enough = len(chosen) > 1 or probability[name] < ANY or probability[chosen[0]] >= SURE if chosen else False
-        if enough and held >= SURE * explained:
+        alone = bool(chosen) and (probability[chosen[0]] >= SURE or probability[name] < ANY)
+        if held >= SURE * explained and (len(chosen) > 1 or alone):
             break
         chosen.append(name)
     aliases = naming.aliases if ranked[0] == naming.leader else ()

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 import truearc as ta
+from truearc.cli.main import main
 
 ROOT = Path(__file__).parents[3]
 EXAMPLE = ROOT / "examples" / "tracks"
@@ -28,3 +29,22 @@ def test_lift_is_named_with_the_coefficient_of_the_script() -> None:
     assert found.verdict == "named" and found.best.term == "magnus"
     assert found.best.interval90 == pytest.approx((low, high), abs=6e-4)
     assert low < make["CL"] < high
+
+
+@pytest.mark.slow
+def test_a_fit_says_whether_its_terms_explain_the_tracks_and_believes_no_error_of_the_tracker() -> None:
+    flights = ta.load_dataset(EXAMPLE)
+    without = ta.fit(flights, terms=["gravity", "drag"])
+    whole = ta.fit(flights, terms=["gravity", "drag", "magnus", "track_roll"])
+    assert "something is missing: truearc discover looks for it" in str(without)
+    noise_mm = [float(one) for one in re.findall(r"noise \(x ([\d.]+), y ([\d.]+), z ([\d.]+) mm", str(whole))[0]]
+    assert noise_mm == pytest.approx([5.0] * 3, rel=0.15) and "something is missing" not in str(whole)
+    assert set(whole.belief.coefficients) == {"drag", "magnus"}
+
+
+@pytest.mark.slow
+def test_a_measurement_that_the_flights_contradict_is_a_warning(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["discover", str(EXAMPLE), "--believe", "gravity,drag", "--measured", "magnus=0.0,0.01", "--quiet"]
+    assert main(words) == 0
+    said = capsys.readouterr().out
+    assert re.search(r"warning: --measured magnus: 0 was measured, and these shots say 0\.0\d+", said)
