@@ -17,7 +17,6 @@ from truearc.sim.infer.profile import ProfileInterval
 EVIDENCE = {"outcome": "outcomes", "side": "sides (high or low)", "miss_height_m": "measured heights",
             "exit_speed_m_s": "measured exit speeds", "exit_deg": "measured exit angles",
             "exit_spin_rev_s": "measured spins", "tracks": "tracks", "times": "times at heights"}
-IMPROBABLE = 2.58                     # prior standard deviations that a hundredth of the prior lies beyond
 MISFIT = 1.3                          # times their noise that tracks differ from a fit that lacks something
 NEAREST = 15                          # shots whose median stands for "at this distance"
 
@@ -71,10 +70,9 @@ def say_estimates(intervals: Sequence[ProfileInterval], sought: Iterable[Sought]
         if one.name == "magnus.cl" and one.high90 < 0.0:
             yield ("warning: magnus.cl is below 0, so backspin presses the ball down: make sure of each wheel's "
                    "clock_deg in rig.toml (0 touches from above, 180 from below); only smooth balls do so")
-        what = fitted[one.name]
-        if abs(what.at(one.value) - what.centre) > IMPROBABLE * what.sd:
+        if fitted[one.name].improbable(one.value):
             yield (f"warning: {one.name} {number_text(one.value)} was believed all but impossible before: it may stand "
-                   "for an effect that these terms lack; truearc discover looks for one")
+                   "for an effect that these terms lack; truearc discover says whether these shots show one")
 
 
 def number_text(value: float) -> str:

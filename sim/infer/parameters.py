@@ -13,6 +13,8 @@ from truearc.sim.physics.catalogue import find_parameter
 SCATTERED = {"scatter.speed": ("of the exit speed", "exit speed from shot to shot (sd)"),
              "scatter.elevation_deg": ("deg", "exit angle from shot to shot (sd)")}
 
+IMPROBABLE = 2.58                     # prior standard deviations that a hundredth of the prior lies beyond
+
 
 @dataclass(frozen=True)
 class Sought:
@@ -46,9 +48,19 @@ class Sought:
             return value
         return float(np.log(np.radians(value) if self.name.endswith("_deg") else value))
 
+    def improbable(self, value: float) -> bool:
+        """Whether it was believed all but impossible."""
+        return abs(self.at(value) - self.centre) > IMPROBABLE * self.sd
+
     def slope(self, at: float) -> float:
         """d value / d column."""
         return self.value(at) if self.scatters else 1.0
+
+
+def improbable(layout: ParameterLayout, point: Float[np.ndarray, " p"]) -> dict[str, float]:
+    """Return the fitted numbers of terms that were believed all but impossible: {name: value at `point`}."""
+    found = {one.name: (one, one.value(float(point[one.column]))) for one in sought_of(layout) if not one.scatters}
+    return {name: value for name, (one, value) in found.items() if one.improbable(value)}
 
 
 def sought_of(layout: ParameterLayout) -> tuple[Sought, ...]:
@@ -56,12 +68,13 @@ def sought_of(layout: ParameterLayout) -> tuple[Sought, ...]:
     no belief keeps."""
     sd: Float[np.ndarray, " p"] = np.sqrt(np.diag(np.linalg.inv(layout.precision)))
     found = []
-    for k, column in enumerate(layout.columns):
-        name = believed_name(column.name)
+    first = layout.first_shared
+    for k, column in enumerate(layout.columns[first:], first):
+        name, centre, wide = believed_name(column.name), float(layout.centre[k - first]), float(sd[k - first])
         if name in SCATTERED:
             unit, meaning = SCATTERED[name]
-            found.append(Sought(name, unit, meaning, name == "scatter.speed", k, float(layout.centre[k]), float(sd[k])))
+            found.append(Sought(name, unit, meaning, name == "scatter.speed", k, centre, wide))
         elif layout.in_slot[k]:
             one = find_parameter(name, layout.chain.catalogue)
-            found.append(Sought(name, one.unit, one.meaning, one.percent, k, float(layout.centre[k]), float(sd[k])))
+            found.append(Sought(name, one.unit, one.meaning, one.percent, k, centre, wide))
     return tuple(found)

@@ -30,6 +30,11 @@ def test_readme_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     found = names["found"]
     assert isinstance(found, ta.Finding) and found.verdict == "set"
     assert "wheel_slip" in {effect.term for effect in found.effects}       # the world in which the shots were made
+    page = (ROOT / "docs" / "tutorials" / "spreadsheet.md").read_text(encoding="utf-8")
+    (first, second), low90, high90 = found.effects[:2], *found.best.interval90
+    assert f"wheel slip ({first.probability:.0%}) or".replace("%", " %") in page and first.term == "wheel_slip"
+    assert f"sinking air ({second.probability:.0%})".replace("%", " %") in page and second.term == "wind_z"
+    assert f"(90 %: {100 * low90:.2f} to {100 * high90:.2f} %)" in page
     assert "estimates" in capsys.readouterr().out
     assert (tmp_path / "finding.html").stat().st_size > 1000 and (tmp_path / "gate.onnx").stat().st_size > 1000
 

@@ -6,6 +6,7 @@ options are compared with the parser's. So is a command in running text that is 
 """
 
 import contextlib
+import csv
 import glob
 import io
 import os
@@ -38,6 +39,7 @@ PLACEHOLDER = re.compile(r"\.\.\.|\||\[|\b(?:DIR|FILE|SESSION|SOURCE|DRIVER|SEED
 
 # pattern -> what stands there instead, so that a command takes seconds
 SHORTER = (
+    (r"^(truearc init (my_shots|my-robot))$", r"\1 && cp rig.toml \2"),      # which the reader fills in
     (r"^make (?!-)", "make -n "),
     (r"^python tools/prose.py$", "python tools/prose.py tools/prose.py"),     # test_prose.py has every file
     (r"^(pytest .*)", r"\1 -n 0 -q --collect-only"),
@@ -82,8 +84,8 @@ ELSEWHERE = {
     r"^truearc (discover (mpi|drops|falls|bb|two-weeks|new-and-old)|fit (mpi|bb))":
         "takes long; test_real.py, test_misfit.py, test_import_sepia_drops.py ask it",
 }
-# Exit codes that are documented: templates not filled in, no launcher is there, six shots are too few
-EXIT = {r"^truearc (check|discover) my_shots": 2, r"^truearc doctor": 1, r"^truearc discover old --belief": 2}
+# Exit codes that are documented: no launcher is there, six shots are too few
+EXIT = {r"^truearc doctor": 1, r"^truearc discover old --belief": 2}
 
 
 # commands of several pages on which nothing else depends: the first page that has one runs it
@@ -232,6 +234,17 @@ def monday(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return session
 
 
+def write_spreadsheet(path: Path) -> None:
+    """A table of shots as people keep it: feet, rpm, their own words."""
+    with (ROOT / "examples" / "spreadsheet" / "shots.csv").open(encoding="utf-8") as file:
+        shots = list(csv.DictReader(file))[:ROWS]
+    with path.open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file)
+        table.writerow(["Shot", "Dist (ft)", "Hood (deg)", "Motor RPM", "Result"])
+        table.writerows([k, float(one["distance_m"]) / 0.3048, one["hood_deg"], 5672 * float(one["motor_ratio"]),
+                         "rim out" if one["outcome"] == "miss" else one["outcome"]] for k, one in enumerate(shots, 1))
+
+
 @pytest.fixture
 def workspace(tmp_path: Path, data_dir: Path, monday: Path, monkeypatch: pytest.MonkeyPatch) -> Workspace:
     """What a reader of the pages brings: a clone, datasets, a recorded session, and configurations.
@@ -257,6 +270,7 @@ def workspace(tmp_path: Path, data_dir: Path, monday: Path, monkeypatch: pytest.
     for name in ("launcher.toml", "my_launcher.toml", "other.toml"):
         shutil.copy(ROOT / "robot" / "launcher.toml", folder / name)
     shutil.copy(ROOT / "examples" / "truearc-hoodflex" / "truearc_hoodflex.py", folder / "my_terms.py")
+    write_spreadsheet(folder / "mine.csv")
     (folder / "truth.json").write_text('{"kind": "one", "effects": {"wheel_slip": 0.1}}', encoding="utf-8")
     (folder / "data").mkdir()
     monkeypatch.chdir(folder)

@@ -19,6 +19,7 @@ from truearc.sim.discover.detect.tracker_change import NumberChange, can_compare
 from truearc.sim.discover.finding import FindingRecord, FitSummary, FoundEffect, Named, TestResult, Unknown, Where
 from truearc.sim.discover.plan.recommendations import blind_terms, has_spin, measure_blind, measure_names, next_steps
 from truearc.sim.discover.report import finding_text as wording
+from truearc.sim.discover.report.effect_wording import say_improbable
 from truearc.sim.discover.report.formula import find_formula
 from truearc.sim.discover.select.amplitude_prior import posterior_amplitude
 from truearc.sim.discover.select.forecast_error import end_errors, side_errors, times_off
@@ -29,6 +30,7 @@ from truearc.sim.infer.likelihood import outcome_likelihood as outcomes
 from truearc.sim.infer.likelihood.prepared_data import Intake
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.infer.likelihood.shot_columns import number_columns
+from truearc.sim.infer.parameters import improbable
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.term import STAGES
 
@@ -71,7 +73,8 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
                              {"by": "shot", "count": len(dataset.shots)}, dataset.accepted, untested(dataset),
                              _has_topspin(dataset),
                              _terms_only(stopped(without(fitted.evidence), among))
-                             | stopped(best_of(fitted, steps), among))
+                             | stopped(best_of(fitted, steps), among),
+                             {} if steps else improbable(fitted.layout, fitted.evidence.point))
     results = _results(fitted.evidence, asked, judged, false_alarm)
     mismatch = parts.Mismatch(bool(steps), judged.p_any, false_alarm, results, len(asked.tests), judged.families)
     fit = _fit(fitted, steps)
@@ -82,7 +85,7 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
         blind = blind_terms(fitted.evidence, threshold, among) if np.isfinite(threshold) else []
         steps_to_see = measure_blind(blind, intake.samples is not None)
         sentence = (wording.say_none(terms, judged.p_any, data.shots, false_alarm, among)
-                    + wording.say_limits(data.at_limit) + said
+                    + wording.say_limits(data.at_limit) + say_improbable(data.improbable) + said
                     + wording.say_scatter(times_off(intake, fitted.layout, fitted.spot))
                     + wording.say_blind(blind, steps_to_see, among)
                     + wording.say_smallest(fitted.evidence, threshold, among))

@@ -2,6 +2,7 @@
 
 import math
 import tomllib
+from collections.abc import Mapping
 from importlib.resources import files
 
 from truearc.sim.discover.finding import Interval
@@ -18,6 +19,15 @@ IN_FLIGHT = ("speed_in_flight_m_s", "time_in_flight_s")      # what forces vary 
 def in_words(column: str) -> str:
     """A column as people say it; one that is the user's own: by its name, and so are two together."""
     return " x ".join(COLUMNS.get(one, one) for one in column.split(" x "))
+
+
+def say_improbable(numbers: Mapping[str, float]) -> str:
+    """Say that fitted numbers were believed all but impossible; empty without any."""
+    if not numbers:
+        return ""
+    found = " and ".join(f"{name} {value:.3g}" for name, value in numbers.items())
+    return (f" But before these shots {found} was believed all but impossible: it may stand for an effect that they "
+            "cannot tell from it.")
 
 
 def plain(name: str, among: Catalogue | None = None) -> str:

@@ -12,6 +12,7 @@ from truearc.sim.report import NO_ORIGIN, Origin, make_page, paragraph, picture,
 from truearc.sim.tables import make_text
 
 MOST_SHOTS = 10_000                   # beyond which the number is no longer said
+NEXT = 4                              # effects beyond what is shown that a summary lists
 SURE = 0.8                            # power that counts as "would be seen"
 METHOD = (
     "Expected Fisher information: what is left of each effect's after the fitted coefficients, scatters and the random "
@@ -31,6 +32,15 @@ def sight_lines(sight: Sight, among: Catalogue | None = None) -> list[str]:
     lines += [f"never seen: {one.term}: {why_not(one, among)}" for one in sight.terms if one.shots_needed is None]
     lines.append("fitted anyway: " + ", ".join(f"{one.name} {_uncertainty(one, one.after)}" for one in sight.fitted))
     return lines
+
+
+def sight_summary(sight: Sight, among: Catalogue | None = None) -> list[str]:
+    """What these shots would show, and which effects the next few shots would add, in three lines at most."""
+    possible = sorted((one.shots_needed, one.term, one.power) for one in sight.terms if one.shots_needed is not None)
+    shown = [plain(term, among) for _, term, power in possible if power >= SURE]
+    more = [f"{plain(term, among)} ({_shots(needed)})" for needed, term, power in possible if power < SURE]
+    said = (("would be seen", shown), ("with more shots", more[:NEXT]))
+    return [sight_sentence(sight), *(f"  {what}: {', '.join(names)}" for what, names in said if names)]
 
 
 def _row(one: TermIdentifiability, among: Catalogue | None) -> tuple[str, ...]:

@@ -1,5 +1,6 @@
 """A verdict 'none' says first what could not have been seen, and `design` plans the measurements that would show it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,18 +10,25 @@ import truearc as ta
 from tests.sim.discover.odd_rigs import make_drops
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "spreadsheet"
+TERMS = ["gravity", "drag", "magnus", "exit_efficiency"]
 
 
 @pytest.fixture(scope="module")
 def quiet() -> tuple[ta.Dataset, ta.Finding]:
     """The example's shots, with heights that the simulation itself forecasts, and scatter."""
-    week = ta.load_dataset(EXAMPLE)
-    belief = ta.fit(week, ["gravity", "drag", "magnus", "exit_efficiency"]).belief
+    dataset = imagine(ta.load_dataset(EXAMPLE))
+    return dataset, ta.discover(dataset, believe=TERMS)
+
+
+def imagine(week: ta.Dataset, drag: float | None = None) -> ta.Dataset:
+    """The settings of `week`, with heights that the fitted simulation forecasts (or with this drag), and scatter."""
+    belief = ta.fit(week, TERMS).belief
+    if drag is not None:
+        belief = replace(belief, coefficients={**belief.coefficients, "drag": {"cd": drag}})
     height = np.array(ta.predict(week, belief).column("deviation_m"), float)
     shots = {"shot_id": week.shots.shot_id, **week.shots.numbers,
              "miss_height_m": height + np.random.default_rng(1).normal(0.0, 0.1, len(height))}
-    dataset = ta.dataset(shots, rig=week.rig)
-    return dataset, ta.discover(dataset, believe=["gravity", "drag", "magnus", "exit_efficiency"])
+    return ta.dataset(shots, rig=week.rig)
 
 
 def test_none_says_what_could_not_have_been_seen_before_what_could(quiet: tuple[ta.Dataset, ta.Finding]) -> None:
@@ -48,3 +56,13 @@ def test_with_tracks_no_filming_is_suggested() -> None:
         found = ta.discover(make_drops(14, 1, cd=cd), believe=believe)
         assert not any("camera" in str(step.get("what")) and "flight" in str(step.get("what"))
                        for step in found.record.next)
+
+
+def test_a_fitted_number_that_was_believed_all_but_impossible_is_doubted(quiet: tuple[ta.Dataset, ta.Finding]) -> None:
+    assert not quiet[1].record.data.improbable and "impossible" not in quiet[1].sentence
+    heavy = imagine(ta.load_dataset(EXAMPLE), 1.5)
+    found = ta.discover(heavy, believe=TERMS)
+    assert found.verdict == "none"
+    (name, value), = found.record.data.improbable.items()
+    assert name == "drag.cd" and value > 1.0
+    assert f"drag.cd {value:.3g} was believed all but impossible" in found.sentence

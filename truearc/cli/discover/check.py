@@ -4,6 +4,8 @@ With fewer than ten shots, a season of them is planned for the rig.
 """
 
 import argparse
+import shlex
+from pathlib import Path
 
 import truearc as ta
 from truearc.cli.common import add_accept, listed, make_progress, number
@@ -25,6 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Return 0 where the dataset is plausible."""
     from truearc.sim.compile_cache import keep_compiled
+    from truearc.sim.discover.report.identifiability_report import sight_summary
     from truearc.sim.infer.plausibility.check import check_plausible
     keep_compiled()
     from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS, say_few
@@ -42,8 +45,15 @@ def main(args: argparse.Namespace) -> int:
     if few:
         print(f"warning: {say_few(len(dataset.shots))}" if len(dataset.shots) else "\nno shots yet", end="")
     print("; of a season with this rig:" if few else "")
-    print(could)
+    print("\n".join([*sight_summary(could.sight, could.catalogue), f"effect by effect: {by_effect(args, few)}"]))
     return 0
+
+
+def by_effect(args: argparse.Namespace, few: bool) -> str:
+    """Return the command that lists what each effect needs."""
+    asked = [args.dataset if not few else str(Path(args.dataset) / "rig.toml")]
+    asked += ["--believe", ",".join(args.believe)] if args.believe else []
+    return shlex.join(["truearc", "identifiability", *asked])
 
 
 def lacking(dataset: "ta.Dataset") -> list[str]:

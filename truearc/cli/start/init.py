@@ -16,6 +16,8 @@ PROGRESS = False
 RIG = Path(__file__).with_name("rig_template.toml")
 COLUMNS = ("shot_id", "distance_m", "hood_deg", "motor_ratio", "outcome")
 TRACKED = {"shots.csv": ("shot_id", "exit_spin_rev_s"), "tracks.csv": ("shot_id", "t_s", "x_m", "y_m", "z_m")}
+TRACKED_BELIEF = """[believe]                             # what the simulation has before anything is discovered
+terms = ["gravity", "drag", "magnus"]"""
 NOT_TRACKED = ("[[launcher.wheel]]", "[target]", "free_speed_rad_s")       # of rig.toml: flights alone need none
 
 
@@ -56,7 +58,8 @@ def main(args: argparse.Namespace) -> int:
 
 def for_tracks(rig: str) -> str:
     """Return the template rig.toml without what flights alone do not need."""
-    blocks = [block for block in rig.split("\n\n") if not block.startswith(NOT_TRACKED)]
+    blocks = [TRACKED_BELIEF if block.startswith("[believe]") else block for block in rig.split("\n\n")
+              if not block.startswith(NOT_TRACKED)]
     return "\n".join(line for line in "\n\n".join(blocks).split("\n") if not line.startswith(NOT_TRACKED))
 
 
