@@ -3,12 +3,13 @@
     python tools/prose.py [PATH...]      list every hit (of these files)
 
 Text is docstrings (D), comments (C) and messages (M, string literals with a space) of Python files, TOML files and the
-scripts of HTML pages, and Markdown outside code, text files and the text of HTML pages (T). A line with `prose: allow`
-is an exception; in a string of several lines, any of its lines.
+scripts of HTML pages, and Markdown outside code, notebooks' cells of it, text files and the text of HTML pages (T). A
+line with `prose: allow` is an exception; in a string of several lines, any of its lines.
 """
 
 import ast
 import io
+import json
 import re
 import sys
 import tokenize
@@ -21,7 +22,7 @@ from typing import NamedTuple
 ROOT = Path(__file__).resolve().parents[1]
 PHRASES = ROOT / "tests" / "house" / "phrases.toml"
 CODE = ("hw", "robot", "sim", "model_export", "truearc", "proof", "benchmarks", "tools", "examples")
-PAGES = ("docs", "benchmarks", "examples", ".github")
+PAGES = ("docs", "benchmarks", "examples", "paper", ".github")
 ALLOW = "prose: allow"
 OLD = ("schema1_sentences.toml",)     # sentences of recordings made before reasons had codes; read, never written
 QUOTED = r""""(\\.|[^"\\\n])*"|'(\\.|[^'\\\n])*'"""
@@ -85,6 +86,17 @@ def split_markdown(source: str) -> Iterator[Piece]:
         if part.strip() and ALLOW not in part:
             yield Piece("T", line + len(part) - len(part.lstrip("\n")), " ".join(re.sub(r"`[^`]*`", "`", part).split()))
         line += part.count("\n")
+
+
+def split_notebook(source: str) -> Iterator[Piece]:
+    """Yield the paragraphs of cells of text and the comments of cells of code, at the lines where these begin."""
+    for cell in json.loads(source)["cells"]:
+        text = "".join(cell["source"])
+        start = json.dumps(cell["source"][0] if cell["source"] else "", ensure_ascii=False)
+        line = source[:max(source.find(start), 0)].count("\n")
+        found = split_markdown(text) if cell["cell_type"] == "markdown" else (
+            one for one in _split(text, TOML) if one.kind == "C")
+        yield from (Piece(one.kind, one.line + line, one.text) for one in found)
 
 
 def split_python(source: str) -> Iterator[Piece]:
@@ -163,7 +175,8 @@ def _comments(source: str, lines: list[str]) -> Iterator[Piece]:
 
 
 SPLIT: dict[str, Callable[[str], Iterator[Piece]]] = {
-    ".py": split_python, ".md": split_markdown, ".txt": split_markdown, ".toml": split_toml, ".html": split_html}
+    ".py": split_python, ".md": split_markdown, ".txt": split_markdown, ".toml": split_toml, ".html": split_html,
+    ".ipynb": split_notebook}
 
 
 def main(words: list[str]) -> int:

@@ -44,10 +44,10 @@ def draw_fit(fit: SysidFit) -> Figure:
 
 def make_fit_page(title: str, fits: Mapping[str, SysidFit], gains: str, notes: Sequence[str],
                   origin: Origin = NO_ORIGIN) -> str:
-    """HTML: the worth of the fit, the gains to paste (TOML), then pictures and the numbers."""
-    verdict = " ".join(f"{joint.capitalize()}: unseen pieces within {fit.rms_rad_s:.3g} rad/s (R^2 {fit.r2:.5f})."
-                       for joint, fit in fits.items())
-    sections = [("Paste into launcher.toml", f"<pre>{html.escape(gains)}</pre>")]
+    """HTML: what to do with the gains and the fit's worth, the gains to paste (TOML), then pictures and the numbers."""
+    worth = "; ".join(f"{joint} within {fit.rms_rad_s:.3g} rad/s (R^2 {fit.r2:.5f})" for joint, fit in fits.items())
+    verdict = f"Paste these gains into launcher.toml. The fit forecasts unseen pieces: {worth}."
+    sections = [("Gains", f"<pre>{html.escape(gains)}</pre>")]
     for joint, fit in fits.items():
         rows = [(number.name, WORDS[number.name], number.value, number.low90, number.high90,
                  UNITS[fit.record.unit][number.name]) for number in fit.numbers.values()]

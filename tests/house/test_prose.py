@@ -1,5 +1,6 @@
 """Docstrings, comments, messages and pages avoid the phrases of phrases.toml; and grades of reading."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -52,6 +53,14 @@ def test_python_text_is_searched(tmp_path: Path, source: str, found: set[str]) -
 ])
 def test_markdown_text_is_searched(tmp_path: Path, source: str, found: set[str]) -> None:
     assert {hit.found for hit in hits_of(tmp_path, "a.md", source)} == found
+
+
+def test_notebooks_are_searched_and_so_is_the_paper(tmp_path: Path) -> None:
+    cells = [{"cell_type": "markdown", "source": ["# A\n", "\n", "by luck\n"]},
+             {"cell_type": "code", "source": ["x = 'anew'  # so many\n"], "outputs": ["luck"]}]
+    hits = hits_of(tmp_path, "a.ipynb", json.dumps({"cells": cells}, indent=1))
+    assert [(hit.line, hit.found) for hit in hits] == [(8, "luck"), (14, "so many")]
+    assert {"paper.md", "what-is-missing.ipynb"} <= {path.name for path in FILES}
 
 
 @pytest.mark.parametrize(("name", "source", "found"), [
