@@ -123,7 +123,12 @@ class AdviceIo:
         if not scaled.low <= value <= scaled.high:
             faults.append(because.NT_VALUE_IMPOSSIBLE(key=scaled.key))
             return None
-        return reading.t_ns, value
+        if not scaled.alive:
+            return reading.t_ns, value
+        if scaled.alive not in found:
+            faults.append(because.KEY_MISSING(key=scaled.alive))
+            return None
+        return max(reading.t_ns, found[scaled.alive].t_ns), value
 
     def _angle(self, hood: tuple[int, float] | None) -> AngleReading | None:
         """As the encoder of the configuration would read it."""
@@ -190,7 +195,7 @@ class Scaled:
     """A key, how its number becomes one of a column, and the lowest and highest of those that can be."""
 
     def __init__(self, column: str, signal: Signal, free_rad_s: float) -> None:
-        self.column, self.key, self._signal = column, signal.key, signal
+        self.column, self.key, self.alive, self._signal = column, signal.key, signal.alive, signal
         scale = free_rad_s if column == MOTOR else 1.0
         self.low, self.high = (scale * end for end in POSSIBLE[column])
         stated = signal.unit or unit_in(signal.key)
@@ -227,7 +232,7 @@ def advised_columns(shot_map: ShotMap, config: Config) -> dict[str, str | Signal
     if name not in gears:
         raise InputError(f"{speed}: the rig has no wheel {name!r} ({', '.join(gears)})")
     wheel = as_signal(columns[speed])
-    scaled = Signal(wheel.key, wheel.unit, wheel.times / gears[name], wheel.plus / gears[name])
+    scaled = Signal(wheel.key, wheel.unit, wheel.times / gears[name], wheel.plus / gears[name], wheel.alive)
     return {MOTOR: scaled, **{column: columns[column] for column in needed}}
 
 

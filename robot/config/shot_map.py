@@ -21,13 +21,15 @@ MARKS = {**OUTCOMES, "miss": ("miss", ""), "hit": ("hit", ""), "low": ("miss", "
 class Signal(Struct, frozen=True, forbid_unknown_fields=True):
     """A key of the log; what is read of it is `times` x its number + `plus`, then in the unit that it has.
 
-    unit: of the number after that; without it what the log states or the key ends in, else the column's own.
+    unit: of the number after that; without it what the log states or the key ends in, else the column's own. alive, of
+    advice: a key that changes in each loop of the robot's program; while that does, this one may stand still.
     """
 
     key: str
     unit: str = ""
     times: float = 1.0
     plus: float = 0.0
+    alive: str = ""
 
 
 class Detection(Struct, frozen=True, forbid_unknown_fields=True):

@@ -58,8 +58,9 @@ def check_network(server: str, lively: Sequence[str], still: Sequence[str], hear
     yield ok(SERVER, f"{server} answers")
     by_key = {column.key: column for column in columns}
     for key in dict.fromkeys([*lively, *still]):
-        yield _check_value(key, heard.newest.get(key), by_key.get(key), key in texts) or _check_changes(
-            key, key in lively, heard)
+        column = by_key.get(key)
+        yield _check_value(key, heard.newest.get(key), column, key in texts) or _check_changes(
+            key, key in lively, heard, column)
     yield _check_clocks(heard)
 
 
@@ -77,12 +78,15 @@ def _check_value(key: str, reading: Reading | None, column: Scaled | None, may_b
                    "look at what publishes it, and at its unit in the map")
 
 
-def _check_changes(key: str, must_change: bool, heard: HeardKeys) -> Finding:
+def _check_changes(key: str, must_change: bool, heard: HeardKeys, column: Scaled | None) -> Finding:
     check, reading, changes = f"key {key}", heard.newest[key], heard.changes.get(key, 0)
     if must_change and changes == 0:
         return warning(check, f"has not changed in {heard.seconds:g} s: it would count as stale",
-                       "publish it as it is measured, with its noise; name a key that changes, or raise --fresh")
+                       "publish it as it is measured, with its noise; or name in the map an `alive`, which changes in "
+                       "each loop")
     shown = reading.value if isinstance(reading.value, str) else f"{reading.value:.6g}"
+    if column is not None and not isinstance(reading.value, str):
+        shown = f"{column.column} {column.value(reading.value):.4g} (sent as {shown})"
     return ok(check, f"{shown}, {changes / heard.seconds:.0f} changes per second")
 
 

@@ -13,6 +13,7 @@ from msgspec.structs import replace
 from tests.robot.aim_files import CONTENT, HOOD, LEAD, RATIO, write
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
+from truearc.cli.robot.advise_robot import keys_of
 from truearc.robot.advice.advice_io import AdviceIo, Adviser, advised_columns
 from truearc.robot.advice.nt_keys import NtKeys, Reading, names_of, parse_server
 from truearc.robot.advice.tick import POLICY, step
@@ -162,6 +163,30 @@ def test_a_jump_over_a_value_that_is_missing_or_cannot_be_is_still_one() -> None
     verdicts = advise(robot, 4.3)
     assert verdicts[4 * HZ - 2] == "FIRE" and "FIRE" not in verdicts[4 * HZ:]
     assert any("hood angle jumped" in reason for reason in robot.said[-1]["reasons"])      # type: ignore[union-attr]
+
+
+class Resting(Robot):
+    """A robot whose hood stands still from the start; its program counts its loops until `died_s`."""
+
+    def __init__(self, died_s: float = 1e6) -> None:
+        super().__init__("freezes", "/Hood/Angle")
+        self._died_s = died_s
+
+    def read(self, now_ns: int) -> Mapping[str, Reading]:
+        found = dict(super().read(now_ns))
+        beat_ns = min(now_ns, self.began_ns + int(self._died_s * NS))
+        still = Reading(self.began_ns, WELL["/Hood/Angle"])
+        return {**found, "/Hood/Angle": still, "/Loops": Reading(beat_ns, beat_ns)}
+
+
+def test_a_key_may_stand_still_while_another_says_that_the_program_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert advise(Resting(), 3.0)[-1] == "STALE"
+    alive = replace(MAP, columns={**MAP.columns, "hood_deg": Signal("/Hood/Angle", "deg", alive="/Loops")})
+    monkeypatch.setattr("tests.robot.test_advice.MAP", alive)
+    assert "/Loops" in keys_of(alive)
+    runs, died, without = Resting(), Resting(2.0), Robot()
+    assert [advise(robot, 3.0)[-1] for robot in (runs, died, without)] == ["FIRE", "STALE", "STALE"]
+    assert "/Loops" in str(without.said[-1]["reasons"])  # no key of that name
 
 
 def test_the_age_is_that_of_the_oldest_key_the_battery_too() -> None:

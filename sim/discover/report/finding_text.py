@@ -136,15 +136,15 @@ def say_limits(at_limit: Mapping[str, float]) -> str:
 
 def say_adopted(finding: FindingRecord, provenance: Mapping[str, Any]) -> str:
     """Return which effects a belief that was adopted from the finding has, and why not all."""
-    vague = too_little(finding.also)
-    named = [f"{name} (as fitted, though too little to be named)" if name in vague else name
+    named = [f"{name} (as fitted, though too little to be named)" if name in too_little(finding.also) else name
              for name in provenance["adopted"]]
     but = f" (not all: {provenance['refused']})" if "refused" in provenance else ""
     if "at_limit" in provenance:
         return f"adopted: nothing; {', '.join(provenance['at_limit'])} stopped at the end of its range"
     if provenance.get("kept"):
         return f"adopted: nothing, the belief stays{but}"
-    what = f"the average of {', '.join(named)}" if provenance["averaged"] else ", ".join(named)
+    listed = ", ".join(named)
+    what = f"the average of {listed}, shares of these names alone" if provenance["averaged"] else listed
     return f"adopted: {what or 'nothing named, the fitted coefficients alone'}{but}"
 
 

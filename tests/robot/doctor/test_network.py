@@ -74,6 +74,8 @@ def test_a_value_that_advice_would_not_believe_fails(column: str, value: float |
     finding = list(check_network("254", [key], [], heard, columns.values()))[1]
     assert (finding.level, finding.says if said else "") == (FAILURE if said else OK, said)
     assert finding.check == f"key {key}" and bool(finding.do) == bool(said)
+    if not said:
+        assert finding.says == f"{column} {value:.4g} (sent as {value:g}), 50 changes per second"
 
 
 def test_only_an_outcome_may_be_a_text() -> None:
@@ -139,7 +141,7 @@ def test_the_keys_of_a_map_on_a_real_server(robot: str, tmp_path: Path, capsys: 
     assert main(["doctor", "--nt", robot, "--map", str(tmp_path / "shots.toml"), "--seconds", "1"]) == 1
     said = capsys.readouterr().out
     assert f"ok       NetworkTables server: {robot} answers" in said
-    assert "ok       key /Vision/Distance: 3" in said and "ok       key /Shooter/RPM: 24" in said
+    assert "key /Vision/Distance: distance_m 3" in said and "key /Shooter/RPM: motor_rad_s 251.4 (sent as 24" in said
     assert "warning  key /Hood/Angle: has not changed in 1 s" in said
     assert "FAILURE  key /Battery: the robot publishes no such key" in said
     assert "NetworkTables clocks: no stamp is ahead of ours" in said

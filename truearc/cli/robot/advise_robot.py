@@ -83,7 +83,8 @@ def advising(config: Config, args: argparse.Namespace) -> Config:
 def keys_of(shot_map: ShotMap) -> list[str]:
     """Every key that a map names."""
     feed = [] if shot_map.shots.feed is None else [shot_map.shots.feed]
-    keys = [as_signal(one).key for one in (*shot_map.columns.values(), *feed)]
+    signals = [as_signal(one) for one in (*shot_map.columns.values(), *feed)]
+    keys = [key for one in signals for key in (one.key, one.alive) if key]
     return list(dict.fromkeys([*keys, *filter(None, [shot_map.outcome.key]), *shot_map.outcome.buttons]))
 
 

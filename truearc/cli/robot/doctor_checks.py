@@ -136,8 +136,9 @@ def look_beside(args: argparse.Namespace) -> Iterator[Finding]:
     columns = [*scaled_columns(shot_map, config).values()]
     quiet = [as_signal(said).key for said in (shot_map.shots.feed, shot_map.outcome.key) if said]
     seen, still = keys_wanted(config)
-    yield from _listen_and_check(config, args.nt, [*(one.key for one in columns), *seen],
-                                 [*quiet, *shot_map.outcome.buttons, *still], args.seconds, columns,
+    lively, resting = [one.alive or one.key for one in columns], [one.key for one in columns if one.alive]
+    yield from _listen_and_check(config, args.nt, [*lively, *seen],
+                                 [*resting, *quiet, *shot_map.outcome.buttons, *still], args.seconds, columns,
                                  [shot_map.outcome.key])
 
 
