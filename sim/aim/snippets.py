@@ -15,6 +15,11 @@ def has_lead(rows: Iterable[Any]) -> bool:
     return any(abs(row.lead_deg) >= LEAST_LEAD_DEG for row in rows)
 
 
+def _doubt(row: Any) -> list[str]:
+    """A comment above a set point that the shots of the belief do not cover."""
+    return [f"// {row.distance_m:.3f} m: {row.note}"] if row.note else []
+
+
 def java_text(rows: Iterable[Any]) -> str:
     """Statements for two edu.wpi.first.math.interpolation.InterpolatingDoubleTreeMap, keyed by distance in m."""
     rows = tuple(rows)
@@ -22,7 +27,7 @@ def java_text(rows: Iterable[Any]) -> str:
     lines = ["// by truearc aim: distance (m) -> hood (deg above the horizontal), motor (rpm)"
              + ", lead (deg to the left)" * lead]
     for row in rows:
-        lines += [f"hoodDeg.put({row.distance_m:.3f}, {row.hood_deg:.2f});",
+        lines += [*_doubt(row), f"hoodDeg.put({row.distance_m:.3f}, {row.hood_deg:.2f});",
                   f"motorRpm.put({row.distance_m:.3f}, {row.motor_rad_s * RPM:.1f});"]
         lines += [f"leadDeg.put({row.distance_m:.3f}, {row.lead_deg:.2f});"] if lead else []
     return "\n".join(lines) + "\n"
@@ -35,8 +40,10 @@ def cpp_text(rows: Iterable[Any]) -> str:
     lines = ["// by truearc aim: distance (m), hood (deg above the horizontal), motor (rpm)"
              + ", lead (deg to the left)" * lead, f"struct SetPoint {{ double distance_m, hood_deg, motor_rpm"
              f"{', lead_deg' * lead}; }};", "constexpr SetPoint kSetPoints[] = {"]
-    lines += [f"    {{{row.distance_m:.3f}, {row.hood_deg:.2f}, {row.motor_rad_s * RPM:.1f}"
-              + f", {row.lead_deg:.2f}" * lead + "}," for row in rows]
+    for row in rows:
+        lines += [*(f"    {line}" for line in _doubt(row)),
+                  f"    {{{row.distance_m:.3f}, {row.hood_deg:.2f}, {row.motor_rad_s * RPM:.1f}"
+                  + f", {row.lead_deg:.2f}" * lead + "},"]
     return "\n".join([*lines, "};"]) + "\n"
 
 
@@ -46,7 +53,7 @@ def java_6328_text(rows: Iterable[Any]) -> str:
     lines = ["// by truearc aim: distance (m) -> hood (deg from the vertical), motor (rad/s), time of flight (s)"]
     for row in rows:
         at = f"{row.distance_m:.3f}"
-        lines += [f"shotHoodAngleMap.put({at}, Rotation2d.fromDegrees({90.0 - row.hood_deg:.2f}));",
+        lines += [*_doubt(row), f"shotHoodAngleMap.put({at}, Rotation2d.fromDegrees({90.0 - row.hood_deg:.2f}));",
                   f"shotFlywheelSpeedMap.put({at}, {row.motor_rad_s:.2f});",
                   f"timeOfFlightMap.put({at}, {row.flight_s:.3f});"]
     return "\n".join(lines) + "\n"
@@ -57,7 +64,7 @@ def java_254_text(rows: Iterable[Any]) -> str:
     lines = ["// by truearc aim: distance (in) -> hood (deg above the horizontal), motor (rpm)"]
     for row in rows:
         at = f"new InterpolatingDouble({row.distance_m / INCH_M:.2f})"
-        lines += [f"kLaserNewHoodMap.put({at}, new InterpolatingDouble({row.hood_deg:.2f}));",
+        lines += [*_doubt(row), f"kLaserNewHoodMap.put({at}, new InterpolatingDouble({row.hood_deg:.2f}));",
                   f"kLaserRPMMap.put({at}, new InterpolatingDouble({row.motor_rad_s * RPM:.1f}));"]
     return "\n".join(lines) + "\n"
 

@@ -146,6 +146,10 @@ def test_every_form_has_the_same_numbers(table: ta.AimTable) -> None:
     aside = replace(table, rows=tuple(row._replace(lead_deg=-1.7) for row in table.rows))      # against wind across
     assert "leadDeg.put(" in aside.to_java() and aside.to_cpp().count(", -1.70}") == len(table.rows)
     assert [float(speed) for *_, speed in cpp] == pytest.approx(rpm, abs=0.05)
+    far = replace(table, rows=(table.rows[0], table.rows[1]._replace(note="distance_m beyond the fitted 2 to 3")))
+    for form in ("java", "cpp", "java-6328", "java-254"):
+        (line,) = (line for line in far.to_text(form).splitlines() if "beyond" in line)
+        assert line.strip() == f"// {table.rows[1].distance_m:.3f} m: distance_m beyond the fitted 2 to 3"
     read = json.loads(table.to_json())
     assert read["schema"] == "truearc.aim_table/1" and [row["motor_rad_s"] for row in read["rows"]] == [
         row.motor_rad_s for row in table.rows]

@@ -101,7 +101,8 @@ def test_every_form_that_aim_writes_is_read_to_its_rounding(said: list[tuple[int
                                                             table: ta.AimTable, tmp_path: Path) -> None:
     free = GUPPY.launcher.free_speed_rad_s or math.nan
     rows = tuple(table.rows[0]._replace(distance_m=0.05 * step, hood_deg=hood, motor_ratio=ratio,
-                                        motor_rad_s=ratio * free, lead_deg=lead) for step, hood, ratio, lead in said)
+                                        motor_rad_s=ratio * free, lead_deg=lead,
+                                        note="beyond" if step % 2 else "") for step, hood, ratio, lead in said)
     path = tmp_path / f"t.{form.split('-')[0]}"
     path.write_text({"csv": ta.AimTable.to_csv, "json": ta.AimTable.to_json}.get(form, lambda one: one.to_text(form))(
         replace(table, rows=rows)))

@@ -63,6 +63,9 @@ def main(args: argparse.Namespace) -> int:
     if args.format != "text":         # which says so itself
         for distance_m, why in table.refused:
             print(f"warning: {distance_m:.2f} m has no set point: {why}", file=sys.stderr)
+        for row in table.rows if args.format not in ("csv", "json") else ():           # which have a column of notes
+            if row.note:
+                print(f"warning: {row.distance_m:.2f} m: {row.note}", file=sys.stderr)
     if args.robot:
         check = ta.export_aim(table, belief, rig, args.robot, note=args.note or "")
         print(f"{args.robot}: aim file; {check}", file=sys.stderr)
