@@ -8,7 +8,7 @@ from collections.abc import Callable
 from itertools import groupby
 from pathlib import Path
 
-from benchmarks import demo_seeds, scale
+from benchmarks import demo_seeds, naming_rules, scale
 from benchmarks.proof import load
 from truearc_proof.report.posterior_targets import posterior_rows
 from truearc_proof.rounds.jsonl_store import lines_of
@@ -26,6 +26,10 @@ def screen() -> str:
     """Shares that the screen of thousands of worlds finds."""
     return f"\n```text\n{scale.make_table(list(lines_of(MEASURED / 'scale-900.jsonl.xz')))}\n```\n"
 
+def rules() -> str:
+    """What each rule of naming beside the posterior earns in development worlds."""
+    return f"\n```text\n{naming_rules.make_table(list(lines_of(MEASURED / 'naming_rules.jsonl.xz')))}\n```\n"
+
 def sealed() -> str:
     """Targets of the posterior at each level of data, side by side; bold where a target is missed."""
     rounds = sorted(map(load, sorted((MEASURED / "sealed").glob("*.tar.xz"))), key=lambda one: one.setting)
@@ -39,7 +43,7 @@ def sealed() -> str:
             rows.setdefault(figure, []).append(f"{here} ({wanted})" if wanted != "-" else here)
     return "\n" + make_markdown(("figure (wanted)", *levels), [[figure, *here] for figure, here in rows.items()]) + "\n"
 
-RESULTS: dict[str, Callable[[], str]] = {"demo": demo, "screen": screen, "sealed": sealed}
+RESULTS: dict[str, Callable[[], str]] = {"demo": demo, "rules": rules, "screen": screen, "sealed": sealed}
 
 def fill(page: str) -> str:
     """Return a page with every result between its marks brought up to date."""

@@ -69,7 +69,8 @@ def say_estimates(intervals: Sequence[ProfileInterval], sought: Iterable[Sought]
     for one in intervals:
         if one.name == "magnus.cl" and one.high90 < 0.0:
             yield ("warning: magnus.cl is below 0, so backspin presses the ball down: make sure of each wheel's "
-                   "clock_deg in rig.toml (0 touches from above, 180 from below); only smooth balls do so")
+                   "clock_deg in rig.toml (0 touches from above, 180 from below), or of the sign of exit_spin_rev_s "
+                   "(backspin is positive); only smooth balls do so")
         if fitted[one.name].improbable(one.value):
             yield (f"warning: {one.name} {number_text(one.value)} was believed all but impossible before: it may stand "
                    "for an effect that these terms lack; truearc discover says whether these shots show one")
