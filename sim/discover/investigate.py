@@ -12,7 +12,7 @@ from truearc.sim.discover.detect.covariates import gather_covariates, gather_fac
 from truearc.sim.discover.detect.localization import locate
 from truearc.sim.discover.detect.reference_session import ReferenceSession
 from truearc.sim.discover.detect.score_test import Judged, judge
-from truearc.sim.discover.detect.test_battery import ALLOWANCE, Asked
+from truearc.sim.discover.detect.test_battery import ALLOWANCE, TERMS, Asked
 from truearc.sim.discover.finding import FindingRecord
 from truearc.sim.discover.report.build_finding import make_finding, silent
 from truearc.sim.discover.select.name_effects import Search, Step, name_effects
@@ -39,7 +39,8 @@ class Investigation:
     """The finding, and the data behind the report's pictures. `steps`: one per effect; all but finding are None where
     the data carry no test. belief: of the earlier session that was started from; search: settings of every step's
     tests; catalogue: of the terms that were tested; ranges: of the shots' settings; launcher: ball and wheels.
-    chosen: what is adopted of the steps, once truearc.sim.discover.adopt has judged them."""
+    chosen: what is adopted of the steps, once truearc.sim.discover.adopt has judged them. threshold: the statistic, in
+    standard deviations, from which a term's test is an alarm."""
 
     finding: FindingRecord
     fitted: BaselineFit | None = None
@@ -51,6 +52,7 @@ class Investigation:
     ranges: dict[str, list[float]] = field(default_factory=dict)
     launcher: dict[str, float] = field(default_factory=dict)
     chosen: object = None
+    threshold: float | None = None
 
 
 def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alarm: float = FALSE_ALARM, seed: int = 0,
@@ -89,7 +91,7 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
     progress(1.0, "done")
     finding = make_finding(dataset, names, fitted, asked, judged, place, steps, search)
     return Investigation(finding, fitted, asked, steps, belief, search, among, ranges_of(dataset.shots),
-                         launcher_of(dataset.rig))
+                         launcher_of(dataset.rig), threshold=judged.threshold(TERMS, false_alarm))
 
 
 def believed_names(dataset: Dataset, believed: Sequence[str] | None, among: Catalogue) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 """A map proposed from the columns of tables with a row per shot."""
 
 import csv
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -53,6 +54,7 @@ NEEDED = ("distance_m", "hood_deg", MOTOR)
 INSTEAD = {"hood_deg": ("exit_deg",), MOTOR: ("motor_ratio", "exit_speed_m_s")}
 TEXTS = {"ball_id": {"ball"}, "session": {"session", "day", "date", "practice"}}
 NUMBERED = {"shot", "order", "number", "no", "nr", "index", "trial", "attempt", "id", "name"}
+VERTICAL = {"vertical", "zenith", "plumb"}             # from which an angle is counted
 YES_NO = {"0", "1", "yes", "no", "y", "n"}
 POINTS = ({"0", "1"}, {"0", "2", "3"})                 # outcomes as numbers
 HEAD_BYTES = 65_536                                    # in which a header ends
@@ -201,7 +203,16 @@ class _Guessing:
         key = best(moving, column, nouns, kinds, never)
         if key is not None:
             self._take(read, key, unit_said(moving[key], own_unit(read)), unit_note(moving[key], read))
+            if column == "hood_deg" and VERTICAL & set(words_of(key)):
+                self._from_vertical(read)
         return key is not None
+
+    def _from_vertical(self, column: str) -> None:
+        """Have the angle's complement read."""
+        unit = self.columns[column].unit
+        quarter = round(math.pi / 2.0, 6) if unit == "rad" else 90.0
+        self.columns[column] = Signal(self.columns[column].key, unit, times=-1.0, plus=quarter)
+        self.lines[-1] += f"; from the vertical, so {quarter:g} less that"
 
     def _refuse_log(self) -> None:
         """InputError where rows follow each other as those of a log do."""

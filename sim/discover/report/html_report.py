@@ -37,7 +37,8 @@ def make_report(name: str, investigation: Investigation, origin: Origin = NO_ORI
     finding, among = investigation.finding, investigation.catalogue
     sections = [("", f"<style>\n{STYLE}</style>" + _summary(finding, among))]
     if investigation.fitted is not None:
-        sight = sight_of(investigation.fitted.evidence, finding.data.level, finding.data.believed)
+        sight = sight_of(investigation.fitted.evidence, finding.data.level, finding.data.believed,
+                         investigation.threshold if np.isfinite(investigation.threshold or np.inf) else None)
         opened = finding.verdict == "none"
         shown = (paragraph(sight_sentence(sight)) if opened else "") + sight_section(sight, opened, among)
         sections.append((f"What these {finding.data.shots} shots could show", shown))

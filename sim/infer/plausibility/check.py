@@ -10,14 +10,23 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from truearc.robot.config.rig_spec import DENSEST_KG_M3, MOST, Rig, too_large
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import SPIN_VECTOR
 from truearc.sim.data.model import Dataset, Floats, Shots
 from truearc.sim.infer.plausibility.flaw import LENGTHS, TRACKS, Flaw
-from truearc.sim.infer.plausibility.speeds import GEARS, MOTORS, judge_wheels, likeliest, speed_causes
+from truearc.sim.infer.plausibility.speeds import (
+    ALL_BUT,
+    GEARS,
+    MOTORS,
+    judge_wheels,
+    likeliest,
+    lone_shots,
+    mixed_units,
+    speed_causes,
+)
 from truearc.sim.infer.plausibility.times import judge_times
 from truearc.sim.infer.plausibility.tracks import judge_tracks
 from truearc.sim.physics.simulate import by_wheels, launch_state
@@ -32,8 +41,6 @@ DOUBLED = 1.9                         # of it: a light ball, or the wheels' diam
 TYPICAL = 1.3                         # of foam balls
 MEASURED = (0.85, 2.0)                # of it where the speed itself was measured: slip does not add to drag
 STRAIGHTER = 0.65                     # spread of that ratio with the other angle, by its spread as recorded
-APART, NEAR, LIKE = 0.3, 0.12, 0.25   # logs of that ratio, by which shots are far from the others, near, and like them,
-ALL_BUT, BETWEEN = 0.8, 0.15          # at least this share of those that are far, and at most that many in between
 UNEVEN = 0.04                        # and the least spread as recorded that is judged
 SCORES = 6                            # fewest scoring shots that are judged
 FASTEST_RIM = 3.0                     # surface speed of a ball over its speed; hard topspin has 1.5
@@ -244,11 +251,11 @@ def needed_speed(distance_m: Floats, rise_m: float, hood_deg: Floats, gravity_m_
 
 def judges_reach(dataset: Dataset) -> bool:
     """Whether enough shots score, with known distance, angle and speed, to compare these with each other."""
-    return dataset.rig.target is not None and _scoring(dataset.rig, dataset.shots)[1].shape[1] >= SCORES
+    return dataset.rig.target is not None and len(_scoring(dataset.rig, dataset.shots)[1]) >= SCORES
 
 
-def _scoring(rig: Rig, shots: Shots) -> tuple[Bool[np.ndarray, " n"], Float[np.ndarray, "3 m"]]:
-    """Which shots score, and distance [m], angle [deg] and launch speed [m/s] of those where all are known."""
+def _scoring(rig: Rig, shots: Shots) -> tuple[Bool[np.ndarray, " n"], Int[np.ndarray, " m"], Float[np.ndarray, "3 m"]]:
+    """Which shots score; rows, and distance [m], angle [deg] and launch speed [m/s], of those where all are known."""
     scoring = np.isin(shots.text("outcome"), ("two", "three"))
     height_m = shots.number(MISSED)
     if rig.target is not None and len(set(height_m[np.isfinite(height_m)].tolist())) > 1:     # not a table of aims
@@ -257,12 +264,13 @@ def _scoring(rig: Rig, shots: Shots) -> tuple[Bool[np.ndarray, " n"], Float[np.n
     seen_deg = shots.number("exit_deg")
     columns = np.array([shots.number("distance_m"),
                         np.where(np.isfinite(seen_deg), seen_deg, shots.number("hood_deg")), speed_m_s])
-    return scoring, columns[:, scoring & np.isfinite(columns).all(axis=0)]
+    rows = np.flatnonzero(scoring & np.isfinite(columns).all(axis=0))
+    return scoring, rows, columns[:, rows]
 
 
 def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
     """Scoring shots got to the target: their launch speed must have been enough, and not many times as much."""
-    scoring, (distance_m, hood_deg, speed_m_s) = _scoring(rig, shots)
+    scoring, rows, (distance_m, hood_deg, speed_m_s) = _scoring(rig, shots)
     if rig.target is None or len(distance_m) < SCORES:
         return
     centre_m = rig.target.centre_height_m
@@ -286,10 +294,12 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
             distance_m * metres, hood_deg, speed_m_s, release=release)):
         yield Flaw("reach", place, f"the speeds of scoring shots fit their distances far better if {what}{unstated}")
         return
-    if mixed := _mixed_units(ratio, lambda far, metres: ratios(distance_m[far] * metres, hood_deg[far],
+    if mixed := mixed_units(ratio, lambda far, metres: ratios(distance_m[far] * metres, hood_deg[far],
                                                                speed_m_s[far])):
         yield Flaw("reach", f"{shots.source}: distance_m", mixed)
         return
+    if rig.launcher.release_height_m > 0.0 and (lone := lone_shots(ratio, np.array(shots.shot_id)[rows])):
+        yield Flaw("reach", f"{shots.source}: distance_m, hood_deg or speed", lone, warns=True)
     measured = np.isfinite(shots.number("exit_speed_m_s")[scoring]).all() and "exit_speed_m_s" in shots.numbers
     (low, high), causes = MEASURED if measured else REACH, speed_causes(rig, shots)
     if low <= middle <= high:
@@ -330,22 +340,6 @@ def _straightest(rig: Rig, distances: str, path_m: Floats, uneven: float,
     likely = {read: spread for read, by in found.items()
               if _is_straighter(spread := _uneven(by, path_m), uneven) and REACH[0] <= np.median(by) <= REACH[1]}
     return sorted(likely, key=lambda read: likely[read])[:1]
-
-
-def _mixed_units(ratio: Floats, other: Callable[[Bool[np.ndarray, " n"], float], Floats]) -> str:
-    """What to say where some shots' ratios are like the others' only with their distances in another unit."""
-    if (ratio <= 0.0).any():
-        return ""
-    usual = float(np.quantile(ratio, 0.75))
-    off = np.abs(np.log(ratio / usual))
-    far = off > APART
-    if (off[~far] > NEAR).mean() > BETWEEN:
-        return ""                     # not two kinds of shots, but one that varies
-    for name, (suffix, metres) in LENGTHS.items() if far.sum() >= TRACKS else ():
-        if (np.abs(np.log(np.maximum(other(far, metres), 1e-9) / usual)) < LIKE).mean() > ALL_BUT:
-            return (f"{far.sum()} of {len(far)} scoring shots look as if their distances were {name}: "
-                    f"convert these, for instance in a file of their own with a column distance_{suffix}")
-    return ""
 
 
 def _spins(rig: Rig, shots: Shots) -> Iterator[Flaw]:

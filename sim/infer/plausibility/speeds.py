@@ -1,22 +1,28 @@
-"""What may be wrong of wheels' speeds, and speeds of wheels beside those of their motors."""
+"""What may be wrong of wheels' speeds, speeds of wheels beside those of their motors, and single shots whose speed is
+unlike the others'."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Bool
 from msgspec import structs
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.columns import WHEEL
-from truearc.sim.data.model import Shots
-from truearc.sim.infer.plausibility.flaw import RPM, TRACKS, Flaw
+from truearc.sim.data.model import Floats, Shots
+from truearc.sim.infer.plausibility.flaw import LENGTHS, RPM, TRACKS, Flaw
 from truearc.sim.physics.simulate import launch_state
 
 MOTORS = "the motors' speeds, before the gears, given as the wheels'"
 GEARS = "gears upside down: launcher.wheel.gear is wheel speed / motor speed"
 SPEEDS = "launcher.free_speed_rad_s, or the wheels' speeds, in revolutions per "
 DROOPS = 1.3                          # a wheel's speed by its motor's, or the inverse, under load and by slack belts
+# logs of the speed of scoring shots by the least that carries a ball so far in vacuum
+APART, NEAR, LIKE = 0.3, 0.12, 0.25   # by which shots are far from the others, near, and like them,
+ALL_BUT, BETWEEN = 0.8, 0.15          # at least this share of those that are far, and at most that many in between
+LONE, FEW, LISTED = 0.5, 0.1, 5       # by which single shots are far, largest share of them, and how many are named
 UNIT = 0.2                            # of the log of the ratio, by which a wrong unit is likelier than a wrong part
 ALIKE = 1.2                           # causes that fit as well to within this are named together
 
@@ -72,3 +78,34 @@ def judge_wheels(rig: Rig, shots: Shots) -> Iterator[Flaw]:
             and all(np.allclose(columns[0], one, equal_nan=True) for one in columns[1:])):
         yield Flaw("wheels", f"{shots.source}: {', '.join(name for _, name in named)}", "are equal although the "
                    "wheels' gears differ; make sure that they are not the motors', before the gears", warns=True)
+
+
+def mixed_units(ratio: Floats, other: Callable[[Bool[np.ndarray, " n"], float], Floats]) -> str:
+    """What to say where some shots' ratios are like the others' only with their distances in another unit."""
+    gets_there = ratio > 0.0
+    if gets_there.mean() < ALL_BUT / 2.0:
+        return ""
+    usual = float(np.quantile(ratio[gets_there], 0.75))
+    off = np.abs(np.log(np.maximum(ratio, 1e-9) / usual))
+    far = off > APART
+    if (off[~far] > NEAR).mean() > BETWEEN:
+        return ""                     # not two kinds of shots, but one that varies
+    read = [(metres, name, suffix) for name, (suffix, metres) in LENGTHS.items()]
+    read += [(1.0 / metres, f"metres among {name}", "m") for name, (_, metres) in LENGTHS.items()]
+    for scale, name, suffix in read if far.sum() >= TRACKS else ():
+        if (np.abs(np.log(np.maximum(other(far, scale), 1e-9) / usual)) < LIKE).mean() > ALL_BUT:
+            return (f"{far.sum()} of {len(far)} scoring shots look as if their distances were {name}: "
+                    f"convert these, for instance in a file of their own with a column distance_{suffix}")
+    return ""
+
+
+def lone_shots(ratio: Floats, names: np.ndarray) -> str:
+    """What to say of a few scoring shots whose ratio is far from that of all others, which are alike."""
+    off = np.abs(np.log(np.maximum(ratio, 1e-9) / np.median(ratio))) if np.median(ratio) > 0.0 else np.zeros(len(ratio))
+    far = off > LONE
+    if not far.any() or far.mean() > FEW or np.quantile(off[~far], 0.9) > APART:
+        return ""
+    shown = ", ".join(f"{name} ({share:.2g} times)" for name, share in zip(
+        names[far][:LISTED], (ratio / np.median(ratio))[far], strict=False))
+    return (f"scoring shots whose speed is far from what the others needed for their distance and angle: {shown}"
+            f"{', ...' if far.sum() > LISTED else ''}; make sure of these rows")

@@ -79,7 +79,7 @@ def ranges(dataset: "ta.Dataset") -> list[str]:
         if len(known):
             absent = len(column) - len(known)
             lines.append(f"  {name:20s} {known.min():g} to {known.max():g}"
-                         + (f", missing in {absent} shots" if absent else ""))
+                         + (f", missing in {absent} shot{'s' * (absent != 1)}" if absent else ""))
     return lines
 
 
