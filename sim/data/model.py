@@ -171,8 +171,9 @@ class Dataset(Printed):
         if self.rig.target is not None:
             outcomes = tuple(map(self.rig.target.word, outcomes))
         counts = {kind or "unmarked": outcomes.count(kind) for kind in dict.fromkeys(outcomes)}
-        lines = [f"{self.name}: {len(self.shots)} shots "
-                 f"({', '.join(f'{count} {kind}' for kind, count in counts.items())})",
+        marked = set(counts) != {"unmarked"} or not self.samples       # flights need no outcomes
+        kinds = f" ({', '.join(f'{count} {kind}' for kind, count in counts.items())})" if marked else ""
+        lines = [f"{self.name}: {len(self.shots)} shots{kinds}",
                  f"columns: {', '.join(['shot_id', *self.shots.numbers, *self.shots.texts])}"]
         lines += [f"{name}: {len(table.t_s)} samples" for name, table in self.samples.items()]
         return lines + [f"left out: {line}" for line in self.left_out]

@@ -24,7 +24,7 @@ class DataSummary(Struct, frozen=True, omit_defaults=True):
     untested: tuple[str, ...] = ()    # kinds of effects that these data have no column for
     topspin: bool = False             # of most balls, by wheels or measurement
     at_limit: dict[str, float] = {}   # fitted numbers that stopped at the end of their range
-    improbable: dict[str, float] = {} # fitted, but believed all but impossible; where nothing is found
+    improbable: dict[str, float] = {} # fitted, but believed all but impossible; else the tracker's
     sha256: str = ""                  # of the dataset's content, as in provenances
 
 

@@ -66,6 +66,9 @@ def say_estimates(intervals: Sequence[ProfileInterval], sought: Iterable[Sought]
         numbers = [number_text(factor * part) for part in (one.value, one.low90, one.high90)]
         line = f"{one.name:24s} {numbers[0]:>8s}    {numbers[1]} to {numbers[2]} {unit}"
         yield f"{line:57s}  {what.meaning}{_open_ends(one)}"
+    if "drag.cd" in fitted:
+        yield ("the ball's mass and radius and the air's density are taken as stated: 1 % of mass or density is 1 % of "
+               "drag.cd, 1 % of radius 2 %")
     for one in intervals:
         if one.name == "magnus.cl" and one.high90 < 0.0:
             yield ("warning: magnus.cl is below 0, so backspin presses the ball down: make sure of each wheel's "

@@ -102,8 +102,8 @@ def _column(table: RawTable, column: str, said: str | Signal) -> list[Cell]:
     signal = as_signal(said)
     cells = _cells(table, signal)
     texts = [row for row, cell in enumerate(cells) if own_unit(column) and not _is_number(cell)]
-    if texts:
-        raise InputError(f"{table.place(texts[0])}: {signal.key}: {cells[texts[0]]!r} is not a number")
+    with gathered() as problems:
+        problems += [f"{table.place(row)}: {signal.key}: {cells[row]!r} is not a number" for row in texts]
     if not own_unit(column) and (signal.times, signal.plus) == (1.0, 0.0):
         return cells
     stated = signal.unit or unit_in(signal.key)

@@ -74,7 +74,7 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
                              _has_topspin(dataset),
                              _terms_only(stopped(without(fitted.evidence), among))
                              | stopped(best_of(fitted, steps), among),
-                             {} if steps else improbable(fitted.layout, fitted.evidence.point))
+                             _improbable(fitted, steps))
     results = _results(fitted.evidence, asked, judged, false_alarm)
     mismatch = parts.Mismatch(bool(steps), judged.p_any, false_alarm, results, len(asked.tests), judged.families)
     fit = _fit(fitted, steps)
@@ -98,7 +98,7 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
     verdict = "unknown" if first.unknown else "named" if len(leading.set or ()) == 1 else "set"
     sentence = (wording.say_unknown(terms, judged.p_any, where, leading, rest, fit, place, among) if first.unknown else
                 wording.say_named(terms, judged.p_any, leading, rest, fit, place, among, data.topspin))
-    sentence += said + wording.say_limits(data.at_limit)
+    sentence += said + wording.say_limits(data.at_limit) + say_improbable(data.improbable)
     return FindingRecord(data, mismatch, where, verdict, sentence, leading.unknown, fit, what=leading.what,
                          set=leading.set, next=(*next_steps(dataset, first, leading.set), *to_check),
                          also=tuple(rest), unexplained=first.unexplained, tracker=tracker)
@@ -140,6 +140,18 @@ def _changed(one: NumberChange, among: Catalogue) -> Named:
     half = wording.NINETY * one.sd
     interval = parts.Interval(one.change, one.sd, one.change - half, one.change + half, one.unit)
     return Named(name, one.probability, {parameter: interval}, term.sentence, term.stage)
+
+
+def _improbable(fitted: BaselineFit, steps: Sequence[Step]) -> dict[str, float]:
+    """Fitted numbers that were believed all but impossible; beside what was found those of the tracker alone: others
+    are what a missing effect moves."""
+    if not steps:
+        return improbable(fitted.layout, fitted.evidence.point)
+    last = next((step.refit for step in reversed(steps) if not step.unknown), None)
+    layout, point, effects = (fitted.layout, fitted.evidence.point, ()) if last is None else (
+        last.layout, last.evidence.point, last.names)
+    return {name: value for name, value in improbable(layout, point).items()
+            if name.startswith("track_") and name not in effects}
 
 
 def _terms_only(at_limit: dict[str, float]) -> dict[str, float]:
@@ -276,7 +288,8 @@ def _fit(fitted: BaselineFit, steps: Sequence[Step]) -> FitSummary:
     side: tuple[float | UnsetType, float | UnsetType] = UNSET, UNSET
     if named:
         change = unseen_change(named[-1].evidence)
-        if fitted.intake.filmed and any(step.column.direction == "lateral" for step in steps if not step.unknown):
+        first = next(step for step in steps if not step.unknown)
+        if fitted.intake.filmed and first.column.direction == "lateral":
             side = (side_errors(fitted.intake, only_shared(fitted.layout), fitted.spot, before_change),
                     side_errors(fitted.intake, named[-1].layout, named[-1].spot, change))
         rmse_after = end_errors(fitted.intake, named[-1].layout, named[-1].spot, named[-1].evidence, change)

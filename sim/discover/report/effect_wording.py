@@ -26,8 +26,9 @@ def say_improbable(numbers: Mapping[str, float]) -> str:
     if not numbers:
         return ""
     found = " and ".join(f"{name} {value:.3g}" for name, value in numbers.items())
-    return (f" But before these shots {found} was believed all but impossible: it may stand for an effect that they "
-            "cannot tell from it.")
+    tracker = all(name.startswith("track_") for name in numbers)
+    what = f"{'the tracker may be as wrong as that, or ' * tracker}an effect may be there that they cannot tell from it"
+    return f" But the fit has {found}, believed all but impossible before these shots: {what}."
 
 
 def plain(name: str, among: Catalogue | None = None) -> str:

@@ -326,8 +326,8 @@ def then_measured(step: dict[str, object], finding: FindingRecord, among: Catalo
     one = next((term for term in terms if term.instrument and term.instrument.id == step.get("instrument")), None)
     if one is None or step["do"] != "measure":
         return ""
-    unit = "as a share" if one.amplitude.unit == "1" else f"in {one.amplitude.unit}"
-    return f"; then add --measured {one.name}=VALUE,SD ({one.amplitude.meaning}, {unit})"
+    unit = {"1": ", as a share" if one.amplitude.percent else ""}.get(one.amplitude.unit, f", in {one.amplitude.unit}")
+    return f"; then add --measured {one.name}=VALUE,SD ({one.amplitude.meaning}{unit})"
 
 
 def gained_interval(fit: FitSummary) -> tuple[float, float] | None:

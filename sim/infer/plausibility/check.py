@@ -31,8 +31,9 @@ from truearc.sim.infer.plausibility.times import judge_times
 from truearc.sim.infer.plausibility.tracks import judge_tracks
 from truearc.sim.physics.simulate import by_wheels, launch_state
 
-CHECKS = ("gravity", "axes", "sample-interval", "track-length", "track-shots", "speed", "hood", "mass", "radius",
-          "reach", "air", "target", "noise", "wheels", "height", "release", "balls", "spin")
+CHECKS = ("gravity", "axes", "bounce", "sample-interval", "track-length", "track-shots", "speed", "hood", "mass",
+          "radius", "reach", "air", "target", "noise", "wheels", "height", "release", "balls", "spin")
+TOWER = 20.0                          # times as high as a launcher balls are dropped from
 LIGHTEST_KG_M3 = 3.0                  # of a ball: lighter is a balloon
 LIGHT_KG_M3 = 12.0                    # below this the radius may be the diameter
 HEAVY_KG_M3 = 1500.0                  # above this the mass may be in ounces; a bowling ball has 1400, a golf ball 1150
@@ -171,7 +172,7 @@ def _launcher(rig: Rig) -> Iterator[Flaw]:
     if rig.target is not None and release_m == 0.0:
         yield Flaw("release", "rig.toml: launcher.release_height_m", "is not stated, so balls are taken to leave at "
                    "the floor; state it", warns=True)
-    if rig.target is not None and release_m > MOST["launcher.release_height_m"]:
+    if release_m > MOST["launcher.release_height_m"] * (1.0 if rig.target is not None else TOWER):
         yield Flaw("reach", "rig.toml: launcher.release_height_m", f"{release_m:g} m is high for a launcher; this "
                    f"looks like {_smaller(release_m, 2.0)}")
     for key, what in too_large(rig):
@@ -298,7 +299,7 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
                                                                speed_m_s[far])):
         yield Flaw("reach", f"{shots.source}: distance_m", mixed)
         return
-    if rig.launcher.release_height_m > 0.0 and (lone := lone_shots(ratio, np.array(shots.shot_id)[rows])):
+    if rig.launcher.release_height_m > 0.0 and (lone := lone_shots(ratio, [shots.shot_id[row] for row in rows])):
         yield Flaw("reach", f"{shots.source}: distance_m, hood_deg or speed", lone, warns=True)
     measured = np.isfinite(shots.number("exit_speed_m_s")[scoring]).all() and "exit_speed_m_s" in shots.numbers
     (low, high), causes = MEASURED if measured else REACH, speed_causes(rig, shots)
@@ -343,7 +344,11 @@ def _straightest(rig: Rig, distances: str, path_m: Floats, uneven: float,
 
 
 def _spins(rig: Rig, shots: Shots) -> Iterator[Flaw]:
-    """No ball's rim turns many times as fast as it flies."""
+    """No ball's rim turns many times as fast as it flies; and spin in a column of another name is not read as such."""
+    if "exit_spin_rev_s" not in shots.numbers and not any(name in shots.numbers for name in SPIN_VECTOR):
+        for name in (name for name in shots.numbers if "spin" in name.lower()):
+            yield Flaw("spin", f"{shots.source}: {name}", "is not read as the ball's spin; if it is that, rename it to "
+                       "exit_spin_rev_s, backspin positive", warns=True)
     spin, speed_m_s = (launch_state(rig, shots).get(name, np.full(len(shots), np.nan)) for name in
                        ("exit_spin_rev_s", "exit_speed_m_s"))
     whole = np.sqrt(sum(shots.number(name)**2 for name in SPIN_VECTOR))

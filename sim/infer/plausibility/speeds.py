@@ -2,7 +2,7 @@
 unlike the others'."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -99,13 +99,14 @@ def mixed_units(ratio: Floats, other: Callable[[Bool[np.ndarray, " n"], float], 
     return ""
 
 
-def lone_shots(ratio: Floats, names: np.ndarray) -> str:
+def lone_shots(ratio: Floats, names: Sequence[str]) -> str:
     """What to say of a few scoring shots whose ratio is far from that of all others, which are alike."""
     off = np.abs(np.log(np.maximum(ratio, 1e-9) / np.median(ratio))) if np.median(ratio) > 0.0 else np.zeros(len(ratio))
     far = off > LONE
     if not far.any() or far.mean() > FEW or np.quantile(off[~far], 0.9) > APART:
         return ""
     shown = ", ".join(f"{name} ({share:.2g} times)" for name, share in zip(
-        names[far][:LISTED], (ratio / np.median(ratio))[far], strict=False))
+        [name for name, one in zip(names, far, strict=True) if one][:LISTED], (ratio / np.median(ratio))[far],
+        strict=False))
     return (f"scoring shots whose speed is far from what the others needed for their distance and angle: {shown}"
             f"{', ...' if far.sum() > LISTED else ''}; make sure of these rows")

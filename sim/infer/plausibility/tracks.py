@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.model import Dataset, Floats, Tracks
+from truearc.sim.infer.plausibility.bounces import judge_bounces
 from truearc.sim.infer.plausibility.flaw import LENGTHS, TRACKS, Flaw
 from truearc.sim.infer.plausibility.speeds import likeliest, speed_causes
 from truearc.sim.physics.simulate import launch_state
@@ -32,6 +33,7 @@ UPRIGHT_DEG = 85.0                    # hood angles from which a ball need not g
 ALIGNED, SPREAD_DEG = 0.5, 3.0        # correlation of the tracks' elevations with their shots', where both vary so much
 OFF_RELEASE_M = 0.2                   # a release height is misjudged by centimetres (term release_height: 0.04 usual)
 SAMPLES = 8                           # fewest of a track that is judged
+SPINS = 8                             # fewest tracks with a spin, of which its sign is judged
 SURE = 6.0                            # standard errors of what falls otherwise than the others
 LONGER = 1.8                          # times as long a part of the distance, or as short, as other tracks
 DOUBLE = 1.7                          # times the distance that balls seldom travel
@@ -122,17 +124,41 @@ def judge_tracks(dataset: Dataset, tracks: Tracks) -> Iterator[Flaw]:
     steps = np.diff(tracks.t_s)[np.diff(tracks.shot) == 0]
     step_s = float(np.median(steps)) if len(steps) else 0.01
     motion = measure_motion(tracks)
-    if motion is not None:
+    objections = list(judge_bounces(dataset, tracks))      # with which all else means nothing
+    if motion is not None and not objections:
         objections = [*_gravity(dataset, motion), *_mixed(dataset, motion)]
-        yield from objections
-        if objections:
-            return
+    yield from objections
+    if objections:
+        return
+    if motion is not None:
         directions = list(_direction(motion))
         yield from directions or _release(dataset.rig, motion)
         yield from _against_launcher(dataset, motion)
+        yield from _spin_sign(dataset, motion)
     if not INTERVAL_S[0] <= step_s <= INTERVAL_S[1]:
         yield Flaw("sample-interval", "tracks: t_s", f"samples are {step_s:g} s apart; this looks like "
                     + ("milliseconds: rename the column to t_ms" if step_s > INTERVAL_S[1] else "another unit of time"))
+
+
+def _spin_sign(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:
+    """Backspin lifts; where what is stated as backspin presses balls down, it may be topspin."""
+    rows = motion.shot.astype(int)
+    spin, speed = dataset.shots.number("exit_spin_rev_s")[rows], np.linalg.norm(motion.velocity_m_s, axis=1)
+    known = np.isfinite(spin)
+    if known.sum() < SPINS or np.ptp(spin[known]) <= 0.0:
+        return
+    ahead = np.linalg.norm(motion.velocity_m_s[:, :2], axis=1)
+    made = np.column_stack([np.ones(len(spin)), speed * motion.velocity_m_s[:, 2], spin * ahead])[known]
+    pull = motion.pull_m_s2[known, 2]
+    by, _, rank, _ = np.linalg.lstsq(made, pull, rcond=None)
+    if rank < made.shape[1]:
+        return
+    rest = pull - made @ by
+    noise = float(rest @ rest) / (known.sum() - made.shape[1])
+    error = math.sqrt(noise * float(np.linalg.inv(made.T @ made)[2, 2]))
+    if by[2] < -SURE * error:
+        yield Flaw("spin", f"{dataset.shots.source}: exit_spin_rev_s", "the more of it, the faster balls fall; "
+                   "backspin, which lifts, is positive: if this is topspin, multiply it by -1", warns=True)
 
 
 def _mixed(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:

@@ -123,6 +123,20 @@ def test_columns_beside_those_that_are_needed(rig: Path, tmp_path: Path) -> None
     assert shots.text("outcome") == ("two", "miss", "miss", "two") and shots.text("side") == ("", "low", "high", "")
 
 
+@pytest.mark.parametrize(("name", "value"), [("Hood from vertical (deg)", 30.0), ("Hood from vertical [rad]", 0.5236)])
+def test_an_angle_from_the_vertical_is_read_as_its_complement(name: str, value: float, rig: Path,
+                                                              tmp_path: Path) -> None:
+    rows = [f"{k},{9 + k},{value * (1.0 - 0.01 * k)},3300,{'in' if k % 2 else 'short'},old" for k in range(12)]
+    mine = sheet(tmp_path, HEADER.replace("Hood angle", name), *rows)
+    found = guess([mine], ta.load_rig(rig))
+    assert any("hood_deg" in line and "from the vertical" in line for line in found.lines)
+    hood_deg = ta.import_shots([mine], rig=rig).shots.number("hood_deg")
+    assert hood_deg == pytest.approx([60.0 + 0.3 * k for k in range(12)], abs=1e-3)
+    again = tmp_path / "shots.toml"
+    again.write_text(found.to_toml())
+    assert ta.import_shots([mine], rig=rig, shot_map=again).shots.number("hood_deg") == pytest.approx(hood_deg)
+
+
 def test_names_of_a_dataset_are_read_as_they_say(rig: Path, tmp_path: Path) -> None:
     mine = sheet(tmp_path, "shot_id,distance_ft,hood_deg,wheel_main_rpm,outcome,battery_mv", "a,10,45,3000,hit,12500",
                  "b,11,45,3000,miss,12500")

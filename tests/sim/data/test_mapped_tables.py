@@ -58,6 +58,12 @@ def test_a_text_where_a_number_belongs_is_named(row: str, said: str, tmp_path: P
         ta.import_shots([tmp_path / "a.csv"], rig=HIT_OR_MISS, shot_map="viking-2928")
 
 
+def test_every_wrong_cell_of_a_column_is_named(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(f"{HEADER}2,fast,48,1,true,\n2,55,48,1,true,\n2,slow,48,1,true,\n")
+    with pytest.raises(ta.InputError, match=r"a\.csv:2: .*fast. is not a number\n.*a\.csv:4: .*slow. is not a number"):
+        ta.import_shots([tmp_path / "a.csv"], rig=HIT_OR_MISS, shot_map="viking-2928")
+
+
 def test_a_table_without_the_columns_is_named(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("distance_m,hood\n2,48\n")
     with pytest.raises(ta.InputError, match=r"a\.csv:1: there is no line with the columns distance_m, hood_angle_deg"):

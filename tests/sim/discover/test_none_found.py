@@ -65,4 +65,4 @@ def test_a_fitted_number_that_was_believed_all_but_impossible_is_doubted(quiet: 
     assert found.verdict == "none"
     (name, value), = found.record.data.improbable.items()
     assert name == "drag.cd" and value > 1.0
-    assert f"drag.cd {value:.3g} was believed all but impossible" in found.sentence
+    assert f"drag.cd {value:.3g}, believed all but impossible" in found.sentence

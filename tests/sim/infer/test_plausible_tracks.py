@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -58,6 +59,29 @@ def test_a_coordinate_that_is_needed_and_never_varies_is_refused(filmed: Dataset
     assert filmed.tracks is not None
     with pytest.raises(InputError, match=rf"tracks: {axis}: is 0 in every sample; it is {said}"):
         check_plausible(tracks(filmed, **{axis: np.zeros(len(filmed.tracks.t_s))}))
+
+
+@pytest.mark.parametrize("bounce", [0.4, 0.8])
+def test_tracks_that_go_on_after_a_bounce_are_refused(filmed: Dataset, bounce: float) -> None:
+    assert filmed.tracks is not None
+    z_m = filmed.tracks.z_m.copy()
+    for _, mine in filmed.tracks.by_shot():
+        floor_m = z_m[mine[-1]] + 0.25 * (z_m[mine].max() - z_m[mine[-1]])
+        z_m[mine] = np.where(z_m[mine] < floor_m, floor_m + bounce * (floor_m - z_m[mine]), z_m[mine])
+    with pytest.raises(InputError, match=r"turn upward again, .* at t_s = .*: cut each track .* \(check 'bounce'"):
+        check_plausible(tracks(filmed, z_m=z_m))
+
+
+def test_topspin_that_is_called_backspin_is_warned_of_and_so_is_a_spin_that_is_not_read() -> None:
+    flights = ta.load_dataset(Path(__file__).parents[3] / "examples" / "tracks")
+    assert check_plausible(flights).accepted == ()
+    spin = flights.shots.number("exit_spin_rev_s")
+    (said,) = check_plausible(numbers(flights, exit_spin_rev_s=-spin)).accepted
+    assert said.startswith("spin: ") and "if this is topspin, multiply it by -1" in said
+    named = {name: column for name, column in flights.shots.numbers.items() if name != "exit_spin_rev_s"}
+    other = replace(flights, shots=replace(flights.shots, numbers={**named, "topspin_rps": -spin}))
+    (said,) = check_plausible(other).accepted
+    assert "topspin_rps: is not read as the ball's spin" in said
 
 
 @pytest.mark.parametrize("seed", range(4))

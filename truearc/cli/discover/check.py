@@ -90,5 +90,5 @@ def plausibility(dataset: "ta.Dataset") -> list[str]:
     flights = {"tracks", "times"} & set(dataset.samples)
     unjudged = [("tracks.csv", "gravity, axes, units of length and time", not flights),
                 (f"{SCORES} scoring shots of known distance, angle and speed",
-                 "distances, angles and speeds by each other", not judges_reach(dataset))]
+                 "distances, angles and speeds by each other", not flights and not judges_reach(dataset))]
     return objections + [f"  not checked without {needed}: {what}" for needed, what, missing in unjudged if missing]
