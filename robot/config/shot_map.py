@@ -11,6 +11,7 @@ from truearc.robot.config.schema import InputError, load_text, parse_toml
 from truearc.robot.config.unit_table import MOTOR, factor_of
 
 SCHEMA: Final = "truearc.shot-map/1"
+MEASURED = ("distance_m", "hood_deg", MOTOR, "battery_v")        # by a sensor each
 NOT_MARKED = ("rejected", "")         # marks of shots that are to be left out
 # outcome and side by the button that marks it
 OUTCOMES = {"miss-low": ("miss", "low"), "two-low": ("two", "low"), "two": ("two", ""), "three": ("three", ""),
@@ -124,6 +125,10 @@ def _read(text: str, name: str, is_column: Callable[[str], bool] = lambda name: 
         unit = as_signal(said).unit
         if unit and factor_of(column, unit) is None:
             raise InputError(f"{name}: columns.{column}.unit: {unit!r} is not a unit of {column}")
+    numbers = {column: as_signal(said).key for column, said in found.columns.items() if column in MEASURED}
+    for column, key in numbers.items():
+        if other := next((one for one, same in numbers.items() if same == key and one != column), None):
+            raise InputError(f"{name}: columns.{column} and columns.{other} have the same key, {key}")
     for key, word in (*found.outcome.values.items(), *found.outcome.buttons.items(),
                       ("otherwise", found.outcome.otherwise)):
         if word not in MARKS and word not in NOT_MARKED:

@@ -175,6 +175,9 @@ class Dataset(Printed):
         kinds = f" ({', '.join(f'{count} {kind}' for kind, count in counts.items())})" if marked else ""
         lines = [f"{self.name}: {len(self.shots)} shots{kinds}",
                  f"columns: {', '.join(['shot_id', *self.shots.numbers, *self.shots.texts])}"]
+        sides = [side for side in self.shots.text("side") if side]
+        counted = ", ".join(f"{sides.count(side)} {side}" for side in dict.fromkeys(sides))
+        lines += [f"sides: {counted}"] if sides else []
         lines += [f"{name}: {len(table.t_s)} samples" for name, table in self.samples.items()]
         return lines + [f"left out: {line}" for line in self.left_out]
 

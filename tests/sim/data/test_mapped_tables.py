@@ -10,6 +10,7 @@ from msgspec import structs
 import truearc as ta
 from truearc.cli.common import SHIPPED
 from truearc.robot.config.schema import load_config
+from truearc.robot.config.shot_map import load_map
 
 RIG = load_config(SHIPPED).rig
 HIT_OR_MISS = structs.replace(RIG, target=structs.replace(RIG.target, three_half_height_m=0.0))
@@ -56,6 +57,14 @@ def test_a_text_where_a_number_belongs_is_named(row: str, said: str, tmp_path: P
     (tmp_path / "a.csv").write_text(f"{HEADER}2,55,48,1,true,\n{row}\n")
     with pytest.raises(ta.InputError, match=rf"a\.csv:3: {said} is not a number"):
         ta.import_shots([tmp_path / "a.csv"], rig=HIT_OR_MISS, shot_map="viking-2928")
+
+
+def test_a_key_that_two_sensors_share_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "shots.toml"
+    path.write_text('schema = "truearc.shot-map/1"\n[columns]\ndistance_m = "/Battery"\nhood_deg = "/Hood"\n'
+                    'battery_v = { key = "/Battery", unit = "V" }\n')
+    with pytest.raises(ta.InputError, match=r"columns\.distance_m and columns\.battery_v have the same key, /Battery"):
+        load_map(path)
 
 
 def test_every_wrong_cell_of_a_column_is_named(tmp_path: Path) -> None:

@@ -168,7 +168,7 @@ def hear(keys: NtKeys, clock: Clock, seconds: float) -> HeardKeys:
     while keys.connected and clock.now_ns() - began_ns < seconds * NS_PER_S:
         clock.sleep_until_ns(clock.now_ns() + LOOK_NS)
         before, newest = newest, dict(keys.read(clock.now_ns()))
-        changes.update(key for key, reading in newest.items() if key in before and reading.value != before[key].value)
+        changes.update(key for key, reading in newest.items() if key in before and reading.t_ns != before[key].t_ns)
         ahead_s = max(ahead_s, keys.ahead_s())
         if (offset_s := keys.offset_s) is not None:
             offsets_s.append(offset_s)
