@@ -2,6 +2,15 @@
 
 import html
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+MOST = 8                              # lines of one kind on a terminal
+
+
+def left_out_lines(reasons: Sequence[str]) -> list[str]:
+    """Return a line for each thing that was left out, beyond MOST their number."""
+    more = len(reasons) - MOST
+    return [f"left out: {reason}" for reason in reasons[:MOST]] + ([f"left out: {more} more"] if more > 0 else [])
 
 
 class Printed(ABC):

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.printed import Printed
+from truearc.sim.printed import Printed, left_out_lines
 
 Floats = npt.NDArray[np.float64]
 Table = TypeVar("Table", bound="ShotSamples")
@@ -179,7 +179,7 @@ class Dataset(Printed):
         counted = ", ".join(f"{sides.count(side)} {side}" for side in dict.fromkeys(sides))
         lines += [f"sides: {counted}"] if sides else []
         lines += [f"{name}: {len(table.t_s)} samples" for name, table in self.samples.items()]
-        return lines + [f"left out: {line}" for line in self.left_out]
+        return lines + left_out_lines(self.left_out)
 
 
 def _counted(name: str) -> list[tuple[int, str]]:

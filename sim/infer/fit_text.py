@@ -13,6 +13,7 @@ from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS, say_few
 from truearc.sim.infer.map_fit import MapFit
 from truearc.sim.infer.parameters import Sought
 from truearc.sim.infer.profile import ProfileInterval
+from truearc.sim.printed import left_out_lines
 
 EVIDENCE = {"outcome": "outcomes", "side": "sides (high or low)", "miss_height_m": "measured heights",
             "exit_speed_m_s": "measured exit speeds", "exit_deg": "measured exit angles",
@@ -47,8 +48,7 @@ def say_evidence(fit: MapFit) -> Iterable[str]:
         noise = ", ".join(f"{axis} {1000.0 * size:.2g}" for axis, size in own_m.items() if size < UNMEASURED_M)
         yield (f"tracks differ from this fit by {np.exp(wider):.2g} times their own noise ({noise} mm, as the tracks "
                "show it)" + ("; something is missing: truearc discover looks for it" if np.exp(wider) > MISFIT else ""))
-    for line in intake.left_out:
-        yield f"left out: {line}"
+    yield from left_out_lines(intake.left_out)
     if len(intake.rows) < FEWEST_SHOTS:
         yield f"warning: {say_few(len(intake.rows))}; the estimates below are mostly those believed before"
     for name, value in fit.at_limit.items():

@@ -15,6 +15,7 @@ from truearc.sim.discover.settings import SIGN_DRAWS
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.physics.term import Term
+from truearc.sim.printed import left_out_lines
 
 STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", "flight": "in flight",
                "arrival": "at the target"}
@@ -290,8 +291,7 @@ def console_lines(finding: FindingRecord, among: Catalogue | None = None) -> lis
         lines.append(f"next: believe that and look again: --believe {','.join((*data.believed, *found))}")
     lines += [f"warning: {line}" for line in data.accepted]
     lines += [f"not tested: {line}" for line in data.untested]
-    lines += [f"left out: {line}" for line in data.left_out]
-    return lines
+    return lines + left_out_lines(data.left_out)
 
 
 def say_inseparable(where: Where) -> str:

@@ -11,6 +11,7 @@ import truearc as ta
 from truearc.cli.common import SHIPPED
 from truearc.robot.config.schema import load_config
 from truearc.robot.config.shot_map import load_map
+from truearc.sim.printed import MOST, left_out_lines
 
 RIG = load_config(SHIPPED).rig
 HIT_OR_MISS = structs.replace(RIG, target=structs.replace(RIG.target, three_half_height_m=0.0))
@@ -85,3 +86,9 @@ def test_two_files_of_one_name_are_refused(tmp_path: Path) -> None:
         (tmp_path / folder / "a.txt").write_text("t\tx\ty\n0\t0\t1\n1\t1\t1\n")
     with pytest.raises(ta.InputError, match="two files are called a"):
         ta.import_shots([tmp_path / "x" / "a.txt", tmp_path / "y" / "a.txt"], rig=RIG, shot_map="tracker")
+
+
+def test_of_many_left_out_a_few_are_named_and_the_others_counted() -> None:
+    assert left_out_lines(["a", "b"]) == ["left out: a", "left out: b"]
+    many = left_out_lines([f"row {k}" for k in range(MOST + 92)])
+    assert many[MOST - 1:] == [f"left out: row {MOST - 1}", "left out: 92 more"]

@@ -128,4 +128,8 @@ def _adopt(found: "ta.Finding", dataset: str, path: Path) -> str:
     with about("--adopt"):
         belief = found.adopt()
     replace(belief, provenance={**belief.provenance, "dataset": dataset}).save(path)
-    return f"{say_adopted(found.record, belief.provenance)} -> {path}"
+    names = {str(name).partition(" ")[0] for name in belief.provenance.get("adopted", ())}
+    sizes = [f"{term}.{name} {value:.3g}" for term in sorted(names & set(belief.coefficients))
+             for name, value in belief.coefficients[term].items()]
+    with_ = f", with {', '.join(sizes)}" if sizes else ""
+    return f"{say_adopted(found.record, belief.provenance)}{with_} -> {path}"

@@ -38,6 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Read, say what came of it, write."""
     from truearc.sim.data.importers.imported import doubts_of, only
+    from truearc.sim.printed import left_out_lines
     importer = next(importer for importer in load_importers() if importer.name == args.source)
     if not importer.takes(args.files):
         raise ta.InputError(f"{args.source} takes {', or '.join(importer.ways)}; not {' '.join(args.files)}")
@@ -55,8 +56,8 @@ def main(args: argparse.Namespace) -> int:
         (args.out / MAP).write_text(shot_map, encoding="utf-8")
     kind, table = ("times", dataset.times) if dataset.times is not None else ("track samples", dataset.tracks)
     print(f"{args.out}: {len(dataset.shots)} shots, {0 if table is None else len(table.t_s)} {kind}")
-    for line in dataset.left_out:
-        print(f"left out: {line}")
+    for line in left_out_lines(dataset.left_out):
+        print(line)
     for line in doubts_of(dataset):
         print(f"warning: {line}")
     return 0
