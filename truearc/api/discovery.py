@@ -10,6 +10,7 @@ from msgspec import json, structs
 
 from truearc.api.finding_report import FindingReport
 from truearc.api.terms import check_kind, names_of
+from truearc.hw.real.clock import wall_clock
 from truearc.robot.config.schema import InputError, about
 from truearc.robot.config.whole_file import save_whole
 from truearc.sim.data.dataset import Dataset
@@ -29,6 +30,8 @@ from truearc.sim.physics.term import Term
 from truearc.sim.progress import Progress
 from truearc.sim.report import Origin
 
+IN_PYTHON = "made in Python"          # in place of a command line
+
 
 @dataclass(frozen=True, eq=False)
 class Finding(FindingReport):
@@ -45,12 +48,13 @@ class Finding(FindingReport):
         """Every figure of the answer, as the JSON schema truearc.finding/1 has it."""
         return self.investigation.finding
 
-    def to_html(self, path: str | Path, *, made_at: str = "", command: str = "") -> None:
+    def to_html(self, path: str | Path, *, made_at: str | None = None, command: str = IN_PYTHON) -> None:
         """Write the whole report as one HTML file; OSError where it cannot be written.
 
-        made_at, command: date and command line for its head, beside the version and the hash of the data.
+        made_at, command: date (None: now) and command line for its head, beside the version and the hash of the data.
         """
-        save_whole(path, make_report(self.name, self.investigation, Origin(made_at, command)).encode())
+        origin = Origin(wall_clock() if made_at is None else made_at, command)
+        save_whole(path, make_report(self.name, self.investigation, origin).encode())
 
     def plot_residuals(self) -> Figure:
         """Draw real shots less simulation, against what the first effect goes with, before and after putting it in.

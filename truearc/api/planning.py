@@ -7,9 +7,10 @@ from typing import Any
 
 import msgspec
 
-from truearc.api.discovery import Finding
+from truearc.api.discovery import IN_PYTHON, Finding
 from truearc.api.table import Table
 from truearc.api.terms import check_kind, names_of
+from truearc.hw.real.clock import wall_clock
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
 from truearc.robot.config.whole_file import save_whole
@@ -61,12 +62,12 @@ class Identifiability(Printed):
         """Return the answer as JSON (schema truearc.identifiability/1)."""
         return make_json(self.sight).decode()
 
-    def to_html(self, path: str | Path, *, made_at: str = "", command: str = "") -> None:
+    def to_html(self, path: str | Path, *, made_at: str | None = None, command: str = IN_PYTHON) -> None:
         """Write the report as one HTML file; OSError where it cannot be written.
 
-        made_at, command: date and command line for its head, beside the version and the hash of the data.
+        made_at, command: date (None: now) and command line for its head, beside the version and the hash of the data.
         """
-        origin = Origin(made_at, command, self.sha256)
+        origin = Origin(wall_clock() if made_at is None else made_at, command, self.sha256)
         save_whole(path, make_sight_page(self.name, self.sight, self.catalogue, origin).encode())
 
     def lines(self) -> list[str]:

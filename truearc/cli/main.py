@@ -55,9 +55,8 @@ def _run(command: Command, words: list[str]) -> int:
     except InputError as error:
         print(f"truearc {command.name}: {error}", file=sys.stderr)
         return 2
-    except BrokenPipeError:           # whoever read our output has had enough, as `head` does
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+    except BrokenPipeError:
+        return _unread()
     except OSError as error:          # a place that cannot be read or written
         where = "" if error.filename is None else f"{error.filename}: "
         print(f"truearc {command.name}: {where}{error.strerror or error}", file=sys.stderr)
@@ -66,12 +65,21 @@ def _run(command: Command, words: list[str]) -> int:
         return 130
 
 
+def _unread() -> int:
+    """Whoever read our output has had enough, as `head` does: nothing more goes there."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 0
+
+
 def _explain(argv: list[str]) -> int:
     """Answer words that begin with no command: a list where one was asked for, else what may have been meant."""
     prefix = argv[0] if argv and argv[0] in PREFIXES else ""
     words = argv[1:] if prefix else argv
     if words and words[0] in ("-h", "--help"):
-        print(_list(prefix))
+        try:
+            print(_list(prefix), flush=True)
+        except BrokenPipeError:
+            return _unread()
         return 0
     if not words:
         print(_list(prefix), file=sys.stderr)
