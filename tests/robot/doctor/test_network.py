@@ -1,6 +1,7 @@
 """The doctor on NetworkTables: server, keys, clocks, calibration; on a real server and on hand-made answers."""
 
 import math
+import re
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -141,7 +142,8 @@ def test_the_keys_of_a_map_on_a_real_server(robot: str, tmp_path: Path, capsys: 
     assert main(["doctor", "--nt", robot, "--map", str(tmp_path / "shots.toml"), "--seconds", "1"]) == 1
     said = capsys.readouterr().out
     assert f"ok       NetworkTables server: {robot} answers" in said
-    assert "key /Vision/Distance: distance_m 3" in said and "key /Shooter/RPM: motor_rad_s 251.4 (sent as 24" in said
+    assert "key /Vision/Distance: distance_m 3" in said
+    assert re.search(r"key /Shooter/RPM: motor_rad_s 25[12](\.\d)? \(sent as 240[0-6]\)", said)
     assert "warning  key /Hood/Angle: has not changed in 1 s" in said
     assert "FAILURE  key /Battery: the robot publishes no such key" in said
     assert "NetworkTables clocks: no stamp is ahead of ours" in said
