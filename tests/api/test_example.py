@@ -36,6 +36,8 @@ def test_readme_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     assert f"sinking air ({second.probability:.0%})".replace("%", " %") in page and second.term == "wind_z"
     assert f"(90 %: {100 * low90:.2f} to {100 * high90:.2f} %)" in page
     assert "estimates" in capsys.readouterr().out
+    head = (tmp_path / "finding.html").read_text(encoding="utf-8")
+    assert "made in Python" in head and re.search(r"20\d\d-\d\d-\d\d", head)
     assert (tmp_path / "finding.html").stat().st_size > 1000 and (tmp_path / "gate.onnx").stat().st_size > 1000
 
 

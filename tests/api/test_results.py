@@ -50,6 +50,9 @@ def test_finding_equals_what_the_command_prints_and_writes(folder, week, found, 
     found.to_html(tmp_path / "api.html", made_at=made_at, command=f"truearc {shlex.join(words)}")
     assert page.read_bytes() == (tmp_path / "api.html").read_bytes()
     kept, own = ta.load_belief(adopted), found.adopt()
+    new = {str(name).partition(" ")[0] for name in kept.provenance["adopted"]} & set(kept.coefficients)
+    assert all(f"{term}.{name} {value:.3g}" in printed.splitlines()[-1]
+               for term in new for name, value in kept.coefficients[term].items())
     assert (kept.coefficients, kept.scatter, kept.names) == (own.coefficients, own.scatter, own.names)
     assert kept.provenance == own.provenance | {"dataset": str(folder)}
 

@@ -38,6 +38,15 @@ def test_help_lists_every_command_under_its_group(capsys: pytest.CaptureFixture[
     assert {"prove", "reproduce"} <= {name for name, group in listed.items() if group == "proof"}
 
 
+def test_help_whose_reader_has_had_enough_ends_quietly() -> None:
+    started = subprocess.Popen([sys.executable, "-m", "truearc", "--help"], stdout=subprocess.PIPE,
+                               stderr=subprocess.PIPE)
+    assert started.stdout is not None and started.stderr is not None
+    started.stdout.close()
+    assert started.stderr.read() == b"" and started.wait() == 0
+    started.stderr.close()
+
+
 @pytest.mark.parametrize("prefix", ["paper", "session"])
 def test_a_prefix_lists_its_commands(prefix: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([prefix, "--help"]) == 0

@@ -76,10 +76,10 @@ def test_check_says_what_filled_in_shots_could_show(made: Path, capsys: pytest.C
     assert "week: 48 shots (21 miss, 8 three, 19 two)" in said and "plausible: every check passed" in said
     assert "48 shots of this kind (L0) would show" in said and "hood_deg             31.1 to 53.6" in said
     seen = ta.identifiability(ta.load_dataset("week"))
-    enough = [one.term.replace("_", " ") for one in seen.sight.terms if one.power >= 0.8 and one.term != "wind_z"]
+    labels = {term.name: term.label for term in ta.catalogue()}
     line = next(line for line in said.splitlines() if line.startswith("  would be seen: "))
-    assert enough and [name for name in enough if name in line] and said.endswith("truearc identifiability week\n")
-    assert len(line.split(": ")[1].split(", ")) == sum(one.power >= 0.8 for one in seen.sight.terms)
+    assert set(line.split(": ")[1].split(", ")) == {labels[one.term] for one in seen.sight.terms if one.power >= 0.8}
+    assert said.endswith("effect by effect: truearc identifiability week\n")
 
 
 def test_check_names_settings_that_no_shot_states(made: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -296,7 +296,7 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
         yield Flaw("reach", place, f"the speeds of scoring shots fit their distances far better if {what}{unstated}")
         return
     if mixed := mixed_units(ratio, lambda far, metres: ratios(distance_m[far] * metres, hood_deg[far],
-                                                               speed_m_s[far])):
+                                                              speed_m_s[far])):
         yield Flaw("reach", f"{shots.source}: distance_m", mixed)
         return
     if rig.launcher.release_height_m > 0.0 and (lone := lone_shots(ratio, [shots.shot_id[row] for row in rows])):

@@ -114,7 +114,9 @@ def test_columns_beside_those_that_are_needed(rig: Path, tmp_path: Path) -> None
         "side": "Side", "distance_m": "Range [in]", "hood_deg": "Pitch (deg)", "motor_rad_s": "Motor speed (rps)",
         "battery_v": "Battery voltage", "temperature_c": "Temp (F)", "ball_id": "Ball", "session": "Day", "t_s": "#",
         "shot_id": "#"}
-    shots = ta.import_shots([mine], rig=rig).shots
+    dataset = ta.import_shots([mine], rig=rig)
+    shots = dataset.shots
+    assert "sides: 1 low, 1 high" in dataset.lines()
     assert shots.number("distance_m") == pytest.approx([3.048, 3.048, 2.54, 2.54])
     assert shots.number("motor_ratio")[0] == pytest.approx(55 * 6.283185307179586 / 600.0)
     assert shots.number("temperature_c") == pytest.approx([10.0, 10.0, 20.0, 20.0])

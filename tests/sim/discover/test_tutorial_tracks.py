@@ -2,12 +2,15 @@
 
 import re
 import runpy
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace as changed
 
 import truearc as ta
 from truearc.cli.main import main
+from truearc.robot.config.rig_spec import Tracker
 
 ROOT = Path(__file__).parents[3]
 EXAMPLE = ROOT / "examples" / "tracks"
@@ -40,6 +43,17 @@ def test_a_fit_says_whether_its_terms_explain_the_tracks_and_believes_no_error_o
     noise_mm = [float(one) for one in re.findall(r"noise \(x ([\d.]+), y ([\d.]+), z ([\d.]+) mm", str(whole))[0]]
     assert noise_mm == pytest.approx([5.0] * 3, rel=0.15) and "something is missing" not in str(whole)
     assert set(whole.belief.coefficients) == {"drag", "magnus"}
+
+
+@pytest.mark.slow
+def test_a_clock_that_is_wrong_although_it_was_checked_is_said_beside_what_was_found() -> None:
+    flights = ta.load_dataset(EXAMPLE)
+    slow = replace(flights, tracks=replace(flights.tracks, t_s=1.08 * flights.tracks.t_s),
+                   facts=changed(flights.rig, tracker=Tracker(calibrated=True)))
+    found = ta.discover(slow, believe=["gravity", "drag"], seed=0)
+    assert found.verdict == "named" and found.best.term == "magnus"
+    assert found.record.data.improbable["track_clock.share"] < -0.03      # true: 1 / 1.08 - 1
+    assert "the tracker may be as wrong as that" in found.sentence
 
 
 @pytest.mark.slow

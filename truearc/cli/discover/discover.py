@@ -131,5 +131,5 @@ def _adopt(found: "ta.Finding", dataset: str, path: Path) -> str:
     names = {str(name).partition(" ")[0] for name in belief.provenance.get("adopted", ())}
     sizes = [f"{term}.{name} {value:.3g}" for term in sorted(names & set(belief.coefficients))
              for name, value in belief.coefficients[term].items()]
-    with_ = f", with {', '.join(sizes)}" if sizes else ""
-    return f"{say_adopted(found.record, belief.provenance)}{with_} -> {path}"
+    added = f", with {', '.join(sizes)}" if sizes else ""
+    return f"{say_adopted(found.record, belief.provenance)}{added} -> {path}"
