@@ -14,6 +14,7 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import need_columns, number_column, text_column
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
 from truearc.sim.data.table import Problems, gathered, load_table
+from truearc_proof.importers.qtm_recording import load_free_flights
 
 COLUMNS = ("shot_id", "t_s", "x_m", "y_m", "z_m")
 BALL = Ball(mass_kg=0.07, radius_m=0.035)   # the radius is not stated: that of a juggling ball of this mass
@@ -27,20 +28,24 @@ SHORTEST = 8                          # samples that a flight needs
 
 
 def import_ball_butler(*files: str | Path) -> Dataset:
-    """Read one CSV file of sampled flights; one shot a flight, all samples kept.
+    """Read one recording (JSON) or one CSV file of sampled flights; one shot a flight, all its samples kept.
 
-    Frame: z up as measured; x along the mean horizontal direction of the flights, y to its left, both from where
-    flights begin (the middle one). `t_s` counts from each flight's first sample. `session`: a shot_id up to its dash.
-    InputError names file, line and column of each bad row.
+    Of a recording a shot is the longest free flight of a marker; file and marker name it. Frame: z up as measured; x
+    along the mean horizontal direction of the flights, y to its left, both from where flights begin (the middle one).
+    `t_s` counts from each flight's first sample. `session`: a shot_id up to its last dash. InputError names the file,
+    and in it the key, or line and column, of what is bad.
     """
     path = Path(files[0])
-    with gathered() as problems:
-        found = _flights(path, problems)
+    if path.suffix.lower() == ".json":
+        found = {f"{path.stem}-{name}": one for name, one in load_free_flights(path).items()}
+    else:
+        with gathered() as problems:
+            found = _flights(path, problems)
     left_out = tuple(f"{name}: fewer than {SHORTEST} samples" for name, one in found.items() if len(one) < SHORTEST)
     kept = {name: one for name, one in found.items() if len(one) >= SHORTEST}
     if not kept:
         raise InputError(f"{path}: has no flight of {SHORTEST} samples")
-    shots = Shots(tuple(kept), {}, {"session": tuple(name.partition("-")[0] for name in kept)})
+    shots = Shots(tuple(kept), {}, {"session": tuple(name.rpartition("-")[0] or name for name in kept)})
     return Dataset("ball-butler", RIG, shots, _tracks(list(kept.values())), None, left_out)
 
 

@@ -18,7 +18,8 @@ def _later(module: str, name: str) -> Callable[..., Any]:
 
 
 MPI = Importer("mpi", ("RECORDING.hdf5 ...", "LAUNCHES.csv TRACKS.csv"), _later("mpi", "import_mpi"))
-BALL_BUTLER = Importer("ball-butler", ("FILE.csv",), _later("ball_butler", "import_ball_butler"))
+BALL_BUTLER = Importer("ball-butler", ("RECORDING.json", "FLIGHTS.csv"),
+                       _later("ball_butler", "import_ball_butler"))
 BALL_DROPS = Importer("ball-drops", ("Ball_drops_data.xls balls.txt", "DROPS.csv"),
                       _later("ball_drops", "import_ball_drops"))
 FRC_254 = Importer("frc-254", ("Constants.java", "TABLES.csv"), _later("set_points", "import_254"))
