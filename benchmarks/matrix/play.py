@@ -271,7 +271,7 @@ def _unmount(folder: Path) -> None:
 
 def _start(place: Place, what: str) -> str:
     config, model, out = place.folder / "launcher.toml", place.folder / "gate.onnx", place.folder / "sessions"
-    policy = "model" if what not in ("no devices", "no folder") else "collect"
+    policy = "collect" if what == "no folder" else "model"
     config.write_text(SHIPPED.read_text(encoding="utf-8").replace('policy = "collect"', f'policy = "{policy}"'),
                       encoding="utf-8")
     words = ["run", "--config", str(config), "--can", ":".join(place.bus), "--out", str(out)]

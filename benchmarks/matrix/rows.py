@@ -185,8 +185,6 @@ def _near() -> list[Row]:
             lasts_s=4.0),
         Row("folder of the images gone", "disk", Disk("loses a folder"), _not_recording(bot.DISK_ERROR), 0.5, KEEPS,
             real=True, lasts_s=1.5),
-        Row("no adapter or button box at the start", "adapter", Start("no devices"),
-            (), 0.0, REFUSED, refusal="cannot start: (serial port|CAN slcan)"),
         Row("sessions folder cannot be made", "disk", Start("no folder"), (), 0.0, REFUSED,
             refusal="File exists|Not a directory"),
         *(Row(f"model: {words}", "model", Model(what), reason, 0.05, after)
