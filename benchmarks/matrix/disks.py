@@ -30,7 +30,7 @@ def break_disk(recorder: SessionWriter, what: str, span: Span) -> Callable[[], N
     """Break it as long as the span stands; what ends that for good is returned."""
     if what in ("hangs", "turns read-only"):
         files = recorder._keeper._files
-        for appender in (files._telemetry.file, files._can, files._trials, files._index):
+        for appender in (files._telemetry, files._can, files._trials, files._index):
             appender._file = _BadFile(appender._file, what, span)
         return lambda: None
     over = threading.Event()

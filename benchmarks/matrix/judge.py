@@ -73,7 +73,7 @@ def judge(row: Row, bus: str, stepped: bool, folder: Path, said: str) -> Result:
         ticks = [tick for tick, _ in TickReader(folder / "session")]
         later = [tick for tick, _ in TickReader(folder / "again" / "session")] if (folder / "again").exists() else []
         seen = msgspec.json.decode((folder / "devices.json").read_bytes(), type=Seen)
-    except (InputError, OSError) as error:
+    except (InputError, OSError, msgspec.DecodeError) as error:
         result.wrong.append(str(error))
         return result
     result.ticks, result.fires = len(ticks), sum(tick.verdict.fire for tick in ticks)

@@ -33,7 +33,7 @@ QUICK = {
     "discovery": "--what nulls --level L0 --shots 60 --worlds 1 --only clean --seed 11 --processes 1 "
                  "--out worlds.jsonl",
     "discovery_speed": "--shots 60 --level L0",
-    "fault_matrix": "--bus virtual --only strangers --out faults.jsonl",
+    "fault_matrix": "--bus virtual --only strangers|disk.turns --out faults.jsonl",
     "faults": "--worlds 1 --shots 24 --seed 11 --only none --processes 1 --out worlds.jsonl",
     "field": "--what nulls --only clean --shots 60 --worlds 1 --seed 11 --rivals argmax --processes 1 "
              "--out worlds.jsonl",
