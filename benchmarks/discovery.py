@@ -1,7 +1,7 @@
 """How often discovery cries wolf, and how often it finds, places and names what a concealed world hides.
 
     python -m benchmarks.discovery --what nulls,effects --level L0,L1,L2 --shots 300 --worlds 20 --seed 11 --out FILE
-    python -m benchmarks.discovery --table FILE
+    python -m benchmarks.discovery --table FILE [--brief]
 
 Every world is a line of FILE; a world that is there already is not run again, so a run that was cut short goes on
 where it stopped. --table reads packed files too; benchmarks/results/MANIFEST.md lists the published ones. Worlds
@@ -33,7 +33,7 @@ from truearc_proof.report.tables import make_tables, said, share
 from truearc_proof.rounds.jsonl_store import append_line, lines_of, mend
 from truearc_proof.scoring.oracle import ceiling_of, oracle_gain, strength_of
 from truearc_proof.scoring.score_world import NULLS, Mark
-from truearc_proof.table import Table
+from truearc_proof.table import Table, make_markdown
 from truearc_proof.truth.generate import shift_m, shoot
 from truearc_proof.truth.world import World, as_table
 
@@ -98,7 +98,7 @@ def main() -> int:
     try:
         if args.table is None:
             _run_all(args)
-        _tell(Path(args.table or args.out))
+        (_tell_briefly if args.brief else _tell)(Path(args.table or args.out))
     except InputError as error:
         print(error, file=sys.stderr)
         return 2
@@ -133,6 +133,29 @@ def _tell(path: Path) -> None:
         print(f"The solver broke in {len(broken)} worlds: {', '.join(broken[:10])}")
 
 
+def _tell_briefly(path: Path) -> None:
+    """Hidden effects together by level and shots; each that is in no catalogue."""
+    marks = [(job, one) for job, one in marks_of(path)[0] if one.kind in ("one", "off")]
+    known, off = ([(job, one) for job, one in marks if (one.kind == "off") == so] for so in (False, True))
+    rows = []
+    for level, shots, scale in sorted({(job.level, job.shots, job.scale) for job, _ in known}):
+        mine = [one for job, one in known if (job.level, job.shots, job.scale) == (level, shots, scale)]
+        rows.append([level, str(shots), f"{scale:g}", said(*share(mine, lambda one: one.found)),
+                     *(said(*share([one for one in mine if one.found], question))
+                       for question in (lambda one: one.first, lambda one: one.covered))])
+    tables = [make_markdown(("data", "shots", "times the usual size", "found", "first name right, of those found",
+                             "set holds the truth"), rows)] if rows else []
+    rows = []
+    for name in dict.fromkeys(job.name for job, _ in off):
+        mine = [one for job, one in off if job.name == name]
+        found = [one for one in mine if one.found]
+        rows.append([name, f"{len(found)} of {len(mine)}", str(sum(one.verdict == "unknown" for one in found)),
+                     str(sum(one.goes_with is True for one in found))])
+    tables += [make_markdown(("hidden", "found", "called unknown", "right covariate and direction"),
+                             rows)] if rows else []
+    print("\n\n".join(tables))
+
+
 def _alarms(marks: Sequence[tuple[Job, Mark]]) -> Table:
     """Of worlds in which nothing is hidden, by what is wrong with their data."""
     nulls = [(job, one) for job, one in marks if one.kind in NULLS]
@@ -158,6 +181,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--side", action="store_true",
                         help="it is noted on which side a shot passed; keep such worlds in a file of their own")
     parser.add_argument("--processes", type=int, help="at a time (one a core)")
+    parser.add_argument("--brief", action="store_true", help="print a row a level and number of shots")
     parser.add_argument("--again", action="store_true", help="run worlds again in which the solver broke")
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--out", metavar="FILE", help="file of worlds to add to")
