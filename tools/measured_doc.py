@@ -5,8 +5,9 @@
 
 `<!-- result: NAME -->` stands for a table of RESULTS or for docs/measured/results/NAME.txt, which --run writes: the
 command, the commit and the date, then what was printed. `<!-- result: NAME: PATTERN -->` shows the lines alone that
-match. FILE in a command is where it keeps rows: results/NAME.jsonl, of which results/NAME.jsonl.xz is committed.
-`benchmarks.proof --posterior --write` fills docs/measured/sealed.md in the same way.
+match. What has a table of Markdown is shown as such, all else as it was printed. FILE in a command is where it keeps
+rows: results/NAME.jsonl, of which results/NAME.jsonl.xz is committed. `benchmarks.proof --posterior --write` fills
+docs/measured/sealed.md in the same way.
 """
 
 import argparse
@@ -20,7 +21,7 @@ from datetime import UTC, datetime
 from itertools import groupby
 from pathlib import Path
 
-from benchmarks import demo_seeds, fault_matrix, naming_rules, scale
+from benchmarks import demo_seeds, fault_matrix, scale
 from benchmarks.matrix.judge import Result
 from benchmarks.proof import load
 from truearc_proof.report.posterior_targets import posterior_rows
@@ -43,10 +44,6 @@ def screen() -> str:
     """Shares that the screen of thousands of worlds finds."""
     return f"\n```text\n{scale.make_table(list(lines_of(MEASURED / 'scale-900.jsonl.xz')))}\n```\n"
 
-def rules() -> str:
-    """What each rule of naming beside the posterior earns in development worlds."""
-    return f"\n```text\n{naming_rules.make_table(list(lines_of(MEASURED / 'naming_rules.jsonl.xz')))}\n```\n"
-
 def sealed() -> str:
     """Targets of the posterior at each level of data, side by side; bold where a target is missed."""
     rounds = sorted(map(load, sorted((MEASURED / "sealed").glob("*.tar.xz"))), key=lambda one: one.setting)
@@ -64,7 +61,7 @@ def rivals() -> str:
     """What other methods say of the round that they were put to."""
     marks = [one.first for one in load(MEASURED / "sealed" / "L2d.tar.xz").graded]
     table = next(one for one in make_tables(marks) if one.title.startswith("Beside others"))
-    return f"\n{make_markdown(table.header, table.rows)}\n"
+    return f"\n{make_markdown(table.header[:-1], [row[:-1] for row in table.rows])}\n"
 
 def fault_kinds() -> str:
     """Faults by kind: how soon the slowest of each kind is a HOLD, and what fires again."""
@@ -74,16 +71,15 @@ def fault_kinds() -> str:
     rows = []
     for kind, mine in kinds.items():
         held = [one.hold_s for one in mine if one.outcome == "HOLD" and one.hold_s is not None]
-        rows.append((kind, str(len({one.fault for one in mine})), f"{max(held):.2f}" if held else "-",
-                     ", ".join(dict.fromkeys(one.after for one in mine))))
+        rows.append((kind, str(len({one.fault for one in mine})), f"{max(held):.2f}" if held else "-"))
     every = [one for mine in kinds.values() for one in mine]
     wrong = sum(bool(one.wrong) for one in every)
     fires, stale = (sum(getattr(one, name) for one in every) for name in ("fires", "stale"))
     return (f"\n{len({one.fault for one in every})} faults, {len(every)} runs, {wrong} of them not as stated; "
             f"{fires} ticks fired, {stale} of these on a reading that was too old.\n\n"
-            + make_markdown(("kind", "faults", "slowest HOLD, s", "fires again"), rows) + "\n")
+            + make_markdown(("kind", "faults", "slowest HOLD, s"), rows) + "\n")
 
-RESULTS: dict[str, Callable[[], str]] = {"demo": demo, "faults": fault_kinds, "rivals": rivals, "rules": rules,
+RESULTS: dict[str, Callable[[], str]] = {"demo": demo, "faults": fault_kinds, "rivals": rivals,
                                          "screen": screen, "sealed": sealed}
 
 def fill(page: str) -> str:
@@ -97,10 +93,10 @@ def show(kept: str, pattern: str | None = None) -> str:
     """Markdown of one result file: the command, commit and date, and what was printed, or its lines that match."""
     head, _, printed = kept.partition("\n\n")
     command, made = head.split("\n")
-    lines = [line for line in printed.splitlines() if pattern is None or re.search(pattern, line)]
-    body = "\n".join(lines).strip("\n")
-    tables = all(line.startswith("|") or not line for line in body.split("\n"))
-    return f"\n`{command}`, {made}:\n\n" + (f"{body}\n" if tables else f"```text\n{body}\n```\n")
+    lines = [line for line in printed.splitlines() if pattern is None or not line or re.search(pattern, line)]
+    body = re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip("\n")
+    markdown = re.search(r"^\|---", body, re.MULTILINE)
+    return f"\n`{command}`, {made}:\n\n" + (f"{body}\n" if markdown else f"```text\n{body}\n```\n")
 
 def keep(name: str, command: str) -> None:
     """Run a command in the root of the repository; write its result file. CalledProcessError where it fails."""

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tools.measured_doc import fill
+from tools import measured_doc
+from tools.measured_doc import KEPT, MARKS, fill, keep, show
 from tools.site_hooks import unlink_outside
 from tools.site_reference import api_page, commands_page
 
@@ -91,7 +92,39 @@ def test_reference_is_as_generated() -> None:
     assert (DOCS / "reference" / "python-api.md").read_text(encoding="utf-8") == api_page(), told
 
 
-@pytest.mark.parametrize("name", ["README.md", "proof.md"])
-def test_measured_tables_are_what_the_result_files_say(name: str) -> None:
-    page = (DOCS / "measured" / name).read_text(encoding="utf-8")
-    assert "<!-- result: " in page and fill(page) == page, "run `python -m tools.measured_doc`"
+MARKED = [page for page in sorted(DOCS.rglob("*.md")) if MARKS.search(page.read_text(encoding="utf-8"))]
+DRAWN = re.compile(r"^<!-- (?:rounds: begin|result: ).*?-->$.*?^<!-- (?:rounds: )?end -->$", re.DOTALL | re.MULTILINE)
+
+
+@pytest.mark.parametrize("page", MARKED, ids=lambda page: page.name)
+def test_results_are_what_the_result_files_say(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert fill(text) == text, "run `python -m tools.measured_doc`"
+
+
+@pytest.mark.parametrize("page", sorted((DOCS / "measured").glob("*.md")), ids=lambda page: page.name)
+def test_no_table_of_measurements_is_typed(page: Path) -> None:
+    typed = DRAWN.sub("", page.read_text(encoding="utf-8"))
+    assert re.findall(r"^\|---.*|^```text$", typed, re.MULTILINE) == []
+
+
+def test_every_result_file_is_shown_once() -> None:
+    shown = [found[2] for page in MARKED for found in MARKS.finditer(page.read_text(encoding="utf-8"))]
+    assert sorted(shown) == sorted({*shown, *(path.stem for path in KEPT.glob("*.txt"))})
+
+
+def test_a_result_file_is_shown_with_its_command() -> None:
+    kept = "python -m benchmarks.x --out FILE\ncommit 12345678, 2026-11-28\n\nfirst  1\nsecond 2\n"
+    command = "\n`python -m benchmarks.x --out FILE`, commit 12345678, 2026-11-28:\n\n"
+    assert show(kept) == f"{command}```text\nfirst  1\nsecond 2\n```\n"
+    assert show(kept, "^sec") == f"{command}```text\nsecond 2\n```\n"
+    kept = kept.replace("first  1\nsecond 2", "### x\n\n| a |\n|---|\n| 1 |")
+    assert show(kept) == f"{command}### x\n\n| a |\n|---|\n| 1 |\n"
+
+
+def test_a_run_is_kept_with_what_it_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(measured_doc, "KEPT", tmp_path)
+    keep("count", "python -c 'print(6 * 7)'")
+    command, made, *printed = (tmp_path / "count.txt").read_text(encoding="utf-8").splitlines()
+    assert command == "python -c 'print(6 * 7)'" and printed == ["", "42"]
+    assert re.fullmatch(r"commit [0-9a-f]{8}, \d{4}-\d\d-\d\d", made)
