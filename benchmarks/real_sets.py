@@ -67,6 +67,8 @@ def main() -> int:
     parser.add_argument("data", metavar="DIR", type=Path, help="folder of the recordings")
     parser.add_argument("--only", default=",".join(SETS), help=f"comma-separated, of {', '.join(SETS)} (default: all)")
     args = parser.parse_args()
+    if unknown := set(args.only.split(",")) - set(SETS):
+        parser.error(f"--only: there is no {', '.join(sorted(unknown))}; there are {', '.join(SETS)}")
     with tempfile.TemporaryDirectory() as folder:
         rows = [ask(name, args.data, Path(folder)) for name in args.only.split(",")]
     print(make_markdown(("set", "shots", "answer", "forecast of shots held out"), rows))

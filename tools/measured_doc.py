@@ -75,7 +75,8 @@ def fault_kinds() -> str:
     every = [one for mine in kinds.values() for one in mine]
     wrong = sum(bool(one.wrong) for one in every)
     fires, stale = (sum(getattr(one, name) for one in every) for name in ("fires", "stale"))
-    return (f"\n{len({one.fault for one in every})} faults, {len(every)} runs, {wrong} of them not as stated; "
+    return ("\n`make faults`, commit 2b58f989, 2026-11-28:\n\n"
+            f"{len({one.fault for one in every})} faults, {len(every)} runs, {wrong} of them not as stated; "
             f"{fires} ticks fired, {stale} of these on a reading that was too old.\n\n"
             + make_markdown(("kind", "faults", "slowest HOLD, s"), rows) + "\n")
 
@@ -106,7 +107,8 @@ def keep(name: str, command: str) -> None:
     printed = subprocess.run(words, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True).stdout
     commit = subprocess.run(["git", "rev-parse", "--short=8", "HEAD"], cwd=ROOT, stdout=subprocess.PIPE, text=True,
                             check=True).stdout.strip()
-    write_kept(name, command, f"commit {commit}, {datetime.now(UTC):%Y-%m-%d}", printed)
+    changed = subprocess.run(["git", "diff", "--quiet", "HEAD", "--", "*.py"], cwd=ROOT, check=False).returncode
+    write_kept(name, command, f"commit {commit}{' with changes' * changed}, {datetime.now(UTC):%Y-%m-%d}", printed)
     if rows.exists():
         rows.with_suffix(".jsonl.xz").write_bytes(lzma.compress(rows.read_bytes(), preset=9))
         rows.unlink()

@@ -127,4 +127,4 @@ def test_a_run_is_kept_with_what_it_printed(tmp_path: Path, monkeypatch: pytest.
     keep("count", "python -c 'print(6 * 7)'")
     command, made, *printed = (tmp_path / "count.txt").read_text(encoding="utf-8").splitlines()
     assert command == "python -c 'print(6 * 7)'" and printed == ["", "42"]
-    assert re.fullmatch(r"commit [0-9a-f]{8}, \d{4}-\d\d-\d\d", made)
+    assert re.fullmatch(r"commit [0-9a-f]{8}( with changes)?, \d{4}-\d\d-\d\d", made)

@@ -32,20 +32,22 @@ def import_ball_butler(*files: str | Path) -> Dataset:
 
     Of a recording a shot is the longest free flight of a marker; file and marker name it. Frame: z up as measured; x
     along the mean horizontal direction of the flights, y to its left, both from where flights begin (the middle one).
-    `t_s` counts from each flight's first sample. `session`: a shot_id up to its last dash. InputError names the file,
-    and in it the key, or line and column, of what is bad.
+    `t_s` counts from each flight's first sample. `session`: the recording's name, or a shot_id up to its dash.
+    InputError names the file, and in it the key, or line and column, of what is bad.
     """
     path = Path(files[0])
     if path.suffix.lower() == ".json":
         found = {f"{path.stem}-{name}": one for name, one in load_free_flights(path).items()}
+        sessions = dict.fromkeys(found, path.stem)
     else:
         with gathered() as problems:
             found = _flights(path, problems)
+        sessions = {name: name.partition("-")[0] for name in found}
     left_out = tuple(f"{name}: fewer than {SHORTEST} samples" for name, one in found.items() if len(one) < SHORTEST)
     kept = {name: one for name, one in found.items() if len(one) >= SHORTEST}
     if not kept:
         raise InputError(f"{path}: has no flight of {SHORTEST} samples")
-    shots = Shots(tuple(kept), {}, {"session": tuple(name.rpartition("-")[0] or name for name in kept)})
+    shots = Shots(tuple(kept), {}, {"session": tuple(sessions[name] for name in kept)})
     return Dataset("ball-butler", RIG, shots, _tracks(list(kept.values())), None, left_out)
 
 

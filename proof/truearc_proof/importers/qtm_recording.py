@@ -16,6 +16,8 @@ GRAVITY_M_S2 = 9.81
 WINDOW_S = 0.15                       # over which acceleration is fitted: 1 mm of cameras' disagreement is 0.5 m/s2
 SLACK_M_S2 = 2.0                      # drag of a light ball at 8 m/s; a ball at rest is five times as far off
 MM_PER_M = 1000.0
+LEAST_HZ, MOST_HZ = 20.0, 100_000.0   # fewer: three frames in a window
+FARTHEST = 2**53                      # of frames and mm: beyond, neighbours are not told apart
 
 
 class _Range(Struct, rename="pascal"):
@@ -45,17 +47,20 @@ def load_free_flights(path: Path) -> dict[str, Float[np.ndarray, "_ 4"]]:
     """Return the longest free flight of each marker, by its name: t_s from the recording's begin, then x, y, z in m.
 
     Axes as in the recording, z up. A marker that never flies has no samples. InputError: no such recording, two markers
-    of one name, a frequency that is not positive.
+    of one name, a frequency, frame or place out of range.
     """
     try:
         recording = msgspec.json.decode(path.read_bytes(), type=_Recording)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: is not a recording of Qualisys Track Manager (JSON): {error}") from None
     rate_hz = recording.timebase.frequency
-    if not rate_hz > 0.0:
-        raise InputError(f"{path}: Timebase: Frequency: {rate_hz:g}; expected more than 0 Hz")
+    if not LEAST_HZ <= rate_hz <= MOST_HZ:
+        raise InputError(f"{path}: Timebase: Frequency: {rate_hz:g}; expected {LEAST_HZ:g} to {MOST_HZ:g} Hz")
     flights: dict[str, Float[np.ndarray, "_ 4"]] = {}
     for marker in recording.markers:
+        for part in marker.parts:
+            if abs(part.range.start) > FARTHEST or any(abs(one) > FARTHEST for row in part.values for one in row):
+                raise InputError(f"{path}: Markers: {marker.name!r} has a frame or place beyond 2**53")
         if marker.name in flights:
             raise InputError(f"{path}: Markers: two have the name {marker.name!r}")
         flights[marker.name] = max((_free_flight(part, rate_hz) for part in marker.parts), key=len,

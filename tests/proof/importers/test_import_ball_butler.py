@@ -96,10 +96,10 @@ def recording(home: Path, markers: dict[str, list[tuple[int, np.ndarray]]], name
 @pytest.mark.parametrize("air", [0.0, 0.03])
 def test_of_a_recording_the_free_flight_is_cut_out(tmp_path: Path, air: float) -> None:
     places = [throw(5.0, air), throw(25.0, air)]
-    path = recording(tmp_path, {"b0": [(1, places[0])], "b1": [(2000, places[1][:90]), (2200, places[1])],
+    path = recording(tmp_path, {"b-0": [(1, places[0])], "b1": [(2000, places[1][:90]), (2200, places[1])],
                                 "hoop": [(1, np.tile([0.0, 0.0, 750.0], (900, 1)))]})
     dataset = import_ball_butler(path)
-    assert dataset.shots.shot_id == ("session9-b0", "session9-b1")
+    assert dataset.shots.shot_id == ("session9-b-0", "session9-b1")
     assert dataset.shots.text("session") == ("session9", "session9")
     assert dataset.left_out == ("session9-hoop: fewer than 8 samples",)
     assert dataset.tracks is not None
@@ -123,7 +123,16 @@ def test_cameras_that_disagree_do_not_end_a_flight(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("change", "told"), [
     ({"Markers": 3}, r"session9\.json: .*\$\.Markers"),
-    ({"Timebase": {"Frequency": 0.0}}, r"session9\.json: Timebase: Frequency: 0; expected more than 0 Hz"),
+    ({"Timebase": {"Frequency": 0.0}}, r"session9\.json: Timebase: Frequency: 0; expected 20 to 100000 Hz"),
+    ({"Timebase": {"Frequency": 1e-300}}, r"Frequency: 1e-300; expected 20 to 100000 Hz"),
+    ({"Timebase": {}}, r"missing required field `Frequency`"),
+    ({"Markers": [{"Name": "b0", "Parts": [{"Range": {"Start": 10**30}, "Values": []}]}]},
+     r"'b0' has a frame or place"),
+    ({"Markers": [{"Name": "b0", "Parts": [{"Range": {"Start": 1}, "Values": [[1e300, 0.0, 0.0, 0.0]]}]}]},
+     r"'b0' has a frame or place"),
+    ({"Markers": [{"Name": "b0", "Parts": [{"Range": {"Start": 1}, "Values": [[None, 0.0, 0.0, 0.0]]}]}]},
+     r"session9\.json: is not a recording"),
+    ({"Markers": [{"Name": "b0", "Parts": [{"Range": {"Start": 1}, "Values": []}]}]}, r"has no flight of 8 samples"),
     ({"Markers": [{"Name": "b0", "Parts": [{"Range": {"Start": 1}, "Values": [[1.0, 2.0]]}]}]},
      r"session9\.json: .*Markers\[0\]\.Parts|session9\.json: .*\[\.\.\.\]"),
     ({"Markers": [{"Name": "b0", "Parts": []}] * 2}, r"session9\.json: Markers: two have the name 'b0'"),
