@@ -64,7 +64,7 @@ def rivals() -> str:
     return f"\n{make_markdown(table.header[:-1], [row[:-1] for row in table.rows])}\n"
 
 def fault_kinds() -> str:
-    """Faults by kind: how soon the slowest of each kind is a HOLD, and what fires again."""
+    """Faults by kind: how soon the slowest of each kind is a HOLD."""
     kinds: dict[str, list[Result]] = {}
     for result in fault_matrix.load(KEPT / "fault_matrix.jsonl.xz"):
         kinds.setdefault(result.family, []).append(result)
@@ -75,7 +75,7 @@ def fault_kinds() -> str:
     every = [one for mine in kinds.values() for one in mine]
     wrong = sum(bool(one.wrong) for one in every)
     fires, stale = (sum(getattr(one, name) for one in every) for name in ("fires", "stale"))
-    return ("\n`make faults`, commit 2b58f989, 2026-11-28:\n\n"
+    return ("\n`python -m benchmarks.fault_matrix --bus virtual,slcan --out FILE`, commit 2b58f989, 2026-11-28:\n\n"
             f"{len({one.fault for one in every})} faults, {len(every)} runs, {wrong} of them not as stated; "
             f"{fires} ticks fired, {stale} of these on a reading that was too old.\n\n"
             + make_markdown(("kind", "faults", "slowest HOLD, s"), rows) + "\n")

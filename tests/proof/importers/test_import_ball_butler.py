@@ -64,7 +64,7 @@ def test_a_time_that_goes_back_is_named_by_its_line(tmp_path: Path) -> None:
 
 def throw(yaw_deg: float, air: float = 0.0) -> np.ndarray:
     """Frames of a ball in mm: half a second in the hand, 0.1 s thrown upward, free flight (drag: `air` per m) until the
-    floor, and a second of rolling there; then how many frames it was thrown for and where it met the floor."""
+    floor, and a second of rolling there."""
     yaw = math.radians(yaw_deg)
     along = np.array([math.cos(yaw), math.sin(yaw), 0.0])
     still = np.tile([-0.9, -0.2, 2.1], (150, 1))
