@@ -1,4 +1,4 @@
-"""Speed and position of one encoder go together, or one of them is wrong: it hangs, or its firmware does. No IO.
+"""Speed and position of one encoder go together, and no speed jumps, or the encoder or its firmware is wrong. No IO.
 
 A launcher is fired by its speeds alone, and with a single motor nothing else would tell. Positions are of families that
 count turns on without a wrap, as 32-bit floats; speeds may lag a little, and be stamped a little late.
@@ -7,19 +7,26 @@ count turns on without a wrap, as 32-bit floats; speeds may lag a little, and be
 from collections import deque
 from typing import NamedTuple
 
-from truearc.hw.fault_codes import ENCODER_MISMATCH, ENCODER_STUCK
+from truearc.hw.fault_codes import ENCODER_MISMATCH, ENCODER_STUCK, SPEED_JUMPED
 from truearc.hw.protocols import MotorReading
 from truearc.hw.reason import Reason
 
 MS = 1_000_000
 STILL_NS = 50 * MS                    # a position that does not change for so long, at a speed, is stuck
 MOVING_RAD_S = 10.0
+# A ball slows the shipped wheels by 2.5 rad/s per ms, wheels of a fifth of their inertia by 8.4. Readings closer
+# together than their usual period were held up on their way; a jump is told for as long as a tick may be late.
+JUMP_RAD_S2, JUMP_LEAST_NS, JUMP_TOLD_NS = 10_000.0, 10 * MS, 100 * MS
 # Change of position and integral of the speeds are compared over the longer of these, or at least the shorter one:
 # readings come every 10 or 20 ms, and a stamp that a busy adapter or tick made 20 ms late is then a tenth of it.
 WINDOW_NS, LEAST_NS = 200 * MS, 150 * MS
 GAP_NS = 50 * MS                      # after more silence than a lost frame or two make, it begins again ...
 SETTLE_NS = 50 * MS                   # ... so much later: what was held back comes at once, stamped when it came
-SHARE = 0.25                          # they may differ by this, twice the worst stamps, and by a speed below motion
+SHARE = 0.25                          # they may differ by this, twice the worst stamps, ...
+SLACK_RAD_S = 3.0                     # ... by this, the noise of a speed, ...
+# ... and by what a filter of so long makes of a changing speed: a motor of ours has a quick one (a SPARK's is set to
+# 8 ms), another controller's may have its maker's, of 0.1 s
+OWN_LAG_S, LAG_S = 0.005, 0.2
 GRAIN = 2.0 ** -23                    # of a 32-bit float
 
 
@@ -33,15 +40,20 @@ class _Told(NamedTuple):
 class Agreement:
     """Whether a motor's position has gone with its speed."""
 
-    def __init__(self) -> None:
+    def __init__(self, lag_s: float) -> None:
+        self._lag_s = lag_s
         self._still_ns = 0                        # since when it says that it turns and stands still; 0: it does not
         self._told: deque[_Told] = deque()
         self._from_ns = 0
         self._differ: tuple[float, float] | None = None          # reported speed, and that of the position
+        self._jump: tuple[int, float, float] | None = None       # when, from which speed, to which
 
     def take(self, before: MotorReading, reading: MotorReading) -> None:
         """One reading and the one before it."""
         if reading.t_ns != before.t_ns:
+            gap_ns = max(reading.t_ns - before.t_ns, JUMP_LEAST_NS)
+            if before.t_ns and not abs(reading.velocity_rad_s - before.velocity_rad_s) <= JUMP_RAD_S2 * gap_ns * 1e-9:
+                self._jump = (reading.t_ns, before.velocity_rad_s, reading.velocity_rad_s)
             still = reading.position_rad == before.position_rad and abs(reading.velocity_rad_s) > MOVING_RAD_S
             self._still_ns = (self._still_ns or before.t_ns) if still else 0
         elif reading.position_rad == before.position_rad:
@@ -56,10 +68,12 @@ class Agreement:
         """None for an encoder that goes with its motor; `controller` names what reports it."""
         if self._still_ns and reading.t_ns - self._still_ns >= STILL_NS:
             return ENCODER_STUCK(controller=controller, speed_rad_s=reading.velocity_rad_s)
-        if self._differ is None:
-            return None
-        reported, turned = self._differ
-        return ENCODER_MISMATCH(controller=controller, speed_rad_s=reported, turned_rad_s=turned)
+        if self._differ is not None:
+            reported, turned = self._differ
+            return ENCODER_MISMATCH(controller=controller, speed_rad_s=reported, turned_rad_s=turned)
+        if self._jump is not None and reading.t_ns - self._jump[0] < JUMP_TOLD_NS:
+            return SPEED_JUMPED(controller=controller, before_rad_s=self._jump[1], after_rad_s=self._jump[2])
+        return None
 
     def _follow(self, reading: MotorReading) -> None:
         told, t_ns, velocity = self._told, reading.t_ns, reading.velocity_rad_s
@@ -79,7 +93,7 @@ class Agreement:
         span_s = span_ns * 1e-9
         told, turned = (last.angle_rad - first.angle_rad) / span_s, (last.position_rad - first.position_rad) / span_s
         speeds = [one.velocity_rad_s for one in self._told]
-        lag = max(speeds) - min(speeds)           # a filter reports a changing speed late
+        lag = (max(speeds) - min(speeds)) * self._lag_s / span_s
         grain = GRAIN * (abs(first.position_rad) + abs(last.position_rad)) / span_s
-        allowed = MOVING_RAD_S + SHARE * max(abs(told), abs(turned)) + lag + grain
+        allowed = SLACK_RAD_S + SHARE * max(abs(told), abs(turned)) + lag + grain
         return None if abs(told - turned) <= allowed else (told, turned)

@@ -57,6 +57,8 @@ ENCODER_STUCK = Code("encoder_stuck", "{motor:~: }{controller} reports {speed_ra
                      "not change: encoder stuck?")
 ENCODER_MISMATCH = Code("encoder_mismatch", "{motor:~: }{controller} reports {speed_rad_s:.0f} rad/s, but its position "
                         "turns at {turned_rad_s:.0f}: encoder or firmware?")
+SPEED_JUMPED = Code("speed_jumped", "{motor:~: }{controller} reports {after_rad_s:.0f} rad/s right after "
+                    "{before_rad_s:.0f}: no motor does that")
 SPARK_FIRMWARE_UNKNOWN = Code("spark_firmware_unknown", "{motor:~: }spark {spark} has not reported its firmware")
 SPARK_FIRMWARE_UNSUPPORTED = Code("spark_firmware_unsupported", "{motor:~: }spark {spark} runs firmware {version}, "
                                   "expected {oldest} to {newest}: update it with its maker's tool",

@@ -24,6 +24,19 @@ def elevation_from_screw_deg(turned_rad: float, hood: Hood) -> float | None:
     return math.degrees(math.acos(cosine)) - hood.included_deg
 
 
+def elevation_per_rad(elevation_deg: float, hood: Hood) -> float:
+    """Degrees of elevation per radian of the screw motor, at a launch elevation."""
+    included = math.radians(hood.included_deg + elevation_deg)
+    lever = hood.pivot_to_motor_m * hood.pivot_to_nut_m * math.sin(included) / screw_length_m(elevation_deg, hood)
+    return math.degrees(hood.screw_gear * hood.screw_lead_m / (2.0 * math.pi) / lever)
+
+
+def screw_travel_rad(hood: Hood) -> float:
+    """How far the screw motor turns from the hood's lowest elevation to its highest."""
+    travel_m = screw_length_m(hood.high_deg, hood) - screw_length_m(hood.low_deg, hood)
+    return travel_m / (hood.screw_gear * hood.screw_lead_m) * 2.0 * math.pi
+
+
 def elevation_from_encoder_deg(angle_rad: float, encoder: HoodEncoder, zero_deg: float) -> float:
     """Launch elevation from the encoder on the hood pivot, in (-180, 180]; zero_deg: its reading where that is 0."""
     turned = (math.degrees(angle_rad) - zero_deg) * encoder.direction

@@ -6,11 +6,13 @@ from truearc.hw.devices.registry import family_of
 from truearc.hw.protocols import Motor
 from truearc.robot.config.schema import Config, InputError
 
+HOOD_MOTOR = "hood motor"
+
 
 def name_axes(config: Config) -> tuple[tuple[str, Axis], ...]:
     """Every motor axis and what it is called: the flywheels, the hood, the feeder."""
     wheels = ((f"flywheel motor {number}", axis) for number, axis in enumerate(config.axes.flywheels, 1))
-    return (*wheels, ("hood motor", config.axes.hood), ("feeder motor", config.axes.feeder))
+    return (*wheels, (HOOD_MOTOR, config.axes.hood), ("feeder motor", config.axes.feeder))
 
 
 def make_motors(config: Config) -> tuple[Motor, ...]:

@@ -45,6 +45,7 @@ DEVICE_HEARTBEAT_STALE = Code("device_heartbeat_stale", "{device}: no heartbeat 
 DEVICE_FAULTS_NEVER_RECEIVED = Code("device_faults_never_received", "{device}: no fault report since the start",
                                     {"device": "device"})
 DEVICE_FAULTS_STALE = Code("device_faults_stale", "{device}: no fault report for {age_s:.2f} s", {"device": "device"})
+FRAMES_UNUSABLE = Code("frames_unusable", "{motor}: {frames} frames in a row cannot be used")
 MOTOR_NOT_FINITE = Code("motor_not_finite", "{motor}: non-finite reading")
 MOTOR_ERROR = Code("motor_error", "{motor}: {errors:,}")
 MOTOR_NOT_DRIVEN = Code("motor_not_driven", "{motor}: not under control (state {state})", {"state": "count"})
@@ -63,6 +64,22 @@ HOOD_ENCODERS_DISAGREE = Code("hood_encoders_disagree", "hood encoder reads {enc
                               "{screw_deg:.1f}")
 HOOD_OFF_ANGLE = Code("hood_off_angle", "hood at {angle_deg:.1f} deg, set point {wanted_deg:.1f}")
 NOT_SETTLED = Code("not_settled", "wheels and hood not settled")
+
+# Interlocks of motion (truearc.robot.motion). joint: wheels, hood or feeder
+AXIS_RELEASED = Code("axis_released", "{joint} released: {cause}")
+AXIS_LATCHED = Code("axis_latched", "{joint} released until armed again: {cause}")
+JOINT_OVERSPEED = Code("joint_overspeed", "{joint} at {speed_rad_s:.0f} rad/s, above {factor:g} x {top_rad_s:.0f}",
+                       {"factor": "ratio"})
+JOINT_BACKWARDS = Code("joint_backwards", "{joint} turns against its torque: is its direction right?")
+JOINT_NOT_TURNING = Code("joint_not_turning", "{joint} does not turn at {torque_nm:g} Nm")
+HOOD_JAMMED = Code("hood_jammed", "hood does not move at {torque_nm:.2f} Nm")
+HOOD_PUSH_DROPPED = Code("hood_push_dropped", "hood does not reach {wanted_deg:.1f} deg: a small torque does not move "
+                         "it")
+SWITCH_NOT_REACHED = Code("switch_not_reached", "the hood's limit switch was not reached in {limit_s:g} s")
+SWITCH_STUCK = Code("switch_stuck", "the hood's limit switch is still closed at {angle_deg:.1f} deg")
+RELEASED_REPEATEDLY = Code("released_repeatedly", "{count} times in {window_s:g} s, last: {cause}",
+                           {"count": "count"})
+WHEELS_IDLE = Code("wheels_idle", "wheels idle: no target and no request")
 
 # Advice by NetworkTables
 NT_LOST = Code("nt_lost", "no connection to the robot's NetworkTables server")
@@ -101,13 +118,8 @@ IDENTIFY_DONE = Code("identify_done", "identify: done")
 IDENTIFY_RELEASED = Code("identify_released", "identify: released by the operator ({button})")
 IDENTIFY_RELEASED_BY_BOX = Code("identify_released_by_box", "identify: released ({cause})")
 IDENTIFY_STOPPED = Code("identify_stopped", "identify: {causes}")
-JOINT_OVERSPEED = Code("joint_overspeed", "{joint} at {speed_rad_s:.0f} rad/s, above {factor:g} x {top_rad_s:.0f}",
-                       {"factor": "ratio"})
-JOINT_BACKWARDS = Code("joint_backwards", "{joint} turns against its torque: is its direction right?")
 HOOD_AT_LIMIT = Code("hood_at_limit", "hood at {angle_deg:.1f} deg and still moving outwards")
-SWITCH_NOT_REACHED = Code("switch_not_reached", "the hood's limit switch was not reached in {limit_s:g} s")
 JOINT_STILL_TURNING = Code("joint_still_turning", "{joint} still turns after {limit_s:g} s of coasting")
-JOINT_NOT_TURNING = Code("joint_not_turning", "{joint} does not turn at {torque_nm:g} Nm")
 
 # Why an image shows no target
 IMAGE_TOO_SMALL = Code("image_too_small", "the image is only {width_px} x {height_px} pixels")
@@ -139,9 +151,6 @@ TAPE_NARROW = Code("tape_narrow", "the tape is narrower than configured, or part
 TAPE_WIDE = Code("tape_wide", "the tape is wider than configured, or something touches it")
 TAPE_UNEVEN = Code("tape_uneven", "the tape's straights are not equally wide: part of it is hidden, or something "
                    "touches it")
-
-# A sentence of an old recording that no code stands for
-LEGACY_TEXT = Code("legacy_text", "{text}")
 
 CODES = tuple(code for code in globals().values() if isinstance(code, Code))
 

@@ -3,6 +3,7 @@
 RecordingRig: any of them while it is recorded: no shot is fired unless it is.
 """
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 
 from msgspec import UNSET
@@ -10,18 +11,20 @@ from msgspec.structs import replace
 
 from truearc.hw import protocols as hw
 from truearc.hw.devices.button_box.frames import PressCount, parse_lines
-from truearc.hw.devices.hood_encoder import Encoder
+from truearc.hw.devices.hood_encoder import CHECK, Encoder
+from truearc.hw.fault_codes import SPEED_JUMPED
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config
 from truearc.robot.hood_encoders import encoder_family_of
-from truearc.robot.motors import around_encoder, make_motors, name_axes
+from truearc.robot.motors import HOOD_MOTOR, around_encoder, make_motors, name_axes
 from truearc.robot.runtime import RigLayer, RobotIo
 from truearc.robot.types import Command, Inputs, Sent, Sighting, Tick
 from truearc.robot.vision_source import Eyes
 
 NS_PER_S = 1_000_000_000
 BOX_SILENT_NS = 1_500_000_000         # three missed heartbeats of the button box
+UNUSABLE = 3                          # frames in a row, of one kind; 30 ms of estimates at their usual rate
 STALL_NS = 500_000_000                # for so long after ticks have stood still what comes in may have waited meanwhile
 
 
@@ -55,6 +58,7 @@ class HardwareRig:
         self._withheld: Reason | None = None      # why the ball that is being fed is not
         self._faults: list[Reason] = []
         self._frames = 0
+        self._refused: dict[tuple[str, tuple[int, bool]], int] = {}     # frames in a row that could not be used
         self._is_lost = False         # the bus, when it was last read
         self._unseen: Reason | None = None        # why the newest image showed no target
 
@@ -75,7 +79,8 @@ class HardwareRig:
         self._read_ns = t_ns = self._clock.now_ns()       # nothing stamped on its way in is younger than the tick
         buttons = self._read_box(t_ns)
         for name, motor in zip(self._names, self._motors, strict=True):
-            self._faults += [fault.about(motor=name) for fault in motor.faults(t_ns)]
+            self._faults += [fault.about(motor=name) for fault in motor.faults(t_ns)
+                             if name != HOOD_MOTOR or not _is_stop(fault)]
         angle = self._encoder.read(t_ns)
         self._faults += self._encoder.faults(t_ns)
         self._cycle += 1
@@ -88,12 +93,12 @@ class HardwareRig:
         t_ns = self._clock.now_ns()
         command = self._withhold(command, t_ns)
         frames = [] if self._is_lost else list(self._encoder.frames(t_ns))
-        orders = [motor.order(torque_nm if command.enable else None, t_ns)
+        orders = [motor.order(torque_nm, t_ns)
                   for motor, torque_nm in zip(self._motors, self._torques_nm(command), strict=True)]
         for order in orders:
             frames += order.frames
         self._unsent = refused = sum(not self._send(frame) for frame in frames)
-        return _sent(command.enable, orders, refused)
+        return _sent(command, orders, refused)
 
     def picture(self) -> hw.CameraFrame | None:
         return self._eyes.picture()
@@ -122,13 +127,14 @@ class HardwareRig:
             self._withheld = because.BALL_WITHHELD(late_s=late_ns / NS_PER_S)
         return command if self._withheld is None else replace(command, feeder_torque_nm=0.0)
 
-    def _make_handlers(self) -> dict[tuple[int, bool], list[Callable[[hw.Frame], None]]]:
-        """What takes a frame: a motor, and the encoder that is on the same controller."""
-        handlers: dict[tuple[int, bool], list[Callable[[hw.Frame], None]]] = {}
-        takers = [*((motor.ids(), motor.take) for motor in self._motors), (self._encoder.ids(), self._encoder.take)]
-        for keys, take in takers:
+    def _make_handlers(self) -> dict[tuple[int, bool], list[tuple[str, Callable[[hw.Frame], None]]]]:
+        """What takes a frame, with its name: a motor, and the encoder that is on the same controller."""
+        handlers: dict[tuple[int, bool], list[tuple[str, Callable[[hw.Frame], None]]]] = {}
+        takers = [*((name, motor.ids(), motor.take) for name, motor in zip(self._names, self._motors, strict=True)),
+                  (CHECK, self._encoder.ids(), self._encoder.take)]
+        for name, keys, take in takers:
             for key in keys:
-                handlers.setdefault(key, []).append(take)
+                handlers.setdefault(key, []).append((name, take))
         return handlers
 
     def _read_bus(self) -> None:
@@ -145,11 +151,17 @@ class HardwareRig:
             self._faults.append(because.FRAMES_NOT_SENT(frames=self._unsent))
         handlers = self._handlers
         for frame in frames:
-            for handler in () if frame.is_remote else handlers.get((frame.arbitration_id, frame.is_extended), ()):
+            key = (frame.arbitration_id, frame.is_extended)
+            for name, take in () if frame.is_remote else handlers.get(key, ()):
                 try:
-                    handler(frame)
+                    take(frame)
+                    if self._refused:
+                        self._refused.pop((name, key), None)
                 except hw.BadFrame as error:
+                    self._refused[name, key] = self._refused.get((name, key), 0) + 1
                     self._faults.append(because.BAD_FRAME(cause=error.reason))
+        self._faults += [because.FRAMES_UNUSABLE(motor=name, frames=count)
+                         for (name, _), count in self._refused.items() if count >= UNUSABLE]
 
     def _read_box(self, t_ns: int) -> list[hw.ButtonEvent]:
         self._missed = None
@@ -180,11 +192,14 @@ class HardwareRig:
             self._unseen = sighting.reason
         return sighting
 
-    def _torques_nm(self, command: Command) -> list[float]:
+    def _torques_nm(self, command: Command) -> list[float | None]:
+        """Of each motor; None: released."""
         config = self._config
-        flywheel = _clamp(command.flywheel_torque_nm, config.flywheel.pid.output_high)
-        return [*[flywheel] * len(config.axes.flywheels), _clamp(command.hood_torque_nm, config.hood.pid.output_high),
-                _clamp(command.feeder_torque_nm, config.feeder.torque_nm)]
+        wheel, hood, feeder = (_clamp(torque_nm, limit_nm) if enable else None for enable, torque_nm, limit_nm in (
+            (command.enable_flywheel, command.flywheel_torque_nm, config.flywheel.pid.output_high),
+            (command.enable_hood, command.hood_torque_nm, config.hood.pid.output_high),
+            (command.enable_feeder, command.feeder_torque_nm, config.feeder.torque_nm)))
+        return [*[wheel] * len(config.axes.flywheels), hood, feeder]
 
     def _send(self, frame: hw.Frame) -> bool:
         try:
@@ -230,12 +245,20 @@ class RecordingRig(RigLayer):
         return replace(inputs, faults=(*inputs.faults, because.NOT_RECORDING(cause=trouble)))
 
 
+def _is_stop(fault: Reason) -> bool:
+    """Whether a speed that jumps is that of a hood that has met its stop."""
+    if fault.code != SPEED_JUMPED.name:
+        return False
+    before, after = (float(fault.params[name]) for name in ("before_rad_s", "after_rad_s"))    # type: ignore[arg-type]
+    return 0.0 <= after * math.copysign(1.0, before) < abs(before)
+
+
 def _clamp(torque_nm: float, limit_nm: float) -> float:
     return min(max(torque_nm, -abs(limit_nm)), abs(limit_nm))
 
 
-def _sent(enable: bool, orders: list[hw.Order], refused: int) -> Sent:
+def _sent(command: Command, orders: list[hw.Order], refused: int) -> Sent:
     *flywheels, hood, feeder = (order.torque_nm for order in orders)
     duties = tuple(order.duty for order in orders)
-    return Sent(enable, sum(flywheels) / len(flywheels), hood, feeder, refused,
-                UNSET if all(duty is None for duty in duties) else duties)
+    return Sent(command.enable_flywheel, command.enable_hood, command.enable_feeder, sum(flywheels) / len(flywheels),
+                hood, feeder, refused, UNSET if all(duty is None for duty in duties) else duties)

@@ -1,4 +1,5 @@
-"""One tick: estimate -> aim -> verdict -> control. Pure: no clock, no wires, no randomness, so a replay is exact."""
+"""One tick: estimate -> aim -> interlocks -> verdict -> control. Pure: no clock, no wires, no randomness, so that a
+replay is exact."""
 
 from msgspec import UNSET
 from msgspec.structs import replace
@@ -10,8 +11,10 @@ from truearc.robot.button_logic import operate
 from truearc.robot.config.schema import Config
 from truearc.robot.control import control
 from truearc.robot.estimate import estimate, remember
+from truearc.robot.gate.doubts import doubt_axes
 from truearc.robot.gate.model import Gate
 from truearc.robot.gate.verdict import judge, only_the_model_doubts
+from truearc.robot.motion import Wanted, watch
 from truearc.robot.types import Aim, Estimate, Inputs, Memory, Outcome, Shot, Tick, Verdict
 
 NS = 1e-9
@@ -26,8 +29,10 @@ def step(inputs: Inputs, memory: Memory, config: Config, gate: Gate | None, aims
     memory = remember(inputs, memory, config)
     belief = estimate(inputs, memory, config)
     aim, memory = _hold_aim(belief, memory, config, aims)
-    verdict = judge(inputs, belief, aim, memory, config, gate)
-    command, memory = control(inputs, belief, aim, verdict, memory, config)
+    wanted = Wanted(aim.motor_ratio * (config.rig.launcher.free_speed_rad_s or 0.0), aim.hood_deg)
+    watched = watch(inputs, belief, wanted, memory, config, doubt_axes(inputs, config))
+    verdict = judge(inputs, belief, aim, memory, config, gate, watched)
+    command, memory = control(inputs, belief, aim, verdict, memory, config, watched)
     if verdict.fire:
         shot = _shot(inputs, belief, verdict, memory, config)
         memory = replace(memory, last_shot=shot, awaiting=True, request_t_ns=0, doubt_t_ns=0)

@@ -106,12 +106,17 @@ class Verdict(Struct, frozen=True):
 
 
 class Command(Struct, frozen=True):
-    """Torques that the tick requests. Torque at the motor shaft; positive launches (raises the hood)."""
+    """What the tick requests of each axis: released, or driven with a torque.
 
-    enable: bool
-    flywheel_torque_nm: float                     # on each flywheel motor
-    hood_torque_nm: float
-    feeder_torque_nm: float
+    Torque at the motor shaft; positive launches (raises the hood). An axis that is not enabled is told to let go.
+    """
+
+    enable_flywheel: bool = False
+    enable_hood: bool = False
+    enable_feeder: bool = False
+    flywheel_torque_nm: float = 0.0               # on each flywheel motor
+    hood_torque_nm: float = 0.0
+    feeder_torque_nm: float = 0.0
 
 
 class Sent(Command, frozen=True):
@@ -124,6 +129,46 @@ class Sent(Command, frozen=True):
     refused: int = 0
     # flywheels, hood, feeder: the duty each was sent, None for none; absent when no axis was sent one
     duties: tuple[float | None, ...] | UnsetType = UNSET
+
+
+class Joint(Struct, frozen=True, omit_defaults=True):
+    """What the interlocks remember of wheels, hood or feeder (truearc.robot.motion); a stamp of 0 means not so.
+
+    Speeds and angles are those of the motor, `deg` the launch elevation.
+    """
+
+    cause: Reason | None = None                   # why it is released; None while it may be driven
+    is_latched: bool = False                      # released until it is disarmed and armed
+    good_t_ns: int = 0                            # while released: its readings have been good since then
+    releases_t_ns: tuple[int, ...] = ()           # of the last seconds, those in a measured stall not counted
+    peak_rad_s: float = 0.0                       # wheels: highest set point of the last seconds
+    peak_t_ns: int = 0                            # ... and when it was last the set point
+    push: int = 0                                 # sign of the torque
+    push_rad_s: float = 0.0                       # speed when the torque took that sign
+    stuck_t_ns: int = 0                           # driven without motion since then
+    hard_t_ns: int = 0                            # ... with a torque that moves what is free
+    stuck_at: float = 0.0                         # hood: angle then (rad); wheels: speed then (rad/s)
+    jams: int = 0                                 # hood: without motion between them
+    dropped_deg: float | None = None              # hood: set point that a small push did not reach
+    homing_t_ns: int = 0                          # hood: driven toward the limit switch since then
+    homing_rad: float = 0.0                       # ... from here
+    differ: int = 0                               # hood: encoder readings in a row that disagree with the screw
+    angle_t_ns: int = 0                           # hood: its encoder's newest reading
+    angle_deg: float = 0.0
+    angle_deg_s: float = 0.0                      # ... and its rate from the one before
+
+
+class Motion(Struct, frozen=True, omit_defaults=True):
+    """Interlocks of motion of all axes, while armed."""
+
+    armed_t_ns: int = 0
+    active_t_ns: int = 0                          # a target was in sight or a shot asked for
+    is_idle: bool = False                         # neither for so long that the wheels are let run down
+    wheels: Joint = field(default_factory=Joint)
+    hood: Joint = field(default_factory=Joint)
+    feeder: Joint = field(default_factory=Joint)
+    flywheel_torque_nm: float = 0.0               # of the last tick's command
+    hood_torque_nm: float = 0.0
 
 
 class Pid(Struct, frozen=True):
@@ -230,6 +275,7 @@ class Memory(Struct, frozen=True):
     watched: Watched | UnsetType = UNSET          # only while advising
     count: Count | UnsetType = UNSET              # only without a hood encoder
     zero_deg: float | UnsetType = UNSET           # of a hood encoder that homing zeroes; absent until it has
+    motion: Motion | UnsetType = UNSET            # only while armed
 
 
 class Tick(Struct, frozen=True):

@@ -24,7 +24,6 @@ PHRASES = ROOT / "tests" / "house" / "phrases.toml"
 CODE = ("hw", "robot", "sim", "model_export", "truearc", "proof", "benchmarks", "tools", "examples")
 PAGES = ("docs", "benchmarks", "examples", "paper", ".github")
 ALLOW = "prose: allow"
-OLD = ("schema1_sentences.toml",)     # sentences of recordings made before reasons had codes; read, never written
 QUOTED = r""""(\\.|[^"\\\n])*"|'(\\.|[^'\\\n])*'"""
 TOML = re.compile(rf"(?P<comment>#[^\n]*(\n[ \t]*#[^\n]*)*)|(?P<string>{QUOTED})")
 SCRIPT = re.compile(rf"(?P<comment>//[^\n]*(\n[ \t]*//[^\n]*)*)|(?P<string>{QUOTED}|`[^`]*`)")
@@ -67,7 +66,7 @@ def find_files(root: Path = ROOT) -> list[Path]:
     code = [path for folder in CODE for suffix in SPLIT for path in (root / folder).rglob(f"*{suffix}")]
     pages = [*root.glob("*.md"), *(path for folder in PAGES for path in (root / folder).rglob("*.md"))]
     return sorted(path for path in {*code, *pages}
-                  if not {"build", "__pycache__", *OLD} & {*path.parts} and ".egg-info" not in str(path))
+                  if not {"build", "__pycache__"} & {*path.parts} and ".egg-info" not in str(path))
 
 
 def find_hits(path: Path, phrases: list[Phrase]) -> list[Hit]:

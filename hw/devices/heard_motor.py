@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable
 
-from truearc.hw.encoder_plausibility import Agreement
+from truearc.hw.encoder_plausibility import LAG_S, Agreement
 from truearc.hw.protocols import Frame, MotorReading, Order
 from truearc.hw.reason import Reason
 
@@ -12,14 +12,16 @@ Parse = Callable[[Frame, MotorReading], MotorReading]
 class HeardMotor:
     """A truearc.hw.protocols.Motor that sends no frame, whatever torque it is given.
 
-    device: as messages name it, such as "odrive node 1". frame_ids: of the frames that `parse` understands.
+    device: as messages name it, such as "odrive node 1". frame_ids: of the frames that `parse` understands. lag_s: by
+    which its filter may report a changing speed late.
     """
 
-    def __init__(self, device: str, frame_ids: Iterable[int], is_extended: bool, parse: Parse) -> None:
+    def __init__(self, device: str, frame_ids: Iterable[int], is_extended: bool, parse: Parse,
+                 lag_s: float = LAG_S) -> None:
         self.reading = MotorReading()
         self._device, self._parse = device, parse
         self._ids = tuple((frame_id, is_extended) for frame_id in frame_ids)
-        self._agreement = Agreement()
+        self._agreement = Agreement(lag_s)
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
         return self._ids

@@ -106,7 +106,7 @@ class AdviceIo:
 
     def write(self, command: Command) -> Sent:
         """Send nothing."""
-        return Sent(False, 0.0, 0.0, 0.0)
+        return Sent(False, False, False, 0.0, 0.0, 0.0)
 
     def picture(self) -> CameraFrame | None:
         return None

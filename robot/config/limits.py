@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from truearc.hw.devices.axis import driver_of
+from truearc.hw.devices.registry import family_of
 from truearc.robot.config.nt4 import nt4_errors
 from truearc.robot.config.rig_spec import AIR_KG_M3, DENSEST_KG_M3, TERMS, Rig, too_large
 from truearc.robot.config.toml_errors import did_you_mean
@@ -32,6 +33,9 @@ def contradictions(config: Any) -> Iterator[tuple[str, str]]:
     yield from _of_motors(config)
     yield from _of_choices(config)
     yield from _of_encoder(config)
+    if not config.hood.holds_itself and family_of(config.axes.hood).is_commanded:
+        yield "hood.holds_itself", ("is not true; a hood that sinks without torque is not driven, since a released one "
+                                    "would fall. Write true if it stays where it is, as on an acme screw")
     hood, turn = (config.hood.low_deg, config.hood.high_deg), "a motor is turned round by its direction"
     for keys, (least, most), why in (
             ("flywheel.pid.kp flywheel.pid.ki flywheel.pid.kd hood.pid.kp hood.pid.ki hood.pid.kd", (0.0, math.inf),

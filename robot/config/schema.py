@@ -68,7 +68,7 @@ class PidGains(Struct, frozen=True, forbid_unknown_fields=True):
     output_high: Finite
 
 
-class Flywheel(Struct, frozen=True, forbid_unknown_fields=True):
+class Flywheel(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Speed loop on the belt: output is torque on each motor; feed-forward ks + kv w + ka dw/dt."""
 
     pid: PidGains                     # input rad/s at the motor
@@ -79,9 +79,10 @@ class Flywheel(Struct, frozen=True, forbid_unknown_fields=True):
     tolerance_rad_s: Positive
     spread_rad_s: Positive               # motors of one belt may differ by this much
     steady_s: Doubt                   # within tolerance this long before firing
+    idle_s: Annotated[float, msgspec.Meta(ge=0.0, le=3600.0)] = 10.0     # without target and request; 0 = never
 
 
-class Hood(Struct, frozen=True, forbid_unknown_fields=True):
+class Hood(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Angle loop over an acme screw: a motor on a pivot turns the screw, a nut on the hood rides it."""
 
     pid: PidGains                     # input degrees of elevation; output Nm at the motor
@@ -97,6 +98,8 @@ class Hood(Struct, frozen=True, forbid_unknown_fields=True):
     included_deg: Finite               # angle motor-pivot-nut when the elevation is 0; it grows with elevation
     homing_torque_nm: Finite           # negative: towards the switch
     crosscheck_deg: Positive             # absolute and screw encoder may differ by this much
+    max_deg_s: Annotated[float, msgspec.Meta(ge=1.0, le=180.0)] = 20.0
+    holds_itself: bool = False        # it stays where it is without torque; no other hood is driven
 
 
 class Feeder(Struct, frozen=True, forbid_unknown_fields=True):

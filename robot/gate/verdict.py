@@ -3,33 +3,35 @@
 FIRE means: the driver asked, everything that can be checked is known and good, and (policy "model") the model agrees.
 """
 
+import itertools
 import math
 
-from msgspec import UNSET, UnsetType
+from msgspec import UNSET
 
-from truearc.hw.devices.axis import Axis
-from truearc.hw.devices.registry import family_of
-from truearc.hw.protocols import AngleReading, MotorReading
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.aim import BEYOND, NO_FILE, as_at_rest, is_moving, is_planned, speed_m_s
 from truearc.robot.config.schema import Config, GateConfig
 from truearc.robot.gate.contract import FEATURES, NOVELTY_LIMIT
+from truearc.robot.gate.doubts import doubted_readings
 from truearc.robot.gate.model import Gate, Rating
-from truearc.robot.hood_encoders import encoder_family_of
-from truearc.robot.motors import name_axes
+from truearc.robot.motion import Watch
+from truearc.robot.motion import reasons as motion_reasons
 from truearc.robot.types import Aim, Estimate, Inputs, Memory, Verdict
 
 NS = 1e-9
-HEARTBEAT_S = 0.25                    # axes, and the hood's encoder, say how they are every 0.1 s; two may be lost
-ERRORS_S = 1.0                        # a SPARK says its errors every 0.25 s; three may be lost
 FARTHEST_M = FEATURES[0].high         # no launcher is further from its target
-ENCODER = "hood encoder"
 
 
-def judge(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: Config, gate: Gate | None) -> Verdict:
-    """The verdict of one tick; `reasons` is empty exactly when `fire` is true."""
-    reasons = [*_operator(memory), *inputs.faults, *doubted_readings(inputs, config),
+def judge(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: Config, gate: Gate | None,
+          watched: Watch | None = None) -> Verdict:
+    """The verdict of one tick; `reasons` is empty exactly when `fire` is true.
+
+    watched: the interlocks of motion; None where nothing is driven.
+    """
+    doubts = doubted_readings(inputs, config) if watched is None else itertools.chain(*watched.doubts)
+    reasons = [*_operator(memory), *inputs.faults, *([] if watched is None else motion_reasons(watched.motion)),
+               *doubts,
                *([] if memory.homed else [because.HOOD_NOT_HOMED()]), *_launcher(inputs, estimate, aim, memory, config),
                *judge_target(inputs, estimate, config), *judge_motion(estimate, aim, config)]
     p_two, p_three, doubts = judge_model(as_at_rest(estimate, aim), config.gate, gate)
@@ -54,46 +56,6 @@ def _operator(memory: Memory) -> list[Reason]:
     elif not memory.request_t_ns:
         reasons.append(because.FIRE_NOT_REQUESTED())
     return reasons
-
-
-def doubted_readings(inputs: Inputs, config: Config) -> list[Reason]:
-    """Reasons from missing, stale or faulty readings of the motors and the hood's encoder."""
-    reasons: list[Reason] = []
-    motors = (*inputs.flywheels, inputs.hood_motor, inputs.feeder)
-    for (name, axis), motor in zip(name_axes(config), motors, strict=True):
-        reasons += _motor(name, axis, motor, inputs.t_ns, config.gate)
-    return reasons + (_encoder(inputs.hood_angle, inputs.t_ns, config) if config.hood_encoder.is_heard else [])
-
-
-def _encoder(angle: AngleReading | None, t_ns: int, config: Config) -> list[Reason]:
-    if angle is None:
-        return [because.DEVICE_NEVER_RECEIVED(device=ENCODER)]
-    if not _young(t_ns - angle.t_ns, config.gate.reading_age_s):
-        return [because.DEVICE_STALE(device=ENCODER, age_s=(t_ns - angle.t_ns) * NS)]
-    if missing := _no_fault_report(ENCODER, angle.faults_t_ns, t_ns, HEARTBEAT_S):
-        return [missing]
-    if errors := tuple(encoder_family_of(config.hood_encoder).errors(config.hood_encoder, angle.faults)):
-        return [because.MOTOR_ERROR(motor=ENCODER, errors=errors)]
-    return [] if angle.magnet_ok else [because.MAGNET_LOST()]
-
-
-def _motor(name: str, axis: Axis, motor: MotorReading, t_ns: int, gate: GateConfig) -> list[Reason]:
-    if motor.t_ns == 0 or motor.heartbeat_t_ns == 0:
-        return [because.DEVICE_NEVER_RECEIVED(device=name)]
-    if not _young(t_ns - motor.t_ns, gate.reading_age_s):
-        return [because.DEVICE_STALE(device=name, age_s=(t_ns - motor.t_ns) * NS)]
-    if not _young(t_ns - motor.heartbeat_t_ns, HEARTBEAT_S):
-        return [because.DEVICE_HEARTBEAT_STALE(device=name, age_s=(t_ns - motor.heartbeat_t_ns) * NS)]
-    if missing := _no_fault_report(name, motor.errors_t_ns, t_ns, ERRORS_S):
-        return [missing]
-    if not all(map(math.isfinite, (motor.position_rad, motor.velocity_rad_s, motor.current_a, motor.bus_v))):
-        return [because.MOTOR_NOT_FINITE(motor=name)]
-    family = family_of(axis)
-    if errors := family.errors(axis, motor):
-        return [because.MOTOR_ERROR(motor=name, errors=errors)]
-    if not family.is_driven(axis, motor):
-        return [because.MOTOR_NOT_DRIVEN(motor=name, state=motor.axis_state)]
-    return []
 
 
 def _launcher(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> list[Reason]:
@@ -197,18 +159,3 @@ def _outside(rating: Rating) -> Reason:
     if rating.novelty is not None and rating.novelty > NOVELTY_LIMIT:
         return because.MODEL_OUTSIDE_DOMAIN(novelty=rating.novelty)
     return because.MODEL_OUTSIDE_DOMAIN()
-
-
-def _no_fault_report(device: str, stamp_ns: int | UnsetType, t_ns: int, limit_s: float) -> Reason | None:
-    """Whether a report that must come is missing; None when it has come, and where none must."""
-    if stamp_ns is UNSET:
-        return None
-    if stamp_ns == 0:
-        return because.DEVICE_FAULTS_NEVER_RECEIVED(device=device)
-    if _young(t_ns - stamp_ns, limit_s):
-        return None
-    return because.DEVICE_FAULTS_STALE(device=device, age_s=(t_ns - stamp_ns) * NS)
-
-
-def _young(age_ns: int, limit_s: float) -> bool:
-    return 0 <= age_ns * NS <= limit_s

@@ -7,7 +7,7 @@ from msgspec import UNSET, Struct, UnsetType
 from truearc.hw.protocols import MotorReading
 from truearc.hw.reason import FAULT, YOU
 from truearc.robot.config.schema import Config
-from truearc.robot.gate.verdict import HEARTBEAT_S
+from truearc.robot.gate.doubts import HEARTBEAT_S
 from truearc.robot.motors import name_axes
 from truearc.robot.operator_ui.driver_messages import Told, tell
 from truearc.robot.operator_ui.page_state import Glance, PageTrial

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from truearc.robot.config.schema import Config
-from truearc.robot.gate.verdict import doubted_readings
+from truearc.robot.gate.doubts import doubted_readings
 from truearc.robot.reasons import DEVICE_HEARTBEAT_STALE, DEVICE_NEVER_RECEIVED, DEVICE_STALE, text
 from truearc.robot.runtime import RigLayer, RobotIo
 from truearc.robot.types import Command, Inputs, Sent

@@ -24,10 +24,9 @@ from truearc.robot.config.rig_spec import with_nan
 from truearc.robot.config.schema import MAX_TEXT_BYTES, Config, InputError, in_words, load_bytes, naming, read_axis
 from truearc.robot.gate.model import Gate, load_gate
 from truearc.robot.recording.rows import RowFormat, Rows2, Trial
-from truearc.robot.recording.schema1 import Rows1
 from truearc.robot.types import Tick
 
-FORMAT, FORMAT_1 = "truearc.session/2", "truearc.session/1"
+FORMAT = "truearc.session/2"
 HEADER, CONFIG, MODEL, TELEMETRY, CAN, TRIALS, FRAMES, LATENESS = (
     "session.json", "config.json", "model.onnx", "telemetry.mcap", "can0.log", "trials.jsonl", "frames",
     "lateness.jsonl")
@@ -56,7 +55,7 @@ class Picture(Struct, frozen=True):
     file: str
 
 
-FORMATS: dict[str, Callable[[], RowFormat]] = {FORMAT_1: Rows1, FORMAT: Rows2}
+FORMATS: dict[str, Callable[[], RowFormat]] = {FORMAT: Rows2}
 
 
 def make_trials(tick: Tick) -> list[Trial]:

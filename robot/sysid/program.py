@@ -3,10 +3,10 @@
 from msgspec import Struct
 
 from truearc.robot.config.schema import Config, Excite, InputError
+from truearc.robot.motion import OVERSPEED
 
 READY, HOME, COAST, RAMP, STEP = "ready", "home", "coast", "ramp", "step"
 FLYWHEEL, HOOD = "flywheel", "hood"
-OVERSPEED = 1.15                      # times top_rad_s: everything is let go
 STILL = 0.02                          # times top_rad_s: it has come to rest
 READY_S = 5.0                         # from arming until every axis is under control
 

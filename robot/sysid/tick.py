@@ -1,27 +1,28 @@
 """One tick of system identification: any fault releases every motor, for good. Pure, like truearc.robot.tick, so a
-replay is exact.
+replay is exact. The interlocks of motion are those of launching (truearc.robot.motion).
 
 The operator arms once; any button after that releases. What has ended never begins again by itself.
 """
 
 from collections.abc import Callable
+from itertools import chain
 
-from msgspec import UnsetType
+from msgspec import UNSET, UnsetType
 from msgspec.structs import replace
 
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config
-from truearc.robot.control import RELEASED
+from truearc.robot.control import RELEASED, home
 from truearc.robot.estimate import estimate, remember
+from truearc.robot.gate.doubts import doubt_axes
 from truearc.robot.gate.model import Gate
-from truearc.robot.gate.verdict import doubted_readings
-from truearc.robot.sysid.program import COAST, FLYWHEEL, HOME, HOOD, OVERSPEED, READY, STILL, Phase, phases
-from truearc.robot.types import Aim, Command, Estimate, Inputs, Memory, Progress, Tick, Verdict
+from truearc.robot.motion import Wanted, Watch, watch
+from truearc.robot.sysid.program import COAST, FLYWHEEL, HOME, HOOD, READY, STILL, Phase, phases
+from truearc.robot.types import Aim, Command, Estimate, Inputs, Memory, Motion, Progress, Tick, Verdict
 
 NS = 1e-9
 POLICY = "identify"                   # what the session's header says
-BACKWARDS = 0.05                      # times top_rad_s: it turns against its torque
 LIMIT_SHARE = 0.5                     # of the hood's margin: nearer to an end of its travel everything is let go
 
 
@@ -34,9 +35,16 @@ def make_step(config: Config) -> Callable[[Inputs, Memory, Config, Gate | None],
         memory, progress = _operate(inputs, memory, progress)
         memory = remember(inputs, memory, config)
         belief = estimate(inputs, memory, config)
-        progress = _advance(inputs, belief, memory, progress, program, config)
-        memory = replace(memory, armed=memory.armed and progress.over is None, identify=progress)
-        command = _command(inputs, progress, program) if memory.armed else RELEASED
+        watched = _watch(inputs, belief, memory, progress, program, config)
+        progress = _advance(inputs, belief, memory, progress, program, config, watched)
+        memory = replace(memory, armed=memory.armed and progress.over is None, identify=progress, motion=UNSET)
+        command = RELEASED
+        if memory.armed:
+            command = _command(inputs, belief, progress, program, config, watched)
+            motion = watched.motion
+            memory = replace(memory, motion=Motion(
+                motion.armed_t_ns, motion.active_t_ns, False, motion.wheels, motion.hood, motion.feeder,
+                command.flywheel_torque_nm, command.hood_torque_nm))
         return Tick(inputs, belief, Aim(0.0, belief.hood_deg or 0.0, POLICY),
                     Verdict(False, (say(progress, program),)), command, memory)
 
@@ -71,16 +79,28 @@ def _operate(inputs: Inputs, memory: Memory, progress: Progress) -> tuple[Memory
     return memory, progress
 
 
+def _watch(inputs: Inputs, belief: Estimate, memory: Memory, progress: Progress, program: tuple[Phase, ...],
+           config: Config) -> Watch:
+    """The interlocks of motion, for the joint that is driven."""
+    assert config.identify is not None
+    on_wheels = program[progress.phase].joint == FLYWHEEL
+    wanted = Wanted(config.identify.flywheel.top_rad_s if on_wheels else 0.0, None, config.identify.hood.top_rad_s)
+    return watch(inputs, belief, wanted, memory, config, doubt_axes(inputs, config))
+
+
 def _advance(inputs: Inputs, belief: Estimate, memory: Memory, progress: Progress, program: tuple[Phase, ...],
-             config: Config) -> Progress:
+             config: Config, watched: Watch) -> Progress:
     if progress.over is not None or not progress.since_t_ns:
         return progress
     phase, since_s = program[progress.phase], (inputs.t_ns - progress.since_t_ns) * NS
-    doubts = [*inputs.faults, *doubted_readings(inputs, config)]
+    doubts = [*inputs.faults, *chain(*watched.doubts)]
     if phase.kind == READY:
         if doubts and since_s < phase.longest_s:
             return progress
     else:
+        motion = watched.motion
+        doubts += [joint.cause for joint in (motion.wheels, motion.hood, motion.feeder)
+                   if joint.cause is not None and joint.cause not in doubts]
         doubts += _trespasses(inputs, belief, phase, config)
     speed = _speed(inputs, belief, phase.joint)
     late = since_s >= phase.longest_s
@@ -95,10 +115,14 @@ def _advance(inputs: Inputs, belief: Estimate, memory: Memory, progress: Progres
     return Progress(progress.phase + 1, inputs.t_ns)
 
 
-def _command(inputs: Inputs, progress: Progress, program: tuple[Phase, ...]) -> Command:
+def _command(inputs: Inputs, belief: Estimate, progress: Progress, program: tuple[Phase, ...], config: Config,
+             watched: Watch) -> Command:
     phase = program[progress.phase]
     asked_nm = phase.asked_nm((inputs.t_ns - progress.since_t_ns) * NS)
-    return Command(True, asked_nm if phase.joint == FLYWHEEL else 0.0, asked_nm if phase.joint == HOOD else 0.0, 0.0)
+    if phase.kind == HOME:
+        asked_nm = home(inputs, belief, watched.motion.hood.angle_deg_s, config)
+    return Command(True, True, True, asked_nm if phase.joint == FLYWHEEL else 0.0,
+                   asked_nm if phase.joint == HOOD else 0.0, 0.0)
 
 
 def _speed(inputs: Inputs, belief: Estimate, joint: str) -> float:
@@ -109,11 +133,6 @@ def _trespasses(inputs: Inputs, belief: Estimate, phase: Phase, config: Config) 
     """What must not happen in any phase."""
     speed = _speed(inputs, belief, phase.joint)
     reasons = []
-    if phase.kind != HOME and not abs(speed) <= OVERSPEED * phase.top_rad_s:
-        reasons.append(because.JOINT_OVERSPEED(joint=phase.joint, speed_rad_s=speed, factor=OVERSPEED,
-                                         top_rad_s=phase.top_rad_s))
-    if phase.torque_nm and not speed * phase.sign >= -BACKWARDS * phase.top_rad_s:
-        reasons.append(because.JOINT_BACKWARDS(joint=phase.joint))
     if not belief.motor_spread_rad_s <= config.flywheel.spread_rad_s:
         reasons.append(because.FLYWHEELS_DIFFER(spread_rad_s=belief.motor_spread_rad_s))
     return reasons + (_hood(belief, phase, speed, config) if phase.joint == HOOD else [])
@@ -124,8 +143,6 @@ def _hood(belief: Estimate, phase: Phase, speed: float, config: Config) -> list[
         return []
     if belief.hood_deg is None or belief.hood_screw_deg is None:
         return [because.HOOD_UNKNOWN()]
-    if not abs(belief.hood_deg - belief.hood_screw_deg) <= config.hood.crosscheck_deg:
-        return [because.HOOD_ENCODERS_DISAGREE(encoder_deg=belief.hood_deg, screw_deg=belief.hood_screw_deg)]
     low_deg, high_deg = _window(config, LIMIT_SHARE)
     slow = STILL * phase.top_rad_s
     if (belief.hood_deg > high_deg and speed > slow) or (belief.hood_deg < low_deg and speed < -slow):

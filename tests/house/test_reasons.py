@@ -18,7 +18,7 @@ from truearc.robot.operator_ui.driver_messages import MESSAGES
 ROOT = Path(__file__).parents[2]
 CODES = (*fault_codes.CODES, *reasons.CODES)
 DECLARING = (ROOT / "hw" / "fault_codes.py", ROOT / "robot" / "reasons.py")
-TELLING = (ROOT / "robot" / "operator_ui" / "driver_messages.py", ROOT / "robot" / "recording" / "schema1.py")
+TELLING = (ROOT / "robot" / "operator_ui" / "driver_messages.py",)
 KINDS = {"text", "count", "flag", "motor", "device", "texts", "counts", "reason", "reasons"}
 UNITS = {"s", "m", "m/s", "deg", "rad/s", "Nm", "px", "ms", "ratio", "share", "probability", "of the signal",
          "of the parameter"}
@@ -100,8 +100,6 @@ def test_a_code_declares_its_parameters_and_words_them(code):
 
 @pytest.mark.parametrize("code", CODES, ids=lambda code: code.name)
 def test_a_code_is_made_somewhere(code):
-    if code is reasons.LEGACY_TEXT:
-        pytest.skip("made by the reader of old recordings alone")
     assert any(name == code.name.upper() for name, _, _ in CALLS)
 
 

@@ -14,7 +14,7 @@ from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.motor import OdriveMotor
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.motor import SparkHeartbeat, SparkMotor
-from truearc.hw.encoder_plausibility import Agreement
+from truearc.hw.encoder_plausibility import LAG_S, OWN_LAG_S, Agreement
 from truearc.hw.fault_codes import BY_NAME, ENCODER_MISMATCH
 from truearc.hw.protocols import Frame, MotorReading
 from truearc.hw.reason import render
@@ -82,9 +82,9 @@ def test_it_stands_among_a_motors_faults():
 # --- what is healthy
 
 
-def listen(stream):
+def listen(stream, lag_s=OWN_LAG_S):
     """Whether any of (stamp in s, position, speed) is thought to contradict what came before."""
-    agreement, before = Agreement(), MotorReading()
+    agreement, before = Agreement(lag_s), MotorReading()
     told = None
     for t_s, position_rad, velocity_rad_s in stream:
         reading = MotorReading(round(t_s * 1e9), position_rad, velocity_rad_s)
@@ -124,12 +124,39 @@ def late(stream, lag_s, step=0.01):
 @pytest.mark.parametrize("lag_s", [0.0, 0.02, 0.1])
 def test_spinning_up_drooping_and_stopping_are_no_contradiction(step, lag_s):
     assert listen(motion(wheel, step=step)) is None
-    assert listen(late(motion(wheel, step=step), lag_s, step)) is None
+    assert listen(late(motion(wheel, step=step), lag_s, step), LAG_S) is None
+
+
+@pytest.mark.parametrize("speed_rad_s2", [900.0, 4500.0])
+@pytest.mark.parametrize("lag_s", [0.0, 0.008, 0.02])
+def test_a_quick_filter_on_wheels_under_full_torque_is_no_contradiction(speed_rad_s2, lag_s):
+    """The shipped wheels, and wheels of a fifth of their inertia; the second lag is that which a SPARK is set to."""
+    def spin_up(t_s):
+        return min(speed_rad_s2 * max(t_s - 0.3, 0.0), 400.0)
+    assert listen(late(motion(spin_up, step=0.01), lag_s, 0.01)) is None
+
+
+@pytest.mark.parametrize("scale", [0.0, 0.5, 0.67, 1.5, -1.0])
+def test_a_scaled_speed_is_named_within_a_quarter_of_a_second_from_rest(scale):
+    def spin_up(t_s):
+        return 900.0 * max(t_s - 0.3, 0.0)
+    stream = ((t_s, position, scale * speed) for t_s, position, speed in motion(spin_up, seconds=0.55, step=0.01))
+    assert listen(stream) is not None
+
+
+@pytest.mark.parametrize("after", [0.0, -358.0, 3.6e-41])
+def test_a_speed_that_no_motor_reaches_at_once_is_named(after):
+    motor = FAMILIES["odrive"]()
+    for number in range(60):
+        speed = 358.0 if number < 50 else after
+        motor.take(frame("odrive", (100 + number) * 10 * MS, 3.58 * number, speed))
+        assert (contradiction(motor) is not None) == (number >= 50), number
 
 
 @pytest.mark.parametrize("amplitude", [20.0, 200.0])
 def test_nor_is_a_hood_that_goes_to_and_fro(amplitude):
-    assert listen(motion(lambda t_s: amplitude * math.copysign(1.0, math.sin(8.0 * t_s)))) is None
+    """Its speed turns round within 80 ms."""
+    assert listen(motion(lambda t_s: amplitude * min(max(4.0 * math.sin(8.0 * t_s), -1.0), 1.0))) is None
 
 
 @given(late_ms=st.lists(st.floats(0.0, 20.0), min_size=20, max_size=20),

@@ -6,7 +6,7 @@ import pytest
 
 from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.devices.odrive.motor import OdriveMotor
-from truearc.hw.encoder_plausibility import MOVING_RAD_S
+from truearc.hw.encoder_plausibility import SLACK_RAD_S
 from truearc.hw.fault_codes import ENCODER_STUCK
 from truearc.hw.protocols import Frame
 
@@ -38,7 +38,7 @@ def test_an_encoder_that_claims_to_turn_and_stands_still_is_named(motor: OdriveM
 
 
 def test_one_that_stands_still_and_says_so_is_not(motor: OdriveMotor) -> None:
-    slow = 0.9 * MOVING_RAD_S / 6.2832
+    slow = 0.9 * SLACK_RAD_S / 6.2832
     for tick in range(1, 50):
         feed(motor, tick * 10 * MS, 1.0, slow)
     assert motor.faults(500 * MS) == ()

@@ -39,7 +39,7 @@ def test_a_reading_that_goes_stale_ends_it_in_hold(tmp_path, device, joint):
     over = drive_twin(only(joint), tmp_path / "s", World(2), lambda text: None, nodes_of=nodes_with({device: (fault,)}))
     assert DEVICE_STALE.name in codes(over.params["causes"])
     last = [tick for tick, _ in TickReader(tmp_path / "s")][-1]
-    assert not last.sent.enable and last.sent.flywheel_torque_nm == last.sent.hood_torque_nm == 0.0
+    assert not last.sent.enable_flywheel and last.sent.flywheel_torque_nm == last.sent.hood_torque_nm == 0.0
     assert last.inputs.t_ns <= 3 * SECOND + (CONFIG.gate.reading_age_s + 0.1) * SECOND
     assert not last.verdict.fire and last.verdict.reasons == (over,)
     assert replay(tmp_path / "s")[1] is None
@@ -60,7 +60,7 @@ def test_nobody_arms_nothing_moves(tmp_path):
     assert over == IDENTIFY_RELEASED(button="arm")
     ticks = [tick for tick, _ in TickReader(tmp_path / "s")]
     early = [tick for tick in ticks if tick.inputs.t_ns < 2 * SECOND]
-    assert len(early) > 300 and all(not tick.sent.enable and tick.inputs.flywheels[0].velocity_rad_s == 0.0
+    assert len(early) > 300 and all(not tick.sent.enable_flywheel and tick.inputs.flywheels[0].velocity_rad_s == 0.0
                                     for tick in early)
     assert any(tick.sent.flywheel_torque_nm > 0.0 for tick in ticks)
 
@@ -126,7 +126,7 @@ def test_the_real_door_with_silent_devices_ends_in_hold_and_leaves_a_session(tmp
     said = capsys.readouterr().err
     assert code == 1 and "waiting for the axes" in said and "no frames received since the start" in said
     ticks = [tick for tick, _ in TickReader(tmp_path / "s")]
-    assert any(tick.sent.enable for tick in ticks)
+    assert any(tick.sent.enable_flywheel for tick in ticks)
     assert all(tick.sent.flywheel_torque_nm == tick.sent.hood_torque_nm == 0.0 for tick in ticks)
     assert replay(tmp_path / "s")[1] is None
 

@@ -195,7 +195,7 @@ def test_a_service_is_ready_within_a_second_and_alive_ten_times_a_second(session
     watched = WatchedRig(rig, load_session_config(folder), lambda message: heard.append((rig.recorded, message)))
     ticks = 0
     while watched.read() is not None:
-        watched.write(Command(False, 0.0, 0.0, 0.0))
+        watched.write(Command(False, False, False, 0.0, 0.0, 0.0))
         ticks += 1
     ready = [tick.inputs.cycle for tick, message in heard if message.startswith("READY=1")]
     assert len(ready) == 1 and ready[0] <= 200

@@ -47,6 +47,6 @@ def good_inputs(motor_rad_s: float | None = None, hood_deg: float | None = None,
     travel = screw_length_m(hood_deg, CONFIG.hood) - screw_length_m(CONFIG.hood.low_deg, CONFIG.hood)
     turned = travel / CONFIG.hood.screw_lead_m * 2 * math.pi
     angle = math.radians((hood_deg * CONFIG.hood_encoder.direction + CONFIG.hood_encoder.zero_deg) % 360)
-    return Inputs(NOW_NS, 2000, (motor, motor), replace(motor, position_rad=turned, velocity_rad_s=0.0),
-                  replace(motor, velocity_rad_s=0.0), AngleReading(stamp, angle, True, 0, stamp), None,
-                  buttons, ())
+    hood = replace(motor, position_rad=turned, velocity_rad_s=0.0, endstop_t_ns=stamp)
+    return Inputs(NOW_NS, 2000, (motor, motor), hood, replace(motor, velocity_rad_s=0.0),
+                  AngleReading(stamp, angle, True, 0, stamp), None, buttons, ())

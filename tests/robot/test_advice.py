@@ -244,7 +244,7 @@ def test_it_records_a_session_that_replays_to_the_bit_and_has_its_shots(tmp_path
     shots = [trial.shot for trial in load_trials(folder) if trial.shot is not None]
     assert [shot.distance_m for shot in shots] == pytest.approx([2.2488] * 2, rel=1e-3)
     ticks = [tick for tick, _ in TickReader(folder)]
-    assert len(ticks) == 8 * HZ and not any(tick.command.enable for tick in ticks)
+    assert len(ticks) == 8 * HZ and not any(tick.command.enable_flywheel for tick in ticks)
     assert main(["session", "replay", str(folder), "--check"]) == 0
     assert "400 ticks" in capsys.readouterr().out
 

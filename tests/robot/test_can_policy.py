@@ -74,7 +74,7 @@ def test_what_a_rig_sends_is_allowed_whatever_it_is_asked(bench) -> None:
     rig = HardwareRig(CONFIG, bus, Stream(), eyes, clock, lambda: False)
     for tick in range(1000):
         rig.read()
-        rig.write(Command(tick // 50 % 2 == 0, 0.001 * tick, -0.0001 * tick, 0.1))
+        rig.write(Command(*[tick // 50 % 2 == 0] * 3, 0.001 * tick, -0.0001 * tick, 0.1))
     rig.release()
     assert not tally and len(wire.sent) > 2000
 

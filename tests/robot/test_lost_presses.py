@@ -41,7 +41,7 @@ def test_neither_the_request_nor_the_arming_outlives_it(what):
     later = tick(at_once.memory)
     for one in (at_once, later):
         assert one.verdict.reasons[:2] == (DISARMED_BY_BOX(cause=what), FIRE_NOT_REQUESTED())
-        assert not one.command.enable and not one.memory.armed and not one.memory.request_t_ns
+        assert not one.command.enable_flywheel and not one.memory.armed and not one.memory.request_t_ns
 
 
 @WHATS
@@ -79,7 +79,7 @@ def test_identifying_is_ended_by_it_for_any_press_would_end_it(what):
     for since_ns, over in ((NOW_NS - 1, IDENTIFY_RELEASED_BY_BOX(cause=what)), (0, None)):
         memory = Memory(armed=bool(since_ns), identify=Progress(0, since_ns))
         out = make_step(CONFIG)(replace(good_inputs(buttons=pressed("arm")), missed=what), memory, CONFIG, None)
-        assert out.memory.identify.over == over and not out.command.enable
+        assert out.memory.identify.over == over and not out.command.enable_flywheel
 
 
 # --- on the wire

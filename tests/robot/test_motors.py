@@ -80,7 +80,7 @@ def test_what_a_spark_was_sent_is_recorded_beside_its_torque() -> None:
 def test_until_a_spark_is_set_up_nothing_is_said_to_be_sent() -> None:
     bench = Bench(ALL_SPARK)
     sent = bench.tick(ASKED, 3, 11, 12, 14)
-    assert sent == Sent(True, 0.0, 0.0, 0.0) and isinstance(sent.duties, msgspec.UnsetType)
+    assert sent == Sent(True, True, True, 0.0, 0.0, 0.0) and isinstance(sent.duties, msgspec.UnsetType)
     assert b"duties" not in msgspec.json.encode(sent)
     for _ in range(5):
         sent = bench.tick(ASKED, 3, 11, 12, 14)
@@ -88,7 +88,8 @@ def test_until_a_spark_is_set_up_nothing_is_said_to_be_sent() -> None:
 
 
 def test_ticks_with_and_without_duties_are_read_as_they_were_written() -> None:
-    for sent in (Sent(True, 0.1, 0.2, 0.3, 1), Sent(True, 0.1, 0.2, 0.3, 0, (None, None, 0.25, None))):
+    driven = Sent(True, True, True, 0.1, 0.2, 0.3, 1)
+    for sent in (driven, replace(driven, refused=0, duties=(None, None, 0.25, None))):
         assert msgspec.json.decode(msgspec.json.encode(sent), type=Sent) == sent
 
 
@@ -135,8 +136,8 @@ def test_what_it_refuses_is_a_hold_that_says_so_and_nothing_is_driven(spoilt, re
 def test_advice_is_silent_on_the_bus_whatever_is_commanded(listens_to: str) -> None:
     bench = Bench(only_advice(listens_to))
     for number in range(200):
-        sent = bench.tick(Command(number % 3 > 0, 1.0, -0.3, 0.2), 3, 11, 12, 14)
-        assert sent == Sent(number % 3 > 0, 0.0, 0.0, 0.0)
+        sent = bench.tick(Command(*[number % 3 > 0] * 3, 1.0, -0.3, 0.2), 3, 11, 12, 14)
+        assert sent == Sent(*[number % 3 > 0] * 3, 0.0, 0.0, 0.0)
         assert bench.bus.sent == []
     bench.rig.release()
     assert bench.bus.sent == []

@@ -106,7 +106,7 @@ class Rig:
         return self.inputs.pop(0)
 
     def write(self, command: Command) -> Sent:
-        return Sent(False, 0.0, 0.0, 0.0)
+        return Sent(False, False, False, 0.0, 0.0, 0.0)
 
     def picture(self) -> None:
         return None

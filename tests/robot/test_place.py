@@ -1,19 +1,14 @@
 """An aim that is held is for one place: a robot that has moved since it was asked to fire holds until it is back."""
 
-import msgspec
 import pytest
-from msgspec import UNSET
 from msgspec.structs import replace
 
-from tests.robot.good_tick import CONFIG, DISTANCE_M, NOW_NS, good_inputs, good_memory
+from tests.robot.good_tick import CONFIG, DISTANCE_M, good_inputs, good_memory
 from truearc.robot.aim import PLACE_M
 from truearc.robot.config.schema import Prescribed
 from truearc.robot.gate.model import Rating
 from truearc.robot.reasons import NOT_AT_PLACE
-from truearc.robot.recording.replay.recompute import Comparer, Difference
-from truearc.robot.recording.rows import Rows2
 from truearc.robot.tick import step
-from truearc.robot.types import Sent
 
 HELD = good_memory().aim
 MODEL = replace(CONFIG, gate=replace(CONFIG.gate, policy="model"))
@@ -80,25 +75,3 @@ def test_a_model_is_asked_at_the_distance_of_the_tick():
     listed = replace(planned(DISTANCE_M), gate=MODEL.gate)
     away = step(good_inputs(), seen_from(asked(listed, gate=gate), 7.5), listed, gate)
     assert _stand_there(away.verdict.reasons)
-
-
-class Rows:
-    """One recorded row."""
-
-    def __init__(self, tick):
-        self.format = Rows2()
-        self.current = self.format.encode_tick(tick)
-
-
-def test_recordings_from_before_the_place_was_kept_replay_as_they_did():
-    tick = step(good_inputs(), asked(CONFIG), CONFIG, None)
-    sent = Sent(True, 0.0, 0.0, 0.0)
-    assert tick.memory.aim_place_m == pytest.approx(DISTANCE_M)
-    before = replace(tick, memory=replace(tick.memory, aim_place_m=UNSET), sent=sent)
-    assert b"place" not in msgspec.json.encode(before)
-    Comparer(Rows(before)).record(tick, sent)
-    Comparer(Rows(replace(tick, sent=sent))).record(tick, sent)
-    with pytest.raises(Difference, match="aim_place_m"):
-        Comparer(Rows(replace(tick, memory=replace(tick.memory, aim_place_m=4.0), sent=sent))).record(tick, sent)
-    with pytest.raises(Difference, match=str(NOW_NS)):
-        Comparer(Rows(replace(before, memory=replace(before.memory, feed_t_ns=1)))).record(tick, sent)

@@ -24,7 +24,7 @@ from truearc.robot.vision_source import InlineEyes
 
 UNPLUGGED = CAN_ADAPTER_ERROR(bus="wire", detail="unplugged")
 DARK, BURNT = because.IMAGE_DARK(), because.IMAGE_BURNT()
-ASKED = Command(True, 0.1, -0.02, 0.2)
+ASKED = Command(True, True, True, 0.1, -0.02, 0.2)
 
 
 class Wire:
@@ -122,7 +122,7 @@ def test_an_unchanged_torque_still_feeds_the_watchdogs(bench):
 def test_what_is_sent_is_within_limits(bench):
     _, _, _, rig = bench
     rig.read()
-    sent = rig.write(Command(True, 99.0, -99.0, 99.0))
+    sent = rig.write(Command(True, True, True, 99.0, -99.0, 99.0))
     assert (sent.flywheel_torque_nm, sent.hood_torque_nm) == (1.2, -0.3)
     assert sent.feeder_torque_nm == CONFIG.feeder.torque_nm
 
@@ -130,7 +130,7 @@ def test_what_is_sent_is_within_limits(bench):
 def test_disarmed_sends_no_torque_and_asks_for_idle(bench):
     bus, _, _, rig = bench
     rig.read()
-    rig.write(Command(False, 0.0, 0.0, 0.0))
+    rig.write(Command(False, False, False, 0.0, 0.0, 0.0))
     assert not commands(bus.sent, 0x0E)
     assert {frame.data[0] for frame in commands(bus.sent, 0x07)} == {odrive.IDLE}
 
@@ -307,7 +307,7 @@ def test_a_tick_that_took_too_long_feeds_no_ball(bench):
     assert withheld in rig.read().faults
     assert rig.write(ASKED).feeder_torque_nm == 0.0       # the same ball still
     assert withheld in rig.read().faults
-    rig.write(Command(True, 0.1, -0.02, 0.0))
+    rig.write(Command(True, True, True, 0.1, -0.02, 0.0))
     assert withheld not in rig.read().faults
     assert all(odrive.make_torque(odrive.OdriveAxis(4, 1), 0.2).data != frame.data for frame in commands(bus.sent, 0x0E)
                if frame.arbitration_id >> 5 == 4)

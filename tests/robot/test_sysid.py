@@ -16,9 +16,10 @@ from truearc.hw.protocols import ButtonEvent
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import InputError
 from truearc.robot.control import RELEASED
+from truearc.robot.motion import DIFFERENT
 from truearc.robot.sysid.program import COAST, FLYWHEEL, HOME, HOOD, RAMP, READY, STEP, phases
 from truearc.robot.sysid.tick import make_step
-from truearc.robot.types import Memory, Progress
+from truearc.robot.types import Joint, Memory, Motion, Progress
 
 GONE = because.CAN_LOST(cause=CAN_BUS_OFF(bus="CAN"))
 
@@ -40,9 +41,11 @@ def first(joint, kind, sign=1):
 
 
 def running(phase, since_s=0.5):
-    """Armed, homed, in the middle of a phase."""
-    memory = good_memory()
-    return Memory(armed=True, homed=True, screw_zero_rad=memory.screw_zero_rad,
+    """Armed, homed, in the middle of a phase; the hood's encoder has disagreed twice before, if it does."""
+    memory, one = good_memory(), PROGRAM[phase]
+    asked = {"flywheel_torque_nm" if one.joint == FLYWHEEL else "hood_torque_nm": one.sign * one.torque_nm}
+    motion = Motion(NOW_NS - seconds(5.0), wheels=Joint(push=one.sign), hood=Joint(differ=DIFFERENT - 1), **asked)
+    return Memory(armed=True, homed=True, screw_zero_rad=memory.screw_zero_rad, motion=motion,
                   identify=Progress(phase, NOW_NS - seconds(since_s)))
 
 
@@ -113,14 +116,15 @@ def test_nothing_moves_before_the_operator_arms():
         assert out.command == RELEASED and not out.verdict.fire
         memory = out.memory
     armed = tick(good_inputs(0.0, HOOD_DEG, pressed("arm")), memory)
-    assert armed.command.enable and armed.command.flywheel_torque_nm == 0.0
+    assert armed.command.enable_flywheel and armed.command.flywheel_torque_nm == 0.0
 
 
 def test_it_waits_for_the_axes_and_gives_up_on_them():
     idle = good_inputs(0.0, HOOD_DEG)
     idle = replace(idle, flywheels=tuple(replace(one, axis_state=IDLE) for one in idle.flywheels))
     waits = tick(idle, running(0, since_s=1.0))
-    assert waits.memory.identify.phase == 0 and waits.command.enable and waits.command.flywheel_torque_nm == 0.0
+    assert waits.memory.identify.phase == 0
+    assert waits.command.enable_flywheel and waits.command.flywheel_torque_nm == 0.0
     gives_up = tick(idle, running(0, since_s=6.0))
     assert because.MOTOR_NOT_DRIVEN.name in causes_of(gives_up) and gives_up.command == RELEASED
     goes_on = tick(good_inputs(0.0, HOOD_DEG), running(0, since_s=1.0))
@@ -157,10 +161,10 @@ def stale(inputs, joint):
     (first(FLYWHEEL, STEP), lambda i: replace(i, faults=(GONE,)), because.CAN_LOST),
     (first(FLYWHEEL, RAMP), lambda i: wheels(i, axis_error=1), because.MOTOR_ERROR),
     (first(FLYWHEEL, STEP), lambda i: wheels(i, velocity_rad_s=520.0), because.JOINT_OVERSPEED),
-    (first(FLYWHEEL, STEP), lambda i: wheels(i, velocity_rad_s=math.nan), because.JOINT_OVERSPEED),
+    (first(FLYWHEEL, STEP), lambda i: wheels(i, velocity_rad_s=math.nan), because.MOTOR_NOT_FINITE),
     (first(FLYWHEEL, STEP), lambda i: wheels(i, velocity_rad_s=-30.0), because.JOINT_BACKWARDS),
     (first(FLYWHEEL, STEP), lambda i: one_wheel(i, velocity_rad_s=70.0), because.FLYWHEELS_DIFFER),
-    (first(HOOD, STEP), lambda i: replace(i, hood_motor=replace(i.hood_motor, velocity_rad_s=150.0)),
+    (first(HOOD, STEP), lambda i: replace(i, hood_motor=replace(i.hood_motor, velocity_rad_s=190.0)),
      because.JOINT_OVERSPEED),
     (first(HOOD, STEP), lambda i: replace(i, hood_motor=replace(i.hood_motor, position_rad=0.0)),
      because.HOOD_ENCODERS_DISAGREE),

@@ -64,7 +64,7 @@ def test_the_rig_knows_how_late_a_tick_came(bench):  # noqa: F811
     assert rig.late_ns == 0                               # skipped, not made up for
     lateness.close()
     assert sum(seconds[0].counts) == 3 and seconds[0].worst_us == 7000.0
-    assert timed.write(Command(False, 0.0, 0.0, 0.0)).enable is False
+    assert timed.write(Command(False, False, False, 0.0, 0.0, 0.0)).enable_hood is False
 
 
 def test_rows_are_written_into_the_session(tmp_path):

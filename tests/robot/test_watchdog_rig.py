@@ -8,7 +8,7 @@ from truearc.robot.processes.watchdog_rig import WatchedRig, first_missing
 from truearc.robot.reasons import BOX_SILENT, IMAGE_DARK
 from truearc.robot.types import Command, Sent, Sighting
 
-IDLE = Command(False, 0.0, 0.0, 0.0)
+IDLE = Command(False, False, False, 0.0, 0.0, 0.0)
 SEEN = Sighting(NOW_NS - 50_000_000, False, IMAGE_DARK())
 
 
@@ -22,7 +22,7 @@ class Given:
         return self.inputs.pop(0) if self.inputs else None
 
     def write(self, command):
-        return Sent(command.enable, 0.0, 0.0, 0.0)
+        return Sent(command.enable_flywheel, command.enable_hood, command.enable_feeder, 0.0, 0.0, 0.0)
 
     def picture(self): ...
 

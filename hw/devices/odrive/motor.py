@@ -4,6 +4,7 @@ from functools import partial
 
 from truearc.hw.devices.heard_motor import HeardMotor
 from truearc.hw.devices.odrive import frames as odrive
+from truearc.hw.encoder_plausibility import OWN_LAG_S
 from truearc.hw.protocols import Frame, Order
 
 RETRY_NS = 100_000_000                # how often an axis that will not come up is asked again
@@ -15,7 +16,8 @@ class OdriveMotor(HeardMotor):
     """A Motor that is given torques. Its errors stand until it is wanted again: arming is the operator's re-arm."""
 
     def __init__(self, axis: odrive.OdriveAxis) -> None:
-        super().__init__(odrive.name_of(axis), odrive.frame_ids(axis), False, partial(odrive.parse, axis))
+        super().__init__(odrive.name_of(axis), odrive.frame_ids(axis), False, partial(odrive.parse, axis),
+                         OWN_LAG_S)
         self._axis = axis
         self._wanted = False
         self._asked_ns = self._endstop_ns = self._fed_ns = 0

@@ -9,6 +9,7 @@ from truearc.hw.dc_motor import DcMotor, duty_for, torque_of
 from truearc.hw.devices.heard_motor import HeardMotor
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.setup import STALE_NS, SparkSetup
+from truearc.hw.encoder_plausibility import OWN_LAG_S
 from truearc.hw.protocols import BadFrame, Frame, Order
 from truearc.hw.reason import Reason
 
@@ -58,7 +59,7 @@ class SparkMotor(HeardMotor):
                   **self._setup.takers}
         self._messages = tuple(takers)
         self._takers = {spark.frame_id(axis, name): take for name, take in takers.items()}
-        super().__init__(spark.name_of(axis), self._takers, True, partial(spark.parse, axis))
+        super().__init__(spark.name_of(axis), self._takers, True, partial(spark.parse, axis), OWN_LAG_S)
         self._axis, self._motor, self._heartbeat = axis, motor, heartbeat
         self._wanted = False
         self._duty: float | None = None           # what the device was last sent; None: it is not to drive

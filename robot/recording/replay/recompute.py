@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
-from msgspec import UNSET
 from msgspec.structs import replace
 
 from truearc.hw.protocols import CameraFrame
@@ -24,8 +23,6 @@ from truearc.robot.runtime import RobotIo, run
 from truearc.robot.sysid.tick import POLICY, make_step
 from truearc.robot.tick import step
 from truearc.robot.types import Sent, Tick
-
-LATER = b'"aim_place_m":'             # of the memory; absent in the oldest recordings
 
 
 class Difference(Exception):
@@ -46,8 +43,6 @@ class Comparer:
         self._rows = rows
 
     def record(self, tick: Tick, sent: Sent) -> None:
-        if LATER not in self._rows.current:
-            tick = replace(tick, memory=replace(tick.memory, aim_place_m=UNSET))
         again = self._rows.format.encode_tick(replace(tick, sent=sent))
         if again != self._rows.current:
             raise Difference(_first_difference(self._rows.current, again))

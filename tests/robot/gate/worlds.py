@@ -152,7 +152,7 @@ def spoil(number: int) -> Facts:
 
 def may_fire(facts: Facts) -> bool:
     """Everything that can be checked is known and good, the driver has asked, and the model agrees."""
-    return (_crew(facts) and not facts["wires"] and all(_motor(facts, name) for name in MOTORS) and _hood(facts)
+    return (_crew(facts) and not facts["wires"] and all(motor_is_good(facts, name) for name in MOTORS) and _hood(facts)
             and _wheels(facts) and _target(facts) and _model(facts))
 
 
@@ -165,7 +165,7 @@ def _known(age_ns: Any, most_s: float) -> bool:
     return age_ns not in (NEVER, ABSENT) and age_ns < NOW_NS and 0 <= age_ns <= most_s * 1e9
 
 
-def _motor(facts: Facts, name: str) -> bool:
+def motor_is_good(facts: Facts, name: str) -> bool:
     family = facts["family"]
     asked_of = 0x3FF
     if family == "another's spark":               # that it obeys another, and was switched on, is as it should be

@@ -108,7 +108,7 @@ def test_a_message_is_met_by_its_own_reason(message):
     (told,) = tell([reason])
     assert message.kind in (FAULT, YOU, "wait") and told.reasons == (bot.text(reason),)
     assert told.means and "{" not in told.means + told.do
-    assert message.do or message.kind == "wait" or message.code is bot.LEGACY_TEXT
+    assert message.do or message.kind == "wait"
 
 
 def test_each_message_stands_once():

@@ -2,8 +2,7 @@
 
     python -m tests.robot.recording.faulty_session FOLDER
 
-The same on every run. `golden_faults_2.tar.xz` keeps it; `golden_faults.tar.xz` keeps it as the code of tag
-proof-1 recorded it, in format 1.
+The same on every run. `golden_faults_2.tar.xz` keeps it.
 """
 
 import math

@@ -217,7 +217,7 @@ def test_mcap_has_what_the_recording_has(plain, tmp_path):
     assert heard == recorded and schemas > names
 
 
-@pytest.mark.parametrize("name", ["golden_faults", "golden_2"])
+@pytest.mark.parametrize("name", ["golden_faults_2", "golden_2"])
 def test_trials_are_added_to_a_recording_without_them(name, tmp_path):
     with tarfile.open(HERE / f"{name}.tar.xz") as tar:
         tar.extractall(tmp_path / "old", filter="data")

@@ -1,10 +1,9 @@
 """Sessions that were recorded once and are kept: whoever changes what a tick makes of its inputs, or a driver of its
 frames, sees it here.
 
-`golden*` are `truearc emulate --trials 1 --seed 11`, without its image; `golden_faults*` are `faulty_session.py`, in
-which devices, wires, camera and button box fail. Those without a number are of format 1, recorded by the code of tag
-proof-1 and older, and are never recorded again: they show that old sessions are read without loss. When a change is
-meant, record the others again, and say in the commit what has changed.
+`golden_2` is `truearc emulate --trials 1 --seed 11`, without its image; `golden_faults_2` is `faulty_session.py`, in
+which devices, wires, camera and button box fail. When a change is meant, record them again, and say in the commit what
+has changed.
 """
 
 import platform
@@ -13,18 +12,16 @@ import tarfile
 from pathlib import Path
 
 import pytest
-from msgspec import UNSET
-from msgspec.structs import replace
 
 from tests.robot.samples import check
-from truearc.robot.reasons import LEGACY_TEXT, texts
+from truearc.robot.reasons import texts
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.replay.recompute import LATER, replay, replay_frames
+from truearc.robot.recording.replay.recompute import replay, replay_frames
 from truearc.robot.recording.rows import Rows2
-from truearc.robot.recording.session import FORMAT, FORMAT_1, load_header, load_trials
+from truearc.robot.recording.session import FORMAT, load_header, load_trials
 
 HERE = Path(__file__).parent
-TICKS = {"golden": 1116, "golden_2": 1116, "golden_faults": 1081, "golden_faults_2": 1081}
+TICKS = {"golden_2": 1116, "golden_faults_2": 1081}
 ELSEWHERE = sys.platform != "linux" or platform.machine() != "x86_64"
 same_machine = pytest.mark.skipif(ELSEWHERE, reason="another C library rounds sines otherwise; recorded on Linux, "
                                   "x86-64")
@@ -50,36 +47,22 @@ def test_every_reading_is_what_it_was_from_the_frames_on(golden: Path) -> None:
 
 
 def test_a_recorded_reason_has_what_its_code_declares(golden: Path) -> None:
-    assert load_header(golden).format == (FORMAT if golden.name.endswith("_2") else FORMAT_1)
+    assert load_header(golden).format == FORMAT
     codes = set()
     for tick, _ in TickReader(golden):
         missed = () if tick.inputs.missed is None else (tick.inputs.missed,)
         for reason in (*tick.verdict.reasons, *tick.inputs.faults, *missed):
             check(reason)
             codes.add(reason.code)
-    assert LEGACY_TEXT.name not in codes and len(codes) > (25 if "faults" in golden.name else 8)
+    assert len(codes) > (25 if "faults" in golden.name else 8)
 
 
 def test_a_row_is_written_as_it_was_read(golden: Path) -> None:
     reader = TickReader(golden)
     for tick, row in reader:
-        if LATER not in row:          # of the memory; absent in the oldest session
-            tick = replace(tick, memory=replace(tick.memory, aim_place_m=UNSET))
         assert reader.rows.encode_tick(tick) == row
     lines = (golden / "trials.jsonl").read_bytes().splitlines()
     assert [reader.rows.encode_trial(trial) for trial in load_trials(golden)] == lines
-
-
-def test_both_formats_say_the_same(tmp_path: Path) -> None:
-    """The session with faults was recorded by old and new code from the same emulated devices."""
-    rows = []
-    for name in ("golden_faults", "golden_faults_2"):
-        with tarfile.open(HERE / f"{name}.tar.xz") as tar:
-            tar.extractall(tmp_path / name, filter="data")
-        ticks = [tick for tick, _ in TickReader(tmp_path / name)]
-        rows.append([([reason.code for reason in tick.verdict.reasons], [fault.code for fault in tick.inputs.faults],
-                      tick.estimate, tick.command) for tick in ticks])
-    assert rows[0] == rows[1]
 
 
 def test_sentences_in_parameters_of_older_recordings_stay_as_they_were() -> None:

@@ -1,0 +1,86 @@
+"""Doubts about readings: missing, stale or faulty ones of the motors and the hood's encoder, by axis."""
+
+import math
+
+from msgspec import UNSET, UnsetType
+
+from truearc.hw.devices.axis import Axis
+from truearc.hw.devices.registry import family_of
+from truearc.hw.protocols import AngleReading, MotorReading
+from truearc.hw.reason import Reason
+from truearc.robot import reasons as because
+from truearc.robot.config.schema import Config, GateConfig
+from truearc.robot.hood_encoders import encoder_family_of
+from truearc.robot.motors import name_axes
+from truearc.robot.types import Inputs
+
+NS = 1e-9
+HEARTBEAT_S = 0.25                    # axes, and the hood's encoder, say how they are every 0.1 s; two may be lost
+ERRORS_S = 1.0                        # a SPARK says its errors every 0.25 s; three may be lost
+ENCODER = "hood encoder"
+Doubts = tuple[list[Reason], list[Reason], list[Reason]]        # of the wheels, the hood, the feeder
+
+
+def doubt_axes(inputs: Inputs, config: Config) -> Doubts:
+    """Reasons from missing, stale or faulty readings of the motors and the hood's encoder, by axis."""
+    *wheels, (hood_name, hood), (feeder_name, feeder) = name_axes(config)
+    t_ns, gate = inputs.t_ns, config.gate
+    found: list[Reason] = []
+    for (name, axis), motor in zip(wheels, inputs.flywheels, strict=True):
+        found += _motor(name, axis, motor, t_ns, gate)
+    of_hood = _motor(hood_name, hood, inputs.hood_motor, t_ns, gate)
+    if config.hood_encoder.is_heard:
+        of_hood = of_hood + _encoder(inputs.hood_angle, t_ns, config)
+    return found, of_hood, _motor(feeder_name, feeder, inputs.feeder, t_ns, gate)
+
+
+def doubted_readings(inputs: Inputs, config: Config) -> list[Reason]:
+    """The same in one list."""
+    wheels, hood, feeder = doubt_axes(inputs, config)
+    return [*wheels, *hood, *feeder]
+
+
+def _encoder(angle: AngleReading | None, t_ns: int, config: Config) -> list[Reason]:
+    if angle is None:
+        return [because.DEVICE_NEVER_RECEIVED(device=ENCODER)]
+    if not _young(t_ns - angle.t_ns, config.gate.reading_age_s):
+        return [because.DEVICE_STALE(device=ENCODER, age_s=(t_ns - angle.t_ns) * NS)]
+    if missing := _no_fault_report(ENCODER, angle.faults_t_ns, t_ns, HEARTBEAT_S):
+        return [missing]
+    if errors := tuple(encoder_family_of(config.hood_encoder).errors(config.hood_encoder, angle.faults)):
+        return [because.MOTOR_ERROR(motor=ENCODER, errors=errors)]
+    return [] if angle.magnet_ok else [because.MAGNET_LOST()]
+
+
+def _motor(name: str, axis: Axis, motor: MotorReading, t_ns: int, gate: GateConfig) -> list[Reason]:
+    if motor.t_ns == 0 or motor.heartbeat_t_ns == 0:
+        return [because.DEVICE_NEVER_RECEIVED(device=name)]
+    if not _young(t_ns - motor.t_ns, gate.reading_age_s):
+        return [because.DEVICE_STALE(device=name, age_s=(t_ns - motor.t_ns) * NS)]
+    if not _young(t_ns - motor.heartbeat_t_ns, HEARTBEAT_S):
+        return [because.DEVICE_HEARTBEAT_STALE(device=name, age_s=(t_ns - motor.heartbeat_t_ns) * NS)]
+    if missing := _no_fault_report(name, motor.errors_t_ns, t_ns, ERRORS_S):
+        return [missing]
+    if not all(map(math.isfinite, (motor.position_rad, motor.velocity_rad_s, motor.current_a, motor.bus_v))):
+        return [because.MOTOR_NOT_FINITE(motor=name)]
+    family = family_of(axis)
+    if errors := family.errors(axis, motor):
+        return [because.MOTOR_ERROR(motor=name, errors=errors)]
+    if not family.is_driven(axis, motor):
+        return [because.MOTOR_NOT_DRIVEN(motor=name, state=motor.axis_state)]
+    return []
+
+
+def _no_fault_report(device: str, stamp_ns: int | UnsetType, t_ns: int, limit_s: float) -> Reason | None:
+    """Whether a report that must come is missing; None when it has come, and where none must."""
+    if stamp_ns is UNSET:
+        return None
+    if stamp_ns == 0:
+        return because.DEVICE_FAULTS_NEVER_RECEIVED(device=device)
+    if _young(t_ns - stamp_ns, limit_s):
+        return None
+    return because.DEVICE_FAULTS_STALE(device=device, age_s=(t_ns - stamp_ns) * NS)
+
+
+def _young(age_ns: int, limit_s: float) -> bool:
+    return 0 <= age_ns * NS <= limit_s

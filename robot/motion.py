@@ -1,0 +1,340 @@
+"""Interlocks of motion: whether wheels, hood and feeder may be driven, and why not. Pure, like truearc.robot.tick.
+
+A missing, stale or faulty reading releases its axis until readings have been good for RECOVER_S. A motion that
+contradicts the torque, or two sensors that contradict each other, release it until the operator disarms and arms; so
+do REPEATS releases within REPEAT_S. Each tick compares what the readings say with the torque of the tick before.
+"""
+
+import math
+from typing import NamedTuple
+
+from msgspec import UNSET
+from msgspec.structs import replace
+
+from truearc.hw.fault_codes import (
+    DUPLICATE_ID,
+    ENCODER_MISMATCH,
+    ENCODER_STUCK,
+    FOREIGN_HOST,
+    SPARK_NOT_DRIVING,
+    SPEED_JUMPED,
+)
+from truearc.hw.reason import Reason
+from truearc.robot import reasons as because
+from truearc.robot.config.schema import Config, Hood
+from truearc.robot.estimate import is_fresh
+from truearc.robot.gate.doubts import Doubts
+from truearc.robot.geometry import elevation_from_screw_deg, elevation_per_rad, screw_travel_rad
+from truearc.robot.types import Estimate, Inputs, Joint, Memory, Motion
+
+WHEELS, HOOD, FEEDER, SWITCH = "wheels", "hood", "feeder", "hood limit switch"
+NS, NS_PER_S = 1e-9, 1_000_000_000
+RECOVER_NS = 300_000_000              # of good readings: three heartbeats of a device, in which it would tell errors
+START_NS = 500_000_000                # after arming, in which a device's old errors are cleared and it is taken over
+REPEATS, REPEAT_NS = 3, 10 * NS_PER_S
+# Wheels. A tuned loop overshoots by 3 % of a set point; no motor passes its free speed by itself
+OVERSPEED, FREE_SPEED, PEAK_NS = 1.1, 1.05, 2 * NS_PER_S
+PEAK_STEP_NS = 100_000_000            # the time of the highest set point is kept to this
+DRIVING_A = 5.0                       # of Iq: twice what the shipped wheels' friction takes at full speed
+BACKWARDS = 0.05                      # share of the set point, or of the hood's speed limit, against the torque
+FULL, FULL_NS = 0.8, 200_000_000      # share of the torque limit that moves every wheel, and how long it may not
+SLOW, RISING = 0.05, 0.01             # shares of the set point: hardly turning, and turning faster than before
+# A joint's stated friction is what just moves it; three times as much moves it unless it is jammed
+HARD, HARD_NS, PUSH_NS = 3.0, 300_000_000, 480_000_000      # half a second with what the wires add
+MOVED_RAD = 1.0                       # of the hood motor, 0.2 degrees of the shipped hood: more than its play
+HOOD_OVERSPEED = 1.5                  # times the hood's speed limit, which its loop keeps to a fifth
+DIFFERENT = 3                         # readings in a row
+RATE_NS = 5_000_000                   # between encoder readings, for a rate: closer ones were held up on their way
+SWITCH_NS = 250_000_000               # the limit switch is read every 50 ms at most; four answers may be lost
+HOMING_TRAVEL, HOMING_TIMES = 1.1, 3.0            # times the whole travel, and the time that it takes at the limit
+SWITCH_OPEN_DEG = 3.0                 # above the switch it is open
+LATCHING = frozenset((ENCODER_STUCK.name, ENCODER_MISMATCH.name, SPEED_JUMPED.name))
+# With these no reading can be trusted to be of our device, of this moment, or ours to act on
+EVERYWHERE = frozenset((because.CAN_LOST.name, because.TICKS_STALLED.name, FOREIGN_HOST.name, DUPLICATE_ID.name))
+REST = Motion()
+
+
+class Watch(NamedTuple):
+    """What the tick knows of motion before it decides; `is_ready`: axes that are under control and without errors."""
+
+    motion: Motion
+    doubts: Doubts
+    is_ready: tuple[bool, bool, bool]             # wheels, hood, feeder
+
+
+class Wanted(NamedTuple):
+    """Set points of this tick: of the wheels at the motor, 0 for none; of the hood, None while something else moves it.
+
+    `hood_top_rad_s`: highest speed of the hood motor; None for that of `[hood] max_deg_s`.
+    """
+
+    wheels_rad_s: float
+    hood_deg: float | None
+    hood_top_rad_s: float | None = None
+
+
+def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, config: Config,
+          doubts: Doubts) -> Watch:
+    """Bring the interlocks up to date with this tick's readings; `doubts` are theirs."""
+    if not memory.armed:
+        return Watch(REST, doubts, (False, False, False))
+    t_ns = inputs.t_ns
+    last = Motion(armed_t_ns=t_ns, active_t_ns=t_ns) if memory.motion is UNSET else memory.motion
+    starting = t_ns - last.armed_t_ns < START_NS
+    everywhere, by_axis = _sorted_faults(inputs, config) if inputs.faults else (None, _NO_FAULTS)
+    stalled = everywhere is not None and everywhere.code == because.TICKS_STALLED.name
+    wheels, cause = _wheels(inputs, wanted.wheels_rad_s, last.wheels, last.flywheel_torque_nm, config)
+    hood, why = _hood(inputs, estimate, wanted, memory, last.hood, last.hood_torque_nm, config)
+    joints, ready = [], []
+    for joint, found, own, (doubt, latching) in zip((wheels, hood, last.feeder), (cause, why, None), doubts, by_axis,
+                                                     strict=True):
+        unready, passing = _reading_doubt(own, starting) if own else (False, None)
+        if joint is hood and not memory.homed and passing is None:
+            passing = _switch_doubt(inputs)
+        ready.append(not unready)
+        joints.append(_follow(joint, latching or found, everywhere or passing or doubt, t_ns, starting or stalled))
+    seen = estimate.sighting_s is not None and 0.0 <= estimate.sighting_s <= config.gate.sighting_age_s
+    active_t_ns = t_ns if seen or memory.request_t_ns else last.active_t_ns
+    idle_s = config.flywheel.idle_s
+    motion = Motion(last.armed_t_ns, active_t_ns, bool(idle_s) and (t_ns - active_t_ns) * NS > idle_s, *joints)
+    return Watch(motion, doubts, (ready[0], ready[1], ready[2]))
+
+
+def reasons(motion: Motion) -> list[Reason]:
+    """Why axes are released, for the verdict."""
+    found = [(because.AXIS_LATCHED if joint.is_latched else because.AXIS_RELEASED)(joint=name, cause=joint.cause)
+             for name, joint in ((WHEELS, motion.wheels), (HOOD, motion.hood), (FEEDER, motion.feeder))
+             if joint.cause is not None]
+    if motion.hood.dropped_deg is not None:
+        found.append(because.HOOD_PUSH_DROPPED(wanted_deg=motion.hood.dropped_deg))
+    return [*found, because.WHEELS_IDLE()] if motion.is_idle else found
+
+
+# --- faults and doubts
+
+_NO_FAULTS: tuple[tuple[Reason | None, Reason | None], ...] = ((None, None),) * 3
+
+
+def _sorted_faults(inputs: Inputs, config: Config) -> tuple[Reason | None, list[tuple[Reason | None, Reason | None]]]:
+    """(fault that stops all axes, for each axis (one that passes, one that latches))."""
+    found: list[list[Reason | None]] = [[None, None] for _ in range(3)]
+    everywhere = None
+    for fault in inputs.faults:
+        if fault.code in EVERYWHERE:
+            everywhere = fault
+        motor = str(fault.params.get("motor", ""))
+        axis = (0 if motor.startswith("flywheel") else 1 if motor.startswith("hood") else 2 if motor else None)
+        if axis is not None and fault.code != SPARK_NOT_DRIVING.name:       # that one does not drive at all
+            found[axis][fault.code in LATCHING] = fault
+    found[2] = [found[2][0] or found[2][1], None]           # a feeder is driven for a moment: it does not latch
+    return everywhere, [(one[0], one[1]) for one in found]
+
+
+def _reading_doubt(doubts: list[Reason], starting: bool) -> tuple[bool, Reason | None]:
+    """(not ready for torque, doubt that releases the axis).
+
+    A device that is not under control yet gets no torque, and must stay enabled to come under control; so must one
+    whose old errors are being cleared after arming.
+    """
+    passing = None
+    for reason in doubts:
+        if reason.code != because.MOTOR_NOT_DRIVEN.name and not (starting and reason.code == because.MOTOR_ERROR.name):
+            passing = reason
+            break
+    return bool(doubts), passing
+
+
+def _follow(joint: Joint, latching: Reason | None, passing: Reason | None, t_ns: int, uncounted: bool) -> Joint:
+    """The joint released, latched or taken up again."""
+    if joint.is_latched:
+        return joint
+    if latching is not None and latching.code == because.HOOD_JAMMED.name and joint.jams <= 1:
+        latching, passing = None, latching        # one retry
+    if latching is not None:
+        return Joint(latching, True)
+    if passing is not None:
+        if joint.cause is not None:
+            return joint if joint.cause == passing and not joint.good_t_ns else replace(joint, cause=passing,
+                                                                                         good_t_ns=0)
+        recent = tuple(stamp for stamp in joint.releases_t_ns if t_ns - stamp < REPEAT_NS)
+        recent = recent if uncounted else (*recent, t_ns)
+        if len(recent) >= REPEATS:
+            return Joint(because.RELEASED_REPEATEDLY(count=REPEATS, window_s=REPEAT_NS * NS, cause=passing), True)
+        return replace(joint, cause=passing, good_t_ns=0, releases_t_ns=recent, push=0, stuck_t_ns=0, hard_t_ns=0,
+                       differ=0)
+    if joint.cause is None:
+        return joint
+    if not joint.good_t_ns:
+        return replace(joint, good_t_ns=t_ns)
+    return replace(joint, cause=None, good_t_ns=0) if t_ns - joint.good_t_ns >= RECOVER_NS else joint
+
+
+# --- wheels
+
+def _wheels(inputs: Inputs, wanted_rad_s: float, joint: Joint, asked_nm: float,
+            config: Config) -> tuple[Joint, Reason | None]:
+    """The wheels' memory and what is wrong with their motion."""
+    t_ns = inputs.t_ns
+    if wanted_rad_s > joint.peak_rad_s or t_ns - joint.peak_t_ns > PEAK_NS:
+        joint = replace(joint, peak_rad_s=wanted_rad_s, peak_t_ns=t_ns)
+    elif wanted_rad_s == joint.peak_rad_s and t_ns - joint.peak_t_ns > PEAK_STEP_NS:
+        joint = replace(joint, peak_t_ns=t_ns)
+    speeds = [motor.velocity_rad_s for motor in inputs.flywheels]
+    fastest, slowest = max(speeds), min(speeds)
+    if joint.cause is not None:
+        return joint, None
+    if asked_nm < 0.0:                # turned the other way, or braked: all signs change
+        fastest, slowest = -slowest, -fastest
+    joint = _with_push(joint, asked_nm, slowest if asked_nm >= 0.0 else -slowest)
+    peak, free = joint.peak_rad_s, config.rig.launcher.free_speed_rad_s or math.inf
+    if max(fastest, -slowest) > FREE_SPEED * free:
+        return joint, because.JOINT_OVERSPEED(joint=WHEELS, speed_rad_s=fastest, factor=FREE_SPEED, top_rad_s=free)
+    if fastest > OVERSPEED * peak and (asked_nm != 0.0 or _is_driven(inputs, config)):
+        return joint, because.JOINT_OVERSPEED(joint=WHEELS, speed_rad_s=fastest, factor=OVERSPEED, top_rad_s=peak)
+    if joint.push and slowest < min(joint.push * joint.push_rad_s, 0.0) - BACKWARDS * peak:
+        return joint, because.JOINT_BACKWARDS(joint=WHEELS)
+    if asked_nm < 0.0 and slowest < 0.0:
+        return joint, None            # braked
+    return _turning(joint, slowest, wanted_rad_s, abs(asked_nm), t_ns, config)
+
+
+def _turning(joint: Joint, slowest: float, wanted_rad_s: float, asked_nm: float, t_ns: int,
+             config: Config) -> tuple[Joint, Reason | None]:
+    """Whether the slower of the wheels' motors answers to a torque that must turn it."""
+    full = asked_nm >= FULL * config.flywheel.pid.output_high
+    if not (full or asked_nm > HARD * config.flywheel.ks_nm) or slowest >= SLOW * wanted_rad_s:
+        return (replace(joint, stuck_t_ns=0, hard_t_ns=0) if joint.stuck_t_ns else joint), None
+    if not joint.stuck_t_ns or slowest > joint.stuck_at + RISING * wanted_rad_s:
+        return replace(joint, stuck_t_ns=t_ns, hard_t_ns=t_ns if full else 0, stuck_at=slowest), None
+    if full != bool(joint.hard_t_ns):
+        joint = replace(joint, hard_t_ns=t_ns if full else 0)
+    if (full and t_ns - joint.hard_t_ns >= FULL_NS) or t_ns - joint.stuck_t_ns >= PUSH_NS:
+        return joint, because.JOINT_NOT_TURNING(joint=WHEELS, torque_nm=asked_nm)
+    return joint, None
+
+
+def _is_driven(inputs: Inputs, config: Config) -> bool:
+    """Whether a flywheel motor reports that it drives, whatever it was asked."""
+    return any(motor.current_a > DRIVING_A and is_fresh(inputs, motor.current_t_ns, config)
+               for motor in inputs.flywheels)
+
+
+# --- hood
+
+def _hood(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, joint: Joint, asked_nm: float,
+          config: Config) -> tuple[Joint, Reason | None]:
+    """The hood's memory and what is wrong with its motion."""
+    joint, differing = _compared(inputs, estimate, memory, joint, config)
+    if joint.cause is not None:
+        return joint, None
+    speed = inputs.hood_motor.velocity_rad_s
+    joint = _with_push(joint, asked_nm, speed)
+    if joint.differ >= DIFFERENT:
+        return joint, differing
+    if joint.push:
+        limit_rad_s = wanted.hood_top_rad_s or hood_limit_rad_s(estimate, config.hood)
+        if joint.push * speed > HOOD_OVERSPEED * limit_rad_s:
+            return joint, because.JOINT_OVERSPEED(joint=HOOD, speed_rad_s=speed, factor=HOOD_OVERSPEED,
+                                                  top_rad_s=limit_rad_s)
+        if joint.push * speed < min(joint.push * joint.push_rad_s, 0.0) - BACKWARDS * limit_rad_s:
+            return joint, because.JOINT_BACKWARDS(joint=HOOD)
+    screw_deg, motor = estimate.hood_screw_deg, inputs.hood_motor
+    if screw_deg is not None and screw_deg > config.hood.low_deg + SWITCH_OPEN_DEG and motor.endstop and is_fresh(
+            inputs, motor.endstop_t_ns, config):
+        return joint, because.SWITCH_STUCK(angle_deg=screw_deg)
+    joint, cause = _moving(inputs, wanted.hood_deg, memory, joint, asked_nm, config)
+    return (joint, cause) if cause is not None else _homing(inputs, memory, joint, asked_nm, config)
+
+
+def _compared(inputs: Inputs, estimate: Estimate, memory: Memory, joint: Joint,
+              config: Config) -> tuple[Joint, Reason | None]:
+    """Count encoder readings in a row that disagree with the screw at their own time; keep the encoder's rate."""
+    angle, motor, encoder_deg = inputs.hood_angle, inputs.hood_motor, estimate.hood_deg
+    if angle is None or encoder_deg is None or not config.hood_encoder.is_heard or angle.t_ns == joint.angle_t_ns:
+        return joint, None
+    gap_ns = angle.t_ns - joint.angle_t_ns
+    rate = joint.angle_deg_s
+    if gap_ns >= RATE_NS:
+        rate = (encoder_deg - joint.angle_deg) / (gap_ns * NS) if joint.angle_t_ns else 0.0
+    differ, screw_deg = 0, None
+    if memory.homed and is_fresh(inputs, angle.t_ns, config) and is_fresh(inputs, motor.t_ns, config):
+        then_rad = motor.position_rad - motor.velocity_rad_s * (motor.t_ns - angle.t_ns) * NS
+        screw_deg = elevation_from_screw_deg(then_rad - memory.screw_zero_rad, config.hood)
+        if screw_deg is None or not abs(encoder_deg - screw_deg) <= config.hood.crosscheck_deg:
+            differ = joint.differ + 1
+    joint = replace(joint, differ=differ, angle_t_ns=angle.t_ns, angle_deg=encoder_deg, angle_deg_s=rate)
+    if differ < DIFFERENT:
+        return joint, None
+    if screw_deg is None:
+        return joint, because.HOOD_UNKNOWN()
+    return joint, because.HOOD_ENCODERS_DISAGREE(encoder_deg=encoder_deg, screw_deg=screw_deg)
+
+
+def _moving(inputs: Inputs, wanted_deg: float | None, memory: Memory, joint: Joint, asked_nm: float,
+            config: Config) -> tuple[Joint, Reason | None]:
+    """Whether the hood moves under a torque that its stated friction cannot hold."""
+    t_ns, at_rad, friction_nm = inputs.t_ns, inputs.hood_motor.position_rad, config.hood.friction_nm
+    if joint.dropped_deg is not None and not (
+            wanted_deg is not None and abs(wanted_deg - joint.dropped_deg) <= config.hood.tolerance_deg):
+        joint = replace(joint, dropped_deg=None)
+    if abs(asked_nm) <= friction_nm:
+        return (replace(joint, stuck_t_ns=0, hard_t_ns=0) if joint.stuck_t_ns else joint), None
+    hard = abs(asked_nm) > HARD * friction_nm
+    moved = abs(at_rad - joint.stuck_at) > MOVED_RAD
+    if not joint.stuck_t_ns or moved:
+        jams = 0 if joint.stuck_t_ns and moved else joint.jams
+        return replace(joint, stuck_t_ns=t_ns, hard_t_ns=t_ns if hard else 0, stuck_at=at_rad, jams=jams), None
+    if hard != bool(joint.hard_t_ns):
+        joint = replace(joint, hard_t_ns=t_ns if hard else 0)
+    if hard and t_ns - joint.hard_t_ns >= HARD_NS:
+        return replace(joint, jams=joint.jams + 1), because.HOOD_JAMMED(torque_nm=asked_nm)
+    if t_ns - joint.stuck_t_ns < PUSH_NS:
+        return joint, None
+    if not memory.homed:
+        return joint, because.SWITCH_NOT_REACHED(limit_s=(t_ns - (joint.homing_t_ns or t_ns)) * NS)
+    if wanted_deg is None:
+        return joint, because.JOINT_NOT_TURNING(joint=HOOD, torque_nm=asked_nm)
+    return replace(joint, dropped_deg=wanted_deg, stuck_t_ns=0, hard_t_ns=0), None
+
+
+def _homing(inputs: Inputs, memory: Memory, joint: Joint, asked_nm: float,
+            config: Config) -> tuple[Joint, Reason | None]:
+    """Whether homing takes longer, or goes further, than from one end of the travel to the other."""
+    if memory.homed or asked_nm == 0.0:
+        return (replace(joint, homing_t_ns=0) if memory.homed and joint.homing_t_ns else joint), None
+    t_ns, at_rad, hood = inputs.t_ns, inputs.hood_motor.position_rad, config.hood
+    if not joint.homing_t_ns:
+        return replace(joint, homing_t_ns=t_ns, homing_rad=at_rad), None
+    took_s = (t_ns - joint.homing_t_ns) * NS
+    limit_s = HOMING_TIMES * (hood.high_deg - hood.low_deg) / hood.max_deg_s
+    if took_s > limit_s or abs(at_rad - joint.homing_rad) > HOMING_TRAVEL * screw_travel_rad(hood):
+        return joint, because.SWITCH_NOT_REACHED(limit_s=took_s)
+    return joint, None
+
+
+def _switch_doubt(inputs: Inputs) -> Reason | None:
+    """Why nothing may be driven toward the limit switch: it does not answer."""
+    stamp_ns = inputs.hood_motor.endstop_t_ns
+    if not stamp_ns:
+        return because.DEVICE_NEVER_RECEIVED(device=SWITCH)
+    age_ns = inputs.t_ns - stamp_ns
+    return None if 0 <= age_ns <= SWITCH_NS else because.DEVICE_STALE(device=SWITCH, age_s=age_ns * NS)
+
+
+def hood_limit_rad_s(estimate: Estimate, hood: Hood) -> float:
+    """`[hood] max_deg_s` as a speed of the hood's motor."""
+    return hood.max_deg_s / elevation_per_rad(here_deg(estimate, hood), hood)
+
+
+def here_deg(estimate: Estimate, hood: Hood) -> float:
+    """The hood's elevation as far as it is known, within its travel; where it is not, its lower end."""
+    known = estimate.hood_deg if estimate.hood_deg is not None else estimate.hood_screw_deg
+    return hood.low_deg if known is None else min(max(known, hood.low_deg), hood.high_deg)
+
+
+# --- both
+
+def _with_push(joint: Joint, asked_nm: float, speed_rad_s: float) -> Joint:
+    """Note the speed at which the torque took its sign: from there it must not move further against the torque."""
+    push = (asked_nm > 0.0) - (asked_nm < 0.0)
+    return joint if push == joint.push else replace(joint, push=push, push_rad_s=speed_rad_s)
