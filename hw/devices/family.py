@@ -8,6 +8,7 @@ from msgspec import Struct
 
 from truearc.hw.devices.axis import Axis
 from truearc.hw.devices.bus_rules import Rules
+from truearc.hw.devices.limits import Bounds
 from truearc.hw.emulated.nodes import Node, Plant
 from truearc.hw.finding import Finding
 from truearc.hw.protocols import BadFrame, Bus, Clock, Frame, Motor, MotorReading
@@ -91,7 +92,8 @@ class MotorFamily(Struct, Generic[AxisKind], frozen=True, kw_only=True, eq=False
     example: such a table, for tests and documents.
     dbc: its frames; None for a family that has none of its own. Node "Host" sends what the robot may send.
     is_commanded: whether the robot commands its motors; if not, `make_rules` allows nothing.
-    make_motors: drivers of all its axes on one bus, in their order; they may share a heartbeat.
+    make_motors: drivers of all its axes on one bus, in their order, given the bounds of each; they may share a
+        heartbeat.
     make_rules: from an axis, and how often within WINDOW_NS a frame may be sent that each tick sends once.
     errors: what the device reports as wrong with it; empty when it is healthy. Called in the tick.
     is_driven: whether the device does as it is asked. Called in the tick.
@@ -106,7 +108,7 @@ class MotorFamily(Struct, Generic[AxisKind], frozen=True, kw_only=True, eq=False
     example: AxisKind
     dbc: Path | None
     is_commanded: bool
-    make_motors: Callable[[Sequence[AxisKind]], Sequence[Motor]]
+    make_motors: Callable[[Sequence[AxisKind], Sequence[Bounds]], Sequence[Motor]]
     make_rules: Callable[[AxisKind, int], Rules]
     errors: Callable[[AxisKind, MotorReading], tuple[Reason, ...]]
     is_driven: Callable[[AxisKind, MotorReading], bool]

@@ -101,6 +101,12 @@ def make_controller_mode(axis: OdriveAxis, control: int, input_mode: int) -> Fra
     return make(axis, "Set_Controller_Mode", {"control_mode": control, "input_mode": input_mode})
 
 
+def make_limits(axis: OdriveAxis, speed_rad_s: float, current_a: float) -> Frame:
+    """Set the device's own limits until it restarts: beyond the speed it gives no torque, beyond 1.2 times that it
+    disarms; the current is clamped."""
+    return make(axis, "Set_Limits", {"velocity_rev_s": speed_rad_s / math.tau, "current_a": current_a})
+
+
 def make_clear_errors(axis: OdriveAxis) -> Frame:
     """Forget standing errors; the axis stays idle."""
     return make(axis, "Clear_Errors", {"identify": 0})
