@@ -20,7 +20,10 @@ def feed(motor: OdriveMotor, t_ns: int, position_rev: float, velocity_rev_s: flo
 
 @pytest.fixture
 def motor() -> OdriveMotor:
-    return OdriveMotor(OdriveAxis(1, 1))
+    motor = OdriveMotor(OdriveAxis(1, 1))
+    motor.faults(1)                                       # asks, and is answered at once
+    motor.take(Frame(1, 0x20, bytes(8)))
+    return motor
 
 
 def test_an_encoder_that_claims_to_turn_and_stands_still_is_named(motor: OdriveMotor) -> None:

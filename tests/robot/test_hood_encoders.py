@@ -139,6 +139,7 @@ def test_angles_come_over_the_bus_and_nothing_else_may_be_sent(bench, name: str)
         for frame in on.bus.read():
             if (frame.arbitration_id, frame.is_extended) in keys:
                 encoder.take(frame)
+        encoder.faults(on.clock.now_ns())
         assert all(on.bus.write(frame) for frame in encoder.frames(on.clock.now_ns()))
         seen.append(encoder.read(on.clock.now_ns()))
         assert not on.bus.faults()

@@ -21,7 +21,7 @@ class OdriveConfig(odrive.OdriveAxis, Axis, frozen=True, forbid_unknown_fields=T
     """An ODrive, given torques."""
 
     endstop_endpoint: int             # SDO endpoint that reads the limit switch; 0 = none
-    torque_nm_a: TorquePerAmp = 0.0   # its torque_constant; 0: not known, and its own limits stay as they are stored
+    torque_nm_a: TorquePerAmp = 0.0   # its torque_constant; 0: not known, its own limits stay as they are stored
 
 
 def make_motors(axes: Sequence[OdriveConfig], bounds: Sequence[Bounds]) -> tuple[OdriveMotor, ...]:

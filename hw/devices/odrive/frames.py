@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from truearc.hw import fault_codes as codes
 from truearc.hw.codec import Values, load_codec
-from truearc.hw.devices.axis import CanNode, Direction
+from truearc.hw.devices.axis import CanNode, Direction, TorquePerAmp
 from truearc.hw.fault_codes import ENDSTOP_VALUE, FRAME_UNEXPECTED
 from truearc.hw.protocols import BadFrame, ErrorTable, Frame, MotorReading, errors_in
 from truearc.hw.reason import Reason
@@ -59,6 +59,7 @@ class OdriveAxis(Struct, frozen=True):
     node: CanNode
     direction: Direction                          # device's sign that launches a ball or raises the hood
     endstop_endpoint: int = 0                     # SDO endpoint that reads the limit switch; 0 = none
+    torque_nm_a: TorquePerAmp = 0.0               # its torque_constant; 0: not known
 
 
 def errors_of(axis_error: int) -> tuple[Reason, ...]:

@@ -54,8 +54,8 @@ AVERAGE_DEPTH, SAMPLE_DELTA = 70, 71              # of an encoder's speed: sampl
 HALL_PERIOD, HALL_DEPTH = 136, 137                # of a brushless motor's own sensor: s; samples
 STATUS_2_PERIOD, STATUS_5_PERIOD = 160, 163       # ms
 DUTY_FACTOR = 139                                 # STATUS_5's position is that many for one turn
-PARAMETERS = (IDLE_MODE, FORWARD_LIMIT, REVERSE_LIMIT, STALL_LIMIT, AVERAGE_DEPTH, SAMPLE_DELTA, HALL_PERIOD, HALL_DEPTH,
-              STATUS_2_PERIOD, STATUS_5_PERIOD, DUTY_FACTOR)
+PARAMETERS = (IDLE_MODE, FORWARD_LIMIT, REVERSE_LIMIT, STALL_LIMIT, AVERAGE_DEPTH, SAMPLE_DELTA, HALL_PERIOD,
+              HALL_DEPTH, STATUS_2_PERIOD, STATUS_5_PERIOD, DUTY_FACTOR)
 FLOATS = (HALL_PERIOD, DUTY_FACTOR)
 # A new device smears speed over 0.1 s and says it every 20 ms: too late for a loop, and a ball's dip does not show.
 QUICK_SPEED = MappingProxyType({AVERAGE_DEPTH: 1.0, SAMPLE_DELTA: 16.0, HALL_PERIOD: 0.008, HALL_DEPTH: 1.0,

@@ -92,7 +92,7 @@ class SparkMotor(AskedMotor):
         frames = self._rearm() if torque_nm is not None and not self._wanted else []
         self._wanted = torque_nm is not None
         frames += self._setup.frames(t_ns, self.reading.t_ns)
-        frames += self._asked()
+        frames += (question for question in self._asked() if question not in frames)
         order = self._stop(t_ns) if torque_nm is None or not self._may_drive(t_ns) else self._drive(torque_nm, t_ns)
         return order._replace(frames=(*frames, *order.frames))
 
