@@ -10,11 +10,11 @@ from truearc.hw.fault_codes import CONTROLLER_NOT_ANSWERING, FEEDBACK_LATE, FEED
 from truearc.hw.reason import Reason
 
 MS = 1_000_000
-# From one question to the next, after an answer and without one. No two sums of them are alike: of a delay longer than
-# that, answers would come soon after the question that follows, but not three times running.
+# From one question to the next, after an answer and without one. Each answer is counted from the newest question: one
+# that is later than a gap looks early. With gaps that differ it does not four times running, for delays up to 4 s.
 ANSWERED_NS = (1000 * MS, 850 * MS, 1150 * MS)
 UNANSWERED_NS = (500 * MS, 350 * MS, 650 * MS)
-COUNTED = 3                           # the longest of so many counts
+COUNTED = 4                           # the longest of so many counts
 STEP_NS = 10 * MS                     # it is counted in steps of this: a tick more or less does not move every stamp
 LATE_NS = 100 * MS                    # later readings are of no use to a loop, however fresh the gate would have them
 STALL_NS = 60 * MS                    # ticks come every 50 ms at least: after a longer gap the answer has waited for us
@@ -31,35 +31,40 @@ class RoundTrip:
     def __init__(self, device: str) -> None:
         self.late_ns = 0
         self.is_due = False           # a question is to be sent in this tick
+        self.is_open = False          # the newest question has had no answer
         self.is_measured = self.is_timely = False     # timely: readings may be acted on
         self._device = device
         self._took_ns: deque[int] = deque(maxlen=COUNTED)
-        self._is_open = False         # a question is under way
         self._asked_ns = self._due_ns = self._tick_ns = 0
-        self._heard_ns = 0            # when it last answered, or was first asked
+        self._heard_ns: int | None = None         # when it last answered, or was first asked
         self._turn = 0
 
     def tick(self, t_ns: int) -> None:
         """Once a tick, at the time that is recorded of it, before anything is sent."""
         self._tick_ns = t_ns
         self.is_due = t_ns >= self._due_ns
-        if not self.is_due:
-            return
-        self._heard_ns = self._heard_ns or t_ns
+        if self.is_due:
+            self.asked(t_ns)
+
+    def asked(self, t_ns: int) -> None:
+        """The question is put in this tick, by whom it may be."""
+        if self._heard_ns is None:
+            self._heard_ns = t_ns
         self._turn = (self._turn + 1) % len(UNANSWERED_NS)
-        self._is_open, self._asked_ns, self._due_ns = True, t_ns, t_ns + UNANSWERED_NS[self._turn]
+        self.is_open, self._asked_ns, self._due_ns = True, t_ns, t_ns + UNANSWERED_NS[self._turn]
         if t_ns - self._heard_ns > SILENT_NS:
             self.is_timely = False
 
     def answered(self, t_ns: int) -> int:
-        """An answer came at `t_ns`; by how much `late_ns` has changed. Answers to others' questions change nothing."""
-        if not self._is_open:
-            return 0
-        self._is_open, self._heard_ns = False, t_ns
+        """An answer came at `t_ns`; by how much `late_ns` has changed."""
+        if self._heard_ns is None:
+            return 0                  # to somebody else
+        was_open, self.is_open, self._heard_ns = self.is_open, False, t_ns
         if t_ns - self._tick_ns > STALL_NS:
             self.is_timely = bool(self._took_ns) and max(self._took_ns) <= LATE_NS
             return 0                  # asked again without waiting for the usual time
-        self._due_ns = self._asked_ns + ANSWERED_NS[self._turn]
+        if was_open:
+            self._due_ns = self._asked_ns + ANSWERED_NS[self._turn]
         self._took_ns.append(max(t_ns - self._asked_ns, 0))
         longest_ns, before_ns = max(self._took_ns), self.late_ns
         steps_ns = -(-longest_ns // STEP_NS) * STEP_NS
@@ -72,7 +77,7 @@ class RoundTrip:
         """Why the device's readings may not be acted on; None while they may."""
         if self.is_timely:
             return None
-        if not self.is_measured:
+        if not self.is_measured or self._heard_ns is None:
             return FEEDBACK_UNMEASURED(controller=self._device)
         if (silence_ns := self._tick_ns - self._heard_ns) > SILENT_NS:
             return CONTROLLER_NOT_ANSWERING(controller=self._device, silence_s=silence_ns * 1e-9)

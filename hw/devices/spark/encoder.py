@@ -48,7 +48,9 @@ class SparkEncoder(Encoder):
         self._axis = _axis(table)
         self._setup = SparkSetup(self._axis, spark.ENCODER_STATUSES, _settings(table)) if table.period_ms else None
         self._trip = RoundTrip(spark.name_of(self._axis)) if table.period_ms else None
-        takers = {} if self._setup is None else {**self._setup.takers, "GET_FIRMWARE_VERSION": self._take_version}
+        # a setting of its own, confirmed once more: its device may be a motor's, which is asked something else
+        self._question = spark.make_setting(self._axis, spark.DUTY_FACTOR, 1.0)
+        takers = {} if self._setup is None else {**self._setup.takers, "PARAMETER_WRITE_RESPONSE": self._take_setting}
         self._takers = {spark.frame_id(self._axis, name): take for name, take in takers.items()}
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
@@ -65,22 +67,25 @@ class SparkEncoder(Encoder):
     def faults(self, t_ns: int) -> tuple[Reason, ...]:
         if self._setup is None or self._trip is None:
             return ()
-        late = trip_faults(self._trip, t_ns)
-        if self._trip.is_measured and late:
-            return late               # late frames would have it look as if it had been reset
         fault = self._setup.fault()
-        return late if fault is None else (fault.about(motor=CHECK),)
+        return trip_faults(self._trip, t_ns) if fault is None else (fault.about(motor=CHECK),)
 
     def frames(self, t_ns: int) -> tuple[Frame, ...]:
         if self._setup is None or self._trip is None:
             return ()
-        frames = self._setup.frames(t_ns, 0 if self.reading is None else self.reading.t_ns)
-        return (*frames, spark.make_version_query(self._axis)) if self._trip.is_due else tuple(frames)
+        heard_ns = 0 if self.reading is None else self.reading.t_ns + self._trip.late_ns
+        frames = self._setup.frames(t_ns, heard_ns)
+        if self._question in frames:
+            self._trip.asked(t_ns)
+        elif self._setup.is_ready and self._trip.is_due:
+            frames = [self._question]
+        return tuple(frames)
 
-    def _take_version(self, frame: Frame) -> None:
+    def _take_setting(self, frame: Frame) -> None:
         assert self._setup is not None and self._trip is not None
-        self._setup.take_version(frame)
-        self.reading = aged(self.reading, self._trip.answered(frame.t_ns))
+        answer = self._setup.take_setting(frame)
+        if answer is not None and answer[0] == spark.DUTY_FACTOR:
+            self.reading = aged(self.reading, self._trip.answered(frame.t_ns))
 
 
 def make_rules(table: SparkEncoderConfig, each_tick: int) -> tuple[Rules]:

@@ -91,13 +91,22 @@ class SparkMotor(AskedMotor):
     def order(self, torque_nm: float | None, t_ns: int) -> Order:
         frames = self._rearm() if torque_nm is not None and not self._wanted else []
         self._wanted = torque_nm is not None
-        frames += self._setup.frames(t_ns, self.reading.t_ns)
-        frames += (question for question in self._asked() if question not in frames)
+        frames += self._ask(t_ns)
         order = self._stop(t_ns) if torque_nm is None or not self._may_drive(t_ns) else self._drive(torque_nm, t_ns)
         return order._replace(frames=(*frames, *order.frames))
 
     def release(self) -> tuple[Frame, ...]:
         return spark.make_duty(self._axis, 0.0), self._heartbeat.drop(self._axis.device, 0)
+
+    def _ask(self, t_ns: int) -> list[Frame]:
+        """Questions of the setup, and how late the device comes; the version answers both, and is asked once a time."""
+        frames = self._setup.frames(t_ns, self.reading.t_ns + self._trip.late_ns)
+        if self._trip.is_due or self._question not in frames:
+            return [*(frame for frame in frames if frame != self._question), *self._asked()]
+        if self._trip.is_open:
+            return []
+        self._trip.asked(t_ns)
+        return frames
 
     # --- what comes
 
