@@ -73,7 +73,10 @@ class AskedMotor(HeardMotor):
 
     def _asked(self) -> tuple[Frame, ...]:
         """The question, in a tick in which it is due."""
-        return (self._question,) if self._trip.is_due else ()
+        if not self._trip.is_due:
+            return ()
+        self._trip.asked()
+        return (self._question,)
 
 
 def older(frame: Frame, late_ns: int) -> Frame:

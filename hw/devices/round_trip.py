@@ -43,17 +43,17 @@ class RoundTrip:
         """Once a tick, at the time that is recorded of it, before anything is sent."""
         self._tick_ns = t_ns
         self.is_due = t_ns >= self._due_ns
-        if self.is_due:
-            self.asked(t_ns)
+        if self.is_due and self._heard_ns is not None and t_ns - self._heard_ns > SILENT_NS:
+            self.is_timely = False
 
-    def asked(self, t_ns: int) -> None:
-        """The question is put in this tick, by whom it may be."""
+    def asked(self) -> None:
+        """The question is sent in this tick; its time is the tick's, which is recorded, and a little earlier."""
+        t_ns = self._tick_ns
         if self._heard_ns is None:
             self._heard_ns = t_ns
         self._turn = (self._turn + 1) % len(UNANSWERED_NS)
-        self.is_open, self._asked_ns, self._due_ns = True, t_ns, t_ns + UNANSWERED_NS[self._turn]
-        if t_ns - self._heard_ns > SILENT_NS:
-            self.is_timely = False
+        self.is_due, self.is_open = False, True
+        self._asked_ns, self._due_ns = t_ns, t_ns + UNANSWERED_NS[self._turn]
 
     def answered(self, t_ns: int) -> int:
         """An answer came at `t_ns`; by how much `late_ns` has changed."""

@@ -75,6 +75,7 @@ def test_it_stands_among_a_motors_faults():
         for t_ns in range(1000 * MS, 1300 * MS, 10 * MS):
             motor.take(frame(family, t_ns, TRUE * t_ns * 1e-9, TOLD))
         motor.faults(t_ns)
+        motor.order(None, t_ns)
         if family == "odrive":
             motor.take(Frame(t_ns, 0x20, bytes(8)))        # its answer to what it is asked once a second
         (fault,) = motor.faults(t_ns)

@@ -21,7 +21,8 @@ def feed(motor: OdriveMotor, t_ns: int, position_rev: float, velocity_rev_s: flo
 @pytest.fixture
 def motor() -> OdriveMotor:
     motor = OdriveMotor(OdriveAxis(1, 1))
-    motor.faults(1)                                       # asks, and is answered at once
+    motor.faults(1)
+    motor.order(None, 1)                                  # asks, and is answered at once
     motor.take(Frame(1, 0x20, bytes(8)))
     return motor
 

@@ -32,13 +32,14 @@ TICK_MS = 5
 MOTOR = DcMotor(2.45, 612.5, 12.25)                       # 0.02 Nm/A and 0.1 ohm, what SparkSettings() has
 HEARTBEAT, BASE = 0x02052C80, 0x02050000
 FOREVER = 1 << 62
+NOTHING_KNOWN = Bounds()
 
 
 class Bench:
     """A robot's end of the bus with one motor or more, at 200 Hz, with their devices at the other."""
 
     def __init__(self, plant, clock, settings=None, faults=(), devices=(3,), direction=1,
-                 bounds=Bounds()) -> None:
+                 bounds=NOTHING_KNOWN) -> None:
         self.plant, self.clock = plant, clock
         self.near, self.far = (open_can("virtual", "test_spark_motor", 1_000_000, clock) for _ in range(2))
         axes = [SparkAxis(device, direction, has_endstop=True) for device in devices]

@@ -121,7 +121,7 @@ def test_feedback_that_is_late_from_the_start_drives_nothing_and_says_so(make, w
                                      if "motor" in fault.params} == named(robot.config)
     assert set(robot.faults(hw.FEEDBACK_LATE)) == named(robot.config)
     late_s = [fault.params["delay_s"] for fault in verdict.reasons if fault.code == hw.FEEDBACK_LATE.name]
-    most_ms = LATE_MS + (15 if wire == "virtual" else 120)             # the serial adapter's own answers take their time
+    most_ms = LATE_MS + (15 if wire == "virtual" else 120)  # the serial adapter's own answers take their time
     assert len(late_s) == 5 and all(LATE_MS <= 1e3 * delay_s <= most_ms for delay_s in late_s)
     assert set(robot.torques) == {0.0} and robot.sent.flywheel_torque_nm == 0.0
     assert robot.tally["frames not allowed"] == 0
@@ -167,6 +167,7 @@ def test_no_delay_hides_between_questions(delay_ms: int) -> None:
             trip.answered(coming.popleft())
         trip.tick(t_ns)
         if trip.is_due:
+            trip.asked()
             coming.append(t_ns + delay_ms * MS)
         timely_ns += TICK_NS * trip.is_timely
         assert timely_ns <= (0 if delay_ms < 350 else 350 * MS)         # at the very start
@@ -179,6 +180,7 @@ def test_lost_questions_and_answers_make_nothing_late_and_nobody_silent() -> Non
     for t_ns in range(0, 7_200_000 * MS, 50 * MS):
         trip.tick(t_ns)
         if trip.is_due:
+            trip.asked()
             asked += 1
             if asked * 2654435761 % 2**32 < 2**30:
                 trip.answered(t_ns + 4 * MS)
@@ -189,9 +191,12 @@ def test_lost_questions_and_answers_make_nothing_late_and_nobody_silent() -> Non
 def test_one_that_no_longer_answers_is_named() -> None:
     trip = RoundTrip("it")
     trip.tick(MS)
+    trip.asked()
     trip.answered(5 * MS)
     for t_ns in range(TICK_NS, SILENT_NS + 1000 * MS, TICK_NS):
         trip.tick(t_ns)
+        if trip.is_due:
+            trip.asked()
         if t_ns < SILENT_NS:
             assert trip.fault() is None
     assert trip.fault() == hw.CONTROLLER_NOT_ANSWERING(controller="it", silence_s=pytest.approx(31.0, abs=0.1))
@@ -199,6 +204,7 @@ def test_one_that_no_longer_answers_is_named() -> None:
     while not trip.is_due:
         t_ns += TICK_NS
         trip.tick(t_ns)
+    trip.asked()
     trip.answered(t_ns + MS)
     assert trip.fault() is None
 
@@ -206,9 +212,11 @@ def test_one_that_no_longer_answers_is_named() -> None:
 def test_an_answer_that_waited_for_ticks_that_stood_still_measures_nothing() -> None:
     trip = RoundTrip("it")
     trip.tick(MS)
+    trip.asked()
     trip.answered(5 * MS)
     trip.tick(1000 * MS)
-    assert trip.is_due and trip.answered(1300 * MS) == 0 and trip.fault() is None and trip.late_ns == 10 * MS
+    trip.asked()
+    assert trip.answered(1300 * MS) == 0 and trip.fault() is None and trip.late_ns == 10 * MS
     trip.tick(1700 * MS)
     assert trip.is_due                                     # asked again without waiting a second
 

@@ -60,7 +60,10 @@ class CanandmagEncoder(Encoder):
 
     def frames(self, t_ns: int) -> tuple[Frame, ...]:
         frames, self._unsent = self._unsent, ()
-        return (*frames, self._question) if self._trip is not None and self._trip.is_due else frames
+        if self._trip is None or not self._trip.is_due:
+            return frames
+        self._trip.asked()
+        return (*frames, self._question)
 
 
 def errors(table: CanandmagConfig, faults: int) -> tuple[Reason, ...]:

@@ -75,10 +75,10 @@ class SparkEncoder(Encoder):
             return ()
         heard_ns = 0 if self.reading is None else self.reading.t_ns + self._trip.late_ns
         frames = self._setup.frames(t_ns, heard_ns)
-        if self._question in frames:
-            self._trip.asked(t_ns)
-        elif self._setup.is_ready and self._trip.is_due:
+        if self._setup.is_ready and self._trip.is_due:
             frames = [self._question]
+        if self._question in frames:
+            self._trip.asked()
         return tuple(frames)
 
     def _take_setting(self, frame: Frame) -> None:

@@ -105,7 +105,7 @@ class SparkMotor(AskedMotor):
             return [*(frame for frame in frames if frame != self._question), *self._asked()]
         if self._trip.is_open:
             return []
-        self._trip.asked(t_ns)
+        self._trip.asked()
         return frames
 
     # --- what comes
