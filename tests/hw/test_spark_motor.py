@@ -191,6 +191,18 @@ def test_released_is_duty_zero_and_disabled_at_once(make) -> None:
         assert {frame.data for frame in said} == {bytes(8)}
 
 
+@pytest.mark.parametrize(("brakes", "mode"), [(True, 1.0), (False, 0.0)])
+def test_a_hood_brakes_and_wheels_coast_when_they_are_let_go(make, plant, brakes: bool, mode: float) -> None:
+    bench = make(bounds=Bounds(600.0, 1.2, brakes))
+    armed(bench, 0.1)
+    bench.run(60, 0.1)
+    assert (bench.node.parameters[6], bench.node.parameters[59]) == (mode, 66.0)     # 1.2 Nm at 0.02 Nm/A, and a tenth
+    speed = plant.velocity_rad_s["hood"]
+    bench.run(100)                                         # 0.5 s: twice the time constant of a short circuit
+    left = plant.velocity_rad_s["hood"] / speed
+    assert left < 0.2 if brakes else left == pytest.approx(1.0, abs=0.02)
+
+
 def test_release_ends_it_whatever_stood_before(make) -> None:
     bench = make()
     armed(bench, 0.1)

@@ -184,7 +184,7 @@ def test_the_encoder_is_set_up_as_soon_as_there_is_a_bus():
     for _ in range(3):
         rig.read()
         rig.write(ASKED)
-    assert [frame.arbitration_id for frame in bus.sent if frame.is_extended] == [0x070E00C5]
+    assert [frame.arbitration_id for frame in bus.sent if frame.is_extended] == [0x070E00C5, 0x070E0085]
 
 
 def test_what_comes_in_while_a_tick_gathers_is_not_from_its_future(bench):

@@ -13,6 +13,7 @@ from truearc.hw.devices.odrive.bus_rules import make_rules
 from truearc.hw.devices.odrive.doctor import examine, questions
 from truearc.hw.devices.odrive.emulator import SETTINGS, OdriveNode, OdriveSettings
 from truearc.hw.devices.odrive.motor import OdriveMotor
+from truearc.hw.devices.odrive.stored import stored_settings
 from truearc.hw.protocols import Frame
 
 
@@ -45,4 +46,4 @@ ODRIVE = MotorFamily(
     make_motors=make_motors, make_rules=make_rules,
     errors=lambda axis, motor: odrive.errors_of(motor.axis_error),
     is_driven=lambda axis, motor: motor.axis_state == odrive.CLOSED_LOOP, questions=questions, examine=examine,
-    make_node=make_node)
+    make_node=make_node, stored_settings=stored_settings)

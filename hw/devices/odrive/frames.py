@@ -5,6 +5,7 @@ are radians, and the axis's `direction` has been applied: positive launches a ba
 """
 
 import math
+import struct
 from types import MappingProxyType
 
 from msgspec import Struct
@@ -45,7 +46,7 @@ ERRORS: ErrorTable = (
     (0x40000000, codes.ERROR_CALIBRATION),
 )
 
-SDO_READ = 0
+SDO_READ, SDO_WRITE = 0, 1
 # Command -> message, of what becomes part of a MotorReading
 READINGS = MappingProxyType({
     0x01: "Heartbeat", 0x03: "Get_Error", 0x05: "TxSdo", 0x09: "Get_Encoder_Estimates",
@@ -126,6 +127,11 @@ def make_endstop_query(axis: OdriveAxis) -> Frame:
 def make_parameter_query(axis: OdriveAxis, endpoint: int) -> Frame:
     """Ask for one parameter by its number in the firmware's own table; `parse_parameter` takes the answer."""
     return make(axis, "RxSdo", {"opcode": SDO_READ, "endpoint": endpoint, "value": 0})
+
+
+def make_parameter_write(axis: OdriveAxis, endpoint: int, data: bytes) -> Frame:
+    """Set one parameter by its number, or call a function (no data); as long as the parameter, and not answered."""
+    return Frame(0, frame_id(axis, "RxSdo"), struct.pack("<BHB", SDO_WRITE, endpoint, 0) + data)
 
 
 def make_version_query(axis: OdriveAxis) -> Frame:
