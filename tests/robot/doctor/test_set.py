@@ -109,7 +109,7 @@ def test_another_firmware_and_a_driven_axis_are_refused(change, message: str) ->
 
 
 def test_an_axis_in_closed_loop_is_refused() -> None:
-    bench = Bench()
+    bench = Bench(watchdog_ms=0)
     bench.near.write(odrive.make_state(odrive.OdriveAxis(1, 1), odrive.CLOSED_LOOP))
     with pytest.raises(InputError, match="flywheel motor 1: is in state 8"):
         bench.set()
