@@ -1,27 +1,33 @@
-"""A motor that is heard and never commanded; drivers of all families add the commands."""
+"""A motor that is heard and never commanded, and one that is asked how late its readings come; drivers of all families
+add the commands."""
 
 from collections.abc import Callable, Iterable
 
-from truearc.hw.encoder_plausibility import LAG_S, Agreement
+from msgspec import UNSET
+from msgspec.structs import replace
+
+from truearc.hw.devices.round_trip import RoundTrip
+from truearc.hw.encoder_plausibility import LAG_S, OWN_LAG_S, Agreement
 from truearc.hw.protocols import Frame, MotorReading, Order
 from truearc.hw.reason import Reason
 
 Parse = Callable[[Frame, MotorReading], MotorReading]
+STAMPS = ("t_ns", "heartbeat_t_ns", "current_t_ns", "bus_t_ns", "endstop_t_ns", "errors_t_ns")
 
 
 class HeardMotor:
     """A truearc.hw.protocols.Motor that sends no frame, whatever torque it is given.
 
-    device: as messages name it, such as "odrive node 1". frame_ids: of the frames that `parse` understands. lag_s: by
-    which its filter may report a changing speed late.
+    device: as messages name it, such as "odrive node 1". frame_ids: of the frames that `parse` understands.
     """
 
-    def __init__(self, device: str, frame_ids: Iterable[int], is_extended: bool, parse: Parse,
-                 lag_s: float = LAG_S) -> None:
+    _lag_s = LAG_S                    # by which its filter may report a changing speed late
+
+    def __init__(self, device: str, frame_ids: Iterable[int], is_extended: bool, parse: Parse) -> None:
         self.reading = MotorReading()
         self._device, self._parse = device, parse
         self._ids = tuple((frame_id, is_extended) for frame_id in frame_ids)
-        self._agreement = Agreement(lag_s)
+        self._agreement = Agreement(self._lag_s)
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
         return self._ids
@@ -39,3 +45,44 @@ class HeardMotor:
 
     def release(self) -> tuple[Frame, ...]:
         return ()
+
+
+class AskedMotor(HeardMotor):
+    """One that answers `question`, a remote frame, once a second: its readings are older by the time that this takes.
+
+    `faults` is called before `order` in each tick, at the tick's own time.
+    """
+
+    _lag_s = OWN_LAG_S
+
+    def __init__(self, device: str, frame_ids: Iterable[int], is_extended: bool, parse: Parse, question: Frame) -> None:
+        super().__init__(device, frame_ids, is_extended, parse)
+        self._question, self._trip = question, RoundTrip(device)
+
+    def take(self, frame: Frame) -> None:
+        super().take(older(frame, self._trip.late_ns))
+
+    def faults(self, t_ns: int) -> tuple[Reason, ...]:
+        self._trip.tick(t_ns)
+        fault = self._trip.fault()
+        return super().faults(t_ns) if fault is None else (fault,)
+
+    def _take_answer(self, frame: Frame) -> None:
+        """An answer that has been found to be one."""
+        if by_ns := self._trip.answered(frame.t_ns):
+            stamps = {name: stamp_ns - by_ns for name in STAMPS
+                      if (stamp_ns := getattr(self.reading, name)) is not UNSET and stamp_ns > 0}
+            self.reading = replace(self.reading, **stamps)
+            self._agreement = Agreement(self._lag_s)          # it measures times between stamps, which have just moved
+
+    def _asked(self) -> tuple[Frame, ...]:
+        """The question, in a tick in which it is due."""
+        if not self._trip.is_due:
+            return ()
+        self._trip.asked()
+        return (self._question,)
+
+
+def older(frame: Frame, late_ns: int) -> Frame:
+    """A device's data frame, stamped when it was sent by a device whose frames come so late."""
+    return Frame(frame.t_ns - late_ns, frame.arbitration_id, frame.data, frame.is_extended)

@@ -90,7 +90,7 @@ def fault(kind, frame_id=None, length=0):
 
 def test_a_well_robot_passes_everything(endpoints):
     findings = Bench().findings(endpoints)
-    assert levels(findings, OK) == set(findings) and len(findings) == 2 + 4 * 6 + 1
+    assert levels(findings, OK) == set(findings) and len(findings) == 2 + 4 * 6 + 1 + 1      # and what the feeder keeps
     assert findings["flywheel motor 1, firmware"].says == "firmware 0.6.10"
     assert findings["hood motor, watchdog"].says == "0.1 s"
 

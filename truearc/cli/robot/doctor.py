@@ -1,7 +1,7 @@
 """Look at everything a run needs and say in one line each how it is and what to do about it.
 
-Changes nothing but an exposure that the configuration fixes, and moves nothing; stop a running robot first, which holds
-camera and button box. Exit 1 if anything fails.
+Without --set it changes nothing but an exposure that the configuration fixes, and moves nothing; stop a running robot
+first, which holds camera and button box. Exit 1 if anything fails.
 """
 
 import argparse
@@ -26,10 +26,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--priority", type=number(int, 1, 99), default=50, metavar="P", help="as for truearc run")
     parser.add_argument("--seconds", type=number(float, 0.5, 600.0), default=2.0, metavar="S",
                         help="to listen to the bus, or to --nt")
+    parser.add_argument("--set", action="store_true", help="compare the watchdogs and limits that the axes keep with "
+                        "the rig, and write and save what differs after a yes; with --endpoints")
+    parser.add_argument("--yes", action="store_true", help="with --set: do not ask")
     parser.add_argument("--json", action="store_true", help="findings as JSON")
 
 
 def main(args: argparse.Namespace) -> int:
     """Return 0 when no check failed, else 1."""
+    if args.set:
+        from truearc.cli.robot.doctor_set import set_devices
+        return set_devices(args)
     from truearc.cli.robot.doctor_checks import check_robot
     return check_robot(args)
