@@ -46,9 +46,10 @@ TORQUE_NM, STILL_RAD_S = 1e-4, 1.0    # less is none, and does not move
 APART_S = 0.02                        # between two pushes
 BACK_SHARE, BACK_DEG = 0.03, 0.5      # of its set point at the end: the axis works again
 SLACK_S = 0.005                       # of a tick, and of a step of the plant
+SPINOUT = 0x04000000
 NO_ANSWER = "switch never answers"    # that of an ODrive, which is asked for it
 # The driver
-SETTLE_S, ARM_S, PAUSE_S, AFTER_S, AGAIN_S, READY_S = 0.5, 0.2, 1.0, 4.0, 8.0, 40.0
+SETTLE_S, PATIENCE_S, ARM_S, PAUSE_S, AFTER_S, AGAIN_S, READY_S = 0.5, 3.0, 0.2, 1.0, 4.0, 8.0, 40.0
 NEAR_RAD_S, NEAR_DEG, NEAR_S = 3.0, 0.4, 0.5
 SPINNING_RAD_S, RISING_DEG = 300.0, 27.0      # still at full torque; between where the hood is found and its set point
 
@@ -68,11 +69,11 @@ class ToldEyes:
     """truearc.robot.vision_source.Eyes: the target in its place, ten times a second, as long as it is to be seen."""
 
     def __init__(self, clock: Clock, is_hidden: Callable[[], bool]) -> None:
-        self._clock, self._is_hidden = clock, is_hidden
+        self.clock, self._is_hidden = clock, is_hidden
         self._due_ns = 0
 
     def read(self) -> Sighting | None:
-        now_ns = self._clock.now_ns()
+        now_ns = self.clock.now_ns()
         if now_ns < self._due_ns or self._is_hidden():
             return None
         self._due_ns = now_ns + NS_PER_S // 10
@@ -106,7 +107,7 @@ class MotionSide:
         self._endstop = self._nodes["hood"].node._endstop if self._motion.what == NO_ANSWER else None
         self._twin = Twin(self._world, TappedBus(wire, self._listen), tuple(self._nodes.values()),
                           (box.step, self._drive))
-        self._heard = False
+        self._heard = self._is_driven = False
         self._began_s = self._armed_s = self._near_s = 0.0
         self._presses = 0             # of "arm", once it is over
 
@@ -131,8 +132,9 @@ class MotionSide:
         self._began_s = self._began_s or t_s
         if not moved.begin_s and self._motion.when == "start":
             self._begin(t_ns)
-        if not self._armed_s:
-            if t_s - self._began_s >= SETTLE_S:
+        self._is_driven = self._is_driven or any(self._world.lines[-1][1:4])
+        if not self._armed_s or (not self._is_driven and t_s - self._armed_s > PATIENCE_S):
+            if t_s - self._began_s >= SETTLE_S:   # and again where a machine that stalled has lost the press
                 self._armed_s = t_s
                 self._box.press("arm")
         elif not moved.begin_s:
@@ -174,10 +176,11 @@ class MotionSide:
                 self._nodes[name].node.magnet_ok = False
             elif self._motion.what == NO_ANSWER:
                 self._nodes[name].node._endstop = None
+            elif self._motion.what == "gives up":
+                self._nodes[name].node.disarm(SPINOUT)
             else:
                 self._nodes[name].suffer(self._motion.what, t_ns)
-        if not self._motion.names:
-            self._world.suffer(self._motion.what)
+        self._world.suffer("" if self._motion.names else self._motion.what)
 
     def _end(self, t_ns: int) -> None:
         self.moved.end_s = t_ns * NS
@@ -185,7 +188,7 @@ class MotionSide:
         for name in self._motion.names:
             self._nodes[name].suffer("", t_ns)
             self._nodes[name].deaf_to = -1
-            if self._motion.what == "magnet lost":
+            if name == "hood_encoder":
                 self._nodes[name].node.magnet_ok = True
         self._world.suffer("")
         if self._motion.what == NO_ANSWER:
@@ -199,6 +202,7 @@ def judge_motion(row: Row, motion: Motion, folder: Path, result: Any, ticks: lis
     """Fill in `result` (benchmarks.matrix.judge.Result)."""
     moved = msgspec.json.decode((folder / "devices.json").read_bytes(), type=Moved)
     log = np.load(folder / "devices.npy")
+    late_s, result.bound_s = result.bound_s - row.within_s, row.within_s    # of the plant nothing is excused
     result.ticks = len(ticks)
     if not moved.over_s:
         result.wrong.append("was never ready for it" if not moved.begin_s else "did not come to its end")
@@ -208,7 +212,7 @@ def judge_motion(row: Row, motion: Motion, folder: Path, result: Any, ticks: lis
     if motion.axis:
         since_s = _judge_release(row, motion, moved, plant, result)
         if (codes := CODES[motion.code]) is not None:
-            _judge_words(codes, ticks, moved, since_s, since_s + result.bound_s + TOLD_S, result)
+            _judge_words(codes, ticks, moved, since_s, since_s + row.within_s + TOLD_S + late_s, result)
         _judge_return(row, motion, moved, plant, result)
 
 

@@ -17,11 +17,13 @@ BOTH = ("flywheel_a", "flywheel_b")
 # What the page may say of each kind of fault, as codes of truearc.robot.reasons: one of these; none, any fault; None,
 # it is none. A reading keeps its own code; "axis_released" and "axis_latched" name it as their cause.
 RELEASED = ("axis_released", "axis_latched")
+INTERLOCKS = (*RELEASED, "overspeed", "speed_jumped", "wrong_direction", "no_response", "encoders_disagree",
+              "hood_jammed", "homing_timed_out", "released_repeatedly")       # none of which may come without a fault
 CODES: dict[str, tuple[str, ...] | None] = {
     "any": (),
     "none": None,
     "stale": ("device_stale", "device_never_received", *RELEASED),
-    "faulty": ("bad_frame", "device_stale", "motor_not_finite", "magnet_lost", *RELEASED),
+    "faulty": ("motor_error", "motor_not_driven", "bad_frame", "device_stale", "motor_not_finite", "magnet_lost", *RELEASED),
     "frozen": ("encoder_stuck", "encoder_mismatch", "hood_encoders_disagree", "encoders_disagree", *RELEASED),
     "no response": ("no_response", "encoder_stuck", "encoder_mismatch", *RELEASED),
     "disagree": ("encoder_mismatch", "speed_jumped", "no_response", *RELEASED),
@@ -123,8 +125,10 @@ def _with_sparks(row: Row) -> Row:
                launcher="spark")
 
 
-ODRIVE_ROWS = (*_wheels(), *_hood(),
+ODRIVE_ROWS = (*_wheels(), *_hood())
+# Of an ODrive's heartbeat, every 0.1 s, comes that it has given up. A SPARK's switch is in the frame that says it lives
+ONLY_ODRIVE = (_wheel("motor 2 gives up with an error while spinning up",
+                      Motion("gives up", BOTH[1:], "spinning", "wheels", "fault", "faulty"), 0.1 + STALE_S, EITHER, 3.0),
                _hooded("its limit switch never answers",
                        Motion("switch never answers", ("hood",), "start", "hood", "push", "switch"), NEVER_S, ITSELF))
-# A SPARK's switch is in the frame that says that it lives
-MOTION_ROWS = (*ODRIVE_ROWS, *(_with_sparks(row) for row in ODRIVE_ROWS if "never answers" not in row.name))
+MOTION_ROWS = (*ODRIVE_ROWS, *ONLY_ODRIVE, *map(_with_sparks, ODRIVE_ROWS))

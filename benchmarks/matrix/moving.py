@@ -11,7 +11,7 @@ import numpy.typing as npt
 from benchmarks.matrix.ages import frame_id, is_odrive
 from truearc.hw.codec import load_codec
 from truearc.hw.devices.canandmag.frames import frame_id as encoder_id
-from truearc.hw.emulated.nodes import Node
+from truearc.hw.emulated.nodes import MotorTruth, Node
 from truearc.hw.protocols import Frame
 from truearc.robot.config.schema import Config
 from truearc.sim.world.emulated_robot import make_nodes
@@ -29,17 +29,21 @@ PAIR = struct.Struct("<ff")
 COUNTS = 16384                        # of the hood encoder, per turn
 PATTERN = (1, 0, 0, 1)                # 1: lost. Half of all frames, never more than two of one kind after each other
 GAP_S, GAP_EVERY_S = 0.07, 0.5
+LOSSES = ("half the frames lost", "gaps of 70 ms")
+STICTION_NM = {"wheels": 0.1, "hood": 0.03}   # to break away, one and a half to two and a half times the friction
+SLIP = 0.1
 STUTTER_S, STUTTER_GAP_S = 1.2, 0.25  # readings stop this often, for so long
 NO_WATCHDOG = 0                       # a release is a command; a watchdog would hide that none came
 
 
 class SickHood(Hood):
-    """`trouble`: "" or one of "hood jams", "hood is stiff", "hood backwards", "hood comes loose"."""
+    """`trouble`: "" or one of "hood jams", "hood is stiff", "hood backwards", "hood comes loose", "stiction"."""
 
     trouble = ""
 
     def step(self, torque_nm: float, dt_s: float) -> None:
-        if self.trouble == "hood jams":
+        if self.trouble == "hood jams" or (self.trouble == "stiction" and self.speed_rad_s == 0.0
+                                           and abs(torque_nm) <= STICTION_NM["hood"]):
             self.speed_rad_s = 0.0
         elif self.trouble == "hood comes loose":      # the motor turns, the screw does not
             before_rad, elevation_deg = self._screw_rad, self.elevation_deg
@@ -60,12 +64,13 @@ class SickHood(Hood):
 
 
 class SickBelt(Belt):
-    """`trouble`: "" or one of "wheels jam", "wheels backwards", "wheels have no power"."""
+    """`trouble`: "" or one of "wheels jam", "wheels backwards", "wheels have no power", "stiction"."""
 
     trouble = ""
 
     def step(self, torque_nm: float, dt_s: float) -> None:
-        if self.trouble == "wheels jam":
+        if self.trouble == "wheels jam" or (self.trouble == "stiction" and self.speed_rad_s == 0.0
+                                            and abs(torque_nm) <= STICTION_NM["wheels"]):
             self.speed_rad_s = 0.0
             return
         super().step(torque_nm * {"wheels backwards": -1.0, "wheels have no power": 0.0}.get(self.trouble, 1.0), dt_s)
@@ -88,6 +93,13 @@ class MovingWorld(World):
             self.lines.append((self._t_ns * 1e-9, *(torque_nm.get(name, 0.0) for name in self.motors[:3]),
                                self.belt.speed_rad_s, self.hood.elevation_deg, self.hood.speed_rad_s))
 
+    def motor(self, name: str) -> MotorTruth:
+        truth = super().motor(name)
+        if self.trouble != "motor 2 slips" or name != "flywheel_b":
+            return truth
+        return truth._replace(position_rad=(1.0 - SLIP) * truth.position_rad,
+                              velocity_rad_s=(1.0 - SLIP) * truth.velocity_rad_s)
+
     def _felt_nm(self, torque_nm: Mapping[str, float]) -> Mapping[str, float]:
         if self.trouble != "motor 2 backwards":
             return torque_nm
@@ -97,7 +109,7 @@ class MovingWorld(World):
         return self.trouble != "switch dead" and super().hood_at_limit()
 
     def suffer(self, trouble: str) -> None:
-        """From now on something of SickHood or SickBelt is wrong, "switch dead" or "motor 2 backwards"; "" ends it."""
+        """From now on something of SickHood or SickBelt is wrong, "switch dead", "motor 2 backwards" or "motor 2 slips"; "" ends it."""
         self.trouble = self.hood.trouble = self.belt.trouble = trouble
 
     def log(self) -> npt.NDArray[np.float64]:
