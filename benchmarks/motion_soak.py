@@ -181,8 +181,8 @@ def main() -> int:
             wrong += bool(result.wrong)
             print(f"{name}: {result.emulated_s:.0f} s in {result.took_s:.0f} s, {result.fires} balls, dips of "
                   f"{result.largest_dip:.1f} rad/s per ms, hood at most {result.fastest_deg_s:.0f} deg/s, gaps "
-                  f"{result.gaps_s[0]:.2f} and {result.gaps_s[1]:.2f} s; {'; '.join(result.wrong) or 'as it should be'}",
-                  flush=True)
+                  f"{result.gaps_s[0]:.2f} and {result.gaps_s[1]:.2f} s; "
+                  f"{'; '.join(result.wrong) or 'as it should be'}", flush=True)
             if args.out:
                 with args.out.open("ab") as file:
                     file.write(msgspec.json.encode(result) + b"\n")

@@ -16,8 +16,8 @@ from benchmarks.matrix.box import BrokenBox
 from benchmarks.matrix.breaking import Motion
 from benchmarks.matrix.far_wire import FarWire
 from benchmarks.matrix.launchers import with_launcher
-from benchmarks.matrix.moving import COLUMNS, NAMES, MovingWorld, make_sick_nodes, torque_frame_id
 from benchmarks.matrix.motion_rows import CODES, EITHER
+from benchmarks.matrix.moving import COLUMNS, NAMES, MovingWorld, make_sick_nodes, torque_frame_id
 from benchmarks.matrix.row import ITSELF, REARM, Row
 from benchmarks.matrix.span import Span
 from truearc.cli.common import SHIPPED
@@ -126,34 +126,44 @@ class MotionSide:
         self._heard = self._heard or not sent
 
     def _drive(self, t_ns: int) -> None:
-        t_s, moved, span = t_ns * NS, self.moved, self._span
+        """The driver arms; then it goes wrong when it is time, ends, and the driver may arm again."""
+        t_s, moved = t_ns * NS, self.moved
         if not self._heard:
             return
         self._began_s = self._began_s or t_s
+        self._is_driven = self._is_driven or any(self._world.lines[-1][1:4])
         if not moved.begin_s and self._motion.when == "start":
             self._begin(t_ns)
-        self._is_driven = self._is_driven or any(self._world.lines[-1][1:4])
         if not self._armed_s or (not self._is_driven and t_s - self._armed_s > PATIENCE_S):
             if t_s - self._began_s >= SETTLE_S:   # and again where a machine that stalled has lost the press
                 self._armed_s = t_s
                 self._box.press("arm")
         elif not moved.begin_s:
-            if self._is_time(t_s):
-                self._begin(t_ns)
-            elif t_s - self._armed_s > READY_S:
-                span.finish(self._now_ns())
+            self._wait(t_ns)
         elif not moved.end_s:
             if t_s - max(moved.begin_s, self._armed_s) >= self._row.lasts_s:
                 self._end(t_ns)
-        elif self._row.after in (REARM, EITHER) and self._presses < 2:
+        else:
+            self._recover(t_s)
+
+    def _wait(self, t_ns: int) -> None:
+        if self._is_time(t_ns * NS):
+            self._begin(t_ns)
+        elif t_ns * NS - self._armed_s > READY_S:
+            self._span.finish(self._now_ns())
+
+    def _recover(self, t_s: float) -> None:
+        """Arm again, where that is needed, by two presses; and see what comes of it."""
+        moved = self.moved
+        if self._row.after in (REARM, EITHER) and self._presses < 2:
             if t_s - moved.end_s >= PAUSE_S + self._presses * ARM_S:
                 self._presses += 1
                 self._box.press("arm")
                 moved.rearm_s = t_s
-                span.rearm(self._now_ns())
+                self._span.rearm(self._now_ns())
         elif t_s - (moved.rearm_s or moved.end_s) >= (AGAIN_S if self._presses else AFTER_S):
             moved.over_s = t_s
-            span.finish(self._now_ns())
+            self._span.finish(self._now_ns())
 
     def _is_time(self, t_s: float) -> bool:
         belt, hood, when = self._world.belt, self._world.hood, self._motion.when
@@ -299,15 +309,15 @@ def _judge_words(codes: tuple[str, ...], ticks: list[Tick], moved: Moved, since_
         t_s = tick.inputs.t_ns * NS - moved.run_s
         if since_s <= t_s <= until_s:
             for reason in tick.verdict.reasons:
-                if (not codes or reason.code in codes) and _kind(reason) == FAULT:
+                if (not codes or reason.code in codes) and _is_fault(reason):
                     result.reason = tell([reason])[0].means
                     return
     result.wrong.append("the page does not say why as a fault")
 
 
-def _kind(reason: Reason) -> str:
+def _is_fault(reason: Reason) -> bool:
     message = find_message(reason)
-    return FAULT if message is None else message.kind
+    return message is None or message.kind == FAULT
 
 
 def _judge_return(row: Row, motion: Motion, moved: Moved, plant: Plant, result: Any) -> None:

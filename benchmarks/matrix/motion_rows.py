@@ -23,7 +23,8 @@ CODES: dict[str, tuple[str, ...] | None] = {
     "any": (),
     "none": None,
     "stale": ("device_stale", "device_never_received", *RELEASED),
-    "faulty": ("motor_error", "motor_not_driven", "bad_frame", "device_stale", "motor_not_finite", "magnet_lost", *RELEASED),
+    "faulty": ("motor_error", "motor_not_driven", "bad_frame", "device_stale", "motor_not_finite", "magnet_lost",
+               *RELEASED),
     "frozen": ("encoder_stuck", "encoder_mismatch", "hood_encoders_disagree", "encoders_disagree", *RELEASED),
     "no response": ("no_response", "encoder_stuck", "encoder_mismatch", *RELEASED),
     "disagree": ("encoder_mismatch", "speed_jumped", "no_response", *RELEASED),
@@ -104,8 +105,8 @@ def _hood() -> Iterator[Row]:
                   Motion("hood comes loose", (), "start", "hood", "push", "homing"), 8.0, REARM, 12.0)
     yield _hooded("its screw is stiff", Motion("hood is stiff", (), "start", "", "fault", "none"), 0.0, KEEPS, 6.0)
     yield _hooded("its encoder reads 1.3 degrees low, set point at the soft limit",
-                  Motion("encoder 1.3 degrees low", (), "start", "", "fault", "none", hood_deg=60.0, high_deg=60.0), 0.0,
-                  KEEPS, 6.0)
+                  Motion("encoder 1.3 degrees low", (), "start", "", "fault", "none", hood_deg=60.0, high_deg=60.0),
+                  0.0, KEEPS, 6.0)
     yield _hooded("rises from its switch to 70 degrees",
                   Motion("nothing", (), "start", "", "fault", "none", hood_deg=70.0), 0.0, KEEPS, 6.0)
 
@@ -128,7 +129,8 @@ def _with_sparks(row: Row) -> Row:
 ODRIVE_ROWS = (*_wheels(), *_hood())
 # Of an ODrive's heartbeat, every 0.1 s, comes that it has given up. A SPARK's switch is in the frame that says it lives
 ONLY_ODRIVE = (_wheel("motor 2 gives up with an error while spinning up",
-                      Motion("gives up", BOTH[1:], "spinning", "wheels", "fault", "faulty"), 0.1 + STALE_S, EITHER, 3.0),
+                      Motion("gives up", BOTH[1:], "spinning", "wheels", "fault", "faulty"), 0.1 + STALE_S, EITHER,
+                      3.0),
                _hooded("its limit switch never answers",
                        Motion("switch never answers", ("hood",), "start", "hood", "push", "switch"), NEVER_S, ITSELF))
 MOTION_ROWS = (*ODRIVE_ROWS, *ONLY_ODRIVE, *map(_with_sparks, ODRIVE_ROWS))

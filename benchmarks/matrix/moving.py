@@ -109,7 +109,8 @@ class MovingWorld(World):
         return self.trouble != "switch dead" and super().hood_at_limit()
 
     def suffer(self, trouble: str) -> None:
-        """From now on something of SickHood or SickBelt is wrong, "switch dead", "motor 2 backwards" or "motor 2 slips"; "" ends it."""
+        """From now on something of SickHood or SickBelt is wrong, "switch dead", "motor 2 backwards" or
+        "motor 2 slips"; "" ends it."""
         self.trouble = self.hood.trouble = self.belt.trouble = trouble
 
     def log(self) -> npt.NDArray[np.float64]:
@@ -193,13 +194,14 @@ def change_reading(what: str, frame: Frame, first: Frame, velocity_first: bool) 
         PAIR.unpack(data)[::1 if velocity_first else -1] for data in (first.data, frame.data))
     velocity, position = {
         "zero": (0.0, 0.0), "speed zero": (0.0, position), "reversed": (-velocity, 2.0 * start[1] - position),
-        "not a number": (math.nan, position), "speed x 0.6": (0.6 * velocity, position), "half": (0.5 * velocity, position),
+        "not a number": (math.nan, position), "speed x 0.6": (0.6 * velocity, position),
+        "half": (0.5 * velocity, position),
         "position x 0.6": (velocity, start[1] + 0.6 * (position - start[1]))}[what]
     return frame._replace(data=PAIR.pack(*(velocity, position)[::1 if velocity_first else -1]))
 
 
 def make_sick_nodes(config: Config, world: MovingWorld) -> dict[str, Any]:
-    """Every device of the configuration as a SickNode, with nothing wrong; limits and watchdogs of motor drivers off."""
+    """Every device of the configuration as a SickNode, with nothing wrong; watchdogs of motor drivers are off."""
     axes = (*config.axes.flywheels, config.axes.hood, config.axes.feeder)
     readings = [(frame_id(axis, "Get_Encoder_Estimates" if is_odrive(axis) else "STATUS_2"), not is_odrive(axis))
                 for axis in axes]
