@@ -82,7 +82,7 @@ class Watcher:
 
     def __init__(self, world: MovingWorld, result: Soaked) -> None:
         self._world, self._result = world, result
-        self._since_s = [0.0, 0.0]
+        self._since_s, self._was_driven = [0.0, 0.0], [False, False]
         self._interlocks: Counter[str] = Counter()
         self._holds: Counter[str] = Counter()
         self._last: tuple[float, ...] = ()
@@ -103,7 +103,8 @@ class Watcher:
                         wanted_rad_s > 0.0 and memory.homed and not hood_nm
                         and abs(hood_deg - tick.aim.hood_deg) > SHORT_DEG)
             for axis, short in enumerate(is_short):
-                self._since_s[axis] = (self._since_s[axis] or t_s) if short else 0.0
+                self._was_driven[axis] |= bool(hood_nm if axis else a_nm and b_nm)    # a SPARK is set up first
+                self._since_s[axis] = (self._since_s[axis] or t_s) if short and self._was_driven[axis] else 0.0
             gaps_s = [t_s - since_s if since_s else 0.0 for since_s in self._since_s]
             result.gaps_s = tuple(map(max, result.gaps_s, gaps_s))            # type: ignore[assignment]
         if lines:
