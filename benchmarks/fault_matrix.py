@@ -4,8 +4,9 @@
     python -m benchmarks.fault_matrix --table FILE [--write archive/fault-matrix.md]
 
 Each row of benchmarks/matrix/rows.py is played on each bus that there is (socketcan: where vcan0 is), on the robot's
-own code with emulated devices: it fires, then something breaks, then it is repaired. A line of FILE a cell; one that is
-there already, and right, is not played again.
+own code with emulated devices: it fires, then something breaks, then it is repaired. Rows that begin with "motion"
+fire nothing: they move the launcher of sim/world, and are judged by its torques, speeds and angles. A line of FILE a
+cell; one that is there already, and right, is not played again.
 """
 
 import argparse

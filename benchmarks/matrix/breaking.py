@@ -1,5 +1,7 @@
 """What can be broken, as data: each says what is done, to whom; `begin` and `end` come from the run's span."""
 
+import math
+
 from msgspec import Struct
 
 
@@ -86,4 +88,20 @@ class Key(Struct, frozen=True):
     key: str
 
 
-Breaking = Device | Both | Inside | Wire | Box | Camera | Disk | Model | Time | Process | Start | Key
+class Motion(Struct, frozen=True):
+    """Something wrong with what moves or with what says how it moves, while the robot is armed and fires no ball;
+    benchmarks.matrix.motion. Angles in degrees."""
+
+    what: str                         # of benchmarks.matrix.moving
+    names: tuple[str, ...]            # devices whose frames it spoils; none: it is in the plant
+    when: str                         # "start", "spinning", "settled", "hood rises"
+    axis: str                         # that has to be released: "wheels", "hood"; "": none
+    since: str                        # what the row's time counts from: "reading" (the last true one), "fault", "push"
+    code: str                         # of benchmarks.matrix.motion_rows.CODES: what the page has to say
+    pushes: int = 1                   # times that the axis may be driven while it stands: 2 with one retry
+    hood_deg: float = 45.0            # set point
+    high_deg: float = 75.0            # soft limit; the plant's own stop is at 75
+    travel_deg: float = math.inf      # the hood's after the fault
+
+
+Breaking = Device | Both | Inside | Wire | Box | Camera | Disk | Model | Time | Process | Start | Key | Motion

@@ -11,11 +11,12 @@ import msgspec
 from msgspec import Struct
 
 from benchmarks.matrix.ages import needed_frames
-from benchmarks.matrix.breaking import Key
+from benchmarks.matrix.breaking import Key, Motion
 from benchmarks.matrix.devices import Seen
 from benchmarks.matrix.keys import judge_keys
 from benchmarks.matrix.launchers import with_launcher
 from benchmarks.matrix.models import AnswersAgain
+from benchmarks.matrix.motion import judge_motion
 from benchmarks.matrix.play import AIM, ends_robot, make_config
 from benchmarks.matrix.robot_side import RobotSide
 from benchmarks.matrix.row import DISARMS, ITSELF, KEEPS, REARM, REFUSED, Row
@@ -72,6 +73,10 @@ def judge(row: Row, bus: str, stepped: bool, folder: Path, said: str) -> Result:
     try:
         ticks = [tick for tick, _ in TickReader(folder / "session")]
         later = [tick for tick, _ in TickReader(folder / "again" / "session")] if (folder / "again").exists() else []
+        if isinstance(row.breaking, Motion):
+            judge_motion(row, row.breaking, folder, result, ticks)
+            _judge_recording(row, result, folder, ticks)
+            return result
         seen = msgspec.json.decode((folder / "devices.json").read_bytes(), type=Seen)
     except (InputError, OSError, msgspec.DecodeError) as error:
         result.wrong.append(str(error))

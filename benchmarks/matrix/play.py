@@ -16,7 +16,7 @@ from typing import NamedTuple
 from msgspec.structs import replace
 
 from benchmarks.matrix.box import BrokenBox
-from benchmarks.matrix.breaking import Breaking, Disk, Key, Model, Process, Start, Time
+from benchmarks.matrix.breaking import Breaking, Disk, Key, Model, Motion, Process, Start, Time
 from benchmarks.matrix.devices import FarSide
 from benchmarks.matrix.disks import mount_small_disk, unmount
 from benchmarks.matrix.far_wire import FarWire
@@ -24,6 +24,7 @@ from benchmarks.matrix.hurry import hurry, in_a_hurry
 from benchmarks.matrix.keys import play_keys
 from benchmarks.matrix.launchers import with_launcher
 from benchmarks.matrix.models import write_model
+from benchmarks.matrix.motion import MotionSide, make_motion_config
 from benchmarks.matrix.robot_side import run_robot
 from benchmarks.matrix.row import DISARMS, REARM, Row
 from benchmarks.matrix.span import Span
@@ -68,6 +69,8 @@ def ends_robot(breaking: Breaking) -> bool:
 
 def make_config(row: Row) -> Config:
     """The row's launcher at one set point, with a ball every 0.2 s, so that whoever wrongly fires is seen to."""
+    if isinstance(row.breaking, Motion):
+        return make_motion_config(row, row.breaking)
     config = load_config(SHIPPED)
     config = replace(config, collect=replace(config.collect, repeats=1 << 30, prescribed=(AIM,)),
                      feeder=replace(config.feeder, feed_s=0.05, clear_s=0.1), camera=replace(config.camera, fps=10.0),
@@ -142,9 +145,16 @@ class _SteppedWorld:
         self._wire.close()
         self.box.close()
 
-    def _make(self) -> FarSide:
-        row = self._place.row
-        return FarSide(self._place.config, row, self._place.arms, self._wire, self.box, self._span, self._now_ns)
+    def _make(self) -> FarSide | MotionSide:
+        return _make_far_side(self._place, self._wire, self.box, self._span, self._now_ns)
+
+
+def _make_far_side(place: Place, wire: FarWire, box: BrokenBox, span: Span,
+                   now_ns: Callable[[], int]) -> FarSide | MotionSide:
+    if isinstance(place.row.breaking, Motion):
+        return MotionSide(place.config, place.row, wire, box, span, now_ns)
+    parts = place.config, place.row, place.arms, wire, box, span, now_ns
+    return FarSide(*parts) if place.stepped else FarSide(*parts, WATCHDOG_MS)
 
 
 class _Now(NamedTuple):
@@ -217,10 +227,10 @@ def _be_both(place: Place) -> None:
 def _be_devices(place: Place) -> None:
     """Until the span is over."""
     hurry()
-    row, span, clock = place.row, Span(place.folder / "span"), MonotonicClock()
+    span, clock = Span(place.folder / "span"), MonotonicClock()
     box = BrokenBox(place.folder / "box", prompt=False)
     wire = FarWire(*place.bus, clock)
-    far = FarSide(place.config, row, place.arms, wire, box, span, clock.now_ns, WATCHDOG_MS)
+    far = _make_far_side(place, wire, box, span, clock.now_ns)
     (place.folder / "ready").touch()
     keep_time(clock, far.advance, lambda: far.over)
     far.save(place.folder / "devices.json")

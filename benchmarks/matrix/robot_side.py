@@ -8,9 +8,10 @@ from pathlib import Path
 import msgspec
 
 from benchmarks.matrix.beside import Beside
-from benchmarks.matrix.breaking import Breaking, Camera, Disk, Model, Process, Time, Wire
+from benchmarks.matrix.breaking import Breaking, Camera, Disk, Model, Motion, Process, Time, Wire
 from benchmarks.matrix.disks import break_disk
 from benchmarks.matrix.models import BrokenGate
+from benchmarks.matrix.motion import ToldEyes
 from benchmarks.matrix.pictures import Scenery, SteppedCamera, open_camera
 from benchmarks.matrix.span import Span
 from benchmarks.matrix.wires import FlakyBus, StallingClock, StandingWall
@@ -115,6 +116,8 @@ def _open(config: Config, breaking: Breaking, bus: tuple[str, str], box_port: st
 
 
 def _open_eyes(config: Config, breaking: Breaking, span: Span, clock: Clock, stepped: bool, wires: ExitStack) -> Eyes:
+    if isinstance(breaking, Motion):
+        return ToldEyes(clock, lambda: breaking.what == "no target" and span.stands())
     scenery = Scenery(config, breaking.what if isinstance(breaking, Camera) else "", span.stands)
     fps = config.camera.fps
     camera: CameraLink = SteppedCamera(scenery, fps, clock) if stepped else MendedCamera(

@@ -5,6 +5,7 @@ import struct
 
 from benchmarks.matrix.breaking import Box, Camera, Device, Disk, Inside, Model, Process, Start, Time, Wire
 from benchmarks.matrix.key_rows import KEY_ROWS
+from benchmarks.matrix.motion_rows import MOTION_ROWS
 from benchmarks.matrix.row import (
     AXES,
     BEAT_S,
@@ -218,4 +219,5 @@ def _near() -> list[Row]:
             REARM, lasts_s=2.0, buses=("slcan", "socketcan"))]
 
 
-ROWS = tuple([*_frames(), *_devices(), *_wires(), *_camera(), *_box(), *_near(), *SPARK_ROWS, *KEY_ROWS])
+ROWS = tuple([*_frames(), *_devices(), *_wires(), *_camera(), *_box(), *_near(), *SPARK_ROWS, *KEY_ROWS,
+              *MOTION_ROWS])

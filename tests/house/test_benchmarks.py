@@ -48,6 +48,7 @@ QUICK = {
     "real_sets": "DATA/real --only speeds",
     "real_tables": "DATA/real/frc_shot_tables.csv DATA/real/frc3476_tuning_history.csv "
                    "DATA/real/frc6328_event_corrections.csv --team 254",
+    "motion_soak": "--only slip --seconds 5",
     "rivals": "DATA/real --only falls --steps 40 --left 1",
     "rivals_sealed": f"{ROOT}/docs/measured/sealed/L2d.tar.xz",
     "scale": "--level L0 --worlds 3 --shots 40 --seed 3 --processes 1 --out worlds.jsonl",

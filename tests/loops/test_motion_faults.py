@@ -1,0 +1,180 @@
+"""Motion in the fault matrix: the judge, a short form of its rows, and of the runs without a false release."""
+
+import struct
+import sys
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+import truearc.robot.tick
+from benchmarks.matrix.breaking import Motion
+from benchmarks.matrix.judge import Result, judge
+from benchmarks.matrix.motion import SET_RAD_S, Moved, judge_motion
+from benchmarks.matrix.motion_rows import CODES, MOTION_ROWS
+from benchmarks.matrix.moving import COLUMNS, MovingWorld, SickNode, change_reading
+from benchmarks.matrix.play import play
+from benchmarks.matrix.row import REARM, Row
+from benchmarks.motion_soak import CASES, Case, soak
+from tests.hw.host_speed import excuse_stalls
+from truearc.hw.protocols import Frame
+from truearc.robot.control import control
+
+posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals and signals")
+NAMES = {row.name: row for row in MOTION_ROWS}
+# every row of the issue's table and every interlock
+QUICK = ("wheels: both encoders read 0, since rest", "wheels: both speeds read 40 % too low, since rest",
+         "wheels: both motors turn the other way, since rest", "wheels: no estimates of motor 1 since the start",
+         "wheels: both encoders: readings stop, heartbeats go on while spinning up",
+         "wheels: both encoders: readings freeze while spinning up",
+         "wheels: both encoders: readings jump to 0 while spinning up",
+         "wheels: both encoders: readings turn big-endian while spinning up",
+         "wheels: motor 2 keeps its torque, whatever it is asked for",
+         "wheels: motor 1's readings stop for 0.25 s, again and again",
+         "wheels: motor 2 gives up with an error while spinning up",
+         "wheels: no target and no request for more than 10 s", "hood: no angles while it rises",
+         "hood: its encoder is frozen while it rises", "hood: its encoder jumps by 10 degrees at the set point",
+         "hood: is jammed", "hood: is jammed for 0.45 s", "hood: its limit switch never closes",
+         "hood: its limit switch never answers", "hood: its screw has come loose of the motor",
+         "hood: its screw is stiff", "hood: its encoder reads 1.3 degrees low, set point at the soft limit",
+         "hood: rises from its switch to 70 degrees")
+SPARK = ("wheels: both encoders read 0, since rest", "hood: its encoder is frozen while it rises")
+REAL = ("motion, wheels: both encoders read 0, since rest",
+        "motion, wheels: both encoders: readings stop, heartbeats go on while spinning up",
+        "motion, hood: its encoder is frozen while it rises", "motion, SPARK wheels: both encoders read 0, since rest")
+STEP_S = 0.001
+
+
+def run(row: Row, bus: str, folder: Path) -> Result:
+    return judge(row, bus, bus == "virtual", folder / "run", play(row, bus, folder / "run"))
+
+
+@posix
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*(f"motion, {name}" for name in QUICK), *(f"motion, SPARK {name}" for name in SPARK)])
+def test_what_moves_is_released_in_time(name: str, tmp_path: Path) -> None:
+    result = run(NAMES[name], "virtual", tmp_path)
+    assert not result.wrong, result
+
+
+@posix
+@pytest.mark.slow
+@pytest.mark.parametrize("name", REAL)
+def test_what_moves_is_released_in_real_time(name: str, tmp_path: Path) -> None:
+    with excuse_stalls():
+        results = []
+        for tries in range(3):                    # a machine that stalls is not a robot
+            results.append(run(NAMES[name], "slcan", tmp_path / str(tries)))
+            if not results[-1].wrong:
+                return
+        raise AssertionError(results)
+
+
+@posix
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CASES)
+def test_no_false_release_in_a_short_run(name: str) -> None:
+    result = soak(name, CASES[name], "odrive", 40.0)
+    assert not result.wrong, result
+
+
+@posix
+def test_a_release_of_half_a_second_is_seen_on_the_plant(monkeypatch: pytest.MonkeyPatch) -> None:
+    def lapsing(inputs, *others):
+        command, memory = control(inputs, *others)
+        idle = 8.0 < inputs.t_ns * 1e-9 < 8.5     # the wheels are taken from their set point for so long
+        return (msgspec.structs.replace(command, flywheel_torque_nm=0.0) if idle else command), memory
+
+    monkeypatch.setattr(truearc.robot.tick, "control", lapsing)
+    result = soak("lapsing", Case(((590.0, 45.0),), is_shot=False), "odrive", 9.0)
+    assert any("wheels without torque for 0.4" in wrong or "wheels without torque for 0.5" in wrong
+               for wrong in result.wrong), result
+
+
+def log_of(seconds: float, torque_until_s: float, wheel_rad_s: float = SET_RAD_S, hood_deg: float = 45.0) -> np.ndarray:
+    log = np.zeros((round(seconds / STEP_S), len(COLUMNS)))
+    log[:, 0] = np.arange(1, len(log) + 1) * STEP_S
+    log[:, 1] = log[:, 2] = np.where((log[:, 0] <= torque_until_s) | (log[:, 0] > seconds - 2.0), 0.8, 0.0)
+    log[:, 4], log[:, 5] = wheel_rad_s, hood_deg
+    return log
+
+
+def judged(tmp_path: Path, log: np.ndarray, **changes: float) -> Result:
+    motion = Motion("frozen", ("flywheel_a",), "spinning", "wheels", "fault", "none")
+    row = Row("motion", "motion", motion, (), 0.08, REARM, 3.0)
+    moved = Moved(begin_s=2.0, end_s=5.0, rearm_s=6.2, over_s=9.0, true_s=1.99)
+    for name, value in changes.items():
+        setattr(moved, name, value)
+    (tmp_path / "devices.json").write_bytes(msgspec.json.encode(moved))
+    np.save(tmp_path / "devices.npy", log)
+    result = Result(row.name, row.family, "virtual", bound_s=row.within_s)
+    judge_motion(row, motion, tmp_path, result, [])
+    return result
+
+
+def test_the_judge_measures_on_the_plant(tmp_path: Path) -> None:
+    good = judged(tmp_path, log_of(9.0, 2.07))
+    assert not good.wrong and good.hold_s == pytest.approx(0.07, abs=0.002), good
+    assert "driven for 0.12 s, 0.08 allowed" in "; ".join(judged(tmp_path, log_of(9.0, 2.12)).wrong)
+    assert "before it was armed again" in "; ".join(judged(tmp_path, log_of(9.0, 5.3)).wrong)
+    assert "wheels at 420 rad/s, 1.17" in "; ".join(judged(tmp_path, log_of(9.0, 2.07, 420.0)).wrong)
+    assert "pushed for 2.07 s without motion" in "; ".join(judged(tmp_path, log_of(9.0, 2.07, 0.0)).wrong)
+    assert "hood 2.0 deg past" in "; ".join(judged(tmp_path, log_of(9.0, 2.07, hood_deg=77.0)).wrong)
+    fast = log_of(9.0, 2.07)
+    fast[:, 5] += np.clip(fast[:, 0] - 3.0, 0.0, 0.5) * 30.0
+    assert "hood at 30 deg/s" in "; ".join(judged(tmp_path, fast).wrong)
+    assert "never ready" in "; ".join(judged(tmp_path, log_of(9.0, 2.07), begin_s=0.0, over_s=0.0).wrong)
+
+
+def test_readings_are_spoiled_as_they_are_named() -> None:
+    first, frame = (Frame(0, 0x29, struct.pack("<ff", position, 10.0)) for position in (5.0, 7.0))
+    said = {what: change_reading(what, frame, first, False) for what in (
+        "silent", "frozen", "zero", "speed zero", "reversed", "half", "speed x 0.6", "position x 0.6", "big-endian")}
+    assert said.pop("silent") is None
+    assert said.pop("big-endian").data == struct.pack(">ff", 7.0, 10.0)
+    pairs = {what: struct.unpack("<ff", one.data) for what, one in said.items()}
+    assert pairs == {"frozen": (5.0, 10.0), "zero": (0.0, 0.0), "speed zero": (7.0, 0.0), "reversed": (3.0, -10.0),
+                     "half": (7.0, 5.0), "speed x 0.6": (7.0, 6.0), "position x 0.6": pytest.approx((6.2, 10.0))}
+    swapped = change_reading("speed zero", Frame(0, 1, struct.pack("<ff", 10.0, 7.0)), first, True)
+    assert struct.unpack("<ff", swapped.data) == (0.0, 7.0)
+
+
+class Talker:
+    """A node that says the same twice at each step."""
+
+    motor = None
+
+    def step(self, t_ns: int) -> list[Frame]:
+        return [Frame(0, 0x29, struct.pack("<ff", t_ns, 1.0)), Frame(0, 0x21, bytes(8))]
+
+
+def test_half_the_frames_and_gaps_are_lost_as_they_are_named() -> None:
+    node = SickNode(Talker(), 0x29, False)
+    node.suffer("half the frames lost", 0)
+    heard = [bool(node.step(t_ns)) for t_ns in range(400)]
+    assert sum(heard) == 200 and "000" not in "".join(str(int(one)) for one in heard)
+    node.suffer("gaps of 70 ms", 0)
+    lost = [not node.step(ms * 1_000_000) for ms in range(1000)]
+    assert sum(lost) == 140
+    node.suffer("silent", 0)
+    assert [frame.arbitration_id for frame in node.step(0)] == [0x21]
+
+
+def test_the_world_with_nothing_wrong_is_the_world_that_it_breaks() -> None:
+    world = MovingWorld(1)
+    for ms in range(1, 400):
+        world.advance(ms * 1_000_000, {"flywheel_a": 0.5, "flywheel_b": 0.5, "hood": 0.1})
+    assert world.belt.speed_rad_s > 100.0 and world.hood.elevation_deg > 25.0
+    speed_rad_s, hood_deg = world.belt.speed_rad_s, world.hood.elevation_deg
+    world.suffer("hood jams")
+    world.advance(600_000_000, {"flywheel_a": 0.5, "flywheel_b": 0.5, "hood": 0.1})
+    assert world.hood.elevation_deg == hood_deg and world.belt.speed_rad_s > speed_rad_s
+    world.suffer("wheels jam")
+    world.advance(601_000_000, {"flywheel_a": 0.5, "flywheel_b": 0.5})
+    assert world.belt.speed_rad_s == 0.0
+
+
+def test_the_catalogue_of_motion_is_whole() -> None:
+    assert len(NAMES) == len(MOTION_ROWS) and {row.breaking.code for row in MOTION_ROWS} <= set(CODES)
+    assert {f"motion, {name}" for name in QUICK} | {f"motion, SPARK {name}" for name in SPARK} | set(REAL) <= set(NAMES)
