@@ -17,24 +17,23 @@ BOTH = ("flywheel_a", "flywheel_b")
 # What the page may say of each kind of fault, as codes of truearc.robot.reasons: one of these; none, any fault; None,
 # it is none. A reading keeps its own code; "axis_released" and "axis_latched" name it as their cause.
 RELEASED = ("axis_released", "axis_latched")
-INTERLOCKS = (*RELEASED, "overspeed", "speed_jumped", "wrong_direction", "no_response", "encoders_disagree",
-              "hood_jammed", "homing_timed_out", "released_repeatedly")       # none of which may come without a fault
+INTERLOCKS = (*RELEASED, "speed_jumped", "frames_unusable", "hood_push_dropped")       # none may come without a fault
 CODES: dict[str, tuple[str, ...] | None] = {
     "any": (),
     "none": None,
     "stale": ("device_stale", "device_never_received", *RELEASED),
     "faulty": ("motor_error", "motor_not_driven", "bad_frame", "device_stale", "motor_not_finite", "magnet_lost",
                *RELEASED),
-    "frozen": ("encoder_stuck", "encoder_mismatch", "hood_encoders_disagree", "encoders_disagree", *RELEASED),
-    "no response": ("no_response", "encoder_stuck", "encoder_mismatch", *RELEASED),
-    "disagree": ("encoder_mismatch", "speed_jumped", "no_response", *RELEASED),
-    "direction": ("wrong_direction", "speed_jumped", "encoder_mismatch", "no_response", *RELEASED),
+    "frozen": ("encoder_stuck", "encoder_mismatch", "hood_encoders_disagree", *RELEASED),
+    "no response": ("encoder_stuck", "encoder_mismatch", *RELEASED),
+    "disagree": ("encoder_mismatch", "speed_jumped", *RELEASED),
+    "direction": ("speed_jumped", "encoder_mismatch", *RELEASED),
     "jump": ("speed_jumped", "encoder_mismatch", "encoder_stuck", *RELEASED),
-    "overspeed": ("overspeed", *RELEASED),
-    "repeated": ("released_repeatedly", *RELEASED),
-    "jam": ("hood_jammed", *RELEASED),
-    "homing": ("homing_timed_out", "hood_jammed", *RELEASED),
-    "encoders": ("hood_encoders_disagree", "encoders_disagree", *RELEASED),
+    "overspeed": RELEASED,
+    "repeated": RELEASED,
+    "jam": RELEASED,
+    "homing": RELEASED,
+    "encoders": ("hood_encoders_disagree", *RELEASED),
     "switch": (),
 }
 

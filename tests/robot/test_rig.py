@@ -97,7 +97,7 @@ def bench():
     eyes = InlineEyes(Blind(), lambda frame: Sighting(frame.t_ns, False, IMAGE_DARK()))
     rig = HardwareRig(CONFIG, bus, box, eyes, clock, lambda: False)
     rig.read()
-    rig.write(Command(False, False, False, 0.0, 0.0, 0.0))              # every device is asked how late it comes, and answers
+    rig.write(Command())              # every device is asked how late it comes, and answers
     rig.read()
     bus.sent.clear()
     return bus, box, clock, rig
