@@ -28,11 +28,14 @@ class HeardMotor:
         self._device, self._parse = device, parse
         self._ids = tuple((frame_id, is_extended) for frame_id in frame_ids)
         self._agreement = Agreement(self._lag_s)
+        self._late_ns = 0             # by which its frames come late, as far as that is known
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
         return self._ids
 
     def take(self, frame: Frame) -> None:
+        if self._late_ns:
+            frame = older(frame, self._late_ns)
         before, self.reading = self.reading, self._parse(frame, self.reading)
         self._agreement.take(before, self.reading)
 
@@ -59,17 +62,16 @@ class AskedMotor(HeardMotor):
         super().__init__(device, frame_ids, is_extended, parse)
         self._question, self._trip = question, RoundTrip(device)
 
-    def take(self, frame: Frame) -> None:
-        super().take(older(frame, self._trip.late_ns))
-
     def faults(self, t_ns: int) -> tuple[Reason, ...]:
-        self._trip.tick(t_ns)
-        fault = self._trip.fault()
+        trip = self._trip
+        trip.tick(t_ns)
+        fault = None if trip.is_timely else trip.fault()
         return super().faults(t_ns) if fault is None else (fault,)
 
     def _take_answer(self, frame: Frame) -> None:
         """An answer that has been found to be one."""
         if by_ns := self._trip.answered(frame.t_ns):
+            self._late_ns += by_ns
             stamps = {name: stamp_ns - by_ns for name in STAMPS
                       if (stamp_ns := getattr(self.reading, name)) is not UNSET and stamp_ns > 0}
             self.reading = replace(self.reading, **stamps)

@@ -28,4 +28,5 @@ def current_limit_a(bounds: Bounds, torque_nm_a: float) -> float | None:
     """The controller's own limit, of a motor that gives so much torque per A; None where that is 0, for unknown."""
     if bounds.top_nm is None or not torque_nm_a:
         return None
-    return math.ceil(CURRENT_SPARE * bounds.top_nm / torque_nm_a)
+    asked_a = CURRENT_SPARE * bounds.top_nm / torque_nm_a
+    return float(math.ceil(asked_a)) if math.isfinite(asked_a) else asked_a

@@ -42,9 +42,10 @@ class RoundTrip:
     def tick(self, t_ns: int) -> None:
         """Once a tick, at the time that is recorded of it, before anything is sent."""
         self._tick_ns = t_ns
-        self.is_due = t_ns >= self._due_ns
-        if self.is_due and self._heard_ns is not None and t_ns - self._heard_ns > SILENT_NS:
-            self.is_timely = False
+        if t_ns >= self._due_ns:
+            self.is_due = True
+            if self._heard_ns is not None and t_ns - self._heard_ns > SILENT_NS:
+                self.is_timely = False
 
     def asked(self) -> None:
         """The question is sent in this tick; its time is the tick's, which is recorded, and a little earlier."""

@@ -226,6 +226,27 @@ def test_an_answer_before_any_question_is_someone_elses_and_measures_nothing() -
     assert trip.answered(1) == 0 and trip.fault() == hw.FEEDBACK_UNMEASURED(controller="it")
 
 
+# --- letting go
+
+@pytest.mark.parametrize("lost", [0, 1], ids=["every frame arrives", "those of the first tick are lost"])
+@pytest.mark.parametrize("blind", [False, True], ids=["readings", "no readings"])
+@pytest.mark.parametrize("name", CONFIGS)
+def test_released_axes_have_no_torque_within_two_ticks_whatever_is_heard(make, name: str, blind: bool, lost) -> None:
+    """Or, where the frames that say so are lost, when they are said again."""
+    robot = make(CONFIGS[name], "virtual")
+    robot.run(1.0, RELEASED)
+    robot.run(0.8, ASKED)
+    assert min(robot.torques[-4:]) > 0.0                   # all four drive
+    if blind:
+        robot.late.read = list
+    robot.near.write, write = (lambda frame: True) if lost else robot.near.write, robot.near.write
+    robot.late.write = robot.rig._bus._bus._bus.write = robot.near.write
+    robot.run(0.005, RELEASED)
+    robot.late.write = write
+    robot.run(0.105 if lost else 0.005, RELEASED)
+    assert max(robot.torques[-4:]) <= 0.0                  # the hood's SPARK brakes it
+
+
 # --- two devices with one id
 
 TWINS = {"odrive": (CONFIG, lambda plant: make_nodes(CONFIG, plant)["flywheel_b"]),

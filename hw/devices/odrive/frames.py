@@ -47,6 +47,7 @@ ERRORS: ErrorTable = (
 )
 
 SDO_READ, SDO_WRITE = 0, 1
+HIGHEST_REV_S, HIGHEST_A = 5000.0, 2000.0         # of limits, as the DBC file has it
 # Command -> message, of what becomes part of a MotorReading
 READINGS = MappingProxyType({
     0x01: "Heartbeat", 0x03: "Get_Error", 0x05: "TxSdo", 0x09: "Get_Encoder_Estimates",
@@ -105,8 +106,9 @@ def make_controller_mode(axis: OdriveAxis, control: int, input_mode: int) -> Fra
 
 def make_limits(axis: OdriveAxis, speed_rad_s: float, current_a: float) -> Frame:
     """Set the device's own limits until it restarts: beyond the speed it gives no torque, beyond 1.2 times that it
-    disarms; the current is clamped."""
-    return make(axis, "Set_Limits", {"velocity_rev_s": speed_rad_s / math.tau, "current_a": current_a})
+    disarms; the current is clamped. Beyond what a frame can mean there is no limit."""
+    return make(axis, "Set_Limits", {"velocity_rev_s": min(speed_rad_s / math.tau, HIGHEST_REV_S),
+                                     "current_a": min(current_a, HIGHEST_A)})
 
 
 def make_clear_errors(axis: OdriveAxis) -> Frame:

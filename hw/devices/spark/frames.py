@@ -49,7 +49,7 @@ ENCODER_STATUSES = 0b1100000
 # Parameters, by number
 IDLE_MODE = 6                                     # of a motor that is not driven: 0 coasts, 1 brakes
 FORWARD_LIMIT, REVERSE_LIMIT = 52, 53             # 1: the switch stops the motor
-STALL_LIMIT = 59                                  # A
+STALL_LIMIT, HIGHEST_A = 59, 80.0                 # A; a new device has the highest that its maker allows
 AVERAGE_DEPTH, SAMPLE_DELTA = 70, 71              # of an encoder's speed: samples; 0.5 ms
 HALL_PERIOD, HALL_DEPTH = 136, 137                # of a brushless motor's own sensor: s; samples
 STATUS_2_PERIOD, STATUS_5_PERIOD = 160, 163       # ms
@@ -85,7 +85,7 @@ def settings(axis: SparkAxis, bounds: Bounds, torque_nm_a: float) -> dict[int, f
     limit = {REVERSE_LIMIT if axis.direction > 0 else FORWARD_LIMIT: 1.0} if axis.has_endstop else {}
     idle = {} if bounds.brakes is None else {IDLE_MODE: float(bounds.brakes)}
     current_a = current_limit_a(bounds, torque_nm_a)
-    return {**QUICK_SPEED, **limit, **idle, **({} if current_a is None else {STALL_LIMIT: current_a})}
+    return {**QUICK_SPEED, **limit, **idle, **({} if current_a is None else {STALL_LIMIT: min(current_a, HIGHEST_A)})}
 
 
 def frame_id(axis: SparkAxis, message: str) -> int:
