@@ -17,7 +17,7 @@ from truearc.robot.config.input_error import InputError as InputError
 from truearc.robot.config.limits import cannot_throw, contradictions, warn_of_pitch, warn_of_terms
 from truearc.robot.config.nt4 import Nt4
 from truearc.robot.config.rig_spec import Rig, missing_keys, rig_errors, unknown_keys
-from truearc.robot.config.toml_errors import joined, line_of, near_key, near_tables, reworded, table_of
+from truearc.robot.config.toml_errors import joined, line_of, line_of_key, near_key, near_tables, reworded, table_of
 
 Kind = TypeVar("Kind")
 Doubt = Annotated[float, msgspec.Meta(ge=0.0, lt=1e9)]
@@ -235,7 +235,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True
     """launcher.toml. Without [identify] the robot drives nothing to identify it, without [aim] it aims by the plan;
     recordings from before these sections were there still say what they said."""
 
-    tick_hz: Annotated[int, msgspec.Meta(ge=20, le=1000)]
+    tick_hz: Count
     can: Can
     buttons: Buttons
     axes: Axes
@@ -269,10 +269,10 @@ def load_config(path: str | Path) -> Config:
     text = load_text(path)
     config = parse_toml(text, Config, str(path))
     for key in unknown_keys(parse_table(text, str(path))["rig"]):
-        raise InputError(f"{path}: rig.{key}: unknown key{near_key(key, Rig, None)}")
+        raise InputError(f"{path}{line_of_key(text, f'rig.{key}')}: rig.{key}: unknown key{near_key(key, Rig, None)}")
     for key, what in (*((f"rig.{key}", what) for key, what in rig_errors(config.rig)), *contradictions(config),
                       *cannot_throw(config.rig)):
-        raise InputError(f"{path}: {key}: {what}")
+        raise InputError(f"{path}{line_of_key(text, key)}: {key}: {what}")
     warn_of_pitch(path, config.camera)
     warn_of_terms(path, config.rig)
     return config

@@ -43,9 +43,10 @@ LIMIT_S = 240.0
 
 NO_CAN = says(CAN_LOST, CAN_REOPENED, DEVICE_NEVER_RECEIVED, DEVICE_STALE)
 posix = pytest.mark.skipif(os.name != "posix", reason="ends the robot with a signal")
+FAST_VCAN = (pytest.mark.socketcan, pytest.mark.fast_bus)
 BUSES = ["virtual", pytest.param("slcan:auto", marks=[posix, pytest.mark.slow]),
          pytest.param("slcan:socket", marks=[posix, pytest.mark.slow]),
-         pytest.param("socketcan:vcan0", marks=[posix, pytest.mark.slow, pytest.mark.socketcan])]
+         pytest.param("socketcan:vcan0", marks=[posix, pytest.mark.slow, *FAST_VCAN])]
 
 
 @pytest.fixture

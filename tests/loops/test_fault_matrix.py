@@ -8,7 +8,7 @@ import pytest
 
 import truearc.robot.advice.tick
 import truearc.robot.gate.verdict
-from benchmarks.matrix.breaking import Key
+from benchmarks.matrix.breaking import Both, Device, Inside, Key, Wire
 from benchmarks.matrix.judge import Result, judge
 from benchmarks.matrix.keys import POSE, WELL
 from benchmarks.matrix.play import ends_robot, play
@@ -31,6 +31,7 @@ QUICK = ("flywheel motor 1: no frames", "hood encoder: frames too long", "flywhe
          "SPARKs: a competition controller on the bus locks them all",
          "advice only, feeder motor: gate driver fault", "camera: another place, reached while fire is asked for",
          "both flywheel motors: say the speed that is wanted, and turn at another")
+ON_VCAN = [name for name in QUICK if isinstance(NAMES[name].breaking, Device | Inside | Wire | Both)]      # on the bus
 KEYS = [row.name for row in ROWS if isinstance(row.breaking, Key)]      # quick: all of them
 STEPPED = [row.name for row in ROWS if not row.real and "virtual" in row.buses]
 REAL = ["flywheel motor 1: no frames", "adapter pulled out, and in again",
@@ -38,9 +39,9 @@ REAL = ["flywheel motor 1: no frames", "adapter pulled out, and in again",
         "vision process killed, which starts again", "the receive queue overruns (64 frames), the tick stalls"]
 
 
-def run(row: Row, bus: str, folder: Path) -> Result:
-    stepped = bus == "virtual" and not row.real
-    said = play(row, bus, folder / "run")
+def run(row: Row, bus: str, folder: Path, stepped: bool | None = None) -> Result:
+    stepped = bus == "virtual" and not row.real if stepped is None else stepped
+    said = play(row, bus, folder / "run", stepped)
     return judge(row, bus, stepped, folder / "run", said)
 
 
@@ -48,6 +49,16 @@ def run(row: Row, bus: str, folder: Path) -> Result:
 @pytest.mark.parametrize("name", QUICK)
 def test_a_fault_on_the_virtual_bus(name: str, tmp_path: Path) -> None:
     result = run(NAMES[name], "virtual", tmp_path)
+    assert not result.wrong and result.stale == 0, result
+
+
+@posix
+@pytest.mark.slow
+@pytest.mark.socketcan
+@pytest.mark.parametrize("name", ON_VCAN)
+def test_a_fault_on_vcan0_in_stepped_time(name: str, tmp_path: Path) -> None:
+    """Frames cross the kernel, and no host is too slow: time goes on when a tick is over."""
+    result = run(NAMES[name], "socketcan", tmp_path, stepped=True)
     assert not result.wrong and result.stale == 0, result
 
 
@@ -70,7 +81,7 @@ def test_each_key_that_advice_needs_freezes_jumps_and_disappears(monkeypatch: py
 @posix
 @pytest.mark.slow
 @pytest.mark.parametrize("name", REAL)
-@pytest.mark.parametrize("bus", ["slcan", pytest.param("socketcan", marks=pytest.mark.socketcan)])
+@pytest.mark.parametrize("bus", ["slcan", pytest.param("socketcan", marks=[pytest.mark.socketcan, pytest.mark.fast_bus])])
 def test_a_fault_in_real_time(name: str, bus: str, tmp_path: Path) -> None:
     results = []
     with excuse_stalls():
