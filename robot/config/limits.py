@@ -23,10 +23,10 @@ def contradictions(config: Any) -> Iterator[tuple[str, str]]:
         if 0.0 < abs(angle := attrgetter(key)(config)) < small_deg:
             yield key, (f"{angle:g} degrees are hardly a limit; if radians, write {math.degrees(angle):.3g}; if turns, "
                         f"{360.0 * angle:.3g}")
+    yield from out_of_range(config)
     yield from _of_motors(config)
     yield from _of_choices(config)
     yield from _of_encoder(config)
-    yield from out_of_range(config)
 
 
 def _of_choices(config: Any) -> Iterator[tuple[str, str]]:

@@ -211,7 +211,7 @@ class AimConfig(Struct, frozen=True, forbid_unknown_fields=True):
 class Excite(Struct, frozen=True, forbid_unknown_fields=True):
     """How `truearc sysid` drives one joint: torque at the motor shaft, speed at the motor."""
 
-    repeats: Annotated[int, msgspec.Meta(ge=0, le=20)]       # 0 leaves the joint alone
+    repeats: Annotated[int, msgspec.Meta(ge=0)]              # 0 leaves the joint alone
     ramp_nm_s: Positive               # quasistatic: the torque grows this fast, up to that of the step
     step_nm: Positive                 # dynamic: this torque at once
     top_rad_s: Positive               # here driving ends and coasting begins

@@ -16,7 +16,7 @@ from truearc.hw.protocols import Bus, Frame
 
 RATE_HZ = 2000.0                      # two flywheels, hood, feeder and encoder at their fastest, with commands
 LATEST_S = 0.05                       # from one end to the other: half of the shortest reading age of the tests
-BATCH = 50                            # frames at once, after a stall; a SocketCAN socket keeps 278 unread ones, measured
+BATCH = 50                            # frames at once, after a stall: SocketCAN keeps 278 unread ones, measured
 STALL_S = 0.25                        # asleep for this long beyond what was asked: readings are old by then
 NAP_S = 0.005
 

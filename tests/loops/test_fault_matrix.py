@@ -18,6 +18,7 @@ from benchmarks.matrix.table import BEGIN, END, make_table, write_between
 from tests.hw.host_speed import excuse_stalls
 from truearc.robot.config.schema import InputError
 
+FAST_VCAN = (pytest.mark.socketcan, pytest.mark.fast_bus)
 posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals and signals")
 NAMES = {row.name: row for row in ROWS}
 # at least one of each way to break, and each that truearc once did not stand
@@ -81,7 +82,7 @@ def test_each_key_that_advice_needs_freezes_jumps_and_disappears(monkeypatch: py
 @posix
 @pytest.mark.slow
 @pytest.mark.parametrize("name", REAL)
-@pytest.mark.parametrize("bus", ["slcan", pytest.param("socketcan", marks=[pytest.mark.socketcan, pytest.mark.fast_bus])])
+@pytest.mark.parametrize("bus", ["slcan", pytest.param("socketcan", marks=FAST_VCAN)])
 def test_a_fault_in_real_time(name: str, bus: str, tmp_path: Path) -> None:
     results = []
     with excuse_stalls():

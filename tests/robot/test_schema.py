@@ -136,8 +136,8 @@ def test_keys_of_rig_toml_that_nobody_reads_are_listed():
      "turns, 93.6"),
     ("high_deg = 75.0", "high_deg = 1.31", "hood.high_deg: 1.31 degrees are hardly a limit; if radians, write 75.1; if "
      "turns, 472"),
-    ("free_speed_rad_s = 594.0", "free_speed_rad_s = 5672.0", "rig.launcher.free_speed_rad_s: 5672 is more than any "
-     "launcher's 3000; this looks like revolutions per minute"),
+    ("free_speed_rad_s = 594.0", "free_speed_rad_s = 5672.0", "rig.launcher.free_speed_rad_s: 5672 is out of "
+     "range (50 to 3000); no motor is so slow or so fast; this may be rev/min"),
     ("radius_m = 0.0889", "radius_m = 88.9", "rig.ball.radius_m: 88.9 is more than any launcher's 0.5; this looks like "
      "millimetres"),
     ("radius_m = 0.0889", "radius_m = 8.89", "rig.ball.radius_m: 8.89 is more than any launcher's 0.5; this looks like "
