@@ -15,6 +15,7 @@ from msgspec import UNSET, Struct, UnsetType
 
 from truearc.hw.devices.canandmag.family import CanandmagConfig
 from truearc.robot.aim_file import AimContent
+from truearc.robot.config.limit_table import LIMITS, Bound, shown
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import Config
 from truearc.robot.hood_encoders import BY_DRIVER
@@ -29,6 +30,7 @@ PAGE, SCHEMAS, LAUNCHER = ROOT / "docs/reference/formats.md", ROOT / "truearc/sc
 SPELLED = {"s": "s", "deg": "deg", "rad_s": "rad/s", "rev_s": "rev/s", "m_s": "m/s", "kg_m3": "kg/m³", "m_s2": "m/s²",
            "deg_s": "deg/s", "nm": "Nm", "nm_s": "Nm s", "nm_s2": "Nm s²", "hz": "Hz", "px": "px", "v": "V", "a": "A",
            "rpm": "rpm", "pa": "Pa", "ms": "ms"}
+BY_KEY = {limit.key: limit for limit in LIMITS}
 KEY = re.compile(r"#? ?([a-z0-9_]+) = ([^#]*?)\s*(?:# (.*))?$")
 
 
@@ -100,6 +102,15 @@ Every key is needed, except those that are comments in the [shipped file](../../
 
 | key | unit | shipped | range | meaning |
 |---|---|---|---|---|
+"""
+LIMITED = """
+### Limits
+Each number that moves or times something has a least and a greatest value, here with the reason. Where there are
+several bounds, the narrowest counts; a key that the configuration does not have, or that is 0 and stands for unknown
+(`flywheel.ka_nm_s2`, `kp`), bounds nothing. `truearc` refuses a configuration with a number outside, with exit code 2.
+
+| key | least | greatest | reason |
+|---|---|---|---|
 """
 BELIEF = """
 ## Belief
@@ -184,7 +195,9 @@ def launcher_keys() -> Iterator[tuple[str, str, str]]:
 
 
 def range_of(key: str) -> str:
-    """Limits of a key of launcher.toml by its declaration; "" where there are none."""
+    """Limits of a key of launcher.toml, else what its declaration says; "" where there are none."""
+    if key in BY_KEY:
+        return f"from {_bound_text(BY_KEY[key].low)} to {_bound_text(BY_KEY[key].high)}"
     kind: Any = msgspec.inspect.type_info(Config)
     if key == "hood_encoder.driver":
         return ", ".join(BY_DRIVER)
@@ -198,6 +211,11 @@ def range_of(key: str) -> str:
         ("below", getattr(kind, "lt", None))) if value is not None and abs(value) < 1e7]
     words = [str(value) for value in getattr(kind, "values", ())]
     return ", ".join(words) or " ".join(limits) or {"BoolType": "true, false"}.get(type(kind).__name__, "")
+
+
+def _bound_text(bound: Bound) -> str:
+    return ", ".join(f"`{shown(one)}`" if isinstance(one, str) else shown(one)
+                     for one in (bound if isinstance(bound, tuple) else (bound,)))
 
 
 def unit_of(key: str) -> str:
@@ -241,8 +259,9 @@ def make_page() -> str:
     """The whole page."""
     rows = [f"| `{key}` | {unit_of(key)} | `{value}` | {range_of(key)} | {meaning} |".replace("| `` |", "| absent |")
             for key, value, meaning in launcher_keys()]
+    limits = [f"| `{one.key}` | {_bound_text(one.low)} | {_bound_text(one.high)} | {one.why} |" for one in LIMITS]
     documents = [line for name in DOCUMENTS for line in document_tables(name)]
-    return HEAD + "\n".join(rows) + "\n" + BELIEF + "\n".join(documents) + "\n"
+    return HEAD + "\n".join(rows) + "\n" + LIMITED + "\n".join(limits) + "\n" + BELIEF + "\n".join(documents) + "\n"
 
 
 def main() -> None:

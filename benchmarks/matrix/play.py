@@ -78,11 +78,12 @@ def make_config(row: Row) -> Config:
     return with_launcher(config, row.launcher)
 
 
-def play(row: Row, bus: str, folder: Path) -> str:
-    """Leave in `folder` what the judge wants; returns what a robot that did not start has said."""
+def play(row: Row, bus: str, folder: Path, stepped: bool) -> str:
+    """Leave in `folder` what the judge wants; returns what a robot that did not start has said.
+
+    stepped: in stepped time, at which a host of any speed keeps up; on a virtual bus or SocketCAN's."""
     folder.mkdir(parents=True)
     channel = {"virtual": f"matrix-{folder.name}", "slcan": str(folder / "adapter"), "socketcan": "vcan0"}[bus]
-    stepped = bus == "virtual" and not row.real
     place = Place(row, (bus, channel), folder, stepped)
     if isinstance(row.breaking, Key):
         play_keys(row, row.breaking, folder)

@@ -9,15 +9,14 @@ from typing import Any
 
 from truearc.hw.devices.axis import driver_of
 from truearc.hw.devices.registry import family_of
+from truearc.robot.config.limit_table import out_of_range
 from truearc.robot.config.nt4 import nt4_errors
 from truearc.robot.config.rig_spec import AIR_KG_M3, DENSEST_KG_M3, TERMS, Rig, too_large
 from truearc.robot.config.toml_errors import did_you_mean
 
-MAX_TORQUE_NM = 100.0                 # at the motor shaft; the strongest of a team's motors give 7
-
 
 def contradictions(config: Any) -> Iterator[tuple[str, str]]:
-    """Yield the key of each limit that is on the wrong side of another, and of each number that is out of range.
+    """Yield the key of each word and number that is out of range, or at odds with another, and what is wrong with it.
 
     config: truearc.robot.config.schema.Config, whose module calls this one.
     """
@@ -25,42 +24,13 @@ def contradictions(config: Any) -> Iterator[tuple[str, str]]:
         if 0.0 < abs(angle := attrgetter(key)(config)) < small_deg:
             yield key, (f"{angle:g} degrees are hardly a limit; if radians, write {math.degrees(angle):.3g}; if turns, "
                         f"{360.0 * angle:.3g}")
-    for key in ("hood.low_deg", "collect.hood_low_deg", "hood.pid.output_low", "flywheel.pid.output_low"):
-        above = key.replace("low_deg", "high_deg").replace("_low", "_high")
-        low, high = attrgetter(key, above)(config)
-        if low > high:
-            yield key, f"{low:g} is above {above.rpartition('.')[2]}, {high:g}"
+    yield from out_of_range(config)
     yield from _of_motors(config)
     yield from _of_choices(config)
     yield from _of_encoder(config)
     if not config.hood.holds_itself and family_of(config.axes.hood).is_commanded:
         yield "hood.holds_itself", ("is not true; a hood that sinks without torque is not driven, since a released one "
                                     "would fall. Write true if it stays where it is, as on an acme screw")
-    hood, turn = (config.hood.low_deg, config.hood.high_deg), "a motor is turned round by its direction"
-    for keys, (least, most), why in (
-            ("flywheel.pid.kp flywheel.pid.ki flywheel.pid.kd hood.pid.kp hood.pid.ki hood.pid.kd", (0.0, math.inf),
-             f"a gain of the other sign runs away; {turn}"),
-            ("flywheel.pid.output_low flywheel.pid.output_high hood.pid.output_low hood.pid.output_high flywheel.ks_nm "
-             "hood.friction_nm", (-MAX_TORQUE_NM, MAX_TORQUE_NM), "no motor gives more Nm"),
-            ("flywheel.kv_nm_s", (-1e-3, 1.0), "Nm per rad/s; friction grows with speed"),
-            ("flywheel.ka_nm_s2", (0.0, 10.0), "Nm per rad/s2: the inertia on the shaft"),
-            ("hood.homing_torque_nm", (-MAX_TORQUE_NM, -1e-4), f"toward the switch; {turn}"),
-            ("feeder.torque_nm", (0.0, MAX_TORQUE_NM), turn),
-            ("gate.reading_age_s gate.sighting_age_s feeder.feed_s flywheel.steady_s", (0.0, 10.0), "seconds"),
-            ("gate.request_s gate.doubt_s feeder.clear_s", (0.0, 60.0), "seconds"),
-            ("flywheel.tolerance_rad_s flywheel.spread_rad_s", (0.0, 100.0), "rad/s at the motor"),
-            ("hood.screw_lead_m hood.pivot_to_motor_m hood.pivot_to_nut_m camera.height_m", (-5.0, 5.0), "metres"),
-            ("hood.tolerance_deg hood.crosscheck_deg hood.deadband_deg", (0.0, 15.0), "degrees"),
-            ("collect.hood_low_deg collect.hood_high_deg", hood, "the hood goes no further"),
-            ("collect.spread", (0.0, 0.5), "a share of the speed: 0.06 varies it by 6 %"),
-            ("collect.efficiency", (0.1, 1.5), "exit speed by the wheels': about 0.65"),
-            ("collect.walk_step", (0.0, 0.5), "log speed a mark: 0.02 corrects it by 2 %"),
-            ("collect.walk_start", (-3.0, 3.0), "log speed; 0 corrects nothing")):
-        for key in keys.split():
-            said = attrgetter(key)(config)
-            for value in said if isinstance(said, tuple) else (said,):
-                if not least <= value <= most:
-                    yield key, f"{value:g} is out of range ({least:g} to {most:g}); {why}"
 
 
 def _of_choices(config: Any) -> Iterator[tuple[str, str]]:
@@ -84,10 +54,7 @@ def _of_encoder(config: Any) -> Iterator[tuple[str, str]]:
 
 
 def _of_motors(config: Any) -> Iterator[tuple[str, str]]:
-    """Motors that are one and the same device, a screw that cannot be built, torques that no motor gives."""
-    for kind in ("flywheel", "hood") if config.identify is not None else ():
-        if (step_nm := getattr(config.identify, kind).step_nm) > MAX_TORQUE_NM:
-            yield f"identify.{kind}.step_nm", f"{step_nm:g} is more than any motor's {MAX_TORQUE_NM:g} Nm"
+    """Motors that are one and the same device, a screw that cannot be built."""
     bent = [config.hood.included_deg + end for end in (config.hood.low_deg, config.hood.high_deg)]
     if bent[0] <= bent[1] and not 0.0 < bent[0] <= bent[1] < 180.0:
         yield "hood.included_deg", (f"from low_deg to high_deg the angle motor, pivot, nut goes from {bent[0]:g} to "

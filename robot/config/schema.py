@@ -17,7 +17,7 @@ from truearc.robot.config.input_error import InputError as InputError
 from truearc.robot.config.limits import cannot_throw, contradictions, warn_of_pitch, warn_of_terms
 from truearc.robot.config.nt4 import Nt4
 from truearc.robot.config.rig_spec import Rig, missing_keys, rig_errors, unknown_keys
-from truearc.robot.config.toml_errors import joined, line_of, near_key, near_tables, reworded, table_of
+from truearc.robot.config.toml_errors import joined, line_of, line_of_key, near_key, near_tables, reworded, table_of
 
 Kind = TypeVar("Kind")
 Doubt = Annotated[float, msgspec.Meta(ge=0.0, lt=1e9)]
@@ -79,7 +79,7 @@ class Flywheel(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tr
     tolerance_rad_s: Positive
     spread_rad_s: Positive               # motors of one belt may differ by this much
     steady_s: Doubt                   # within tolerance this long before firing
-    idle_s: Annotated[float, msgspec.Meta(ge=0.0, le=3600.0)] = 10.0     # without target and request; 0 = never
+    idle_s: Doubt = 10.0                  # without target and request; 0 = never
 
 
 class Hood(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -98,7 +98,7 @@ class Hood(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     included_deg: Finite               # angle motor-pivot-nut when the elevation is 0; it grows with elevation
     homing_torque_nm: Finite           # negative: towards the switch
     crosscheck_deg: Positive             # absolute and screw encoder may differ by this much
-    max_deg_s: Annotated[float, msgspec.Meta(ge=1.0, le=180.0)] = 20.0
+    max_deg_s: Positive = 20.0        # fastest change of elevation, homing included
     holds_itself: bool = False        # it stays where it is without torque; no other hood is driven
 
 
@@ -214,7 +214,7 @@ class AimConfig(Struct, frozen=True, forbid_unknown_fields=True):
 class Excite(Struct, frozen=True, forbid_unknown_fields=True):
     """How `truearc sysid` drives one joint: torque at the motor shaft, speed at the motor."""
 
-    repeats: Annotated[int, msgspec.Meta(ge=0, le=20)]       # 0 leaves the joint alone
+    repeats: Annotated[int, msgspec.Meta(ge=0)]              # 0 leaves the joint alone
     ramp_nm_s: Positive               # quasistatic: the torque grows this fast, up to that of the step
     step_nm: Positive                 # dynamic: this torque at once
     top_rad_s: Positive               # here driving ends and coasting begins
@@ -238,7 +238,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True
     """launcher.toml. Without [identify] the robot drives nothing to identify it, without [aim] it aims by the plan;
     recordings from before these sections were there still say what they said."""
 
-    tick_hz: Annotated[int, msgspec.Meta(ge=20, le=1000)]
+    tick_hz: Count
     can: Can
     buttons: Buttons
     axes: Axes
@@ -272,10 +272,10 @@ def load_config(path: str | Path) -> Config:
     text = load_text(path)
     config = parse_toml(text, Config, str(path))
     for key in unknown_keys(parse_table(text, str(path))["rig"]):
-        raise InputError(f"{path}: rig.{key}: unknown key{near_key(key, Rig, None)}")
+        raise InputError(f"{path}{line_of_key(text, f'rig.{key}')}: rig.{key}: unknown key{near_key(key, Rig, None)}")
     for key, what in (*((f"rig.{key}", what) for key, what in rig_errors(config.rig)), *contradictions(config),
                       *cannot_throw(config.rig)):
-        raise InputError(f"{path}: {key}: {what}")
+        raise InputError(f"{path}{line_of_key(text, key)}: {key}: {what}")
     warn_of_pitch(path, config.camera)
     warn_of_terms(path, config.rig)
     return config

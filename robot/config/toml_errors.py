@@ -143,3 +143,9 @@ def line_of(text: str, message: str) -> str:
         elif (found := re.match(r"\s*([\w-]+)\s*=", line)) and (header, found[1]) in places:
             return f":{number}"
     return begins
+
+
+def line_of_key(text: str, key: str) -> str:
+    """':line' of a dotted key, else of its table; '' where several tables have that name, or none has."""
+    table = key.rpartition(".")[0]
+    return line_of(text, f"`{key}`") if len(re.findall(rf"(?m)^\s*\[+\s*{re.escape(table)}\s*\]", text)) <= 1 else ""

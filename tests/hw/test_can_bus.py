@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from truearc.hw.fault_codes import CAN_BUS_OFF
 from truearc.hw.protocols import Frame, LinkLost
 from truearc.hw.real.can_bus import CanBus, NeverOpens, error_words, open_can
+from truearc.hw.real.clock import MonotonicClock
 
 standard, extended, payloads = st.integers(0, 0x7FF), st.integers(0, 0x1FFFFFFF), st.binary(max_size=8)
 frames = st.one_of(
@@ -53,6 +54,18 @@ def test_frames_cross_unchanged_and_in_order(shared_pair, sent) -> None:
     assert all(near.write(frame) for frame in sent)
     assert far.read() == [frame._replace(t_ns=42) for frame in sent]
     assert near.read() == [] and far.read() == []
+
+
+@pytest.mark.socketcan
+def test_socketcan_round_trip() -> None:
+    near, far = (open_can("socketcan", "vcan0", 1_000_000, MonotonicClock()) for _ in range(2))
+    sent = [Frame(0, 0x29, bytes(8)), Frame(0, 0x070E00C5, b"\x01", True), Frame(0, 0x20, b"", is_remote=True)]
+    assert all(near.write(frame) for frame in sent)
+    received = [far.receive(10.0) for _ in sent]
+    assert [frame._replace(t_ns=0) for frame in received if frame is not None] == sent
+    assert all(frame is not None and frame.t_ns > 0 for frame in received) and near.read() == []
+    near.close()
+    far.close()
 
 
 def test_frames_are_stamped_when_read(pair, clock) -> None:

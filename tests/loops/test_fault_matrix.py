@@ -8,7 +8,7 @@ import pytest
 
 import truearc.robot.advice.tick
 import truearc.robot.gate.verdict
-from benchmarks.matrix.breaking import Key, Motion
+from benchmarks.matrix.breaking import Both, Device, Inside, Key, Motion, Wire
 from benchmarks.matrix.judge import Result, judge
 from benchmarks.matrix.keys import POSE, WELL
 from benchmarks.matrix.play import ends_robot, play
@@ -18,6 +18,7 @@ from benchmarks.matrix.table import BEGIN, END, make_table, write_between
 from tests.hw.host_speed import excuse_stalls
 from truearc.robot.config.schema import InputError
 
+FAST_VCAN = (pytest.mark.socketcan, pytest.mark.fast_bus)
 posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals and signals")
 NAMES = {row.name: row for row in ROWS}
 # at least one of each way to break, and each that truearc once did not stand
@@ -31,6 +32,7 @@ QUICK = ("flywheel motor 1: no frames", "hood encoder: frames too long", "flywhe
          "SPARKs: a competition controller on the bus locks them all",
          "advice only, feeder motor: gate driver fault", "camera: another place, reached while fire is asked for",
          "both flywheel motors: say the speed that is wanted, and turn at another")
+ON_VCAN = [name for name in QUICK if isinstance(NAMES[name].breaking, Device | Inside | Wire | Both)]      # on the bus
 KEYS = [row.name for row in ROWS if isinstance(row.breaking, Key)]      # quick: all of them
 STEPPED = [row.name for row in ROWS if not row.real and "virtual" in row.buses]
 REAL = ["flywheel motor 1: no frames", "adapter pulled out, and in again",
@@ -38,9 +40,9 @@ REAL = ["flywheel motor 1: no frames", "adapter pulled out, and in again",
         "vision process killed, which starts again", "the receive queue overruns (64 frames), the tick stalls"]
 
 
-def run(row: Row, bus: str, folder: Path) -> Result:
-    stepped = bus == "virtual" and not row.real
-    said = play(row, bus, folder / "run")
+def run(row: Row, bus: str, folder: Path, stepped: bool | None = None) -> Result:
+    stepped = bus == "virtual" and not row.real if stepped is None else stepped
+    said = play(row, bus, folder / "run", stepped)
     return judge(row, bus, stepped, folder / "run", said)
 
 
@@ -48,6 +50,16 @@ def run(row: Row, bus: str, folder: Path) -> Result:
 @pytest.mark.parametrize("name", QUICK)
 def test_a_fault_on_the_virtual_bus(name: str, tmp_path: Path) -> None:
     result = run(NAMES[name], "virtual", tmp_path)
+    assert not result.wrong and result.stale == 0, result
+
+
+@posix
+@pytest.mark.slow
+@pytest.mark.socketcan
+@pytest.mark.parametrize("name", ON_VCAN)
+def test_a_fault_on_vcan0_in_stepped_time(name: str, tmp_path: Path) -> None:
+    """Frames cross the kernel, and no host is too slow: time goes on when a tick is over."""
+    result = run(NAMES[name], "socketcan", tmp_path, stepped=True)
     assert not result.wrong and result.stale == 0, result
 
 
@@ -70,7 +82,7 @@ def test_each_key_that_advice_needs_freezes_jumps_and_disappears(monkeypatch: py
 @posix
 @pytest.mark.slow
 @pytest.mark.parametrize("name", REAL)
-@pytest.mark.parametrize("bus", ["slcan", pytest.param("socketcan", marks=pytest.mark.socketcan)])
+@pytest.mark.parametrize("bus", ["slcan", pytest.param("socketcan", marks=FAST_VCAN)])
 def test_a_fault_in_real_time(name: str, bus: str, tmp_path: Path) -> None:
     results = []
     with excuse_stalls():

@@ -44,7 +44,7 @@ def test_the_shipped_configuration_loads():
     ("tick_hz = 200", 'tick_hz = "fast"', r"my\.toml:3: tick_hz: a whole number is expected, got the text 'fast'$"),
     ("fps = 20.0", "fps = [", r"my\.toml: .*line \d+"),
     ("mass_kg = 0.14", "", r"my\.toml.*: rig\.ball\.mass_kg: missing key"),
-    ("tick_hz = 200", "tick_hz = 0", r"my\.toml:3: tick_hz: a whole number of at least 20 is expected, got 0$"),
+    ("tick_hz = 200", "tick_hz = 0", r"my\.toml:3: tick_hz: a whole number of at least 1 is expected, got 0$"),
     ("reading_age_s = 0.1", "reading_age_s = inf",
      r"my\.toml:\d+: gate\.reading_age_s: a number below .* is expected, got inf"),
     ("reading_age_s = 0.1", "reading_age_s = nan",
@@ -132,54 +132,25 @@ def test_keys_of_rig_toml_that_nobody_reads_are_listed():
     ("clock_deg = 180", "clock_deg = inf", "rig.launcher.wheel.clock_deg: inf is not finite"),
     ("free_speed_rad_s = 594.0", "", "rig.launcher.free_speed_rad_s: missing key; the motors' speed without load, "
      "where motor_ratio is 1"),
-    ("kv_nm_s = 0.00015", "kv_nm_s = -1", "flywheel.kv_nm_s: -1 is out of range (-0.001 to 1); Nm per rad/s; friction "
-     "grows with speed"),
-    ("ka_nm_s2 = 0.0 ", "ka_nm_s2 = -1 ", "flywheel.ka_nm_s2: -1 is out of range (0 to 10); Nm per rad/s2: the inertia "
-     "on the shaft"),
-    ("low_deg = 15.0", "low_deg = 80.0", "hood.low_deg: 80 is above high_deg, 75"),
     ("low_deg = 15.0", "low_deg = 0.26", "hood.low_deg: 0.26 degrees are hardly a limit; if radians, write 14.9; if "
      "turns, 93.6"),
     ("high_deg = 75.0", "high_deg = 1.31", "hood.high_deg: 1.31 degrees are hardly a limit; if radians, write 75.1; if "
      "turns, 472"),
-    ("free_speed_rad_s = 594.0", "free_speed_rad_s = 5672.0", "rig.launcher.free_speed_rad_s: 5672 is more than any "
-     "launcher's 3000; this looks like revolutions per minute"),
+    ("free_speed_rad_s = 594.0", "free_speed_rad_s = 5672.0", "rig.launcher.free_speed_rad_s: 5672 is out of "
+     "range (50 to 3000); no motor is so slow or so fast; this may be rev/min"),
     ("radius_m = 0.0889", "radius_m = 88.9", "rig.ball.radius_m: 88.9 is more than any launcher's 0.5; this looks like "
      "millimetres"),
     ("radius_m = 0.0889", "radius_m = 8.89", "rig.ball.radius_m: 8.89 is more than any launcher's 0.5; this looks like "
      "centimetres or inches"),
-    ("tolerance_rad_s = 3.0", "tolerance_rad_s = 1e5", "flywheel.tolerance_rad_s: 100000 is out of range (0 to 100); "
-     "rad/s at the motor"),
-    ("request_s = 8.0", "request_s = 8000", "gate.request_s: 8000 is out of range (0 to 60); seconds"),
     ("mass_kg = 0.14", "mass_kg = 140", "rig.ball.mass_kg: 140 kg in a ball of 0.0889 m radius is denser than "
      "any metal; are these grams?"),
     ("centre_height_m = 2.44", "centre_height_m = -2.0", "rig.target.centre_height_m: -2 must be above 0, the floor"),
     ("gravity_m_s2 = 9.81", "gravity_m_s2 = 0", "rig.world.gravity_m_s2: 0.0 must be above 0; it is a size "
      "and points down: write 9.81"),
-    ("torque_nm = 0.2", "torque_nm = 1e6", "feeder.torque_nm: 1e+06 is out of range (0 to 100); a "
-     "motor is turned round by its direction"),
     ('policy = "collect"', 'policy = "colect"', "gate.policy: 'colect' is not known here; there are collect, model"),
     ("included_deg = 30.0", "included_deg = 130.0", "hood.included_deg: from low_deg to high_deg the angle motor, "
      "pivot, nut goes from 145 to 205 degrees; it stays between 0 and 180"),
     ("node = 4", "node = 2", "axes.feeder.node: 2 is that of axes.flywheels[1], too; each motor has its own"),
-    ("sighting_age_s = 0.3", "sighting_age_s = 300", "gate.sighting_age_s: 300 is out of range (0 to 10); seconds"),
-    ("pivot_to_nut_m = 0.25", "pivot_to_nut_m = 250", "hood.pivot_to_nut_m: 250 is out of range (-5 to 5); metres"),
-    ("tolerance_deg = 0.3", "tolerance_deg = 90", "hood.tolerance_deg: 90 is out of range (0 to 15); degrees"),
-    ("kp = 0.03", "kp = -1", "flywheel.pid.kp: -1 is out of range (0 to inf); a gain of the other sign runs away; a "
-     "motor is turned round by its direction"),
-    ("homing_torque_nm = -0.05", "homing_torque_nm = 0.05", "hood.homing_torque_nm: 0.05 is out of range (-100 to "
-     "-0.0001); toward the switch; a motor is turned round by its direction"),
-    ("output_high = 1.2", "output_high = 1e6", "flywheel.pid.output_high: 1e+06 is out of range (-100 to 100); no "
-     "motor gives more Nm"),
-    ("hood_high_deg = 54.0", "hood_high_deg = 540", "collect.hood_high_deg: 540 is out of range (15 to 75); the hood "
-     "goes no further"),
-    ("spread = 0.06", "spread = 6", "collect.spread: 6 is out of range (0 to 0.5); a share of the speed: 0.06 varies "
-     "it by 6 %"),
-    ("efficiency = 0.65", "efficiency = 65", "collect.efficiency: 65 is out of range (0.1 to 1.5); exit speed by the "
-     "wheels': about 0.65"),
-    ("walk_step = 0.02", "walk_step = -0.02", "collect.walk_step: -0.02 is out of range (0 to 0.5); log speed a mark: "
-     "0.02 corrects it by 2 %"),
-    ("walk_start = [0.0,", "walk_start = [50,", "collect.walk_start: 50 is out of range (-3 to 3); log speed; 0 "
-     "corrects nothing"),
 ])
 def test_a_rig_or_limit_that_cannot_be_is_refused(tmp_path, old, new, said):
     assert TEXT.count(old) >= 1
@@ -187,7 +158,13 @@ def test_a_rig_or_limit_that_cannot_be_is_refused(tmp_path, old, new, said):
     path.write_text(TEXT.replace(old, new, 1))
     with pytest.raises(InputError) as error:
         load_config(path)
-    assert str(error.value) == f"{path}: {said}"
+    place, _, what = str(error.value).partition(": ")
+    assert what == said and re.fullmatch(rf"{re.escape(str(path))}(:\d+)?", place)
+    key = said.partition(":")[0].rpartition(".")[2]
+    if place != str(path):            # no line of [[rig.launcher.wheel]], of which there are two
+        assert path.read_text().splitlines()[int(place.rpartition(":")[2]) - 1].startswith((key, "[rig.launcher]"))
+    else:
+        assert "wheel" in said or "missing key" in said
 
 
 def test_a_pitch_that_may_be_radians_is_warned_of(tmp_path, capsys):

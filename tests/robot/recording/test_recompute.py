@@ -170,7 +170,7 @@ def test_a_changed_gain_is_a_report_of_what_when_first_and_by_how_much(plain, ot
 
 
 def test_verdicts_that_flip_are_told_with_the_reason(plain, other, capsys):
-    path = other("sighting_age_s = ", "sighting_age_s = 0.0001 #")
+    path = other("sighting_age_s = ", "sighting_age_s = 0.02 #")
     changes = find_changes(plain, load_config(path), None)
     assert (changes.fired, changes.fires) == (2, 0) and [flip.fired for flip in changes.flips] == [True, True]
     assert main(["session", "replay", str(plain), "--config", str(path)]) == 0
