@@ -34,6 +34,8 @@ Count = Annotated[int, msgspec.Meta(gt=0, lt=1_000_000)]
 MAX_LINE = 20_000                     # characters: longer ones take minutes to parse
 MAX_TEXT_BYTES, MAX_BYTES = 4_000_000, 500_000_000      # of a configuration or belief; of a model or table
 
+NO_JSON = (msgspec.MsgspecError, UnicodeDecodeError, RecursionError)    # what decoding damaged JSON raises
+
 
 class Can(Struct, frozen=True, forbid_unknown_fields=True):
     interface: str                    # python-can interface name: socketcan, slcan, virtual, ...
@@ -324,7 +326,7 @@ def naming(path: str | Path) -> Iterator[None]:
     """Raise errors of reading, writing and decoding as InputError, with the file in front."""
     try:
         yield
-    except (OSError, UnicodeDecodeError, csv.Error, msgspec.MsgspecError, RecursionError) as error:
+    except (OSError, csv.Error, *NO_JSON) as error:
         raise InputError(f"{path}: {in_words(error)}") from error
 
 
