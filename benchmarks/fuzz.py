@@ -2,12 +2,12 @@
 
     python -m benchmarks.fuzz --minutes N --seed S [--only WORD] [--case NAME:NUMBER] [--out FILE]
 
-Each case damages one file (fuzz_mutators.py) and reads it (fuzz_readers.py) in a process of its own, forked from one that
-has imported the readers and neither JAX nor MuJoCo. A case is bad when that process ends by an exception other than the
-readers' own (`traceback`), by a signal (`crash`), not within LONGEST_S (`hang`), with more than MOST_BYTES resident
-(`memory`); when a refusal does not name the file (`nameless`); and when the file is accepted with fewer rows than the
-original and no line of warning that the original does not have (`lost`). FILE has one JSON line for each bad case;
-`--case` runs one again and prints what it gives. Exit 1 when there is a bad one.
+Each case damages one file (fuzz_mutators.py) and reads it (fuzz_readers.py) in a process of its own, forked from one
+that has imported the readers and neither JAX nor MuJoCo. A case is bad when that process ends by an exception other
+than the readers' own (`traceback`), by a signal (`crash`), not within LONGEST_S of a core (`hang`), with more than
+MOST_BYTES resident (`memory`); when a refusal does not name the file (`nameless`); and when the file is accepted with
+fewer rows than the original and no line of warning that the original does not have (`lost`). FILE has one JSON line for
+each bad case; `--case` runs one again and prints what it gives. Exit 1 when there is a bad one.
 """
 
 import argparse
@@ -35,9 +35,9 @@ from benchmarks import fuzz_mutators, fuzz_readers
 from benchmarks.fuzz_readers import READERS, Reader
 from truearc.robot.config.schema import InputError
 
-LONGEST_S = 30.0                      # a case takes some 0.1 s, on a busy computer 1 s
+LONGEST_S, PATIENCE_S = 15, 300.0     # of a core, where a case takes 0.1 s; and of the clock, for a busy computer
 MOST_BYTES = 500_000_000              # resident; the imports alone are 110 MB
-SPACE_BYTES = 4_000_000_000           # of addresses beyond those in use: what a damaged length asks for shows, and fails
+SPACE_BYTES = 4_000_000_000           # of addresses beyond those in use: asking for more fails
 BAD = ("traceback", "crash", "hang", "memory", "nameless", "lost")
 
 
@@ -94,7 +94,7 @@ def _in_child(reader: Reader, home: Path) -> Read:
         _child(reader, home, theirs)
     os.close(theirs)
     said = b""
-    while (left := began + LONGEST_S - time.monotonic()) > 0 and select.select([ours], [], [], left)[0]:
+    while (left := began + PATIENCE_S - time.monotonic()) > 0 and select.select([ours], [], [], left)[0]:
         more = os.read(ours, 1 << 16)
         if not more:
             break
@@ -103,8 +103,8 @@ def _in_child(reader: Reader, home: Path) -> Read:
         os.kill(child, signal.SIGKILL)
     os.close(ours)
     _, status, used = os.wait4(child, 0)
-    seconds, peak_mb = time.monotonic() - began, used.ru_maxrss / 1e3
-    if seconds >= LONGEST_S:
+    seconds, peak_mb = used.ru_utime + used.ru_stime, used.ru_maxrss / 1e3
+    if os.WIFSIGNALED(status) and os.WTERMSIG(status) in (signal.SIGXCPU, signal.SIGKILL):
         return Read("hang", peak_mb=peak_mb, seconds=seconds)
     if not said or os.WIFSIGNALED(status):
         return Read("crash", said=f"status {status}", peak_mb=peak_mb, seconds=seconds)
@@ -119,6 +119,7 @@ def _child(reader: Reader, home: Path, pipe: int) -> None:
     """Never returns. What is printed is a warning, too."""
     faulthandler.disable()
     now = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_CPU, (LONGEST_S, LONGEST_S + 5))
     resource.setrlimit(resource.RLIMIT_AS, (now + SPACE_BYTES, now + SPACE_BYTES))
     printed = io.StringIO()
     with contextlib.redirect_stderr(printed), contextlib.redirect_stdout(io.StringIO()):
@@ -157,9 +158,8 @@ class Fuzz:
     def next(self) -> tuple[Case, Read]:
         """The next case of the reader that has had the least time."""
         reader = min(self.readers, key=lambda one: self.spent_s[one.name])
-        began = time.monotonic()
         case, got = self.run(reader, self.counts[reader.name].total())
-        self.spent_s[reader.name] += time.monotonic() - began
+        self.spent_s[reader.name] += got.seconds
         return case, got
 
     def run(self, reader: Reader, number: int) -> tuple[Case, Read]:
@@ -171,11 +171,11 @@ class Fuzz:
         return case, got
 
     def table(self) -> str:
-        lines = [f"{'reader':18}{'cases':>8}{'refused':>9}{'accepted':>10}{'bad':>6}{'peak MB':>9}{'longest s':>11}"]
+        lines = [f"{'reader':18}{'cases':>8}{'refused':>9}{'accepted':>10}{'bad':>6}{'peak MB':>9}{'longest s':>16}"]
         for name, counts in self.counts.items():
             bad = sum(counts[how] for how in BAD)
             lines.append(f"{name:18}{counts.total():8}{counts['refused']:9}{counts['accepted']:10}{bad:6}"
-                         f"{self.peak_mb[name]:9.0f}{self.longest_s[name]:11.2f}")
+                         f"{self.peak_mb[name]:9.0f}{self.longest_s[name]:16.2f}")
         return "\n".join(lines)
 
 
@@ -209,7 +209,8 @@ def _run_all(fuzz: Fuzz, args: argparse.Namespace) -> int:
             if out is not None:
                 print(json.dumps(line), file=out, flush=True)
     print(fuzz.table())
-    print(f"seed {fuzz.seed}: {sum(counts.total() for counts in fuzz.counts.values())} cases, {bad} bad")
+    print(f"seed {fuzz.seed}: {sum(counts.total() for counts in fuzz.counts.values())} cases, {bad} bad, "
+          f"{sum(fuzz.spent_s.values()) / 60.0:.1f} minutes of a core in their processes")
     return int(bad > 0)
 
 

@@ -13,8 +13,8 @@ from truearc.robot.gate.seal import KEY_SEAL, UNSEALED, seal
 
 Mutator = Callable[[bytes, Random], bytes]
 
-LENGTHS = (0, 1, 0x7F, 0xFF, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 0x7FFFFFFFFFFFFFFF, 0xFFFFFFFFFFFFFFFF, 1 << 28,
-           2_600_000_000)
+LENGTHS = (0, 1, 0x7F, 0xFF, 0xFFFF, 1 << 28, 0x7FFFFFFF, 0x80000000, 2_600_000_000, 0xFFFFFFFF, 0x7FFFFFFFFFFFFFFF,
+           0xFFFFFFFFFFFFFFFF)
 WORDS = ("", "nan", "inf", "-inf", "1e308", "-1e308", "1e999", "-1", "0", "1" * 5000, "1e-320", "99999999999999999999",
          "true", "null", "\"", "'", "\"\"", ",", ";", "\t", "\x00", "\ufeff", "\u2028", "\r", "é", "[", "{", "}", "]",
          "1,5", "1.5,2", "0x10", "١", "²", "_", "--", "#", "=", "\\", "\\u0000", "\ud7ff", "x" * 30_000)
@@ -123,16 +123,15 @@ def wpilog_field(data: bytes, random: Random) -> bytes:
     for _ in range(random.choice((1, 1, 5, 50))):
         at = random.choice(controls) if random.random() < 0.2 else random.randrange(len(records))
         signal, payload, t_us = records[at]
+        odd = random.choice((b"", b"\xff" * 8, bytes(8), payload[:-1], payload + b"x",
+                             struct.pack("<d", random.choice((1e300, -1e9, 5e3, 1e-300))),
+                             random.randbytes(random.choice((1, 8, 40)))))
+        late = random.choice((0, 1, (1 << 63) - 1, (1 << 64) - 1, t_us + 10**7, t_us // 2, random.randrange(1 << 40)))
         made[at] = random.choice((
-            lambda: _wpilog_record(random.randrange(200), payload, t_us),
-            lambda: _wpilog_record(signal, random.choice((b"", b"\xff" * 8, bytes(8), payload[:-1], payload + b"x",
-                                                          struct.pack("<d", random.choice((1e300, -1e9, 5e3, 1e-300))),
-                                                          random.randbytes(random.choice((1, 8, 40))))), t_us),
-            lambda: _wpilog_record(signal, payload, random.choice((0, 1, (1 << 63) - 1, (1 << 64) - 1, t_us + 10**7,
-                                                                   t_us // 2, random.randrange(1 << 40)))),
-            lambda: _wpilog_record(signal, payload, t_us, random.choice(LENGTHS) % (1 << 32)),
-            lambda: _wpilog_record(signal, random.choice(BYTES)(payload, random), t_us),
-        ))()
+            _wpilog_record(random.randrange(200), payload, t_us), _wpilog_record(signal, odd, t_us),
+            _wpilog_record(signal, payload, late),
+            _wpilog_record(signal, payload, t_us, random.choice(LENGTHS) % (1 << 32)),
+            _wpilog_record(signal, random.choice(BYTES)(payload, random), t_us)))
     return head + b"".join(made)
 
 
@@ -239,7 +238,8 @@ def nest(data: bytes, random: Random) -> bytes:
 
 
 def encode_otherwise(data: bytes, random: Random) -> bytes:
-    return data.decode("utf-8", "replace").encode(random.choice(("utf-16", "utf-8-sig", "latin-1", "utf-32")), "replace")
+    other = random.choice(("utf-16", "utf-8-sig", "latin-1", "utf-32"))
+    return data.decode("utf-8", "replace").encode(other, "replace")
 
 
 LINES: tuple[Mutator, ...] = (word, word, lines, join_lines, nest)
@@ -249,7 +249,8 @@ TEXT: tuple[Mutator, ...] = (*LINES, encode_otherwise)
 def reseal(data: bytes, random: Random) -> bytes:
     """A damaged model whose seal fits again, so that all of it is read."""
     stamped = re.search(KEY_SEAL.encode() + rb".{2,4}?([0-9a-f]{64})", data, re.DOTALL)
-    made = random.choice((*BYTES, word))(data if stamped is None else data.replace(stamped[1], UNSEALED.encode()), random)
+    unsealed = data if stamped is None else data.replace(stamped[1], UNSEALED.encode())
+    made = random.choice((*BYTES, word))(unsealed, random)
     return seal(made) if made.count(UNSEALED.encode()) == 1 else made
 
 

@@ -1,17 +1,19 @@
-"""What `fuzz` damages: the files, and how each of them is read. Nothing here imports JAX; `make_originals` runs what does
-in a process of its own."""
+"""What `fuzz` damages: the files, and how each of them is read.
+
+Nothing here imports JAX; `make_originals` runs what does in a process of its own."""
 
 import io
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 from truearc import robot
 from truearc.robot.aim_file import load_aim
-from truearc.robot.config.schema import CameraFile, load_config, load_toml
+from truearc.robot.config.schema import CameraFile, InputError, load_config, load_toml
 from truearc.robot.config.shot_map import load_map
 from truearc.robot.gate.model import load_gate
 from truearc.robot.recording.candump import parse_candump
@@ -20,7 +22,6 @@ from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.recover import recover
 from truearc.robot.recording.replay.recompute import Difference, replay_frames
 from truearc.robot.recording.session import load_session_aims, load_session_config, load_trials
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.importers.any_team import import_shots
 from truearc.sim.data.load import load_dataset
 from truearc.sim.data.recordings import shots_from_sessions
@@ -128,7 +129,7 @@ READERS = (
     Reader("mcap import", "session", "telemetry.mcap", "mcap", _traces),
     Reader("mcap convert", "session", "telemetry.mcap", "mcap", _convert),
     Reader("mcap recover", "session", "telemetry.mcap", "mcap", _recover),
-    Reader("csv log", "logs", "log.csv", "lines", lambda home: _logs(home, "log.csv"), ),
+    Reader("csv log", "logs", "log.csv", "lines", lambda home: _logs(home, "log.csv")),
     Reader("csv list", "logs", "list.csv", "lines", lambda home: _logs(home, "list.csv")),
     Reader("csv table", "tables", "table.csv", "lines", lambda home: _logs(home, "table.csv"), _lines(1)),
     Reader("csv dataset", "dataset", "shots.csv", "lines", _dataset),
@@ -140,7 +141,8 @@ READERS = (
     Reader("toml launcher", "toml", "launcher.toml", "toml", _none(load_config, "launcher.toml")),
     Reader("toml rig", "toml", "rig.toml", "toml", _none(load_rig, "rig.toml")),
     Reader("toml map", "toml", "shots.toml", "toml", _none(load_map, "shots.toml")),
-    Reader("toml camera", "toml", "camera.toml", "toml", _none(lambda path: load_toml(path, CameraFile), "camera.toml")),
+    Reader("toml camera", "toml", "camera.toml", "toml", _none(partial(load_toml, kind=CameraFile),
+                                                                   "camera.toml")),
     Reader("candump recover", "session", "can0.log", "lines", _can, _lines(0)),
     Reader("candump replay", "session", "can0.log", "lines", _replay),
     Reader("trials", "session", "trials.jsonl", "lines", _shots),
@@ -155,11 +157,14 @@ READERS = (
 
 
 def make_originals(home: Path) -> None:
-    subprocess.run([sys.executable, "-m", "benchmarks.fuzz_readers", str(home)], cwd=ROOT, check=True)
+    """Small files of each kind, the same on every run; in a process of its own, which imports what this may not."""
+    subprocess.run([sys.executable, "-c", "import sys; from pathlib import Path; "
+                    "from benchmarks.fuzz_readers import make; make(Path(sys.argv[1]))", str(home)],
+                   cwd=ROOT, check=True)
 
 
-def _make(home: Path) -> None:
-    """Small files of each kind, the same on every run."""
+def make(home: Path) -> None:
+    """As make_originals, here."""
     from tests.sim.data.stranger_log import write_stranger_log
     from truearc.sim.world.emulated_robot import emulate
 
@@ -226,7 +231,3 @@ def _write_tables(tables: Path, dataset: Path, parquet: Path) -> None:
     pq.write_table(pa.table({name: [float(cell) for cell in column] if name in (
         "distance_m", "hood_deg", "motor_ratio") else column for name, column in columns.items()}),
         parquet / "shots.parquet")
-
-
-if __name__ == "__main__":
-    _make(Path(sys.argv[1]))

@@ -1,8 +1,8 @@
 """Rows in the records of an MCAP file: none is unpacked beyond a limit, and none is lost in silence.
 
-Sizes that a file states of itself are not believed: a record is no longer than what is left of the file, and a chunk is
-unpacked to LARGEST bytes at most, whatever it says. Rows of one topic are numbered from 0 without a gap, and a file that
-was closed says how many there are (robot/recording/files.py).
+Sizes that a file states of itself are not believed: a record is no longer than what is left of the file, and a chunk
+is unpacked to LARGEST bytes at most, whatever it says. Rows of one topic are numbered from 0 without a gap, and a file
+that was closed says how many there are (robot/recording/files.py).
 """
 
 import struct

@@ -176,12 +176,13 @@ def load_pictures(session: Path) -> list[Picture]:
 
 
 def load_image(session: Path, picture: Picture) -> CameraFrame | None:
-    """One image as it was seen; None when the file is missing, not a PNG as we write them, or of MOST_PIXELS or more."""
+    """One image as it was seen; None when the file is missing, no PNG, which is what we write, or too large."""
     path = session / layout.FRAMES / picture.file
     data = load_bytes(path) if path.is_file() else b""
     is_png = data.startswith(PNG) and len(data) >= PNG_SIZE_AT + 8
     width_px, height_px = struct.unpack_from(">II", data, PNG_SIZE_AT) if is_png else (0, 0)
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if 0 < width_px * height_px < MOST_PIXELS else None
+    is_small = 0 < width_px * height_px < MOST_PIXELS
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if is_small else None
     return None if image is None else CameraFrame(picture.t_ns, np.asarray(image, dtype=np.uint8))
 
 

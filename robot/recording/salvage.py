@@ -32,7 +32,8 @@ def _read_chunk(file: BytesIO, start: int) -> list[bytes]:
             return []
         stream.read8()
         chunk = Chunk.read(stream)
-        return [content[MESSAGE.size:] for opcode, content in (split(unpack(chunk, "")) if chunk.uncompressed_crc else ())
+        records = split(unpack(chunk, "")) if chunk.uncompressed_crc else ()
+        return [content[MESSAGE.size:] for opcode, content in records
                 if opcode == Opcode.MESSAGE and MESSAGE.unpack_from(content)[0] == TICKS]
     except (*BROKEN, TooLarge):
         return []

@@ -21,7 +21,16 @@ from msgspec import UNSET, Struct, UnsetType
 from truearc.robot.aim_file import AimFile, Aims, load_aim
 from truearc.robot.config.hashing import config_hash, is_hash_of
 from truearc.robot.config.rig_spec import with_nan
-from truearc.robot.config.schema import MAX_TEXT_BYTES, NO_JSON, Config, InputError, in_words, load_bytes, naming, read_axis
+from truearc.robot.config.schema import (
+    MAX_TEXT_BYTES,
+    NO_JSON,
+    Config,
+    InputError,
+    in_words,
+    load_bytes,
+    naming,
+    read_axis,
+)
 from truearc.robot.gate.model import Gate, load_gate
 from truearc.robot.recording.rows import RowFormat, Rows2, Trial
 from truearc.robot.recording.schema1 import Rows1

@@ -61,14 +61,14 @@ def _runs(feed: Series, above: float) -> tuple[Floats, Floats]:
 
 
 def silences(wheel: Series, others: Iterable[Series]) -> tuple[str, ...]:
-    """Lines on where a wheel at work has no reading for longer than a fall lasts, nor has any other signal; and where
-    the log ends with it at work."""
+    """Lines on where a wheel that is at work before or after has no reading for longer than a fall lasts, nor has any
+    other signal; and where the log ends with it at work."""
     if len(wheel.t_s) < 3:
         return ()
     speed = np.abs(np.asarray(wheel.values, dtype=float))
     works = speed > STANDS * speed.max()
     gaps_s = np.diff(wheel.t_s)
-    long = (gaps_s > max(FALL_S, RATES * float(np.median(gaps_s)))) & works[1:] & works[:-1]
+    long = (gaps_s > max(FALL_S, RATES * float(np.median(gaps_s)))) & (works[1:] | works[:-1])
     for series in others if long.any() else ():
         after = np.searchsorted(series.t_s, wheel.t_s[:-1], side="right")
         long &= after == np.searchsorted(series.t_s, wheel.t_s[1:], side="left")

@@ -82,64 +82,75 @@ def read_wpilog(path: Path, progress: Callable[[float], None] = lambda done: Non
         raise InputError(f"{path}: WPILOG is read by WPILib's own reader; install it: pip install 'truearc[frc]'"
                          ) from error
     data = load_bytes(path, MOST_BYTES)
-    damage = _Damage()
     reader = iter(DataLogReader(data, str(path)))
-    entries: dict[int, tuple[str, str, str]] = {}
-    times: dict[str, list[float]] = {}
-    values: dict[str, list[Any]] = {}
-    units: dict[str, str] = {}
-    newest: dict[int, int] = {}
-    place = end = 12
-    for number, (place, end) in enumerate(_whole_records(data, path)):
+    taken, end = _Wpilog(), 0
+    for number, (place, after) in enumerate(_whole_records(data, path)):
         record = next(reader, None)
         if record is None:
-            end = place
             break
         if number % 100_000 == 0:
-            progress(place / len(data))
-        try:
-            if record.isStart():
-                start = record.getStartData()
-                entries[start.entry] = start.name, start.type, _unit(start.metadata)
-            elif record.isSetMetadata():
-                changed = record.getSetMetadataData()
-                if changed.entry in entries:
-                    name, kind, unit = entries[changed.entry]
-                    entries[changed.entry] = name, kind, _unit(changed.metadata) or unit
-            elif record.isControl():
-                if not record.isFinish():
-                    damage.add(place, "a record that announces nothing")
-            elif (entry := record.getEntry()) in entries:
-                name, kind, unit = entries[entry]
-                t_us = record.getTimestamp()
-                if t_us < newest.get(entry, t_us) - BACK_US:
-                    damage.add(place, "time goes back")
-                newest[entry] = t_us
-                for part, value in _values(name, kind, record):
-                    times.setdefault(part, []).append(t_us * 1e-6)
-                    values.setdefault(part, []).append(value)
-                    units[part] = unit
-            else:
-                damage.add(place, "a value of no signal")
-        except (TypeError, ValueError, struct.error):         # WPILib's reader raises the first two
-            damage.add(place, "a value that is none of its signal's kind")
-    ends = () if end == len(data) else (
-        f"ends within the record at byte {end} of {len(data)}: cut short, as where power is lost; shots may be missing",)
-    return Log({name: _series(name, times[name], values[name], units[name]) for name in times}, damage.lines() + ends)
+            progress(place / len(data) if number else 0.0)
+        taken.take(place, record)
+        end = after
+    cut = () if end == len(data) else (f"ends within the record at byte {end} of {len(data)}: cut short, as where "
+                                       "power is lost; shots may be missing",)
+    return taken.log(cut)
 
 
-class _Damage:
-    """What is wrong with a file, by kind: the first byte, and how often."""
+class _Wpilog:
+    """Takes the records of a WPILOG, in their order; what is damaged is counted by kind, with its first byte."""
 
     def __init__(self) -> None:
-        self._found: dict[str, list[int]] = {}
+        self._entries: dict[int, tuple[str, str, str]] = {}   # name, kind, unit
+        self._times: dict[str, list[float]] = {}
+        self._values: dict[str, list[Any]] = {}
+        self._units: dict[str, str] = {}
+        self._newest_us: dict[int, int] = {}
+        self._damage: dict[str, list[int]] = {}
 
-    def add(self, place: int, what: str) -> None:
-        self._found.setdefault(what, [place, 0])[1] += 1
+    def take(self, place: int, record: Any) -> None:
+        try:
+            if record.isControl():
+                self._control(place, record)
+            elif (entry := record.getEntry()) in self._entries:
+                self._value(place, record, entry)
+            else:
+                self._add(place, "a value of no signal")
+        except (TypeError, ValueError, struct.error):         # WPILib's reader raises the first two
+            self._add(place, "a value that is none of its signal's kind")
 
-    def lines(self) -> tuple[str, ...]:
-        return tuple(f"damaged: byte {place}: {what}" + (f"; {count} of these" if count > 1 else "")
-                     + "; shots may be missing" for what, (place, count) in self._found.items())
+    def log(self, more: tuple[str, ...]) -> Log:
+        """All signals; more: further doubts."""
+        doubts = tuple(f"damaged: byte {place}: {what}" + (f"; {count} of these" if count > 1 else "")
+                       + "; shots may be missing" for what, (place, count) in self._damage.items())
+        return Log({name: _series(name, times, self._values[name], self._units[name])
+                    for name, times in self._times.items()}, doubts + more)
+
+    def _control(self, place: int, record: Any) -> None:
+        if record.isStart():
+            start = record.getStartData()
+            self._entries[start.entry] = start.name, start.type, _unit(start.metadata)
+        elif record.isSetMetadata():
+            changed = record.getSetMetadataData()
+            if changed.entry in self._entries:
+                name, kind, unit = self._entries[changed.entry]
+                self._entries[changed.entry] = name, kind, _unit(changed.metadata) or unit
+        elif not record.isFinish():
+            self._add(place, "a record that announces nothing")
+
+    def _value(self, place: int, record: Any, entry: int) -> None:
+        name, kind, unit = self._entries[entry]
+        t_us = record.getTimestamp()
+        if t_us < self._newest_us.get(entry, t_us) - BACK_US:
+            self._add(place, "time goes back")
+        self._newest_us[entry] = t_us
+        for part, value in _values(name, kind, record):
+            self._times.setdefault(part, []).append(t_us * 1e-6)
+            self._values.setdefault(part, []).append(value)
+            self._units[part] = unit
+
+    def _add(self, place: int, what: str) -> None:
+        self._damage.setdefault(what, [place, 0])[1] += 1
 
 
 def _whole_records(data: bytes, path: Path) -> Iterator[tuple[int, int]]:
@@ -227,7 +238,8 @@ def read_csv_log(path: Path, time: str | None, second: float) -> Log:
     if {KEY, VALUE} <= set(table.columns):
         return _of_list(table, t_s)
     return Log({name: series for name, cells in table.columns.items()
-                if name != column and (series := _of_cells(name, t_s, cells, each_row=True)) is not None})
+                if name != column and (series := _of_cells(name, t_s, cells, each_row=True)) is not None},
+               _backwards([t_s]))
 
 
 def _time(table: RawTable, row: int, cell: Cell) -> float:
@@ -243,7 +255,14 @@ def _of_list(table: RawTable, t_s: Floats) -> Log:
         rows.setdefault(str(key or ""), []).append(row)
     cells = table.columns[VALUE]
     found = {key: _of_cells(key, t_s[mine], [cells[row] for row in mine]) for key, mine in rows.items()}
-    return Log({key: series for key, series in found.items() if series is not None})
+    return Log({key: series for key, series in found.items() if series is not None},
+               _backwards([t_s[mine] for mine in rows.values()]))
+
+
+def _backwards(times: list[Floats]) -> tuple[str, ...]:
+    """A line on how often time goes back in series of rows, as where a part of the file stands in another's place."""
+    count = sum(np.count_nonzero(np.diff(t_s) < -BACK_US * 1e-6) for t_s in times)
+    return (f"damaged: time goes back in {count} rows; shots may be missing",) if count else ()
 
 
 def _of_cells(name: str, t_s: Floats, cells: list[Cell], each_row: bool = False) -> Series | None:
