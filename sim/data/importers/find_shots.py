@@ -13,6 +13,7 @@ FALL_S = 0.15                         # a ball slows the wheels within this
 RECOVER_S = 1.0                       # and they are faster again within this, where no set point says that they fell
 STEEP = 0.05                          # share of its greatest step that a fall has where it has begun
 REGAINED = 0.5                        # share of the dip after which the next one may begin
+EDGES = 2                             # samples of another signal at the edges of a part that is lost
 RATES = 4.0                           # times as long as usual between two samples: some were lost
 SPIKE = 1.5                           # a sample so many times as high as both of its neighbours is none
 STANDS = 0.15                         # share of its greatest speed below which a wheel is not at work
@@ -61,8 +62,8 @@ def _runs(feed: Series, above: float) -> tuple[Floats, Floats]:
 
 
 def silences(wheel: Series, others: Iterable[Series]) -> tuple[str, ...]:
-    """Lines on where a wheel that is at work before or after has no reading for longer than a fall lasts, nor has any
-    other signal; and where the log ends with it at work."""
+    """Lines on where a wheel that is at work before or after has no reading for longer than a fall lasts, nor other
+    signals; and where the log ends with it at work."""
     if len(wheel.t_s) < 3:
         return ()
     speed = np.abs(np.asarray(wheel.values, dtype=float))
@@ -71,7 +72,7 @@ def silences(wheel: Series, others: Iterable[Series]) -> tuple[str, ...]:
     long = (gaps_s > max(FALL_S, RATES * float(np.median(gaps_s)))) & (works[1:] | works[:-1])
     for series in others if long.any() else ():
         after = np.searchsorted(series.t_s, wheel.t_s[:-1], side="right")
-        long &= after == np.searchsorted(series.t_s, wheel.t_s[1:], side="left")
+        long &= np.searchsorted(series.t_s, wheel.t_s[1:], side="left") - after <= EDGES
     lines = list[str]()
     if long.any():
         first = int(np.flatnonzero(long)[0])

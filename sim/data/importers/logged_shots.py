@@ -43,14 +43,17 @@ def shots_from_logs(paths: Sequence[Path], shot_map: ShotMap, rig: Rig, name: st
         raise InputError(f"two logs are called {max(names, key=names.count)}: shot_id would not be unique")
     rows: list[dict[str, Cell]] = []
     traces: list[tuple[str, float, str, float]] = []
+    doubts: list[str] = []
     left_out: list[str] = []
     for number, path in enumerate(paths):
-        found = Reading(path, read_log(path, shot_map, part_of(progress, number / len(paths), 1.0 / len(paths))),
-                        shot_map, rig)
+        log = read_log(path, shot_map, part_of(progress, number / len(paths), 1.0 / len(paths)))
+        doubts += [f"{path.name}: {line}" for line in log.doubts]
+        found = Reading(path, log, shot_map, rig)
         more, odd = found.rows()
         rows += more
         left_out += odd
         traces += found.traces(more)
+    left_out = doubts + left_out      # of whole files first
     if not rows:
         raise InputError(f"{', '.join(map(str, paths))}: no shot was found"
                          + "".join(f"\n{line}" for line in left_out[:5]))
@@ -64,7 +67,7 @@ class Reading:
 
     def __init__(self, path: Path, log: Log, shot_map: ShotMap, rig: Rig) -> None:
         self.path, self.log, self.map, self.rig = path, log, shot_map, rig
-        self.odd = [f"{path.name}: {line}" for line in log.doubts]
+        self.odd: list[str] = []
         self.columns = {column: self._column(column, said) for column, said in shot_map.columns.items()}
         self.scales = {column: as_read(column, rig) for column in self.columns}
 

@@ -119,12 +119,12 @@ def test_a_trial_that_only_the_ticks_have_is_said(session: Path) -> None:
     lines = (session / TRIALS).read_bytes().splitlines(keepends=True)
     (session / TRIALS).write_bytes(lines[0])
     left_out = shots_from_sessions([session], "d").left_out
-    assert any("trial 2: is missing; truearc session recover" in line for line in left_out)
+    assert any("trial 1: is missing; truearc session recover" in line for line in left_out)
     row = json.loads(lines[0])
     row["shot"]["distance_m"] += 1.0
     (session / TRIALS).write_bytes(json.dumps(row).encode() + b"\n" + b"".join(lines[1:]))
     left_out = shots_from_sessions([session], "d").left_out
-    assert [line for line in left_out if "trial 1: is not as the telemetry has it" in line]
+    assert [line for line in left_out if "trial 0: is not as the telemetry has it" in line]
 
 
 def test_lines_that_are_no_text_are_named_or_left_out(session: Path) -> None:

@@ -79,7 +79,7 @@ def test_a_log_that_was_cut_short_says_so(log: Path, share: float) -> None:
 @pytest.mark.parametrize("damage", [
     lambda data, at: data[:at] + bytes(len(data) - at),                              # not written before power went
     lambda data, at: data[:at] + data[at + 2000:],                                  # a part is lost
-    lambda data, at: data[:at] + data[at - 3000:at],                                # a part of before in its place
+    lambda data, at: data[:at] + data[at - 1500:at] + data[at:],                       # a part stands there twice
     lambda data, at: data[:at] + b"\xff" * 60 + data[at + 60:],
     lambda data, at: data[:at] + b"\x00\x00\x05\x00\x00" + b"\xff" * 4 + data[at:],  # a start record that is none
 ])
