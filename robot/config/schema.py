@@ -32,7 +32,10 @@ Count = Annotated[int, msgspec.Meta(gt=0, lt=1_000_000)]
 
 
 MAX_LINE = 20_000                     # characters: longer ones take minutes to parse
+DEEP_KEY = re.compile(r"""(?:[\w"'-]+\s*\.\s*){16}""")     # no key of ours has as many parts; 9000 take half a minute
 MAX_TEXT_BYTES, MAX_BYTES = 4_000_000, 500_000_000      # of a configuration or belief; of a model or table
+
+NO_JSON = (msgspec.MsgspecError, UnicodeDecodeError, RecursionError)    # what decoding damaged JSON raises
 
 
 class Can(Struct, frozen=True, forbid_unknown_fields=True):
@@ -311,6 +314,8 @@ def parse_table(text: str, name: str) -> dict[str, Any]:
     longest = max(map(len, text.splitlines()), default=0)
     if longest > MAX_LINE:
         raise InputError(f"{name}: has a line of {longest} characters; at most {MAX_LINE} are read")
+    if deep := DEEP_KEY.search(text):
+        raise InputError(f"{name}:{text.count(chr(10), 0, deep.start()) + 1}: a key of more than 16 parts")
     try:
         return tomllib.loads(text)
     except ValueError as error:       # not TOML, or a number of thousands of digits
@@ -327,7 +332,7 @@ def naming(path: str | Path) -> Iterator[None]:
     """Raise errors of reading, writing and decoding as InputError, with the file in front."""
     try:
         yield
-    except (OSError, UnicodeDecodeError, csv.Error, msgspec.MsgspecError, RecursionError) as error:
+    except (OSError, csv.Error, *NO_JSON) as error:
         raise InputError(f"{path}: {in_words(error)}") from error
 
 

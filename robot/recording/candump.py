@@ -6,7 +6,7 @@ from collections.abc import Callable
 from truearc.hw.protocols import Bus, Frame
 from truearc.hw.reason import Reason
 
-_LINE = re.compile(r"\((\d+)\.(\d{6})\) \S+ ([0-9A-F]{3}|[0-9A-F]{8})#(R[1-8]?|(?:[0-9A-F]{2}){0,64}) ([RT])\n")
+_LINE = re.compile(r"\((\d+)\.(\d{6})\) [!-~]+ ([0-9A-F]{3}|[0-9A-F]{8})#(R[1-8]?|(?:[0-9A-F]{2}){0,64}) ([RT])\n")
 
 
 def candump_line(frame: Frame, sent: bool, t_ns: int) -> str:

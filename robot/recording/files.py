@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import struct
 import threading
 from collections import Counter
 from collections.abc import Sequence
@@ -14,7 +15,7 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from truearc.hw.protocols import CameraFrame, Frame
-from truearc.robot.config.schema import Config, InputError, load_bytes, naming
+from truearc.robot.config.schema import NO_JSON, Config, InputError, load_bytes, naming
 from truearc.robot.reasons import IMAGE_NOT_ENCODED
 from truearc.robot.recording import session as layout
 from truearc.robot.recording.append_file import Appender, NotKept
@@ -23,6 +24,8 @@ from truearc.robot.recording.rows import RowFormat, Rows2, Trial
 from truearc.robot.recording.session import Header, Picture
 from truearc.robot.types import Tick
 
+PNG, PNG_SIZE_AT = b"\x89PNG\r\n\x1a\n", 16
+MOST_PIXELS = 1 << 25                 # of an image, 100 MB; no camera's frame has as many
 # t_ns, the encoded Tick, its raw frames, its encoded trials
 Row = tuple[int, bytes, list[tuple[Frame, bool]], list[bytes]]
 
@@ -167,16 +170,19 @@ def load_pictures(session: Path) -> list[Picture]:
     """The index of the images, oldest first; a line that is torn names none."""
     path, pictures = session / layout.INDEX, []
     for line in load_bytes(path).split(b"\n") if path.exists() else []:
-        with contextlib.suppress(msgspec.MsgspecError):
+        with contextlib.suppress(*NO_JSON):
             pictures.append(msgspec.json.decode(line, type=Picture))
     return pictures
 
 
 def load_image(session: Path, picture: Picture) -> CameraFrame | None:
-    """One image as it was seen; None when the file is missing or not an image."""
+    """One image as it was seen; None when the file is missing, no PNG, which is what we write, or too large."""
     path = session / layout.FRAMES / picture.file
-    data = np.fromfile(path, dtype=np.uint8) if path.is_file() else np.zeros(0, np.uint8)
-    image = cv2.imdecode(data, cv2.IMREAD_COLOR) if len(data) else None
+    data = load_bytes(path) if path.is_file() else b""
+    is_png = data.startswith(PNG) and len(data) >= PNG_SIZE_AT + 8
+    width_px, height_px = struct.unpack_from(">II", data, PNG_SIZE_AT) if is_png else (0, 0)
+    is_small = 0 < width_px * height_px < MOST_PIXELS
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if is_small else None
     return None if image is None else CameraFrame(picture.t_ns, np.asarray(image, dtype=np.uint8))
 
 

@@ -1,20 +1,13 @@
 """Reads a session's ticks, whole or cut short."""
 
-import struct
 from collections.abc import Iterator
 from pathlib import Path
 
-import zstandard
-from mcap.exceptions import McapError
-from mcap.records import Channel, Message
-from mcap.stream_reader import StreamReader
-
 from truearc.robot.config.schema import naming
 from truearc.robot.config.whole_file import check_file
+from truearc.robot.recording.chunks import Damaged, rows_in
 from truearc.robot.recording.session import TELEMETRY, TICK_TOPIC, load_row_format
 from truearc.robot.types import Tick
-
-LARGEST = 1 << 28                     # bytes of a record; a damaged length must not ask for all memory
 
 
 class TickReader:
@@ -23,7 +16,8 @@ class TickReader:
     `share` is how much of the file has been read, 0 to 1.
 
     A file that ends early (power loss, kill) gives every tick of its complete chunks. InputError when there is no
-    telemetry at all or a whole row cannot be read. `rows`: how this session's ticks are written.
+    telemetry at all, a whole row cannot be read, or a chunk would fill the memory. `rows`: how this session's ticks are
+    written.
     """
 
     def __init__(self, session: Path) -> None:
@@ -43,14 +37,11 @@ class TickReader:
         check_file(self.path)
         with naming(self.path):
             file = self.path.open("rb")
-        size, ticks = max(self.path.stat().st_size, 1), 0
+        size = self.path.stat().st_size
         with file:
             try:
-                for record in StreamReader(file, validate_crcs=True, record_size_limit=LARGEST).records:
-                    if isinstance(record, Channel) and record.topic == TICK_TOPIC:
-                        ticks = record.id
-                    if isinstance(record, Message) and record.channel_id == ticks:
-                        self.share = file.tell() / size
-                        yield record.data
-            except (McapError, EOFError, ValueError, struct.error, zstandard.ZstdError, MemoryError) as error:
-                self.cut_short = f"{self.path}: cut short or damaged ({type(error).__name__}: {error})"
+                for data in rows_in(file, size, self.path, TICK_TOPIC):
+                    self.share = file.tell() / size
+                    yield data
+            except Damaged as error:
+                self.cut_short = f"{self.path}: cut short or damaged: {error}"

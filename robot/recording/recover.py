@@ -1,5 +1,6 @@
 """Makes a session that was cut short whole again: nothing whole is lost, and what is replaced is kept in damaged/."""
 
+import contextlib
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -7,11 +8,12 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
-from truearc.robot.config.schema import InputError, in_words
+from truearc.robot.config.schema import NO_JSON, InputError, in_words
 from truearc.robot.config.whole_file import check_file
 from truearc.robot.recording import session as layout
 from truearc.robot.recording.append_file import Appender, claim
 from truearc.robot.recording.candump import parse_candump
+from truearc.robot.recording.chunks import TooLarge
 from truearc.robot.recording.encoder import BATCH_NS
 from truearc.robot.recording.files import TickFile, load_image, save_synced
 from truearc.robot.recording.reader import TickReader
@@ -77,10 +79,11 @@ def _recover_ticks(session: Path, repairs: list[str]) -> _Told:
     path = session / layout.TELEMETRY
     reader, told = TickReader(session), _Told()
     if path.exists():
-        for tick, _ in reader:
-            told.hear(tick)
-        if not reader.cut_short:
-            return told
+        with contextlib.suppress(TooLarge):           # what is whole around it is kept
+            for tick, _ in reader:
+                told.hear(tick)
+            if not reader.cut_short:
+                return told
     told = _Told()
     _replace(path, session, lambda new: _write_ticks(new, path, told, reader.rows))
     missing = told.last_cycle - told.ticks
@@ -95,6 +98,8 @@ def _write_ticks(new: Path, damaged: Path, told: _Told, rows: RowFormat) -> None
     try:
         for row in salvage(damaged.read_bytes() if damaged.exists() else b""):
             tick = rows.decode_tick(row)
+            if told.ticks and tick.inputs.cycle <= told.last_cycle:
+                continue              # a chunk that stands there twice
             told.hear(tick)
             ticks.write(tick.inputs.t_ns, row, [rows.encode_trial(trial) for trial in make_trials(tick)])
             if tick.inputs.t_ns - flushed_ns >= BATCH_NS:
@@ -102,8 +107,8 @@ def _write_ticks(new: Path, damaged: Path, told: _Told, rows: RowFormat) -> None
                 ticks.flush()
         ticks.finish()
         file.sync()
-    except msgspec.MsgspecError as error:
-        raise InputError(f"{damaged}: row {told.ticks + 1}: {error}") from error
+    except NO_JSON as error:
+        raise InputError(f"{damaged}: row {told.ticks + 1}: {in_words(error)}") from error
     finally:
         file.close()
 
@@ -116,7 +121,7 @@ def _recover_trials(session: Path, told: _Told, repairs: list[str]) -> int:
     for line in filter(None, lines):
         try:
             trials.append(rows.decode_trial(line))
-        except msgspec.MsgspecError:
+        except NO_JSON:
             torn += 1
     known = [trial for trial in told.trials if trial not in trials]
     if torn or known or (lines and lines[-1]):
@@ -144,7 +149,7 @@ def _recover_lines(session: Path, name: str, what: str, is_whole: Callable[[byte
 def _has_image(session: Path, line: bytes) -> bool:
     try:
         return load_image(session, msgspec.json.decode(line, type=Picture)) is not None
-    except msgspec.MsgspecError:
+    except NO_JSON:
         return False
 
 

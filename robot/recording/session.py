@@ -21,7 +21,16 @@ from msgspec import UNSET, Struct, UnsetType
 from truearc.robot.aim_file import AimFile, Aims, load_aim
 from truearc.robot.config.hashing import config_hash, is_hash_of
 from truearc.robot.config.rig_spec import with_nan
-from truearc.robot.config.schema import MAX_TEXT_BYTES, Config, InputError, in_words, load_bytes, naming, read_axis
+from truearc.robot.config.schema import (
+    MAX_TEXT_BYTES,
+    NO_JSON,
+    Config,
+    InputError,
+    in_words,
+    load_bytes,
+    naming,
+    read_axis,
+)
 from truearc.robot.gate.model import Gate, load_gate
 from truearc.robot.recording.rows import RowFormat, Rows2, Trial
 from truearc.robot.types import Tick
@@ -144,7 +153,7 @@ def load_trials(session: Path) -> list[Trial]:
             continue
         try:
             trial = rows.decode_trial(line)
-        except msgspec.MsgspecError as error:
+        except NO_JSON as error:
             if number == len(lines):
                 break
             raise InputError(f"{path}:{number}: {in_words(error)}") from error

@@ -11,7 +11,7 @@ from truearc.robot.config.shot_map import OUTCOMES
 from truearc.robot.reasons import texts
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.rows import Trial
-from truearc.robot.recording.session import TRIALS, load_session_config, load_trials
+from truearc.robot.recording.session import TRIALS, load_session_config, load_trials, make_trials
 from truearc.robot.types import Tick
 from truearc.sim.data.dataset import Dataset, Shots, Traces
 
@@ -46,14 +46,16 @@ def _from_folders(sessions: Sequence[Path], name: str, telemetry: bool) -> Datas
         if config.rig != configs[0].rig:
             raise InputError(f"{session}: recorded with another rig than {sessions[0]} ([rig] differs); import "
                              "them one by one")
-        kept, dropped = _split(session)
+        marked = load_trials(session)
+        kept, dropped = _split(session, marked)
         left_out += dropped
         if (session / TRIALS).is_file() and not (session / TRIALS).read_bytes().endswith(b"\n"):
             left_out.append(f"{session / TRIALS}: cut short: trials after that are missing; truearc session recover "
                             f"{session} puts back what the telemetry holds")
         if telemetry:
-            reader = TickReader(session)
-            traces += _traces(reader, kept, config, len(rows))
+            reader, told = TickReader(session), dict[int, Trial]()
+            traces += _traces(reader, kept, config, len(rows), told)
+            left_out += _unlike(session, marked, told)
             if reader.cut_short:
                 left_out.append(f"{reader.cut_short}: telemetry after that is missing")
         rows += [(session.resolve().name, trial) for trial in kept]
@@ -69,9 +71,17 @@ def _check_names(sessions: Sequence[Path]) -> None:
             raise InputError(f"two sessions are called {name}: shot_id would not be unique")
 
 
-def _split(session: Path) -> tuple[list[Trial], list[str]]:
+def _unlike(session: Path, marked: list[Trial], told: dict[int, Trial]) -> list[str]:
+    """A line for each trial of which trials.jsonl says something else than the ticks; told: what they say."""
+    known = {trial.outcome.trial: trial for trial in marked}
+    return [f"{session / TRIALS}: trial {number}: " + (
+        f"is missing; truearc session recover {session} puts it back" if number not in known else
+        "is not as the telemetry has it") for number, trial in told.items() if known.get(number) != trial]
+
+
+def _split(session: Path, trials: list[Trial]) -> tuple[list[Trial], list[str]]:
     kept, dropped = [], []
-    for trial in load_trials(session):
+    for trial in trials:
         outcome = trial.outcome
         if outcome.outcome in OUTCOMES and trial.shot is not None and trial.shot.speed_m_s is not UNSET:
             dropped.append(f"{session.name} trial {outcome.trial}: shot on the move, at {trial.shot.speed_m_s:.1f} m/s")
@@ -94,15 +104,16 @@ def _shots(rows: list[tuple[str, Trial]]) -> Shots:
     return Shots(ids, {name: column for name, column in numbers.items() if np.isfinite(column).any()}, texts)
 
 
-def _traces(reader: TickReader, trials: list[Trial], config: Config,
-            first_row: int) -> list[tuple[int, float, str, float]]:
-    """Signals around each shot, one sample for each new reading."""
+def _traces(reader: TickReader, trials: list[Trial], config: Config, first_row: int,
+            told: dict[int, Trial]) -> list[tuple[int, float, str, float]]:
+    """Signals around each shot, one sample for each new reading; `told` takes the trials of the ticks."""
     feeds = np.array([trial.shot.t_ns for trial in trials if trial.shot is not None], dtype=np.int64)
     if len(feeds) == 0:
         return []
     rows: list[tuple[int, float, str, float]] = []
     newest: dict[str, int] = {}
     for tick, _ in reader:
+        told |= {trial.outcome.trial: trial for trial in make_trials(tick)}
         # the one shot in whose window this tick lies, if any
         index = int(np.searchsorted(feeds, tick.inputs.t_ns + int(BEFORE_S / NS), side="right")) - 1
         if index < 0 or (tick.inputs.t_ns - feeds[index]) * NS > AFTER_S:

@@ -14,12 +14,14 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from truearc.robot.config.schema import InputError, load_bytes
+from truearc.robot.config.schema import MAX_BYTES, InputError, load_bytes
 
 DECIMAL_COMMA = re.compile(r"^\s*([+-]?\d+),(\d+)\s*$")
 THOUSANDS = re.compile(r"^\s*[+-]?[1-9]\d{0,2},\d{3}\s*$")
 DECIMAL_POINT = re.compile(r"^\s*[+-]?\d*\.\d+\s*$")
 Cell = str | float | None             # CSV gives text; Parquet numbers, text or None
+# Of a Parquet file: a column of one value has any length in a few bytes, one of measured numbers takes bytes for each.
+MOST_CELLS, CELLS_PER_BYTE = 2_000_000, 20
 SHOWN = 20                            # problems a message lists before it only counts
 
 
@@ -188,8 +190,14 @@ def text_of(path: Path) -> str:
 
 def _load_parquet(path: Path) -> RawTable:
     try:
-        table = pq.read_table(path)
-    except (OSError, pa.ArrowException) as error:
+        with pq.ParquetFile(path) as file:
+            said = file.metadata
+            groups = [said.row_group(number) for number in range(said.num_row_groups)]
+            cells, size = said.num_rows * said.num_columns, sum(group.total_byte_size for group in groups)
+            if size > MAX_BYTES or cells > max(MOST_CELLS, CELLS_PER_BYTE * path.stat().st_size):
+                raise InputError(f"{path}: unpacks to {cells} cells of {size} bytes; more than is read of such a file")
+            table = file.read()
+    except (OSError, ValueError, MemoryError, pa.ArrowException) as error:
         raise InputError(f"{path}: not a readable Parquet file ({error})") from error
     names = table.column_names
     if len(set(names)) < len(names):

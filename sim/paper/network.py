@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import truearc.sim.physics  # noqa: F401 - the house's one switch to double precision
-from truearc.robot.config.schema import InputError, load_bytes, naming
+from truearc.robot.config.schema import MAX_BYTES, InputError, load_bytes, naming
 from truearc.robot.gate.contract import FEATURES, OUTPUTS
 
 HIDDEN = 8
@@ -126,6 +127,9 @@ def weights_hash(directory: str | Path, model_file: str = WEIGHTS_FILE) -> str:
 def _load_arrays(path: Path) -> dict[str, np.ndarray]:
     load_bytes(path)
     try:
+        with zipfile.ZipFile(path) as packed:
+            if (size := sum(entry.file_size for entry in packed.infolist())) > MAX_BYTES:
+                raise ValueError(f"unpacks to {size} bytes; at most {MAX_BYTES} are read")
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: np.asarray(file[name], np.float64) for name in file.files}
     except Exception as error:        # NumPy, zipfile and zlib each raise their own kinds on a damaged archive

@@ -38,6 +38,7 @@ QUICK = {
     "field": "--what nulls --only clean --shots 60 --worlds 1 --seed 11 --rivals argmax --processes 1 "
              "--out worlds.jsonl",
     "follow": "--practices 1 --sessions 2 --seasons 0 --aimed 0 --seed 11 --processes 1 --out practices.jsonl",
+    "fuzz": "--minutes 0.05 --seed 1",
     "gate": "--calls 20 --rounds 1 --shots 40",
     "grid_fit": "--quick --runs 1 --launches 12",
     "kill": "--kills 2",
@@ -73,7 +74,7 @@ ELSEWHERE = {
 JUDGES = ("gate", "start_up")   # exit code 1 where a busy machine is too slow: not tested here
 # Processes of their own: what they do to one (ends, pauses and hurries it, empties JAX's caches), and one as any other.
 # The others run in this one, which has imported and compiled most of what they need: a tenth of the time.
-APART = ("aim", "discovery", "fault_matrix", "kill", "loop", "start_up")
+APART = ("aim", "discovery", "fault_matrix", "fuzz", "kill", "loop", "start_up")
 
 
 def run(words: str, folder: Path, data: Path) -> subprocess.CompletedProcess[str]:

@@ -1,6 +1,7 @@
 """A finished round in one file, without its data: the opened seals say how to make them again, to the last byte."""
 
 import io
+import lzma
 import shutil
 import tarfile
 from collections.abc import Callable, Mapping, Sequence
@@ -9,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError
+from truearc.robot.config.schema import MAX_BYTES, InputError
 from truearc.sim.progress import Progress
 from truearc_proof.rounds.commitment import load_seal
 from truearc_proof.rounds.committer import answer, asked_of, entropy
@@ -70,8 +71,13 @@ def unpack(path: Path, room: Room) -> None:
         raise InputError(f"{room.root}: is there already")
     try:
         with tarfile.open(path, "r:xz") as tar:
+            size = 0
+            for entry in tar:         # in order: none is unpacked before its size is known
+                size += entry.size
+                if size > MAX_BYTES:
+                    raise InputError(f"{path}: unpacks to more than {MAX_BYTES} bytes: no round is as large")
             tar.extractall(room.root, filter="data")
-    except (OSError, tarfile.TarError, EOFError) as error:
+    except (OSError, tarfile.TarError, EOFError, lzma.LZMAError) as error:
         raise InputError(f"{path}: {error}") from error
     if not room.ledger.is_file():
         raise InputError(f"{path}: has no ledger.jsonl: no round was packed there")

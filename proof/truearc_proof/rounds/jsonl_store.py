@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
+from truearc.robot.config.schema import MAX_BYTES, NO_JSON, InputError, about
 from truearc.sim.progress import Progress
 from truearc_proof.parallel import fan_out
 
@@ -57,11 +58,22 @@ def mend(path: str | Path) -> None:
 def lines_of(path: Path) -> Iterator[dict[str, Any]]:
     """Whole lines of a file of worlds, packed (.xz) or not; the last may have been torn by a kill."""
     data = path.read_bytes() if path.is_file() else b""
-    for line in (lzma.decompress(data) if path.suffix == ".xz" else data).splitlines():
+    for line in (_unpack(data, path) if path.suffix == ".xz" else data).splitlines():
         try:
             yield msgspec.json.decode(line)
-        except msgspec.DecodeError:
+        except NO_JSON:
             print(f"{path}: a torn line is left out", file=sys.stderr)
+
+
+def _unpack(data: bytes, path: Path) -> bytes:
+    unpacker = lzma.LZMADecompressor()
+    with about(f"{path}: is damaged, or no .xz", lzma.LZMAError):
+        unpacked = unpacker.decompress(data, MAX_BYTES + 1)
+    if len(unpacked) > MAX_BYTES:
+        raise InputError(f"{path}: unpacks to more than {MAX_BYTES} bytes, the most that is read of such a file")
+    if not unpacker.eof:
+        raise InputError(f"{path}: is cut short")
+    return unpacked
 
 
 def _append(path: str | Path, data: bytes) -> None:

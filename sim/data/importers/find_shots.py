@@ -1,6 +1,7 @@
 """Shots in a log: the dips of a wheel's speed as balls pass, checked against the feeder where its signal is there."""
 
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,9 @@ FALL_S = 0.15                         # a ball slows the wheels within this
 RECOVER_S = 1.0                       # and they are faster again within this, where no set point says that they fell
 STEEP = 0.05                          # share of its greatest step that a fall has where it has begun
 REGAINED = 0.5                        # share of the dip after which the next one may begin
+EDGES = 2                             # samples of another signal at the edges of a part that is lost
+RATES = 4.0                           # times as long as usual between two samples: some were lost
+SPIKE = 1.5                           # a sample so many times as high as both of its neighbours is none
 STANDS = 0.15                         # share of its greatest speed below which a wheel is not at work
 AFTER_FEED_S = 1.0                    # a ball reaches the wheels so long after the feeder starts
 LATE_S = 0.25                         # and passes so long after the feeder stops
@@ -55,6 +59,37 @@ def _runs(feed: Series, above: float) -> tuple[Floats, Floats]:
     ends = np.flatnonzero(~on[1:] & on[:-1])
     last = feed.t_s[-1] if len(feed.t_s) else 0.0
     return feed.t_s[starts], np.concatenate([feed.t_s[ends], np.full(len(starts) - len(ends), last)])
+
+
+def silences(wheel: Series, others: Iterable[Series]) -> tuple[str, ...]:
+    """Lines on where a wheel that is at work before or after has no reading for longer than a fall lasts, nor other
+    signals; and where the log ends with it at work."""
+    if len(wheel.t_s) < 3:
+        return ()
+    speed = np.abs(np.asarray(wheel.values, dtype=float))
+    works = speed > STANDS * speed.max()
+    gaps_s = np.diff(wheel.t_s)
+    long = (gaps_s > max(FALL_S, RATES * float(np.median(gaps_s)))) & (works[1:] | works[:-1])
+    for series in others if long.any() else ():
+        after = np.searchsorted(series.t_s, wheel.t_s[:-1], side="right")
+        long &= np.searchsorted(series.t_s, wheel.t_s[1:], side="left") - after <= EDGES
+    lines = list[str]()
+    if long.any():
+        first = int(np.flatnonzero(long)[0])
+        lines.append(f"t = {wheel.t_s[first]:.2f} s: nothing was logged for {gaps_s[first]:.2f} s while the wheels turn"
+                     + (f"; {np.count_nonzero(long)} times in all" if np.count_nonzero(long) > 1 else "")
+                     + "; shots there may be missing")
+    if works[-1]:
+        lines.append(f"ends at t = {wheel.t_s[-1]:.2f} s while the wheels turn; if it was cut short, shots after that "
+                     "are missing")
+    return tuple(lines)
+
+
+def spikes(values: Floats) -> np.ndarray:
+    """Mask [n] of single samples above both of their neighbours by half: no wheel does that."""
+    speed = np.abs(values)
+    beside = np.maximum(np.concatenate([speed[1:], speed[-1:]]), np.concatenate([speed[:1], speed[:-1]]))
+    return (speed > SPIKE * beside) & (speed > STANDS * speed.max(initial=0.0))
 
 
 def find_dips(wheel: Series, set_point: Series | None, least_dip: float) -> Floats:

@@ -11,7 +11,7 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
 from truearc.robot.config.shot_map import MARKS, NOT_MARKED, ShotMap, Signal, as_signal, plain
 from truearc.robot.config.unit_table import MOTOR, WHEEL, factor_of, own_unit, unit_in
-from truearc.sim.data.importers.find_shots import FoundShots, find_shots
+from truearc.sim.data.importers.find_shots import FoundShots, find_shots, silences, spikes
 from truearc.sim.data.importers.series import Log, Series, read_csv_log, read_wpilog
 from truearc.sim.data.load import assemble
 from truearc.sim.data.model import Dataset
@@ -43,14 +43,17 @@ def shots_from_logs(paths: Sequence[Path], shot_map: ShotMap, rig: Rig, name: st
         raise InputError(f"two logs are called {max(names, key=names.count)}: shot_id would not be unique")
     rows: list[dict[str, Cell]] = []
     traces: list[tuple[str, float, str, float]] = []
+    doubts: list[str] = []
     left_out: list[str] = []
     for number, path in enumerate(paths):
-        found = Reading(path, read_log(path, shot_map, part_of(progress, number / len(paths), 1.0 / len(paths))),
-                        shot_map, rig)
+        log = read_log(path, shot_map, part_of(progress, number / len(paths), 1.0 / len(paths)))
+        doubts += [f"{path.name}: {line}" for line in log.doubts]
+        found = Reading(path, log, shot_map, rig)
         more, odd = found.rows()
         rows += more
         left_out += odd
         traces += found.traces(more)
+    left_out = doubts + left_out      # of whole files first
     if not rows:
         raise InputError(f"{', '.join(map(str, paths))}: no shot was found"
                          + "".join(f"\n{line}" for line in left_out[:5]))
@@ -88,13 +91,17 @@ class Reading:
         return self._finite(read) if _is_speed(column) or column == self.map.shots.wheel else read
 
     def _finite(self, series: Series) -> Series:
-        """A speed without the samples that are not finite; their number is said."""
+        """A speed without the samples that are not finite, or that no wheel can have; their number is said."""
         values = np.asarray(series.values, dtype=float)
-        finite = np.isfinite(values)
-        if not finite.all():
-            line = f"{self.path.name}: {series.name}: samples that are not finite: {np.count_nonzero(~finite)}"
+        kept = np.isfinite(values)
+        series = self._without(series, kept, "that are not finite")
+        return self._without(series, ~spikes(np.asarray(series.values, dtype=float)), "far above both neighbours")
+
+    def _without(self, series: Series, kept: np.ndarray, what: str) -> Series:
+        if not kept.all():
+            line = f"{self.path.name}: {series.name}: samples {what}: {np.count_nonzero(~kept)}"
             self.odd += [line] if line not in self.odd else []
-        return replace(series, t_s=series.t_s[finite], values=values[finite])
+        return replace(series, t_s=series.t_s[kept], values=np.asarray(series.values, dtype=float)[kept])
 
     def shots(self) -> FoundShots:
         """The shots, whether they have a mark or not."""
@@ -106,7 +113,8 @@ class Reading:
         column = next(name for name, series in self.columns.items() if series is wheel)
         wanted = None if shots.set_point is None else self._column(column, shots.set_point)
         feed = None if shots.feed is None else self.series(as_signal(shots.feed).key)
-        return find_shots(wheel, wanted, feed, shots.feed_above, shots.least_dip)
+        found = find_shots(wheel, wanted, feed, shots.feed_above, shots.least_dip)
+        return replace(found, odd=(*silences(wheel, self.log.values()), *found.odd))
 
     def rows(self) -> tuple[list[dict[str, Cell]], list[str]]:
         """(a row a shot that has a mark, what was left out)."""

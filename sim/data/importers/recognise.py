@@ -11,7 +11,7 @@ from truearc.robot.config.shot_map import MARKS, NOT_MARKED
 from truearc.robot.config.unit_table import MOTOR, factor_of, own_unit, unit_in
 from truearc.sim.data.columns import RANGES, SAID_OF_SHOTS, SPELLINGS
 from truearc.sim.data.importers.logged_shots import times
-from truearc.sim.data.importers.series import Log, Series
+from truearc.sim.data.importers.series import Series, Signals
 
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 WANTED = {"set", "setpoint", "target", "goal", "desired", "reference", "ref", "command", "commanded", "requested",
@@ -31,7 +31,7 @@ GEARED = ("motor_rad_s: taken to be the speed of the motors; where it is that of
           "times = 1 / gear")
 
 
-def not_recognised(name: str, missing: list[str], found: list[str], moving: Log, kind: str = "signal",
+def not_recognised(name: str, missing: list[str], found: list[str], moving: Signals, kind: str = "signal",
                    more: str = "") -> InputError:
     """Columns that are missing, those that were recognised, and the signals to choose from, those that change first."""
     def told(series: Series) -> str:
@@ -70,7 +70,7 @@ def unit_note(series: Series, column: str) -> str:
     return f", in {unit}" if unit else f", whose unit is not stated: taken as {own_unit(column)}"
 
 
-def best(moving: Log, column: str, nouns: Set[str], kinds: Set[str], never: Set[str] = WANTED) -> str | None:
+def best(moving: Signals, column: str, nouns: Set[str], kinds: Set[str], never: Set[str] = WANTED) -> str | None:
     """The signal whose name has one of the nouns, and of the kinds where there are some, whose numbers can be so."""
     scored = [(score, key) for key, series in moving.items()
               if (score := _score(series, words_of(key), column, nouns, kinds, never)) > 0.0]

@@ -3,6 +3,7 @@
 import json
 import struct
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from truearc.sim.data.model import Floats
 from truearc.sim.data.table import Cell, RawTable, gathered, load_table
 
 MOST_BYTES = 2_000_000_000            # of one WPILOG
+BACK_US = 1_000_000                   # a signal's values of several writers may be out of order by less
 TRUE, FALSE = "true", "false"
 TIME, KEY, VALUE = "Timestamp", "Key", "Value"          # header of AdvantageScope's CSV list
 # WPILib's structs of doubles -> names of their numbers, as AdvantageScope shows them
@@ -55,7 +57,15 @@ class Series:
         return Series(self.name, self.t_s[new], kept, self.unit)
 
 
-Log = Mapping[str, Series]
+Signals = Mapping[str, Series]
+
+
+class Log(dict[str, Series]):
+    """The signals of a log by their names; `doubts`: a line for each kind of damage to its file."""
+
+    def __init__(self, signals: Signals, doubts: tuple[str, ...] = ()) -> None:
+        super().__init__(signals)
+        self.doubts = doubts
 
 
 def read_wpilog(path: Path, progress: Callable[[float], None] = lambda done: None) -> Log:
@@ -64,7 +74,7 @@ def read_wpilog(path: Path, progress: Callable[[float], None] = lambda done: Non
     Raises:
         InputError: there is no such file, it is not a WPILOG, or WPILib's reader is not installed.
 
-    A last record that was cut short is left out.
+    What is damaged or cut short is left out, and said in `doubts`.
     """
     try:
         from wpiutil.log import DataLogReader
@@ -72,46 +82,90 @@ def read_wpilog(path: Path, progress: Callable[[float], None] = lambda done: Non
         raise InputError(f"{path}: WPILOG is read by WPILib's own reader; install it: pip install 'truearc[frc]'"
                          ) from error
     data = load_bytes(path, MOST_BYTES)
-    whole = _whole_records(data, path)
-    reader = DataLogReader(data, str(path))
-    entries: dict[int, tuple[str, str, str]] = {}
-    times: dict[str, list[float]] = {}
-    values: dict[str, list[Any]] = {}
-    units: dict[str, str] = {}
-    for number, record in enumerate(reader):
-        if number >= whole:
+    reader = iter(DataLogReader(data, str(path)))
+    taken, end = _Wpilog(), 0
+    for number, (place, after) in enumerate(_whole_records(data, path)):
+        record = next(reader, None)
+        if record is None:
             break
         if number % 100_000 == 0:
-            progress(number / whole)
+            progress(place / len(data) if number else 0.0)
+        taken.take(place, record)
+        end = after
+    cut = () if end == len(data) else (f"ends within the record at byte {end} of {len(data)}: cut short, as where "
+                                       "power is lost; shots may be missing",)
+    return taken.log(cut)
+
+
+class _Wpilog:
+    """Takes the records of a WPILOG, in their order; what is damaged is counted by kind, with its first byte."""
+
+    def __init__(self) -> None:
+        self._entries: dict[int, tuple[str, str, str]] = {}   # name, kind, unit
+        self._times: dict[str, list[float]] = {}
+        self._values: dict[str, list[Any]] = {}
+        self._units: dict[str, str] = {}
+        self._newest_us: dict[int, int] = {}
+        self._damage: dict[str, list[int]] = {}
+
+    def take(self, place: int, record: Any) -> None:
+        try:
+            if record.isControl():
+                self._control(place, record)
+            elif (entry := record.getEntry()) in self._entries:
+                self._value(place, record, entry)
+            else:
+                self._add(place, "a value of no signal")
+        except (TypeError, ValueError, struct.error):         # WPILib's reader raises the first two
+            self._add(place, "a value that is none of its signal's kind")
+
+    def log(self, more: tuple[str, ...]) -> Log:
+        """All signals; more: further doubts."""
+        doubts = tuple(f"damaged: byte {place}: {what}" + (f"; {count} of these" if count > 1 else "")
+                       + "; shots may be missing" for what, (place, count) in self._damage.items())
+        return Log({name: _series(name, times, self._values[name], self._units[name])
+                    for name, times in self._times.items()}, doubts + more)
+
+    def _control(self, place: int, record: Any) -> None:
         if record.isStart():
             start = record.getStartData()
-            entries[start.entry] = start.name, start.type, _unit(start.metadata)
+            self._entries[start.entry] = start.name, start.type, _unit(start.metadata)
         elif record.isSetMetadata():
             changed = record.getSetMetadataData()
-            if changed.entry in entries:
-                name, kind, unit = entries[changed.entry]
-                entries[changed.entry] = name, kind, _unit(changed.metadata) or unit
-        elif not record.isControl() and record.getEntry() in entries:
-            name, kind, unit = entries[record.getEntry()]
-            for part, value in _values(name, kind, record):
-                times.setdefault(part, []).append(record.getTimestamp() * 1e-6)
-                values.setdefault(part, []).append(value)
-                units[part] = unit
-    return {name: _series(name, times[name], values[name], units[name]) for name in times}
+            if changed.entry in self._entries:
+                name, kind, unit = self._entries[changed.entry]
+                self._entries[changed.entry] = name, kind, _unit(changed.metadata) or unit
+        elif not record.isFinish():
+            self._add(place, "a record that announces nothing")
+
+    def _value(self, place: int, record: Any, entry: int) -> None:
+        name, kind, unit = self._entries[entry]
+        t_us = record.getTimestamp()
+        if t_us < self._newest_us.get(entry, t_us) - BACK_US:
+            self._add(place, "time goes back")
+        self._newest_us[entry] = t_us
+        for part, value in _values(name, kind, record):
+            self._times.setdefault(part, []).append(t_us * 1e-6)
+            self._values.setdefault(part, []).append(value)
+            self._units[part] = unit
+
+    def _add(self, place: int, what: str) -> None:
+        self._damage.setdefault(what, [place, 0])[1] += 1
 
 
-def _whole_records(data: bytes, path: Path) -> int:
-    """How many records are complete: WPILib's reader gives the last one twice where the file ends within one."""
+def _whole_records(data: bytes, path: Path) -> Iterator[tuple[int, int]]:
+    """(first byte, end) of each complete record: WPILib's reader gives the last one twice where the file ends within
+    one."""
     if data[:6] != b"WPILOG" or len(data) < 12:
         raise InputError(f"{path}: is not a WPILOG: it does not begin with that word")
-    place, count = 12 + struct.unpack_from("<I", data, 8)[0], 0
+    place = 12 + struct.unpack_from("<I", data, 8)[0]
     while place < len(data):
         sizes = data[place]
         number, size, time = (sizes & 3) + 1, (sizes >> 2 & 3) + 1, (sizes >> 4 & 7) + 1
         length = int.from_bytes(data[place + 1 + number:place + 1 + number + size], "little")
-        place += 1 + number + size + time + length
-        count += place <= len(data)
-    return count
+        first, place = place, place + 1 + number + size + time + length
+        if place <= len(data):
+            yield first, place
 
 
 def _unit(metadata: str) -> str:
@@ -125,26 +179,28 @@ def _unit(metadata: str) -> str:
 
 
 def _values(name: str, kind: str, record: Any) -> Iterator[tuple[str, float | str]]:
-    """(name, value) of each number or text of a record; nothing of a kind that has none, or that is damaged."""
+    """(name, value) of each number or text of a record; nothing of a kind that has none.
+
+    Raises:
+        TypeError, ValueError or struct.error: the record is damaged. JSON that is none is a text only.
+    """
     single = {"double": "getDouble", "float": "getFloat", "int64": "getInteger", "boolean": "getBoolean",
               "string": "getString", "json": "getString"}
     several = {"double[]": "getDoubleArray", "float[]": "getFloatArray", "int64[]": "getIntegerArray",
                "boolean[]": "getBooleanArray", "string[]": "getStringArray"}
-    try:
-        if kind in single:
-            value = getattr(record, single[kind])()
-            yield name, value if isinstance(value, str) else float(value)
-            if kind == "json":
+    if kind in single:
+        value = getattr(record, single[kind])()
+        yield name, value if isinstance(value, str) else float(value)
+        if kind == "json":
+            with suppress(ValueError, RecursionError, OverflowError):
                 yield from _parts(name, json.loads(value))
-        elif kind in several:
-            for number, value in enumerate(getattr(record, several[kind])()):
-                yield f"{name}/{number}", value if isinstance(value, str) else float(value)
-        elif kind in STRUCTS:
-            raw = bytes(record.getRaw())
-            for part, value in zip(STRUCTS[kind], struct.unpack(f"<{len(STRUCTS[kind])}d", raw), strict=True):
-                yield f"{name}/{part}", value
-    except (TypeError, ValueError, RecursionError, struct.error):
-        return
+    elif kind in several:
+        for number, value in enumerate(getattr(record, several[kind])()):
+            yield f"{name}/{number}", value if isinstance(value, str) else float(value)
+    elif kind in STRUCTS:
+        raw = bytes(record.getRaw())
+        for part, value in zip(STRUCTS[kind], struct.unpack(f"<{len(STRUCTS[kind])}d", raw), strict=True):
+            yield f"{name}/{part}", value
 
 
 def _parts(name: str, said: object) -> Iterator[tuple[str, float | str]]:
@@ -181,8 +237,9 @@ def read_csv_log(path: Path, time: str | None, second: float) -> Log:
     t_s = np.array([_time(table, row, cell) for row, cell in enumerate(table.columns[column])]) / second
     if {KEY, VALUE} <= set(table.columns):
         return _of_list(table, t_s)
-    return {name: series for name, cells in table.columns.items()
-            if name != column and (series := _of_cells(name, t_s, cells, each_row=True)) is not None}
+    return Log({name: series for name, cells in table.columns.items()
+                if name != column and (series := _of_cells(name, t_s, cells, each_row=True)) is not None},
+               _backwards([t_s]))
 
 
 def _time(table: RawTable, row: int, cell: Cell) -> float:
@@ -198,7 +255,14 @@ def _of_list(table: RawTable, t_s: Floats) -> Log:
         rows.setdefault(str(key or ""), []).append(row)
     cells = table.columns[VALUE]
     found = {key: _of_cells(key, t_s[mine], [cells[row] for row in mine]) for key, mine in rows.items()}
-    return {key: series for key, series in found.items() if series is not None}
+    return Log({key: series for key, series in found.items() if series is not None},
+               _backwards([t_s[mine] for mine in rows.values()]))
+
+
+def _backwards(times: list[Floats]) -> tuple[str, ...]:
+    """A line on how often time goes back in series of rows, as where a part of the file stands in another's place."""
+    count = sum(np.count_nonzero(np.diff(t_s) < -BACK_US * 1e-6) for t_s in times)
+    return (f"damaged: time goes back in {count} rows; shots may be missing",) if count else ()
 
 
 def _of_cells(name: str, t_s: Floats, cells: list[Cell], each_row: bool = False) -> Series | None:

@@ -1,0 +1,147 @@
+"""What benchmarks/fuzz.py found in logs and tables: damage that is read is said, nothing unpacks without limit."""
+
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from tests.sim.data.files import FACTS, write
+from truearc.robot.config.schema import InputError
+from truearc.robot.config.shot_map import SCHEMA, Detection, OutcomeKeys, ShotMap, Signal
+from truearc.robot.recording.export.wpilog import WpilogWriter, make_payload
+from truearc.sim.data.importers.any_team import import_shots
+from truearc.sim.data.importers.series import read_csv_log, read_wpilog
+from truearc.sim.data.load import load_dataset
+
+pytest.importorskip("wpiutil")
+SHOTS_S = (2.0, 4.0, 6.0)
+END_S = 9.0
+MAP = ShotMap(SCHEMA, columns={"wheel_lower_rad_s": Signal("/wheel"), "distance_m": Signal("/distance"),
+                               "hood_deg": Signal("/hood")}, shots=Detection(),
+              outcome=OutcomeKeys(key="/result", values={"two": "two"}))
+
+
+def speed_at(t_s: float) -> float:
+    """From rest by 1 s, a tenth lost to each ball and regained, at rest again in the last second."""
+    dip = sum(min((t_s - shot) / 0.04, 1.0) * np.exp(-max(t_s - shot - 0.04, 0.0) / 0.12)
+              for shot in SHOTS_S if t_s > shot)
+    return 400.0 * min(t_s, 1.0, max(END_S - 0.5 - t_s, 0.0)) * (1.0 - 0.1 * dip) + 0.01 * np.sin(1e3 * t_s)
+
+
+def write_log(path: Path, speed: Callable[[float], float] = speed_at) -> Path:
+    with path.open("wb") as file:
+        log = WpilogWriter(file, "")
+        wheel, distance, hood, result = (log.start(name, kind, "", 0) for name, kind in (
+            ("/wheel", "float"), ("/distance", "float"), ("/hood", "float"), ("/result", "text")))
+        log.append(distance, 0, make_payload("float", 3.0) or b"")
+        log.append(hood, 0, make_payload("float", 50.0) or b"")
+        for step in range(int(END_S * 50)):
+            log.append(wheel, step * 20_000, make_payload("float", speed(step * 0.02)) or b"")
+            if any(abs(step * 0.02 - shot - 0.5) < 1e-6 for shot in SHOTS_S):
+                log.append(result, step * 20_000, b"two")
+    return path
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    return write_log(tmp_path / "log.wpilog")
+
+
+def found(path: Path) -> tuple[int, tuple[str, ...]]:
+    dataset = import_shots([path], rig=FACTS, shot_map=MAP)
+    return len(dataset.shots), dataset.left_out
+
+
+def test_a_whole_log_has_no_doubts(log: Path) -> None:
+    assert found(log) == (3, ())
+
+
+@pytest.mark.parametrize("share", np.linspace(0.3, 0.9, 13))
+def test_a_log_that_was_cut_short_says_so(log: Path, share: float) -> None:
+    """Within a record it is seen in the file; between two the wheels are still turning."""
+    data = log.read_bytes()
+    said = set()
+    for cut in range(int(len(data) * share), int(len(data) * share) + 14):      # a record of the wheel is 13 bytes
+        log.write_bytes(data[:cut])
+        shots, left_out = found(log)
+        ways = [way for way in ("cut short, as where power is lost; shots may be missing", "while the wheels turn")
+                if any(way in line for line in left_out)]
+        assert shots < 3 or share > 0.7
+        assert ways
+        said.add(ways[0])
+    assert len(said) == 2
+
+
+@pytest.mark.parametrize("damage", [
+    lambda data, at: data[:at] + bytes(len(data) - at),                              # not written before power went
+    lambda data, at: data[:at] + data[at + 2000:],                                  # a part is lost
+    lambda data, at: data[:at] + data[at - 1500:at] + data[at:],                       # a part stands there twice
+    lambda data, at: data[:at] + b"\xff" * 60 + data[at + 60:],
+    lambda data, at: data[:at] + b"\x00\x00\x05\x00\x00" + b"\xff" * 4 + data[at:],  # a start record that is none
+])
+def test_damage_in_the_middle_is_said(log: Path, damage: Callable[[bytes, int], bytes]) -> None:
+    data = log.read_bytes()
+    log.write_bytes(damage(data, len(data) * 2 // 5))
+    _, left_out = found(log)
+    assert any("shots may be missing" in line or "shots there may be missing" in line for line in left_out), left_out
+
+
+def test_a_name_that_is_no_text_is_damage(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "log.wpilog")
+    path.write_bytes(path.read_bytes().replace(b"/hood", b"/ho\xffd", 1))
+    log = read_wpilog(path)
+    assert "/wheel" in log and "/hood" not in log
+    assert any(line.startswith("damaged: byte ") for line in log.doubts)
+
+
+def test_one_wild_sample_hides_no_shot(tmp_path: Path) -> None:
+    """Shots are falls of a wheel at work, which is a share of its greatest speed."""
+    path = write_log(tmp_path / "log.wpilog", lambda t_s: 5e3 if abs(t_s - 5.0) < 1e-6 else speed_at(t_s))
+    assert found(path) == (3, ("log.wpilog: /wheel: samples far above both neighbours: 1",))
+
+
+def test_a_part_that_was_not_logged_is_said(tmp_path: Path) -> None:
+    rows = [(step * 0.02, speed_at(step * 0.02)) for step in range(int(END_S * 50))]
+    path = tmp_path / "log.csv"
+    path.write_text("Timestamp,/wheel,/distance,/hood,/result\n" + "".join(
+        f"{t_s},{speed},3.0,50.0,\n" for t_s, speed in rows if not 3.9 < t_s < 4.3), encoding="utf-8")
+    dataset = import_shots([path], rig=FACTS, shot_map=ShotMap(SCHEMA, columns=MAP.columns))
+    assert len(dataset.shots) == 2
+    assert any("nothing was logged for 0.4" in line and "shots there may be missing" in line
+               for line in dataset.left_out)
+
+
+def test_rows_in_the_place_of_others_are_said(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    times = [0.1 * k for k in range(50)]
+    path.write_text("Timestamp,Key,Value\n" + "".join(f"{t_s},/wheel,{t_s}\n" for t_s in times[:30] + times[:30]),
+                    encoding="utf-8")
+    assert read_csv_log(path, None, 1.0).doubts == ("damaged: time goes back in 1 rows; shots may be missing",)
+
+
+def test_a_table_of_one_value_that_fills_the_memory_is_refused(tmp_path: Path) -> None:
+    write(tmp_path, "")
+    (tmp_path / "shots.csv").unlink()
+    rows = 30_000_000
+    values = pa.array(["a"]).dictionary_encode()
+    column = pa.DictionaryArray.from_arrays(pa.array(np.zeros(rows, np.int8)), values.dictionary)
+    pq.write_table(pa.table({"shot_id": column}), tmp_path / "shots.parquet")
+    assert (tmp_path / "shots.parquet").stat().st_size < 82_000
+    with pytest.raises(InputError, match=r"shots\.parquet: unpacks to 30000000 cells"):
+        load_dataset(tmp_path)
+
+
+def test_a_key_of_thousands_of_parts_is_refused_at_once(tmp_path: Path) -> None:
+    """Python's own reader takes half a minute for it."""
+    write(tmp_path, "", rig="[ball]\n" + "a." * 9000 + "b = 1\n")
+    with pytest.raises(InputError, match=r"rig\.toml:2: a key of more than 16 parts"):
+        load_dataset(tmp_path)
+
+
+def test_sizes_of_wpilog_are_not_believed(tmp_path: Path) -> None:
+    (tmp_path / "log.wpilog").write_bytes(b"WPILOG" + struct.pack("<HI", 0x0100, 0xFFFFFFFF))
+    assert read_wpilog(tmp_path / "log.wpilog").doubts
