@@ -13,19 +13,21 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from io import BufferedReader, RawIOBase
 from ipaddress import ip_address
 from socket import AF_INET, AF_INET6, SHUT_RDWR, gethostname, socket
-from time import monotonic, sleep
 from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 
+from truearc.hw.real.clock import MonotonicClock
+
 MAX_CONNECTIONS = 96                  # of all clients; each is a thread, together 5 MB
-MAX_OF_ADDRESS = 48                   # twice what one slow client is known to open, and far more than all its places
-CROWDED_S = 0.002                     # between two clients when there are too many: no more than 500 threads a second
-REQUEST_S = 5.0                       # for a whole request: an aim file of 256 KiB at half a megabit per second
+MAX_OF_ADDRESS = 48                   # far more than all its places: a request has 0.1 s before 48 later ones end it
+CROWDED_NS = 2_000_000                # between two clients when there are too many: no more than 500 threads a second
+REQUEST_NS = 5_000_000_000            # for a whole request: an aim file of 256 KiB at half a megabit per second
 PATIENCE_S = 2.0                      # with whoever does not listen, for each part of an answer
 # A page loads nothing from anywhere, and other sites' pages get nothing from here.
 POLICY = ("default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src 'self' data:; "
           "connect-src 'self'")
 WILD = ("", "0.0.0.0", "::")
+CLOCK = MonotonicClock()
 
 
 class Places(NamedTuple):
@@ -39,7 +41,7 @@ class LocalServer(ThreadingHTTPServer):
     """Listens on one address; OSError when it cannot."""
 
     daemon_threads = True
-    request_queue_size = 64           # connections that wait to be accepted; one more waits a second before it asks again
+    request_queue_size = 64           # connections that wait to be accepted; one more asks again after a second
 
     def __init__(self, host: str, port: int, handler: type["LocalHandler"]) -> None:
         self.address_family = AF_INET6 if ":" in host else AF_INET
@@ -81,7 +83,7 @@ class LocalServer(ThreadingHTTPServer):
                     oldest.shutdown(SHUT_RDWR)
             self._clients[request] = client_address[0]
         if crowd:
-            sleep(CROWDED_S)
+            CLOCK.sleep_until_ns(CLOCK.now_ns() + CROWDED_NS)
         super().process_request(request, client_address)
 
     def shutdown_request(self, request: socket | tuple[bytes, socket]) -> None:
@@ -97,7 +99,7 @@ class LocalServer(ThreadingHTTPServer):
             address = self._clients.get(client)   # None: it has been replaced
             taken = [self._clients[one] for one, kind in self._placed.items() if kind is places]
             is_free = address is not None and len(taken) < places.most and (
-                is_known or len(taken) < places.most - 1 and taken.count(address) < places.of_address)
+                is_known or (len(taken) < places.most - 1 and taken.count(address) < places.of_address))
             if is_free:
                 self._placed[client] = places
         try:
@@ -113,19 +115,19 @@ class LocalServer(ThreadingHTTPServer):
 
 
 class _Request(RawIOBase):
-    """What a client sends; TimeoutError when all that is read of it takes longer than REQUEST_S."""
+    """What a client sends; TimeoutError when all that is read of it takes longer than REQUEST_NS."""
 
     def __init__(self, connection: socket) -> None:
-        self._connection, self._until_s = connection, monotonic() + REQUEST_S
+        self._connection, self._until_ns = connection, CLOCK.now_ns() + REQUEST_NS
 
     def readable(self) -> bool:
         return True
 
     def readinto(self, buffer: Any) -> int:
-        left_s = self._until_s - monotonic()
-        if left_s <= 0.0:
+        left_ns = self._until_ns - CLOCK.now_ns()
+        if left_ns <= 0:
             raise TimeoutError
-        self._connection.settimeout(left_s)
+        self._connection.settimeout(left_ns / 1e9)
         return self._connection.recv_into(buffer)
 
 

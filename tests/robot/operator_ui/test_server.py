@@ -216,7 +216,7 @@ def test_one_connection_too_many_ends_the_oldest(page):
                                   "POST /predict HTTP/1.0\r\nHost: 127.0.0.1\r\nContent-Length: 999\r\n\r\n"])
 def test_the_whole_request_has_one_time_limit(page, monkeypatch, sent):
     """However often a byte of it comes."""
-    monkeypatch.setattr(truearc.robot.operator_ui.serving, "REQUEST_S", 0.6)
+    monkeypatch.setattr(truearc.robot.operator_ui.serving, "REQUEST_NS", 600_000_000)
     with socket.create_connection(("127.0.0.1", port(page)), timeout=0.05) as line:
         line.sendall(sent.encode())
         began = time.monotonic()
