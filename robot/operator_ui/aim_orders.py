@@ -71,6 +71,9 @@ class AimOrders:
             raise QuestionError(507, f"cannot be kept: {error}") from error
         return make_answer({"said": "taken if the launcher is disarmed and this file is on offer"}, 202)
 
+    def is_token(self, token: str) -> bool:
+        return hmac.compare_digest(token.encode(), self._token.encode())
+
     def _check_token(self, authorization: str) -> None:
-        if not hmac.compare_digest(authorization.encode(), f"Bearer {self._token}".encode()):
+        if not self.is_token(authorization.removeprefix("Bearer ")):
             raise QuestionError(401, f"the token in the inbox's file {TOKEN!r} is needed")

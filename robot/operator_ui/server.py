@@ -8,9 +8,11 @@ import gzip
 import socket
 import sys
 import threading
+from collections.abc import Callable
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
-from urllib.parse import urlsplit
+from urllib.parse import parse_qs
 
 import msgspec
 
@@ -20,14 +22,16 @@ from truearc.robot.operator_ui import what_if as asking
 from truearc.robot.operator_ui.aim_orders import MAX_AIM_BYTES, AimOrders
 from truearc.robot.operator_ui.page_option import parse_page
 from truearc.robot.operator_ui.page_state import Glance, look
-from truearc.robot.operator_ui.serving import LocalHandler, LocalServer
+from truearc.robot.operator_ui.serving import LocalHandler, LocalServer, Places
 from truearc.robot.operator_ui.view import describe
 from truearc.robot.operator_ui.what_if_process import WhatIfProcess
 from truearc.robot.types import Tick
 
 PERIOD_S = 0.05                       # between two events for one browser
 QUIET = 20                            # periods without a tick, then a comment: a browser that has gone shows by it
-MOST_BROWSERS = 12
+LOOKING = Places(12, 4)               # for browsers that look
+REFUSED_S = 0.2                       # before a browser hears that it has no place: it may ask again at once
+ASKING = Places(8, 2)                 # for questions to the gate, which answers one at a time
 BEHIND_BYTES = 16384                  # of events that may wait for a slow browser; the system doubles it
 DISCARD_BYTES = 1 << 16               # of a question that is too long; who sends more may not see why it was refused
 ASKED, KEPT, ACCEPTED, KIND = "/predict", "/aim", "/accept", "application/json"
@@ -51,7 +55,6 @@ class OperatorPage:
         self._telling = threading.Lock()          # among browsers alone
         self._told: tuple[int, bytes] = (0, b"")
         self.over = threading.Event()
-        self.room = threading.BoundedSemaphore(MOST_BROWSERS)
         self._server = PageServer(host, port, self, what_if, orders)
         self.url = self._server.url
         self._thread = threading.Thread(target=self._server.serve_forever, name="page", daemon=True)
@@ -116,15 +119,17 @@ class _Handler(LocalHandler):
     server: PageServer
 
     def do_GET(self) -> None:
-        path = urlsplit(self.path).path
+        path = self._path()
         if not self.is_ours():
-            self.give(403, "text/plain", f"this page is opened as {self.server.url}".encode())
+            self.give(403, "text/plain", f"this page is opened as {self.server.url}, or by this machine's "
+                                         "address".encode())
         elif path == "/":
             self.give(200, "text/html; charset=utf-8", make_page(self.server.page is not None))
         elif path == "/events" and self.server.page is not None:
             self._admit(self.server.page)
         elif path == "/gate":
-            self._give_answer(asking.make_answer({}) if self.server.what_if is None else self.server.what_if.facts())
+            self._give_answer(asking.make_answer({}) if self.server.what_if is None
+                              else self._ask(self.server.what_if.facts))
         elif path in (ASKED, KEPT, ACCEPTED):
             self._refuse_method()
         else:
@@ -139,19 +144,26 @@ class _Handler(LocalHandler):
     do_PUT = do_POST
 
     def _answer(self, body: bytes) -> asking.Answer:
-        path, server = urlsplit(self.path).path, self.server
+        path, server = self._path(), self.server
         if path == ASKED:
             if server.what_if is None:
                 raise asking.QuestionError(404, "this page has no gate")
-            return server.what_if.answer(body)
+            return self._ask(partial(server.what_if.answer, body))
         if server.orders is None:
             raise asking.QuestionError(404, "this page takes no aim files; start with --aim-inbox")
         order = server.orders.keep if path == KEPT else server.orders.accept
         return order(self.headers.get("Authorization", ""), body)
 
+    def _ask(self, question: Callable[[], asking.Answer]) -> asking.Answer:
+        with self.server.place(self.connection, ASKING) as is_free:
+            return question() if is_free else asking.make_refusal(
+                asking.QuestionError(429, "too many questions at once", retry_s=1))
+
+    def _path(self) -> str:
+        return self.path.partition("?")[0]
+
     def _allowed(self) -> str:
-        path = urlsplit(self.path).path
-        return next((method for method, at in LIMITS if at == path), "GET")
+        return next((method for method, at in LIMITS if at == self._path()), "GET")
 
     def _refuse_method(self) -> None:
         allowed = self._allowed()
@@ -162,13 +174,12 @@ class _Handler(LocalHandler):
 
     def _read_body(self) -> bytes:
         """The body of what may be answered; QuestionError with the status of the first objection."""
-        path = urlsplit(self.path).path
-        most = LIMITS.get((self.command, path))
+        most = LIMITS.get((self.command, self._path()))
         size = self.headers.get("Content-Length", "")
         length = int(size) if size.isdecimal() and len(size) < 10 else None
         # also of a refused one, which must hear of it
         body = self.rfile.read(min(length or 0, max(most or 0, DISCARD_BYTES)))
-        if not self.is_ours() or not self.server.is_own_name(self.headers.get("Host", "")):
+        if not self.is_ours():
             raise asking.QuestionError(403, f"asked from another site; open {self.server.url}, or this machine's "
                                        "address")
         if most is None:
@@ -193,15 +204,15 @@ class _Handler(LocalHandler):
         self.give(answer.status, KIND, body, **headers)
 
     def _admit(self, page: OperatorPage) -> None:
-        if not page.room.acquire(blocking=False):
-            self.give(503, "text/plain", b"too many browsers look already")
-            return
-        try:
-            self._tell(page)
-        except OSError:
-            pass                                  # it went away, or did not listen
-        finally:
-            page.room.release()
+        # the page's own script can only name the token in the address
+        token = parse_qs(self.path.partition("?")[2]).get("token", [""])[0]
+        is_known = self.server.orders is not None and self.server.orders.is_token(token)
+        with self.server.place(self.connection, LOOKING, is_known) as is_free:
+            if is_free:
+                self._tell(page)
+            else:
+                page.over.wait(REFUSED_S)
+                self.give(503, "text/plain", b"too many browsers look already; one with the token has a place")
 
     def _tell(self, page: OperatorPage) -> None:
         """Send events of ticks from now on, for as long as the browser takes them."""

@@ -14,7 +14,8 @@ import truearc.robot.operator_ui.serving
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.operator_ui.screens import ShowingRecorder
-from truearc.robot.operator_ui.server import MOST_BROWSERS, PERIOD_S, OperatorPage
+from truearc.robot.operator_ui.server import LOOKING, PERIOD_S, OperatorPage, PageServer
+from truearc.robot.operator_ui.serving import MAX_OF_ADDRESS
 from truearc.robot.tick import step
 from truearc.robot.types import Memory
 
@@ -51,7 +52,7 @@ def port(page):
 
 def ask(page, path="/", method="GET", **headers):
     """(status, headers, body)"""
-    line = HTTPConnection("127.0.0.1", port(page), timeout=20)
+    line = HTTPConnection(page._server.server_name, port(page), timeout=20)
     line.request(method, path, None, headers)
     answer = line.getresponse()
     result = answer.status, answer.headers, answer.read()
@@ -98,12 +99,34 @@ def test_other_sites_learn_nothing(page, headers, path):
     assert status == 403 and page.url.encode() in body
 
 
-def test_any_name_will_do_where_everybody_may_look():
-    page = OperatorPage(CONFIG, "monday", "0.0.0.0", 0, MonotonicClock())
+@pytest.mark.parametrize(("host", "ours", "others"), [
+    ("0.0.0.0", ["localhost", "10.1.2.3", "[fe80::1]"], ["robot.example", "localhost.example", "10.1.2.3.example"]),
+    ("127.0.0.1", ["localhost:9000", "127.0.0.1"], ["robot.example"]),
+    ("::1", ["[::1]", "localhost"], ["ip6.example"]),
+    ("127.1", ["127.1", "127.0.0.1"], ["127.2"])])              # a name for --page that can be looked up everywhere
+def test_get_is_answered_under_own_names_alone(host, ours, others):
+    """As a POST is: a site whose name was made to point here learns nothing (DNS rebinding)."""
+    page = OperatorPage(CONFIG, "monday", host, 0, MonotonicClock())
+    machine = socket.gethostname()
     try:
-        assert ask(page, Host="robot.local:5808")[0] == 200 and "localhost" in page.url
+        for name in (*ours, machine, machine.upper(), f"{machine.partition('.')[0]}.local"):
+            whole = name if ":" in name.rpartition("]")[2] else f"{name}:{port(page)}"
+            assert ask(page, Host=whole, Origin=f"http://{whole}")[0] == 200, name
+            assert ask(page, Host=whole, Origin="http://robot.example")[0] == 403
+        for path in ("/", "/events", "/gate"):
+            assert {ask(page, path, Host=f"{name}:{port(page)}")[0] for name in others} == {403}
     finally:
         page.close()
+
+
+def test_malformed_addresses_are_refused_without_a_traceback(page, capfd):
+    assert ask(page, Host="[")[0] == ask(page, Origin="http://[")[0] == 403
+    assert ask(page, "/[")[0] == 404 and ask(page, "/?token=%ff[")[0] == 200
+    for method, status in (("GET", b"404"), ("POST", b"405")):
+        with socket.create_connection(("127.0.0.1", port(page)), timeout=10) as line:
+            line.sendall(method.encode() + b" http://[ HTTP/1.0\r\nHost: localhost\r\n\r\n")
+            assert line.recv(12).endswith(status)
+    assert capfd.readouterr().err == ""
 
 
 def test_a_port_that_is_taken_is_an_error(page):
@@ -139,7 +162,7 @@ def test_what_is_old_when_a_browser_comes_is_not_told(page):
 
 def test_nobody_who_looks_and_does_not_listen_holds_up_who_shows(shown, monkeypatch):
     """A browser that never reads is dropped, and others are served meanwhile."""
-    monkeypatch.setattr(truearc.robot.operator_ui.serving.LocalHandler, "timeout", 0.3)
+    monkeypatch.setattr(truearc.robot.operator_ui.serving, "PATIENCE_S", 0.3)
     deaf = socket.socket()
     deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
     deaf.connect(("127.0.0.1", port(shown)))
@@ -163,7 +186,7 @@ def has_hung_up(deaf):
 
 def test_only_so_many_may_look_and_one_that_goes_makes_room(shown):
     with ExitStack() as leaving:
-        all_of_them = [Events(shown) for _ in range(MOST_BROWSERS)]
+        all_of_them = [Events(shown) for _ in range(LOOKING.of_address)]
         for events in all_of_them:
             leaving.callback(events.close)
             events.next()
@@ -178,14 +201,35 @@ def test_only_so_many_may_look_and_one_that_goes_makes_room(shown):
         assert late.next()["view"]["state"] == "FIRE"
 
 
-def test_more_connections_than_there_is_room_for_are_hung_up_on(page, monkeypatch):
+def test_one_connection_too_many_ends_the_oldest(page):
     with ExitStack() as leaving:
-        lines = []
-        for _ in range(truearc.robot.operator_ui.serving.MOST_CONNECTIONS):
-            lines.append(leaving.enter_context(socket.create_connection(("127.0.0.1", port(page)))))
-        time.sleep(0.2)
-        one_more = leaving.enter_context(socket.create_connection(("127.0.0.1", port(page)), timeout=10))
-        assert one_more.recv(1) == b""
+        lines = [leaving.enter_context(socket.create_connection(("127.0.0.1", port(page)), timeout=10))
+                 for _ in range(MAX_OF_ADDRESS)]
+        assert ask(page)[0] == 200
+        assert lines[0].recv(1) == b""
+        lines[-1].settimeout(0.2)
+        with pytest.raises(TimeoutError):
+            lines[-1].recv(1)
+
+
+@pytest.mark.parametrize("sent", ["GET / HTTP/1.0\r\nX: ",
+                                  "POST /predict HTTP/1.0\r\nHost: 127.0.0.1\r\nContent-Length: 999\r\n\r\n"])
+def test_the_whole_request_has_one_time_limit(page, monkeypatch, sent):
+    """However often a byte of it comes."""
+    monkeypatch.setattr(truearc.robot.operator_ui.serving, "REQUEST_NS", 600_000_000)
+    with socket.create_connection(("127.0.0.1", port(page)), timeout=0.05) as line:
+        line.sendall(sent.encode())
+        began = time.monotonic()
+        while not has_hung_up(line):
+            assert time.monotonic() < began + 10
+            time.sleep(0.05)
+        assert time.monotonic() > began + 0.5
+
+
+def test_64_connections_may_wait_to_be_accepted():
+    with PageServer("127.0.0.1", 0, None, None) as server, ExitStack() as leaving:
+        for _ in range(64):
+            leaving.enter_context(socket.create_connection(("127.0.0.1", server.server_port), timeout=0.5))
 
 
 def test_showing_waits_for_nobody_even_with_browsers_looking(page):

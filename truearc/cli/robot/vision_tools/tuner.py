@@ -206,9 +206,6 @@ class TuneServer(LocalServer):
         self.tuner, self.token = tuner, secrets.token_urlsafe(16)
         self.url += f"?token={self.token}"
 
-    def answers_to(self, host: str) -> bool:
-        return self.is_own_name(host)
-
 
 class _Page(LocalHandler):
     server: TuneServer
