@@ -1,7 +1,7 @@
 """What runs beside the control loop of `truearc run`: eyes and recorder, in its process or in ones of their own."""
 
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -59,9 +59,9 @@ class OneProcess:
         self._wires.callback(velocity.close)
         return velocity
 
-    def open_keeper(self, folder: Path) -> Keeper:
-        """Open the files of a recording; InputError when they cannot be."""
-        return LaneKeeper(folder, lossless=False)
+    def open_keeper(self, folder: Path, contents: Mapping[str, bytes]) -> Keeper:
+        """Make a recording's folder and open its files; OSError or InputError when they cannot be."""
+        return LaneKeeper(folder, contents, lossless=False, waits=True)
 
     def show(self, recorder: Recorder) -> Recorder:
         """Return that recorder; its ticks are shown, if anything shows them."""
@@ -102,8 +102,8 @@ class ThreeProcesses:
     def open_velocity(self, clock: Clock) -> Velocity | None:
         return self._velocity
 
-    def open_keeper(self, folder: Path) -> Keeper:
-        return self.recorder.open_keeper(folder)
+    def open_keeper(self, folder: Path, contents: Mapping[str, bytes]) -> Keeper:
+        return self.recorder.open_keeper(folder, contents)
 
     def show(self, recorder: Recorder) -> Recorder:
         return recorder                           # its process does
@@ -125,12 +125,12 @@ class RecorderProcess:
         wires.callback(self.child.close, CLOSE_S)
         wires.callback(self._outbox.close)        # which ends it, if nothing else did
 
-    def open_keeper(self, folder: Path) -> Keeper:
+    def open_keeper(self, folder: Path, contents: Mapping[str, bytes]) -> Keeper:
         """InputError when it cannot start, or the files cannot be opened."""
         with about("cannot start", LinkLost):
             self.child.wait()
         self._theirs.close()                      # the other process has it
-        return FarKeeper(folder, self._outbox, self._news, self.child, MonotonicClock())
+        return FarKeeper(folder, contents, self._outbox, self._news, self.child, MonotonicClock())
 
 
 ProcessLayout = OneProcess | ThreeProcesses
