@@ -13,10 +13,11 @@ from msgspec import Struct
 from truearc.hw.protocols import CameraFrame, Clock, LinkLost
 from truearc.hw.reason import Reason
 from truearc.hw.shared_latest import Capacity, Slots
-from truearc.robot.config.schema import InputError, in_words
+from truearc.robot.config.schema import InputError, RecordingConfig, in_words
 from truearc.robot.reasons import text
 from truearc.robot.recording.file_writers import LaneKeeper
 from truearc.robot.recording.files import Row
+from truearc.robot.recording.retention import start_pruning
 
 SAY_S = 1.0                           # between lines on the console: what is refused now may be taken a moment later
 LOOK_S = 0.1                          # it says this often, at least, that it is alive and how the files are
@@ -86,8 +87,10 @@ class Desk:
     whoever shows them to people.
     """
 
-    def __init__(self, slots: Slots, clock: Clock, show: Callable[[list[Row]], None]) -> None:
-        self._slots, self._clock, self._show = slots, clock, show
+    def __init__(self, slots: Slots, clock: Clock, show: Callable[[list[Row]], None],
+                 limits: RecordingConfig | None = None) -> None:
+        """`limits`: what earlier sessions may take."""
+        self._slots, self._clock, self._show, self._limits = slots, clock, show, limits
         self._decoder = msgspec.msgpack.Decoder(Message)
         self._keeper: LaneKeeper | None = None
         self._told = Status()
@@ -145,6 +148,7 @@ class Desk:
     def _open(self, folder: Path, contents: dict[str, bytes]) -> None:
         try:
             self._keeper = LaneKeeper(folder, contents, lossless=False, waits=True)
+            start_pruning(folder, self._limits)
         except (OSError, InputError) as error:
             where = f"{error.filename or folder}: {in_words(error)}" if isinstance(error, OSError) else str(error)
             self._tell(Status(failed=where))

@@ -9,7 +9,7 @@ from mcap.exceptions import McapError
 from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 
-from truearc.robot.config.schema import naming
+from truearc.robot.config.schema import InputError, naming
 from truearc.robot.config.whole_file import check_file
 from truearc.robot.recording.session import TELEMETRY, TICK_TOPIC, load_row_format
 from truearc.robot.types import Tick
@@ -40,6 +40,9 @@ class TickReader:
             yield tick, data
 
     def _rows(self) -> Iterator[bytes]:
+        if not self.path.exists():
+            raise InputError(f"{self.path}: is not there; [recording] of launcher.toml may have had it deleted; marked "
+                             "shots are in trials.jsonl all the same")
         check_file(self.path)
         with naming(self.path):
             file = self.path.open("rb")

@@ -28,6 +28,15 @@ done
 udevadm control --reload
 udevadm trigger --action=add --subsystem-match=tty --subsystem-match=video4linux
 @NETWORKING@
+systemd=$(systemctl --version | sed -n '1s/^systemd \([0-9]*\).*/\1/p')
+if [ "${systemd:-0}" -lt 254 ]; then
+    sed -i '/^RestartSteps=/d; /^RestartMaxDelaySec=/d' /etc/systemd/system/truearc.service
+    echo "systemd ${systemd:-of unknown version} cannot back off (254 can): after each end the service starts again in 0.5 s"
+fi
+if [ -e /sys/fs/cgroup/cgroup.controllers ] && ! grep -qw memory /sys/fs/cgroup/cgroup.controllers; then
+    echo "the kernel does not count memory: the service's MemoryMax has no effect" \
+        "(on a Raspberry Pi: cgroup_enable=memory in cmdline.txt)"
+fi
 systemctl daemon-reload
 systemctl enable --quiet truearc.service
 
