@@ -26,7 +26,8 @@ RECORDING = """
 keep_gb = 8.0
 keep_days = 120.0
 """
-CONFIG, QUEUE_FRAMES = "launcher.toml", 64                     # longer only makes set points older; the kernel's ten are refused in one tick
+CONFIG = "launcher.toml"
+QUEUE_FRAMES = 64                     # longer only makes set points older; the kernel's ten are refused in one tick
 RESTART_MS = 100                      # after bus-off
 UNIT, LINK, NETWORK, RULES, UNMANAGED, INSTALL = (
     "truearc.service", "60-truearc-can.link", "60-truearc-can.network", "70-truearc.rules", "60-truearc.conf",

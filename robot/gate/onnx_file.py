@@ -1,4 +1,4 @@
-"""What a gate's ONNX file says of itself and computes, read from its bytes before anything loads it.
+"""Metadata and operations of a gate's ONNX file, read from its bytes before anything loads it.
 
 Protocol-buffer wire format, with the field numbers of onnx.proto (IR version 8). Pure, standard library only. The time
 of every operation of OPERATIONS depends on the shapes of its inputs alone, and without Loop, If and Scan each is done
@@ -9,12 +9,12 @@ from collections.abc import Iterator
 
 # Those of the gates that truearc exports, now and earlier, and element-wise ones.
 OPERATIONS = frozenset((
-    "Abs", "Acos", "Add", "Clip", "Cos", "Div", "Erf", "Exp", "Gather", "Gemm", "Identity", "Log", "MatMul", "Max", "Min",
-    "Mul", "Neg", "ReduceSumSquare", "Relu", "Sigmoid", "Split", "Sqrt", "Sub", "Tanh", "TopK"))
+    "Abs", "Acos", "Add", "Clip", "Cos", "Div", "Erf", "Exp", "Gather", "Gemm", "Identity", "Log", "MatMul", "Max",
+    "Min", "Mul", "Neg", "ReduceSumSquare", "Relu", "Sigmoid", "Split", "Sqrt", "Sub", "Tanh", "TopK"))
 MODEL_GRAPH, MODEL_METADATA, MODEL_FUNCTIONS = 7, 14, 25
 GRAPH_NODE, GRAPH_INITIALIZER, GRAPH_SPARSE = 1, 5, 15
 NODE_OPERATION, NODE_ATTRIBUTE, NODE_DOMAIN = 4, 5, 7
-ATTRIBUTE_NESTED = (5, 6, 10, 11, 22, 23)         # a tensor, graph, tensors, graphs, sparse ones: none of OPERATIONS has any
+ATTRIBUTE_NESTED = (5, 6, 10, 11, 22, 23)         # tensors and graphs: none of OPERATIONS has any
 TENSOR_EXTERNAL = 13                              # data in another file, which no checksum of this one covers
 VARINT, FIXED64, BYTES, FIXED32 = 0, 1, 2, 5
 LONGEST_TAG, LONGEST_VARINT = 5, 10               # bytes

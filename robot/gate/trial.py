@@ -12,19 +12,22 @@ from truearc.robot.config.input_error import InputError
 # Loading takes 5 ms and starting the process 0.4 s here, 1.5 s with ten busy processes on two cores; a Raspberry Pi 4
 # is some five times slower.
 LIMIT_S = 20
-ADDRESS_BYTES = 400 << 20             # of data it may ask for: a gate of 65 kB takes 60 MB
+DATA_BYTES = 400 << 20             # of data it may ask for: a gate of 65 kB takes 60 MB
 _passed: set[str] = set()             # SHA-256 of the files that this process has had tried
 
 
 def try_gate(path: object, data: bytes, sha256: str) -> None:
-    """Try a model, once in a process; InputError when it is no gate, takes too long, takes too much or crashes."""
+    """Try a model, once in a process.
+
+    InputError when it is not a gate, takes too long or too much memory, or crashes.
+    """
     if sha256 in _passed:
         return
     command = [sys.executable, "-P", "-m", "truearc.robot.gate.trial", str(path)]
     try:
         done = subprocess.run(command, input=data, capture_output=True, timeout=LIMIT_S, check=False)
     except subprocess.TimeoutExpired as error:
-        raise InputError(f"{path}: takes longer than {LIMIT_S} s to load and to rate its first configurations") from error
+        raise InputError(f"{path}: takes longer than {LIMIT_S} s to load and to rate a configuration") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be tried ({error.strerror})") from error
     if done.returncode == 2:
@@ -53,7 +56,7 @@ def limit_self() -> None:
         import resource
     except ImportError:
         return
-    resource.setrlimit(resource.RLIMIT_DATA, (ADDRESS_BYTES, ADDRESS_BYTES))
+    resource.setrlimit(resource.RLIMIT_DATA, (DATA_BYTES, DATA_BYTES))
     resource.setrlimit(resource.RLIMIT_CPU, (LIMIT_S, LIMIT_S))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 

@@ -29,7 +29,7 @@ class _Accept(msgspec.Struct, forbid_unknown_fields=True):
 class AimOrders:
     """Takes orders for the inbox `folder`, where it makes the token if there is none.
 
-    On a disk that is full nobody knows the token until the next start. OSError when it cannot be made otherwise.
+    On a disk that is full the token stays unknown until the next start. OSError when it cannot be made otherwise.
     """
 
     def __init__(self, folder: Path, config: Config) -> None:

@@ -59,9 +59,9 @@ def _keep_pruning(running: Path, limits: RecordingConfig) -> None:
     while True:
         try:
             if pruned := prune(running, limits, time.time()):
-                print(f"truearc run: [recording]: telemetry and images of {len(pruned)} earlier sessions deleted, up to "
-                      f"{pruned[-1].name}", file=sys.stderr, flush=True)
-        except OSError as error:      # recording goes on; the next look may find it mended
+                print(f"truearc run: [recording]: telemetry and images of {len(pruned)} earlier sessions deleted, up "
+                      f"to {pruned[-1].name}", file=sys.stderr, flush=True)
+        except OSError as error:      # recording goes on; the next look may succeed
             print(f"truearc run: [recording]: earlier sessions stay: {error}", file=sys.stderr, flush=True)
         time.sleep(LOOK_S)
 

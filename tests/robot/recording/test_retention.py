@@ -99,8 +99,9 @@ def test_a_config_without_the_section_keeps_its_hash():
     assert config_hash(limited) != config_hash(CONFIG) == config_hash(replace(limited, recording=None))
 
 
-@pytest.mark.parametrize(("line", "words"), [("keep_gb = 0.01", "recording.keep_gb"), ("keep_gb = nan", "recording.keep_gb"),
-                                             ("keep_days = 0", "recording.keep_days"), ("keep = 1", "unknown key")])
+@pytest.mark.parametrize(("line", "words"), [
+    ("keep_gb = 0.01", "recording.keep_gb"), ("keep_gb = nan", "recording.keep_gb"),
+    ("keep_days = 0", "recording.keep_days"), ("keep = 1", "unknown key")])
 def test_a_limit_that_cannot_be_is_named(line, words):
     with pytest.raises(InputError, match=words):
         parse_toml(f"{SHIPPED.read_text(encoding='utf-8')}\n[recording]\n{line}\n", Config, "a")
