@@ -1,5 +1,6 @@
 """Vision and recorder in processes of their own, as `truearc run` has them; only what the camera sees is the run's."""
 
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -32,8 +33,8 @@ class Beside:
         self._tell("vision", self._vision)
         return FarEyes(self._sightings, lambda: self._vision.trouble, clock)
 
-    def open_keeper(self, folder: Path) -> Keeper:
-        keeper = self._recorder.open_keeper(folder)
+    def open_keeper(self, folder: Path, contents: Mapping[str, bytes]) -> Keeper:
+        keeper = self._recorder.open_keeper(folder, contents)
         self._tell("recorder", self._recorder.child)
         return keeper
 

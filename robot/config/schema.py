@@ -237,6 +237,16 @@ class Identify(Struct, frozen=True, forbid_unknown_fields=True):
     hood: ExciteHood
 
 
+class RecordingConfig(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """How much of earlier sessions `truearc run` leaves on the disk; a key that is absent sets no limit.
+
+    Less than 0.1 GB is under a quarter of an hour, less than a day is the day's own practice.
+    """
+
+    keep_gb: Annotated[float, msgspec.Meta(ge=0.1, le=100_000.0)] | None = None     # 1e9 bytes, of all sessions
+    keep_days: Annotated[float, msgspec.Meta(ge=1.0, le=3650.0)] | None = None      # since a session's last tick
+
+
 class Config(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """launcher.toml. Without [identify] the robot drives nothing to identify it, without [aim] it aims by the plan;
     recordings from before these sections were there still say what they said."""
@@ -259,6 +269,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True
     aim: AimConfig = AimConfig("plan", 0.0)
     apriltag: AprilTag | None = None
     nt4: Nt4 | None = None
+    recording: RecordingConfig | None = None
 
 
 class CameraFile(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):

@@ -18,6 +18,15 @@ USER = "truearc"
 PROGRAM = f"{HOME}/venv/bin/truearc"
 FIXED = {"HOME": HOME, "SETTINGS": SETTINGS, "STATE": STATE, "INBOX": INBOX, "USER": USER, "PROGRAM": PROGRAM,
          "HIGHEST_PRIORITY": HIGHEST_PRIORITY}
+# A season from its first practice to the last match; 20 hours of ticks at 0.4 GB/h, which leaves half of the smallest
+# card (16 GB) to the system.
+RECORDING = """
+# Written by `truearc deploy`, which leaves a [recording] of your own as it is; an empty one keeps every session whole.
+[recording]
+keep_gb = 8.0
+keep_days = 120.0
+"""
+CONFIG = "launcher.toml"
 QUEUE_FRAMES = 64                     # longer only makes set points older; the kernel's ten are refused in one tick
 RESTART_MS = 100                      # after bus-off
 UNIT, LINK, NETWORK, RULES, UNMANAGED, INSTALL = (
@@ -26,6 +35,11 @@ UNIT, LINK, NETWORK, RULES, UNMANAGED, INSTALL = (
 PLACES = MappingProxyType({
     UNIT: "/etc/systemd/system", LINK: "/etc/systemd/network", NETWORK: "/etc/systemd/network",
     RULES: "/etc/udev/rules.d", UNMANAGED: "/etc/NetworkManager/conf.d"})
+
+
+def make_config(text: str, config: Config) -> str:
+    """The robot's launcher.toml: that one, with limits for its recordings where it has no word on them."""
+    return text if config.recording is not None else text.rstrip("\n") + "\n" + RECORDING
 
 
 def make_files(config: Config, parts: Parts) -> dict[str, str]:

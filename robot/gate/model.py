@@ -11,7 +11,9 @@ import onnxruntime
 
 from truearc.robot.config.schema import InputError, load_bytes, naming
 from truearc.robot.gate import contract
+from truearc.robot.gate.onnx_file import check_graph, read_metadata
 from truearc.robot.gate.seal import KEY_SEAL, is_intact
+from truearc.robot.gate.trial import try_gate
 
 Box = tuple[tuple[float, float], ...]             # (low, high) of each feature, in the contract's order
 
@@ -43,6 +45,7 @@ class Ratings(NamedTuple):
 LARGEST = float(np.finfo(np.float32).max)         # beyond this an input is infinite to the model
 NO_RATING = Rating(None, None, False)
 BOTH = (contract.OUTPUT, contract.NOVELTY)
+MOST_BYTES = 16 << 20                             # 12 bytes a recorded shot: a million of them
 BLOCK = 4096                                      # rows handed to the model at once: novelty looks at rows x recorded
 
 
@@ -103,27 +106,50 @@ class Gate:
 def load_gate(path: str | Path) -> Gate:
     """Load and check an ONNX file; InputError names the file and what is wrong with it.
 
-    Refused: unreadable, not ONNX, no contract or another one, other inputs or outputs, no usable domain, no word on
-    what novelty is measured from, no provenance, a seal that does not fit, and a p that is not a probability or a
-    novelty that is not a number anywhere on a grid of 27 points over the domain.
+    Refused: unreadable, not ONNX, no contract or another one, a seal that does not fit; before onnxruntime has seen
+    any of it. Then operations other than a gate's, other inputs or outputs, no usable domain, no word on what novelty
+    is measured from, no provenance, and a p that is not a probability or a novelty that is not a number anywhere on a
+    grid of 27 points over the domain. Another process goes first (truearc.robot.gate.trial), which may take 20 s.
     """
-    data = load_bytes(path)
-    session, metadata, inputs, outputs = _open_session(path, data)
+    data = load_bytes(path, MOST_BYTES)
+    check_file(path, data)
+    sha256 = hashlib.sha256(data).hexdigest()
+    try_gate(path, data, sha256)
+    return open_gate(path, data, sha256)
+
+
+def check_file(path: str | Path, data: bytes) -> dict[str, str]:
+    """The metadata of an intact gate, from its bytes alone; InputError as load_gate."""
+    try:
+        metadata = read_metadata(data)
+    except ValueError as error:
+        raise InputError(f"{path}: not a usable ONNX model ({error})") from error
     _check_contract(path, metadata)
+    if not is_intact(data, metadata.get(KEY_SEAL, "")):
+        raise InputError(f"{path}: damaged or altered since it was exported (metadata key {KEY_SEAL!r} does not fit)")
+    try:
+        check_graph(data)
+    except ValueError as error:
+        raise InputError(f"{path}: not a gate of truearc's: {error}") from error
+    return metadata
+
+
+def open_gate(path: str | Path, data: bytes, sha256: str) -> Gate:
+    """The gate in those bytes, in this process and however long it takes; InputError as load_gate."""
+    metadata = check_file(path, data)
+    session, inputs, outputs = _open_session(path, data)
     _check_nodes(path, "input", inputs, {contract.INPUT: len(contract.FEATURES)})
     _check_nodes(path, "output", outputs, {contract.OUTPUT: len(contract.OUTPUTS), contract.NOVELTY: 1})
     domain = _parse_domain(path, metadata)
     _parse_object(path, metadata, contract.KEY_NOVELTY)
     provenance = _parse_object(path, metadata, contract.KEY_PROVENANCE)
-    if not is_intact(data, metadata.get(KEY_SEAL, "")):
-        raise InputError(f"{path}: damaged or altered since it was exported (metadata key {KEY_SEAL!r} does not fit)")
-    gate = Gate(session, domain, hashlib.sha256(data).hexdigest(), provenance)
+    gate = Gate(session, domain, sha256, provenance)
     _probe(path, gate)
     return gate
 
 
-def _open_session(path: str | Path, data: bytes) -> tuple[Any, dict[str, str], Nodes, Nodes]:
-    """The session, its metadata, its inputs and its outputs."""
+def _open_session(path: str | Path, data: bytes) -> tuple[Any, Nodes, Nodes]:
+    """The session, its inputs and its outputs."""
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
     options.inter_op_num_threads = 1
@@ -136,7 +162,7 @@ def _open_session(path: str | Path, data: bytes) -> tuple[Any, dict[str, str], N
         session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"], enable_fallback=0)
         inputs, outputs = ([(node.name, node.type, node.shape) for node in nodes]
                            for nodes in (session.get_inputs(), session.get_outputs()))
-        return session, dict(session.get_modelmeta().custom_metadata_map), inputs, outputs
+        return session, inputs, outputs
     except Exception as error:                    # onnxruntime's own errors share no other base; names may not be UTF-8
         raise InputError(f"{path}: not a usable ONNX model ({_first_line(error)})") from error
 

@@ -16,6 +16,7 @@ from truearc.robot.aim_file import load_aim_for
 from truearc.robot.config.schema import Config, InputError, load_bytes
 from truearc.robot.config.toml_errors import reworded
 from truearc.robot.operator_ui.what_if import Answer, QuestionError, make_answer
+from truearc.robot.recording.append_file import DISK_ERRNOS
 
 TOKEN, ACCEPT = "token", "accept"
 MAX_AIM_BYTES = 1 << 18
@@ -26,16 +27,24 @@ class _Accept(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class AimOrders:
-    """Takes orders for the inbox `folder`, where it makes the token if there is none. OSError when it cannot."""
+    """Takes orders for the inbox `folder`, where it makes the token if there is none.
+
+    On a disk that is full the token stays unknown until the next start. OSError when it cannot be made otherwise.
+    """
 
     def __init__(self, folder: Path, config: Config) -> None:
         self._folder, self._config = folder, config
-        folder.mkdir(parents=True, exist_ok=True)
-        path = folder / TOKEN
-        if not path.exists():
-            with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="ascii") as file:
-                file.write(secrets.token_urlsafe(18) + "\n")
-        self._token = load_bytes(path).decode("ascii").strip()
+        path, self._token = folder / TOKEN, secrets.token_urlsafe(18)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            if not path.exists() or not path.stat().st_size:             # empty: the disk was full
+                path.unlink(missing_ok=True)
+                with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="ascii") as file:
+                    file.write(self._token + "\n")
+            self._token = load_bytes(path).decode("ascii").strip()
+        except OSError as error:
+            if error.errno not in DISK_ERRNOS:
+                raise
 
     def keep(self, authorization: str, body: bytes) -> Answer:
         """Put an aim file into the inbox: 201. QuestionError says why not."""

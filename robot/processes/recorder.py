@@ -1,5 +1,6 @@
 """The recorder in a process of its own: takes messages from the control loop, and hands what they hold to the files."""
 
+import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -12,19 +13,24 @@ from msgspec import Struct
 from truearc.hw.protocols import CameraFrame, Clock, LinkLost
 from truearc.hw.reason import Reason
 from truearc.hw.shared_latest import Capacity, Slots
-from truearc.robot.config.schema import in_words
+from truearc.robot.config.schema import InputError, RecordingConfig, in_words
+from truearc.robot.reasons import text
 from truearc.robot.recording.file_writers import LaneKeeper
 from truearc.robot.recording.files import Row
+from truearc.robot.recording.retention import start_pruning
 
+SAY_S = 1.0                           # between lines on the console: what is refused now may be taken a moment later
 LOOK_S = 0.1                          # it says this often, at least, that it is alive and how the files are
 NEWS = Capacity(4, 4096)
 LONGEST_WORDS = 1000
+NS_PER_S = 1_000_000_000
 
 
 class Open(Struct, frozen=True, tag="open"):
-    """The first message."""
+    """The first message: what to make, and the files that do not grow."""
 
     folder: str
+    contents: dict[str, bytes]
 
 
 class RecorderRows(Struct, frozen=True, tag="rows"):
@@ -81,11 +87,15 @@ class Desk:
     whoever shows them to people.
     """
 
-    def __init__(self, slots: Slots, clock: Clock, show: Callable[[list[Row]], None]) -> None:
-        self._slots, self._clock, self._show = slots, clock, show
+    def __init__(self, slots: Slots, clock: Clock, show: Callable[[list[Row]], None],
+                 limits: RecordingConfig | None = None) -> None:
+        """`limits`: what earlier sessions may take."""
+        self._slots, self._clock, self._show, self._limits = slots, clock, show, limits
         self._decoder = msgspec.msgpack.Decoder(Message)
         self._keeper: LaneKeeper | None = None
         self._told = Status()
+        self._said: Reason | None = None
+        self._said_ns = 0
         self._is_over = False
 
     def serve(self, mail: Mail) -> None:
@@ -99,6 +109,7 @@ class Desk:
             for message in messages:
                 self._handle(self._decoder.decode(message))
             self._tell(self._status())
+            self._say(self._told.trouble)
         if self._keeper is not None:
             self._close(self._keeper)
             failed = "" if self._keeper.failed is None else in_words(self._keeper.failed)
@@ -114,7 +125,7 @@ class Desk:
 
     def _handle(self, message: Message) -> None:
         if isinstance(message, Open):
-            return self._open(Path(message.folder))
+            return self._open(Path(message.folder), message.contents)
         if isinstance(message, End) or self._keeper is None:
             self._is_over = True
             return None
@@ -134,17 +145,27 @@ class Desk:
                 self._keeper.sync()
         return None
 
-    def _open(self, folder: Path) -> None:
+    def _open(self, folder: Path, contents: dict[str, bytes]) -> None:
         try:
-            self._keeper = LaneKeeper(folder, lossless=False)
-        except OSError as error:
-            self._tell(Status(failed=f"{error.filename or folder}: {in_words(error)}"))
+            self._keeper = LaneKeeper(folder, contents, lossless=False, waits=True)
+            start_pruning(folder, self._limits)
+        except (OSError, InputError) as error:
+            where = f"{error.filename or folder}: {in_words(error)}" if isinstance(error, OSError) else str(error)
+            self._tell(Status(failed=where))
             self._is_over = True
 
     def _status(self) -> Status:
         if self._keeper is None:
             return self._told
         return Status(True, self._keeper.trials_kept, self._keeper.dropped, self._keeper.trouble())
+
+    def _say(self, trouble: Reason | None) -> None:
+        """On the console, when that changes: a robot that holds its fire may have no page open."""
+        now_ns = self._clock.now_ns()
+        if trouble != self._said and now_ns - self._said_ns > SAY_S * NS_PER_S:
+            self._said, self._said_ns = trouble, now_ns
+            print("truearc run: " + ("recording again" if trouble is None else f"not recording: {text(trouble)}; the "
+                                     "robot holds its fire"), file=sys.stderr, flush=True)
 
     def _tell(self, status: Status) -> None:
         if status != self._told:

@@ -2,7 +2,7 @@
 process owns."""
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Protocol
 
@@ -53,8 +53,9 @@ class FarKeeper:
     Those that the recorder never came to it appends to the recording itself, when it is closed.
     """
 
-    def __init__(self, folder: Path, sender: Sender, slots: Slots, process: Process, clock: Clock) -> None:
-        """InputError when the files cannot be opened there."""
+    def __init__(self, folder: Path, contents: Mapping[str, bytes], sender: Sender, slots: Slots, process: Process,
+                 clock: Clock) -> None:
+        """InputError when the folder with these contents cannot be made there, whatever the disk."""
         self.failed: Exception | None = None
         self._folder, self._sender, self._slots, self._process, self._clock = folder, sender, slots, process, clock
         self._encoder, self._decoder = msgspec.msgpack.Encoder(), msgspec.json.Decoder(Status)
@@ -62,7 +63,7 @@ class FarKeeper:
         self._lost = 0
         self._trials: deque[bytes] = deque()      # not reported as kept
         self._trials_kept = 0
-        self._send(recorder.Open(str(folder)))
+        self._send(recorder.Open(str(folder), dict(contents)))
         self._wait(OPEN_S, lambda: self._status().is_open or bool(self._newest.failed))
         if not self._newest.is_open:
             raise InputError(self._newest.failed or text(self._process.trouble or RECORDER_UNRESPONSIVE()))

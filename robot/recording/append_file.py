@@ -1,7 +1,10 @@
 """A file that only grows, on a disk that may refuse."""
 
 import contextlib
+import errno
 import os
+import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import IO
 
@@ -9,6 +12,8 @@ from truearc.hw.reason import Reason
 from truearc.robot.reasons import DISK_BACKLOG_FULL, FILE_DELETED, text
 
 PENDING_BYTES = 64 << 20              # kept for a disk that takes nothing: some ten minutes of ticks
+# Full, over its quota, read-only, or broken: a disk's own troubles, which may end; others are a wrong path.
+DISK_ERRNOS = tuple(getattr(errno, name) for name in ("ENOSPC", "EDQUOT", "EROFS", "EIO") if hasattr(errno, name))
 
 
 class NotKept(OSError):
@@ -27,17 +32,19 @@ class Appender:
 
     With more than `pending_bytes` waiting nothing further is taken, so what is on disk is always one whole beginning.
     A new file only; it stays locked, where the system has locks, until it is closed or its process has died.
+    `prepare`: makes the file's folder when the first `flush` opens the file; without it the file is opened at once.
     """
 
-    def __init__(self, path: Path, pending_bytes: int = PENDING_BYTES) -> None:
-        self.path, self._pending_bytes = path, pending_bytes
-        self._file = path.open("xb", buffering=0)
-        with contextlib.suppress(OSError):        # a file system without locks
-            claim(self._file)
-        self._is_linked = os.fstat(self._file.fileno()).st_nlink > 0     # not every file system counts
+    def __init__(self, path: Path, pending_bytes: int = PENDING_BYTES,
+                 prepare: Callable[[], None] | None = None) -> None:
+        self.path, self._pending_bytes, self._prepare = path, pending_bytes, prepare
+        self._file: IO[bytes] | None = None
+        self._opening = threading.Lock()
         self._pending = bytearray()
         self._on_disk = 0
         self._gave_up = False
+        if prepare is None:
+            self.open()
 
     def write(self, data: bytes) -> int:
         self._gave_up = self._gave_up or len(self._pending) > self._pending_bytes
@@ -54,21 +61,35 @@ class Appender:
         NotKept when the rest is not kept, or when the file has been deleted: writes would succeed, and no one could
         read them.
         """
+        file = self.open()
         while self._pending:
-            taken = self._file.write(self._pending) or 0
+            taken = file.write(self._pending) or 0
             self._on_disk += taken
             del self._pending[:taken]
         if self._gave_up:
             raise NotKept(DISK_BACKLOG_FULL())
-        if self._is_linked and not os.fstat(self._file.fileno()).st_nlink:
+        if self._is_linked and not os.fstat(file.fileno()).st_nlink:
             raise NotKept(FILE_DELETED(file=self.path.name))
 
     def sync(self) -> None:
         """Wait until what was flushed would survive a power cut."""
-        os.fsync(self._file.fileno())
+        os.fsync(self.open().fileno())
 
     def close(self) -> None:
-        self._file.close()
+        if self._file is not None:
+            self._file.close()
+
+    def open(self) -> IO[bytes]:
+        """Open the file, if it is not yet; OSError when that cannot be."""
+        with self._opening:           # writing and syncing have threads of their own
+            if self._file is None:
+                if self._prepare is not None:
+                    self._prepare()
+                self._file = self.path.open("xb", buffering=0)
+                with contextlib.suppress(OSError):           # a file system without locks
+                    claim(self._file)
+                self._is_linked = os.fstat(self._file.fileno()).st_nlink > 0     # not every file system counts
+            return self._file
 
 
 def claim(file: IO[bytes]) -> None:

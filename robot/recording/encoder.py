@@ -1,22 +1,23 @@
 """Writes a session. The tick only encodes and hands over; a keeper owns the files, in this process or in another."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import msgspec
 
 from truearc.hw.protocols import CameraFrame, Frame
 from truearc.hw.reason import Reason
-from truearc.robot.config.schema import Config
+from truearc.robot.config.schema import Config, InputError, in_words
 from truearc.robot.processes.tick_timing import Second
 from truearc.robot.recording.file_writers import Keeper, LaneKeeper
-from truearc.robot.recording.files import Row, make_folder
+from truearc.robot.recording.files import Row, session_contents
 from truearc.robot.recording.session import Header, make_trials
 from truearc.robot.types import Sent, Tick
 
 BATCH_NS = 100_000_000                # handed over together: a wake-up a tick would cost the loop its rhythm
 SYNC_NS = 1_000_000_000               # a power cut may cost this much
 MARKING_NS = 30_000_000_000           # for a driver to mark the shot that is out, when nothing more is kept
+OpenKeeper = Callable[[Path, Mapping[str, bytes]], Keeper]
 
 
 class SessionWriter:
@@ -25,15 +26,19 @@ class SessionWriter:
     A process that is killed loses no tick older than a fifth of a second, and no trial: `record` returns when the
     system has its row, unless the disk stalls for longer than MARK_S. `lossless`: whatever the disk does, the caller
     waits and nothing is dropped; for the twin, whose time can wait. `trouble` is why ticks or trials are not reaching
-    the disk; after `close`, `failed` is. `open_keeper`: who keeps it in that folder, if no threads of this
-    process.
+    the disk; after `close`, `failed` is. `open_keeper`: who makes the folder with those files and keeps it there,
+    if no threads of this process.
     """
 
     def __init__(self, folder: Path, header: Header, config: Config, model: bytes | None, lossless: bool,
-                 open_keeper: Callable[[Path], Keeper] | None = None, aim: bytes | None = None) -> None:
+                 open_keeper: OpenKeeper | None = None, aim: bytes | None = None) -> None:
         self.folder = folder
-        make_folder(folder, header, config, model, aim)
-        self._keeper = LaneKeeper(folder, lossless) if open_keeper is None else open_keeper(folder)
+        contents = session_contents(header, config, model, aim)
+        try:
+            self._keeper = (LaneKeeper(folder, contents, lossless) if open_keeper is None
+                            else open_keeper(folder, contents))
+        except OSError as error:
+            raise InputError(f"{error.filename or folder}: {in_words(error)}") from error
         self._encoder = msgspec.json.Encoder()
         self._frames: list[tuple[Frame, bool]] = []
         self._rows: list[Row] = []

@@ -3,7 +3,7 @@
 import errno
 import queue
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Protocol
@@ -104,13 +104,15 @@ class LaneKeeper:
 
     Ticks and CAN frames are handed to the system as they come, trials at once. What may take long, pictures and every
     fsync, has a thread to itself, so that neither of the others waits for it. `lossless`: whatever the disk does, the
-    caller waits and nothing is dropped. `longest`: jobs that may wait for each thread.
+    caller waits and nothing is dropped. `waits`: a disk without room for the folder is trouble, not an error
+    (SessionFiles). `longest`: jobs that may wait for each thread.
     """
 
-    def __init__(self, folder: Path, lossless: bool, longest: int = LONGEST) -> None:
+    def __init__(self, folder: Path, contents: Mapping[str, bytes], lossless: bool, waits: bool = False,
+                 longest: int = LONGEST) -> None:
         self.failed: Exception | None = None
         self._lossless = lossless
-        self._files = SessionFiles(folder)
+        self._files = SessionFiles(folder, contents, waits)
         self._ticks, self._trials, self._slow = (Lane(name, lossless, longest)
                                                   for name in ("ticks", "trials", "pictures"))
         self._lanes = (self._ticks, self._trials, self._slow)
@@ -146,6 +148,8 @@ class LaneKeeper:
     def push(self) -> None: ...
 
     def trouble(self) -> Reason | None:
+        if (unmade := self._files.unmade) is not None:
+            return disk_trouble(unmade)
         for lane in self._lanes:
             if (error := lane.trouble) is not None:
                 return disk_trouble(error)

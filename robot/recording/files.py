@@ -2,10 +2,12 @@
 
 import contextlib
 import os
+import shutil
 import struct
 import threading
+import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import IO
 
@@ -18,7 +20,7 @@ from truearc.hw.protocols import CameraFrame, Frame
 from truearc.robot.config.schema import NO_JSON, Config, InputError, load_bytes, naming
 from truearc.robot.reasons import IMAGE_NOT_ENCODED
 from truearc.robot.recording import session as layout
-from truearc.robot.recording.append_file import Appender, NotKept
+from truearc.robot.recording.append_file import DISK_ERRNOS, Appender, NotKept
 from truearc.robot.recording.candump import candump_line
 from truearc.robot.recording.rows import RowFormat, Rows2, Trial
 from truearc.robot.recording.session import Header, Picture
@@ -26,6 +28,7 @@ from truearc.robot.types import Tick
 
 PNG, PNG_SIZE_AT = b"\x89PNG\r\n\x1a\n", 16
 MOST_PIXELS = 1 << 25                 # of an image, 100 MB; no camera's frame has as many
+AGAIN_S = 1.0                         # between attempts to make a folder on a disk that has no room for it
 # t_ns, the encoded Tick, its raw frames, its encoded trials
 Row = tuple[int, bytes, list[tuple[Frame, bool]], list[bytes]]
 
@@ -70,15 +73,38 @@ class TickFile:
 class SessionFiles:
     """The open files of a layout. Each method is called by one lane only, except the fsyncs, which any may call.
 
-    `trials_kept`: how many of the trials that were written the system has.
+    `trials_kept`: how many of the trials that were written the system has. `contents`: name -> bytes of the files that
+    do not grow. `waits`: on a disk that has no room yet the folder is made later, and until then ticks and trials are
+    kept here; `unmade` is then why. OSError, or InputError, when it cannot be made.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def __init__(self, folder: Path, contents: Mapping[str, bytes], waits: bool) -> None:
+        self.unmade: OSError | None = None
+        self._folder, self._contents = folder, contents
+        self._making, self._is_made, self._again_s = threading.Lock(), False, 0.0
         self._telemetry, self._can, self._trials, self._index = self._files = tuple(
-            Appender(folder / name) for name in (layout.TELEMETRY, layout.CAN, layout.TRIALS, layout.INDEX))
+            Appender(folder / name, prepare=self._make)
+            for name in (layout.TELEMETRY, layout.CAN, layout.TRIALS, layout.INDEX))
         self._ticks = TickFile(self._telemetry, Rows2())
         self.trials_kept = self._trials_written = 0
+        try:
+            for file in self._files:
+                file.open()
+        except OSError as error:
+            if not waits or error.errno not in DISK_ERRNOS:
+                raise
+            self.unmade = error
+
+    def _make(self) -> None:
+        """Make the folder if it is not there yet; any lane may be the first that can."""
+        with self._making:
+            if self._is_made:
+                return
+            if self.unmade is not None and time.monotonic() < self._again_s:
+                raise OSError(self.unmade.errno, self.unmade.strerror)
+            self._again_s = time.monotonic() + AGAIN_S
+            make_folder(self._folder, self._contents)
+            self._is_made, self.unmade = True, None
 
     def write_ticks(self, rows: list[Row]) -> None:
         for t_ns, row, frames, trials in rows:
@@ -109,6 +135,7 @@ class SessionFiles:
             file.sync()
 
     def write_picture(self, picture: CameraFrame) -> None:
+        self._make()
         name = f"{picture.t_ns // 1_000_000:09d}.png"
         done, png = cv2.imencode(".png", picture.image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
         if not done:
@@ -118,6 +145,7 @@ class SessionFiles:
         self._index.flush()
 
     def write_lateness(self, row: bytes) -> None:
+        self._make()
         with (self._folder / layout.LATENESS).open("ab") as file:
             file.write(row + b"\n")
 
@@ -134,17 +162,29 @@ class SessionFiles:
                 file.close()
 
 
-def make_folder(folder: Path, header: Header, config: Config, model: bytes | None, aim: bytes | None = None) -> None:
-    """A session's folder and what made it; InputError when it is there already, or cannot be made."""
-    if folder.exists():
-        raise InputError(f"{folder}: exists already; a recording is never written over")
-    (folder / layout.FRAMES).mkdir(parents=True)
+def session_contents(header: Header, config: Config, model: bytes | None = None,
+                     aim: bytes | None = None) -> dict[str, bytes]:
+    """Name -> bytes of a session's files that do not grow. The header comes last: it makes the folder a session."""
     contents = {layout.CONFIG: _make_json(config), layout.MODEL: model, layout.AIM: aim,
                 layout.HEADER: _make_json(header)}
-    for name, data in contents.items():
-        if data is not None:
-            with naming(folder / name):
-                save_synced(folder / name, data)
+    return {name: data for name, data in contents.items() if data is not None}
+
+
+def make_folder(folder: Path, contents: Mapping[str, bytes]) -> None:
+    """A session's folder with those files; nothing stays of one that cannot be made whole.
+
+    InputError when it is there already; OSError, which names the file, when it cannot be made.
+    """
+    if folder.exists():
+        raise InputError(f"{folder}: exists already; a recording is never written over")
+    path = folder / layout.FRAMES
+    try:
+        path.mkdir(parents=True)
+        for name, data in contents.items():
+            save_synced(path := folder / name, data)
+    except OSError as error:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise OSError(error.errno, error.strerror, str(path)) from error
 
 
 def append_trials(folder: Path, rows: list[bytes]) -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from truearc.robot.config.schema import naming
+from truearc.robot.config.schema import InputError, naming
 from truearc.robot.config.whole_file import check_file
 from truearc.robot.recording.chunks import Damaged, rows_in
 from truearc.robot.recording.session import TELEMETRY, TICK_TOPIC, load_row_format
@@ -34,6 +34,9 @@ class TickReader:
             yield tick, data
 
     def _rows(self) -> Iterator[bytes]:
+        if not self.path.exists():
+            raise InputError(f"{self.path}: is not there; [recording] of launcher.toml may have had it deleted; marked "
+                             "shots are in trials.jsonl all the same")
         check_file(self.path)
         with naming(self.path):
             file = self.path.open("rb")

@@ -11,6 +11,7 @@
     damaged/         what `truearc session recover` has replaced, if it had to
 """
 
+import hashlib
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
@@ -121,10 +122,9 @@ def load_session_gate(session: Path) -> Gate | None:
         return None
     if not path.exists():
         raise InputError(f"{path}: the recording was gated by a model that is not here")
-    gate = load_gate(path)
-    if gate.sha256 != header.model_sha256:
+    if hashlib.sha256(load_bytes(path)).hexdigest() != header.model_sha256:
         raise InputError(f"{path}: not the model that the recording was gated by")
-    return gate
+    return load_gate(path)
 
 
 def load_session_aims(session: Path) -> Aims:

@@ -21,10 +21,22 @@ from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.cli.robot.deploy import make_commands
 from truearc.hw.devices.axis import Axis
-from truearc.robot.config.schema import InputError
+from truearc.robot.config.schema import Config, InputError, RecordingConfig, load_config, parse_toml
 from truearc.robot.deploy.install import Parts, make_parts
 from truearc.robot.deploy.source import copy_folder
-from truearc.robot.deploy.texts import HOME, INSTALL, LINK, NETWORK, PROGRAM, RULES, UNIT, make_files, make_rules
+from truearc.robot.deploy.texts import (
+    HOME,
+    INSTALL,
+    LINK,
+    NETWORK,
+    PROGRAM,
+    RECORDING,
+    RULES,
+    UNIT,
+    make_config,
+    make_files,
+    make_rules,
+)
 
 PARTS = Parts(True, True, False, 3, 50, "", "2341:8036", 5.0)
 PLUGIN = Path(robot.__file__).parents[1] / "examples" / "truearc-samplemotor"
@@ -44,6 +56,9 @@ def sections(text):
 
 def verify(tmp_path, text):
     path = tmp_path / UNIT
+    said = subprocess.run(["systemd-analyze", "--version"], capture_output=True, text=True, check=True).stdout
+    if int(said.split()[1]) < 254:                # as install.sh does
+        text = text.replace("RestartSteps=5\nRestartMaxDelaySec=10\n", "")
     path.write_text(text.replace(PROGRAM, shutil.which("true")))      # the program itself is not installed here
     done = subprocess.run(["systemd-analyze", "verify", str(path)], capture_output=True, text=True, check=False)
     return done.returncode, done.stdout + done.stderr
@@ -67,7 +82,9 @@ def test_the_unit_restarts_watches_and_is_real_time():
     service = sections(make_files(CONFIG, PARTS)[UNIT])["Service"]
     assert service["ExecStart"] == (f"{PROGRAM} run --config /etc/truearc/launcher.toml --gate /etc/truearc/gate.onnx "
                                     "--out /var/lib/truearc/sessions --priority 50 --core 3")
+    assert sections(make_files(CONFIG, PARTS)[UNIT])["Unit"]["StartLimitIntervalSec"] == "0"
     for key, value in {"Type": "notify", "WatchdogSec": "1", "Restart": "always", "CPUSchedulingPolicy": "fifo",
+                       "RestartSec": "0.5", "RestartSteps": "5", "RestartMaxDelaySec": "10", "MemoryMax": "700M",
                        "CPUSchedulingPriority": "50", "LimitRTPRIO": "60", "LimitMEMLOCK": "infinity"}.items():
         assert service[key] == value
     assert " --core" not in make_files(CONFIG, replace(PARTS, core=None))[UNIT]
@@ -126,8 +143,9 @@ class Computer:
         self.bin, stage = folder / "bin", folder / "stage"
         for place in (self.bin, stage / "wheels"):
             place.mkdir(parents=True)
-        for name in ("systemctl", "useradd", "install", "udevadm", "rm"):
+        for name in ("useradd", "install", "udevadm", "rm"):
             self.put(name, "exit 0")
+        self.put("systemctl", '[ "$1" != --version ] || echo "systemd ${SYSTEMD-257} (${SYSTEMD-257}.1)"')
         self.put("id", "exit 1")                              # no such user yet
         self.put("systemd-run", "exit ${DOCTOR:-0}")
         self.put("python3", f'mkdir -p "$3/bin" && cp {self.bin}/pip-python "$3/bin/python"')
@@ -147,6 +165,7 @@ class Computer:
         path = f"{self.bin}{os.pathsep}{os.environ['PATH']}"
         done = subprocess.run(["sh", str(self.stage / INSTALL)], env={"PATH": path} | settings, capture_output=True,
                               text=True, check=False)
+        self.said = done.stdout
         return done.returncode, done.stderr, self.log.read_text().splitlines()
 
 
@@ -178,6 +197,23 @@ def test_a_step_that_fails_ends_it_and_says_that_the_robot_is_stopped(tmp_path):
     code, err, log = Computer(tmp_path).install(PIP="7")
     assert code == 7 and "NOT FINISHED" in err
     assert not any(row.startswith("systemd-run") or "restart" in row for row in log)
+
+
+@needs_shell
+@pytest.mark.parametrize(("version", "backs_off"), [("252", False), ("253", False), ("254", True), ("260~rc1", True),
+                                                    ("unreadable", False)])
+def test_a_systemd_without_back_off_is_named_and_not_told_of_it(tmp_path, version, backs_off):
+    computer = Computer(tmp_path)
+    code, _, _ = computer.install(SYSTEMD=version)
+    unit = (computer.stage / UNIT).read_text()
+    assert code == 0 and ("RestartSteps" in unit, "RestartMaxDelaySec" in unit) == (backs_off, backs_off)
+    assert "RestartSec=0.5\n" in unit and ("starts again in 0.5 s" in computer.said) != backs_off
+
+
+@pytest.mark.parametrize("own", ["[recording]\n", "[recording]\nkeep_gb = 2.0\n"])
+def test_a_recording_section_of_ones_own_stays_as_it_is(own):
+    text = SHIPPED.read_text() + own
+    assert make_config(text, parse_toml(text, Config, "a")) == text
 
 
 @needs_shell
@@ -241,7 +277,8 @@ def test_a_driver_of_another_distribution_needs_a_plugin():
 
 
 def test_a_dry_run_prints_every_command_and_file_and_does_nothing(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(truearc.cli.robot.deploy.subprocess, "run", lambda *_, **__: pytest.fail("ran something"))
+    # its own alone: the gate is tried in another process
+    monkeypatch.setattr(truearc.cli.robot.deploy, "subprocess", None)
     (tmp_path / "gate.onnx").write_bytes(build())
     assert main(["deploy", "pi@launcher.local", "--config", str(SHIPPED), "--gate", str(tmp_path / "gate.onnx"),
                  "--dry-run"]) == 0
@@ -259,7 +296,8 @@ def test_the_staged_folder_is_carried_over_and_a_failing_command_ends_it(tmp_pat
         ran.append(command)
         if command[0] == "scp":
             stage = Path(command[3])
-            assert (stage / "launcher.toml").read_bytes() == SHIPPED.read_bytes()
+            assert (stage / "launcher.toml").read_bytes() == (SHIPPED.read_text().rstrip() + "\n" + RECORDING).encode()
+            assert load_config(stage / "launcher.toml").recording == RecordingConfig(8.0, 120.0)
             assert (stage / "wheels" / "numpy-1.whl").read_bytes() == b"wheel" and (stage / UNIT).exists()
             assert b"\r" not in (stage / INSTALL).read_bytes()
         return subprocess.CompletedProcess(command, 1 if command[0] == "ssh" and "sudo" in command[-1] else 0)

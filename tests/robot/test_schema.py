@@ -20,7 +20,7 @@ from truearc.robot.config.rig_spec import TERMS, unknown_keys
 from truearc.robot.config.schema import Config, InputError, load_config, parse_toml, read_axis
 from truearc.robot.doctor.devices import load_endpoints
 from truearc.robot.gate.model import load_gate
-from truearc.robot.recording.files import make_folder
+from truearc.robot.recording.files import make_folder, session_contents
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.recover import recover
 from truearc.robot.recording.session import load_header, load_session_config, load_trials, make_header
@@ -213,7 +213,7 @@ def test_json_without_a_bottom_is_refused(tmp_path):
 @pytest.mark.parametrize("name", ["session.json", "config.json", "trials.jsonl", "telemetry.mcap", "can0.log"])
 def test_a_session_of_a_device_or_a_pipe_is_refused(tmp_path, name):
     config = parse_toml(TEXT, Config, "a")
-    make_folder(tmp_path / "s", make_header(config, None, None), config, None)
+    make_folder(tmp_path / "s", session_contents(make_header(config, None, None), config))
     (tmp_path / "s" / name).unlink(missing_ok=True)
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "s" / name).symlink_to("/dev/zero" if name != "telemetry.mcap" else tmp_path / "pipe")

@@ -19,6 +19,17 @@ plugins=$(ls plugins/*.whl 2>/dev/null || true)
 @HOME@/venv/bin/python -m pip install --quiet $offline --find-links wheels --constraint constraints.txt \
     wheels/truearc-*.whl $plugins
 
+# What this computer cannot do.
+systemd=$(systemctl --version | sed -n '1s/^systemd \([0-9]*\).*/\1/p')
+if [ "${systemd:-0}" -lt 254 ]; then
+    sed -i '/^RestartSteps=/d; /^RestartMaxDelaySec=/d' truearc.service
+    echo "systemd ${systemd:-of unknown version} cannot back off (254 can): after each end the service starts again in 0.5 s"
+fi
+if [ -e /sys/fs/cgroup/cgroup.controllers ] && ! grep -qw memory /sys/fs/cgroup/cgroup.controllers; then
+    echo "the kernel does not count memory: the service's MemoryMax has no effect" \
+        "(on a Raspberry Pi: cgroup_enable=memory in cmdline.txt)"
+fi
+
 # What it runs with, and what starts it.
 for name in launcher.toml gate.onnx aim.json flat_endpoints.json; do
     if [ -e "$name" ]; then install -m 644 "$name" @SETTINGS@/"$name"; else rm -f @SETTINGS@/"$name"; fi

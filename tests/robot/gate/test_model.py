@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,8 @@ from hypothesis import strategies as st
 from onnx import TensorProto, helper, numpy_helper
 
 from truearc.robot.config.schema import InputError
-from truearc.robot.gate import contract
+from truearc.robot.gate import contract, trial
+from truearc.robot.gate import model as gate_model
 from truearc.robot.gate.model import NO_RATING, Gate, load_gate
 from truearc.robot.gate.seal import KEY_SEAL, UNSEALED, seal
 
@@ -238,3 +240,97 @@ def test_a_damaged_file_is_refused_or_still_gives_probabilities(tmp_path_factory
 
 def test_is_checked_by_onnx_itself() -> None:
     onnx.checker.check_model(onnx.load_from_string(build()), full_check=True)
+
+
+def altered(change: Any) -> bytes:
+    """A sealed gate whose graph was changed by `change` before it was sealed: damage is not what gives it away."""
+    model = onnx.load_from_string(build().replace(*reversed_seal(build())))
+    change(model)
+    return seal(model.SerializeToString())
+
+
+def reversed_seal(data: bytes) -> tuple[bytes, bytes]:
+    entry = next(one for one in onnx.load_from_string(data).metadata_props if one.key == KEY_SEAL)
+    return entry.value.encode(), UNSEALED.encode()
+
+
+def endless_loop(model: Any) -> None:
+    """`p` goes through a Loop that is told to go on for ever: 2^63 - 1 times."""
+    body = helper.make_graph(
+        [helper.make_node("Identity", ["goes_on"], ["still"]), helper.make_node("Identity", ["was"], ["is"])], "body",
+        [helper.make_tensor_value_info("round", TensorProto.INT64, []),
+         helper.make_tensor_value_info("goes_on", TensorProto.BOOL, []),
+         helper.make_tensor_value_info("was", TensorProto.FLOAT, None)],
+        [helper.make_tensor_value_info("still", TensorProto.BOOL, []),
+         helper.make_tensor_value_info("is", TensorProto.FLOAT, None)])
+    model.graph.node[3].output[0] = "once"
+    model.graph.node.append(helper.make_node("Loop", ["rounds", "yes", "once"], ["p"], body=body))
+    model.graph.initializer.extend([numpy_helper.from_array(np.array(2 ** 63 - 1), "rounds"),
+                                    numpy_helper.from_array(np.array(True), "yes")])
+
+
+def folded(size: int, products: int) -> Any:
+    """Constants that onnxruntime multiplies while it loads: matrices of that size, so many times."""
+    def change(model: Any) -> None:
+        nodes = [helper.make_node("MatMul", ["column", "row"], ["m0"]),
+                 *(helper.make_node("MatMul", [f"m{k}", f"m{k}"], [f"m{k + 1}"]) for k in range(products)),
+                 helper.make_node("MatMul", [f"m{products}", "two"], ["narrow"]),
+                 helper.make_node("Gather", ["narrow", "first"], ["zero"], axis=0),
+                 helper.make_node("Add", ["z2", "zero"], ["z3"])]
+        for node in reversed(nodes):
+            model.graph.node.insert(3, node)
+        model.graph.node[3 + len(nodes)].input[0] = "z3"
+        zeros = {"column": (size, 1), "row": (1, size), "two": (size, 2)}
+        model.graph.initializer.extend(numpy_helper.from_array(np.zeros(shape, np.float32), name)
+                                       for name, shape in zeros.items())
+        model.graph.initializer.append(numpy_helper.from_array(np.array(0), "first"))
+    return change
+
+
+def own_operation(model: Any) -> None:
+    model.graph.node[3].domain = "team"
+    model.functions.append(helper.make_function("team", "Sigmoid", ["x"], ["y"], [], []))
+
+
+def other_file(model: Any) -> None:
+    onnx.external_data_helper.set_external_data(model.graph.initializer[0], "weights.bin")
+
+
+@pytest.mark.parametrize(("change", "words"), [
+    (endless_loop, "operation 'Loop' is not one of Abs,"), (own_operation, "operations of its own"),
+    (other_file, "another file")], ids=lambda value: getattr(value, "__name__", ""))
+def test_refuses_what_has_no_bound_before_onnxruntime_sees_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                                              change: Any, words: str) -> None:
+    path = tmp_path / "gate.onnx"
+    path.write_bytes(altered(change))
+    for name in ("try_gate", "_open_session"):
+        monkeypatch.setattr(gate_model, name, lambda *_: pytest.fail("was loaded"))
+    with pytest.raises(InputError, match=words):
+        load_gate(path)
+
+
+def test_checks_the_seal_before_onnxruntime_sees_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "gate.onnx"
+    path.write_bytes(build().replace(b"Sigmoid", b"Softmax"))
+    for name in ("try_gate", "_open_session"):
+        monkeypatch.setattr(gate_model, name, lambda *_: pytest.fail("was loaded"))
+    with pytest.raises(InputError, match="damaged or altered"):
+        load_gate(path)
+
+
+def test_refuses_a_model_that_takes_too_long_to_load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    quick, slow = tmp_path / "quick.onnx", tmp_path / "slow.onnx"
+    quick.write_bytes(altered(folded(50, 2)))
+    load_gate(quick)
+    slow.write_bytes(altered(folded(2500, 2000)))         # 31 GFlop, two thousand times
+    monkeypatch.setattr(trial, "LIMIT_S", 3)
+    with pytest.raises(InputError, match=r"slow\.onnx: takes longer than 3 s to load"):
+        load_gate(slow)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the system limits no data of a process")
+def test_refuses_a_model_that_takes_too_much_memory_to_load(tmp_path: Path) -> None:
+    path = tmp_path / "large.onnx"
+    path.write_bytes(altered(folded(20_000, 0)))          # 1.6 GB
+    with pytest.raises(InputError, match=r"large\.onnx: does not run .*MatMul"):
+        load_gate(path)

@@ -138,7 +138,7 @@ def test_a_disk_that_hangs_never_stops_the_tick_and_is_told(tmp_path, monkeypatc
 def test_what_a_lane_cannot_take_is_counted(tmp_path, monkeypatch):
     hung, flush = threading.Event(), Appender.flush
     monkeypatch.setattr(Appender, "flush", lambda self: (hung.wait(), flush(self))[1])
-    recorder = open_writer(tmp_path / "s", False, lambda folder: LaneKeeper(folder, False, longest=3))
+    recorder = open_writer(tmp_path / "s", False, lambda *what: LaneKeeper(*what, False, longest=3))
     play(recorder, ticks(500))
     assert recorder.dropped > 0
     hung.set()

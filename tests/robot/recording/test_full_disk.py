@@ -3,16 +3,22 @@
 import errno
 import subprocess
 import time
+from contextlib import ExitStack
 
 import pytest
 
 from tests.robot.good_tick import CONFIG, good_memory
 from tests.robot.recording.test_encoder import MS, kept_cycles, open_writer, play, ticks
+from truearc.cli.robot.run_processes import RecorderProcess
 from truearc.cli.robot.run_robot import make_room
 from truearc.robot.config.schema import InputError
+from truearc.robot.operator_ui.aim_orders import AimOrders
+from truearc.robot.operator_ui.what_if import QuestionError
 from truearc.robot.reasons import DISK_FULL, NOT_RECORDING
+from truearc.robot.recording.encoder import SessionWriter
+from truearc.robot.recording.files import AGAIN_S
 from truearc.robot.recording.recover import recover
-from truearc.robot.recording.session import load_trials
+from truearc.robot.recording.session import load_header, load_trials, make_header
 from truearc.robot.rig import RecordingRig, ReplayRig
 from truearc.robot.tick import step
 
@@ -88,9 +94,39 @@ def test_a_disk_that_stays_full_keeps_a_whole_beginning(disk):
     assert kept_cycles(disk / "s") == kept and len(load_trials(disk / "s")) == 1
 
 
-def test_on_a_full_disk_nothing_is_begun(disk):
-    with pytest.raises(InputError, match="only 0 MB free; a recording needs 100 MB"):
-        make_room(disk, "2026-01-01T00:00:00")
-    fill(disk)
-    with pytest.raises(InputError, match=rf"config\.json: {NO_SPACE}"):
+def test_a_session_begun_on_a_full_disk_holds_and_loses_nothing_once_there_is_room(disk):
+    ballast = fill(disk)
+    with ExitStack() as wires:
+        recorder = SessionWriter(make_room(disk / "out", "2026"), make_header(CONFIG, None, None), CONFIG, None,
+                                 lossless=False, open_keeper=RecorderProcess(wires).open_keeper)
+        inputs = RecordingRig(ReplayRig(list(ticks(1))), recorder.trouble).read()
+        assert inputs.faults == (FULL,) and not list((disk / "out").iterdir())
+        all_ticks = list(ticks(1400, marks=(100, 1300)))
+        play(recorder, all_ticks[:1200])
+        assert recorder.trouble() == DISK_FULL()
+        ballast.unlink()
+        time.sleep(2.0 * AGAIN_S)
+        play(recorder, all_ticks[1200:])
+        until(lambda: recorder.trouble() is None)
+        recorder.close()
+    assert recorder.failed is None and recorder.dropped == 0
+    assert kept_cycles(disk / "out" / "2026") == list(range(1, 1401))
+    assert len(load_trials(disk / "out" / "2026")) == 2 and load_header(disk / "out" / "2026").truearc
+
+
+def test_a_session_that_is_to_hold_nothing_back_is_refused_on_a_full_disk(disk):
+    ballast = fill(disk)
+    with pytest.raises(InputError, match=rf"(config\.json|frames): {NO_SPACE}"):
         open_writer(disk / "s")
+    assert list(disk.iterdir()) == [ballast]               # not half a session either
+
+
+def test_a_page_on_a_full_disk_takes_no_order_and_makes_its_token_at_the_next_start(disk):
+    (disk / "aims").mkdir()
+    ballast = fill(disk)
+    with pytest.raises(QuestionError, match="the token"):
+        AimOrders(disk / "aims", CONFIG).keep("Bearer ", b"")
+    ballast.unlink()
+    with pytest.raises(QuestionError, match="the token"):
+        AimOrders(disk / "aims", CONFIG).keep("Bearer ", b"")
+    assert len((disk / "aims" / "token").read_text()) > 20

@@ -196,8 +196,9 @@ def test_a_full_disk_over_there_is_a_hold_here_and_space_made_in_time_loses_noth
 
 
 def test_files_that_cannot_be_opened_there_are_bad_input_here(process, tmp_path):
-    with pytest.raises(InputError, match=r"telemetry\.mcap: No such file or directory"):
-        process.open_keeper(tmp_path / "nowhere")
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match=r"file/nowhere/frames: Not a directory"):
+        process.open_keeper(tmp_path / "file" / "nowhere", {})
 
 
 @posix
@@ -231,7 +232,7 @@ def test_a_run_ends_by_itself_released_with_code_2_when_its_recorder_is_killed(t
             processes.append(os.kill(processes[0].child.pid, signal.SIGKILL))
         return read()
 
-    def begin(wires, page):
+    def begin(wires, page, limits):
         processes.append(RecorderProcess(wires))
         return processes[0]
 

@@ -14,14 +14,15 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from truearc.robot.config.schema import InputError, load_config
+from truearc.robot.config.schema import InputError, load_config, load_text
 from truearc.robot.deploy.install import Parts, make_parts
 from truearc.robot.deploy.source import copy_folder, copy_source
-from truearc.robot.deploy.texts import INSTALL, make_files
+from truearc.robot.deploy.texts import CONFIG, INSTALL, RECORDING, make_config, make_files
 
 EXAMPLE = "truearc deploy pi@launcher.local --config launcher.toml --gate gate.onnx --core 3 --dry-run"
 PROGRESS = False
 SOURCE = Path(__file__).parents[3]
+KEPT = RECORDING.strip().splitlines()[2:]
 FAR = "truearc-deploy"                # folder in the home directory there
 
 
@@ -62,9 +63,12 @@ def main(args: argparse.Namespace) -> int:
     parts = make_parts(config, Parts(args.gate is not None, args.endpoints is not None, bool(args.plugin), args.core,
                                      args.priority, args.can_serial, args.box_usb, args.exposure_ms,
                                      args.aim is not None))
-    copies = {"constraints.txt": SOURCE / "constraints.txt", "launcher.toml": args.config, "gate.onnx": args.gate,
-              "aim.json": args.aim, "flat_endpoints.json": args.endpoints}
-    files, carried = make_files(config, parts), {name: path for name, path in copies.items() if path}
+    copies = {"constraints.txt": SOURCE / "constraints.txt", "gate.onnx": args.gate, "aim.json": args.aim,
+              "flat_endpoints.json": args.endpoints}
+    files = {CONFIG: make_config(load_text(args.config), config), **make_files(config, parts)}
+    carried = {name: path for name, path in copies.items() if path}
+    if config.recording is None:
+        print(f"{args.config}: has no [recording]; the robot's {CONFIG} gets one: {', '.join(KEPT)}", flush=True)
     wheels, plugins = _wheels(args.wheels), [_plugin(path) for path in args.plugin]
     if not (SOURCE / "pyproject.toml").exists():
         raise InputError(f"{SOURCE}: deploy builds truearc from its source; run it from a checkout")

@@ -1,7 +1,7 @@
 """What runs beside the control loop of `truearc run`: eyes and recorder, in its process or in ones of their own."""
 
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from truearc.hw.real.reconnect import MendedCamera
 from truearc.hw.shared_latest import Capacity, Slots
 from truearc.robot.advice.nt_camera import OwnNtCamera
 from truearc.robot.advice.nt_velocity import OwnNtVelocity, Velocity
-from truearc.robot.config.schema import Config, about
+from truearc.robot.config.schema import Config, RecordingConfig, about
 from truearc.robot.operator_ui.screens import OpenScreen, Screen, with_screen
 from truearc.robot.processes.recorder import NEWS, Desk
 from truearc.robot.processes.recorder_client import FarKeeper
@@ -26,6 +26,7 @@ from truearc.robot.processes.velocity import FarVelocity, tell_velocity
 from truearc.robot.processes.vision import FarEyes, make_room, relay, tell, watch
 from truearc.robot.recording.file_writers import Keeper, LaneKeeper
 from truearc.robot.recording.files import Row
+from truearc.robot.recording.retention import start_pruning
 from truearc.robot.runtime import Recorder
 from truearc.robot.types import Sighting, Tick
 from truearc.robot.vision import find_target
@@ -59,9 +60,10 @@ class OneProcess:
         self._wires.callback(velocity.close)
         return velocity
 
-    def open_keeper(self, folder: Path) -> Keeper:
-        """Open the files of a recording; InputError when they cannot be."""
-        return LaneKeeper(folder, lossless=False)
+    def open_keeper(self, folder: Path, contents: Mapping[str, bytes]) -> Keeper:
+        """Make a recording's folder and open its files; OSError or InputError when they cannot be."""
+        start_pruning(folder, self._config.recording)
+        return LaneKeeper(folder, contents, lossless=False, waits=True)
 
     def show(self, recorder: Recorder) -> Recorder:
         """Return that recorder; its ticks are shown, if anything shows them."""
@@ -93,7 +95,7 @@ class ThreeProcesses:
             self._velocity = FarVelocity(Slots(shared, VELOCITY_ROOM))
             driven = Child("velocity", drive, (config, shared), restarts=True, mortal=True)
             wires.callback(driven.close, CLOSE_S)
-        self.recorder = RecorderProcess(wires, open_screen)
+        self.recorder = RecorderProcess(wires, open_screen, config.recording)
 
     def open_eyes(self, clock: Clock) -> Eyes:
         self.vision.wait()
@@ -102,8 +104,8 @@ class ThreeProcesses:
     def open_velocity(self, clock: Clock) -> Velocity | None:
         return self._velocity
 
-    def open_keeper(self, folder: Path) -> Keeper:
-        return self.recorder.open_keeper(folder)
+    def open_keeper(self, folder: Path, contents: Mapping[str, bytes]) -> Keeper:
+        return self.recorder.open_keeper(folder, contents)
 
     def show(self, recorder: Recorder) -> Recorder:
         return recorder                           # its process does
@@ -116,21 +118,23 @@ class RecorderProcess:
     """Process that writes files until the control process ends it or dies; it must outlive a control process that dies.
     """
 
-    def __init__(self, wires: ExitStack, open_screen: OpenScreen | None = None) -> None:
+    def __init__(self, wires: ExitStack, open_screen: OpenScreen | None = None,
+                 limits: RecordingConfig | None = None) -> None:
+        """`limits`: what earlier sessions may take."""
         ours, self._theirs = socket.socketpair()
         memory = make_shared(NEWS.bytes)
-        self.child = Child("recorder", write, (self._theirs, memory, open_screen), restarts=False, mortal=False)
+        self.child = Child("recorder", write, (self._theirs, memory, open_screen, limits), restarts=False, mortal=False)
         self._outbox, self._news = Outbox(ours), Slots(memory, NEWS)
         wires.callback(self._theirs.close)        # last: a process that is just being started still takes it over
         wires.callback(self.child.close, CLOSE_S)
         wires.callback(self._outbox.close)        # which ends it, if nothing else did
 
-    def open_keeper(self, folder: Path) -> Keeper:
+    def open_keeper(self, folder: Path, contents: Mapping[str, bytes]) -> Keeper:
         """InputError when it cannot start, or the files cannot be opened."""
         with about("cannot start", LinkLost):
             self.child.wait()
         self._theirs.close()                      # the other process has it
-        return FarKeeper(folder, self._outbox, self._news, self.child, MonotonicClock())
+        return FarKeeper(folder, contents, self._outbox, self._news, self.child, MonotonicClock())
 
 
 ProcessLayout = OneProcess | ThreeProcesses
@@ -165,12 +169,12 @@ def drive(line: Line, is_first: bool, config: Config, memory: object) -> None:
 
 
 def write(line: Line, is_first: bool, end: socket.socket, memory: object,
-          open_screen: OpenScreen | None) -> None:
+          open_screen: OpenScreen | None, limits: RecordingConfig | None = None) -> None:
     """The recorder process, until the control process ends or dies."""
     cv2.setNumThreads(1)
     inbox, clock = Inbox(end), MonotonicClock()
     screen = None if open_screen is None else open_screen(clock)
-    desk = Desk(Slots(memory, NEWS), clock, make_show(screen))
+    desk = Desk(Slots(memory, NEWS), clock, make_show(screen), limits)
     line.say(None)
     desk.serve(inbox)
     inbox.close()

@@ -39,9 +39,10 @@ from truearc.robot.processes.aim_inbox import AimInbox, OfferingRig
 from truearc.robot.processes.tick_timing import Lateness, TimedRig
 from truearc.robot.processes.velocity import MovingRig
 from truearc.robot.processes.watchdog_rig import WatchedRig
+from truearc.robot.recording.append_file import DISK_ERRNOS
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter
-from truearc.robot.recording.session import MODEL, make_header
+from truearc.robot.recording.session import make_header
 from truearc.robot.rig import NS_PER_S, HardwareRig, RecordingRig
 from truearc.robot.runtime import RobotIo, run
 from truearc.robot.tick import step
@@ -85,7 +86,7 @@ def run_robot(args: argparse.Namespace) -> int:
     with ExitStack() as wires:
         tally: Counter[str] = Counter()
         # with all in one process a started one would be as urgent as the tick: there the page has no gate
-        asks = make_command(folder / MODEL, config) if args.gate and args.layout != "one" else ()
+        asks = make_command(args.gate, config) if args.gate and args.layout != "one" else ()
         screens = (partial(open_page, args.page, config, folder.name, gate_command=asks, inbox=args.aim_inbox),
                    partial(open_publisher, config, args.gate if asks else None, False))
         layout = LAYOUTS[args.layout](config, wires, partial(open_screens, screens))
@@ -129,14 +130,21 @@ def _offering(args: argparse.Namespace, config: Config, session: Path, aims: dic
 
 
 def make_room(out: Path, started: str) -> Path:
-    """A folder in `out` that is not there yet, named by the time of day; InputError when the disk is all but full.
+    """A folder in `out` that is not there yet, named by the time of day; a disk that is all but full is warned of.
 
     A clock that was set back, or starts at the same time after every power-up, only costs a number behind the name.
+    OSError when `out` cannot be made for another reason than its disk's.
     """
-    out.mkdir(parents=True, exist_ok=True)
-    free = shutil.disk_usage(out).free
+    free = 0
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        free = shutil.disk_usage(out).free
+    except OSError as error:
+        if error.errno not in DISK_ERRNOS:
+            raise
     if free < ROOM_BYTES:
-        raise InputError(f"{out}: only {free >> 20} MB free; a recording needs {ROOM_BYTES >> 20} MB to begin with")
+        print(f"warning: {out}: {free >> 20} MB free, a recording of a quarter of an hour takes {ROOM_BYTES >> 20} MB; "
+              "once the disk is full the robot holds its fire", file=sys.stderr)
     name = started.replace(":", "")
     names = itertools.chain([name], (f"{name}-{number}" for number in itertools.count(2)))
     return next(out / name for name in names if not (out / name).exists())
