@@ -15,7 +15,8 @@ MS = 1_000_000
 ANSWERED_NS = (1000 * MS, 850 * MS, 1150 * MS)
 UNANSWERED_NS = (500 * MS, 350 * MS, 650 * MS)
 COUNTED = 4                           # the longest of so many counts
-STEP_NS = 10 * MS                     # it is counted in steps of this: a tick more or less does not move every stamp
+STEP_NS = 5 * MS                      # it is counted in steps of this: a little more or less does not move every stamp
+HICCUP_NS = 30 * MS                   # what takes longer is asked again at once: something may have held it up once
 LATE_NS = 100 * MS                    # later readings are of no use to a loop, however fresh the gate would have them
 STALL_NS = 60 * MS                    # ticks come every 50 ms at least: after a longer gap the answer has waited for us
 # Of questions and answers half may be lost, and 60 in a row are not in the life of a robot (0.75 ** 60 = 3e-8)
@@ -38,6 +39,8 @@ class RoundTrip:
         self._asked_ns = self._due_ns = self._tick_ns = 0
         self._heard_ns: int | None = None         # when it last answered, or was first asked
         self._turn = 0
+        self._unanswered = 0          # questions since the last answer
+        self._doubted_ns = 0          # a long time that has not been confirmed; 0: none
 
     def tick(self, t_ns: int) -> None:
         """Once a tick, at the time that is recorded of it, before anything is sent."""
@@ -54,6 +57,7 @@ class RoundTrip:
             self._heard_ns = t_ns
         self._turn = (self._turn + 1) % len(UNANSWERED_NS)
         self.is_due, self.is_open = False, True
+        self._unanswered += 1
         self._asked_ns, self._due_ns = t_ns, t_ns + UNANSWERED_NS[self._turn]
 
     def answered(self, t_ns: int) -> int:
@@ -61,12 +65,18 @@ class RoundTrip:
         if self._heard_ns is None:
             return 0                  # to somebody else
         was_open, self.is_open, self._heard_ns = self.is_open, False, t_ns
+        alone, self._unanswered = self._unanswered == 1, 0       # it is the answer to the newest question
         if t_ns - self._tick_ns > STALL_NS:
             self.is_timely = bool(self._took_ns) and max(self._took_ns) <= LATE_NS
             return 0                  # asked again without waiting for the usual time
+        took_ns, doubted_ns = max(t_ns - self._asked_ns, 0), self._doubted_ns
+        if alone and took_ns > HICCUP_NS and not doubted_ns and took_ns > self.late_ns:
+            self._doubted_ns, self._due_ns = took_ns, t_ns
+            return 0
         if was_open:
             self._due_ns = self._asked_ns + ANSWERED_NS[self._turn]
-        self._took_ns.append(max(t_ns - self._asked_ns, 0))
+        self._doubted_ns = 0
+        self._took_ns.append(max(took_ns, doubted_ns) if took_ns > HICCUP_NS else took_ns)
         longest_ns, before_ns = max(self._took_ns), self.late_ns
         steps_ns = -(-longest_ns // STEP_NS) * STEP_NS
         if not before_ns - STEP_NS <= steps_ns <= before_ns:
