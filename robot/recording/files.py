@@ -17,7 +17,7 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from truearc.hw.protocols import CameraFrame, Frame
-from truearc.robot.config.schema import NO_JSON, Config, InputError, load_bytes, naming
+from truearc.robot.config.schema import NO_JSON, Config, InputError, load_bytes
 from truearc.robot.reasons import IMAGE_NOT_ENCODED
 from truearc.robot.recording import session as layout
 from truearc.robot.recording.append_file import DISK_ERRNOS, Appender, NotKept
