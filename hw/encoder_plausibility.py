@@ -27,6 +27,7 @@ SLACK_RAD_S = 3.0                     # ... by this, the noise of a speed, ...
 # ... and by what a filter of so long makes of a changing speed: a motor of ours has a quick one (a SPARK's is set to
 # 8 ms), another controller's may have its maker's, of 0.1 s
 OWN_LAG_S, LAG_S = 0.005, 0.2
+LASTS_NS = 30 * MS                    # readings that were held up, and are stamped when they came, differ for less
 GRAIN = 2.0 ** -23                    # of a 32-bit float
 
 
@@ -46,6 +47,7 @@ class Agreement:
         self._told: deque[_Told] = deque()
         self._from_ns = 0
         self._differ: tuple[float, float] | None = None          # reported speed, and that of the position
+        self._differ_ns = 0                       # ... since then
         self._jump: tuple[int, float, float] | None = None       # when, from which speed, to which
 
     def take(self, before: MotorReading, reading: MotorReading) -> None:
@@ -68,7 +70,7 @@ class Agreement:
         """None for an encoder that goes with its motor; `controller` names what reports it."""
         if self._still_ns and reading.t_ns - self._still_ns >= STILL_NS:
             return ENCODER_STUCK(controller=controller, speed_rad_s=reading.velocity_rad_s)
-        if self._differ is not None:
+        if self._differ is not None and reading.t_ns - self._differ_ns >= LASTS_NS:
             reported, turned = self._differ
             return ENCODER_MISMATCH(controller=controller, speed_rad_s=reported, turned_rad_s=turned)
         if self._jump is not None and reading.t_ns - self._jump[0] < JUMP_TOLD_NS:
@@ -84,7 +86,10 @@ class Agreement:
         told.append(_Told(t_ns, reading.position_rad, velocity, angle))
         while len(told) > 2 and told[1].t_ns <= t_ns - WINDOW_NS:
             told.popleft()
-        self._differ = self._compare(told[0], told[-1])
+        differ = self._compare(told[0], told[-1])
+        if self._differ is None or differ is None:
+            self._differ_ns = t_ns
+        self._differ = differ
 
     def _compare(self, first: _Told, last: _Told) -> tuple[float, float] | None:
         span_ns = last.t_ns - first.t_ns
@@ -93,7 +98,8 @@ class Agreement:
         span_s = span_ns * 1e-9
         told, turned = (last.angle_rad - first.angle_rad) / span_s, (last.position_rad - first.position_rad) / span_s
         speeds = [one.velocity_rad_s for one in self._told]
-        lag = (max(speeds) - min(speeds)) * self._lag_s / span_s
+        slower = abs(last.velocity_rad_s) < abs(first.velocity_rad_s)     # stamps count more than what is turned
+        lag = (max(speeds) - min(speeds)) * (LAG_S if slower else self._lag_s) / span_s
         grain = GRAIN * (abs(first.position_rad) + abs(last.position_rad)) / span_s
         allowed = SLACK_RAD_S + SHARE * max(abs(told), abs(turned)) + lag + grain
         return None if abs(told - turned) <= allowed else (told, turned)

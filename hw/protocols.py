@@ -68,6 +68,8 @@ class CameraFrame:
 
 def errors_in(bits: int, table: ErrorTable) -> tuple[Reason, ...]:
     """Return the errors of a bit field; the bits that the table lacks come last, as one number."""
+    if not bits:
+        return ()
     unnamed = bits & ~sum(bit for bit, _ in table)
     known = tuple(code() for bit, code in table if bits & bit)
     return (*known, ERROR_BITS(bits=unnamed)) if unnamed else known

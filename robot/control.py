@@ -13,11 +13,15 @@ from truearc.robot.config.schema import Config, PidGains
 from truearc.robot.estimate import is_fresh
 from truearc.robot.geometry import elevation_per_rad
 from truearc.robot.motion import Watch, here_deg
-from truearc.robot.types import Aim, Command, Estimate, Inputs, Memory, Motion, Pid, Verdict
+from truearc.robot.types import Aim, Command, Estimate, Inputs, Joint, Memory, Pid, Verdict
 
 NS = 1e-9
-RELEASED = Command()
+RELEASED, AT_REST = Command(), Pid()
 NEAR_PER_S = 10.0                     # the hood's speed limit, per degree that is left to a soft limit
+SWITCH_DEG = 0.9                      # homing ends so far below the switch: the encoder is off, or the switch dead
+# Torque that accelerates the hood, in frictions: a screw of 1.5e-5 kg m2, a quarter of the shipped one, then follows
+# the speed limit within 35 ms, longer than its readings lag. Without motion for so long it grows, to all in RISE_S more
+SPARE, STUCK_S, RISE_S = 2.0, 0.05, 0.1
 LEAST_SHARE = 0.1                     # of that limit, on readings that are nearly too old
 YOUNG_SHARE = 0.3                     # of the age limit: a speed by which the hood may be braked
 
@@ -45,21 +49,20 @@ def control(inputs: Inputs, estimate: Estimate, aim: Aim, verdict: Verdict, memo
             watched: Watch) -> tuple[Command, Memory]:
     """Torques for this tick. Disarmed, no axis is enabled."""
     if not memory.armed:
-        return RELEASED, replace(memory, flywheel=Pid(), hood=Pid(), feed_t_ns=0, motion=UNSET)
-    motion = watched.motion
-    wheels_on, hood_on, feeder_on = (joint.cause is None for joint in (motion.wheels, motion.hood, motion.feeder))
-    wheels_ready, hood_ready, feeder_ready = watched.is_ready
-    flywheel, wheel_pid = 0.0, Pid()
-    if wheels_on and wheels_ready and not motion.is_idle:
+        return RELEASED, replace(memory, flywheel=AT_REST, hood=AT_REST, feed_t_ns=0, motion=UNSET)
+    wheels_on, hood_on, feeder_on = (watched.wheels.cause is None, watched.hood.cause is None,
+                                     watched.feeder.cause is None)
+    flywheel, wheel_pid, hood, hood_pid = 0.0, AT_REST, 0.0, AT_REST
+    if wheels_on and watched.wheels_ready and not watched.is_idle:
         flywheel, wheel_pid = _flywheel(estimate, aim, memory, config)
-    hood, hood_pid = (_hood(inputs, estimate, aim, memory, config, motion.hood.angle_deg_s,
-                            motion.hood.dropped_deg is not None) if hood_on and hood_ready else (0.0, Pid()))
+    if hood_on and watched.hood_ready and watched.hood.dropped_deg is None:
+        hood, hood_pid = _hood(inputs, estimate, aim, memory, config, watched.hood)
     feed_t_ns = inputs.t_ns if verdict.fire else _still_clearing(inputs, memory, config)
-    feeding = bool(feed_t_ns) and (inputs.t_ns - feed_t_ns) * NS < config.feeder.feed_s and feeder_on and feeder_ready
+    feeding = bool(feed_t_ns) and (inputs.t_ns - feed_t_ns) * NS < config.feeder.feed_s and (
+        feeder_on and watched.feeder_ready)
     command = Command(wheels_on, hood_on, feeder_on, flywheel, hood, config.feeder.torque_nm if feeding else 0.0)
-    asked = Motion(motion.armed_t_ns, motion.active_t_ns, motion.is_idle, motion.wheels, motion.hood, motion.feeder,
-                   flywheel, hood)
-    return command, replace(memory, flywheel=wheel_pid, hood=hood_pid, feed_t_ns=feed_t_ns, motion=asked,
+    return command, replace(memory, flywheel=wheel_pid, hood=hood_pid, feed_t_ns=feed_t_ns,
+                            motion=watched.remember(flywheel, hood),
                             steady_t_ns=_steady_since(inputs, estimate, aim, memory, config))
 
 
@@ -67,22 +70,22 @@ def _flywheel(estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> t
     wheel = config.flywheel
     wanted = aim.motor_ratio * (config.rig.launcher.free_speed_rad_s or 0.0)
     if wanted <= 0.0:
-        return 0.0, Pid()
+        return 0.0, AT_REST
     low = wheel.pid.output_low if wheel.brake else 0.0
     expected_nm = wheel.ks_nm + wheel.kv_nm_s * wanted       # at a constant speed, before any feedback
     return step_pid(wheel.pid, memory.flywheel, wanted, estimate.motor_rad_s, expected_nm, low, wheel.pid.output_high,
                     1.0 / config.tick_hz)
 
 
-def _hood(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: Config, encoder_deg_s: float,
-          dropped: bool) -> tuple[float, Pid]:
+def _hood(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: Config,
+          joint: Joint) -> tuple[float, Pid]:
     hood = config.hood
     if not memory.homed:              # towards the switch, but not before what can tell how far was heard
         heard = (inputs.hood_angle is not None if config.hood_encoder.is_heard
                  else is_fresh(inputs, inputs.hood_motor.t_ns, config))
-        return (home(inputs, estimate, encoder_deg_s, config) if heard else 0.0), Pid()
-    if estimate.hood_deg is None or aim.source in NOWHERE or dropped:
-        return 0.0, Pid()
+        return (home(inputs, estimate, joint, config) if heard else 0.0), AT_REST
+    if estimate.hood_deg is None or aim.source in NOWHERE:
+        return 0.0, AT_REST
     wanted = min(max(aim.hood_deg, hood.low_deg), hood.high_deg)
     error = wanted - estimate.hood_deg
     push = math.copysign(hood.friction_nm, error) if abs(error) > hood.deadband_deg else 0.0
@@ -94,24 +97,26 @@ def _hood(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: 
     screw_deg = estimate.hood_deg if estimate.hood_screw_deg is None else estimate.hood_screw_deg
     left_deg = (hood.high_deg - max(estimate.hood_deg, screw_deg) if torque > 0.0 else
                 min(estimate.hood_deg, screw_deg) - hood.low_deg)
-    return slow_down(torque, inputs, estimate, encoder_deg_s, config, left_deg), pid
+    return slow_down(torque, inputs, estimate, joint, config, left_deg), pid
 
 
-def home(inputs: Inputs, estimate: Estimate, encoder_deg_s: float, config: Config) -> float:
-    """Torque toward the limit switch, within the hood's speed limit."""
-    return slow_down(config.hood.homing_torque_nm, inputs, estimate, encoder_deg_s, config, math.inf)
+def home(inputs: Inputs, estimate: Estimate, joint: Joint, config: Config) -> float:
+    """Torque toward the limit switch, within the hood's speed limit; with an encoder, not far beyond the switch."""
+    left_deg = math.inf if estimate.hood_deg is None else estimate.hood_deg - config.hood.low_deg + SWITCH_DEG
+    return slow_down(config.hood.homing_torque_nm, inputs, estimate, joint, config, left_deg)
 
 
-def slow_down(torque_nm: float, inputs: Inputs, estimate: Estimate, encoder_deg_s: float, config: Config,
+def slow_down(torque_nm: float, inputs: Inputs, estimate: Estimate, joint: Joint, config: Config,
               left_deg: float) -> float:
     """A hood torque that keeps to `[hood] max_deg_s`, and to less near a soft limit, beyond which it is 0, or on
     readings that grow old.
 
     What the torque has beyond friction fades linearly to nothing at the limit, and brakes beyond it: the speed then
-    settles like a first-order lag. The faster of screw and encoder counts. It brakes by a young speed alone.
+    settles like a first-order lag. The faster of screw and encoder counts; only a young speed of the screw is braked.
+    There is little of it, so that the lag of the readings makes no light screw swing, and more while nothing moves.
 
     Args:
-        encoder_deg_s: Rate of the hood's encoder.
+        joint: What the interlocks know of the hood.
         left_deg: Elevation left to the soft limit in the direction of the torque.
     """
     if left_deg <= 0.0 or torque_nm == 0.0:
@@ -120,15 +125,17 @@ def slow_down(torque_nm: float, inputs: Inputs, estimate: Estimate, encoder_deg_
     speed_age_s = age_s = (t_ns - inputs.hood_motor.t_ns) * NS
     if inputs.hood_angle is not None and config.hood_encoder.is_heard:
         age_s = max(age_s, (t_ns - inputs.hood_angle.t_ns) * NS)
-    sign = math.copysign(1.0, torque_nm)
-    screw_deg_s = inputs.hood_motor.velocity_rad_s * elevation_per_rad(here_deg(estimate, hood), hood)
-    rate_deg_s = max(sign * screw_deg_s, sign * encoder_deg_s)
+    sign = 1.0 if torque_nm > 0.0 else -1.0
+    screw_deg_s = sign * inputs.hood_motor.velocity_rad_s * elevation_per_rad(here_deg(estimate, hood), hood)
+    rate_deg_s = max(screw_deg_s, sign * joint.angle_deg_s)
     limit_deg_s = min(hood.max_deg_s, NEAR_PER_S * left_deg) * max(1.0 - age_s / old_s, LEAST_SHARE)
     size_nm = abs(torque_nm)
-    spare_nm = max(abs(hood.pid.output_high if torque_nm > 0.0 else hood.pid.output_low) - hood.friction_nm, 0.0)
-    most_nm = hood.friction_nm + spare_nm * (1.0 - rate_deg_s / limit_deg_s)
-    if most_nm < 0.0:                 # only what the screw itself does is braked
-        braked_nm = hood.friction_nm + spare_nm * (1.0 - sign * screw_deg_s / limit_deg_s)
+    spare_nm = SPARE * hood.friction_nm
+    if joint.stuck_t_ns:
+        spare_nm += size_nm * max((t_ns - joint.stuck_t_ns) * NS - STUCK_S, 0.0) / RISE_S
+    most_nm = hood.friction_nm + spare_nm * (limit_deg_s - rate_deg_s) / hood.max_deg_s
+    if most_nm < 0.0:
+        braked_nm = hood.friction_nm + spare_nm * (limit_deg_s - screw_deg_s) / hood.max_deg_s
         most_nm = max(min(braked_nm, 0.0), -size_nm) if speed_age_s < YOUNG_SHARE * old_s else 0.0
     return sign * min(size_nm, most_nm)
 

@@ -36,11 +36,12 @@ REPEATS, REPEAT_NS = 3, 10 * NS_PER_S
 OVERSPEED, FREE_SPEED, PEAK_NS = 1.1, 1.05, 2 * NS_PER_S
 PEAK_STEP_NS = 100_000_000            # the time of the highest set point is kept to this
 DRIVING_A = 5.0                       # of Iq: twice what the shipped wheels' friction takes at full speed
-BACKWARDS = 0.05                      # share of the set point, or of the hood's speed limit, against the torque
+BACKWARDS, HOOD_BACKWARDS = 0.05, 0.25            # shares of the set point and of the hood's limit, against the torque
+LAG_NS = 20_000_000                   # a torque shows in readings that are so much younger: two ticks and a reading
 FULL, FULL_NS = 0.8, 200_000_000      # share of the torque limit that moves every wheel, and how long it may not
 SLOW, RISING = 0.05, 0.01             # shares of the set point: hardly turning, and turning faster than before
 # A joint's stated friction is what just moves it; three times as much moves it unless it is jammed
-HARD, HARD_NS, PUSH_NS = 3.0, 300_000_000, 480_000_000      # half a second with what the wires add
+HARD, HARD_NS, PUSH_NS = 3.0, 300_000_000, 460_000_000      # half a second with what the wires add
 MOVED_RAD = 1.0                       # of the hood motor, 0.2 degrees of the shipped hood: more than its play
 HOOD_OVERSPEED = 1.5                  # times the hood's speed limit, which its loop keeps to a fifth
 DIFFERENT = 3                         # readings in a row
@@ -51,15 +52,39 @@ SWITCH_OPEN_DEG = 3.0                 # above the switch it is open
 LATCHING = frozenset((ENCODER_STUCK.name, ENCODER_MISMATCH.name, SPEED_JUMPED.name))
 # With these no reading can be trusted to be of our device, of this moment, or ours to act on
 EVERYWHERE = frozenset((because.CAN_LOST.name, because.TICKS_STALLED.name, FOREIGN_HOST.name, DUPLICATE_ID.name))
-REST = Motion()
+FREE = Joint()
 
 
 class Watch(NamedTuple):
-    """What the tick knows of motion before it decides; `is_ready`: axes that are under control and without errors."""
+    """What the tick knows of motion before it decides; `ready`: under control and without errors."""
 
-    motion: Motion
+    wheels: Joint
+    hood: Joint
+    feeder: Joint
     doubts: Doubts
-    is_ready: tuple[bool, bool, bool]             # wheels, hood, feeder
+    wheels_ready: bool = False
+    hood_ready: bool = False
+    feeder_ready: bool = False
+    armed_t_ns: int = 0
+    active_t_ns: int = 0
+    is_idle: bool = False
+
+    def remember(self, flywheel_torque_nm: float, hood_torque_nm: float) -> Motion:
+        """For the next tick, with the torques that this one has decided on."""
+        return Motion(self.armed_t_ns, self.active_t_ns, self.is_idle, self.wheels, self.hood, self.feeder,
+                      flywheel_torque_nm, hood_torque_nm)
+
+    def reasons(self) -> list[Reason]:
+        """Why axes are released, for the verdict."""
+        wheels, hood, feeder = self.wheels, self.hood, self.feeder
+        if (wheels.cause is None and hood.cause is None and feeder.cause is None and hood.dropped_deg is None
+                and not self.is_idle):
+            return []
+        found = [(because.AXIS_LATCHED if joint.is_latched else because.AXIS_RELEASED)(joint=name, cause=joint.cause)
+                 for name, joint in ((WHEELS, wheels), (HOOD, hood), (FEEDER, feeder)) if joint.cause is not None]
+        if hood.dropped_deg is not None:
+            found.append(because.HOOD_PUSH_DROPPED(wanted_deg=hood.dropped_deg))
+        return [*found, because.WHEELS_IDLE()] if self.is_idle else found
 
 
 class Wanted(NamedTuple):
@@ -77,71 +102,66 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
           doubts: Doubts) -> Watch:
     """Bring the interlocks up to date with this tick's readings; `doubts` are theirs."""
     if not memory.armed:
-        return Watch(REST, doubts, (False, False, False))
+        return Watch(FREE, FREE, FREE, doubts)
     t_ns = inputs.t_ns
     last = Motion(armed_t_ns=t_ns, active_t_ns=t_ns) if memory.motion is UNSET else memory.motion
-    starting = t_ns - last.armed_t_ns < START_NS
-    everywhere, by_axis = _sorted_faults(inputs, config) if inputs.faults else (None, _NO_FAULTS)
-    stalled = everywhere is not None and everywhere.code == because.TICKS_STALLED.name
     wheels, cause = _wheels(inputs, wanted.wheels_rad_s, last.wheels, last.flywheel_torque_nm, config)
     hood, why = _hood(inputs, estimate, wanted, memory, last.hood, last.hood_torque_nm, config)
-    joints, ready = [], []
-    for joint, found, own, (doubt, latching) in zip((wheels, hood, last.feeder), (cause, why, None), doubts, by_axis,
-                                                     strict=True):
-        unready, passing = _reading_doubt(own, starting) if own else (False, None)
-        if joint is hood and not memory.homed and passing is None:
-            passing = _switch_doubt(inputs)
-        ready.append(not unready)
-        joints.append(_follow(joint, latching or found, everywhere or passing or doubt, t_ns, starting or stalled))
-    seen = estimate.sighting_s is not None and 0.0 <= estimate.sighting_s <= config.gate.sighting_age_s
-    active_t_ns = t_ns if seen or memory.request_t_ns else last.active_t_ns
-    idle_s = config.flywheel.idle_s
-    motion = Motion(last.armed_t_ns, active_t_ns, bool(idle_s) and (t_ns - active_t_ns) * NS > idle_s, *joints)
-    return Watch(motion, doubts, (ready[0], ready[1], ready[2]))
-
-
-def reasons(motion: Motion) -> list[Reason]:
-    """Why axes are released, for the verdict."""
-    found = [(because.AXIS_LATCHED if joint.is_latched else because.AXIS_RELEASED)(joint=name, cause=joint.cause)
-             for name, joint in ((WHEELS, motion.wheels), (HOOD, motion.hood), (FEEDER, motion.feeder))
-             if joint.cause is not None]
-    if motion.hood.dropped_deg is not None:
-        found.append(because.HOOD_PUSH_DROPPED(wanted_deg=motion.hood.dropped_deg))
-    return [*found, because.WHEELS_IDLE()] if motion.is_idle else found
+    feeder, (of_wheels, of_hood, of_feeder) = last.feeder, doubts
+    starting = t_ns - last.armed_t_ns < START_NS
+    everywhere, by_axis = _sorted_faults(inputs) if inputs.faults else (None, _NO_FAULTS)
+    uncounted = starting or (everywhere is not None and everywhere.code == because.TICKS_STALLED.name)
+    if of_wheels or cause or wheels.cause or inputs.faults:
+        passing, latching = by_axis[0]
+        wheels = _follow(wheels, latching or cause, everywhere or _doubt(of_wheels, starting) or passing, t_ns,
+                         uncounted)
+    switch = None if memory.homed else _switch_doubt(inputs)
+    if of_hood or why or hood.cause or switch or inputs.faults:
+        passing, latching = by_axis[1]
+        hood = _follow(hood, latching or why, everywhere or _doubt(of_hood, starting) or switch or passing, t_ns,
+                       uncounted)
+    if of_feeder or feeder.cause or inputs.faults:
+        # driven for a moment only: whatever is wrong, it does not latch by itself
+        passing = by_axis[2][0] or by_axis[2][1]
+        feeder = _follow(feeder, None, everywhere or _doubt(of_feeder, starting) or passing, t_ns, uncounted)
+    seen_s, idle_s = estimate.sighting_s, config.flywheel.idle_s
+    active_t_ns = last.active_t_ns
+    if memory.request_t_ns or (seen_s is not None and 0.0 <= seen_s <= config.gate.sighting_age_s):
+        active_t_ns = t_ns
+    return Watch(wheels, hood, feeder, doubts, not of_wheels, not of_hood, not of_feeder, last.armed_t_ns, active_t_ns,
+                 idle_s > 0.0 and (t_ns - active_t_ns) * NS > idle_s)
 
 
 # --- faults and doubts
 
-_NO_FAULTS: tuple[tuple[Reason | None, Reason | None], ...] = ((None, None),) * 3
+ByAxis = tuple[tuple[Reason | None, Reason | None], ...]         # of each, a fault that passes and one that latches
+_NO_FAULTS: ByAxis = ((None, None),) * 3
 
 
-def _sorted_faults(inputs: Inputs, config: Config) -> tuple[Reason | None, list[tuple[Reason | None, Reason | None]]]:
-    """(fault that stops all axes, for each axis (one that passes, one that latches))."""
+def _sorted_faults(inputs: Inputs) -> tuple[Reason | None, ByAxis]:
+    """(fault that stops all axes, faults of each axis)."""
     found: list[list[Reason | None]] = [[None, None] for _ in range(3)]
     everywhere = None
     for fault in inputs.faults:
         if fault.code in EVERYWHERE:
             everywhere = fault
         motor = str(fault.params.get("motor", ""))
-        axis = (0 if motor.startswith("flywheel") else 1 if motor.startswith("hood") else 2 if motor else None)
-        if axis is not None and fault.code != SPARK_NOT_DRIVING.name:       # that one does not drive at all
+        if motor and fault.code != SPARK_NOT_DRIVING.name:      # with that one nothing is driven anyway
+            axis = 0 if motor.startswith("flywheel") else 1 if motor.startswith("hood") else 2
             found[axis][fault.code in LATCHING] = fault
-    found[2] = [found[2][0] or found[2][1], None]           # a feeder is driven for a moment: it does not latch
-    return everywhere, [(one[0], one[1]) for one in found]
+    return everywhere, tuple((one[0], one[1]) for one in found)
 
 
-def _reading_doubt(doubts: list[Reason], starting: bool) -> tuple[bool, Reason | None]:
-    """(not ready for torque, doubt that releases the axis).
+def _doubt(doubts: list[Reason], starting: bool) -> Reason | None:
+    """The doubt that releases an axis.
 
-    A device that is not under control yet gets no torque, and must stay enabled to come under control; so must one
-    whose old errors are being cleared after arming.
+    A device that is not under control yet must stay enabled to come under control, without torque; so must one whose
+    old errors are being cleared after arming.
     """
-    passing = None
     for reason in doubts:
         if reason.code != because.MOTOR_NOT_DRIVEN.name and not (starting and reason.code == because.MOTOR_ERROR.name):
-            passing = reason
-            break
-    return bool(doubts), passing
+            return reason
+    return None
 
 
 def _follow(joint: Joint, latching: Reason | None, passing: Reason | None, t_ns: int, uncounted: bool) -> Joint:
@@ -185,7 +205,8 @@ def _wheels(inputs: Inputs, wanted_rad_s: float, joint: Joint, asked_nm: float,
         return joint, None
     if asked_nm < 0.0:                # turned the other way, or braked: all signs change
         fastest, slowest = -slowest, -fastest
-    joint = _with_push(joint, asked_nm, slowest if asked_nm >= 0.0 else -slowest)
+    joint = _with_push(joint, asked_nm, slowest if asked_nm >= 0.0 else -slowest,
+                       inputs.flywheels[0].t_ns, t_ns)
     peak, free = joint.peak_rad_s, config.rig.launcher.free_speed_rad_s or math.inf
     if max(fastest, -slowest) > FREE_SPEED * free:
         return joint, because.JOINT_OVERSPEED(joint=WHEELS, speed_rad_s=fastest, factor=FREE_SPEED, top_rad_s=free)
@@ -228,7 +249,7 @@ def _hood(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, jo
     if joint.cause is not None:
         return joint, None
     speed = inputs.hood_motor.velocity_rad_s
-    joint = _with_push(joint, asked_nm, speed)
+    joint = _with_push(joint, asked_nm, speed, inputs.hood_motor.t_ns, inputs.t_ns)
     if joint.differ >= DIFFERENT:
         return joint, differing
     if joint.push:
@@ -236,7 +257,7 @@ def _hood(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, jo
         if joint.push * speed > HOOD_OVERSPEED * limit_rad_s:
             return joint, because.JOINT_OVERSPEED(joint=HOOD, speed_rad_s=speed, factor=HOOD_OVERSPEED,
                                                   top_rad_s=limit_rad_s)
-        if joint.push * speed < min(joint.push * joint.push_rad_s, 0.0) - BACKWARDS * limit_rad_s:
+        if joint.push * speed < min(joint.push * joint.push_rad_s, 0.0) - HOOD_BACKWARDS * limit_rad_s:
             return joint, because.JOINT_BACKWARDS(joint=HOOD)
     screw_deg, motor = estimate.hood_screw_deg, inputs.hood_motor
     if screw_deg is not None and screw_deg > config.hood.low_deg + SWITCH_OPEN_DEG and motor.endstop and is_fresh(
@@ -334,7 +355,14 @@ def here_deg(estimate: Estimate, hood: Hood) -> float:
 
 # --- both
 
-def _with_push(joint: Joint, asked_nm: float, speed_rad_s: float) -> Joint:
-    """Note the speed at which the torque took its sign: from there it must not move further against the torque."""
+def _with_push(joint: Joint, asked_nm: float, speed_rad_s: float, told_t_ns: int, t_ns: int) -> Joint:
+    """Note the speed at which the torque took its sign: from there it must not move further against the torque.
+
+    Until the torque can show in the readings, what they say is still that speed.
+    """
     push = (asked_nm > 0.0) - (asked_nm < 0.0)
-    return joint if push == joint.push else replace(joint, push=push, push_rad_s=speed_rad_s)
+    if push != joint.push:
+        return replace(joint, push=push, push_rad_s=speed_rad_s, push_t_ns=t_ns)
+    if push and told_t_ns < joint.push_t_ns + LAG_NS and push * speed_rad_s < push * joint.push_rad_s:
+        return replace(joint, push_rad_s=speed_rad_s)
+    return joint

@@ -13,13 +13,18 @@ from truearc.robot.geometry import screw_length_m
 HOOD_DEG_S = 20.0                     # [hood] max_deg_s as shipped
 HOOD_OVERSPEED = 1.5                  # times that the hood's interlock releases it
 
-HOOD_MOTOR = "hood motor"
+HOOD_MOTOR, FEEDER_MOTOR = "hood motor", "feeder motor"
 
 
 def name_axes(config: Config) -> tuple[tuple[str, Axis], ...]:
     """Every motor axis and what it is called: the flywheels, the hood, the feeder."""
-    wheels = ((f"flywheel motor {number}", axis) for number, axis in enumerate(config.axes.flywheels, 1))
-    return (*wheels, (HOOD_MOTOR, config.axes.hood), ("feeder motor", config.axes.feeder))
+    wheels = ((name_wheel(number), axis) for number, axis in enumerate(config.axes.flywheels, 1))
+    return (*wheels, (HOOD_MOTOR, config.axes.hood), (FEEDER_MOTOR, config.axes.feeder))
+
+
+def name_wheel(number: int) -> str:
+    """What a flywheel's motor is called; they are numbered from 1."""
+    return f"flywheel motor {number}"
 
 
 def make_motors(config: Config) -> tuple[Motor, ...]:

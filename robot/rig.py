@@ -3,7 +3,6 @@
 RecordingRig: any of them while it is recorded: no shot is fired unless it is.
 """
 
-import math
 from collections.abc import Callable, Iterable, Iterator
 
 from msgspec import UNSET
@@ -17,7 +16,7 @@ from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config
 from truearc.robot.hood_encoders import encoder_family_of
-from truearc.robot.motors import HOOD_MOTOR, around_encoder, make_motors, name_axes
+from truearc.robot.motors import around_encoder, make_motors, name_axes, name_wheel
 from truearc.robot.runtime import RigLayer, RobotIo
 from truearc.robot.types import Command, Inputs, Sent, Sighting, Tick
 from truearc.robot.vision_source import Eyes
@@ -40,6 +39,8 @@ class HardwareRig:
         self._over = over
         self._motors = make_motors(config)
         self._names = [name for name, _ in name_axes(config)]
+        # a light screw or feeder changes its speed as fast as a wrong reading does
+        self._wheels = {name_wheel(number) for number in range(1, len(config.axes.flywheels) + 1)}
         table = config.hood_encoder
         self._encoder = encoder or encoder_family_of(table).make(table, around_encoder(config))
         self._handlers = self._make_handlers()
@@ -80,7 +81,7 @@ class HardwareRig:
         buttons = self._read_box(t_ns)
         for name, motor in zip(self._names, self._motors, strict=True):
             self._faults += [fault.about(motor=name) for fault in motor.faults(t_ns)
-                             if name != HOOD_MOTOR or not _is_stop(fault)]
+                             if fault.code != SPEED_JUMPED.name or name in self._wheels]
         angle = self._encoder.read(t_ns)
         self._faults += self._encoder.faults(t_ns)
         self._cycle += 1
@@ -243,14 +244,6 @@ class RecordingRig(RigLayer):
         if inputs is None or trouble is None:
             return inputs
         return replace(inputs, faults=(*inputs.faults, because.NOT_RECORDING(cause=trouble)))
-
-
-def _is_stop(fault: Reason) -> bool:
-    """Whether a speed that jumps is that of a hood that has met its stop."""
-    if fault.code != SPEED_JUMPED.name:
-        return False
-    before, after = (float(fault.params[name]) for name in ("before_rad_s", "after_rad_s"))    # type: ignore[arg-type]
-    return 0.0 <= after * math.copysign(1.0, before) < abs(before)
 
 
 def _clamp(torque_nm: float, limit_nm: float) -> float:

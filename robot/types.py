@@ -145,6 +145,7 @@ class Joint(Struct, frozen=True, omit_defaults=True):
     peak_t_ns: int = 0                            # ... and when it was last the set point
     push: int = 0                                 # sign of the torque
     push_rad_s: float = 0.0                       # speed when the torque took that sign
+    push_t_ns: int = 0                            # ... and when that was
     stuck_t_ns: int = 0                           # driven without motion since then
     hard_t_ns: int = 0                            # ... with a torque that moves what is free
     stuck_at: float = 0.0                         # hood: angle then (rad); wheels: speed then (rad/s)

@@ -101,8 +101,8 @@ class MotionSide:
         self.moved = Moved()
         self._config, self._row, self._motion = config, row, row.breaking
         self._box, self._span, self._now_ns = box, span, now_ns
-        is_low = self._motion.what == "encoder 1.3 degrees low"
-        self._world = MovingWorld(1, Options(hood_offset_deg=-1.3 if is_low else 0.0))
+        is_low = self._motion.what == "encoder 0.8 degrees low"
+        self._world = MovingWorld(1, Options(hood_offset_deg=-0.8 if is_low else 0.0))
         self._nodes = make_sick_nodes(config, self._world)
         self._endstop = self._nodes["hood"].node._endstop if self._motion.what == NO_ANSWER else None
         self._twin = Twin(self._world, TappedBus(wire, self._listen), tuple(self._nodes.values()),

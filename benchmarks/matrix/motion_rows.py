@@ -103,8 +103,8 @@ def _hood() -> Iterator[Row]:
     yield _hooded("its screw has come loose of the motor",
                   Motion("hood comes loose", (), "start", "hood", "push", "homing"), 8.0, REARM, 12.0)
     yield _hooded("its screw is stiff", Motion("hood is stiff", (), "start", "", "fault", "none"), 0.0, KEEPS, 6.0)
-    yield _hooded("its encoder reads 1.3 degrees low, set point at the soft limit",
-                  Motion("encoder 1.3 degrees low", (), "start", "", "fault", "none", hood_deg=60.0, high_deg=60.0),
+    yield _hooded("its encoder reads 0.8 degrees low, set point at the soft limit",
+                  Motion("encoder 0.8 degrees low", (), "start", "", "fault", "none", hood_deg=60.0, high_deg=60.0),
                   0.0, KEEPS, 6.0)
     yield _hooded("rises from its switch to 70 degrees",
                   Motion("nothing", (), "start", "", "fault", "none", hood_deg=70.0), 0.0, KEEPS, 6.0)

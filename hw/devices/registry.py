@@ -27,7 +27,12 @@ BY_DRIVER = MappingProxyType({family.driver: family for family in FAMILIES})
 
 def family_of(axis: Axis) -> MotorFamily[Any]:
     """The family whose table this is; raises as find_family."""
-    return find_family(driver_of(axis))
+    return _family_of_table(axis.__class__)
+
+
+@functools.cache
+def _family_of_table(table: type[Axis]) -> MotorFamily[Any]:
+    return find_family(str(table.__struct_config__.tag))
 
 
 def find_family(driver: str) -> MotorFamily[Any]:

@@ -11,7 +11,7 @@ from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config, GateConfig
 from truearc.robot.hood_encoders import encoder_family_of
-from truearc.robot.motors import name_axes
+from truearc.robot.motors import FEEDER_MOTOR, HOOD_MOTOR, name_wheel
 from truearc.robot.types import Inputs
 
 NS = 1e-9
@@ -23,15 +23,15 @@ Doubts = tuple[list[Reason], list[Reason], list[Reason]]        # of the wheels,
 
 def doubt_axes(inputs: Inputs, config: Config) -> Doubts:
     """Reasons from missing, stale or faulty readings of the motors and the hood's encoder, by axis."""
-    *wheels, (hood_name, hood), (feeder_name, feeder) = name_axes(config)
-    t_ns, gate = inputs.t_ns, config.gate
+    t_ns, gate, axes = inputs.t_ns, config.gate, config.axes
     found: list[Reason] = []
-    for (name, axis), motor in zip(wheels, inputs.flywheels, strict=True):
-        found += _motor(name, axis, motor, t_ns, gate)
-    of_hood = _motor(hood_name, hood, inputs.hood_motor, t_ns, gate)
-    if config.hood_encoder.is_heard:
-        of_hood = of_hood + _encoder(inputs.hood_angle, t_ns, config)
-    return found, of_hood, _motor(feeder_name, feeder, inputs.feeder, t_ns, gate)
+    for number, (axis, motor) in enumerate(zip(axes.flywheels, inputs.flywheels, strict=True), 1):
+        if doubts := _motor(number, axis, motor, t_ns, gate):
+            found += doubts
+    of_hood = _motor(HOOD_MOTOR, axes.hood, inputs.hood_motor, t_ns, gate)
+    if config.hood_encoder.is_heard and (doubts := _encoder(inputs.hood_angle, t_ns, config)):
+        of_hood = of_hood + doubts
+    return found, of_hood, _motor(FEEDER_MOTOR, axes.feeder, inputs.feeder, t_ns, gate)
 
 
 def doubted_readings(inputs: Inputs, config: Config) -> list[Reason]:
@@ -52,23 +52,30 @@ def _encoder(angle: AngleReading | None, t_ns: int, config: Config) -> list[Reas
     return [] if angle.magnet_ok else [because.MAGNET_LOST()]
 
 
-def _motor(name: str, axis: Axis, motor: MotorReading, t_ns: int, gate: GateConfig) -> list[Reason]:
+def _motor(which: str | int, axis: Axis, motor: MotorReading, t_ns: int, gate: GateConfig) -> list[Reason]:
+    """`which`: the motor's name, or a flywheel's number: a name is made only where something is wrong."""
     if motor.t_ns == 0 or motor.heartbeat_t_ns == 0:
-        return [because.DEVICE_NEVER_RECEIVED(device=name)]
-    if not _young(t_ns - motor.t_ns, gate.reading_age_s):
-        return [because.DEVICE_STALE(device=name, age_s=(t_ns - motor.t_ns) * NS)]
-    if not _young(t_ns - motor.heartbeat_t_ns, HEARTBEAT_S):
-        return [because.DEVICE_HEARTBEAT_STALE(device=name, age_s=(t_ns - motor.heartbeat_t_ns) * NS)]
-    if missing := _no_fault_report(name, motor.errors_t_ns, t_ns, ERRORS_S):
+        return [because.DEVICE_NEVER_RECEIVED(device=_name(which))]
+    if not 0.0 <= (age_s := (t_ns - motor.t_ns) * NS) <= gate.reading_age_s:
+        return [because.DEVICE_STALE(device=_name(which), age_s=age_s)]
+    if not 0.0 <= (age_s := (t_ns - motor.heartbeat_t_ns) * NS) <= HEARTBEAT_S:
+        return [because.DEVICE_HEARTBEAT_STALE(device=_name(which), age_s=age_s)]
+    if motor.errors_t_ns is not UNSET and (missing := _no_fault_report(_name(which), motor.errors_t_ns, t_ns,
+                                                                       ERRORS_S)):
         return [missing]
-    if not all(map(math.isfinite, (motor.position_rad, motor.velocity_rad_s, motor.current_a, motor.bus_v))):
-        return [because.MOTOR_NOT_FINITE(motor=name)]
+    if not (math.isfinite(motor.position_rad) and math.isfinite(motor.velocity_rad_s)
+            and math.isfinite(motor.current_a) and math.isfinite(motor.bus_v)):
+        return [because.MOTOR_NOT_FINITE(motor=_name(which))]
     family = family_of(axis)
     if errors := family.errors(axis, motor):
-        return [because.MOTOR_ERROR(motor=name, errors=errors)]
+        return [because.MOTOR_ERROR(motor=_name(which), errors=errors)]
     if not family.is_driven(axis, motor):
-        return [because.MOTOR_NOT_DRIVEN(motor=name, state=motor.axis_state)]
+        return [because.MOTOR_NOT_DRIVEN(motor=_name(which), state=motor.axis_state)]
     return []
+
+
+def _name(which: str | int) -> str:
+    return which if isinstance(which, str) else name_wheel(which)
 
 
 def _no_fault_report(device: str, stamp_ns: int | UnsetType, t_ns: int, limit_s: float) -> Reason | None:

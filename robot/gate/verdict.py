@@ -16,7 +16,6 @@ from truearc.robot.gate.contract import FEATURES, NOVELTY_LIMIT
 from truearc.robot.gate.doubts import doubted_readings
 from truearc.robot.gate.model import Gate, Rating
 from truearc.robot.motion import Watch
-from truearc.robot.motion import reasons as motion_reasons
 from truearc.robot.types import Aim, Estimate, Inputs, Memory, Verdict
 
 NS = 1e-9
@@ -30,7 +29,7 @@ def judge(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: 
     watched: the interlocks of motion; None where nothing is driven.
     """
     doubts = doubted_readings(inputs, config) if watched is None else itertools.chain(*watched.doubts)
-    reasons = [*_operator(memory), *inputs.faults, *([] if watched is None else motion_reasons(watched.motion)),
+    reasons = [*_operator(memory), *inputs.faults, *([] if watched is None else watched.reasons()),
                *doubts,
                *([] if memory.homed else [because.HOOD_NOT_HOMED()]), *_launcher(inputs, estimate, aim, memory, config),
                *judge_target(inputs, estimate, config), *judge_motion(estimate, aim, config)]

@@ -19,7 +19,7 @@ from truearc.robot.gate.doubts import doubt_axes
 from truearc.robot.gate.model import Gate
 from truearc.robot.motion import Wanted, Watch, watch
 from truearc.robot.sysid.program import COAST, FLYWHEEL, HOME, HOOD, READY, STILL, Phase, phases
-from truearc.robot.types import Aim, Command, Estimate, Inputs, Memory, Motion, Progress, Tick, Verdict
+from truearc.robot.types import Aim, Command, Estimate, Inputs, Memory, Progress, Tick, Verdict
 
 NS = 1e-9
 POLICY = "identify"                   # what the session's header says
@@ -41,10 +41,7 @@ def make_step(config: Config) -> Callable[[Inputs, Memory, Config, Gate | None],
         command = RELEASED
         if memory.armed:
             command = _command(inputs, belief, progress, program, config, watched)
-            motion = watched.motion
-            memory = replace(memory, motion=Motion(
-                motion.armed_t_ns, motion.active_t_ns, False, motion.wheels, motion.hood, motion.feeder,
-                command.flywheel_torque_nm, command.hood_torque_nm))
+            memory = replace(memory, motion=watched.remember(command.flywheel_torque_nm, command.hood_torque_nm))
         return Tick(inputs, belief, Aim(0.0, belief.hood_deg or 0.0, POLICY),
                     Verdict(False, (say(progress, program),)), command, memory)
 
@@ -98,8 +95,7 @@ def _advance(inputs: Inputs, belief: Estimate, memory: Memory, progress: Progres
         if doubts and since_s < phase.longest_s:
             return progress
     else:
-        motion = watched.motion
-        doubts += [joint.cause for joint in (motion.wheels, motion.hood, motion.feeder)
+        doubts += [joint.cause for joint in (watched.wheels, watched.hood, watched.feeder)
                    if joint.cause is not None and joint.cause not in doubts]
         doubts += _trespasses(inputs, belief, phase, config)
     speed = _speed(inputs, belief, phase.joint)
@@ -120,7 +116,7 @@ def _command(inputs: Inputs, belief: Estimate, progress: Progress, program: tupl
     phase = program[progress.phase]
     asked_nm = phase.asked_nm((inputs.t_ns - progress.since_t_ns) * NS)
     if phase.kind == HOME:
-        asked_nm = home(inputs, belief, watched.motion.hood.angle_deg_s, config)
+        asked_nm = home(inputs, belief, watched.hood, config)
     return Command(True, True, True, asked_nm if phase.joint == FLYWHEEL else 0.0,
                    asked_nm if phase.joint == HOOD else 0.0, 0.0)
 

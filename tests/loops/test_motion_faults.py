@@ -37,7 +37,7 @@ QUICK = ("wheels: both encoders read 0, since rest", "wheels: both speeds read 4
          "hood: its encoder is frozen while it rises", "hood: its encoder jumps by 10 degrees at the set point",
          "hood: is jammed", "hood: is jammed for 0.45 s", "hood: its limit switch never closes",
          "hood: its limit switch never answers", "hood: its screw has come loose of the motor",
-         "hood: its screw is stiff", "hood: its encoder reads 1.3 degrees low, set point at the soft limit",
+         "hood: its screw is stiff", "hood: its encoder reads 0.8 degrees low, set point at the soft limit",
          "hood: rises from its switch to 70 degrees")
 SPARK = ("wheels: both encoders read 0, since rest", "hood: its encoder is frozen while it rises")
 REAL = ("motion, wheels: both encoders read 0, since rest",

@@ -23,7 +23,6 @@ from truearc.robot.config.schema import Config, Prescribed
 from truearc.robot.geometry import elevation_from_screw_deg, elevation_per_rad, screw_travel_rad
 from truearc.robot.motion import RECOVER_NS
 from truearc.robot.operator_ui.driver_messages import tell
-from truearc.robot.rig import _is_stop
 from truearc.robot.tick import step
 from truearc.robot.types import Inputs, Memory, Sighting, Tick
 
@@ -37,8 +36,8 @@ AIMED: Config = replace(CONFIG, collect=replace(CONFIG.collect, repeats=1000, pr
 class Launcher:
     """Wheels and hood under the tick's torques, their sensors, and what breaks them."""
 
-    def __init__(self, config: Config = AIMED) -> None:
-        self.config, self.memory = config, Memory()
+    def __init__(self, config: Config = AIMED, hood_kg_m2: float = HOOD_KG_M2) -> None:
+        self.config, self.memory, self.hood_kg_m2 = config, Memory(), hood_kg_m2
         self.t_s = 10.0
         self.wheel_rad_s = self.wheel_rad = self.hood_rad_s = 0.0
         self.screw_rad = 0.5 * screw_travel_rad(config.hood)
@@ -96,7 +95,8 @@ class Launcher:
             agreement, before = self.agreements[number]
             agreement.take(before, reading)
             self.agreements[number] = agreement, reading
-            if (fault := agreement.fault("it", reading)) is not None and not (number == 2 and _is_stop(fault)):
+            fault = agreement.fault("it", reading)
+            if fault is not None and (number < 2 or fault.code != hw.SPEED_JUMPED.name):
                 found.append(fault.about(motor=name))
         return replace(inputs, faults=(*inputs.faults, *found))
 
@@ -107,7 +107,7 @@ class Launcher:
         if self.jammed:
             self.hood_rad_s = 0.0
             return
-        self.hood_rad_s, turned = _turn(self.hood_rad_s, command.hood_torque_nm, HOOD_NM, HOOD_KG_M2)
+        self.hood_rad_s, turned = _turn(self.hood_rad_s, command.hood_torque_nm, HOOD_NM, self.hood_kg_m2)
         wanted = self.screw_rad + turned
         self.screw_rad = min(max(wanted, 0.0), screw_travel_rad(self.config.hood))
         self.hood_rad_s = self.hood_rad_s if wanted == self.screw_rad else 0.0
@@ -127,9 +127,9 @@ def _turn(speed: float, torque_nm: float, friction_nm: float, inertia_kg_m2: flo
     return speed, turned
 
 
-def running(config: Config = AIMED) -> Launcher:
+def running(config: Config = AIMED, hood_kg_m2: float = HOOD_KG_M2) -> Launcher:
     """Armed, homed, at its set points."""
-    launcher = Launcher(config)
+    launcher = Launcher(config, hood_kg_m2)
     launcher.run(0.2)
     launcher.arm()
     tick = launcher.run(6.0)
@@ -319,8 +319,10 @@ def test_wheels_run_down_without_target_and_request_and_come_back_with_it() -> N
 
 # --- hood
 
-def test_the_hood_keeps_to_its_speed_limit_homing_too() -> None:
-    launcher = running()
+@pytest.mark.parametrize("hood_kg_m2", [1.5e-5, HOOD_KG_M2])
+def test_the_hood_keeps_to_its_speed_limit_homing_too(hood_kg_m2: float) -> None:
+    """The lighter of the screws coasts 34 degrees from full rate."""
+    launcher = running(hood_kg_m2=hood_kg_m2)
     rates = [abs(tick.inputs.hood_motor.velocity_rad_s * elevation_per_rad(tick.estimate.hood_deg or 45.0, CONFIG.hood))
              for tick in launcher.ticks]
     assert 15.0 < max(rates) < 1.3 * CONFIG.hood.max_deg_s
@@ -402,7 +404,7 @@ def test_a_switch_that_stays_closed_is_told_once_the_hood_has_left_it() -> None:
     assert latched(launcher) == ["switch_stuck"]
 
 
-@pytest.mark.parametrize("wrong_deg", [-1.4, 1.4])
+@pytest.mark.parametrize("wrong_deg", [-0.8, 0.8])
 def test_the_nearer_of_encoder_and_screw_counts_at_a_soft_limit(wrong_deg: float) -> None:
     high_deg = AIMED.hood.high_deg - 10.0
     row = replace(AIMED.collect.prescribed[0], hood_deg=high_deg)
