@@ -86,7 +86,7 @@ def set_stored(bus: Bus, clock: Clock, config: Config, endpoints: Endpoints, yes
 
 
 def _compare(bus: Bus, clock: Clock, known: dict[str, StoredSettings]) -> Iterator[Wrong]:
-    """What is not well; InputError names an axis that may not be written to."""
+    """Settings that are not well; InputError names an axis that may not be written to."""
     for axis, stored in known.items():
         heard = listen(bus, clock, stored.questions(), LISTEN_S)
         if why := stored.refuse(heard):
@@ -106,7 +106,7 @@ def _shown(value: float | None) -> str:
 
 
 def _confirmed(question: str) -> bool:
-    """Ask at the terminal; InputError where there is nobody to answer."""
+    """Ask at the terminal; InputError where the input is not a terminal."""
     if not sys.stdin.isatty():
-        raise InputError("--set: nobody to ask, the input is no terminal; expected --yes")
+        raise InputError("--set: cannot ask, got an input that is not a terminal; expected --yes")
     return input(f"{question} (yes/no): ").strip().lower() == "yes"

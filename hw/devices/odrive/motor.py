@@ -14,7 +14,7 @@ FEED_NS = 25_000_000                  # an unchanged torque is repeated this oft
 class OdriveMotor(AskedMotor):
     """A Motor that is given torques. Its errors stand until it is wanted again: arming is the operator's re-arm.
 
-    Released, or while its readings come too late, it is told to produce no torque and to go idle, whatever it says of
+    Released, or while its readings come too late, it is ordered to produce no torque and to go idle, whatever it says of
     itself. limits: its own, set before it is driven (odrive.make_limits); none where they are not known.
     """
 
