@@ -1,4 +1,4 @@
-"""What an axis never exceeds while all is well, and its own controller's limits, which stand behind the robot's."""
+"""Bounds that an axis keeps while all is well, and its own controller's limits, which stand behind the robot's."""
 
 import math
 from typing import NamedTuple

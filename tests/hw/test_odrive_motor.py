@@ -105,11 +105,12 @@ def test_what_is_wanted_again_comes_up_at_once_though_it_says_that_it_is_up(driv
 
 def test_it_lets_go_by_itself_of_an_axis_whose_readings_come_too_late(driven: OdriveMotor) -> None:
     t_ns = 1000 * MS
-    while not driven._trip.is_open:
-        order(driven, t_ns, 0.2)
-        t_ns += 5 * MS
-    for _ in range(30):
-        order(driven, t_ns, 0.2)
-        t_ns += 5 * MS
-    driven.take(Frame(t_ns, 0x20, bytes(8)))
+    for _ in range(2):                                    # a long time is confirmed by a second answer
+        while not driven._trip.is_open:
+            assert order(driven, t_ns, 0.2) != LET_GO
+            t_ns += 5 * MS
+        for _ in range(30):
+            order(driven, t_ns, 0.2)
+            t_ns += 5 * MS
+        driven.take(Frame(t_ns, 0x20, bytes(8)))
     assert order(driven, t_ns, 0.2) == LET_GO and driven.order(0.2, t_ns).torque_nm == 0.0

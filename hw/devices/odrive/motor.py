@@ -6,7 +6,7 @@ from truearc.hw.devices.heard_motor import AskedMotor
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.protocols import Frame, Order
 
-RETRY_NS = 100_000_000                # how often it is told again to come up, or to let go: a frame may be lost
+RETRY_NS = 100_000_000                # how often orders to come up or to let go are repeated: a frame may be lost
 ENDSTOP_NS = 50_000_000               # how often the limit switch is read
 FEED_NS = 25_000_000                  # an unchanged torque is repeated this often: the watchdog wants to hear it
 
@@ -14,7 +14,7 @@ FEED_NS = 25_000_000                  # an unchanged torque is repeated this oft
 class OdriveMotor(AskedMotor):
     """A Motor that is given torques. Its errors stand until it is wanted again: arming is the operator's re-arm.
 
-    Released, or while its readings come too late, it is told to produce no torque and to go idle, whatever it says of
+    Released, or while its readings come too late, it is ordered to give no torque and to go idle, whatever it says of
     itself. limits: its own, set before it is driven (odrive.make_limits); none where they are not known.
     """
 

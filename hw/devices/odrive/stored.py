@@ -50,7 +50,7 @@ def _setting(axis: odrive.OdriveAxis, number: int, name: str, wanted: float, low
 
 
 def _refuse(axis: odrive.OdriveAxis, endpoints: Endpoints, heard: Heard) -> str:
-    """Another firmware's table would write something else; a driven axis is somebody's."""
+    """Another firmware's table would write something else; a driven axis is in use."""
     versions = heard.of(odrive.frame_id(axis, "Get_Version"))
     try:
         firmware = ".".join(map(str, odrive.parse_version(axis, versions[-1]))) if versions else ""

@@ -16,7 +16,7 @@ from truearc.hw.reason import Reason
 MS = 1_000_000
 FEED_NS = 25 * MS                     # an unchanged duty is repeated this often, in case a frame was lost
 HEARTBEAT_NS = 20 * MS                # a device's patience is five times this
-LET_GO_NS = 100 * MS                  # how often one that has been driven is told again to let go: a frame may be lost
+LET_GO_NS = 100 * MS                  # how often the order to let go is repeated after a drive: a frame may be lost
 FAULTS_STALE_NS = 1000 * MS           # STATUS_1 comes every 0.25 s
 DEAF_NS = 150 * MS                    # a device that applies nothing for this long does not do as it is asked
 LEAST_DUTY = 0.01                     # one smaller may be rounded away

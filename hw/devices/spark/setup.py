@@ -71,14 +71,15 @@ class SparkSetup:
 
     def take_version(self, frame: Frame) -> None:
         """An answer to its question who the device is; BadFrame for anything else."""
-        self._version = spark.parse_version(self._axis, frame)
-        if self._speaks_our_frames():
+        spoke, self._version = self._speaks_our_frames(), spark.parse_version(self._axis, frame)
+        if self._speaks_our_frames() and not spoke:
             self._asked_ns = -RETRY_NS            # the next question need not wait
 
     def _take_statuses(self, frame: Frame) -> None:
+        were_on = self._statuses_on
         self._statuses_on = spark.parse_statuses(self._axis, frame) & self._statuses == self._statuses
         self._statuses_ns = frame.t_ns
-        if self._statuses_on:
+        if self._statuses_on and not were_on:
             self._asked_ns = -RETRY_NS
 
     def take_setting(self, frame: Frame) -> tuple[int, float] | None:

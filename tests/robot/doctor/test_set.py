@@ -12,14 +12,13 @@ from tests.hw.spinning_plant import SpinningPlant
 from tests.robot.good_tick import CONFIG
 from tests.robot.sparks import ALL_SPARK
 from truearc.cli.main import main
-from truearc.cli.robot.doctor_set import set_over
 from truearc.hw.devices.family import Endpoints
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.emulated.clock import StepClock
 from truearc.hw.emulated.emulated_robot import Twin
 from truearc.hw.real.can_bus import open_can
 from truearc.robot.config.schema import InputError
-from truearc.robot.doctor.stored import check_stored, stored_of
+from truearc.robot.doctor.stored import check_stored, set_stored, stored_of
 from truearc.sim.world.emulated_robot import make_nodes
 
 ON, TIME, SPEED, CURRENT, SAVE = 400, 401, 402, 403, 404
@@ -57,7 +56,7 @@ class Bench:
         return [node for name, node in self.nodes.items() if name != "hood_encoder"]
 
     def set(self, yes: bool = True, table: Endpoints = TABLE) -> int:
-        return set_over(self.near, self.clock, CONFIG, table, yes)
+        return set_stored(self.near, self.clock, CONFIG, table, yes)
 
 
 def test_watchdogs_and_limits_are_written_saved_and_read_back(capsys) -> None:
@@ -130,4 +129,4 @@ def test_what_cannot_be_done_is_said_with_exit_code_two(capsys, tmp_path) -> Non
     with pytest.raises(InputError, match="has no endpoint 'save_configuration'"):
         bench.set(table=replace(TABLE, ids={key: at for key, at in TABLE.ids.items() if key != "save_configuration"}))
     with pytest.raises(InputError, match="none keeps settings"):
-        set_over(bench.near, bench.clock, ALL_SPARK, TABLE, True)
+        set_stored(bench.near, bench.clock, ALL_SPARK, TABLE, True)

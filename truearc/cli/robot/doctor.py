@@ -34,8 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Return 0 when no check failed, else 1."""
+    from truearc.cli.robot.doctor_checks import check_robot, set_devices
     if args.set:
-        from truearc.cli.robot.doctor_set import set_devices
         return set_devices(args)
-    from truearc.cli.robot.doctor_checks import check_robot
     return check_robot(args)
