@@ -10,16 +10,14 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
 
 from tests import shape_checks
-
-if TYPE_CHECKING:
-    from tests.hw.host_speed import BusSpeed
 
 DATA = Path(os.environ.get("TRUEARC_DATA", Path(__file__).parents[2] / "shared" / "data"))
 MEDIUM = (Path(__file__).with_name("medium.txt").read_text(encoding="utf-8")).split("\n")[1:]
@@ -81,27 +79,9 @@ def same_share_of_the_machine() -> Iterator[None]:
     assert (os.sched_getscheduler(0), os.sched_getaffinity(0)) == before
 
 
-@pytest.fixture(scope="session")
-def vcan_speed() -> "BusSpeed":
-    """How fast the host's vcan0 carries frames; measured once, before a test that needs it."""
-    from tests.hw.host_speed import measure_bus
-    from truearc.hw.real.can_bus import open_can
-    from truearc.hw.real.clock import MonotonicClock
-
-    near, far = (open_can("socketcan", "vcan0", 1_000_000, MonotonicClock()) for _ in range(2))
-    try:
-        return measure_bus(near, far)
-    finally:
-        near.close()
-        far.close()
-
-
-@pytest.fixture(autouse=True)
-def alone_on_vcan0(request: pytest.FixtureRequest) -> Iterator[None]:
+@contextmanager
+def vcan0_alone() -> Iterator[None]:
     """What another worker's test sends would be heard: a lock on the interface's own folder lets one at a time pass."""
-    if not request.node.get_closest_marker("socketcan"):
-        yield
-        return
     import fcntl  # Linux alone has SocketCAN
     folder = os.open(VCAN0, os.O_RDONLY)
     try:
@@ -112,12 +92,34 @@ def alone_on_vcan0(request: pytest.FixtureRequest) -> Iterator[None]:
 
 
 @pytest.fixture(autouse=True)
-def fast_enough_vcan(alone_on_vcan0: None, request: pytest.FixtureRequest) -> None:
-    """A test in real time is skipped, and says so, where the host's vcan0 cannot carry a robot's 2,000 frames/s."""
-    if request.node.get_closest_marker("fast_bus"):
-        speed: BusSpeed = request.getfixturevalue("vcan_speed")
-        if speed.too_slow:
-            pytest.skip(f"vcan0: {speed.too_slow}")
+def alone_on_vcan0(request: pytest.FixtureRequest) -> Iterator[None]:
+    """A test on SocketCAN has vcan0 to itself."""
+    with vcan0_alone() if request.node.get_closest_marker("socketcan") else nullcontext():
+        yield
+
+
+@cache
+def trouble_of_vcan0() -> str:
+    """Why the host's vcan0 cannot carry a robot's frames in real time, "" where it can; measured once."""
+    from tests.hw.host_speed import measure_bus
+    from truearc.hw.real.can_bus import open_can
+    from truearc.hw.real.clock import MonotonicClock
+
+    with vcan0_alone():
+        near, far = (open_can("socketcan", "vcan0", 1_000_000, MonotonicClock()) for _ in range(2))
+        try:
+            return measure_bus(near, far).too_slow
+        finally:
+            near.close()
+            far.close()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """A test in real time is skipped, and says so, where vcan0 is too slow: before a fixture has taken its minutes."""
+    missing = any(mark.name == "skip" for mark in item.iter_markers())
+    if item.get_closest_marker("fast_bus") and not missing and (why := trouble_of_vcan0()):
+        pytest.skip(f"vcan0: {why}")
 
 
 def check_mutated_copy() -> None:

@@ -178,7 +178,7 @@ def shown(bound: float | str) -> str:
 
 
 def _amounts(bound: float | str, config: Any) -> list[float]:
-    """What a bound comes to: a number for each of a list's, none where nothing is said."""
+    """Values of a bound: one for each of a list's tables, none where a key is absent."""
     products = [1.0]
     for over, factor, silent in FACTOR.findall(bound if isinstance(bound, str) else f"{bound!r}"):
         try:

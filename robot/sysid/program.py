@@ -61,11 +61,6 @@ def _joint(joint: str, excite: Excite, signs: tuple[int, ...]) -> list[Phase]:
 def _check(config: Config) -> None:
     assert config.identify is not None
     wheel, hood = config.identify.flywheel, config.identify.hood
-    for name, excite, limit_nm in ((FLYWHEEL, wheel, config.flywheel.pid.output_high),
-                                   (HOOD, hood, config.hood.pid.output_high)):
-        if excite.step_nm > abs(limit_nm):
-            raise InputError(f"identify.{name}.step_nm is {excite.step_nm:g}, above {name}.pid.output_high, "
-                           f"{limit_nm:g}, to which everything sent is cut")
     free_rad_s = config.rig.launcher.free_speed_rad_s
     if free_rad_s and OVERSPEED * wheel.top_rad_s > free_rad_s:
         raise InputError(f"identify.flywheel.top_rad_s is {wheel.top_rad_s:g}; with {OVERSPEED - 1.0:.0%} to spare "

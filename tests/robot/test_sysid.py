@@ -94,8 +94,6 @@ def test_no_torque_is_ever_above_what_was_configured(phase, since_s):
 
 @pytest.mark.parametrize(("config", "words"), [
     (replace(CONFIG, identify=None), r"\[identify\] is missing"),
-    (excite("flywheel", step_nm=1.3), "identify.flywheel.step_nm is 1.3, above flywheel.pid.output_high"),
-    (excite("hood", step_nm=0.31), "identify.hood.step_nm is 0.31"),
     (excite("flywheel", top_rad_s=590.0), "above rig.launcher.free_speed_rad_s"),
     (excite("hood", margin_deg=30.0), "identify.hood.margin_deg is 30: nothing is left"),
     (replace(CONFIG, identify=replace(CONFIG.identify, flywheel=replace(CONFIG.identify.flywheel, repeats=0),
