@@ -135,6 +135,28 @@ def test_a_table_of_one_value_that_fills_the_memory_is_refused(tmp_path: Path) -
         load_dataset(tmp_path)
 
 
+def test_text_of_parquet_that_is_none_is_named(tmp_path: Path) -> None:
+    write(tmp_path, "")
+    (tmp_path / "shots.csv").unlink()
+    pq.write_table(pa.table({"shot_id": ["aaaaaaaa", "bbbbbbbb"]}), tmp_path / "shots.parquet", compression="none",
+                   use_dictionary=False, write_statistics=False)
+    data = (tmp_path / "shots.parquet").read_bytes()
+    (tmp_path / "shots.parquet").write_bytes(data.replace(b"aaaaaaaa", b"aaaa\x80aaa"))
+    with pytest.raises(InputError, match=r"shots\.parquet: not a readable Parquet file"):
+        load_dataset(tmp_path)
+
+
+def test_rows_above_a_header_are_not_taken_for_its_title(tmp_path: Path) -> None:
+    header, *rows = ["Distance (m),Hood angle (deg),Flywheel RPM,Result"] + [
+        f"{2.0 + 0.1 * k},{60 - k},{2000 + 50 * k},two" for k in range(8)]
+    path = tmp_path / "shots.csv"
+    path.write_text("\n".join(["Monday", header, *rows]) + "\n", encoding="utf-8")
+    assert len(import_shots([path], rig=FACTS).shots) == 8
+    path.write_text("\n".join(["Monday", *rows[:3], header, *rows[3:]]) + "\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"shots\.csv:2: a row of numbers stands above the header, which is line 5"):
+        import_shots([path], rig=FACTS)
+
+
 def test_a_key_of_thousands_of_parts_is_refused_at_once(tmp_path: Path) -> None:
     """Python's own reader takes half a minute for it."""
     write(tmp_path, "", rig="[ball]\n" + "a." * 9000 + "b = 1\n")
