@@ -33,7 +33,7 @@ BROKEN = (McapError, EOFError, ValueError, OverflowError, RuntimeError, MemoryEr
 
 
 class Damaged(ValueError):
-    """What is wrong with a file, and where."""
+    """A file is wrong; the text says what and where."""
 
 
 class TooLarge(InputError):
