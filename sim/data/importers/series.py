@@ -92,9 +92,8 @@ def read_wpilog(path: Path, progress: Callable[[float], None] = lambda done: Non
             progress(place / len(data) if number else 0.0)
         taken.take(place, record)
         end = after
-    cut = () if end == len(data) else (f"ends within the record at byte {end} of {len(data)}: cut short, as where "
-                                       "power is lost; shots may be missing",)
-    return taken.log(cut)
+    cut = f"ends within the record at byte {end} of {len(data)}: cut short, as where power is lost; shots may be missing"
+    return taken.log(() if end == len(data) else (cut,))
 
 
 class _Wpilog:
