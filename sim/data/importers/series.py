@@ -92,7 +92,7 @@ def read_wpilog(path: Path, progress: Callable[[float], None] = lambda done: Non
             progress(place / len(data) if number else 0.0)
         taken.take(place, record)
         end = after
-    cut = f"ends within the record at byte {end} of {len(data)}: cut short, as where power is lost; shots may be missing"
+    cut = f"ends in the record at byte {end} of {len(data)}: cut short, as where power is lost; shots may be missing"
     return taken.log(() if end == len(data) else (cut,))
 
 
