@@ -116,7 +116,7 @@ def _in_child(reader: Reader, home: Path) -> Read:
 
 
 def _child(reader: Reader, home: Path, pipe: int) -> None:
-    """Never returns. What is printed is a warning, too."""
+    """Never returns. Printed lines are warnings, too."""
     faulthandler.disable()
     now = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_CPU, (LONGEST_S, LONGEST_S + 5))

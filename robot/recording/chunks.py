@@ -33,7 +33,7 @@ BROKEN = (McapError, EOFError, ValueError, OverflowError, RuntimeError, MemoryEr
 
 
 class Damaged(ValueError):
-    """What is wrong with a file, and where."""
+    """A file is wrong; the text says what and where."""
 
 
 class TooLarge(InputError):
@@ -47,10 +47,12 @@ def rows_in(file: IO[bytes], size: int, path: Path, topic: str) -> Iterator[byte
         Damaged: the file ends early, or is not what was written; all that was given before is.
         TooLarge: a record or an unpacked chunk is larger than LARGEST.
     """
-    channel, count, stated = -1, 0, None
+    channel, count = -1, 0
+    stated: int | None = None
     for at, opcode, body in _records(file, size, path):
         try:
-            inside = _inside(body, f"{path}: byte {at}") if opcode == Opcode.CHUNK else [(opcode, body)]
+            is_chunk = opcode == Opcode.CHUNK
+            inside = _inside(body, f"{path}: byte {at}") if is_chunk else iter(((opcode, body),))
             for kind, content in inside:
                 if kind == Opcode.CHANNEL and (said := Channel.read(_stream(content))).topic == topic:
                     channel = said.id
@@ -74,6 +76,7 @@ def unpack(chunk: Chunk, name: str) -> bytes:
     """The content of a chunk whose checksum holds; Damaged, or TooLarge, otherwise. name: where it is, for that."""
     if chunk.uncompressed_size > LARGEST:
         raise TooLarge(f"{name}: a chunk that unpacks to {chunk.uncompressed_size} bytes; at most {LARGEST} are read")
+    data: bytes
     if chunk.compression == "zstd":
         with zstandard.ZstdDecompressor(max_window_size=LARGEST).stream_reader(chunk.data) as packed:
             data = packed.read(LARGEST + 1)

@@ -53,9 +53,9 @@ def _from_folders(sessions: Sequence[Path], name: str, telemetry: bool) -> Datas
             left_out.append(f"{session / TRIALS}: cut short: trials after that are missing; truearc session recover "
                             f"{session} puts back what the telemetry holds")
         if telemetry:
-            reader, told = TickReader(session), dict[int, Trial]()
-            traces += _traces(reader, kept, config, len(rows), told)
-            left_out += _unlike(session, marked, told)
+            reader, in_ticks = TickReader(session), dict[int, Trial]()
+            traces += _traces(reader, kept, config, len(rows), in_ticks)
+            left_out += _unlike(session, marked, in_ticks)
             if reader.cut_short:
                 left_out.append(f"{reader.cut_short}: telemetry after that is missing")
         rows += [(session.resolve().name, trial) for trial in kept]
@@ -71,12 +71,12 @@ def _check_names(sessions: Sequence[Path]) -> None:
             raise InputError(f"two sessions are called {name}: shot_id would not be unique")
 
 
-def _unlike(session: Path, marked: list[Trial], told: dict[int, Trial]) -> list[str]:
-    """A line for each trial of which trials.jsonl says something else than the ticks; told: what they say."""
+def _unlike(session: Path, marked: list[Trial], in_ticks: dict[int, Trial]) -> list[str]:
+    """A line for each trial of which trials.jsonl says something else than the ticks; in_ticks: what they say."""
     known = {trial.outcome.trial: trial for trial in marked}
     return [f"{session / TRIALS}: trial {number}: " + (
         f"is missing; truearc session recover {session} puts it back" if number not in known else
-        "is not as the telemetry has it") for number, trial in told.items() if known.get(number) != trial]
+        "is not as the telemetry has it") for number, trial in in_ticks.items() if known.get(number) != trial]
 
 
 def _split(session: Path, trials: list[Trial]) -> tuple[list[Trial], list[str]]:
@@ -105,15 +105,15 @@ def _shots(rows: list[tuple[str, Trial]]) -> Shots:
 
 
 def _traces(reader: TickReader, trials: list[Trial], config: Config, first_row: int,
-            told: dict[int, Trial]) -> list[tuple[int, float, str, float]]:
-    """Signals around each shot, one sample for each new reading; `told` takes the trials of the ticks."""
+            in_ticks: dict[int, Trial]) -> list[tuple[int, float, str, float]]:
+    """Signals around each shot, one sample for each new reading; `in_ticks` takes the trials of the ticks."""
     feeds = np.array([trial.shot.t_ns for trial in trials if trial.shot is not None], dtype=np.int64)
     if len(feeds) == 0:
         return []
     rows: list[tuple[int, float, str, float]] = []
     newest: dict[str, int] = {}
     for tick, _ in reader:
-        told |= {trial.outcome.trial: trial for trial in make_trials(tick)}
+        in_ticks |= {trial.outcome.trial: trial for trial in make_trials(tick)}
         # the one shot in whose window this tick lies, if any
         index = int(np.searchsorted(feeds, tick.inputs.t_ns + int(BEFORE_S / NS), side="right")) - 1
         if index < 0 or (tick.inputs.t_ns - feeds[index]) * NS > AFTER_S:

@@ -197,12 +197,12 @@ def _load_parquet(path: Path) -> RawTable:
             if size > MAX_BYTES or cells > max(MOST_CELLS, CELLS_PER_BYTE * path.stat().st_size):
                 raise InputError(f"{path}: unpacks to {cells} cells of {size} bytes; more than is read of such a file")
             table = file.read()
-    except (OSError, ValueError, MemoryError, pa.ArrowException) as error:
+        names = table.column_names
+        if len(set(names)) < len(names):
+            raise InputError(f"{path}: a column stands twice")
+        columns = {name: [as_cell(value) for value in table.column(name).to_pylist()] for name in names}
+    except (OSError, ValueError, OverflowError, MemoryError, pa.ArrowException) as error:
         raise InputError(f"{path}: not a readable Parquet file ({error})") from error
-    names = table.column_names
-    if len(set(names)) < len(names):
-        raise InputError(f"{path}: a column stands twice")
-    columns = {name: [as_cell(value) for value in table.column(name).to_pylist()] for name in names}
     return RawTable(path, columns, list(range(1, table.num_rows + 1)))
 
 

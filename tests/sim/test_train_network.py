@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from truearc.robot.config.schema import InputError
+from truearc.sim.paper import network
 from truearc.sim.paper.network import (
     Network,
     initial_layers,
@@ -106,6 +107,12 @@ def test_wrong_arrays_are_named(archive: Path, tmp_path: Path, change: dict[str,
     with pytest.raises(InputError) as caught:
         load_weights(tmp_path)
     assert words in str(caught.value) and "weights.npz" in str(caught.value)
+
+
+def test_weights_that_unpack_to_more_than_a_limit_are_refused(archive: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(network, "MAX_BYTES", 100)
+    with pytest.raises(InputError, match=r"weights\.npz: not a weights file \(unpacks to \d+ bytes"):
+        load_weights(archive)
 
 
 @pytest.mark.parametrize(("text", "words"), [

@@ -15,7 +15,7 @@ STEEP = 0.05                          # share of its greatest step that a fall h
 REGAINED = 0.5                        # share of the dip after which the next one may begin
 EDGES = 2                             # samples of another signal at the edges of a part that is lost
 RATES = 4.0                           # times as long as usual between two samples: some were lost
-SPIKE = 1.5                           # a sample so many times as high as both of its neighbours is none
+SPIKE = 1.5                           # a sample above both of its neighbours times this is none
 STANDS = 0.15                         # share of its greatest speed below which a wheel is not at work
 AFTER_FEED_S = 1.0                    # a ball reaches the wheels so long after the feeder starts
 LATE_S = 0.25                         # and passes so long after the feeder stops
@@ -89,7 +89,8 @@ def spikes(values: Floats) -> np.ndarray:
     """Mask [n] of single samples above both of their neighbours by half: no wheel does that."""
     speed = np.abs(values)
     beside = np.maximum(np.concatenate([speed[1:], speed[-1:]]), np.concatenate([speed[:1], speed[:-1]]))
-    return (speed > SPIKE * beside) & (speed > STANDS * speed.max(initial=0.0))
+    above: np.ndarray = (speed > SPIKE * beside) & (speed > STANDS * speed.max(initial=0.0))
+    return above
 
 
 def find_dips(wheel: Series, set_point: Series | None, least_dip: float) -> Floats:

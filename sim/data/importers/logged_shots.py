@@ -43,17 +43,17 @@ def shots_from_logs(paths: Sequence[Path], shot_map: ShotMap, rig: Rig, name: st
         raise InputError(f"two logs are called {max(names, key=names.count)}: shot_id would not be unique")
     rows: list[dict[str, Cell]] = []
     traces: list[tuple[str, float, str, float]] = []
-    doubts: list[str] = []
+    damage: list[str] = []
     left_out: list[str] = []
     for number, path in enumerate(paths):
         log = read_log(path, shot_map, part_of(progress, number / len(paths), 1.0 / len(paths)))
-        doubts += [f"{path.name}: {line}" for line in log.doubts]
+        damage += [f"{path.name}: {line}" for line in log.damage]
         found = Reading(path, log, shot_map, rig)
         more, odd = found.rows()
         rows += more
         left_out += odd
         traces += found.traces(more)
-    left_out = doubts + left_out      # of whole files first
+    left_out = damage + left_out      # of whole files first
     if not rows:
         raise InputError(f"{', '.join(map(str, paths))}: no shot was found"
                          + "".join(f"\n{line}" for line in left_out[:5]))

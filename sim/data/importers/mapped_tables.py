@@ -70,6 +70,11 @@ def table_below(path: Path, is_header: Callable[[set[str], str], bool]) -> RawTa
             break
     else:
         return None
+    width = len(_cells_of(lines[number]))
+    for above, line in enumerate(lines[:number], 1):
+        cells = _cells_of(line)
+        if len(cells) == width and 2 * sum(parse_number(cell) is not None for cell in cells) > width > 1:
+            raise InputError(f"{path}:{above}: a row of numbers stands above the header, which is line {number + 1}")
     with gathered() as problems:
         table = parse_csv("\n" * number + "".join(lines[number:]), path, problems)
     return replace(table, columns={name.strip(): cells for name, cells in table.columns.items()})
@@ -77,11 +82,16 @@ def table_below(path: Path, is_header: Callable[[set[str], str], bool]) -> RawTa
 
 def _header(lines: list[str]) -> set[str]:
     """Cells of the first line, of any separator; a cell in quotes may go on in the next."""
-    cells = {cell.strip().strip('"') for cell in re.split(r"[,;\t]", lines[0].strip("\r\n"))}
+    cells = set(_cells_of(lines[0]))
     for mark in ",;\t":
         with suppress(csv.Error):
             cells |= {cell.strip() for cell in next(csv.reader(lines, delimiter=mark), [])}
     return cells
+
+
+def _cells_of(line: str) -> list[str]:
+    """Cells of a line by any separator, where none is in quotes."""
+    return [cell.strip().strip('"') for cell in re.split(r"[,;\t]", line.strip("\r\n"))]
 
 
 def _is_data(line: str) -> bool:

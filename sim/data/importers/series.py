@@ -61,11 +61,11 @@ Signals = Mapping[str, Series]
 
 
 class Log(dict[str, Series]):
-    """The signals of a log by their names; `doubts`: a line for each kind of damage to its file."""
+    """The signals of a log by their names; `damage`: a line for each kind of damage to its file."""
 
-    def __init__(self, signals: Signals, doubts: tuple[str, ...] = ()) -> None:
+    def __init__(self, signals: Signals, damage: tuple[str, ...] = ()) -> None:
         super().__init__(signals)
-        self.doubts = doubts
+        self.damage = damage
 
 
 def read_wpilog(path: Path, progress: Callable[[float], None] = lambda done: None) -> Log:
@@ -74,7 +74,7 @@ def read_wpilog(path: Path, progress: Callable[[float], None] = lambda done: Non
     Raises:
         InputError: there is no such file, it is not a WPILOG, or WPILib's reader is not installed.
 
-    What is damaged or cut short is left out, and said in `doubts`.
+    Records that are damaged or cut short are left out, and named in `damage`.
     """
     try:
         from wpiutil.log import DataLogReader
@@ -92,9 +92,8 @@ def read_wpilog(path: Path, progress: Callable[[float], None] = lambda done: Non
             progress(place / len(data) if number else 0.0)
         taken.take(place, record)
         end = after
-    cut = () if end == len(data) else (f"ends within the record at byte {end} of {len(data)}: cut short, as where "
-                                       "power is lost; shots may be missing",)
-    return taken.log(cut)
+    cut = f"ends in the record at byte {end} of {len(data)}: cut short, as where power is lost; shots may be missing"
+    return taken.log(() if end == len(data) else (cut,))
 
 
 class _Wpilog:
@@ -120,11 +119,11 @@ class _Wpilog:
             self._add(place, "a value that is none of its signal's kind")
 
     def log(self, more: tuple[str, ...]) -> Log:
-        """All signals; more: further doubts."""
-        doubts = tuple(f"damaged: byte {place}: {what}" + (f"; {count} of these" if count > 1 else "")
+        """All signals; more: further damage."""
+        damage = tuple(f"damaged: byte {place}: {what}" + (f"; {count} of these" if count > 1 else "")
                        + "; shots may be missing" for what, (place, count) in self._damage.items())
         return Log({name: _series(name, times, self._values[name], self._units[name])
-                    for name, times in self._times.items()}, doubts + more)
+                    for name, times in self._times.items()}, damage + more)
 
     def _control(self, place: int, record: Any) -> None:
         if record.isStart():

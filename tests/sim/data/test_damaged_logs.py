@@ -56,7 +56,7 @@ def found(path: Path) -> tuple[int, tuple[str, ...]]:
     return len(dataset.shots), dataset.left_out
 
 
-def test_a_whole_log_has_no_doubts(log: Path) -> None:
+def test_a_whole_log_has_no_damage(log: Path) -> None:
     assert found(log) == (3, ())
 
 
@@ -95,7 +95,7 @@ def test_a_name_that_is_no_text_is_damage(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes().replace(b"/hood", b"/ho\xffd", 1))
     log = read_wpilog(path)
     assert "/wheel" in log and "/hood" not in log
-    assert any(line.startswith("damaged: byte ") for line in log.doubts)
+    assert any(line.startswith("damaged: byte ") for line in log.damage)
 
 
 def test_one_wild_sample_hides_no_shot(tmp_path: Path) -> None:
@@ -120,7 +120,7 @@ def test_rows_in_the_place_of_others_are_said(tmp_path: Path) -> None:
     times = [0.1 * k for k in range(50)]
     path.write_text("Timestamp,Key,Value\n" + "".join(f"{t_s},/wheel,{t_s}\n" for t_s in times[:30] + times[:30]),
                     encoding="utf-8")
-    assert read_csv_log(path, None, 1.0).doubts == ("damaged: time goes back in 1 rows; shots may be missing",)
+    assert read_csv_log(path, None, 1.0).damage == ("damaged: time goes back in 1 rows; shots may be missing",)
 
 
 def test_a_table_of_one_value_that_fills_the_memory_is_refused(tmp_path: Path) -> None:
@@ -135,6 +135,28 @@ def test_a_table_of_one_value_that_fills_the_memory_is_refused(tmp_path: Path) -
         load_dataset(tmp_path)
 
 
+def test_text_of_parquet_that_is_none_is_named(tmp_path: Path) -> None:
+    write(tmp_path, "")
+    (tmp_path / "shots.csv").unlink()
+    pq.write_table(pa.table({"shot_id": ["aaaaaaaa", "bbbbbbbb"]}), tmp_path / "shots.parquet", compression="none",
+                   use_dictionary=False, write_statistics=False)
+    data = (tmp_path / "shots.parquet").read_bytes()
+    (tmp_path / "shots.parquet").write_bytes(data.replace(b"aaaaaaaa", b"aaaa\x80aaa"))
+    with pytest.raises(InputError, match=r"shots\.parquet: not a readable Parquet file"):
+        load_dataset(tmp_path)
+
+
+def test_rows_above_a_header_are_not_taken_for_its_title(tmp_path: Path) -> None:
+    header, *rows = ["Distance (m),Hood angle (deg),Flywheel RPM,Result"] + [
+        f"{2.0 + 0.1 * k},{60 - k},{2000 + 50 * k},two" for k in range(8)]
+    path = tmp_path / "shots.csv"
+    path.write_text("\n".join(["Monday", header, *rows]) + "\n", encoding="utf-8")
+    assert len(import_shots([path], rig=FACTS).shots) == 8
+    path.write_text("\n".join(["Monday", *rows[:3], header, *rows[3:]]) + "\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"shots\.csv:2: a row of numbers stands above the header, which is line 5"):
+        import_shots([path], rig=FACTS)
+
+
 def test_a_key_of_thousands_of_parts_is_refused_at_once(tmp_path: Path) -> None:
     """Python's own reader takes half a minute for it."""
     write(tmp_path, "", rig="[ball]\n" + "a." * 9000 + "b = 1\n")
@@ -144,4 +166,4 @@ def test_a_key_of_thousands_of_parts_is_refused_at_once(tmp_path: Path) -> None:
 
 def test_sizes_of_wpilog_are_not_believed(tmp_path: Path) -> None:
     (tmp_path / "log.wpilog").write_bytes(b"WPILOG" + struct.pack("<HI", 0x0100, 0xFFFFFFFF))
-    assert read_wpilog(tmp_path / "log.wpilog").doubts
+    assert read_wpilog(tmp_path / "log.wpilog").damage
