@@ -31,7 +31,7 @@ CLOCK = MonotonicClock()
 
 
 class Places(NamedTuple):
-    """Places for clients whose answers last: so many, of these so many for one address, the last for a known client."""
+    """Places for clients whose answers last: `most` in all, `of_address` for one; the last is a known client's."""
 
     most: int
     of_address: int
@@ -41,13 +41,13 @@ class LocalServer(ThreadingHTTPServer):
     """Listens on one address; OSError when it cannot."""
 
     daemon_threads = True
-    request_queue_size = 64           # connections that wait to be accepted; one more asks again after a second
+    request_queue_size = 128          # that wait to be accepted, 0.3 s in a crowd; one more asks again after a second
 
     def __init__(self, host: str, port: int, handler: type["LocalHandler"]) -> None:
         self.address_family = AF_INET6 if ":" in host else AF_INET
         self._lock = threading.Lock()
         self._clients: dict[socket, str] = {}     # address of each, in the order in which they came
-        self._placed: dict[socket, Places] = {}   # of these, the clients that nobody else replaces
+        self._placed: dict[socket, Places] = {}   # of these, the clients that no other replaces
         super().__init__((host, port), handler)
         shown = f"[{host}]" if ":" in host else host
         self._own = {"localhost"} if host in WILD else {"localhost", host.lower()}
@@ -115,7 +115,7 @@ class LocalServer(ThreadingHTTPServer):
 
 
 class _Request(RawIOBase):
-    """What a client sends; TimeoutError when all that is read of it takes longer than REQUEST_NS."""
+    """A client's request as it arrives; TimeoutError when reading all of it takes longer than REQUEST_NS."""
 
     def __init__(self, connection: socket) -> None:
         self._connection, self._until_ns = connection, CLOCK.now_ns() + REQUEST_NS

@@ -226,9 +226,9 @@ def test_the_whole_request_has_one_time_limit(page, monkeypatch, sent):
         assert time.monotonic() > began + 0.5
 
 
-def test_64_connections_may_wait_to_be_accepted():
+def test_128_connections_may_wait_to_be_accepted():
     with PageServer("127.0.0.1", 0, None, None) as server, ExitStack() as leaving:
-        for _ in range(64):
+        for _ in range(128):
             leaving.enter_context(socket.create_connection(("127.0.0.1", server.server_port), timeout=0.5))
 
 
