@@ -109,7 +109,7 @@ def load_gate(path: str | Path) -> Gate:
     Refused: unreadable, not ONNX, no contract or another one, a seal that does not fit; before onnxruntime has seen
     any of it. Then operations other than a gate's, other inputs or outputs, no usable domain, no word on what novelty
     is measured from, no provenance, and a p that is not a probability or a novelty that is not a number anywhere on a
-    grid of 27 points over the domain. Another process goes first (truearc.robot.gate.trial), which may take 20 s.
+    grid of 27 points over the domain. Another process goes first (truearc.robot.gate.trial), whose time is limited.
     """
     data = load_bytes(path, MOST_BYTES)
     check_file(path, data)

@@ -164,8 +164,9 @@ class Desk:
         now_ns = self._clock.now_ns()
         if trouble != self._said and now_ns - self._said_ns > SAY_S * NS_PER_S:
             self._said, self._said_ns = trouble, now_ns
-            print("truearc run: " + ("recording again" if trouble is None else f"not recording: {text(trouble)}; the "
-                                     "robot holds its fire"), file=sys.stderr, flush=True)
+            words = "recording again" if trouble is None else f"not recording: {text(trouble)}; the robot holds its fire"
+            sys.stderr.write(f"truearc run: {words}\n")      # at one stroke: the control process writes there, too
+            sys.stderr.flush()
 
     def _tell(self, status: Status) -> None:
         if status != self._told:
