@@ -1,7 +1,7 @@
-"""A gate's model tried in a process of its own, which a time limit can end: `python -m truearc.robot.gate.trial NAME`.
+"""A gate's model tried in a process of its own, which a limit of time or memory can end.
 
-onnxruntime computes while it loads (constants are folded), and nothing can stop it inside a process. The process gets
-the file's bytes on standard input and does all that loading does. It ends with 0, or with 2 and the objection.
+onnxruntime computes while it loads (constants are folded), and nothing can stop it inside a process. The process is
+`python -m truearc.robot.gate.model`: it gets the file's bytes on standard input and does all that loading does.
 """
 
 import signal
@@ -13,7 +13,7 @@ from truearc.robot.config.input_error import InputError
 # Of computing: starting the process takes 0.6 s of it here, loading 5 ms; a Raspberry Pi 4 is some five times slower.
 LIMIT_S = 10
 PATIENCE = 12                         # times that, by the clock: the page's process got a twentieth of a busy core
-DATA_BYTES = 400 << 20             # of data it may ask for: a gate of 65 kB takes 60 MB
+DATA_BYTES = 400 << 20                # that it may ask for: a gate of 65 kB takes 60 MB
 _passed: set[str] = set()             # SHA-256 of the files that this process has had tried
 
 
@@ -24,7 +24,7 @@ def try_gate(path: object, data: bytes, sha256: str) -> None:
     """
     if sha256 in _passed:
         return
-    command = [sys.executable, "-P", "-m", "truearc.robot.gate.trial", str(path), str(LIMIT_S)]
+    command = [sys.executable, "-P", "-m", "truearc.robot.gate.model", str(path), str(LIMIT_S)]
     try:
         done = subprocess.run(command, input=data, capture_output=True, timeout=PATIENCE * LIMIT_S, check=False)
     except subprocess.TimeoutExpired as error:
@@ -41,19 +41,6 @@ def try_gate(path: object, data: bytes, sha256: str) -> None:
     _passed.add(sha256)
 
 
-def main(name: str, limit_s: str) -> int:
-    """Try what standard input holds, as the file of that name."""
-    from truearc.robot.gate.model import open_gate  # which imports this module
-    limit_self(int(limit_s))
-    try:
-        gate = open_gate(name, sys.stdin.buffer.read(), "")
-        gate.rate(*(0.5 * (low + high) for low, high in gate.domain))
-    except InputError as error:
-        sys.stdout.buffer.write(str(error).encode())
-        return 2
-    return 0
-
-
 def limit_self(limit_s: int) -> None:
     """Limit time and data of this process where the system can; whoever waits for it may be gone."""
     try:
@@ -63,7 +50,3 @@ def limit_self(limit_s: int) -> None:
     resource.setrlimit(resource.RLIMIT_DATA, (DATA_BYTES, DATA_BYTES))
     resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s + 2))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-
-
-if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))

@@ -154,10 +154,11 @@ def test_a_run_on_a_full_disk_stays_up_and_records_all_once_there_is_room(tmp_pa
         robot.rest(5.0)
         (disk / "ballast").unlink()
         until(lambda: any(path.stat().st_size > BEGUN_BYTES for path in robot.out.glob("*/telemetry.mcap")))
+        robot.rest(5.0)
         robot.end()
         ticks = list(all_ticks(robot))
         held = [bot.NOT_RECORDING(cause=bot.DISK_FULL()) in tick.inputs.faults for tick in ticks]
-        assert robot.code == 0, robot.said
+        assert robot.code == 0, "".join(robot.said[-4:])
         assert [tick.inputs.cycle for tick in ticks] == list(range(1, len(ticks) + 1))
         assert held[0] and sum(held) > 500 and not held[-1]
         assert not any(tick.verdict.fire for tick, is_held in zip(ticks, held, strict=True) if is_held)
