@@ -28,8 +28,8 @@ def try_gate(path: object, data: bytes, sha256: str) -> None:
     try:
         done = subprocess.run(command, input=data, capture_output=True, timeout=PATIENCE * LIMIT_S, check=False)
     except subprocess.TimeoutExpired as error:
-        raise InputError(f"{path}: takes longer than {PATIENCE * LIMIT_S} s to load and to rate a configuration; is this "
-                         "computer overloaded?") from error
+        raise InputError(f"{path}: takes longer than {PATIENCE * LIMIT_S} s to load and to rate a configuration; is "
+                         "this computer overloaded?") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be tried ({error.strerror})") from error
     if done.returncode == -getattr(signal, "SIGXCPU", 0) != 0:
