@@ -1,6 +1,7 @@
 """The gate's model: an ONNX file that carries its own contract, and one onnxruntime session over it."""
 
 import hashlib
+import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,7 +14,7 @@ from truearc.robot.config.schema import InputError, load_bytes, naming
 from truearc.robot.gate import contract
 from truearc.robot.gate.onnx_file import check_graph, read_metadata
 from truearc.robot.gate.seal import KEY_SEAL, is_intact
-from truearc.robot.gate.trial import try_gate
+from truearc.robot.gate.trial import limit_self, try_gate
 
 Box = tuple[tuple[float, float], ...]             # (low, high) of each feature, in the contract's order
 
@@ -109,7 +110,7 @@ def load_gate(path: str | Path) -> Gate:
     Refused: unreadable, not ONNX, no contract or another one, a seal that does not fit; before onnxruntime has seen
     any of it. Then operations other than a gate's, other inputs or outputs, no usable domain, no word on what novelty
     is measured from, no provenance, and a p that is not a probability or a novelty that is not a number anywhere on a
-    grid of 27 points over the domain. Another process goes first (truearc.robot.gate.trial), which may take 20 s.
+    grid of 27 points over the domain. Another process goes first (truearc.robot.gate.trial), whose time is limited.
     """
     data = load_bytes(path, MOST_BYTES)
     check_file(path, data)
@@ -231,3 +232,19 @@ def _probe(path: str | Path, gate: Gate) -> None:
 
 def _first_line(error: Exception) -> str:
     return (str(error).splitlines() or [type(error).__name__])[0][:200]
+
+
+def main(name: str, limit_s: str) -> int:
+    """The trial's process: load what standard input holds, as the file of that name; 2 with the objection, or 0."""
+    limit_self(int(limit_s))
+    try:
+        gate = open_gate(name, sys.stdin.buffer.read(), "")
+        gate.rate(*(0.5 * (low + high) for low, high in gate.domain))
+    except InputError as error:
+        sys.stdout.buffer.write(str(error).encode())
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

@@ -1,18 +1,19 @@
-"""A gate's model tried in a process of its own, which a time limit can end: `python -m truearc.robot.gate.trial NAME`.
+"""A gate's model tried in a process of its own, which a limit of time or memory can end.
 
-onnxruntime computes while it loads (constants are folded), and nothing can stop it inside a process. The process gets
-the file's bytes on standard input and does all that loading does. It ends with 0, or with 2 and the objection.
+onnxruntime computes while it loads (constants are folded), and nothing can stop it inside a process. The process is
+`python -m truearc.robot.gate.model`: it gets the file's bytes on standard input and does all that loading does.
 """
 
+import signal
 import subprocess
 import sys
 
 from truearc.robot.config.input_error import InputError
 
-# Loading takes 5 ms and starting the process 0.4 s here, 1.5 s with ten busy processes on two cores; a Raspberry Pi 4
-# is some five times slower.
-LIMIT_S = 20
-DATA_BYTES = 400 << 20             # of data it may ask for: a gate of 65 kB takes 60 MB
+# Of computing: starting the process takes 0.6 s of it here, loading 5 ms; a Raspberry Pi 4 is some five times slower.
+LIMIT_S = 10
+PATIENCE = 12                         # times that, by the clock: the page's process got a twentieth of a busy core
+DATA_BYTES = 400 << 20                # that it may ask for: a gate of 65 kB takes 60 MB
 _passed: set[str] = set()             # SHA-256 of the files that this process has had tried
 
 
@@ -23,13 +24,16 @@ def try_gate(path: object, data: bytes, sha256: str) -> None:
     """
     if sha256 in _passed:
         return
-    command = [sys.executable, "-P", "-m", "truearc.robot.gate.trial", str(path)]
+    command = [sys.executable, "-P", "-m", "truearc.robot.gate.model", str(path), str(LIMIT_S)]
     try:
-        done = subprocess.run(command, input=data, capture_output=True, timeout=LIMIT_S, check=False)
+        done = subprocess.run(command, input=data, capture_output=True, timeout=PATIENCE * LIMIT_S, check=False)
     except subprocess.TimeoutExpired as error:
-        raise InputError(f"{path}: takes longer than {LIMIT_S} s to load and to rate a configuration") from error
+        raise InputError(f"{path}: takes longer than {PATIENCE * LIMIT_S} s to load and to rate a configuration; is "
+                         "this computer overloaded?") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be tried ({error.strerror})") from error
+    if done.returncode == -getattr(signal, "SIGXCPU", 0) != 0:
+        raise InputError(f"{path}: takes more than {LIMIT_S} s of computing to load and to rate a configuration")
     if done.returncode == 2:
         raise InputError(done.stdout.decode(errors="replace").strip())
     if done.returncode:
@@ -37,29 +41,12 @@ def try_gate(path: object, data: bytes, sha256: str) -> None:
     _passed.add(sha256)
 
 
-def main(name: str) -> int:
-    """Try what standard input holds, as the file of that name."""
-    from truearc.robot.gate.model import open_gate  # which imports this module
-    limit_self()
-    try:
-        gate = open_gate(name, sys.stdin.buffer.read(), "")
-        gate.rate(*(0.5 * (low + high) for low, high in gate.domain))
-    except InputError as error:
-        sys.stdout.buffer.write(str(error).encode())
-        return 2
-    return 0
-
-
-def limit_self() -> None:
-    """No more data, and no more time should whoever waits be gone, where the system can."""
+def limit_self(limit_s: int) -> None:
+    """Limit time and data of this process where the system can; whoever waits for it may be gone."""
     try:
         import resource
     except ImportError:
         return
     resource.setrlimit(resource.RLIMIT_DATA, (DATA_BYTES, DATA_BYTES))
-    resource.setrlimit(resource.RLIMIT_CPU, (LIMIT_S, LIMIT_S))
+    resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s + 2))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-
-
-if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))

@@ -13,11 +13,10 @@ from msgspec import Struct
 from truearc.hw.protocols import CameraFrame, Clock, LinkLost
 from truearc.hw.reason import Reason
 from truearc.hw.shared_latest import Capacity, Slots
-from truearc.robot.config.schema import InputError, RecordingConfig, in_words
+from truearc.robot.config.schema import InputError, in_words
 from truearc.robot.reasons import text
 from truearc.robot.recording.file_writers import LaneKeeper
 from truearc.robot.recording.files import Row
-from truearc.robot.recording.retention import start_pruning
 
 SAY_S = 1.0                           # between lines on the console: what is refused now may be taken a moment later
 LOOK_S = 0.1                          # it says this often, at least, that it is alive and how the files are
@@ -88,9 +87,9 @@ class Desk:
     """
 
     def __init__(self, slots: Slots, clock: Clock, show: Callable[[list[Row]], None],
-                 limits: RecordingConfig | None = None) -> None:
-        """`limits`: what earlier sessions may take."""
-        self._slots, self._clock, self._show, self._limits = slots, clock, show, limits
+                 began: Callable[[Path], None] = lambda folder: None) -> None:
+        """`began`: called with the session's folder, once it is being recorded."""
+        self._slots, self._clock, self._show, self._began = slots, clock, show, began
         self._decoder = msgspec.msgpack.Decoder(Message)
         self._keeper: LaneKeeper | None = None
         self._told = Status()
@@ -148,7 +147,7 @@ class Desk:
     def _open(self, folder: Path, contents: dict[str, bytes]) -> None:
         try:
             self._keeper = LaneKeeper(folder, contents, lossless=False, waits=True)
-            start_pruning(folder, self._limits)
+            self._began(folder)
         except (OSError, InputError) as error:
             where = f"{error.filename or folder}: {in_words(error)}" if isinstance(error, OSError) else str(error)
             self._tell(Status(failed=where))
@@ -164,8 +163,9 @@ class Desk:
         now_ns = self._clock.now_ns()
         if trouble != self._said and now_ns - self._said_ns > SAY_S * NS_PER_S:
             self._said, self._said_ns = trouble, now_ns
-            print("truearc run: " + ("recording again" if trouble is None else f"not recording: {text(trouble)}; the "
-                                     "robot holds its fire"), file=sys.stderr, flush=True)
+            words = "recording again" if trouble is None else f"not recording: {text(trouble)}; holding fire"
+            sys.stderr.write(f"truearc run: {words}\n")      # at one stroke: the control process writes there, too
+            sys.stderr.flush()
 
     def _tell(self, status: Status) -> None:
         if status != self._told:

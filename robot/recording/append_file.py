@@ -44,7 +44,7 @@ class Appender:
         self._on_disk = 0
         self._gave_up = False
         if prepare is None:
-            self.open()
+            self.ready()
 
     def write(self, data: bytes) -> int:
         self._gave_up = self._gave_up or len(self._pending) > self._pending_bytes
@@ -61,7 +61,7 @@ class Appender:
         NotKept when the rest is not kept, or when the file has been deleted: writes would succeed, and no one could
         read them.
         """
-        file = self.open()
+        file = self.ready()
         while self._pending:
             taken = file.write(self._pending) or 0
             self._on_disk += taken
@@ -73,13 +73,13 @@ class Appender:
 
     def sync(self) -> None:
         """Wait until what was flushed would survive a power cut."""
-        os.fsync(self.open().fileno())
+        os.fsync(self.ready().fileno())
 
     def close(self) -> None:
         if self._file is not None:
             self._file.close()
 
-    def open(self) -> IO[bytes]:
+    def ready(self) -> IO[bytes]:
         """Open the file, if it is not yet; OSError when that cannot be."""
         with self._opening:           # writing and syncing have threads of their own
             if self._file is None:

@@ -5,7 +5,6 @@ import os
 import shutil
 import struct
 import threading
-import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -28,7 +27,7 @@ from truearc.robot.types import Tick
 
 PNG, PNG_SIZE_AT = b"\x89PNG\r\n\x1a\n", 16
 MOST_PIXELS = 1 << 25                 # of an image, 100 MB; no camera's frame has as many
-AGAIN_S = 1.0                         # between attempts to make a folder on a disk that has no room for it
+AGAIN = 10                            # a folder that found no room is tried again at every tenth need of it: a second
 # t_ns, the encoded Tick, its raw frames, its encoded trials
 Row = tuple[int, bytes, list[tuple[Frame, bool]], list[bytes]]
 
@@ -81,7 +80,7 @@ class SessionFiles:
     def __init__(self, folder: Path, contents: Mapping[str, bytes], waits: bool) -> None:
         self.unmade: OSError | None = None
         self._folder, self._contents = folder, contents
-        self._making, self._is_made, self._again_s = threading.Lock(), False, 0.0
+        self._making, self._is_made, self._needs = threading.Lock(), False, 0
         self._telemetry, self._can, self._trials, self._index = self._files = tuple(
             Appender(folder / name, prepare=self._make)
             for name in (layout.TELEMETRY, layout.CAN, layout.TRIALS, layout.INDEX))
@@ -89,7 +88,7 @@ class SessionFiles:
         self.trials_kept = self._trials_written = 0
         try:
             for file in self._files:
-                file.open()
+                file.ready()
         except OSError as error:
             if not waits or error.errno not in DISK_ERRNOS:
                 raise
@@ -100,9 +99,9 @@ class SessionFiles:
         with self._making:
             if self._is_made:
                 return
-            if self.unmade is not None and time.monotonic() < self._again_s:
+            self._needs += 1
+            if self.unmade is not None and self._needs % AGAIN:
                 raise OSError(self.unmade.errno, self.unmade.strerror)
-            self._again_s = time.monotonic() + AGAIN_S
             make_folder(self._folder, self._contents)
             self._is_made, self.unmade = True, None
 

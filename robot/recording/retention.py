@@ -8,7 +8,7 @@ import os
 import shutil
 import sys
 import threading
-import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -49,21 +49,25 @@ def prune(running: Path, limits: RecordingConfig, now_s: float) -> list[Path]:
     return pruned
 
 
-def start_pruning(running: Path, limits: RecordingConfig | None) -> None:
-    """Prune now and every ten minutes, in a thread of this process, as long as that lives; nothing without limits."""
+def start_pruning(limits: RecordingConfig | None, unix_s: Callable[[], float], running: Path) -> None:
+    """Prune now and every ten minutes, in a thread of this process, as long as that lives; nothing without limits.
+
+    `unix_s`: the time of day.
+    """
     if limits is not None and limits != RecordingConfig():
-        threading.Thread(target=_keep_pruning, args=(running, limits), name="retention", daemon=True).start()
+        threading.Thread(target=_keep_pruning, args=(limits, unix_s, running), name="retention", daemon=True).start()
 
 
-def _keep_pruning(running: Path, limits: RecordingConfig) -> None:
+def _keep_pruning(limits: RecordingConfig, unix_s: Callable[[], float], running: Path) -> None:
+    pause = threading.Event()
     while True:
         try:
-            if pruned := prune(running, limits, time.time()):
+            if pruned := prune(running, limits, unix_s()):
                 print(f"truearc run: [recording]: telemetry and images of {len(pruned)} earlier sessions deleted, up "
                       f"to {pruned[-1].name}", file=sys.stderr, flush=True)
         except OSError as error:      # recording goes on; the next look may succeed
             print(f"truearc run: [recording]: earlier sessions stay: {error}", file=sys.stderr, flush=True)
-        time.sleep(LOOK_S)
+        pause.wait(LOOK_S)
 
 
 def _folders(running: Path) -> list[Path]:

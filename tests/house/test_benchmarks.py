@@ -45,6 +45,7 @@ QUICK = {
     "ladder": "--worlds 1 --shots 60",
     "launcher_world": "--worlds 1 --level L1 --shots 24 --unseen 12 --seed 11 --processes 1 --out worlds.jsonl",
     "loop": "--trials 3",
+    "memory": f"--gate {GATE} --minutes 0.05 --clients 1",
     "power": "--level L0 --worlds 1 --shots 60 --seed 3 --processes 1 --out worlds.jsonl",
     "real_sets": "DATA/real --only speeds",
     "real_tables": "DATA/real/frc_shot_tables.csv DATA/real/frc3476_tuning_history.csv "

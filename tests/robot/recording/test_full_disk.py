@@ -16,7 +16,6 @@ from truearc.robot.operator_ui.aim_orders import AimOrders
 from truearc.robot.operator_ui.what_if import QuestionError
 from truearc.robot.reasons import DISK_FULL, NOT_RECORDING
 from truearc.robot.recording.encoder import SessionWriter
-from truearc.robot.recording.files import AGAIN_S
 from truearc.robot.recording.recover import recover
 from truearc.robot.recording.session import load_header, load_trials, make_header
 from truearc.robot.rig import RecordingRig, ReplayRig
@@ -105,7 +104,6 @@ def test_a_session_begun_on_a_full_disk_holds_and_loses_nothing_once_there_is_ro
         play(recorder, all_ticks[:1200])
         assert recorder.trouble() == DISK_FULL()
         ballast.unlink()
-        time.sleep(2.0 * AGAIN_S)
         play(recorder, all_ticks[1200:])
         until(lambda: recorder.trouble() is None)
         recorder.close()

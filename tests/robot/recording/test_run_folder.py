@@ -46,7 +46,7 @@ def test_a_folder_that_finds_no_room_is_made_later_whole(tmp_path, monkeypatch, 
         return open_path(path, mode, *rest, **more)
 
     monkeypatch.setattr(Path, "open", open_it)
-    monkeypatch.setattr(files, "AGAIN_S", 0.0)
+    monkeypatch.setattr(files, "AGAIN", 1)
     recorder = SessionWriter(tmp_path / "s", make_header(CONFIG, None, None), CONFIG, None, lossless=False,
                              open_keeper=partial(LaneKeeper, lossless=False, waits=True))
     assert recorder.trouble() == DISK_FULL()

@@ -3,6 +3,7 @@
 import socket
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -11,7 +12,7 @@ import msgspec
 from truearc.hw.protocols import CameraFrame, Clock, LinkLost
 from truearc.hw.real.camera import open_camera
 from truearc.hw.real.child_process import Child, Line, make_shared
-from truearc.hw.real.clock import MonotonicClock
+from truearc.hw.real.clock import MonotonicClock, wall_offset_ns
 from truearc.hw.real.ipc import Inbox, Outbox
 from truearc.hw.real.reconnect import MendedCamera
 from truearc.hw.shared_latest import Capacity, Slots
@@ -32,6 +33,7 @@ from truearc.robot.types import Sighting, Tick
 from truearc.robot.vision import find_target
 from truearc.robot.vision_source import Eyes, InlineEyes
 
+NS_PER_S = 1_000_000_000
 CLOSE_S = 2.0                         # for a camera to be let go
 
 
@@ -62,7 +64,7 @@ class OneProcess:
 
     def open_keeper(self, folder: Path, contents: Mapping[str, bytes]) -> Keeper:
         """Make a recording's folder and open its files; OSError or InputError when they cannot be."""
-        start_pruning(folder, self._config.recording)
+        start_pruning(self._config.recording, now_unix_s, folder)
         return LaneKeeper(folder, contents, lossless=False, waits=True)
 
     def show(self, recorder: Recorder) -> Recorder:
@@ -174,12 +176,17 @@ def write(line: Line, is_first: bool, end: socket.socket, memory: object,
     cv2.setNumThreads(1)
     inbox, clock = Inbox(end), MonotonicClock()
     screen = None if open_screen is None else open_screen(clock)
-    desk = Desk(Slots(memory, NEWS), clock, make_show(screen), limits)
+    desk = Desk(Slots(memory, NEWS), clock, make_show(screen), partial(start_pruning, limits, now_unix_s))
     line.say(None)
     desk.serve(inbox)
     inbox.close()
     if screen is not None:
         screen.close()
+
+
+def now_unix_s() -> float:
+    """The time of day, as files are stamped with it."""
+    return (MonotonicClock().now_ns() + wall_offset_ns()) / NS_PER_S
 
 
 def make_show(screen: Screen | None) -> Callable[[list[Row]], None]:
