@@ -25,6 +25,7 @@ from truearc.robot.config.schema import Config, Hood
 from truearc.robot.estimate import is_fresh
 from truearc.robot.gate.doubts import Doubts
 from truearc.robot.geometry import elevation_from_screw_deg, elevation_per_rad, screw_travel_rad
+from truearc.robot.motors import HOOD_OVERSPEED
 from truearc.robot.types import Estimate, Inputs, Joint, Memory, Motion
 
 WHEELS, HOOD, FEEDER, SWITCH = "wheels", "hood", "feeder", "hood limit switch"
@@ -43,7 +44,6 @@ SLOW, RISING = 0.05, 0.01             # shares of the set point: hardly turning,
 # A joint's stated friction is what just moves it; three times as much moves it unless it is jammed
 HARD, HARD_NS, PUSH_NS = 3.0, 300_000_000, 460_000_000      # half a second with what the wires add
 MOVED_RAD = 1.0                       # of the hood motor, 0.2 degrees of the shipped hood: more than its play
-HOOD_OVERSPEED = 1.5                  # times the hood's speed limit, which its loop keeps to a fifth
 DIFFERENT = 3                         # readings in a row
 RATE_NS = 5_000_000                   # between encoder readings, for a rate: closer ones were held up on their way
 SWITCH_NS = 250_000_000               # the limit switch is read every 50 ms at most; four answers may be lost

@@ -10,8 +10,7 @@ from truearc.hw.protocols import Motor
 from truearc.robot.config.schema import Config, InputError
 from truearc.robot.geometry import screw_length_m
 
-HOOD_DEG_S = 20.0                     # [hood] max_deg_s as shipped
-HOOD_OVERSPEED = 1.5                  # times that the hood's interlock releases it
+HOOD_OVERSPEED = 1.5                  # times the hood's speed limit, which its loop keeps to a fifth: it is released
 
 HOOD_MOTOR, FEEDER_MOTOR = "hood motor", "feeder motor"
 
@@ -67,7 +66,7 @@ def _hood_top_rad_s(config: Config) -> float:
     turns_deg = max(screw_length_m(deg + 1.0, hood) - screw_length_m(deg, hood) for deg in degrees) / (
         hood.screw_lead_m * hood.screw_gear)
     asked_rad_s = 0.0 if config.identify is None else config.identify.hood.top_rad_s
-    return HOOD_OVERSPEED * max(math.tau * turns_deg * HOOD_DEG_S, asked_rad_s)
+    return HOOD_OVERSPEED * max(math.tau * turns_deg * hood.max_deg_s, asked_rad_s)
 
 
 def around_encoder(config: Config) -> Around:
