@@ -4,7 +4,9 @@ A launcher is fired by its speeds alone, and with a single motor nothing else wo
 count turns on without a wrap, as 32-bit floats; speeds may lag a little, and be stamped a little late.
 """
 
+import struct
 from collections import deque
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from truearc.hw.fault_codes import ENCODER_MISMATCH, ENCODER_STUCK
@@ -21,6 +23,9 @@ GAP_NS = 50 * MS                      # after more silence than a lost frame or 
 SETTLE_NS = 50 * MS                   # ... so much later: what was held back comes at once, stamped when it came
 SHARE = 0.25                          # they may differ by this, twice the worst stamps, and by a speed below motion
 GRAIN = 2.0 ** -23                    # of a 32-bit float
+# Turns, or turns per second or minute, that an encoder may mean, unless it is 0: of 2**23 counts, for a year
+LEAST_TURNS, MOST_TURNS = 2.0 ** -24, 1e8
+FEW = 3                               # values, of which nothing is concluded
 
 
 class _Told(NamedTuple):
@@ -83,3 +88,17 @@ class Agreement:
         grain = GRAIN * (abs(first.position_rad) + abs(last.position_rad)) / span_s
         allowed = MOVING_RAD_S + SHARE * max(abs(told), abs(turned)) + lag + grain
         return None if abs(told - turned) <= allowed else (told, turned)
+
+
+def is_byte_swapped(values: Iterable[bytes]) -> bool:
+    """Whether 32-bit floats are big-endian: read so, each is one that an encoder may mean, little-endian most are not.
+
+    A float's exponent is where the other order has the end of its mantissa, which is 0 or anything.
+    """
+    told = [value for value in values if len(value) == 4 and any(value)]
+    odd = sum(not _is_plausible("<f", value) for value in told)
+    return len(told) >= FEW and 2 * odd > len(told) and all(_is_plausible(">f", value) for value in told)
+
+
+def _is_plausible(order: str, value: bytes) -> bool:
+    return LEAST_TURNS <= abs(struct.unpack(order, value)[0]) <= MOST_TURNS

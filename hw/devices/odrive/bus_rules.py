@@ -14,6 +14,7 @@ def make_rules(axis: odrive.OdriveAxis, each_tick: int) -> Rules:
               odrive.make_version_query(axis)]
     if axis.endstop_endpoint:
         seldom.append(odrive.make_endstop_query(axis))
+    seldom.append(odrive.make_address_query(axis))
     by_host, by_device = (kinds_of(odrive.ids_sent_by(axis, node), False) for node in ("Host", "Axis"))
     return Rules((allow(odrive.make_torque(axis, 0.0), each_tick), *allow_seldom(seldom)), by_host, by_device,
                  {(odrive.frame_id(axis, "Heartbeat"), False, False): PULSE_NS})
