@@ -13,10 +13,24 @@ from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config
 from truearc.robot.control import RELEASED
-from truearc.robot.estimate import estimate, remember
+from truearc.robot.estimate import estimate, is_fresh, remember
 from truearc.robot.gate.model import Gate
 from truearc.robot.gate.verdict import doubted_readings
-from truearc.robot.sysid.program import COAST, FLYWHEEL, HOME, HOOD, OVERSPEED, READY, STILL, Phase, phases
+from truearc.robot.sysid.program import (
+    COAST,
+    CREEP,
+    CREEP_UP_DEG,
+    FLYWHEEL,
+    HOME,
+    HOOD,
+    NUDGE,
+    OVERSPEED,
+    PAUSE,
+    READY,
+    STILL,
+    Phase,
+    phases,
+)
 from truearc.robot.types import Aim, Command, Estimate, Inputs, Memory, Progress, Tick, Verdict
 
 NS = 1e-9
@@ -25,9 +39,11 @@ BACKWARDS = 0.05                      # times top_rad_s: it turns against its to
 LIMIT_SHARE = 0.5                     # of the hood's margin: nearer to an end of its travel everything is let go
 
 
-def make_step(config: Config) -> Callable[[Inputs, Memory, Config, Gate | None], Tick]:
-    """What one tick does, for truearc.robot.runtime.run; InputError when the configuration has no such program."""
-    program = phases(config)
+def make_step(config: Config,
+              program: tuple[Phase, ...] | None = None) -> Callable[[Inputs, Memory, Config, Gate | None], Tick]:
+    """What one tick does, for truearc.robot.runtime.run. program: None for that of [identify]; InputError when the
+    configuration has none."""
+    program = program or phases(config)
 
     def step(inputs: Inputs, memory: Memory, config: Config, gate: Gate | None) -> Tick:
         progress = Progress() if isinstance(memory.identify, UnsetType) else memory.identify
@@ -36,7 +52,7 @@ def make_step(config: Config) -> Callable[[Inputs, Memory, Config, Gate | None],
         belief = estimate(inputs, memory, config)
         progress = _advance(inputs, belief, memory, progress, program, config)
         memory = replace(memory, armed=memory.armed and progress.over is None, identify=progress)
-        command = _command(inputs, progress, program) if memory.armed else RELEASED
+        command = _command(inputs, belief, progress, program) if memory.armed else RELEASED
         return Tick(inputs, belief, Aim(0.0, belief.hood_deg or 0.0, POLICY),
                     Verdict(False, (say(progress, program),)), command, memory)
 
@@ -85,19 +101,21 @@ def _advance(inputs: Inputs, belief: Estimate, memory: Memory, progress: Progres
     speed = _speed(inputs, belief, phase.joint)
     late = since_s >= phase.longest_s
     if late:
-        doubts += _overdue(phase, speed)
+        doubts += _overdue(phase, speed, config)
     if doubts:
         return replace(progress, over=because.IDENTIFY_STOPPED(causes=tuple(doubts)))
-    if not late and not _is_over(belief, memory, phase, speed, config):
+    if not late and not _is_over(inputs, belief, memory, phase, speed, config):
         return progress
     if progress.phase + 1 == len(program):
         return replace(progress, over=because.IDENTIFY_DONE())
     return Progress(progress.phase + 1, inputs.t_ns)
 
 
-def _command(inputs: Inputs, progress: Progress, program: tuple[Phase, ...]) -> Command:
+def _command(inputs: Inputs, belief: Estimate, progress: Progress, program: tuple[Phase, ...]) -> Command:
     phase = program[progress.phase]
     asked_nm = phase.asked_nm((inputs.t_ns - progress.since_t_ns) * NS)
+    if phase.kind == CREEP and _speed(inputs, belief, phase.joint) * phase.sign >= phase.ends_rad_s:
+        asked_nm = 0.0
     return Command(True, asked_nm if phase.joint == FLYWHEEL else 0.0, asked_nm if phase.joint == HOOD else 0.0, 0.0)
 
 
@@ -123,9 +141,11 @@ def _hood(belief: Estimate, phase: Phase, speed: float, config: Config) -> list[
     if phase.kind == HOME:
         return []
     if belief.hood_deg is None or belief.hood_screw_deg is None:
-        return [because.HOOD_UNKNOWN()]
+        return [] if phase.kind in (NUDGE, PAUSE, CREEP) else [because.HOOD_UNKNOWN()]
     if not abs(belief.hood_deg - belief.hood_screw_deg) <= config.hood.crosscheck_deg:
         return [because.HOOD_ENCODERS_DISAGREE(encoder_deg=belief.hood_deg, screw_deg=belief.hood_screw_deg)]
+    if phase.kind in (NUDGE, PAUSE, CREEP):
+        return []
     low_deg, high_deg = _window(config, LIMIT_SHARE)
     slow = STILL * phase.top_rad_s
     if (belief.hood_deg > high_deg and speed > slow) or (belief.hood_deg < low_deg and speed < -slow):
@@ -140,14 +160,27 @@ def _window(config: Config, share: float) -> tuple[float, float]:
     return config.hood.low_deg + margin_deg, config.hood.high_deg - margin_deg
 
 
-def _is_over(belief: Estimate, memory: Memory, phase: Phase, speed: float, config: Config) -> bool:
+def _is_over(inputs: Inputs, belief: Estimate, memory: Memory, phase: Phase, speed: float, config: Config) -> bool:
     if phase.kind == READY:
         return True                   # every reading is there and fresh
     if phase.kind == HOME:
         return memory.homed
     if phase.kind == COAST:
         return abs(speed) <= STILL * phase.top_rad_s
-    return speed * phase.sign >= phase.top_rad_s or (phase.joint == HOOD and _at_end(belief, phase, config))
+    if phase.kind == PAUSE:
+        return False
+    if phase.kind == CREEP:
+        return _has_crept(inputs, belief, phase, config)
+    fast = speed * phase.sign >= (phase.ends_rad_s or phase.top_rad_s)
+    return fast or (phase.joint == HOOD and phase.kind != NUDGE and _at_end(belief, phase, config))
+
+
+def _has_crept(inputs: Inputs, belief: Estimate, phase: Phase, config: Config) -> bool:
+    """On the switch; or, where it is known how high that is, off it."""
+    if (phase.sign > 0) == (config.hood.homing_torque_nm > 0.0):
+        return inputs.hood_motor.endstop and is_fresh(inputs, inputs.hood_motor.endstop_t_ns, config)
+    screw_deg = belief.hood_screw_deg
+    return screw_deg is not None and abs(screw_deg - config.hood.low_deg) >= CREEP_UP_DEG
 
 
 def _at_end(belief: Estimate, phase: Phase, config: Config) -> bool:
@@ -156,9 +189,11 @@ def _at_end(belief: Estimate, phase: Phase, config: Config) -> bool:
     return belief.hood_deg >= high_deg if phase.sign > 0 else belief.hood_deg <= low_deg
 
 
-def _overdue(phase: Phase, speed: float) -> list[Reason]:
+def _overdue(phase: Phase, speed: float, config: Config) -> list[Reason]:
     """Driving may last as long as it may; not so what ought to have come to an end."""
-    if phase.kind == HOME:
+    if phase.kind == PAUSE or (phase.kind == NUDGE and not phase.must_turn):
+        return []
+    if phase.kind == HOME or (phase.kind == CREEP and phase.sign * config.hood.homing_torque_nm > 0.0):
         return [because.SWITCH_NOT_REACHED(limit_s=phase.longest_s)]
     if phase.kind == COAST and abs(speed) > STILL * phase.top_rad_s:
         return [because.JOINT_STILL_TURNING(joint=phase.joint, limit_s=phase.longest_s)]
