@@ -23,8 +23,8 @@ GAP_NS = 50 * MS                      # after more silence than a lost frame or 
 SETTLE_NS = 50 * MS                   # ... so much later: what was held back comes at once, stamped when it came
 SHARE = 0.25                          # they may differ by this, twice the worst stamps, and by a speed below motion
 GRAIN = 2.0 ** -23                    # of a 32-bit float
-# Turns, or turns per second or minute, that an encoder may mean, unless it is 0: of 2**23 counts, for a year
-LEAST_TURNS, MOST_TURNS = 2.0 ** -24, 1e8
+# Turns, or turns per second or minute, that an encoder may mean, unless it is 0: of 2**32 counts, for a year
+LEAST_TURNS, MOST_TURNS = 2.0 ** -32, 1e8
 FEW = 3                               # values, of which nothing is concluded
 
 
@@ -101,4 +101,5 @@ def is_byte_swapped(values: Iterable[bytes]) -> bool:
 
 
 def _is_plausible(order: str, value: bytes) -> bool:
-    return LEAST_TURNS <= abs(struct.unpack(order, value)[0]) <= MOST_TURNS
+    size = abs(struct.unpack(order, value)[0])
+    return size == 0.0 or LEAST_TURNS <= size <= MOST_TURNS

@@ -8,13 +8,14 @@ from msgspec.structs import replace
 
 from truearc.hw.devices.axis import Axis
 from truearc.hw.devices.family import AxisCheck, Endpoints, Heard
+from truearc.hw.devices.hood_encoder import Encoder
 from truearc.hw.devices.odrive.doctor import parse_endpoints
 from truearc.hw.devices.registry import family_of
 from truearc.hw.finding import WARNING, Finding, failure, ok, warning
 from truearc.hw.frc import is_controller_heartbeat, locked_spark
 from truearc.hw.machine import CanLink
 from truearc.hw.monitor import SHARE
-from truearc.hw.protocols import BadFrame, Frame
+from truearc.hw.protocols import BadFrame, Frame, Motor, MotorReading
 from truearc.robot.aim_file import load_aim_for, needs_aim
 from truearc.robot.config.can_policy import NS_PER_S, make_rules
 from truearc.robot.config.schema import Can, Config, GateConfig, InputError, about, load_text
@@ -96,32 +97,43 @@ def check_pulses(config: Config, heard: Heard) -> Finding:
     return ok(check, "none speaks for two")
 
 
+def find_hood(config: Config, heard: Heard) -> tuple[MotorReading, float | None]:
+    """The hood motor's reading, and the elevation by the hood's encoder; None where there is none that knows its zero."""
+    table, family = config.hood_encoder, encoder_family_of(config.hood_encoder)
+    motor = make_motors(config)[len(config.axes.flywheels)]
+    _take_in(motor, heard)
+    if table.zero_deg is None or not table.is_heard or family.make_off_bus is not None:
+        return motor.reading, None
+    encoder = family.make(table, around_encoder(config))
+    _take_in(encoder, heard)
+    angle = encoder.reading or encoder.read(0)
+    at_deg = None if angle is None else elevation_from_encoder_deg(angle.angle_rad, table, table.zero_deg)
+    return motor.reading, at_deg
+
+
+def _take_in(device: Motor | Encoder, heard: Heard) -> None:
+    keys = set(device.ids())
+    for frame in heard.frames:
+        if (frame.arbitration_id, frame.is_extended) in keys and not frame.is_remote:
+            with contextlib.suppress(BadFrame):
+                device.take(frame)
+
+
 def check_hood(config: Config, heard: Heard) -> Iterator[Finding]:
     """Whether limit switch and encoder say the same of where the hood is; nothing where either does not tell."""
-    check, table, hood = "hood, switch and encoder", config.hood_encoder, config.hood
-    family = encoder_family_of(table)
-    if table.zero_deg is None or not table.is_heard or family.make_off_bus is not None:
+    check, hood = "hood, switch and encoder", config.hood
+    motor, at_deg = find_hood(config, heard)
+    if at_deg is None or motor.endstop_t_ns == 0:
         return
-    encoder, motor = family.make(table, around_encoder(config)), make_motors(config)[len(config.axes.flywheels)]
-    for device in (encoder, motor):
-        keys = set(device.ids())
-        for frame in heard.frames:
-            if (frame.arbitration_id, frame.is_extended) in keys and not frame.is_remote:
-                with contextlib.suppress(BadFrame):
-                    device.take(frame)
-    angle = encoder.reading
-    if angle is None or motor.reading.endstop_t_ns == 0:
-        return
-    at_deg = elevation_from_encoder_deg(angle.angle_rad, table, table.zero_deg)
-    told = f"the encoder reads {at_deg:.1f} deg, the limit switch at {hood.low_deg:g} deg is"
+    told = (f"the encoder reads {at_deg:.1f} deg, the limit switch at {hood.low_deg:g} deg is "
+            f"{'closed' if motor.endstop else 'open'}")
     do = "look at the switch, its plug and polarity; at zero_deg and direction in [hood_encoder]"
-    if motor.reading.endstop and at_deg > hood.low_deg + hood.crosscheck_deg:
-        yield failure(check, f"{told} closed", do)
+    if motor.endstop and at_deg > hood.low_deg + hood.crosscheck_deg:
+        yield failure(check, told, do)
     elif not hood.low_deg - hood.crosscheck_deg <= at_deg <= hood.high_deg + hood.crosscheck_deg:
-        yield failure(check, f"{told} {'closed' if motor.reading.endstop else 'open'}: the hood's travel is "
-                      f"{hood.low_deg:g} to {hood.high_deg:g} deg", do)
+        yield failure(check, f"{told}: the hood's travel is {hood.low_deg:g} to {hood.high_deg:g} deg", do)
     else:
-        yield ok(check, f"{told} {'closed' if motor.reading.endstop else 'open'}")
+        yield ok(check, told)
 
 
 def check_model(gate: GateConfig, path: Path | None) -> Finding:

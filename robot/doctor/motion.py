@@ -84,7 +84,8 @@ def describe(config: Config, program: tuple[Phase, ...]) -> str:
     """What will move, how far and how fast, for whoever is to allow it."""
     spin = next(phase for phase in program if phase.kind == STEP)
     creep = next(phase for phase in program if phase.kind == CREEP)
-    return (f"wheels: up to {spin.top_rad_s:.0f} rad/s at the motor, with {spin.torque_nm:g} Nm for {SPIN_S:g} s at most\n"
+    return (f"wheels: up to {spin.top_rad_s:.0f} rad/s at the motor, with {spin.torque_nm:g} Nm for {SPIN_S:g} s at "
+            "most, whatever they read\n"
             f"hood: {CREEP_UP_DEG:g} deg up, down to its limit switch, {CREEP_UP_DEG:g} deg up and down again, at "
             f"{CREEP_DEG_S:g} deg/s with {creep.torque_nm:g} Nm at most\n"
             "feeder: not at all")
@@ -185,7 +186,7 @@ class Motion:
             screw_deg = elevation_from_screw_deg(screw_rad(began_deg, config) + turned_rad, config.hood)
             if screw_deg is None or not abs(screw_deg - at_deg) <= config.hood.crosscheck_deg:
                 return (f"the hood has moved by {at_deg - began_deg:.1f} deg by its encoder, by its motor's about "
-                        f"{turned_deg:.1f}: is one of them stuck, scaled or the wrong way round?")
+                        f"{turned_deg:.1f}: is one of them stuck, scaled, late or the wrong way round?")
         return self._creep_doubt(inputs, phase, down, turned_deg) if phase.kind == CREEP else None
 
     def _creep_doubt(self, inputs: Inputs, phase: Phase, down: bool, turned_deg: float) -> str | None:

@@ -26,6 +26,7 @@ LEAST_RAD = 0.3                       # turned by less, it has not turned
 STEP_S = 0.005                        # lags are looked for in steps of this
 FEW = 10                              # readings on either side of a kink
 DO = "all motors are released; repair it, and do this again"
+FIRST = "repair first what ended the motion"
 
 
 def check_motion(config: Config, motion: Motion, heard: Heard) -> Iterator[Finding]:
@@ -44,7 +45,7 @@ def check_motion(config: Config, motion: Motion, heard: Heard) -> Iterator[Findi
     hood = [row for row in motion.rows if row[0].joint == HOOD]
     if hood:
         yield _check_turned("hood motor, motion", _readings([tick.inputs.hood_motor for _, tick, _ in hood]), None)
-        yield _check_switch(hood)
+        yield _check_switch(hood, bool(motion.over))
         if config.hood_encoder.is_heard:
             yield from _check_hood_encoder(config, hood)
 
@@ -91,7 +92,8 @@ def _check_turned(check: str, told: tuple[Numbers, Numbers, Numbers], lag_s: flo
     way, added_way = float(np.abs(steps).sum()), float(np.abs(added).sum())
     do = "look at the encoder, its plug, its counts per turn and its maker's settings"
     if way < LEAST_RAD and added_way < LEAST_RAD:
-        return failure(check, "neither its position nor its speed has told of any", "does it turn? If so, " + do)
+        return failure(check, "neither its position nor its speed has told of any", f"if it has turned, {do}; if not, is it "
+                       "blocked, or do two motors work against each other (direction)?")
     if abs(way - added_way) > SHARE * max(way, added_way) + GRAIN_RAD or steps @ added < 0.0:
         return failure(check, f"its position has moved by {way:.1f} rad, its speeds add up to {added_way:.1f}", do)
     lag = "" if lag_s is None else f"; its speed follows the torque within {max(lag_s, 0.0) * 1e3:.0f} ms"
@@ -123,7 +125,7 @@ def find_lag_s(times: Numbers, speeds: Numbers, cut_s: float) -> float | None:
     return best[1] if best is not None and best[2] < 0.0 else None
 
 
-def _check_switch(rows: Sequence[Row]) -> Finding:
+def _check_switch(rows: Sequence[Row], was_ended: bool) -> Finding:
     """Whether the hood's limit switch closed, opened above it, and closed again."""
     check, states = "hood motor, limit switch", list[bool]()
     for _, tick, _ in rows:
@@ -132,17 +134,17 @@ def _check_switch(rows: Sequence[Row]) -> Finding:
             states += [closed] if not states or states[-1] != closed else []
     if states[-3:] == [True, False, True]:
         return ok(check, "closes and opens")
-    if not states:
-        return warning(check, "not tried", DO)
-    return failure(check, f"was told as {', '.join('closed' if state else 'open' for state in states)}; it should close, "
-                   "open and close again", "look at the switch, its plug and its polarity")
+    told = "was told as " + ", then ".join("closed" if state else "open" for state in states)
+    if was_ended or not states:
+        return warning(check, f"{told if states else 'was not told'} when the motion ended", FIRST)
+    return failure(check, f"{told}; it should close, open and close again", "look at the switch, its plug and its polarity")
 
 
 def _check_hood_encoder(config: Config, rows: Sequence[Row]) -> Iterator[Finding]:
     """Whether it follows the screw, and how late, once homing has told where the screw is."""
     check, memory = "hood encoder, motion", rows[-1][1].memory
     if not memory.homed:
-        yield warning(check, "not compared with the screw: the hood was not homed", DO)
+        yield warning(check, "not compared with the screw: the hood was not homed", FIRST)
         return
     told = [(tick.inputs.hood_motor.t_ns * 1e-9, tick.inputs.hood_motor.position_rad - memory.screw_zero_rad,
              tick.inputs.hood_angle.t_ns * 1e-9, angle_deg) for _, tick, _ in rows

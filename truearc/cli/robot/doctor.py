@@ -1,7 +1,7 @@
 """Look at everything a run needs and say in one line each how it is and what to do about it.
 
-Changes nothing but an exposure that the configuration fixes, and moves nothing; stop a running robot first, which holds
-camera and button box. Exit 1 if anything fails.
+Changes nothing but an exposure that the configuration fixes, and moves nothing unless --move asks for it; stop a running
+robot first, which holds camera and button box. Exit 1 if anything fails.
 """
 
 import argparse
@@ -23,6 +23,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, default=Path("sessions"), help="folder for sessions, as for truearc run")
     parser.add_argument("--endpoints", type=Path, metavar="JSON", help="flat_endpoints.json of the axes' firmware: "
                         "their watchdogs and encoder filters are asked, too")
+    parser.add_argument("--move", action="store_true", help="also turn the wheels slowly, and the hood to its limit "
+                        "switch and back, once you have typed yes: directions, scales, lags, the switch")
+    parser.add_argument("--yes", action="store_true", help="with --move: move without asking; all balls are out, and "
+                        "hands away")
     parser.add_argument("--priority", type=number(int, 1, 99), default=50, metavar="P", help="as for truearc run")
     parser.add_argument("--seconds", type=number(float, 0.5, 600.0), default=2.0, metavar="S",
                         help="to listen to the bus, or to --nt")
