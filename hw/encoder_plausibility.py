@@ -101,5 +101,5 @@ def is_byte_swapped(values: Iterable[bytes]) -> bool:
 
 
 def _is_plausible(order: str, value: bytes) -> bool:
-    size = abs(struct.unpack(order, value)[0])
+    size: float = abs(struct.unpack(order, value)[0])
     return size == 0.0 or LEAST_TURNS <= size <= MOST_TURNS

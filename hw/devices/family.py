@@ -82,7 +82,8 @@ def listen(bus: Bus, clock: Clock, questions: Iterable[Frame], seconds: float) -
     return Heard(tuple(frames), (now_ns - began_ns) / NS_PER_S, tuple(asked))
 
 
-def check_estimates(name: str, frames: Sequence[Frame], parse: Callable[[Frame, MotorReading], MotorReading]) -> Finding:
+def check_estimates(name: str, frames: Sequence[Frame],
+                    parse: Callable[[Frame, MotorReading], MotorReading]) -> Finding:
     """Whether positions and speeds, two 32-bit floats a frame, can be those of one encoder; whether it turns."""
     check, reading, agreement = f"{name}, estimates", MotorReading(), Agreement()
     if is_byte_swapped(part for frame in frames for part in (frame.data[:4], frame.data[4:])):

@@ -79,8 +79,7 @@ def check_answer_times(config: Config, heard: Heard) -> Finding:
         return warning(check, "no device can be asked how late its readings come", "see with --move")
     if late := [f"{name} {took_s * 1e3:.0f} ms" for name, took_s in times.items() if took_s > limit_s]:
         return failure(check, f"comes late, by question and answer: {', '.join(late)}; firing needs "
-                       f"{limit_s * 1e3:.0f} ms", "look for what holds frames back: the adapter, its driver, a hub, the "
-                       "device's own rate limit")
+                       f"{limit_s * 1e3:.0f} ms", "look for what holds frames back: the adapter, its driver, a hub")
     return ok(check, f"answers take {max(times.values()) * 1e3:.0f} ms at most")
 
 
@@ -98,7 +97,7 @@ def check_pulses(config: Config, heard: Heard) -> Finding:
 
 
 def find_hood(config: Config, heard: Heard) -> tuple[MotorReading, float | None]:
-    """The hood motor's reading, and the elevation by the hood's encoder; None where there is none that knows its zero."""
+    """The hood motor's reading, and the elevation by the hood's encoder; None without one that knows its zero."""
     table, family = config.hood_encoder, encoder_family_of(config.hood_encoder)
     motor = make_motors(config)[len(config.axes.flywheels)]
     _take_in(motor, heard)

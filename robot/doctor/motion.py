@@ -37,7 +37,7 @@ from truearc.robot.sysid.tick import make_step
 from truearc.robot.types import Inputs, Memory, Progress, Sent, Tick, Verdict
 
 WHEEL_SHARE = 0.05                    # of the free speed: a finger stops a wheel that is so slow
-KS_TIMES = 3.0                        # times the friction of the configuration: more is a brake, a jam or a wrong figure
+KS_TIMES = 3.0                        # times the configured friction: more is a brake, a jam or a wrong figure
 OUTPUT_SHARE = 0.05                   # of the greatest torque, where the configuration has no friction
 NUDGES = 5                            # of a fifth, two fifths, ... of the greatest torque
 WHEEL_NUDGE_S, HOOD_NUDGE_S, REST_S = 0.1, 0.05, 0.15
@@ -73,7 +73,8 @@ def plan(config: Config, hood_deg: float | None) -> tuple[Phase, ...]:
 
     rest, home_s = Phase(HOOD, PAUSE, 1, 0.0, 0.0, top_rad_s, REST_S), 2.0 * travel_deg / CREEP_DEG_S
     if hood_deg is None or hood_deg < hood.high_deg - 2.0 * CREEP_UP_DEG:
-        program += [*_nudges(HOOD, -down, hood_nm, top_rad_s, HOOD_NUDGE_S, creep_rad_s / 2.0), creep(-down, RISE_S), rest]
+        program += _nudges(HOOD, -down, hood_nm, top_rad_s, HOOD_NUDGE_S, creep_rad_s / 2.0)
+        program += [creep(-down, RISE_S), rest]
     else:
         program += _nudges(HOOD, down, hood_nm, top_rad_s, HOOD_NUDGE_S, creep_rad_s / 2.0)
     return (*program, creep(down, home_s), rest, creep(-down, 2.0 * CREEP_UP_DEG / CREEP_DEG_S + RAMP_S), rest,
@@ -179,8 +180,8 @@ class Motion:
         down = phase.sign * config.hood.homing_torque_nm > 0.0
         most_deg = MOST_UP_DEG if not down or phase.kind != CREEP else config.hood.high_deg - config.hood.low_deg + 3.0
         if not max(abs(turned_deg), abs(pivoted_deg)) <= most_deg:
-            return (f"the hood has moved by {turned_deg:.1f} deg by its motor's encoder and {pivoted_deg:.1f} by its own, "
-                    f"more than {most_deg:g}")
+            return (f"the hood has moved by {turned_deg:.1f} deg by its motor's encoder and {pivoted_deg:.1f} by its "
+                    f"own, more than {most_deg:g}")
         began_deg, at_deg = hood_angle_deg(self._start, config), hood_angle_deg(inputs, config)
         if began_deg is not None and at_deg is not None:
             screw_deg = elevation_from_screw_deg(screw_rad(began_deg, config) + turned_rad, config.hood)
@@ -200,7 +201,7 @@ class Motion:
         if (inputs.t_ns - self._still_ns) * NS <= JAM_S:
             return None
         where = "" if at_deg is None else f" at {at_deg:.1f} deg"
-        return (f"the hood has stopped{where} and its limit switch stays open: is the switch dead, or does something jam?"
+        return (f"the hood has stopped{where} and its limit switch stays open: is it dead, or does something jam?"
                 if down else f"the hood does not move{where} with {phase.torque_nm:g} Nm: does something jam?")
 
     def _pivoted_deg(self, inputs: Inputs) -> float:

@@ -20,7 +20,7 @@ from truearc.robot.types import Sent, Tick
 
 Numbers = npt.NDArray[np.float64]
 Row = tuple[Phase, Tick, Sent]
-SHARE = 0.25                          # position and speed, or two motors of one belt, may differ by this; as in the tick
+SHARE = 0.25                          # position and speed, or two motors of one belt, may differ by this; as in a run
 GRAIN_RAD = 1.0                       # and by this: readings of 10 ms at the speeds of this motion
 LEAST_RAD = 0.3                       # turned by less, it has not turned
 STEP_S = 0.005                        # lags are looked for in steps of this
@@ -66,8 +66,8 @@ def _check_wheels(config: Config, rows: Sequence[Row]) -> Iterator[Finding]:
         yield finding
     least, most = min(turned, key=turned.__getitem__), max(turned, key=turned.__getitem__)
     if turned[most] > LEAST_RAD and turned[least] < (1.0 - SHARE) * turned[most]:
-        yield failure("flywheels, motion", f"{least} has turned by {turned[least]:.1f} rad, {most} by {turned[most]:.1f}: "
-                      "motors of one belt turn alike", "is an encoder scaled or stuck, or the belt off?")
+        yield failure("flywheels, motion", f"{least} has turned by {turned[least]:.1f} rad, {most} by "
+                      f"{turned[most]:.1f}: motors of one belt turn alike", "is an encoder scaled or stuck, or the belt off?")
 
 
 def _readings(motors: Sequence[MotorReading]) -> tuple[Numbers, Numbers, Numbers]:
@@ -92,8 +92,8 @@ def _check_turned(check: str, told: tuple[Numbers, Numbers, Numbers], lag_s: flo
     way, added_way = float(np.abs(steps).sum()), float(np.abs(added).sum())
     do = "look at the encoder, its plug, its counts per turn and its maker's settings"
     if way < LEAST_RAD and added_way < LEAST_RAD:
-        return failure(check, "neither its position nor its speed has told of any", f"if it has turned, {do}; if not, is it "
-                       "blocked, or do two motors work against each other (direction)?")
+        return failure(check, "neither its position nor its speed has told of any", f"if it has turned, {do}; if not, "
+                       "is it blocked, or do two motors work against each other (direction)?")
     if abs(way - added_way) > SHARE * max(way, added_way) + GRAIN_RAD or steps @ added < 0.0:
         return failure(check, f"its position has moved by {way:.1f} rad, its speeds add up to {added_way:.1f}", do)
     lag = "" if lag_s is None else f"; its speed follows the torque within {max(lag_s, 0.0) * 1e3:.0f} ms"
@@ -137,7 +137,7 @@ def _check_switch(rows: Sequence[Row], was_ended: bool) -> Finding:
     told = "was told as " + ", then ".join("closed" if state else "open" for state in states)
     if was_ended or not states:
         return warning(check, f"{told if states else 'was not told'} when the motion ended", FIRST)
-    return failure(check, f"{told}; it should close, open and close again", "look at the switch, its plug and its polarity")
+    return failure(check, f"{told}; it should close, open and close again", "look at the switch, its plug and polarity")
 
 
 def _check_hood_encoder(config: Config, rows: Sequence[Row]) -> Iterator[Finding]:

@@ -44,7 +44,8 @@ def questions(axis: OdriveAxis, endpoints: Endpoints | None) -> list[Frame]:
     """Its version, its serial number, its limit switch, and its parameters when their numbers are known."""
     numbers = [] if endpoints is None else [endpoints.ids[name] for name in ASKED]
     numbers += [axis.endstop_endpoint] if axis.endstop_endpoint else []
-    return [odrive.make_version_query(axis), odrive.make_address_query(axis), *(odrive.make_parameter_query(axis, number) for number in numbers)]
+    return [odrive.make_version_query(axis), odrive.make_address_query(axis),
+            *(odrive.make_parameter_query(axis, number) for number in numbers)]
 
 
 def examine(axis: OdriveAxis, check: AxisCheck, heard: Heard) -> Iterator[Finding]:

@@ -240,7 +240,8 @@ def test_a_speed_without_motion_and_a_wheel_that_turns():
     findings = bench.findings()
     assert findings["flywheel motor 1, estimates"].level == FAILURE
     assert "encoder stuck" in findings["flywheel motor 1, estimates"].says
-    assert findings["feeder motor, estimates"].level == WARNING and "30 rad/s" in findings["feeder motor, estimates"].says
+    finding = findings["feeder motor, estimates"]
+    assert finding.level == WARNING and "30 rad/s" in finding.says
 
 
 @pytest.mark.parametrize(("late_ms", "level"), [(0, OK), (30, OK), (60, FAILURE), (200, FAILURE), (500, FAILURE),

@@ -80,7 +80,8 @@ def move(config=CONFIG, wrap=lambda name, node: node, nodes_of=make_nodes, hood_
     assert all(sent.feeder_torque_nm == 0.0 for _, _, sent in motion.rows)
     over_ns = last[1].inputs.t_ns - COAST_S * SECOND
     assert all(not sent.enable for _, tick, sent in motion.rows if tick.inputs.t_ns > over_ns)
-    return {finding.check: finding for finding in check_motion(config, motion, Heard(tuple(frames), 1.0))}, watched, motion
+    findings = check_motion(config, motion, Heard(tuple(frames), 1.0))
+    return {finding.check: finding for finding in findings}, watched, motion
 
 
 def floats(change):
@@ -154,7 +155,7 @@ def test_other_devices_pass_too(config, hood_deg):
     (on(WHEELS, floats(lambda turns, speed: (-turns, -speed))), "motion", "direction", 5.0),
     (on(WHEELS, late_ms=60), "flywheel motor 1, motion", "60 ms late", 35.0),
     (on(WHEELS, late_ms=200), "flywheel motor 2, motion", "200 ms late", 45.0),
-], ids=["dead", "one dead", "swapped", "one swapped", "slow", "rpm", "position", "scaled", "backwards", "late", "later"])
+], ids=["dead", "one dead", "swapped", "one swapped", "slow", "rpm", "turns", "scaled", "backwards", "late", "later"])
 def test_what_is_wrong_with_wheels_is_found(wrap, check, words, most_rad_s):
     findings, watched, _ = move(wrap=wrap)
     assert check in failures(findings) and words in findings[check].says, findings
@@ -190,7 +191,8 @@ def test_a_hood_encoder_that_comes_late_is_a_failure():
     assert failures(findings) == {"hood encoder, motion"} and " ms late" in findings["hood encoder, motion"].says
 
 
-@pytest.mark.parametrize(("device", "at_s"), [("flywheel_b", 2.5), ("hood", 5.0), ("hood_encoder", 8.0), ("feeder", 3.0)])
+@pytest.mark.parametrize(("device", "at_s"), [("flywheel_b", 2.5), ("hood", 5.0), ("hood_encoder", 8.0),
+                                              ("feeder", 3.0)])
 def test_silence_in_the_middle_releases_at_once(device, at_s):
     fault = Fault(SILENT, int(at_s * SECOND), 1 << 62)
     findings, _, motion = move(nodes_of=nodes_with({device: (fault,)}))
@@ -225,7 +227,7 @@ def test_nothing_moves_while_something_fails_at_rest():
 
 
 def serve(wrap_name: str, far: Connection) -> None:
-    """The emulated robot behind a serial CAN adapter, in real time and a process of its own, until it is told to end."""
+    """The emulated robot behind a serial CAN adapter, in real time and a process of its own, until told to end."""
     world, box, wrap = World(1), open_button_box(prompt=False), REAL[wrap_name]
     adapter, watched = SlcanAdapter(PtyCable(prompt=False)), Watched(world)
     nodes: list[Node] = [wrap(name, node) for name, node in make_nodes(CONFIG, world, WATCHDOG_MS).items()]

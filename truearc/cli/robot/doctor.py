@@ -1,7 +1,7 @@
 """Look at everything a run needs and say in one line each how it is and what to do about it.
 
-Changes nothing but an exposure that the configuration fixes, and moves nothing unless --move asks for it; stop a running
-robot first, which holds camera and button box. Exit 1 if anything fails.
+Changes nothing but an exposure that the configuration fixes, and moves nothing without --move; stop a running robot
+first, which holds camera and button box. Exit 1 if anything fails.
 """
 
 import argparse
