@@ -23,8 +23,9 @@ GAP_NS = 50 * MS                      # after more silence than a lost frame or 
 SETTLE_NS = 50 * MS                   # ... so much later: what was held back comes at once, stamped when it came
 SHARE = 0.25                          # they may differ by this, twice the worst stamps, and by a speed below motion
 GRAIN = 2.0 ** -23                    # of a 32-bit float
-# Turns, or turns per second or minute, that an encoder may mean, unless it is 0: of 2**32 counts, for a year
-LEAST_TURNS, MOST_TURNS = 2.0 ** -32, 1e8
+# Turns, or turns per second or minute, that an encoder may mean, unless it is 0: less than a count of the finest,
+# 2**-32, is none, and less than 2**-24 is not usual; 1e8 take a year
+LEAST_TURNS, USUAL_TURNS, MOST_TURNS = 2.0 ** -32, 2.0 ** -24, 1e8
 FEW = 3                               # values, of which nothing is concluded
 
 
@@ -91,15 +92,15 @@ class Agreement:
 
 
 def is_byte_swapped(values: Iterable[bytes]) -> bool:
-    """Whether 32-bit floats are big-endian: read so, each is one that an encoder may mean, little-endian most are not.
+    """Whether 32-bit floats are big-endian: read so, an encoder may mean each; little-endian, most are not usual.
 
     A float's exponent is where the other order has the end of its mantissa, which is 0 or anything.
     """
     told = [value for value in values if len(value) == 4 and any(value)]
-    odd = sum(not _is_plausible("<f", value) for value in told)
-    return len(told) >= FEW and 2 * odd > len(told) and all(_is_plausible(">f", value) for value in told)
+    odd = sum(not _is_between("<f", value, USUAL_TURNS) for value in told)
+    return len(told) >= FEW and 2 * odd > len(told) and all(_is_between(">f", value, LEAST_TURNS) for value in told)
 
 
-def _is_plausible(order: str, value: bytes) -> bool:
+def _is_between(order: str, value: bytes, least: float) -> bool:
     size: float = abs(struct.unpack(order, value)[0])
-    return size == 0.0 or LEAST_TURNS <= size <= MOST_TURNS
+    return size == 0.0 or least <= size <= MOST_TURNS

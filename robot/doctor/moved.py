@@ -67,7 +67,8 @@ def _check_wheels(config: Config, rows: Sequence[Row]) -> Iterator[Finding]:
     least, most = min(turned, key=turned.__getitem__), max(turned, key=turned.__getitem__)
     if turned[most] > LEAST_RAD and turned[least] < (1.0 - SHARE) * turned[most]:
         yield failure("flywheels, motion", f"{least} has turned by {turned[least]:.1f} rad, {most} by "
-                      f"{turned[most]:.1f}: motors of one belt turn alike", "is an encoder scaled or stuck, or the belt off?")
+                      f"{turned[most]:.1f}: motors of one belt turn alike",
+                      "is an encoder scaled or stuck, or the belt off?")
 
 
 def _readings(motors: Sequence[MotorReading]) -> tuple[Numbers, Numbers, Numbers]:

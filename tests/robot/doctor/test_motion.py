@@ -279,7 +279,7 @@ def check_real(wrong: str, found: list[Finding], findings: dict[str, Finding], s
     if wrong != "late" and any(word in findings["motion"].says for word in STALLED):
         pytest.skip(f"host too slow: {findings['motion'].says}")
     if wrong == "late":
-        assert "feedback" in {one.check for one in found if one.level == FAILURE}
+        assert "feedback" in {one.check for one in found if one.level == FAILURE}, found
         assert findings["motion"].level == WARNING and not said
         return
     assert "hood: 3 deg up" in said and "Type yes" in said, found
