@@ -13,13 +13,14 @@ from msgspec.structs import replace
 
 from truearc.hw.devices.registry import family_of
 from truearc.hw.protocols import ButtonEvent, CameraFrame, MotorReading
+from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config, InputError
 from truearc.robot.control import RELEASED
 from truearc.robot.estimate import NS, is_fresh
 from truearc.robot.gate.model import Gate
 from truearc.robot.geometry import elevation_from_encoder_deg, elevation_from_screw_deg, screw_length_m
 from truearc.robot.motors import name_axes
-from truearc.robot.reasons import BOX_GONE, IDENTIFY_DONE, IDENTIFY_RELEASED, text
+from truearc.robot.reasons import BOX_GONE, FRAMES_NOT_SENT, IDENTIFY_DONE, IDENTIFY_RELEASED, text
 from truearc.robot.sysid.program import (
     CREEP,
     CREEP_UP_DEG,
@@ -129,14 +130,13 @@ class Motion:
         self._phase = -1
         self._start: Inputs
         self._still_ns = self._over_ns = 0
-        self.is_finished = False
+        self.is_finished = self._unsent = False
 
     def __call__(self, inputs: Inputs, memory: Memory, config: Config, gate: Gate | None) -> Tick:
         begun = memory.identify is not UNSET
         if not begun:
             inputs = replace(inputs, buttons=(ButtonEvent(inputs.t_ns, 0, "arm"),), missed=None)
-        if not self._has_box:
-            inputs = replace(inputs, faults=tuple(one for one in inputs.faults if one.code not in BOX_GONE))
+        inputs = replace(inputs, faults=self._counted(inputs.faults))
         tick = self._step(inputs, memory, config, gate)
         progress = tick.memory.identify
         assert isinstance(progress, Progress)
@@ -153,6 +153,14 @@ class Motion:
             self._over_ns = self._over_ns or inputs.t_ns
             self.is_finished = (inputs.t_ns - self._over_ns) * NS > COAST_S
         return tick
+
+    def _counted(self, faults: tuple[Reason, ...]) -> tuple[Reason, ...]:
+        """Without a box that is not there, and frames unsent in one tick alone: motors are told again within 25 ms."""
+        unsent = any(fault.code == FRAMES_NOT_SENT.name for fault in faults)
+        ignored = (frozenset() if self._has_box else BOX_GONE) | ({FRAMES_NOT_SENT.name} if unsent and not self._unsent
+                                                                  else set())
+        self._unsent = unsent
+        return tuple(fault for fault in faults if fault.code not in ignored)
 
     def record(self, tick: Tick, sent: Sent) -> None:
         progress = tick.memory.identify

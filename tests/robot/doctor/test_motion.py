@@ -31,6 +31,7 @@ from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import InputError, load_config
 from truearc.robot.doctor.motion import COAST_S, Motion, plan
 from truearc.robot.doctor.moved import check_motion
+from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
 from truearc.robot.vision_source import NoEyes
 from truearc.sim.world.device_server import keep_time
@@ -205,6 +206,15 @@ def test_any_button_releases():
     findings, _, motion = move(button_ns=2 * SECOND)
     assert findings["motion"].level == FAILURE and "released by the operator (fire)" in findings["motion"].says
     assert max(tick.inputs.t_ns for _, tick, sent in motion.rows if sent.enable) <= 2 * SECOND + 10 * MS
+
+
+@pytest.mark.parametrize(("lost", "over"), [([600], False), ([600, 601, 602], True)])
+def test_frames_unsent_in_one_tick_are_no_doubt(lost, over, monkeypatch):
+    send = HardwareRig._send
+    monkeypatch.setattr(HardwareRig, "_send", lambda rig, frame: rig._cycle not in lost and send(rig, frame))
+    findings, _, motion = move()
+    assert any(sent.refused for _, _, sent in motion.rows) and (motion.over != "") == over
+    assert ("could not be sent" in findings["motion"].says) == over
 
 
 def test_what_is_not_ours_is_not_moved():
