@@ -47,6 +47,7 @@ SPIN_S, COAST_S = 2.0, 1.0            # at 30 rad/s2, as the emulated wheels hav
 CREEP_DEG_S = 5.0
 RISE_S, RAMP_S = 1.0, 0.5             # of the first way up, and until the hood's torque is all there
 MOST_UP_DEG = 6.0                     # twice what is meant: more is a wrong reading
+UNSENT_NS = 100_000_000               # a motor is told every 25 ms at least, and its watchdog waits for so long
 JAM_S = 0.3                           # at full torque without motion
 MOST_TURNS = 12.0                     # of a wheel: half of WHEEL_SHARE of a free speed of 800 rad/s, for the whole time
 
@@ -130,13 +131,14 @@ class Motion:
         self._phase = -1
         self._start: Inputs
         self._still_ns = self._over_ns = 0
-        self.is_finished = self._unsent = False
+        self._unsent_ns = -UNSENT_NS
+        self.is_finished = False
 
     def __call__(self, inputs: Inputs, memory: Memory, config: Config, gate: Gate | None) -> Tick:
         begun = memory.identify is not UNSET
         if not begun:
             inputs = replace(inputs, buttons=(ButtonEvent(inputs.t_ns, 0, "arm"),), missed=None)
-        inputs = replace(inputs, faults=self._counted(inputs.faults))
+        inputs = replace(inputs, faults=self._counted(inputs))
         tick = self._step(inputs, memory, config, gate)
         progress = tick.memory.identify
         assert isinstance(progress, Progress)
@@ -154,13 +156,14 @@ class Motion:
             self.is_finished = (inputs.t_ns - self._over_ns) * NS > COAST_S
         return tick
 
-    def _counted(self, faults: tuple[Reason, ...]) -> tuple[Reason, ...]:
-        """Without a box that is not there, and frames unsent in one tick alone: motors are told again within 25 ms."""
-        unsent = any(fault.code == FRAMES_NOT_SENT.name for fault in faults)
-        ignored = (frozenset() if self._has_box else BOX_GONE) | ({FRAMES_NOT_SENT.name} if unsent and not self._unsent
-                                                                  else set())
-        self._unsent = unsent
-        return tuple(fault for fault in faults if fault.code not in ignored)
+    def _counted(self, inputs: Inputs) -> tuple[Reason, ...]:
+        """The faults, without those of a box that is not there, and frames unsent once: motors are told again soon."""
+        ignored = set() if self._has_box else set(BOX_GONE)
+        if any(fault.code == FRAMES_NOT_SENT.name for fault in inputs.faults):
+            if inputs.t_ns - self._unsent_ns > UNSENT_NS:
+                ignored.add(FRAMES_NOT_SENT.name)
+            self._unsent_ns = inputs.t_ns
+        return tuple(fault for fault in inputs.faults if fault.code not in ignored)
 
     def record(self, tick: Tick, sent: Sent) -> None:
         progress = tick.memory.identify
