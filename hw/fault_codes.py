@@ -57,6 +57,12 @@ ENCODER_STUCK = Code("encoder_stuck", "{motor:~: }{controller} reports {speed_ra
                      "not change: encoder stuck?")
 ENCODER_MISMATCH = Code("encoder_mismatch", "{motor:~: }{controller} reports {speed_rad_s:.0f} rad/s, but its position "
                         "turns at {turned_rad_s:.0f}: encoder or firmware?")
+FEEDBACK_UNMEASURED = Code("feedback_unmeasured", "{motor:~: }{controller} has answered no question yet: how late its "
+                           "readings come is not known")
+FEEDBACK_LATE = Code("feedback_late", "{motor:~: }{controller} answers after {delay_s:.2f} s: its readings are as old "
+                     "as that")
+CONTROLLER_NOT_ANSWERING = Code("controller_not_answering", "{motor:~: }{controller} has answered no question for "
+                                "{silence_s:.0f} s")
 SPARK_FIRMWARE_UNKNOWN = Code("spark_firmware_unknown", "{motor:~: }spark {spark} has not reported its firmware")
 SPARK_FIRMWARE_UNSUPPORTED = Code("spark_firmware_unsupported", "{motor:~: }spark {spark} runs firmware {version}, "
                                   "expected {oldest} to {newest}: update it with its maker's tool",
@@ -100,6 +106,7 @@ ERROR_CONTROLLER_MEMORY = Code("error_controller_memory", "controller's memory")
 ERROR_FIRMWARE = Code("error_firmware", "firmware")
 ERROR_HAS_RESET = Code("error_has_reset", "reset (was the supply interrupted?)")
 ERROR_LOCKED = Code("error_locked", "locked to a competition controller until its power is cycled")
+ERROR_ID_CONFLICT = Code("error_id_conflict", "another device has its id")
 ERROR_BITS = Code("error_bits", "error 0x{bits:08x}", {"bits": "count"})
 
 # The button box

@@ -174,10 +174,12 @@ class Motor(Protocol):
         """Bring `reading` up to date by one frame that is not remote; BadFrame leaves it as it was."""
 
     def faults(self, t_ns: int) -> tuple[Reason, ...]:
-        """Faults that `reading` does not hold and that stand in the way of driving; they name the device."""
+        """Once a tick, at the time that is recorded of it, before `order`: faults that `reading` does not hold and that
+        stand in the way of driving; they name the device."""
 
     def order(self, torque_nm: float | None, t_ns: int) -> Order:
-        """Once a tick: drive with this torque; None: leave the motor released."""
+        """Once a tick: drive with this torque; None: let go, which is said to the device at once, whatever it reports,
+        and again from time to time."""
 
     def release(self) -> tuple[Frame, ...]:
         """What leaves the motor idle, now and for good."""

@@ -7,13 +7,15 @@ import msgspec
 Finite = Annotated[float, msgspec.Meta(gt=-1e9, lt=1e9)]
 Positive = Annotated[float, msgspec.Meta(gt=0.0, lt=1e9)]
 CanNode = Annotated[int, msgspec.Meta(ge=0, le=62)]     # 63 addresses every ODrive, and every device of the FRC
+TorquePerAmp = Annotated[float, msgspec.Meta(ge=0.0, le=10.0)]      # Nm/A: a motor of 10 kW has 1
 Direction = Literal[-1, 1]            # sign that makes positive launch a ball or raise the hood
 
 
 class Axis:
     """Base of the structs that a family declares for its table, beside msgspec.Struct.
 
-    Such a struct has no defaults, `forbid_unknown_fields=True`, `tag_field="driver"` and its family's name as `tag`.
+    Such a struct has `forbid_unknown_fields=True`, `tag_field="driver"` and its family's name as `tag`. No key has a
+    default but one that earlier files lack, and then `omit_defaults=True`: their recordings keep their hash.
     """
 
     __slots__ = ()

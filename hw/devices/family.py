@@ -11,6 +11,7 @@ from msgspec import Struct
 
 from truearc.hw.devices.axis import Axis
 from truearc.hw.devices.bus_rules import Rules
+from truearc.hw.devices.limits import Bounds
 from truearc.hw.emulated.nodes import Node, Plant
 from truearc.hw.encoder_plausibility import MOVING_RAD_S, Agreement, is_byte_swapped
 from truearc.hw.fault_codes import BY_NAME
@@ -119,6 +120,41 @@ class AxisCheck(NamedTuple):
     endpoints: Endpoints | None       # None: no table was given
 
 
+class Stored(NamedTuple):
+    """One setting that a device keeps without power: the second line, which holds when nothing of the robot runs.
+
+    name: as its maker's tool has it. low, high: values that may stay. read: from what was heard; None: no answer.
+    """
+
+    name: str
+    wanted: float
+    low: float
+    high: float
+    ask: Frame
+    write: Frame
+    read: Callable[[Heard], float | None]
+
+    def is_well(self, value: float | None) -> bool:
+        return value is not None and self.low <= value <= self.high
+
+
+class StoredSettings(NamedTuple):
+    """Those of one axis.
+
+    refuse: why nothing may be written, from the answers to `ask`; "" where it may. save: keeps what was written.
+    restart_s: how long a device is away then.
+    """
+
+    settings: tuple[Stored, ...]
+    ask: tuple[Frame, ...]
+    refuse: Callable[[Heard], str]
+    save: tuple[Frame, ...]
+    restart_s: float
+
+    def questions(self) -> list[Frame]:
+        return [*self.ask, *(one.ask for one in self.settings)]
+
+
 class AttachedMotor(NamedTuple):
     """The motor of an emulated world that an emulated controller drives."""
 
@@ -139,7 +175,8 @@ class MotorFamily(Struct, Generic[AxisKind], frozen=True, kw_only=True, eq=False
     example: such a table, for tests and documents.
     dbc: its frames; None for a family that has none of its own. Node "Host" sends what the robot may send.
     is_commanded: whether the robot commands its motors; if not, `make_rules` allows nothing.
-    make_motors: drivers of all its axes on one bus, in their order; they may share a heartbeat.
+    make_motors: drivers of all its axes on one bus, in their order, given the bounds of each; they may share a
+        heartbeat.
     make_rules: from an axis, and how often within WINDOW_NS a frame may be sent that each tick sends once.
     errors: what the device reports as wrong with it; empty when it is healthy. Called in the tick.
     is_driven: whether the device does as it is asked. Called in the tick.
@@ -147,6 +184,7 @@ class MotorFamily(Struct, Generic[AxisKind], frozen=True, kw_only=True, eq=False
     examine: the doctor's findings from what was heard on the bus.
     make_node: the emulated device.
     messages: reasons and errors that are its own, named "DRIVER.WHAT": their codes, and what the operator's page says.
+    stored_settings: what the device keeps and `truearc doctor --set` may write; None where a run sets all there is.
     """
 
     driver: str
@@ -154,7 +192,7 @@ class MotorFamily(Struct, Generic[AxisKind], frozen=True, kw_only=True, eq=False
     example: AxisKind
     dbc: Path | None
     is_commanded: bool
-    make_motors: Callable[[Sequence[AxisKind]], Sequence[Motor]]
+    make_motors: Callable[[Sequence[AxisKind], Sequence[Bounds]], Sequence[Motor]]
     make_rules: Callable[[AxisKind, int], Rules]
     errors: Callable[[AxisKind, MotorReading], tuple[Reason, ...]]
     is_driven: Callable[[AxisKind, MotorReading], bool]
@@ -162,3 +200,4 @@ class MotorFamily(Struct, Generic[AxisKind], frozen=True, kw_only=True, eq=False
     examine: Callable[[AxisKind, AxisCheck, Heard], Iterable[Finding]]
     make_node: Callable[[AxisKind, AttachedMotor], Node]
     messages: tuple[Message, ...] = ()
+    stored_settings: Callable[[AxisKind, Bounds, Endpoints], StoredSettings] | None = None

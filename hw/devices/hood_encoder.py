@@ -4,10 +4,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Generic, NamedTuple, TypeVar
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from truearc.hw.devices.axis import HoodEncoder
 from truearc.hw.devices.bus_rules import Rules
 from truearc.hw.devices.family import Heard
+from truearc.hw.devices.round_trip import RoundTrip
 from truearc.hw.emulated.nodes import Node, Plant
 from truearc.hw.finding import Finding
 from truearc.hw.protocols import AngleReading, Frame
@@ -42,6 +44,21 @@ class Encoder:
     def frames(self, t_ns: int) -> tuple[Frame, ...]:
         """Once a tick, while there is a bus: frames to send."""
         return ()
+
+
+def aged(reading: AngleReading | None, by_ns: int) -> AngleReading | None:
+    """A reading whose device has been found to be later by so much than it was known to be."""
+    if reading is None or not by_ns:
+        return reading
+    faults_t_ns = reading.faults_t_ns and reading.faults_t_ns - by_ns       # 0 and absent stay so
+    return replace(reading, t_ns=reading.t_ns - by_ns, faults_t_ns=faults_t_ns)
+
+
+def trip_faults(trip: RoundTrip, t_ns: int) -> tuple[Reason, ...]:
+    """Once a tick: why the encoder may not be believed, as far as how late it comes tells."""
+    trip.tick(t_ns)
+    fault = trip.fault()
+    return () if fault is None else (fault.about(motor=CHECK),)
 
 
 class Around(NamedTuple):

@@ -10,6 +10,7 @@ from truearc.hw.devices.axis import Axis, Finite, HoodEncoder, Positive
 from truearc.hw.devices.bus_rules import Rules
 from truearc.hw.devices.family import AttachedMotor, AxisCheck, Heard
 from truearc.hw.devices.hood_encoder import CHECK, Around, Encoder, EncoderFamily
+from truearc.hw.devices.limits import Bounds
 from truearc.hw.devices.odrive.family import OdriveConfig
 from truearc.hw.devices.registry import family_of
 from truearc.hw.emulated.nodes import MotorTruth, Node, Plant
@@ -36,7 +37,7 @@ class MotorEncoder(Encoder):
     """A motor of which only the position is used."""
 
     def __init__(self, table: MotorEncoderConfig) -> None:
-        motors: Sequence[Motor] = family_of(table.controller).make_motors([table.controller])
+        motors: Sequence[Motor] = family_of(table.controller).make_motors([table.controller], [Bounds()])
         self._motor, self._table = motors[0], table
 
     def ids(self) -> tuple[tuple[int, bool], ...]:

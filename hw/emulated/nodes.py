@@ -103,19 +103,19 @@ class Report:
 
     def __init__(self, period_ns: int, phase_ns: int, make: Callable[[], Frame]) -> None:
         self.make = make
-        self._period_ns = period_ns
+        self.period_ns = period_ns
         self.due_ns = phase_ns if period_ns else NEVER_NS
 
     def set_period(self, period_ns: int, t_ns: int) -> None:
         """Report every `period_ns` from now on."""
-        self._period_ns = period_ns
+        self.period_ns = period_ns
         self.due_ns = t_ns + period_ns if period_ns else NEVER_NS
 
     def take(self, t_ns: int) -> bool:
         """Is it due? If so it counts as sent; reports missed meanwhile are skipped, never sent in a burst."""
         if self.due_ns > t_ns:
             return False
-        self.due_ns += self._period_ns * (1 + (t_ns - self.due_ns) // self._period_ns)
+        self.due_ns += self.period_ns * (1 + (t_ns - self.due_ns) // self.period_ns)
         return True
 
 

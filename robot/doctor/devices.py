@@ -19,6 +19,7 @@ from truearc.hw.protocols import BadFrame, Frame, Motor, MotorReading
 from truearc.robot.aim_file import load_aim_for, needs_aim
 from truearc.robot.config.can_policy import NS_PER_S, make_rules
 from truearc.robot.config.schema import Can, Config, GateConfig, InputError, about, load_text
+from truearc.robot.doctor.stored import check_stored, stored_of
 from truearc.robot.gate.contract import FEATURES
 from truearc.robot.gate.model import load_gate
 from truearc.robot.geometry import elevation_from_encoder_deg
@@ -40,6 +41,7 @@ def questions(config: Config, endpoints: Endpoints | None) -> list[Frame]:
     hood's encoder may be on a motor's controller, which is asked once."""
     encoder = config.hood_encoder
     asked = [frame for _, axis in name_axes(config) for frame in family_of(axis).questions(axis, endpoints)]
+    asked += (frame for one in stored_of(config, endpoints).values() for frame in one.questions())
     return list(dict.fromkeys([*asked, *encoder_family_of(encoder).questions(encoder)]))
 
 
@@ -48,6 +50,7 @@ def check_devices(config: Config, endpoints: Endpoints | None, heard: Heard) -> 
     devices alike is one."""
     found = [finding for name, axis in name_axes(config)
              for finding in family_of(axis).examine(axis, AxisCheck(name, config.tick_hz, endpoints), heard)]
+    found += check_stored(stored_of(config, endpoints), heard)
     encoder = config.hood_encoder
     found += encoder_family_of(encoder).examine(encoder, around_encoder(config), heard)
     yield from _fold([*found, *_check_together(config, heard)])

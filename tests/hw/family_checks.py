@@ -12,6 +12,7 @@ from truearc.hw import fault_codes
 from truearc.hw.codec import Codec, read_codec
 from truearc.hw.devices.axis import Axis, driver_of
 from truearc.hw.devices.family import AttachedMotor, AxisCheck, Heard, MotorFamily
+from truearc.hw.devices.limits import Bounds
 from truearc.hw.finding import FAILURE, OK, WARNING
 from truearc.hw.monitor import kind_of
 from truearc.hw.protocols import BadFrame, Frame, MotorReading
@@ -31,7 +32,7 @@ class Loop:
 
     def __init__(self, family: Family) -> None:
         self.plant = SpinningPlant()
-        self.motor, = family.make_motors([family.example])
+        self.motor, = family.make_motors([family.example], [Bounds()])
         attached = AttachedMotor("hood", self.plant, 0.02, 0.1, 100, self.plant.hood_at_limit)
         self.node = family.make_node(family.example, attached)
         self.rules = family.make_rules(family.example, EACH_TICK)
@@ -47,6 +48,7 @@ class Loop:
             if self.node.due_ns() <= self.t_ns:
                 self._hear(self.node.step(self.t_ns))
             if self.t_ns // MS % TICK_MS == 0 and not silent:
+                self.motor.faults(self.t_ns)
                 for frame in self.motor.order(torque_nm, self.t_ns).frames:
                     self.send(frame)
 
@@ -161,7 +163,7 @@ def check_doctor(family: Family) -> None:
     for frame in family.questions(family.example, None):
         loop.send(frame)
     assert bool(loop.heard) == family.is_commanded             # they are answered at once
-    loop.run(1000, None)
+    loop.run(1000, None, silent=True)                          # the doctor listens alone
     well = list(family.examine(family.example, CHECK, Heard(tuple(loop.heard), 1.0)))
     silent = list(family.examine(family.example, CHECK, Heard((), 1.0)))
     assert well and not [finding for finding in well if finding.level == FAILURE]

@@ -76,6 +76,7 @@ THEIRS = {
     "CLEAR_STICKY_FAULTS": ("clear_sticky_faults", {}),
     "REPORT_SETTING": ("report_setting", {"setting": "address", "value": "value", "accepted": "flags_set_success",
                                           "committed": "flags_commit_success"}),
+    "SETTING_COMMAND": ("setting_command", {"command": "control_flag", "setting": "setting_index"}),
     "SET_SETTING": ("set_setting", {"setting": "address", "value": "value",
                                     "ephemeral": "setting_flags_ephemeral"}),
 }

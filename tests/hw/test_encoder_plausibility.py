@@ -24,7 +24,7 @@ TOLD, TRUE = 178.0, 9.0
 ODRIVE, SPARK = odrive.OdriveAxis(1, -1), spark.SparkAxis(7, -1)
 FAMILIES = {
     "odrive": lambda: OdriveMotor(ODRIVE),
-    "spark": lambda: SparkMotor(SPARK, DcMotor(2.45, 612.5, 12.25), SparkHeartbeat()),
+    "spark": lambda: SparkMotor(SPARK, DcMotor(2.45, 612.5, 12.25), SparkHeartbeat(), {}),
     "another's odrive": lambda: HeardMotor("its controller", odrive.frame_ids(ODRIVE), False,
                                            partial(odrive.parse, ODRIVE)),
     "another's spark": lambda: HeardMotor("its controller", spark.frame_ids(SPARK), True, partial(spark.parse, SPARK)),
@@ -74,6 +74,10 @@ def test_it_stands_among_a_motors_faults():
         motor = FAMILIES[family]()
         for t_ns in range(1000 * MS, 1300 * MS, 10 * MS):
             motor.take(frame(family, t_ns, TRUE * t_ns * 1e-9, TOLD))
+        motor.faults(t_ns)
+        motor.order(None, t_ns)
+        if family == "odrive":
+            motor.take(Frame(t_ns, 0x20, bytes(8)))        # its answer to what it is asked once a second
         (fault,) = motor.faults(t_ns)
         assert render(fault, BY_NAME) == (
             f"{device} reports 178 rad/s, but its position turns at 9: encoder or firmware?")

@@ -7,6 +7,7 @@ import pytest
 
 from truearc.hw import fault_codes as hw
 from truearc.hw.dc_motor import DcMotor
+from truearc.hw.devices.limits import Bounds
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
 from truearc.hw.devices.spark.frames import SparkAxis
@@ -31,12 +32,14 @@ TICK_MS = 5
 MOTOR = DcMotor(2.45, 612.5, 12.25)                       # 0.02 Nm/A and 0.1 ohm, what SparkSettings() has
 HEARTBEAT, BASE = 0x02052C80, 0x02050000
 FOREVER = 1 << 62
+NOTHING_KNOWN = Bounds()
 
 
 class Bench:
     """A robot's end of the bus with one motor or more, at 200 Hz, with their devices at the other."""
 
-    def __init__(self, plant, clock, settings=None, faults=(), devices=(3,), direction=1) -> None:
+    def __init__(self, plant, clock, settings=None, faults=(), devices=(3,), direction=1,
+                 bounds=NOTHING_KNOWN) -> None:
         self.plant, self.clock = plant, clock
         self.near, self.far = (open_can("virtual", "test_spark_motor", 1_000_000, clock) for _ in range(2))
         axes = [SparkAxis(device, direction, has_endstop=True) for device in devices]
@@ -45,7 +48,7 @@ class Bench:
         far = (FaultyNode(self.nodes[0], faults) if faults else self.nodes[0], *self.nodes[1:])
         self.twin = Twin(plant, self.far, far)
         heartbeat = SparkHeartbeat()
-        self.motors = [SparkMotor(axis, MOTOR, heartbeat) for axis in axes]
+        self.motors = [SparkMotor(axis, MOTOR, heartbeat, spark.settings(axis, bounds, 0.02)) for axis in axes]
         self.motor, self.node = self.motors[0], self.nodes[0]
         self.sent: list[Frame] = []
         self.bad: list[str] = []
@@ -59,6 +62,8 @@ class Bench:
             self.clock.t_ns = t_ns
             for frame in self.near.read():
                 self.hear(frame)
+            for motor in self.motors:
+                motor.faults(t_ns)
             asked = [torque_nm] + [others_nm] * (len(self.motors) - 1)
             self.orders = [motor.order(nm, t_ns) for motor, nm in zip(self.motors, asked, strict=True)]
             for order in self.orders:
@@ -179,7 +184,23 @@ def test_released_is_duty_zero_and_disabled_at_once(make) -> None:
     assert [frame.arbitration_id for frame in bench.sent] == [0x02050083, HEARTBEAT]
     assert bench.sent[0].data == bytes(8) and bench.sent[1].data == bytes(8)
     bench.run(100)
-    assert len(bench.sent) == 2 and bench.orders[0].torque_nm == 0.0 and bench.orders[0].duty is None
+    assert bench.orders[0].torque_nm == 0.0 and bench.orders[0].duty is None
+    duties, beats = bench.frames(0x080), [frame for frame in bench.sent if frame.arbitration_id == HEARTBEAT]
+    for said in (duties, beats):                          # again every 0.1 s: one of these may be lost
+        assert [frame.t_ns - said[0].t_ns for frame in said] == [at * 100 * MS for at in range(6)]
+        assert {frame.data for frame in said} == {bytes(8)}
+
+
+@pytest.mark.parametrize(("brakes", "mode"), [(True, 1.0), (False, 0.0)])
+def test_a_hood_brakes_and_wheels_coast_when_they_are_let_go(make, plant, brakes: bool, mode: float) -> None:
+    bench = make(bounds=Bounds(600.0, 1.2, brakes))
+    armed(bench, 0.1)
+    bench.run(60, 0.1)
+    assert (bench.node.parameters[6], bench.node.parameters[59]) == (mode, 66.0)     # 1.2 Nm at 0.02 Nm/A, and a tenth
+    speed = plant.velocity_rad_s["hood"]
+    bench.run(100)                                         # 0.5 s: twice the time constant of a short circuit
+    left = plant.velocity_rad_s["hood"] / speed
+    assert left < 0.2 if brakes else left == pytest.approx(1.0, abs=0.02)
 
 
 def test_release_ends_it_whatever_stood_before(make) -> None:
@@ -213,7 +234,7 @@ def test_foreign_firmware_is_refused_by_its_number(make, plant, firmware, text: 
     assert bench.faults() == (SPARK_FIRMWARE_UNSUPPORTED(spark=3, version=text, oldest=25, newest=26),)
     assert bench.enabled() == [] and bench.frames(0x080) == [] and plant.velocity_rad_s["hood"] == 0.0
     assert bench.orders[0].torque_nm == 0.0 and bench.motor.reading.axis_state == spark.UNKNOWN
-    assert 12 <= len(bench.frames(0x2600)) <= 14           # in 1.3 s: it may be exchanged for a newer one
+    assert 13 <= len(bench.frames(0x2600)) <= 15           # in 1.3 s: it may be exchanged for a newer one
 
 
 def test_a_lock_is_refused_and_named(make, plant) -> None:

@@ -21,9 +21,9 @@ from truearc.robot.types import Command, Sighting
 from truearc.robot.vision_source import InlineEyes
 
 # ODrive CANSimple: node << 5 | command; the hood, node 3, has a limit switch to ask for, command 0x04
-ESTOP, AXIS_STATE, CONTROLLER_MODE, TORQUE, CLEAR_ERRORS = 0x02, 0x07, 0x0B, 0x0E, 0x18
+ESTOP, AXIS_STATE, CONTROLLER_MODE, TORQUE, LIMITS, CLEAR_ERRORS = 0x02, 0x07, 0x0B, 0x0E, 0x0F, 0x18
 COMMANDS = (ESTOP, AXIS_STATE, CONTROLLER_MODE, TORQUE, CLEAR_ERRORS)
-ENCODER_SETTING = 0x070E00C0 + 5
+ENCODER_SETTING, ENCODER_ASKED = 0x070E00C0 + 5, 0x070E0080 + 5
 
 
 def allowed_of(config: Config) -> list[Allowed]:
@@ -45,16 +45,20 @@ def test_exactly_these_frames_may_be_sent() -> None:
     kinds = {(kind.arbitration_id, kind.is_extended, kind.is_remote) for kind in allowed_of(CONFIG)}
     expected = {(node << 5 | command, False, False) for node in (1, 2, 3, 4) for command in COMMANDS}
     expected |= {(node << 5, False, True) for node in (1, 2, 3, 4)}
-    assert kinds == expected | {(3 << 5 | 0x04, False, False), (ENCODER_SETTING, True, False)}
+    expected |= {(node << 5 | LIMITS, False, False) for node in (1, 2, 3)}      # the feeder's are not known
+    assert kinds == expected | {(3 << 5 | 0x04, False, False), (ENCODER_SETTING, True, False),
+                                (ENCODER_ASKED, True, False)}
 
 
 def test_each_by_its_length_and_how_often() -> None:
     """A set point 31 times in 0.1 s: at 200 Hz 20 are due, half as many again may come early, and one begins."""
-    commands = {ESTOP: (0, 5), AXIS_STATE: (8, 5), CONTROLLER_MODE: (8, 5), TORQUE: (8, 31), CLEAR_ERRORS: (1, 5)}
+    commands = {ESTOP: (0, 5), AXIS_STATE: (8, 31), CONTROLLER_MODE: (8, 5), TORQUE: (8, 31), CLEAR_ERRORS: (1, 5)}
     expected = {(node << 5 | command, False, False, length): most for node in (1, 2, 3, 4)
                 for command, (length, most) in commands.items()}
     expected |= {(node << 5, False, True, 0): 5 for node in (1, 2, 3, 4)}
-    assert limits_of(CONFIG) == expected | {(3 << 5 | 0x04, False, False, 8): 5, (ENCODER_SETTING, True, False, 8): 5}
+    expected |= {(node << 5 | LIMITS, False, False, 8): 5 for node in (1, 2, 3)}
+    assert limits_of(CONFIG) == expected | {(3 << 5 | 0x04, False, False, 8): 5, (ENCODER_SETTING, True, False, 8): 5,
+                                            (ENCODER_ASKED, True, False, 8): 5}
 
 
 def test_a_set_point_a_tick_and_not_many_more(bench) -> None:
@@ -92,7 +96,7 @@ def test_a_loop_gone_wild_is_cut_off(bench) -> None:
 @pytest.mark.parametrize("frame", [
     Frame(0, 5 << 5 | 0x0E, bytes(8)),            # an axis that the configuration does not have
     Frame(0, 1 << 5 | 0x0D, bytes(8)),            # a speed rather than a torque: the device would run its own loop
-    Frame(0, 1 << 5 | 0x0F, bytes(8)),            # other limits
+    Frame(0, 4 << 5 | 0x0F, bytes(8)),            # limits of an axis of which they are not known
     Frame(0, 0x000, bytes(8)), Frame(0, 1 << 5 | 0x0E, bytes(3)), Frame(0, 1 << 5 | 0x0E, bytes(8), True)])
 def test_what_the_configuration_has_no_use_for_is_never_sent(bench, frame: Frame) -> None:
     wire, _, tally, bus = bench
@@ -134,19 +138,19 @@ def test_a_spark_may_be_sent_what_its_driver_sends_and_no_speed() -> None:
 
 
 def test_a_spark_by_length_and_how_often() -> None:
-    """Its five settings, and of the hood a limit switch, may be said twice."""
+    """Each setting that there is may be said twice."""
     limits = limits_of(SPARK_HOOD)
     assert {key: most for key, most in limits.items() if key[0] >> 16 == 0x0205} == {
-        (0x02050083, True, False, 8): 31, (0x02052C80, True, False, 8): 31, (0x02053803, True, False, 5): 12,
+        (0x02050083, True, False, 8): 31, (0x02052C80, True, False, 8): 31, (0x02053803, True, False, 5): 22,
         (0x02050403, True, False, 4): 5, (0x02051B83, True, False, 0): 5, (0x02052603, True, True, 8): 5}
-    assert limits_of(SPARK_WHEELS)[0x0205380B, True, False, 5] == 10
+    assert limits_of(SPARK_WHEELS)[0x0205380B, True, False, 5] == 22
 
 
 SPARK_SENDS = (0x0205B803, 0x0205B843, 0x0205B883, 0x0205B943, 0x0205B983, 0x02050443, 0x02052603, 0x02053843)
 SPARK_IS_SENT = (0x02050003, 0x02050083, 0x02050403, 0x02051B83, 0x02053803, 0x02052C80)
 ODRIVE_SENDS = tuple(3 << 5 | command for command in (0x00, 0x01, 0x03, 0x05, 0x09, 0x14, 0x15, 0x17))
 ODRIVE_IS_SENT = tuple(3 << 5 | command for command in (0x02, 0x04, 0x07, 0x0B, 0x0D, 0x0E, 0x0F, 0x18))
-ENCODER_SENDS, ENCODER_IS_SENT = (0x070E07C5, 0x070E0785, 0x070E0185, 0x070E0105), (0x070E0145, 0x070E00C5)
+ENCODER_SENDS, ENCODER_IS_SENT = (0x070E07C5, 0x070E0785, 0x070E0185, 0x070E0105), (0x070E0145, 0x070E00C5, 0x070E0085)
 
 
 @pytest.mark.parametrize(("config", "sends", "is_sent", "pulse"), [
@@ -165,7 +169,8 @@ def test_whose_frames_they_are(config, sends, is_sent, pulse) -> None:
     assert set(encoder.by_device) == {(frame_id, True, False) for frame_id in ENCODER_SENDS}
     assert set(encoder.by_host) == {(frame_id, True, False) for frame_id in ENCODER_IS_SENT}
     advised = not hood.allowed
-    assert encoder.pulse == ({} if advised else {(ENCODER_SENDS[0], True, False): 10_000_000})
+    assert encoder.pulse == ({(0x070E0185, True, False): 100_000_000} if advised else {
+        (ENCODER_SENDS[0], True, False): 10_000_000})
     assert bool(encoder.allowed) != advised
 
 

@@ -21,6 +21,7 @@ from tools.reasons_doc import make_page
 from truearc import robot
 from truearc.cli.common import SHIPPED
 from truearc.hw.devices import registry
+from truearc.hw.devices.limits import Bounds
 from truearc.hw.fault_codes import FRAME_NOT_ALLOWED
 from truearc.hw.protocols import Frame
 from truearc.hw.reason import FAULT, Reason
@@ -125,7 +126,7 @@ def test_ticks_look_for_no_plugins(config: Config, monkeypatch: pytest.MonkeyPat
 
 
 def test_its_own_reason_has_its_text_wherever_reasons_are_shown(config: Config) -> None:
-    motor, = registry.find_family("samplemotor").make_motors([config.axes.feeder])
+    motor, = registry.find_family("samplemotor").make_motors([config.axes.feeder], [Bounds()])
     motor.take(Frame(1, HEALTH, codec_of(registry.find_family("samplemotor")).make("Health", OTHER_FIRMWARE)))
     fault, = (one.about(motor="feeder motor") for one in motor.faults(2))
     assert fault.code == "samplemotor.wrong_firmware"

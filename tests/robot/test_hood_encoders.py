@@ -139,12 +139,13 @@ def test_angles_come_over_the_bus_and_nothing_else_may_be_sent(bench, name: str)
         for frame in on.bus.read():
             if (frame.arbitration_id, frame.is_extended) in keys:
                 encoder.take(frame)
+        encoder.faults(on.clock.now_ns())
         assert all(on.bus.write(frame) for frame in encoder.frames(on.clock.now_ns()))
         seen.append(encoder.read(on.clock.now_ns()))
         assert not on.bus.faults()
     assert not encoder.faults(on.clock.now_ns())
     before, after = seen[99], seen[-1]
-    assert on.clock.now_ns() - after.t_ns <= 20_000_000 and after.magnet_ok
+    assert on.clock.now_ns() - after.t_ns <= 30_000_000 and after.magnet_ok     # a tick, and 10 ms for the round trip
     turned = (after.angle_rad - before.angle_rad + math.pi) % math.tau - math.pi
     assert turned * table.direction == pytest.approx(0.3, abs=0.004)
     if table.zero_deg is not None:

@@ -1,6 +1,7 @@
 """Drivers are config lines: what the rig and the gate make of each, on hand-made wires."""
 
 import io
+import math
 import re
 import struct
 import tomllib
@@ -17,6 +18,7 @@ from tests.robot.test_rig import ASKED, Blind, Stream, Time, Wire
 from truearc.hw import fault_codes as hw
 from truearc.hw.devices.advisory.family import AdvisoryConfig
 from truearc.hw.devices.axis import Axis
+from truearc.hw.devices.limits import Bounds
 from truearc.hw.devices.odrive.family import OdriveConfig
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.family import SparkConfig
@@ -25,7 +27,7 @@ from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config, InputError, read_axis
 from truearc.robot.estimate import estimate
 from truearc.robot.gate.verdict import judge
-from truearc.robot.motors import make_motors, name_axes
+from truearc.robot.motors import bound_axes, make_motors, name_axes
 from truearc.robot.reasons import IMAGE_DARK, MOTOR_ERROR, MOTOR_NOT_DRIVEN, text
 from truearc.robot.recording.candump import candump_line
 from truearc.robot.rig import HardwareRig
@@ -182,3 +184,23 @@ def test_a_question_is_logged_with_the_length_of_its_answer() -> None:
     assert line == "(1.500000) can0 02052603#R8 T\n"
     message, = can.CanutilsLogReader(io.StringIO(line))
     assert (message.arbitration_id, message.is_remote_frame, message.dlc) == (0x02052603, True, 8)
+
+
+def test_an_axis_is_bounded_by_what_the_rest_of_the_configuration_asks_of_it() -> None:
+    """Of the hood: 20 deg/s where its lever is longest, 0.25 m, and half as much again, at which its interlock acts."""
+    left, right, hood, feeder = bound_axes(CONFIG)
+    assert left == right == Bounds(594.0, 1.2, False) and feeder == Bounds(None, 0.2, None)
+    lever_rad_s = math.tau * math.radians(20.0) * 0.25 / 0.005
+    assert hood.top_rad_s == pytest.approx(1.5 * max(lever_rad_s, CONFIG.identify.hood.top_rad_s), rel=2e-3)
+    assert (hood.top_nm, hood.brakes) == (0.3, True)
+    slow = bound_axes(replace(CONFIG, identify=None))[2]
+    assert slow.top_rad_s == pytest.approx(1.5 * lever_rad_s, rel=2e-2)
+
+
+@pytest.mark.parametrize("torque_nm_a", [1e-9, 1e-300, 10.0])
+def test_limits_that_no_frame_can_say_are_none_and_no_error(torque_nm_a: float) -> None:
+    flywheels = tuple(replace(axis, torque_nm_a=torque_nm_a) for axis in CONFIG.axes.flywheels)
+    hood = replace(CONFIG.hood, screw_lead_m=1e-8)
+    assert len(make_motors(replace(CONFIG, hood=hood, axes=replace(CONFIG.axes, flywheels=flywheels)))) == 4
+    wheels = tuple(replace(axis, torque_nm_a=torque_nm_a) for axis in SPARK_WHEELS.axes.flywheels)
+    assert len(make_motors(replace(SPARK_WHEELS, axes=replace(SPARK_WHEELS.axes, flywheels=wheels)))) == 4

@@ -6,6 +6,7 @@ from truearc.hw.dc_motor import DcMotor
 from truearc.hw.devices.axis import Axis, CanNode, Direction, Positive
 from truearc.hw.devices.bus_rules import NS_PER_MS, Rules, allow_seldom, kinds_of
 from truearc.hw.devices.family import AxisCheck, Endpoints, Heard, MotorFamily
+from truearc.hw.devices.limits import Bounds
 from truearc.hw.finding import Finding, failure, ok, warning
 from truearc.hw.protocols import Frame, MotorReading
 from truearc.hw.reason import Reason
@@ -29,7 +30,8 @@ class SampleConfig(SampleAxis, Axis, frozen=True, forbid_unknown_fields=True, ta
     rated_v: Positive
 
 
-def make_motors(axes: Sequence[SampleConfig]) -> list[SampleMotor]:
+def make_motors(axes: Sequence[SampleConfig], bounds: Sequence[Bounds]) -> list[SampleMotor]:
+    """The device has no limits of its own, so `bounds` are of no use to it."""
     return [SampleMotor(axis, DcMotor(axis.stall_torque_nm, axis.free_speed_rad_s, axis.rated_v)) for axis in axes]
 
 

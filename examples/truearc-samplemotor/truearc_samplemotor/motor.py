@@ -8,17 +8,22 @@ from truearc_samplemotor import frames
 from truearc_samplemotor.frames import FIRMWARE, SampleAxis
 from truearc_samplemotor.reasons import WRONG_FIRMWARE
 
+LET_GO = 3                            # ticks in which a duty of 0 is sent: one may be lost; then its watchdog stops it
 STALE_NS = 100_000_000                # a duty is not worked out from a speed or a voltage older than this
 
 
 class SampleMotor:
-    """A Motor that is sent a duty each tick. Its faults stand until it is wanted again."""
+    """A Motor that is sent a duty each tick. Its faults stand until it is wanted again.
+
+    How late its frames come is not known: the answer to a question looks like a report that comes by itself.
+    """
 
     def __init__(self, axis: SampleAxis, motor: DcMotor) -> None:
         self.reading = MotorReading()
         self._axis, self._motor = axis, motor
         self._agreement = Agreement()
         self._is_wanted = False
+        self._let_go = 0              # how many more times it is told to let go
         self._firmware = FIRMWARE     # as the device names it
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
@@ -40,7 +45,9 @@ class SampleMotor:
         sent = [frames.make_clear(self._axis)] if torque_nm is not None and not self._is_wanted else []
         self._is_wanted = torque_nm is not None
         if torque_nm is None or not self._may_drive(t_ns):
-            return Order(tuple(sent))             # silence is enough: its watchdog stops it
+            self._let_go = max(self._let_go - 1, 0)
+            return Order((*sent, *(self.release() if self._let_go else ())))
+        self._let_go = LET_GO + 1
         reading = self.reading
         duty = duty_for(self._motor, torque_nm, reading.velocity_rad_s, reading.bus_v)
         torque_nm = torque_of(self._motor, duty, reading.velocity_rad_s, reading.bus_v)

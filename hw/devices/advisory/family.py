@@ -75,6 +75,6 @@ def _make_motor(axis: AdvisoryConfig) -> HeardMotor:
 
 ADVISORY = MotorFamily(
     driver="advisory", axis=AdvisoryConfig, example=AdvisoryConfig("spark", 11, 1, False), dbc=None,
-    is_commanded=False, make_motors=lambda axes: tuple(map(_make_motor, axes)), make_rules=make_rules,
+    is_commanded=False, make_motors=lambda axes, bounds: tuple(map(_make_motor, axes)), make_rules=make_rules,
     errors=errors, is_driven=is_driven, questions=lambda axis, endpoints: (), examine=examine,
     make_node=make_node)

@@ -2,8 +2,8 @@
 
 import math
 
-from truearc.hw.codec import load_codec
-from truearc.hw.devices.canandmag.frames import POSITION_PERIOD_SETTING, frame_id, make
+from truearc.hw.codec import Values, load_codec
+from truearc.hw.devices.canandmag.frames import FETCH_ONE, POSITION_PERIOD_SETTING, frame_id, make
 from truearc.hw.emulated.nodes import MS, Plant, Report, ReportingNode, take_reports
 from truearc.hw.protocols import Frame
 
@@ -40,7 +40,8 @@ class CanandmagNode(ReportingNode):
         self._due_ns = t_ns
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
-        return tuple((frame_id(self._device, name), True) for name in ("SET_SETTING", "CLEAR_STICKY_FAULTS"))
+        return tuple((frame_id(self._device, name), True)
+                     for name in ("SETTING_COMMAND", "SET_SETTING", "CLEAR_STICKY_FAULTS"))
 
     def receive(self, frame: Frame, t_ns: int) -> list[Frame]:
         """Take a setting, or forget sticky faults; a malformed frame is ignored and counted."""
@@ -49,6 +50,8 @@ class CanandmagNode(ReportingNode):
         if frame.arbitration_id == frame_id(self._device, "CLEAR_STICKY_FAULTS"):
             self._sticky = 0
             return []
+        if frame.arbitration_id == frame_id(self._device, "SETTING_COMMAND"):
+            return self._answer(self._parse(self._codec, "SETTING_COMMAND", frame))
         values = self._parse(self._codec, "SET_SETTING", frame)
         return [] if values is None else [self._take_setting(int(values["setting"]), int(values["value"]), t_ns)]
 
@@ -66,6 +69,14 @@ class CanandmagNode(ReportingNode):
             self._plan()
         return make(self._device, "REPORT_SETTING", {"setting": setting, "value": value, "accepted": int(accepted),
                                                       "committed": 0})
+
+    def _answer(self, values: Values | None) -> list[Frame]:
+        """The one setting that is emulated, where it is asked for."""
+        if values is None or (values["command"], values["setting"]) != (FETCH_ONE, POSITION_PERIOD_SETTING):
+            return []
+        return [make(self._device, "REPORT_SETTING", {
+            "setting": POSITION_PERIOD_SETTING, "value": self._position.period_ns // MS, "accepted": 1,
+            "committed": 0})]
 
     def _counts(self) -> int:
         angle_rad = self._zero_rad + self._direction * self._plant.hood_encoder_rad()

@@ -14,6 +14,8 @@ from truearc.hw.protocols import AngleReading, BadFrame, Frame
 MESSAGES = ("POSITION_OUTPUT", "STATUS")          # what becomes part of an AngleReading
 
 POSITION_PERIOD_SETTING = 253                     # ms
+FETCH_ONE = 2                                     # command: one setting is asked for
+ID_CONFLICT = 0x02                                # the device has heard another with its number
 FAULT_WORDS = (
     (0x01, "power cycle"), (0x02, "id conflict"), (0x04, "CAN error"), (0x08, "temperature"), (0x10, "hardware"),
     (0x20, "magnet out of range"), (0x40, "supply low"),
@@ -46,6 +48,19 @@ def make_position_period(device: int, period_ms: int) -> Frame:
     if not 1 <= period_ms <= 65535:
         raise BadFrame(PERIOD_RANGE(device=f"canandmag device {device}", period_ms=period_ms))
     return make(device, "SET_SETTING", {"setting": POSITION_PERIOD_SETTING, "value": period_ms, "ephemeral": 1})
+
+
+def make_period_query(device: int) -> Frame:
+    """Ask for that period; the answer is a REPORT_SETTING frame, which `check_answer` knows."""
+    return make(device, "SETTING_COMMAND", {"command": FETCH_ONE, "setting": POSITION_PERIOD_SETTING})
+
+
+def check_answer(device: int, frame: Frame) -> None:
+    """BadFrame for anything but a REPORT_SETTING frame."""
+    try:
+        load_codec("canandmag").parse("REPORT_SETTING", frame.data)
+    except BadFrame as error:
+        raise BadFrame(error.reason.about(device=f"canandmag device {device}", frame=frame.name)) from error
 
 
 def parse(device: int, frame: Frame, previous: AngleReading | None) -> AngleReading | None:

@@ -9,12 +9,14 @@ PULSE_NS = 100 * NS_PER_MS            # heartbeat: how often an axis says how it
 
 def make_rules(axis: odrive.OdriveAxis, each_tick: int) -> Rules:
     """`each_tick`: how often within WINDOW_NS a frame may be sent that each tick sends once."""
-    seldom = [odrive.make_state(axis, odrive.IDLE), odrive.make_clear_errors(axis),
-              odrive.make_controller_mode(axis, odrive.TORQUE, odrive.PASSTHROUGH), odrive.make_estop(axis),
-              odrive.make_version_query(axis)]
+    seldom = [odrive.make_clear_errors(axis), odrive.make_controller_mode(axis, odrive.TORQUE, odrive.PASSTHROUGH),
+              odrive.make_estop(axis), odrive.make_version_query(axis)]
+    if axis.torque_nm_a:
+        seldom.append(odrive.make_limits(axis, 0.0, 0.0))
     if axis.endstop_endpoint:
         seldom.append(odrive.make_endstop_query(axis))
     seldom.append(odrive.make_address_query(axis))
     by_host, by_device = (kinds_of(odrive.ids_sent_by(axis, node), False) for node in ("Host", "Axis"))
-    return Rules((allow(odrive.make_torque(axis, 0.0), each_tick), *allow_seldom(seldom)), by_host, by_device,
+    always = [odrive.make_torque(axis, 0.0), odrive.make_state(axis, odrive.IDLE)]      # to let go is never refused
+    return Rules((*(allow(frame, each_tick) for frame in always), *allow_seldom(seldom)), by_host, by_device,
                  {(odrive.frame_id(axis, "Heartbeat"), False, False): PULSE_NS})

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from types import MappingProxyType
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from truearc.hw.codec import Values, load_codec
 from truearc.hw.devices.odrive import frames as odrive
@@ -35,7 +36,8 @@ class OdriveSettings(Struct, frozen=True):
     temperatures_degc: tuple[float, float] = (25.0, 25.0)     # inverter, motor; the plant has no heat
     firmware: tuple[int, int, int] = (0, 6, 10)
     serial: int = 0x385F324D3037
-    parameters: tuple[tuple[int, int], ...] = ()  # (endpoint, its four bytes as a number) of what else can be read
+    parameters: tuple[tuple[int, int], ...] = ()  # (endpoint, its four bytes as a number) of what else it keeps
+    save_endpoint: int = 0                        # of the function that keeps what was written, and restarts; 0: none
 
 
 # How the axes report, if not as a flywheel; set once on a real one with its maker's tool. Currents matter on the
@@ -80,6 +82,7 @@ class OdriveNode(ReportingNode):
         self._truth = self._plant.motor(self._name)
         self._start_rad = 0.0 if self.settings.is_absolute else self._truth.position_rad
         self._expires_ns = NEVER_NS
+        self._parameters = dict(self.settings.parameters)
         self._reports = tuple(Report(period_ms * MS, t_ns + PHASE_NS, make)
                               for period_ms, make in self._answers().values())
         self._plan()
@@ -97,6 +100,8 @@ class OdriveNode(ReportingNode):
         if command not in self._handlers:
             return []
         name, take = self._handlers[command]
+        if name == "RxSdo" and 4 <= len(frame.data) < 8:
+            frame = frame._replace(data=frame.data.ljust(8, b"\0"))    # as long as the parameter
         values = self._parse(self._codec, name, frame)
         if values is None:
             return []
@@ -185,12 +190,22 @@ class OdriveNode(ReportingNode):
 
     def _take_sdo(self, values: Values, t_ns: int) -> list[Frame]:
         endpoint = int(values["endpoint"])
-        table = dict(self.settings.parameters)
+        if values["opcode"] == odrive.SDO_WRITE:
+            self._write(endpoint, int(values["value"]), t_ns)
+            return []
+        table = dict(self._parameters)
         if self._endstop is not None:
             table[self._axis.endstop_endpoint] = int(self._endstop())
         if values["opcode"] != odrive.SDO_READ or endpoint not in table:
             return []                             # a parameter that this device does not have
         return [odrive.make(self._axis, "TxSdo", {"endpoint": endpoint, "value": table[endpoint]})]
+
+    def _write(self, endpoint: int, bits: int, t_ns: int) -> None:
+        if endpoint in self._parameters:
+            self._parameters[endpoint] = bits
+        elif endpoint and endpoint == self.settings.save_endpoint and self.state == odrive.IDLE:
+            self.settings = replace(self.settings, parameters=tuple(self._parameters.items()))
+            self.restart(t_ns)
 
     def _feed(self, t_ns: int) -> None:
         self._expires_ns = t_ns + self.settings.watchdog_ms * MS if self.settings.watchdog_ms else NEVER_NS

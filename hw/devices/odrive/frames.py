@@ -5,6 +5,7 @@ are radians, and the axis's `direction` has been applied: positive launches a ba
 """
 
 import math
+import struct
 from types import MappingProxyType
 
 from msgspec import Struct
@@ -12,7 +13,7 @@ from msgspec.structs import replace
 
 from truearc.hw import fault_codes as codes
 from truearc.hw.codec import Values, load_codec
-from truearc.hw.devices.axis import CanNode, Direction
+from truearc.hw.devices.axis import CanNode, Direction, TorquePerAmp
 from truearc.hw.fault_codes import ENDSTOP_VALUE, FRAME_UNEXPECTED
 from truearc.hw.protocols import BadFrame, ErrorTable, Frame, MotorReading, errors_in
 from truearc.hw.reason import Reason
@@ -45,7 +46,8 @@ ERRORS: ErrorTable = (
     (0x40000000, codes.ERROR_CALIBRATION),
 )
 
-SDO_READ = 0
+SDO_READ, SDO_WRITE = 0, 1
+HIGHEST_REV_S, HIGHEST_A = 5000.0, 2000.0         # of limits, as the DBC file has it
 # Command -> message, of what becomes part of a MotorReading
 READINGS = MappingProxyType({
     0x01: "Heartbeat", 0x03: "Get_Error", 0x05: "TxSdo", 0x09: "Get_Encoder_Estimates",
@@ -59,6 +61,7 @@ class OdriveAxis(Struct, frozen=True):
     node: CanNode
     direction: Direction                          # device's sign that launches a ball or raises the hood
     endstop_endpoint: int = 0                     # SDO endpoint that reads the limit switch; 0 = none
+    torque_nm_a: TorquePerAmp = 0.0               # its torque_constant; 0: not known
 
 
 def errors_of(axis_error: int) -> tuple[Reason, ...]:
@@ -101,6 +104,13 @@ def make_controller_mode(axis: OdriveAxis, control: int, input_mode: int) -> Fra
     return make(axis, "Set_Controller_Mode", {"control_mode": control, "input_mode": input_mode})
 
 
+def make_limits(axis: OdriveAxis, speed_rad_s: float, current_a: float) -> Frame:
+    """Set the device's own limits until it restarts: beyond the speed it gives no torque, beyond 1.2 times that it
+    disarms; the current is clamped. Beyond what a frame can mean there is no limit."""
+    return make(axis, "Set_Limits", {"velocity_rev_s": min(speed_rad_s / math.tau, HIGHEST_REV_S),
+                                     "current_a": min(current_a, HIGHEST_A)})
+
+
 def make_clear_errors(axis: OdriveAxis) -> Frame:
     """Forget standing errors; the axis stays idle."""
     return make(axis, "Clear_Errors", {"identify": 0})
@@ -119,6 +129,11 @@ def make_endstop_query(axis: OdriveAxis) -> Frame:
 def make_parameter_query(axis: OdriveAxis, endpoint: int) -> Frame:
     """Ask for one parameter by its number in the firmware's own table; `parse_parameter` takes the answer."""
     return make(axis, "RxSdo", {"opcode": SDO_READ, "endpoint": endpoint, "value": 0})
+
+
+def make_parameter_write(axis: OdriveAxis, endpoint: int, data: bytes) -> Frame:
+    """Set one parameter by its number, or call a function (no data); as long as the parameter, and not answered."""
+    return Frame(0, frame_id(axis, "RxSdo"), struct.pack("<BHB", SDO_WRITE, endpoint, 0) + data)
 
 
 def make_version_query(axis: OdriveAxis) -> Frame:

@@ -13,10 +13,9 @@ PULSE_NS = 10 * NS_PER_MS             # STATUS_0: how often a device says how it
 
 def make_rules(axis: spark.SparkAxis, each_tick: int) -> Rules:
     """`each_tick`: how often within WINDOW_NS a frame may be sent that each tick sends once."""
-    settings = spark.settings(axis)
-    parameter, value = next(iter(settings.items()))
     allowed = (allow(spark.make_duty(axis, 0.0), each_tick), allow(spark.make_heartbeat(()), each_tick),
-               allow(spark.make_setting(axis, parameter, value), 2 * len(settings)),      # twice: it may have reset
+               # twice: it may have reset
+               allow(spark.make_setting(axis, spark.IDLE_MODE, 0.0), 2 * len(spark.PARAMETERS)),
                *allow_seldom([spark.make_statuses(axis, spark.STATUSES), spark.make_clear_faults(axis),
                               spark.make_version_query(axis)]))
     by_host, by_device = (kinds_of(spark.ids_sent_by(axis, node), True) for node in ("Host", "Spark"))

@@ -22,9 +22,9 @@ FULL_DUTY = 0.99998                               # the most that STATUS_0 says 
 HIGHEST_V, HIGHEST_A = 29.99, 149.9               # what its twelve bits can say
 TEMPERATURE_DEGC = 25
 # A new device's parameters
-DEFAULTS = {spark.FORWARD_LIMIT: 1.0, spark.REVERSE_LIMIT: 1.0, spark.STALL_LIMIT: 80.0, spark.AVERAGE_DEPTH: 64.0,
-            spark.SAMPLE_DELTA: 200.0, spark.HALL_PERIOD: 0.03125, spark.HALL_DEPTH: 3.0, spark.STATUS_2_PERIOD: 20.0,
-            spark.STATUS_5_PERIOD: 20.0, spark.DUTY_FACTOR: 1.0}
+DEFAULTS = {spark.IDLE_MODE: 0.0, spark.FORWARD_LIMIT: 1.0, spark.REVERSE_LIMIT: 1.0, spark.STALL_LIMIT: 80.0,
+            spark.AVERAGE_DEPTH: 64.0, spark.SAMPLE_DELTA: 200.0, spark.HALL_PERIOD: 0.03125, spark.HALL_DEPTH: 3.0,
+            spark.STATUS_2_PERIOD: 20.0, spark.STATUS_5_PERIOD: 20.0, spark.DUTY_FACTOR: 1.0}
 PERIODS = {2: spark.STATUS_2_PERIOD, 5: spark.STATUS_5_PERIOD}    # status -> parameter
 NO_MOTOR = MotorTruth(0.0, 0.0, 0.0, 0.0)
 DUTY_PERIOD_US, STEPS = 1025, 1024                # of REV's through-bore encoder
@@ -40,7 +40,7 @@ class SparkSettings(Struct, frozen=True):
 
 
 class SparkNode(ReportingNode):
-    """One device with one motor of the plant, or none. Coasts at a duty of 0. Takes duties only.
+    """One device with one motor of the plant, or none. Takes duties only; at 0 it coasts or brakes, as it is set.
 
     It applies its set point, which it keeps, only while secondary heartbeats name it: one that does not, or none for
     100 ms, and the output is 0. One that has met a competition controller ignores them until its power is cycled, and
@@ -131,7 +131,7 @@ class SparkNode(ReportingNode):
         return NO_MOTOR if self._name is None else self._plant.motor(self._name)
 
     def _plan_loop(self, t_ns: int) -> None:
-        self._plan(self._expires_ns, t_ns + LOOP_NS if self._enabled else NEVER_NS)
+        self._plan(self._expires_ns, t_ns + LOOP_NS if self._enabled or self._torque_nm else NEVER_NS)
 
     # --- output
 
@@ -141,8 +141,8 @@ class SparkNode(ReportingNode):
         self._remember(t_ns)
         self.output = self._limited(self._duty) if self._enabled else 0.0
         settings, sign = self.settings, self._axis.direction
-        if self.output == 0.0:
-            self._torque_nm = 0.0
+        if self.output == 0.0 and not (self.parameters[spark.IDLE_MODE] and truth.velocity_rad_s):
+            self._torque_nm = 0.0     # the windings are open, or nothing turns; else a short circuit brakes
         else:
             back_v = settings.kt_nm_a * sign * truth.velocity_rad_s
             current_a = (self.output * self._plant.bus_v() - back_v) / settings.resistance_ohm

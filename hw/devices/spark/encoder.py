@@ -10,7 +10,9 @@ from msgspec import Meta, Struct
 from truearc.hw.devices.axis import CanNode, Direction, Finite, HoodEncoder
 from truearc.hw.devices.bus_rules import Rules
 from truearc.hw.devices.family import Heard
-from truearc.hw.devices.hood_encoder import CHECK, Around, Encoder, EncoderFamily
+from truearc.hw.devices.heard_motor import older
+from truearc.hw.devices.hood_encoder import CHECK, Around, Encoder, EncoderFamily, aged, trip_faults
+from truearc.hw.devices.round_trip import RoundTrip
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.bus_rules import make_encoder_rules
 from truearc.hw.devices.spark.doctor import check_firmware
@@ -36,12 +38,19 @@ class SparkEncoderConfig(Struct, HoodEncoder, frozen=True, forbid_unknown_fields
 
 
 class SparkEncoder(Encoder):
-    """Angles count only once the device has confirmed that one turn is 1, which it forgets in a reset."""
+    """Angles count only once the device has confirmed that one turn is 1, which it forgets in a reset.
+
+    They are older by the time that an answer of the device takes; of one that is not to be sent anything that is not
+    known.
+    """
 
     def __init__(self, table: SparkEncoderConfig) -> None:
         self._axis = _axis(table)
         self._setup = SparkSetup(self._axis, spark.ENCODER_STATUSES, _settings(table)) if table.period_ms else None
-        takers = {} if self._setup is None else self._setup.takers
+        self._trip = RoundTrip(spark.name_of(self._axis)) if table.period_ms else None
+        # a setting of its own, confirmed once more: its device may be a motor's, which is asked something else
+        self._question = spark.make_setting(self._axis, spark.DUTY_FACTOR, 1.0)
+        takers = {} if self._setup is None else {**self._setup.takers, "PARAMETER_WRITE_RESPONSE": self._take_setting}
         self._takers = {spark.frame_id(self._axis, name): take for name, take in takers.items()}
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
@@ -52,16 +61,31 @@ class SparkEncoder(Encoder):
         if (taker := self._takers.get(frame.arbitration_id)) is not None:
             taker(frame)
         elif self._setup is None or self._setup.is_ready:
-            self.reading = spark.parse_angle(self._axis, frame, self.reading)
+            late_ns = 0 if self._trip is None else self._trip.late_ns
+            self.reading = spark.parse_angle(self._axis, older(frame, late_ns), self.reading)
 
     def faults(self, t_ns: int) -> tuple[Reason, ...]:
-        fault = None if self._setup is None else self._setup.fault()
-        return () if fault is None else (fault.about(motor=CHECK),)
+        if self._setup is None or self._trip is None:
+            return ()
+        fault = self._setup.fault()
+        return trip_faults(self._trip, t_ns) if fault is None else (fault.about(motor=CHECK),)
 
     def frames(self, t_ns: int) -> tuple[Frame, ...]:
-        if self._setup is None:
+        if self._setup is None or self._trip is None:
             return ()
-        return tuple(self._setup.frames(t_ns, 0 if self.reading is None else self.reading.t_ns))
+        heard_ns = 0 if self.reading is None else self.reading.t_ns + self._trip.late_ns
+        frames = self._setup.frames(t_ns, heard_ns)
+        if self._setup.is_ready and self._trip.is_due:
+            frames = [self._question]
+        if self._question in frames:
+            self._trip.asked()
+        return tuple(frames)
+
+    def _take_setting(self, frame: Frame) -> None:
+        assert self._setup is not None and self._trip is not None
+        answer = self._setup.take_setting(frame)
+        if answer is not None and answer[0] == spark.DUTY_FACTOR:
+            self.reading = aged(self.reading, self._trip.answered(frame.t_ns))
 
 
 def make_rules(table: SparkEncoderConfig, each_tick: int) -> tuple[Rules]:

@@ -7,8 +7,9 @@ from msgspec import Meta
 
 from truearc.hw.codec import DBC
 from truearc.hw.dc_motor import DcMotor
-from truearc.hw.devices.axis import Axis
+from truearc.hw.devices.axis import Axis, TorquePerAmp
 from truearc.hw.devices.family import AttachedMotor, MotorFamily
+from truearc.hw.devices.limits import Bounds
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.bus_rules import make_rules
 from truearc.hw.devices.spark.doctor import examine, questions
@@ -16,7 +17,8 @@ from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
 from truearc.hw.devices.spark.motor import SparkHeartbeat, SparkMotor
 
 
-class SparkConfig(spark.SparkAxis, Axis, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="spark"):
+class SparkConfig(spark.SparkAxis, Axis, frozen=True, forbid_unknown_fields=True, omit_defaults=True,
+                  tag_field="driver", tag="spark"):
     """A REV SPARK MAX or Flex, given duties, which follow from what the motor's data sheet says; see
     truearc.hw.dc_motor."""
 
@@ -24,12 +26,14 @@ class SparkConfig(spark.SparkAxis, Axis, frozen=True, forbid_unknown_fields=True
     stall_torque_nm: Annotated[float, Meta(gt=0.0, le=100.0)]     # at the shaft that is counted, at the rated voltage
     free_speed_rad_s: Annotated[float, Meta(gt=1.0, le=10_000.0)]
     rated_v: Annotated[float, Meta(ge=1.0, le=60.0)]
+    torque_nm_a: TorquePerAmp = 0.0   # of the motor; 0: not known, and its stall current limit stays as it is stored
 
 
-def make_motors(axes: Sequence[SparkConfig]) -> tuple[SparkMotor, ...]:
+def make_motors(axes: Sequence[SparkConfig], bounds: Sequence[Bounds]) -> tuple[SparkMotor, ...]:
     heartbeat = SparkHeartbeat()
-    return tuple(SparkMotor(axis, DcMotor(axis.stall_torque_nm, axis.free_speed_rad_s, axis.rated_v), heartbeat)
-                 for axis in axes)
+    return tuple(SparkMotor(axis, DcMotor(axis.stall_torque_nm, axis.free_speed_rad_s, axis.rated_v), heartbeat,
+                            spark.settings(axis, one, axis.torque_nm_a))
+                 for axis, one in zip(axes, bounds, strict=True))
 
 
 def make_node(axis: spark.SparkAxis, motor: AttachedMotor) -> SparkNode:

@@ -15,6 +15,7 @@ from msgspec.structs import replace
 from truearc.hw import fault_codes as codes
 from truearc.hw.codec import Values, load_codec
 from truearc.hw.devices.axis import CanNode, Direction
+from truearc.hw.devices.limits import Bounds, current_limit_a
 from truearc.hw.fault_codes import FRAME_UNEXPECTED, PARAMETER_VALUE
 from truearc.hw.protocols import AngleReading, BadFrame, ErrorTable, Frame, MotorReading, errors_in
 from truearc.hw.reason import Reason
@@ -46,14 +47,15 @@ ENCODER_READINGS = ("STATUS_5", "STATUS_6")       # of an absolute encoder on th
 ENCODER_STATUSES = 0b1100000
 
 # Parameters, by number
+IDLE_MODE = 6                                     # of a motor that is not driven: 0 coasts, 1 brakes
 FORWARD_LIMIT, REVERSE_LIMIT = 52, 53             # 1: the switch stops the motor
-STALL_LIMIT = 59                                  # A
+STALL_LIMIT, HIGHEST_A = 59, 80.0                 # A; a new device has the highest that its maker allows
 AVERAGE_DEPTH, SAMPLE_DELTA = 70, 71              # of an encoder's speed: samples; 0.5 ms
 HALL_PERIOD, HALL_DEPTH = 136, 137                # of a brushless motor's own sensor: s; samples
 STATUS_2_PERIOD, STATUS_5_PERIOD = 160, 163       # ms
 DUTY_FACTOR = 139                                 # STATUS_5's position is that many for one turn
-PARAMETERS = (FORWARD_LIMIT, REVERSE_LIMIT, STALL_LIMIT, AVERAGE_DEPTH, SAMPLE_DELTA, HALL_PERIOD, HALL_DEPTH,
-              STATUS_2_PERIOD, STATUS_5_PERIOD, DUTY_FACTOR)
+PARAMETERS = (IDLE_MODE, FORWARD_LIMIT, REVERSE_LIMIT, STALL_LIMIT, AVERAGE_DEPTH, SAMPLE_DELTA, HALL_PERIOD,
+              HALL_DEPTH, STATUS_2_PERIOD, STATUS_5_PERIOD, DUTY_FACTOR)
 FLOATS = (HALL_PERIOD, DUTY_FACTOR)
 # A new device smears speed over 0.1 s and says it every 20 ms: too late for a loop, and a ball's dip does not show.
 QUICK_SPEED = MappingProxyType({AVERAGE_DEPTH: 1.0, SAMPLE_DELTA: 16.0, HALL_PERIOD: 0.008, HALL_DEPTH: 1.0,
@@ -78,10 +80,12 @@ def name_of(axis: SparkAxis) -> str:
     return f"spark {axis.device}"
 
 
-def settings(axis: SparkAxis) -> dict[int, float]:
-    """The parameters that truearc needs, and sets after every reset."""
+def settings(axis: SparkAxis, bounds: Bounds, torque_nm_a: float) -> dict[int, float]:
+    """The parameters that truearc needs, and sets after every reset. torque_nm_a: of the motor; 0: not known."""
     limit = {REVERSE_LIMIT if axis.direction > 0 else FORWARD_LIMIT: 1.0} if axis.has_endstop else {}
-    return {**QUICK_SPEED, **limit}
+    idle = {} if bounds.brakes is None else {IDLE_MODE: float(bounds.brakes)}
+    current_a = current_limit_a(bounds, torque_nm_a)
+    return {**QUICK_SPEED, **limit, **idle, **({} if current_a is None else {STALL_LIMIT: min(current_a, HIGHEST_A)})}
 
 
 def frame_id(axis: SparkAxis, message: str) -> int:

@@ -1,12 +1,13 @@
 """A SPARK as a Motor: asked who it is, set up, verified, and kept enabled by a heartbeat that only the tick sends."""
 
+from collections.abc import Mapping
 from functools import partial
 
 from msgspec.structs import replace
 
 from truearc.hw import fault_codes as codes
 from truearc.hw.dc_motor import DcMotor, duty_for, torque_of
-from truearc.hw.devices.heard_motor import HeardMotor
+from truearc.hw.devices.heard_motor import AskedMotor
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.setup import STALE_NS, SparkSetup
 from truearc.hw.protocols import BadFrame, Frame, Order
@@ -15,6 +16,7 @@ from truearc.hw.reason import Reason
 MS = 1_000_000
 FEED_NS = 25 * MS                     # an unchanged duty is repeated this often, in case a frame was lost
 HEARTBEAT_NS = 20 * MS                # a device's patience is five times this
+LET_GO_NS = 100 * MS                  # how often one that has been driven is ordered again to let go: a frame may be lost
 FAULTS_STALE_NS = 1000 * MS           # STATUS_1 comes every 0.25 s
 DEAF_NS = 150 * MS                    # a device that applies nothing for this long does not do as it is asked
 LEAST_DUTY = 0.01                     # one smaller may be rounded away
@@ -34,35 +36,40 @@ class SparkHeartbeat:
         devices = self._devices | {device} if enabled else self._devices - {device}
         if devices == self._devices and (not devices or t_ns - self._sent_ns < HEARTBEAT_NS):
             return ()                             # without a heartbeat no device is enabled either
+        return (self._make(devices, t_ns),)
+
+    def drop(self, device: int, t_ns: int) -> Frame:
+        """Disable one device now, whether or not that has been said."""
+        return self._make(self._devices - {device}, t_ns)
+
+    def _make(self, devices: frozenset[int], t_ns: int) -> Frame:
         self._devices, self._sent_ns = devices, t_ns
-        return (spark.make_heartbeat(devices),)
-
-    def drop(self, device: int) -> Frame:
-        """Disable one device now."""
-        self._devices -= {device}
-        return spark.make_heartbeat(self._devices)
+        return spark.make_heartbeat(devices)
 
 
-class SparkMotor(HeardMotor):
+class SparkMotor(AskedMotor):
     """A Motor that turns torques into duties.
 
     It drives only a device whose firmware it knows, whose status frames and settings it has seen confirmed, whose
     readings are fresh and which has no error. A reset loses all of that: it shows as status frames that stop, whereupon
     everything is asked for again, and as a warning. Errors, that warning among them, stand until the motor is wanted
-    again: arming is the operator's re-arm.
+    again: arming is the operator's re-arm. settings: parameter -> value, see spark.settings.
     """
 
-    def __init__(self, axis: spark.SparkAxis, motor: DcMotor, heartbeat: SparkHeartbeat) -> None:
-        self._setup = SparkSetup(axis, spark.STATUSES, spark.settings(axis))
+    def __init__(self, axis: spark.SparkAxis, motor: DcMotor, heartbeat: SparkHeartbeat,
+                 settings: Mapping[int, float]) -> None:
+        self._setup = SparkSetup(axis, spark.STATUSES, settings)
         takers = {"STATUS_0": self._take_status_0, "STATUS_1": super().take, "STATUS_2": super().take,
-                  **self._setup.takers}
+                  **self._setup.takers, "GET_FIRMWARE_VERSION": self._take_version}
         self._messages = tuple(takers)
         self._takers = {spark.frame_id(axis, name): take for name, take in takers.items()}
-        super().__init__(spark.name_of(axis), self._takers, True, partial(spark.parse, axis))
+        super().__init__(spark.name_of(axis), self._takers, True, partial(spark.parse, axis),
+                         spark.make_version_query(axis))
         self._axis, self._motor, self._heartbeat = axis, motor, heartbeat
         self._wanted = False
         self._duty: float | None = None           # what the device was last sent; None: it is not to drive
         self._fed_ns = 0
+        self._let_go_ns = 0                       # when it was last told to let go; 0: it has not been driven
         self._applied = 0.0
         self._heeded_ns = 0                       # when it last did as it was asked
         self._drove_ns = 0
@@ -75,20 +82,37 @@ class SparkMotor(HeardMotor):
         taker(frame)
 
     def faults(self, t_ns: int) -> tuple[Reason, ...]:
+        others = super().faults(t_ns)
+        if self._trip.is_measured and not self._trip.is_timely:
+            return others                         # late frames would have it look as if it had been reset
         fault = self._setup.fault() or self._driving_fault(t_ns)
-        return super().faults(t_ns) if fault is None else (fault,)
+        return others if fault is None else (fault,)
 
     def order(self, torque_nm: float | None, t_ns: int) -> Order:
         frames = self._rearm() if torque_nm is not None and not self._wanted else []
         self._wanted = torque_nm is not None
-        frames += self._setup.frames(t_ns, self.reading.t_ns)
+        frames += self._ask(t_ns)
         order = self._stop(t_ns) if torque_nm is None or not self._may_drive(t_ns) else self._drive(torque_nm, t_ns)
         return order._replace(frames=(*frames, *order.frames))
 
     def release(self) -> tuple[Frame, ...]:
-        return spark.make_duty(self._axis, 0.0), self._heartbeat.drop(self._axis.device)
+        return spark.make_duty(self._axis, 0.0), self._heartbeat.drop(self._axis.device, 0)
+
+    def _ask(self, t_ns: int) -> list[Frame]:
+        """Questions of the setup, and how late the device comes; the version answers both, and is asked once a time."""
+        frames = self._setup.frames(t_ns, self.reading.t_ns + self._trip.late_ns)
+        if self._trip.is_due or self._question not in frames:
+            return [*(frame for frame in frames if frame != self._question), *self._asked()]
+        if self._trip.is_open:
+            return []
+        self._trip.asked()
+        return frames
 
     # --- what comes
+
+    def _take_version(self, frame: Frame) -> None:
+        self._setup.take_version(frame)
+        self._take_answer(frame)
 
     def _take_status_0(self, frame: Frame) -> None:
         super().take(frame)
@@ -104,7 +128,7 @@ class SparkMotor(HeardMotor):
 
     def _may_drive(self, t_ns: int) -> bool:
         reading = self.reading
-        return (self._setup.is_ready and not reading.axis_error and reading.bus_v > 0.0
+        return (self._trip.is_timely and self._setup.is_ready and not reading.axis_error and reading.bus_v > 0.0
                 and _is_young(reading.t_ns, t_ns, STALE_NS) and _is_young(reading.bus_t_ns, t_ns, STALE_NS)
                 and _is_young(reading.errors_t_ns or 0, t_ns, FAULTS_STALE_NS))
 
@@ -122,10 +146,12 @@ class SparkMotor(HeardMotor):
         return Order(tuple(frames), torque_of(self._motor, duty, velocity_rad_s, bus_v), duty)
 
     def _stop(self, t_ns: int) -> Order:
-        frames = (spark.make_duty(self._axis, 0.0),) if self._duty is not None else ()
-        self._duty = None
         self._note_state(spark.IDLE if self._setup.is_ready else spark.UNKNOWN)
-        return Order((*frames, *self._heartbeat.frames(self._axis.device, False, t_ns)))
+        again = self._let_go_ns and t_ns - self._let_go_ns >= LET_GO_NS
+        if self._duty is None and not again:
+            return Order()
+        self._duty, self._let_go_ns = None, t_ns
+        return Order((spark.make_duty(self._axis, 0.0), self._heartbeat.drop(self._axis.device, t_ns)))
 
     def _note_whether_it_heeds(self, t_ns: int) -> None:
         """Note whether the device applies its duty; the note outlasts the moment for which a feeder is driven."""

@@ -19,7 +19,7 @@ class SparkSetup:
     """
 
     def __init__(self, axis: spark.SparkAxis, statuses: int, settings: Mapping[int, float]) -> None:
-        self.takers = {"GET_FIRMWARE_VERSION": self._take_version, "PARAMETER_WRITE_RESPONSE": self._take_setting,
+        self.takers = {"GET_FIRMWARE_VERSION": self.take_version, "PARAMETER_WRITE_RESPONSE": self.take_setting,
                        "SET_STATUSES_ENABLED_RESPONSE": self._take_statuses}
         self._axis, self._statuses, self._settings = axis, statuses, settings
         self._asked_ns = -RETRY_NS
@@ -69,21 +69,25 @@ class SparkSetup:
     def _speaks_our_frames(self) -> bool:
         return self._version is not None and (spark.OLDEST_FIRMWARE <= self._version[0] <= spark.NEWEST_FIRMWARE)
 
-    def _take_version(self, frame: Frame) -> None:
-        self._version = spark.parse_version(self._axis, frame)
-        if self._speaks_our_frames():
+    def take_version(self, frame: Frame) -> None:
+        """An answer to its question who the device is; BadFrame for anything else."""
+        spoke, self._version = self._speaks_our_frames(), spark.parse_version(self._axis, frame)
+        if self._speaks_our_frames() and not spoke:
             self._asked_ns = -RETRY_NS            # the next question need not wait
 
     def _take_statuses(self, frame: Frame) -> None:
+        were_on = self._statuses_on
         self._statuses_on = spark.parse_statuses(self._axis, frame) & self._statuses == self._statuses
         self._statuses_ns = frame.t_ns
-        if self._statuses_on:
+        if self._statuses_on and not were_on:
             self._asked_ns = -RETRY_NS
 
-    def _take_setting(self, frame: Frame) -> None:
+    def take_setting(self, frame: Frame) -> tuple[int, float] | None:
+        """An answer to a parameter that was written; as spark.parse_setting."""
         answer = spark.parse_setting(self._axis, frame)
         if answer is None or answer[0] not in self._unset:
-            return
+            return answer
         parameter, value = answer
         if spark.setting_bits(parameter, self._unset[parameter]) == spark.setting_bits(parameter, value):
             del self._unset[parameter]
+        return answer

@@ -91,7 +91,7 @@ def fault(kind, frame_id=None, length=0):
 
 def test_a_well_robot_passes_everything(endpoints):
     findings = Bench().findings(endpoints)
-    assert levels(findings, OK) == set(findings) and len(findings) == 2 + 4 * 7 + 5
+    assert levels(findings, OK) == set(findings) and len(findings) == 2 + 4 * 7 + 5 + 1      # and what the feeder keeps
     assert findings["hood motor, limit switch"].says.startswith("told as open")
     assert findings["hood, switch and encoder"].says == "the encoder reads 28.6 deg, the limit switch at 15 deg is open"
     assert findings["flywheel motor 1, firmware"].says == "firmware 0.6.10"
@@ -191,10 +191,11 @@ def test_two_encoders_with_one_number():
 
 
 class Spoilt:
-    """A device whose frames go through `spoil` on their way, and `late_ns` later."""
+    """A device whose frames go through `spoil` on their way, and come `late_ns` later, or those that `is_late` says."""
 
-    def __init__(self, node, spoil=lambda frame: frame, late_ns=0):
+    def __init__(self, node, spoil=lambda frame: frame, late_ns=0, is_late=lambda frame: True):
         self.node, self.motor, self._spoil, self._late_ns, self._queue = node, node.motor, spoil, late_ns, []
+        self._is_late = is_late
 
     def __getattr__(self, name):
         return getattr(self.node, name)
@@ -209,7 +210,8 @@ class Spoilt:
         return self._pass_on(self.node.step(t_ns), t_ns)
 
     def _pass_on(self, frames, t_ns):
-        self._queue += [(t_ns + self._late_ns, self._spoil(frame)) for frame in frames]
+        self._queue += [(t_ns + self._late_ns * self._is_late(frame), self._spoil(frame)) for frame in frames]
+        self._queue.sort(key=lambda one: one[0])
         due = [frame for due_ns, frame in self._queue if due_ns <= t_ns]
         self._queue = [one for one in self._queue if one[0] > t_ns]
         return due

@@ -113,8 +113,13 @@ def switch(closed):
         frame.arbitration_id == 0x65) else frame
 
 
-def on(names, spoil=lambda frame: frame, late_ms=0):
-    return lambda name, node: Spoilt(node, spoil, late_ms * MS) if name in names else node
+def is_reading(frame):
+    """Of a position; what else comes late, answers tell at rest."""
+    return frame.arbitration_id == ANGLE_ID if frame.is_extended else frame.arbitration_id & 0x1F == 0x09
+
+
+def on(names, spoil=lambda frame: frame, late_ms=0, is_late=is_reading):
+    return lambda name, node: Spoilt(node, spoil, late_ms * MS, is_late) if name in names else node
 
 
 def frozen():
@@ -223,8 +228,8 @@ def test_what_is_not_ours_is_not_moved():
 
 
 @pytest.mark.parametrize(("words", "says"), [
-    (["--yes"], "--yes: applies with --move only"), (["--move"], "no terminal"),
-    (["--move", "--nt", "2504", "--map", "m.toml"], "--nt"),
+    (["--yes"], "--yes: applies with --move or --set only"), (["--move"], "no terminal"),
+    (["--move", "--nt", "2504", "--map", "m.toml"], "--nt"), (["--move", "--set", "--yes"], "--move: apart"),
 ])
 def test_move_without_a_yes_is_refused_before_anything_is_opened(words, says, capsys):
     assert main(["doctor", "--config", str(SHIPPED), *words]) == 2
@@ -247,7 +252,8 @@ def serve(wrap_name: str, far: Connection) -> None:
     box.unplug()
 
 
-REAL = {"well": lambda name, node: node, "switch": on(("hood",), switch(0)), "late": on(WHEELS, late_ms=250)}
+REAL = {"well": lambda name, node: node, "switch": on(("hood",), switch(0)),
+        "late": on(WHEELS, late_ms=250, is_late=lambda frame: True)}
 
 
 @pytest.mark.slow

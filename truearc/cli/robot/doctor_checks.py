@@ -30,6 +30,7 @@ from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.config.shot_map import as_signal, load_map
 from truearc.robot.doctor import devices, senses
 from truearc.robot.doctor.network import HeardKeys, check_network, check_tags, keys_wanted
+from truearc.robot.doctor.stored import set_stored
 from truearc.robot.motors import name_axes
 
 NS_PER_S = 1_000_000_000
@@ -55,6 +56,23 @@ def check_robot(args: argparse.Namespace) -> int:
                 devices.check_model(config.gate, args.gate), *devices.check_aim(config, args.aim),
                 _look_at_disk(args.out)]
     return _report(findings, args.json)
+
+
+def set_devices(args: argparse.Namespace) -> int:
+    """Write what the axes should keep; 0 when they keep it. args: those of `truearc doctor`."""
+    if args.config is None or args.endpoints is None:
+        raise InputError("--set needs --config and --endpoints: whose axes, and their firmware's flat_endpoints.json")
+    config, endpoints, clock = load_config(args.config), devices.load_endpoints(args.endpoints), MonotonicClock()
+    try:
+        bus = open_can(config.can.interface, config.can.channel, config.can.bitrate, clock)
+    except LinkLost as error:
+        raise InputError(f"{args.config}: can: {error}") from error
+    try:
+        return set_stored(bus, clock, config, endpoints, args.yes)
+    except LinkLost as error:
+        raise InputError(f"{args.config}: can: {error}; some settings may have been written") from error
+    finally:
+        bus.close()
 
 
 def _report(findings: list[Finding], as_json: bool) -> int:
