@@ -159,7 +159,7 @@ def test_other_devices_pass_too(config, hood_deg):
     (on(WHEELS[:1], floats(lambda turns, speed: (turns / 2.0, speed))), "flywheel motor 1, motion", "add up", 33.0),
     (on(WHEELS[:1], floats(lambda turns, speed: (turns / 2.0, speed / 2.0))), "flywheels, motion", "turn alike", 15.0),
     (on(WHEELS, floats(lambda turns, speed: (-turns, -speed))), "motion", "direction", 5.0),
-    (on(WHEELS, late_ms=80), "flywheel motor 1, motion", "torque 75 ms late", 38.0),      # less 10 ms of an answer
+    (on(WHEELS, late_ms=70), "flywheel motor 1, motion", "torque 65 ms late", 38.0),      # less 10 ms of an answer
     (on(WHEELS, late_ms=200), "flywheel motor 2, motion", "torque 195 ms late", 45.0),
 ], ids=["dead", "one dead", "swapped", "one swapped", "slow", "rpm", "turns", "scaled", "backwards", "late", "later"])
 def test_what_is_wrong_with_wheels_is_found(wrap, check, words, most_rad_s):
