@@ -158,7 +158,7 @@ class Motion:
 
     def _counted(self, inputs: Inputs) -> tuple[Reason, ...]:
         """The faults, without those of a box that is not there, and frames unsent once: motors are told again soon."""
-        ignored = set() if self._has_box else set(BOX_GONE)
+        ignored = set[str]() if self._has_box else set(BOX_GONE)
         if any(fault.code == FRAMES_NOT_SENT.name for fault in inputs.faults):
             if inputs.t_ns - self._unsent_ns > UNSENT_NS:
                 ignored.add(FRAMES_NOT_SENT.name)
