@@ -4,7 +4,9 @@ A launcher is fired by its speeds alone, and with a single motor nothing else wo
 count turns on without a wrap, as 32-bit floats; speeds may lag a little, and be stamped a little late.
 """
 
+import struct
 from collections import deque
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from truearc.hw.fault_codes import ENCODER_MISMATCH, ENCODER_STUCK, SPEED_JUMPED
@@ -29,6 +31,10 @@ SLACK_RAD_S = 3.0                     # ... by this, the noise of a speed, ...
 OWN_LAG_S, LAG_S = 0.005, 0.2
 LASTS_NS = 30 * MS                    # readings that were held up, and are stamped when they came, differ for less
 GRAIN = 2.0 ** -23                    # of a 32-bit float
+# Turns, or turns per second or minute, that an encoder may mean, unless it is 0: less than a count of the finest,
+# 2**-32, is none, and less than 2**-24 is not usual; 1e8 take a year
+LEAST_TURNS, USUAL_TURNS, MOST_TURNS = 2.0 ** -32, 2.0 ** -24, 1e8
+FEW = 3                               # values, of which nothing is concluded
 
 
 class _Told(NamedTuple):
@@ -103,3 +109,18 @@ class Agreement:
         grain = GRAIN * (abs(first.position_rad) + abs(last.position_rad)) / span_s
         allowed = SLACK_RAD_S + SHARE * max(abs(told), abs(turned)) + lag + grain
         return None if abs(told - turned) <= allowed else (told, turned)
+
+
+def is_byte_swapped(values: Iterable[bytes]) -> bool:
+    """Whether 32-bit floats are big-endian: read so, an encoder may mean each; little-endian, most are not usual.
+
+    A float's exponent is where the other order has the end of its mantissa, which is 0 or anything.
+    """
+    told = [value for value in values if len(value) == 4 and any(value)]
+    odd = sum(not _is_between("<f", value, USUAL_TURNS) for value in told)
+    return len(told) >= FEW and 2 * odd > len(told) and all(_is_between(">f", value, LEAST_TURNS) for value in told)
+
+
+def _is_between(order: str, value: bytes, least: float) -> bool:
+    size: float = abs(struct.unpack(order, value)[0])
+    return size == 0.0 or least <= size <= MOST_TURNS

@@ -1,5 +1,8 @@
 """Everything that a family of motor controllers declares about itself, one MotorFamily value; listening to devices."""
 
+import contextlib
+import math
+import statistics
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Generic, NamedTuple, TypeVar
@@ -10,9 +13,11 @@ from truearc.hw.devices.axis import Axis
 from truearc.hw.devices.bus_rules import Rules
 from truearc.hw.devices.limits import Bounds
 from truearc.hw.emulated.nodes import Node, Plant
-from truearc.hw.finding import Finding
+from truearc.hw.encoder_plausibility import MOVING_RAD_S, Agreement, is_byte_swapped
+from truearc.hw.fault_codes import BY_NAME
+from truearc.hw.finding import Finding, failure, ok, warning
 from truearc.hw.protocols import BadFrame, Bus, Clock, Frame, Motor, MotorReading
-from truearc.hw.reason import Message, Reason
+from truearc.hw.reason import Message, Reason, render
 
 Reading = TypeVar("Reading")
 NS_PER_S = 1_000_000_000
@@ -20,16 +25,35 @@ LOOK_NS = 5_000_000                   # between looks at the bus
 AxisKind = TypeVar("AxisKind", bound=Axis)
 
 
+ASKED_AT = (0.0, 0.25, 0.6)           # share of the time listened; uneven, so that a late answer is no early one thrice
+
+
 class Heard(NamedTuple):
-    """Everything that the bus carried in `seconds`."""
+    """Everything that the bus carried in `seconds`, and what it was asked, stamped when it was."""
 
     frames: tuple[Frame, ...]
     seconds: float
+    asked: tuple[Frame, ...] = ()
 
     def of(self, frame_id: int, extended: bool = False) -> list[Frame]:
         """Devices' frames with one id, oldest first."""
         return [frame for frame in self.frames
                 if frame.arbitration_id == frame_id and frame.is_extended == extended and not frame.is_remote]
+
+    def answering(self, question: Frame) -> int:
+        """How many devices answer a remote frame."""
+        answers = len(self.of(question.arbitration_id, question.is_extended))
+        return math.ceil(answers / max(1, len(self._askings(question))))
+
+    def answer_s(self, question: Frame) -> float | None:
+        """How long the answer to a remote frame takes, the median of all askings; None without any answer."""
+        came_ns = [frame.t_ns for frame in self.of(question.arbitration_id, question.is_extended)]
+        took_ns = [min(later) - asked_ns for asked_ns in self._askings(question)
+                   if (later := [t_ns for t_ns in came_ns if t_ns >= asked_ns])]
+        return statistics.median(took_ns) / NS_PER_S if took_ns else None
+
+    def _askings(self, question: Frame) -> list[int]:
+        return [asked.t_ns for asked in self.asked if asked == question._replace(t_ns=asked.t_ns)]
 
     def read(self, keys: Iterable[tuple[int, bool]], parse: Callable[[Frame, Reading], Reading],
              reading: Reading) -> tuple[Reading, list[BadFrame]]:
@@ -45,16 +69,40 @@ class Heard(NamedTuple):
 
 
 def listen(bus: Bus, clock: Clock, questions: Iterable[Frame], seconds: float) -> Heard:
-    """Put the questions, none of which may change anything, and listen; LinkLost when the adapter goes."""
+    """Listen, and put the questions, none of which may change anything, three times; LinkLost when the adapter goes."""
     bus.read()                                    # what was said before we asked
-    for question in questions:
-        bus.write(question)
     began_ns = clock.now_ns()
-    frames: list[Frame] = []
+    due_ns = [began_ns + round(share * seconds * NS_PER_S) for share in ASKED_AT]
+    asked, frames, questions = list[Frame](), list[Frame](), list(questions)
     while (now_ns := clock.now_ns()) - began_ns < seconds * NS_PER_S:
+        if due_ns and now_ns >= due_ns[0]:
+            due_ns.pop(0)
+            for question in questions:            # an adapter that says that it was too slow may have sent it
+                asked.append(question._replace(t_ns=clock.now_ns()))
+                bus.write(question)
         clock.sleep_until_ns(now_ns + LOOK_NS)
         frames += bus.read()
-    return Heard(tuple(frames), (now_ns - began_ns) / NS_PER_S)
+    return Heard(tuple(frames), (now_ns - began_ns) / NS_PER_S, tuple(asked))
+
+
+def check_estimates(name: str, frames: Sequence[Frame],
+                    parse: Callable[[Frame, MotorReading], MotorReading]) -> Finding:
+    """Whether positions and speeds, two 32-bit floats a frame, can be those of one encoder; whether it turns."""
+    check, reading, agreement = f"{name}, estimates", MotorReading(), Agreement()
+    if is_byte_swapped(part for frame in frames for part in (frame.data[:4], frame.data[4:])):
+        return failure(check, "make sense only with their bytes the other way round (big-endian)",
+                       "the frames are little-endian: take the maker's own firmware, or correct the device's program")
+    for frame in frames:
+        before = reading
+        with contextlib.suppress(BadFrame):       # another check says so
+            reading = parse(frame, reading)
+            agreement.take(before, reading)
+            if (fault := agreement.fault(name, reading)) is not None:
+                return failure(check, render(fault, BY_NAME), "look at the encoder, its plug and its settings")
+    if abs(reading.velocity_rad_s) > MOVING_RAD_S:
+        return warning(check, f"turns at {reading.velocity_rad_s:.0f} rad/s, and nothing drives it",
+                       "check it at rest; a speed that stays is not its encoder's")
+    return ok(check, f"at rest at {reading.position_rad:.4g} rad; whether they follow the motor, --move tells")
 
 
 class Endpoints(Struct, frozen=True):

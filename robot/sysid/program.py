@@ -6,6 +6,9 @@ from truearc.robot.config.schema import Config, Excite, InputError
 from truearc.robot.motion import OVERSPEED
 
 READY, HOME, COAST, RAMP, STEP = "ready", "home", "coast", "ramp", "step"
+# The doctor's: a short push that may move nothing; no torque for a while; slow travel of the hood, to or off its switch
+NUDGE, PAUSE, CREEP = "nudge", "pause", "creep"
+CREEP_UP_DEG = 3.0                    # above the switch: it closes within a fraction of a degree
 FLYWHEEL, HOOD = "flywheel", "hood"
 STILL = 0.02                          # times top_rad_s: it has come to rest
 READY_S = 5.0                         # from arming until every axis is under control
@@ -21,6 +24,8 @@ class Phase(Struct, frozen=True):
     rate_nm_s: float                  # how fast the torque grows; 0 = at once
     top_rad_s: float
     longest_s: float
+    ends_rad_s: float = 0.0           # a drive ends at this speed, creeping keeps to it; 0: top_rad_s
+    must_turn: bool = False           # a nudge, after which nothing more is tried
 
     def asked_nm(self, since_s: float) -> float:
         """The torque this long after the phase began."""

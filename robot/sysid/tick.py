@@ -14,11 +14,24 @@ from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config
 from truearc.robot.control import RELEASED, home
-from truearc.robot.estimate import estimate, remember
+from truearc.robot.estimate import estimate, is_fresh, remember
 from truearc.robot.gate.doubts import doubt_axes
 from truearc.robot.gate.model import Gate
 from truearc.robot.motion import Wanted, Watch, watch
-from truearc.robot.sysid.program import COAST, FLYWHEEL, HOME, HOOD, READY, STILL, Phase, phases
+from truearc.robot.sysid.program import (
+    COAST,
+    CREEP,
+    CREEP_UP_DEG,
+    FLYWHEEL,
+    HOME,
+    HOOD,
+    NUDGE,
+    PAUSE,
+    READY,
+    STILL,
+    Phase,
+    phases,
+)
 from truearc.robot.types import Aim, Command, Estimate, Inputs, Memory, Progress, Tick, Verdict
 
 NS = 1e-9
@@ -26,9 +39,11 @@ POLICY = "identify"                   # what the session's header says
 LIMIT_SHARE = 0.5                     # of the hood's margin: nearer to an end of its travel everything is let go
 
 
-def make_step(config: Config) -> Callable[[Inputs, Memory, Config, Gate | None], Tick]:
-    """What one tick does, for truearc.robot.runtime.run; InputError when the configuration has no such program."""
-    program = phases(config)
+def make_step(config: Config,
+              program: tuple[Phase, ...] | None = None) -> Callable[[Inputs, Memory, Config, Gate | None], Tick]:
+    """What one tick does, for truearc.robot.runtime.run. program: None for that of [identify]; InputError when the
+    configuration has none."""
+    program = program or phases(config)
 
     def step(inputs: Inputs, memory: Memory, config: Config, gate: Gate | None) -> Tick:
         progress = Progress() if isinstance(memory.identify, UnsetType) else memory.identify
@@ -79,9 +94,9 @@ def _operate(inputs: Inputs, memory: Memory, progress: Progress) -> tuple[Memory
 def _watch(inputs: Inputs, belief: Estimate, memory: Memory, progress: Progress, program: tuple[Phase, ...],
            config: Config) -> Watch:
     """The interlocks of motion, for the joint that is driven."""
-    assert config.identify is not None
-    on_wheels = program[progress.phase].joint == FLYWHEEL
-    wanted = Wanted(config.identify.flywheel.top_rad_s if on_wheels else 0.0, None, config.identify.hood.top_rad_s)
+    phase = program[progress.phase]
+    on_wheels = phase.joint == FLYWHEEL
+    wanted = Wanted(phase.top_rad_s if on_wheels else 0.0, None, None if on_wheels else phase.top_rad_s)
     return watch(inputs, belief, wanted, memory, config, doubt_axes(inputs, config))
 
 
@@ -101,10 +116,10 @@ def _advance(inputs: Inputs, belief: Estimate, memory: Memory, progress: Progres
     speed = _speed(inputs, belief, phase.joint)
     late = since_s >= phase.longest_s
     if late:
-        doubts += _overdue(phase, speed)
+        doubts += _overdue(phase, speed, config)
     if doubts:
         return replace(progress, over=because.IDENTIFY_STOPPED(causes=tuple(doubts)))
-    if not late and not _is_over(belief, memory, phase, speed, config):
+    if not late and not _is_over(inputs, belief, memory, phase, speed, config):
         return progress
     if progress.phase + 1 == len(program):
         return replace(progress, over=because.IDENTIFY_DONE())
@@ -117,6 +132,8 @@ def _command(inputs: Inputs, belief: Estimate, progress: Progress, program: tupl
     asked_nm = phase.asked_nm((inputs.t_ns - progress.since_t_ns) * NS)
     if phase.kind == HOME:
         asked_nm = home(inputs, belief, watched.hood, config)
+    elif phase.kind == CREEP and _speed(inputs, belief, phase.joint) * phase.sign >= phase.ends_rad_s:
+        asked_nm = 0.0
     return Command(True, True, True, asked_nm if phase.joint == FLYWHEEL else 0.0,
                    asked_nm if phase.joint == HOOD else 0.0, 0.0)
 
@@ -138,7 +155,9 @@ def _hood(belief: Estimate, phase: Phase, speed: float, config: Config) -> list[
     if phase.kind == HOME:
         return []
     if belief.hood_deg is None or belief.hood_screw_deg is None:
-        return [because.HOOD_UNKNOWN()]
+        return [] if phase.kind in (NUDGE, PAUSE, CREEP) else [because.HOOD_UNKNOWN()]
+    if phase.kind in (NUDGE, PAUSE, CREEP):
+        return []
     low_deg, high_deg = _window(config, LIMIT_SHARE)
     slow = STILL * phase.top_rad_s
     if (belief.hood_deg > high_deg and speed > slow) or (belief.hood_deg < low_deg and speed < -slow):
@@ -153,14 +172,27 @@ def _window(config: Config, share: float) -> tuple[float, float]:
     return config.hood.low_deg + margin_deg, config.hood.high_deg - margin_deg
 
 
-def _is_over(belief: Estimate, memory: Memory, phase: Phase, speed: float, config: Config) -> bool:
+def _is_over(inputs: Inputs, belief: Estimate, memory: Memory, phase: Phase, speed: float, config: Config) -> bool:
     if phase.kind == READY:
         return True                   # every reading is there and fresh
     if phase.kind == HOME:
         return memory.homed
     if phase.kind == COAST:
         return abs(speed) <= STILL * phase.top_rad_s
-    return speed * phase.sign >= phase.top_rad_s or (phase.joint == HOOD and _at_end(belief, phase, config))
+    if phase.kind == PAUSE:
+        return False
+    if phase.kind == CREEP:
+        return _has_crept(inputs, belief, phase, config)
+    fast = speed * phase.sign >= (phase.ends_rad_s or phase.top_rad_s)
+    return fast or (phase.joint == HOOD and phase.kind != NUDGE and _at_end(belief, phase, config))
+
+
+def _has_crept(inputs: Inputs, belief: Estimate, phase: Phase, config: Config) -> bool:
+    """On the switch; or, where it is known how high that is, off it."""
+    if (phase.sign > 0) == (config.hood.homing_torque_nm > 0.0):
+        return inputs.hood_motor.endstop and is_fresh(inputs, inputs.hood_motor.endstop_t_ns, config)
+    screw_deg = belief.hood_screw_deg
+    return screw_deg is not None and abs(screw_deg - config.hood.low_deg) >= CREEP_UP_DEG
 
 
 def _at_end(belief: Estimate, phase: Phase, config: Config) -> bool:
@@ -169,9 +201,11 @@ def _at_end(belief: Estimate, phase: Phase, config: Config) -> bool:
     return belief.hood_deg >= high_deg if phase.sign > 0 else belief.hood_deg <= low_deg
 
 
-def _overdue(phase: Phase, speed: float) -> list[Reason]:
+def _overdue(phase: Phase, speed: float, config: Config) -> list[Reason]:
     """Driving may last as long as it may; not so what ought to have come to an end."""
-    if phase.kind == HOME:
+    if phase.kind == PAUSE or (phase.kind == NUDGE and not phase.must_turn):
+        return []
+    if phase.kind == HOME or (phase.kind == CREEP and phase.sign * config.hood.homing_torque_nm > 0.0):
         return [because.SWITCH_NOT_REACHED(limit_s=phase.longest_s)]
     if phase.kind == COAST and abs(speed) > STILL * phase.top_rad_s:
         return [because.JOINT_STILL_TURNING(joint=phase.joint, limit_s=phase.longest_s)]

@@ -117,6 +117,7 @@ THEIRS = {
     "Get_Error": {"active_errors": "Active_Errors", "disarm_reason": "Disarm_Reason"},
     "RxSdo": {"opcode": "Opcode", "endpoint": "Endpoint_ID", "value": "Value"},
     "TxSdo": {"endpoint": "Endpoint_ID", "value": "Value"},
+    "Address": {"node": "Node_ID", "serial": "Serial_Number"},
     "Set_Axis_State": {"axis_state": "Axis_Requested_State"},
     "Get_Encoder_Estimates": {"position_rev": "Pos_Estimate", "velocity_rev_s": "Vel_Estimate"},
     "Set_Controller_Mode": {"control_mode": "Control_Mode", "input_mode": "Input_Mode"},

@@ -163,6 +163,7 @@ THEIRS = {
     "STATUS_5": {"velocity_rpm": "DUTY_CYCLE_ENCODER_VELOCITY", "position_rev": "DUTY_CYCLE_ENCODER_POSITION"},
     "STATUS_6": {"raw_duty": "UNADJUSTED_DUTY_CYCLE", "period_us": "DUTY_CYCLE_PERIOD",
                  "no_signal": "DUTY_CYCLE_NO_SIGNAL"},
+    "UNIQUE_ID_BROADCAST": {"unique_id": "UNIQUE_ID"},
     "VELOCITY_SETPOINT": {"velocity_rpm": "SETPOINT", "feedforward": "ARBITRARY_FEEDFORWARD", "slot": "PID_SLOT",
                           "feedforward_is_duty": "ARBITRARY_FEEDFORWARD_UNITS"},
     "DUTY_CYCLE_SETPOINT": {"duty": "SETPOINT", "feedforward": "ARBITRARY_FEEDFORWARD", "slot": "PID_SLOT",

@@ -5,9 +5,12 @@ from functools import partial
 from truearc.hw.devices.canandmag import frames as canandmag
 from truearc.hw.devices.family import Heard
 from truearc.hw.finding import Finding, failure, ok, warning
+from truearc.hw.monitor import SHARE
 from truearc.hw.protocols import AngleReading
 
 CHECK = "hood encoder"
+ID_CONFLICT = 0x02                    # it says so itself
+STATUS_S = 0.1                        # between its status frames
 ENOUGH = 3                            # angles within the age that may still fire
 
 
@@ -23,6 +26,9 @@ def check_encoder(device: int, period_ms: int, longest_age_s: float, heard: Hear
         return failure(CHECK, f"sends what cannot be ({refused[0]})", "look at the wiring, and for another such device")
     if reading is None:
         return failure(CHECK, f"device {device} is silent", "look at its power and plug, and at its device number")
+    statuses = len(heard.of(ids[1], extended=True))
+    if reading.faults & ID_CONFLICT or statuses > SHARE * heard.seconds / STATUS_S + 1:
+        return failure(CHECK, f"two devices have number {device}", "give each a number of its own")
     if not reading.magnet_ok:
         return failure(CHECK, "cannot see its magnet", "look at the magnet on the hood's pivot and its distance")
     angles_s = len(heard.of(ids[0], extended=True)) / heard.seconds

@@ -15,6 +15,7 @@ def make_rules(axis: odrive.OdriveAxis, each_tick: int) -> Rules:
         seldom.append(odrive.make_limits(axis, 0.0, 0.0))
     if axis.endstop_endpoint:
         seldom.append(odrive.make_endstop_query(axis))
+    seldom.append(odrive.make_address_query(axis))
     by_host, by_device = (kinds_of(odrive.ids_sent_by(axis, node), False) for node in ("Host", "Axis"))
     always = [odrive.make_torque(axis, 0.0), odrive.make_state(axis, odrive.IDLE)]      # to let go is never refused
     return Rules((*(allow(frame, each_tick) for frame in always), *allow_seldom(seldom)), by_host, by_device,

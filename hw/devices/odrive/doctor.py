@@ -5,6 +5,7 @@ differs between firmware versions, so the table of the axes' own version is need
 {"fw_version": "0.6.10", "endpoints": {name: {"id": number, "type": type}}}.
 """
 
+import contextlib
 import json
 import math
 import struct
@@ -12,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from functools import partial
 from types import MappingProxyType
 
-from truearc.hw.devices.family import AxisCheck, Endpoints, Heard
+from truearc.hw.devices.family import AxisCheck, Endpoints, Heard, check_estimates
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.fault_codes import BY_NAME
@@ -35,14 +36,16 @@ BANDWIDTH = "axis0.config.encoder_bandwidth"
 ASKED = (WATCHDOG_ON, WATCHDOG_S, BANDWIDTH)
 LONGEST_S = 0.5                       # that a motor may go on after the robot has fallen silent
 SHORTEST_S = 0.05                     # the robot feeds it each 25 ms
-NOT_ASKED = "not asked: no table of parameters was given"
+NOT_ASKED = "watchdog and encoder filter are not asked for: no table of parameters was given"
 GIVE = "give its firmware's flat_endpoints.json to --endpoints"
 
 
 def questions(axis: OdriveAxis, endpoints: Endpoints | None) -> list[Frame]:
-    """Its version, and its parameters when their numbers are known."""
+    """Its version, its serial number, its limit switch, and its parameters when their numbers are known."""
     numbers = [] if endpoints is None else [endpoints.ids[name] for name in ASKED]
-    return [odrive.make_version_query(axis), *(odrive.make_parameter_query(axis, number) for number in numbers)]
+    numbers += [axis.endstop_endpoint] if axis.endstop_endpoint else []
+    return [odrive.make_version_query(axis), odrive.make_address_query(axis),
+            *(odrive.make_parameter_query(axis, number) for number in numbers)]
 
 
 def examine(axis: OdriveAxis, check: AxisCheck, heard: Heard) -> Iterator[Finding]:
@@ -51,6 +54,11 @@ def examine(axis: OdriveAxis, check: AxisCheck, heard: Heard) -> Iterator[Findin
     yield check_firmware(name, axis, heard)
     yield check_rates(name, axis, {"hood motor": HOOD, "feeder motor": FEEDER}.get(name, FLYWHEEL), heard)
     yield check_errors(name, axis, heard)
+    estimates = heard.of(odrive.frame_id(axis, "Get_Encoder_Estimates"))
+    if estimates:
+        yield check_estimates(name, estimates, partial(odrive.parse, axis))
+    if axis.endstop_endpoint and heard.of(odrive.frame_id(axis, "Get_Version")):
+        yield check_switch(name, axis, heard)
     yield from check_parameters(name, axis, endpoints, check.tick_hz, heard)
 
 
@@ -60,8 +68,9 @@ def check_firmware(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
     answers = heard.of(odrive.frame_id(axis, "Get_Version"))
     if not answers:
         return failure(check, f"node {axis.node} does not answer", f"{LOOK}, which `odrivetool` shows")
-    if len(answers) > 1:
-        return failure(check, f"{len(answers)} devices answer as node {axis.node}", "give each a node id of its own")
+    if (count := max(heard.answering(odrive.make_version_query(axis)), len(serials := _serials(axis, heard)))) > 1:
+        named = f" (serial numbers {', '.join(sorted(serials))})" if len(serials) > 1 else ""
+        return failure(check, f"{count} devices answer as node {axis.node}{named}", "give each a node id of its own")
     try:
         firmware = odrive.parse_version(axis, answers[0])
     except BadFrame as error:
@@ -73,6 +82,14 @@ def check_firmware(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
         return warning(check, f"has firmware {version}, and parameter numbers differ between revisions",
                        "see that endstop_endpoint is that revision's own: give its table to --endpoints")
     return ok(check, f"firmware {version}")
+
+
+def _serials(axis: OdriveAxis, heard: Heard) -> set[str]:
+    serials = set()
+    for frame in heard.of(odrive.frame_id(axis, "Address")):
+        with contextlib.suppress(BadFrame):       # it is not needed for anything else
+            serials.add(odrive.parse_serial(axis, frame))
+    return serials
 
 
 def check_rates(name: str, axis: OdriveAxis, rates: Mapping[str, int], heard: Heard) -> Finding:
@@ -109,6 +126,16 @@ def check_errors(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
     return ok(check, "none")
 
 
+def check_switch(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
+    """Whether the limit switch is told at all."""
+    check = f"{name}, limit switch"
+    reading, _ = heard.read([(odrive.frame_id(axis, "TxSdo"), False)], partial(odrive.parse, axis), MotorReading())
+    if reading.endstop_t_ns == 0:
+        return failure(check, f"is not told: no answer for parameter {axis.endstop_endpoint}",
+                       "see that endstop_endpoint is that of its own firmware; without it the hood is never homed")
+    return ok(check, f"told as {'closed' if reading.endstop else 'open'}; whether it closes and opens, --move tells")
+
+
 def parse_endpoints(text: str) -> Endpoints:
     """The contents of flat_endpoints.json; ValueError says what is missing."""
     try:
@@ -128,7 +155,7 @@ def check_parameters(name: str, axis: OdriveAxis, endpoints: Endpoints | None, t
     """All findings about parameters; without a table, that they were not asked for."""
     watchdog, encoder_filter = f"{name}, watchdog", f"{name}, encoder filter"
     if endpoints is None:
-        yield from (warning(check, NOT_ASKED, GIVE) for check in (watchdog, encoder_filter))
+        yield warning(f"{name}, settings", NOT_ASKED, GIVE)
         return
     if (finding := _check_table(f"{name}, parameter numbers", axis, endpoints, heard)) is not None:
         yield finding

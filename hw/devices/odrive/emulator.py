@@ -35,6 +35,7 @@ class OdriveSettings(Struct, frozen=True):
     velocity_integrator_nm: float = 0.05          # and per rad off it, in velocity control
     temperatures_degc: tuple[float, float] = (25.0, 25.0)     # inverter, motor; the plant has no heat
     firmware: tuple[int, int, int] = (0, 6, 10)
+    serial: int = 0x385F324D3037
     parameters: tuple[tuple[int, int], ...] = ()  # (endpoint, its four bytes as a number) of what else it keeps
     save_endpoint: int = 0                        # of the function that keeps what was written, and restarts; 0: none
 
@@ -87,7 +88,7 @@ class OdriveNode(ReportingNode):
         self._plan()
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
-        questions = (self._codec.base_id(name) for name in ("Get_Version", *self._answers()))
+        questions = (self._codec.base_id(name) for name in ("Get_Version", "Address", *self._answers()))
         return tuple((self._base_id | command, False) for command in (*self._handlers, *questions))
 
     def receive(self, frame: Frame, t_ns: int) -> list[Frame]:
@@ -223,6 +224,8 @@ class OdriveNode(ReportingNode):
         """The frame that a remote frame requests, if the device has it."""
         if command == self._codec.base_id("Get_Version"):
             return [self._make_version()]
+        if command == self._codec.base_id("Address"):
+            return [odrive.make(self._axis, "Address", {"node": self._axis.node, "serial": self.settings.serial})]
         return [make() for name, (_, make) in self._answers().items() if self._codec.base_id(name) == command]
 
     def _make_heartbeat(self) -> Frame:

@@ -141,6 +141,11 @@ def make_version_query(axis: OdriveAxis) -> Frame:
     return Frame(0, frame_id(axis, "Get_Version"), b"", is_remote=True)
 
 
+def make_address_query(axis: OdriveAxis) -> Frame:
+    """Ask for its serial number; the answer has the same id, and `parse_serial` takes it."""
+    return Frame(0, frame_id(axis, "Address"), b"", is_remote=True)
+
+
 def parse(axis: OdriveAxis, frame: Frame, previous: MotorReading) -> MotorReading:
     """`previous` brought up to date by one frame.
 
@@ -173,6 +178,11 @@ def parse_version(axis: OdriveAxis, frame: Frame) -> tuple[int, int, int]:
     """Firmware (major, minor, revision); BadFrame for anything else."""
     values = _parse(axis, "Get_Version", frame)
     return int(values["firmware_major"]), int(values["firmware_minor"]), int(values["firmware_revision"])
+
+
+def parse_serial(axis: OdriveAxis, frame: Frame) -> str:
+    """The serial number as the maker prints it; BadFrame for anything else."""
+    return f"{int(_parse(axis, 'Address', frame)['serial']):012X}"
 
 
 def parse_parameter(axis: OdriveAxis, frame: Frame) -> tuple[int, bytes]:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from functools import partial
 
-from truearc.hw.devices.family import AxisCheck, Endpoints, Heard
+from truearc.hw.devices.family import AxisCheck, Endpoints, Heard, check_estimates
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.frames import SparkAxis
 from truearc.hw.fault_codes import BY_NAME
@@ -23,6 +23,8 @@ def examine(axis: SparkAxis, check: AxisCheck, heard: Heard) -> Iterator[Finding
     """All findings about the axis."""
     yield check_firmware(check.name, axis, heard)
     yield check_status(check.name, axis, heard)
+    if estimates := heard.of(spark.frame_id(axis, "STATUS_2"), extended=True):     # off before the first run
+        yield check_estimates(check.name, estimates, partial(spark.parse, axis))
 
 
 def check_firmware(name: str, axis: SparkAxis, heard: Heard) -> Finding:
@@ -31,8 +33,9 @@ def check_firmware(name: str, axis: SparkAxis, heard: Heard) -> Finding:
     answers = heard.of(spark.frame_id(axis, "GET_FIRMWARE_VERSION"), extended=True)
     if not answers:
         return failure(check, f"device {axis.device} does not answer", LOOK)
-    if len(answers) > 1:
-        return failure(check, f"{len(answers)} devices answer as {axis.device}", "give each a CAN id of its own")
+    unique = {frame.data for frame in heard.of(spark.frame_id(axis, "UNIQUE_ID_BROADCAST"), extended=True)}
+    if (count := max(heard.answering(spark.make_version_query(axis)), len(unique))) > 1:
+        return failure(check, f"{count} devices answer as {axis.device}", "give each a CAN id of its own")
     try:
         version = spark.parse_version(axis, answers[0])
     except BadFrame as error:
@@ -56,4 +59,5 @@ def check_status(name: str, axis: SparkAxis, heard: Heard) -> Finding:
         return failure(check, f"device {axis.device} is silent", LOOK)
     if errors := spark.errors_of(reading.axis_error & spark.FAULTS):
         return warning(check, listed(errors, BY_NAME), "arming clears what does not stand; what comes back has a cause")
-    return ok(check, "speaks, and has no fault that it tells of")
+    switch = f"; its limit switch is {'closed' if reading.endstop else 'open'}" if axis.has_endstop else ""
+    return ok(check, f"speaks, and has no fault that it tells of{switch}")

@@ -1,6 +1,7 @@
 """The doctor listens to emulated devices on a virtual bus: well ones, and each of the things that go wrong with one."""
 
 import itertools
+import math
 import struct
 
 import cantools
@@ -50,8 +51,8 @@ def endpoints(tmp_path):
 class Bench:
     """All the devices of the shipped configuration; `settings` and `faults` by device name."""
 
-    def __init__(self, settings=None, faults=None, more=()):
-        plant = SpinningPlant()
+    def __init__(self, settings=None, faults=None, more=(), wrap=lambda name, node: node):
+        self.plant = plant = SpinningPlant()
         axes = [*CONFIG.axes.flywheels, CONFIG.axes.hood, CONFIG.axes.feeder]
         self.nodes = {}
         for name, axis in zip(NAMES, axes, strict=True):
@@ -59,7 +60,7 @@ class Bench:
             self.nodes[name] = OdriveNode(axis, name, plant, (settings or {}).get(name, well),
                                           plant.hood_at_limit if axis.endstop_endpoint else None)
         self.nodes["hood_encoder"] = CanandmagNode(CONFIG.hood_encoder.device, plant, 40.0, 1)
-        nodes = [FaultyNode(node, (faults or {})[name]) if name in (faults or {}) else node
+        nodes = [wrap(name, FaultyNode(node, (faults or {})[name]) if name in (faults or {}) else node)
                  for name, node in self.nodes.items()]
         self.clock = StepClock(lambda t_ns: self.twin.advance(t_ns))
         channel = f"doctor-{next(CHANNELS)}"
@@ -90,7 +91,9 @@ def fault(kind, frame_id=None, length=0):
 
 def test_a_well_robot_passes_everything(endpoints):
     findings = Bench().findings(endpoints)
-    assert levels(findings, OK) == set(findings) and len(findings) == 2 + 4 * 6 + 1 + 1      # and what the feeder keeps
+    assert levels(findings, OK) == set(findings) and len(findings) == 2 + 4 * 7 + 5 + 1      # and what the feeder keeps
+    assert findings["hood motor, limit switch"].says.startswith("told as open")
+    assert findings["hood, switch and encoder"].says == "the encoder reads 28.6 deg, the limit switch at 15 deg is open"
     assert findings["flywheel motor 1, firmware"].says == "firmware 0.6.10"
     assert findings["hood motor, watchdog"].says == "0.1 s"
 
@@ -102,12 +105,10 @@ def test_listening_moves_and_changes_nothing(endpoints):
     assert all(node.bad_frames == 0 for node in bench.nodes.values())
 
 
-def test_without_a_table_what_it_could_not_ask_is_a_warning():
+def test_without_a_table_what_it_could_not_ask_is_one_warning():
     findings = Bench().findings()
     assert levels(findings, FAILURE) == set()
-    assert levels(findings, WARNING) == {f"{name}, {what}" for what in ("watchdog", "encoder filter")
-                                         for name in ("flywheel motor 1", "flywheel motor 2", "hood motor",
-                                                      "feeder motor")}
+    assert levels(findings, WARNING) == {"settings of flywheel motor 1, flywheel motor 2, hood motor, feeder motor"}
 
 
 @pytest.mark.parametrize(("device", "name"), [("flywheel_b", "flywheel motor 2"), ("hood", "hood motor"),
@@ -174,9 +175,106 @@ def test_a_standing_error_is_told_in_words():
 
 
 def test_two_devices_with_one_number():
-    twin = OdriveNode(CONFIG.axes.feeder, "feeder", SpinningPlant(), SETTINGS["feeder"])
-    finding = Bench(more=(twin,)).findings()["feeder motor, firmware"]
+    twin = OdriveNode(CONFIG.axes.feeder, "feeder", SpinningPlant(), replace(SETTINGS["feeder"], serial=0xABC))
+    findings = Bench(more=(twin,)).findings()
+    finding = findings["feeder motor, firmware"]
     assert finding.level == FAILURE and "2 devices answer as node 4" in finding.says
+    assert "000000000ABC, 385F324D3037" in finding.says
+    assert levels(findings, FAILURE) == {"feeder motor, firmware", "device numbers"}
+    assert "0x081 20/s instead of 10/s" in findings["device numbers"].says
+
+
+def test_two_encoders_with_one_number():
+    bench = Bench(more=(CanandmagNode(CONFIG.hood_encoder.device, SpinningPlant(), 40.0, 1),))
+    finding = bench.findings()["hood encoder"]
+    assert finding.level == FAILURE and "two devices have number 5" in finding.says
+
+
+class Spoilt:
+    """A device whose frames go through `spoil` on their way, and come `late_ns` later, or those that `is_late` says."""
+
+    def __init__(self, node, spoil=lambda frame: frame, late_ns=0, is_late=lambda frame: True):
+        self.node, self.motor, self._spoil, self._late_ns, self._queue = node, node.motor, spoil, late_ns, []
+        self._is_late = is_late
+
+    def __getattr__(self, name):
+        return getattr(self.node, name)
+
+    def due_ns(self):
+        return min([self.node.due_ns(), *(due_ns for due_ns, _ in self._queue[:1])])
+
+    def receive(self, frame, t_ns):
+        return self._pass_on(self.node.receive(frame, t_ns), t_ns)
+
+    def step(self, t_ns):
+        return self._pass_on(self.node.step(t_ns), t_ns)
+
+    def _pass_on(self, frames, t_ns):
+        self._queue += [(t_ns + self._late_ns * self._is_late(frame), self._spoil(frame)) for frame in frames]
+        self._queue.sort(key=lambda one: one[0])
+        due = [frame for due_ns, frame in self._queue if due_ns <= t_ns]
+        self._queue = [one for one in self._queue if one[0] > t_ns]
+        return due
+
+
+def swap(frame):
+    """Its two 32-bit floats with their bytes the other way round."""
+    estimates = frame.arbitration_id & 0x1F == 0x09 and not frame.is_remote
+    return frame._replace(data=frame.data[3::-1] + frame.data[:3:-1]) if estimates else frame
+
+
+@pytest.mark.parametrize("position_rad", [1.234, -0.37, 6.283185307, 3e4, 1e-3])
+def test_estimates_that_are_big_endian_are_named(position_rad):
+    bench = Bench(wrap=lambda name, node: Spoilt(node, swap) if name == "flywheel_a" else node)
+    bench.plant.position_rad.update(flywheel_a=position_rad, flywheel_b=position_rad)
+    findings = bench.findings()
+    finding = findings["flywheel motor 1, estimates"]
+    assert finding.level == FAILURE and "big-endian" in finding.says
+    assert findings["flywheel motor 2, estimates"].level == OK
+
+
+def test_a_speed_without_motion_and_a_wheel_that_turns():
+    def fast(frame):
+        return frame._replace(data=frame.data[:4] + struct.pack("<f", 50.0)) if frame.arbitration_id == 0x29 else frame
+
+    bench = Bench(wrap=lambda name, node: Spoilt(node, fast))
+    bench.plant.velocity_rad_s["feeder"] = 30.0
+    findings = bench.findings()
+    assert findings["flywheel motor 1, estimates"].level == FAILURE
+    assert "encoder stuck" in findings["flywheel motor 1, estimates"].says
+    finding = findings["feeder motor, estimates"]
+    assert finding.level == WARNING and "30 rad/s" in finding.says
+
+
+@pytest.mark.parametrize(("late_ms", "level"), [(0, OK), (30, OK), (60, FAILURE), (200, FAILURE), (500, FAILURE),
+                                                (520, FAILURE)])
+def test_feedback_that_comes_late_is_a_failure(late_ms, level):
+    bench = Bench(wrap=lambda name, node: Spoilt(node, late_ns=late_ms * 1_000_000) if name == "flywheel_b" else node)
+    finding = bench.findings()["feedback"]
+    assert finding.level == level
+    if late_ms:
+        assert ("flywheel motor 2" in finding.says) == (level == FAILURE)
+    if late_ms in (60, 200):          # asked again after a quarter of the second, so longer ones are told shorter
+        told_ms = float(finding.says.split("flywheel motor 2 ")[1].split(" ms")[0])
+        assert late_ms <= told_ms <= late_ms + 15
+
+
+def test_a_limit_switch_that_is_not_told_is_a_failure():
+    bench = Bench(wrap=lambda name, node: Spoilt(node, lambda frame: frame._replace(arbitration_id=0x7FE)
+                                                 if frame.arbitration_id == 0x65 else frame))
+    finding = bench.findings()["hood motor, limit switch"]
+    assert finding.level == FAILURE and "596" in finding.says
+
+
+@pytest.mark.parametrize(("hood_deg", "closed", "level", "words"), [
+    (40.0, True, FAILURE, "40.0 deg, the limit switch at 15 deg is closed"), (15.2, True, OK, "closed"),
+    (10.0, False, FAILURE, "travel is 15 to 75"), (80.0, False, FAILURE, "travel"), (74.0, False, OK, "open"),
+])
+def test_switch_and_encoder_of_a_hood_at_rest(hood_deg, closed, level, words):
+    bench = Bench()
+    bench.plant.hood_rad, bench.plant.limit = math.radians(hood_deg), closed
+    finding = bench.findings()["hood, switch and encoder"]
+    assert finding.level == level and words in finding.says
 
 
 @pytest.mark.parametrize(("changes", "check", "level", "words"), [

@@ -161,7 +161,18 @@ def grey(value, share=1.0):
     return image
 
 
+def dark(noise, floor=4.0, hot=0, lamp=0):
+    """A covered lens: the sensor's noise and hot pixels; or a dark room with a lamp of so many pixels in it."""
+    random = np.random.default_rng(1)
+    image = np.clip(np.rint(random.normal(floor, noise, (480, 640, 3))), 0, 255).astype(np.uint8)
+    image[random.integers(0, 480, hot), random.integers(0, 640, hot)] = 255
+    image[200:200 + lamp, 300:300 + lamp] = 220
+    return image
+
+
 @pytest.mark.parametrize(("images", "level", "words"), [
+    ([dark(2.2)], WARNING, "black"), ([dark(20.0, 16.0)], WARNING, "black"), ([dark(5.0, hot=40)], WARNING, "black"),
+    ([dark(2.2, lamp=10)], OK, "640"), ([dark(20.0, lamp=20)], OK, "640"), ([dark(2.2, 60.0)], OK, "640"),
     ([None, None, grey(40)], OK, "640 x 480"), ([], FAILURE, "no image"), ([grey(255)], WARNING, "full brightness"),
     ([grey(255, 0.1)], OK, "640"), ([grey(0)], WARNING, "black"),
     ([LinkLost(CAMERA_ERROR(camera="0", detail="gone"))], FAILURE, "gone"),

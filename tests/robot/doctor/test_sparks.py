@@ -8,6 +8,7 @@ from truearc.hw.devices.family import Heard
 from truearc.hw.devices.odrive.emulator import OdriveNode
 from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.devices.spark import frames as spark
+from truearc.hw.devices.spark.doctor import check_firmware
 from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
 from truearc.hw.devices.spark.family import SparkConfig
 from truearc.hw.emulated.nodes import Node
@@ -48,7 +49,8 @@ def sparks(config, faults=(), settings: SparkSettings | None = None) -> list[Nod
 def test_well_sparks_answer_and_speak():
     findings = hear(sparks(ALL_SPARK), ALL_SPARK)
     assert {check: finding.level for check, finding in findings.items() if "encoder" not in check} == {
-        f"{name}, {what}": OK for name, _ in name_axes(ALL_SPARK) for what in ("firmware", "status")}
+        f"{name}, {what}": OK for name, _ in name_axes(ALL_SPARK) for what in ("firmware", "status")} | {
+        "device numbers": OK}
     assert findings["hood motor, firmware"].says == "firmware 26.1.0"
 
 
@@ -74,7 +76,21 @@ def test_a_standing_fault_is_told_in_words():
 
 def test_two_devices_with_one_number():
     both = sparks(SPARK_HOOD) + sparks(SPARK_HOOD)
-    assert "2 devices answer as 3" in hear(both, SPARK_HOOD)["hood motor, firmware"].says
+    findings = hear(both, SPARK_HOOD)
+    assert "2 devices answer as 3" in findings["hood motor, firmware"].says
+    assert "0x0205b803 200/s instead of 100/s" in findings["device numbers"].says
+
+
+def test_two_unique_ids_are_two_devices():
+    """Of two that answer at the same moment with the same version one answer is heard."""
+    (node,) = sparks(SPARK_HOOD)
+    frame_id = spark.frame_id(SPARK_HOOD.axes.hood, "UNIQUE_ID_BROADCAST")
+    assert frame_id == 0x0205BC03
+    told = [Frame(0, frame_id, bytes([number] * 4), is_extended=True) for number in (1, 2, 1)]
+    answer = node.receive(spark.make_version_query(SPARK_HOOD.axes.hood), 0)
+    for frames, level in ((told[:1] + told[2:], OK), (told, FAILURE)):
+        finding = check_firmware("hood motor", SPARK_HOOD.axes.hood, Heard((*answer, *frames), 2.0))
+        assert finding.level == level and ("2 devices" in finding.says) == (level == FAILURE)
 
 
 def test_a_controller_may_have_the_say_over_motors_that_are_not_ours():

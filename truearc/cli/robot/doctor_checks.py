@@ -13,6 +13,7 @@ import cv2
 import msgspec
 
 from truearc.cli.common import SHIPPED
+from truearc.cli.robot.doctor_move import check_move, move_robot
 from truearc.hw.devices.family import Endpoints, listen
 from truearc.hw.finding import FAILURE, WARNING, Finding, failure, line
 from truearc.hw.machine import CanLink
@@ -39,13 +40,18 @@ CONNECT_S = 5.0                       # for the library to find the server
 
 def check_robot(args: argparse.Namespace) -> int:
     """Print the findings; 1 if any is a failure. args: those of `truearc doctor`."""
+    check_move(args)
     if args.nt or args.map:
         return _report([*look_beside(args)], args.json)
     if args.config is None:
         raise InputError("--config is needed: which launcher.toml to look at; or --nt and --map")
     config = load_config(args.config)
     endpoints = devices.load_endpoints(args.endpoints) if args.endpoints else None
-    findings = [*_look_at_wires(config, endpoints, args.seconds), *look_at_network(config),
+    clock = MonotonicClock()
+    findings = [*_look_at_can(config, clock, endpoints, args.seconds)]
+    if args.move:
+        findings += move_robot(config, clock, findings, args.yes)
+    findings += [*_look_at_senses(config, clock), *look_at_network(config),
                 *senses.check_real_time(rehearse(args.priority)), senses.check_clock(is_clock_synchronised()),
                 devices.check_model(config.gate, args.gate), *devices.check_aim(config, args.aim),
                 _look_at_disk(args.out)]
@@ -80,10 +86,8 @@ def _report(findings: list[Finding], as_json: bool) -> int:
     return 1 if failures else 0
 
 
-def _look_at_wires(config: Config, endpoints: Endpoints | None, seconds: float) -> Iterator[Finding]:
+def _look_at_senses(config: Config, clock: Clock) -> Iterator[Finding]:
     cv2.setNumThreads(1)
-    clock = MonotonicClock()
-    yield from _look_at_can(config, clock, endpoints, seconds)
     with ExitStack() as wires:
         try:
             box = open_serial(config.buttons.port, config.buttons.baud)
