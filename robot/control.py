@@ -50,10 +50,10 @@ def control(inputs: Inputs, estimate: Estimate, aim: Aim, verdict: Verdict, memo
     """Torques for this tick. Disarmed, no axis is enabled."""
     if not memory.armed:
         return RELEASED, replace(memory, flywheel=AT_REST, hood=AT_REST, feed_t_ns=0, motion=UNSET)
-    wheels_on, hood_on, feeder_on = (watched.wheels.cause is None, watched.hood.cause is None,
-                                     watched.feeder.cause is None)
+    wheels_on = watched.wheels.cause is None and not watched.is_idle
+    hood_on, feeder_on = watched.hood.cause is None, watched.feeder.cause is None
     flywheel, wheel_pid, hood, hood_pid = 0.0, AT_REST, 0.0, AT_REST
-    if wheels_on and watched.wheels_ready and not watched.is_idle:
+    if wheels_on and watched.wheels_ready:
         flywheel, wheel_pid = _flywheel(estimate, aim, memory, config)
     if hood_on and watched.hood_ready and watched.hood.dropped_deg is None:
         hood, hood_pid = _hood(inputs, estimate, aim, memory, config, watched.hood)

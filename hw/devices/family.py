@@ -13,7 +13,7 @@ from truearc.hw.devices.axis import Axis
 from truearc.hw.devices.bus_rules import Rules
 from truearc.hw.devices.limits import Bounds
 from truearc.hw.emulated.nodes import Node, Plant
-from truearc.hw.encoder_plausibility import MOVING_RAD_S, Agreement, is_byte_swapped
+from truearc.hw.encoder_plausibility import LAG_S, MOVING_RAD_S, Agreement, is_byte_swapped
 from truearc.hw.fault_codes import BY_NAME
 from truearc.hw.finding import Finding, failure, ok, warning
 from truearc.hw.protocols import BadFrame, Bus, Clock, Frame, Motor, MotorReading
@@ -88,7 +88,7 @@ def listen(bus: Bus, clock: Clock, questions: Iterable[Frame], seconds: float) -
 def check_estimates(name: str, frames: Sequence[Frame],
                     parse: Callable[[Frame, MotorReading], MotorReading]) -> Finding:
     """Whether positions and speeds, two 32-bit floats a frame, can be those of one encoder; whether it turns."""
-    check, reading, agreement = f"{name}, estimates", MotorReading(), Agreement()
+    check, reading, agreement = f"{name}, estimates", MotorReading(), Agreement(LAG_S)
     if is_byte_swapped(part for frame in frames for part in (frame.data[:4], frame.data[4:])):
         return failure(check, "make sense only with their bytes the other way round (big-endian)",
                        "the frames are little-endian: take the maker's own firmware, or correct the device's program")

@@ -31,7 +31,7 @@ def family_of(axis: Axis) -> MotorFamily[Any]:
 
 
 @functools.cache
-def _family_of_table(table: type[Axis]) -> MotorFamily[Any]:
+def _family_of_table(table: Any) -> MotorFamily[Any]:
     return find_family(str(table.__struct_config__.tag))
 
 

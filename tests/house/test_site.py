@@ -14,7 +14,7 @@ from tools.site_reference import api_page, commands_page
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-MOST_WORDS = 35_000
+MOST_WORDS = 37_000
 GROUPS = ["Tutorials", "How-to", "Reference", "Explanation", "Measured"]
 
 

@@ -1,7 +1,7 @@
 """The sample motor as a Motor: torques become duties; it drives only on fresh readings without a fault."""
 
 from truearc.hw.dc_motor import DcMotor, duty_for, torque_of
-from truearc.hw.encoder_plausibility import Agreement
+from truearc.hw.encoder_plausibility import OWN_LAG_S, Agreement
 from truearc.hw.protocols import Frame, MotorReading, Order
 from truearc.hw.reason import Reason
 from truearc_samplemotor import frames
@@ -21,7 +21,7 @@ class SampleMotor:
     def __init__(self, axis: SampleAxis, motor: DcMotor) -> None:
         self.reading = MotorReading()
         self._axis, self._motor = axis, motor
-        self._agreement = Agreement()
+        self._agreement = Agreement(OWN_LAG_S)
         self._is_wanted = False
         self._let_go = 0              # how many more times it is told to let go
         self._firmware = FIRMWARE     # as the device names it

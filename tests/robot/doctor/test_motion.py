@@ -77,10 +77,10 @@ def move(config=CONFIG, wrap=lambda name, node: node, nodes_of=make_nodes, hood_
                       lambda now_ns: motion.is_finished or now_ns > 60 * SECOND) as (rig, _):
         run(rig, config, None, motion, motion)
     last = motion.rows[-1]
-    assert not last[2].enable and last[2].flywheel_torque_nm == last[2].hood_torque_nm == 0.0
+    assert not last[2].enable_hood and last[2].flywheel_torque_nm == last[2].hood_torque_nm == 0.0
     assert all(sent.feeder_torque_nm == 0.0 for _, _, sent in motion.rows)
     over_ns = last[1].inputs.t_ns - COAST_S * SECOND
-    assert all(not sent.enable for _, tick, sent in motion.rows if tick.inputs.t_ns > over_ns)
+    assert all(not (sent.enable_hood or sent.enable_flywheel) for _, tick, sent in motion.rows if tick.inputs.t_ns > over_ns)
     findings = check_motion(config, motion, Heard(tuple(frames), 1.0))
     return {finding.check: finding for finding in findings}, watched, motion
 
@@ -203,14 +203,14 @@ def test_silence_in_the_middle_releases_at_once(device, at_s):
     fault = Fault(SILENT, int(at_s * SECOND), 1 << 62)
     findings, _, motion = move(nodes_of=nodes_with({device: (fault,)}))
     assert "motion" in failures(findings)
-    driven_ns = max(tick.inputs.t_ns for _, tick, sent in motion.rows if sent.enable)
+    driven_ns = max(tick.inputs.t_ns for _, tick, sent in motion.rows if sent.enable_hood)
     assert driven_ns * 1e-9 <= at_s + CONFIG.gate.reading_age_s + 0.01
 
 
 def test_any_button_releases():
     findings, _, motion = move(button_ns=2 * SECOND)
     assert findings["motion"].level == FAILURE and "released by the operator (fire)" in findings["motion"].says
-    assert max(tick.inputs.t_ns for _, tick, sent in motion.rows if sent.enable) <= 2 * SECOND + 10 * MS
+    assert max(tick.inputs.t_ns for _, tick, sent in motion.rows if sent.enable_hood) <= 2 * SECOND + 10 * MS
 
 
 @pytest.mark.parametrize(("lost", "over"), [([600], False), (range(600, 620), True)])
