@@ -124,10 +124,12 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
         # driven for a moment only: whatever is wrong, it does not latch by itself
         passing = by_axis[2][0] or by_axis[2][1]
         feeder = _follow(feeder, None, everywhere or _doubt(of_feeder, starting) or passing, t_ns, uncounted)
-    seen_s, idle_s = estimate.sighting_s, config.flywheel.idle_s
+    seen, idle_s = memory.last_sighting, config.flywheel.idle_s
     active_t_ns = last.active_t_ns
-    if memory.request_t_ns or (seen_s is not None and 0.0 <= seen_s <= config.gate.sighting_age_s):
+    if memory.request_t_ns:
         active_t_ns = t_ns
+    elif seen is not None and active_t_ns < seen.t_ns <= t_ns:
+        active_t_ns = seen.t_ns
     return Watch(wheels, hood, feeder, doubts, not of_wheels, not of_hood, not of_feeder, last.armed_t_ns, active_t_ns,
                  idle_s > 0.0 and (t_ns - active_t_ns) * NS > idle_s)
 
@@ -358,11 +360,12 @@ def here_deg(estimate: Estimate, hood: Hood) -> float:
 def _with_push(joint: Joint, asked_nm: float, speed_rad_s: float, told_t_ns: int, t_ns: int) -> Joint:
     """Note the speed at which the torque took its sign: from there it must not move further against the torque.
 
-    Until the torque can show in the readings, what they say is still that speed.
+    Until the torque can show in the readings, what they say is still that speed; afterwards what it has gained counts.
     """
     push = (asked_nm > 0.0) - (asked_nm < 0.0)
     if push != joint.push:
         return replace(joint, push=push, push_rad_s=speed_rad_s, push_t_ns=t_ns)
-    if push and told_t_ns < joint.push_t_ns + LAG_NS and push * speed_rad_s < push * joint.push_rad_s:
+    gained = push * (speed_rad_s - joint.push_rad_s)
+    if (gained < 0.0 and told_t_ns < joint.push_t_ns + LAG_NS) or gained > 0.0 > push * joint.push_rad_s:
         return replace(joint, push_rad_s=speed_rad_s)
     return joint

@@ -235,7 +235,8 @@ class Plant:
         self.t_s, self.wheel_rad_s = columns["t_s"], columns["wheel_rad_s"]
         self.hood_deg, self.screw_rad_s = columns["hood_deg"], columns["screw_rad_s"]
         hood_nm = columns["asked_hood_nm"]
-        is_braking = (hood_nm * self.screw_rad_s < 0.0) & (np.abs(self.screw_rad_s) > STILL_RAD_S) & (not is_backwards)
+        before_rad_s = np.concatenate((self.screw_rad_s[:1], self.screw_rad_s[:-1]))      # in the step it comes to rest
+        is_braking = ((hood_nm * self.screw_rad_s < 0.0) | (hood_nm * before_rad_s < 0.0)) & (not is_backwards)
         self.driven = {"wheels": np.maximum(np.abs(columns["asked_a_nm"]), np.abs(columns["asked_b_nm"])) > TORQUE_NM,
                        "hood": (np.abs(hood_nm) > TORQUE_NM) & ~is_braking}
         self.still = {"wheels": np.abs(self.wheel_rad_s) < STILL_RAD_S, "hood": np.abs(self.screw_rad_s) < STILL_RAD_S}

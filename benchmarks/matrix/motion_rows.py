@@ -91,14 +91,13 @@ def _hood() -> Iterator[Row]:
     yield _hooded("its encoder jumps by 10 degrees at the set point",
                   Motion("10 degrees off", encoder, "settled", "hood", "fault", "encoders", travel_deg=TRAVEL_DEG),
                   REST_S, EITHER)
-    yield _hooded("its motor turns the other way, since rest",
-                  Motion("hood backwards", (), "start", "hood", "push", "any", travel_deg=TRAVEL_DEG), REST_S, REARM)
     yield _hooded("is jammed", Motion("hood jams", (), "hood rises", "hood", "push", "jam", 2, travel_deg=TRAVEL_DEG),
                   0.5, REARM)
     yield _hooded("is jammed for 0.45 s", Motion("hood jams", (), "hood rises", "hood", "push", "none", 2), 0.5, ITSELF,
                   0.45)
     # down from where it is found, and the stop's push, and once more
-    yield _hooded("its limit switch never closes", Motion("switch dead", (), "start", "hood", "push", "homing", 2), 1.2,
+    yield _hooded("its limit switch never closes", Motion("switch dead", (), "start", "hood", "push", "homing", 2),
+                  1.25,
                   REARM)
     yield _hooded("its screw has come loose of the motor",
                   Motion("hood comes loose", (), "start", "hood", "push", "homing"), 8.0, REARM, 12.0)
@@ -119,9 +118,10 @@ def _hooded(words: str, motion: Motion, within_s: float, after: str, lasts_s: fl
 
 
 def _with_sparks(row: Row) -> Row:
-    """The same of a launcher with SPARKs."""
+    """The same of a launcher with SPARKs; one that is first heard while armed reports its reset until armed again."""
     name = row.name.replace("motion, ", "motion, SPARK ")
-    return Row(name, row.family, row.breaking, row.reason, row.within_s, row.after, row.lasts_s, first=row.first,
+    return Row(name, row.family, row.breaking, row.reason, row.within_s,
+               REARM if "since the start" in row.name else row.after, row.lasts_s, first=row.first,
                launcher="spark")
 
 
@@ -130,6 +130,10 @@ ODRIVE_ROWS = (*_wheels(), *_hood())
 ONLY_ODRIVE = (_wheel("motor 2 gives up with an error while spinning up",
                       Motion("gives up", BOTH[1:], "spinning", "wheels", "fault", "faulty"), 0.1 + STALE_S, EITHER,
                       3.0),
+               # an emulated SPARK brakes by a torque, which such a world would turn round, too
+               _hooded("its motor turns the other way, since rest",
+                       Motion("hood backwards", (), "start", "hood", "push", "any", travel_deg=TRAVEL_DEG), REST_S,
+                       REARM),
                _hooded("its limit switch never answers",
                        Motion("switch never answers", ("hood",), "start", "hood", "push", "switch"), NEVER_S, ITSELF))
 MOTION_ROWS = (*ODRIVE_ROWS, *ONLY_ODRIVE, *map(_with_sparks, ODRIVE_ROWS))

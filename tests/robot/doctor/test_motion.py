@@ -80,7 +80,8 @@ def move(config=CONFIG, wrap=lambda name, node: node, nodes_of=make_nodes, hood_
     assert not last[2].enable_hood and last[2].flywheel_torque_nm == last[2].hood_torque_nm == 0.0
     assert all(sent.feeder_torque_nm == 0.0 for _, _, sent in motion.rows)
     over_ns = last[1].inputs.t_ns - COAST_S * SECOND
-    assert all(not (sent.enable_hood or sent.enable_flywheel) for _, tick, sent in motion.rows if tick.inputs.t_ns > over_ns)
+    assert all(not (sent.enable_hood or sent.enable_flywheel) for _, tick, sent in motion.rows
+               if tick.inputs.t_ns > over_ns)
     findings = check_motion(config, motion, Heard(tuple(frames), 1.0))
     return {finding.check: finding for finding in findings}, watched, motion
 
