@@ -97,8 +97,7 @@ def _hood() -> Iterator[Row]:
                   0.45)
     # down from where it is found, and the stop's push, and once more
     yield _hooded("its limit switch never closes", Motion("switch dead", (), "start", "hood", "push", "homing", 2),
-                  1.25,
-                  REARM)
+                  1.25, REARM)
     yield _hooded("its screw has come loose of the motor",
                   Motion("hood comes loose", (), "start", "hood", "push", "homing"), 8.0, REARM, 12.0)
     yield _hooded("its screw is stiff", Motion("hood is stiff", (), "start", "", "fault", "none"), 0.0, KEEPS, 6.0)
