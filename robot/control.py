@@ -12,13 +12,12 @@ from truearc.robot.aim import NOWHERE
 from truearc.robot.config.schema import Config, PidGains
 from truearc.robot.estimate import is_fresh
 from truearc.robot.geometry import elevation_per_rad
-from truearc.robot.motion import Watch, here_deg
+from truearc.robot.motion import SWITCH_DEG, Watch, here_deg
 from truearc.robot.types import Aim, Command, Estimate, Inputs, Joint, Memory, Pid, Verdict
 
 NS = 1e-9
 RELEASED, AT_REST = Command(), Pid()
 NEAR_PER_S = 10.0                     # the hood's speed limit, per degree that is left to a soft limit
-SWITCH_DEG = 0.9                      # homing ends so far below the switch: the encoder is off, or the switch dead
 # Torque that accelerates the hood, in frictions: a screw of 1.5e-5 kg m2, a quarter of the shipped one, then follows
 # the speed limit within 35 ms, longer than its readings lag. Without motion for so long it grows, to all in RISE_S more
 SPARE, STUCK_S, RISE_S = 2.0, 0.05, 0.1

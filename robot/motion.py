@@ -49,6 +49,7 @@ RATE_NS = 5_000_000                   # between encoder readings, for a rate: cl
 SWITCH_NS = 250_000_000               # the limit switch is read every 50 ms at most; four answers may be lost
 HOMING_TRAVEL, HOMING_TIMES = 1.1, 3.0            # times the whole travel, and the time that it takes at the limit
 SWITCH_OPEN_DEG = 3.0                 # above the switch it is open
+SWITCH_DEG = 0.9                      # homing ends so far below the switch: the encoder is off, or the switch dead
 LATCHING = frozenset((ENCODER_STUCK.name, ENCODER_MISMATCH.name, SPEED_JUMPED.name))
 # With these no reading can be trusted to be of our device, of this moment, or ours to act on
 EVERYWHERE = frozenset((because.CAN_LOST.name, because.TICKS_STALLED.name, FOREIGN_HOST.name, DUPLICATE_ID.name))
@@ -266,7 +267,7 @@ def _hood(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, jo
             inputs, motor.endstop_t_ns, config):
         return joint, because.SWITCH_STUCK(angle_deg=screw_deg)
     joint, cause = _moving(inputs, wanted.hood_deg, memory, joint, asked_nm, config)
-    return (joint, cause) if cause is not None else _homing(inputs, memory, joint, asked_nm, config)
+    return (joint, cause) if cause is not None else _homing(inputs, estimate.hood_deg, memory, joint, asked_nm, config)
 
 
 def _compared(inputs: Inputs, estimate: Estimate, memory: Memory, joint: Joint,
@@ -320,17 +321,18 @@ def _moving(inputs: Inputs, wanted_deg: float | None, memory: Memory, joint: Joi
     return replace(joint, dropped_deg=wanted_deg, stuck_t_ns=0, hard_t_ns=0), None
 
 
-def _homing(inputs: Inputs, memory: Memory, joint: Joint, asked_nm: float,
+def _homing(inputs: Inputs, hood_deg: float | None, memory: Memory, joint: Joint, asked_nm: float,
             config: Config) -> tuple[Joint, Reason | None]:
     """Whether homing takes longer, or goes further, than from one end of the travel to the other."""
-    if memory.homed or asked_nm == 0.0:
+    if memory.homed or (asked_nm == 0.0 and not joint.homing_t_ns):
         return (replace(joint, homing_t_ns=0) if memory.homed and joint.homing_t_ns else joint), None
     t_ns, at_rad, hood = inputs.t_ns, inputs.hood_motor.position_rad, config.hood
     if not joint.homing_t_ns:
         return replace(joint, homing_t_ns=t_ns, homing_rad=at_rad), None
     took_s = (t_ns - joint.homing_t_ns) * NS
     limit_s = HOMING_TIMES * (hood.high_deg - hood.low_deg) / hood.max_deg_s
-    if took_s > limit_s or abs(at_rad - joint.homing_rad) > HOMING_TRAVEL * screw_travel_rad(hood):
+    beyond = hood_deg is not None and hood_deg <= hood.low_deg - SWITCH_DEG
+    if beyond or took_s > limit_s or abs(at_rad - joint.homing_rad) > HOMING_TRAVEL * screw_travel_rad(hood):
         return joint, because.SWITCH_NOT_REACHED(limit_s=took_s)
     return joint, None
 

@@ -8,8 +8,8 @@ import pytest
 
 import truearc as ta
 
-KEPT = Path(__file__).parents[1] / "robot" / "recording" / "golden.tar.xz"
-TICKS = 1116
+KEPT = Path(__file__).parents[1] / "robot" / "recording" / "golden_2.tar.xz"
+TICKS = 1115
 
 
 @pytest.fixture(scope="module")

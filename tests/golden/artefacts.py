@@ -19,7 +19,7 @@ INPUTS = HERE / "inputs"
 REFERENCE = HERE / "reference"
 PROOF_1 = REFERENCE.with_name("proof_1")
 DATA = Path("data")                   # in `scratch`, where commands run
-RECORDING = HERE.parent / "robot" / "recording" / "golden.tar.xz"
+RECORDING = HERE.parent / "robot" / "recording" / "golden_2.tar.xz"
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Artefact:
 
 
 def unpack(scratch: Path) -> None:
-    """Datasets and the golden recording of schema 1."""
+    """Datasets and the golden recording."""
     for archive, folder in ((INPUTS / "datasets.tar.xz", "data"), (RECORDING, "recording")):
         with tarfile.open(archive) as tar:
             tar.extractall(scratch / folder, filter="data")
