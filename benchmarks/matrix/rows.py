@@ -19,7 +19,6 @@ from benchmarks.matrix.row import (
     REFUSED,
     SEEN_S,
     STALE_S,
-    TURNS_AT,
     Row,
     tell_wanted,
 )
@@ -78,11 +77,12 @@ def _frames() -> list[Row]:
     rows += [Row(f"{DEVICES[name]}: every frame twice", "duplicated", Device(name, "doubled"),
                  says(hw.DUPLICATE_ID), 1.2, lasts_s=2.0) for name in ("flywheel_a", "hood_encoder")]
     rows += [Row("flywheel motor 1: encoder stuck", "stuck",
-                 Device("flywheel_a", "stuck", estimates["flywheel_a"]), says(hw.ENCODER_STUCK), STALE_S),
+                 Device("flywheel_a", "stuck", estimates["flywheel_a"]), says(hw.ENCODER_STUCK), STALE_S, REARM),
              Row("flywheel motor 2: encoder stuck", "stuck",
-                 Device("flywheel_b", "stuck", estimates["flywheel_b"]), says(hw.ENCODER_STUCK), STALE_S),
+                 Device("flywheel_b", "stuck", estimates["flywheel_b"]), says(hw.ENCODER_STUCK), STALE_S, REARM),
              Row("both flywheel motors: say the speed that is wanted, and turn at another", "contradiction",
-                 tell_wanted("Get_Encoder_Estimates", 4, math.tau), TURNS_AT, 1.0, lasts_s=2.0, first=True),
+                 tell_wanted("Get_Encoder_Estimates", 4, math.tau), says(bot.AXIS_LATCHED), 1.0, REARM, 2.0,
+                 first=True),
              Row("hood encoder stuck, hood does not move", "stuck", Device("hood_encoder", "stuck"), (), 0.0, KEEPS),
              Row("flywheel motor 1: frames under another id", "wrong id", Device("flywheel_a", "moved", by=0x120),
                  of("flywheel motor 1", SILENT), STALE_S),

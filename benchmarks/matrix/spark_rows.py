@@ -42,11 +42,12 @@ def _frames(launcher: str, names: tuple[str, ...]) -> list[Row]:
                  _row(launcher, name, "status frames held back, then all at once", "late", Device(name, "held"),
                       SILENT, STALE_S),
                  _row(launcher, name, "encoder stuck", "stuck", Device(name, "stuck", "STATUS_2"),
-                      says(hw.ENCODER_STUCK), STALE_S)]
+                      says(hw.ENCODER_STUCK), STALE_S, REARM if launcher == "spark" else ITSELF)]
     whose = "SPARKs" if launcher == "spark" else "advice only"
     rows.append(Row(f"{whose}, both flywheel motors: say the speed that is wanted, and turn at another",
-                    "contradiction", tell_wanted("STATUS_2", 0, math.tau / 60.0), TURNS_AT, 1.0, lasts_s=2.0,
-                    first=True, launcher=launcher))
+                    "contradiction", tell_wanted("STATUS_2", 0, math.tau / 60.0),
+                    says(bot.AXIS_LATCHED) if launcher == "spark" else TURNS_AT, 1.0,
+                    REARM if launcher == "spark" else ITSELF, 2.0, first=True, launcher=launcher))
     return rows
 
 

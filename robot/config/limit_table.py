@@ -44,8 +44,8 @@ LIMITS: tuple[Limit, ...] = (
     *(Limit(f"{axis}.rated_v", 3, 60, "no data sheet is for such a voltage, and every torque scales with it")
       for axis in AXES),
 
-    Limit("gate.reading_age_s", "2 / tick_hz", 0.25,
-          "below, no reading is young enough; above, wheels that nobody sees gain 150 rad/s"),
+    Limit("gate.reading_age_s", "2 / tick_hz", 1,
+          "below, no reading is young enough; above, the device is dead"),
     Limit("gate.sighting_age_s", 0.02, 2, "below, no image is young enough; above, the robot may be 4 m away"),
     Limit("gate.threshold", 0.01, 0.99, "below, the model cannot say no; above, it can hardly say yes"),
     Limit("hood_encoder.period_ms", 0, "500 * gate.reading_age_s", "above, one lost reading is a HOLD"),

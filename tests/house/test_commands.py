@@ -67,6 +67,7 @@ ELSEWHERE = {
     r"^systemctl ": "asks for a service that only a robot has",
     r"^truearc run ": "goes on until it is stopped; tests/loops runs it against emulated devices",
     r"^truearc advise ": "goes on until it is stopped; tests/loops/test_advise.py has it beside a robot",
+    r"^truearc doctor.* --(set|move)": "writes to devices, or moves them; tests/robot/doctor does",
     r"^truearc doctor --nt": "asks the server of a robot; tests/robot/doctor/test_network.py has one",
     r"^python -m tools\.(site_reference|measured_doc|formats_doc)": "writes pages, which other tests compare",
     r"^truearc serve ": "goes on until it is stopped; tests/cli/test_serve.py runs it and ends it by Ctrl-C",
