@@ -29,7 +29,7 @@ SLACK_RAD_S = 3.0                     # ... by this, the noise of a speed, ...
 # ... and by what a filter of so long makes of a changing speed: a motor of ours has a quick one (a SPARK's is set to
 # 8 ms), another controller's may have its maker's, of 0.1 s
 OWN_LAG_S, LAG_S = 0.005, 0.2
-LASTS_NS = 30 * MS                    # readings that were held up, and are stamped when they came, differ for less
+LASTS_NS = 20 * MS                    # readings that were held up, and are stamped when they came, differ for less
 GRAIN = 2.0 ** -23                    # of a 32-bit float
 # Turns, or turns per second or minute, that an encoder may mean, unless it is 0: less than a count of the finest,
 # 2**-32, is none, and less than 2**-24 is not usual; 1e8 take a year
