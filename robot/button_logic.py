@@ -40,7 +40,7 @@ def operate(inputs: Inputs, memory: Memory, config: Config) -> tuple[Memory, tup
 
 def _let_go(memory: Memory) -> Memory:
     # Disarming forgets the request: a shot asked for before must not come when the launcher is armed again.
-    return replace(memory, armed=False, request_t_ns=0, steady_t_ns=0, doubt_t_ns=0, aim=None)
+    return replace(memory, armed=False, request_t_ns=0, steady_t_ns=0, doubt_t_ns=0, aim=None, motion=UNSET)
 
 
 def _accept(inputs: Inputs, memory: Memory) -> Memory:

@@ -20,7 +20,8 @@ RELEASED, AT_REST = Command(), Pid()
 NEAR_PER_S = 10.0                     # the hood's speed limit, per degree that is left to a soft limit
 # Torque that accelerates the hood, in frictions: a screw of 1.5e-5 kg m2, a quarter of the shipped one, then follows
 # the speed limit within 35 ms, longer than its readings lag. Without motion for so long it grows, to all in RISE_S more
-SPARE, STUCK_S, RISE_S = 2.0, 0.05, 0.1
+# at least this share of all torque, for the friction may be understated
+SPARE, SPARE_SHARE, STUCK_S, RISE_S = 2.0, 0.1, 0.05, 0.1
 LEAST_SHARE = 0.1                     # of that limit, on readings that are nearly too old
 YOUNG_SHARE = 0.3                     # of the age limit: a speed by which the hood may be braked
 
@@ -58,7 +59,7 @@ def control(inputs: Inputs, estimate: Estimate, aim: Aim, verdict: Verdict, memo
         hood, hood_pid = _hood(inputs, estimate, aim, memory, config, watched.hood)
     feed_t_ns = inputs.t_ns if verdict.fire else _still_clearing(inputs, memory, config)
     feeding = bool(feed_t_ns) and (inputs.t_ns - feed_t_ns) * NS < config.feeder.feed_s and (
-        feeder_on and watched.feeder_ready)
+        wheels_on and hood_on and feeder_on and watched.feeder_ready)
     command = Command(wheels_on, hood_on, feeder_on, flywheel, hood, config.feeder.torque_nm if feeding else 0.0)
     return command, replace(memory, flywheel=wheel_pid, hood=hood_pid, feed_t_ns=feed_t_ns,
                             motion=watched.remember(flywheel, hood),
@@ -129,7 +130,8 @@ def slow_down(torque_nm: float, inputs: Inputs, estimate: Estimate, joint: Joint
     rate_deg_s = max(screw_deg_s, sign * joint.angle_deg_s)
     limit_deg_s = min(hood.max_deg_s, NEAR_PER_S * left_deg) * max(1.0 - age_s / old_s, LEAST_SHARE)
     size_nm = abs(torque_nm)
-    spare_nm = SPARE * hood.friction_nm
+    most = hood.pid.output_high if torque_nm > 0.0 else -hood.pid.output_low
+    spare_nm = max(SPARE * hood.friction_nm, SPARE_SHARE * most)
     if joint.stuck_t_ns:
         spare_nm += size_nm * max((t_ns - joint.stuck_t_ns) * NS - STUCK_S, 0.0) / RISE_S
     most_nm = hood.friction_nm + spare_nm * (limit_deg_s - rate_deg_s) / hood.max_deg_s

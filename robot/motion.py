@@ -11,6 +11,7 @@ from typing import NamedTuple
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from truearc.hw.devices.registry import family_of
 from truearc.hw.fault_codes import (
     DUPLICATE_ID,
     ENCODER_MISMATCH,
@@ -43,6 +44,7 @@ FULL, FULL_NS = 0.8, 200_000_000      # share of the torque limit that moves eve
 SLOW, RISING = 0.05, 0.01             # shares of the set point: hardly turning, and turning faster than before
 # A joint's stated friction is what just moves it; three times as much moves it unless it is jammed
 HARD, HARD_NS, PUSH_NS = 3.0, 300_000_000, 460_000_000      # half a second with what the wires add
+UNKNOWN = 2.0                         # times the stated friction, which sysid is to measure
 MOVED_RAD = 1.0                       # of the hood motor, 0.2 degrees of the shipped hood: more than its play
 DIFFERENT = 3                         # readings in a row
 RATE_NS = 5_000_000                   # between encoder readings, for a rate: closer ones were held up on their way
@@ -53,6 +55,7 @@ SWITCH_DEG = 0.9                      # homing ends so far below the switch: the
 LATCHING = frozenset((ENCODER_STUCK.name, ENCODER_MISMATCH.name, SPEED_JUMPED.name))
 # With these no reading can be trusted to be of our device, of this moment, or ours to act on
 EVERYWHERE = frozenset((because.CAN_LOST.name, because.TICKS_STALLED.name, FOREIGN_HOST.name, DUPLICATE_ID.name))
+STALLS = frozenset((because.TICKS_STALLED.name, DUPLICATE_ID.name))      # frames that waited look like another device's
 FREE = Joint()
 
 
@@ -69,6 +72,7 @@ class Watch(NamedTuple):
     armed_t_ns: int = 0
     active_t_ns: int = 0
     is_idle: bool = False
+    is_short: bool = False            # the hood does not reach its set point, and is not pushed any more
 
     def remember(self, flywheel_torque_nm: float, hood_torque_nm: float) -> Motion:
         """For the next tick, with the torques that this one has decided on."""
@@ -78,12 +82,12 @@ class Watch(NamedTuple):
     def reasons(self) -> list[Reason]:
         """Why axes are released, for the verdict."""
         wheels, hood, feeder = self.wheels, self.hood, self.feeder
-        if (wheels.cause is None and hood.cause is None and feeder.cause is None and hood.dropped_deg is None
-                and not self.is_idle):
+        if (wheels.cause is None and hood.cause is None and feeder.cause is None
+                and not self.is_short and not self.is_idle):
             return []
         found = [(because.AXIS_LATCHED if joint.is_latched else because.AXIS_RELEASED)(joint=name, cause=joint.cause)
                  for name, joint in ((WHEELS, wheels), (HOOD, hood), (FEEDER, feeder)) if joint.cause is not None]
-        if hood.dropped_deg is not None:
+        if self.is_short and hood.dropped_deg is not None:
             found.append(because.HOOD_PUSH_DROPPED(wanted_deg=hood.dropped_deg))
         return [*found, because.WHEELS_IDLE()] if self.is_idle else found
 
@@ -106,22 +110,27 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
         return Watch(FREE, FREE, FREE, doubts)
     t_ns = inputs.t_ns
     last = Motion(armed_t_ns=t_ns, active_t_ns=t_ns) if memory.motion is UNSET else memory.motion
-    wheels, cause = _wheels(inputs, wanted.wheels_rad_s, last.wheels, last.flywheel_torque_nm, config)
-    hood, why = _hood(inputs, estimate, wanted, memory, last.hood, last.hood_torque_nm, config)
-    feeder, (of_wheels, of_hood, of_feeder) = last.feeder, doubts
+    axes, wheels, hood, feeder, cause, why = config.axes, last.wheels, last.hood, last.feeder, None, None
+    # another controller's motors are not moved by our torques, nor released by us
+    owns_wheels, owns_hood = family_of(axes.flywheels[0]).is_commanded, family_of(axes.hood).is_commanded
+    if owns_wheels:
+        wheels, cause = _wheels(inputs, wanted.wheels_rad_s, wheels, last.flywheel_torque_nm, config)
+    if owns_hood:
+        hood, why = _hood(inputs, estimate, wanted, memory, hood, last.hood_torque_nm, config)
+    of_wheels, of_hood, of_feeder = doubts
     starting = t_ns - last.armed_t_ns < START_NS
     everywhere, by_axis = _sorted_faults(inputs) if inputs.faults else (None, _NO_FAULTS)
-    uncounted = starting or (everywhere is not None and everywhere.code == because.TICKS_STALLED.name)
-    if of_wheels or cause or wheels.cause or inputs.faults:
+    uncounted = starting or any(fault.code in STALLS for fault in inputs.faults)
+    if owns_wheels and (of_wheels or cause or wheels.cause or inputs.faults):
         passing, latching = by_axis[0]
         wheels = _follow(wheels, latching or cause, everywhere or _doubt(of_wheels, starting) or passing, t_ns,
                          uncounted)
     switch = None if memory.homed else _switch_doubt(inputs)
-    if of_hood or why or hood.cause or switch or inputs.faults:
+    if owns_hood and (of_hood or why or hood.cause or switch or inputs.faults):
         passing, latching = by_axis[1]
         hood = _follow(hood, latching or why, everywhere or _doubt(of_hood, starting) or switch or passing, t_ns,
                        uncounted)
-    if of_feeder or feeder.cause or inputs.faults:
+    if (of_feeder or feeder.cause or inputs.faults) and family_of(axes.feeder).is_commanded:
         # driven for a moment only: whatever is wrong, it does not latch by itself
         passing = by_axis[2][0] or by_axis[2][1]
         feeder = _follow(feeder, None, everywhere or _doubt(of_feeder, starting) or passing, t_ns, uncounted)
@@ -131,8 +140,10 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
         active_t_ns = t_ns
     elif seen is not None and active_t_ns < seen.t_ns <= t_ns:
         active_t_ns = seen.t_ns
+    is_short = (hood.dropped_deg is not None and estimate.hood_deg is not None
+                and not abs(estimate.hood_deg - hood.dropped_deg) <= config.hood.tolerance_deg)
     return Watch(wheels, hood, feeder, doubts, not of_wheels, not of_hood, not of_feeder, last.armed_t_ns, active_t_ns,
-                 idle_s > 0.0 and (t_ns - active_t_ns) * NS > idle_s)
+                 idle_s > 0.0 and (t_ns - active_t_ns) * NS > idle_s, is_short)
 
 
 # --- faults and doubts
@@ -184,7 +195,7 @@ def _follow(joint: Joint, latching: Reason | None, passing: Reason | None, t_ns:
         if len(recent) >= REPEATS:
             return Joint(because.RELEASED_REPEATEDLY(count=REPEATS, window_s=REPEAT_NS * NS, cause=passing), True)
         return replace(joint, cause=passing, good_t_ns=0, releases_t_ns=recent, push=0, stuck_t_ns=0, hard_t_ns=0,
-                       differ=0)
+                       differ=0, homing_t_ns=0)
     if joint.cause is None:
         return joint
     if not joint.good_t_ns:
@@ -240,7 +251,8 @@ def _turning(joint: Joint, slowest: float, wanted_rad_s: float, asked_nm: float,
 def _is_driven(inputs: Inputs, config: Config) -> bool:
     """Whether a flywheel motor reports that it drives, whatever it was asked."""
     return any(motor.current_a > DRIVING_A and is_fresh(inputs, motor.current_t_ns, config)
-               for motor in inputs.flywheels)
+               and family_of(axis).signs_current
+               for axis, motor in zip(config.axes.flywheels, inputs.flywheels, strict=True))
 
 
 # --- hood
@@ -301,7 +313,7 @@ def _moving(inputs: Inputs, wanted_deg: float | None, memory: Memory, joint: Joi
     if joint.dropped_deg is not None and not (
             wanted_deg is not None and abs(wanted_deg - joint.dropped_deg) <= config.hood.tolerance_deg):
         joint = replace(joint, dropped_deg=None)
-    if abs(asked_nm) <= friction_nm:
+    if abs(asked_nm) <= (friction_nm if wanted_deg is not None or not memory.homed else UNKNOWN * friction_nm):
         return (replace(joint, stuck_t_ns=0, hard_t_ns=0) if joint.stuck_t_ns else joint), None
     hard = abs(asked_nm) > HARD * friction_nm
     moved = abs(at_rad - joint.stuck_at) > MOVED_RAD
@@ -324,14 +336,14 @@ def _moving(inputs: Inputs, wanted_deg: float | None, memory: Memory, joint: Joi
 def _homing(inputs: Inputs, hood_deg: float | None, memory: Memory, joint: Joint, asked_nm: float,
             config: Config) -> tuple[Joint, Reason | None]:
     """Whether homing takes longer, or goes further, than from one end of the travel to the other."""
-    if memory.homed or (asked_nm == 0.0 and not joint.homing_t_ns):
-        return (replace(joint, homing_t_ns=0) if memory.homed and joint.homing_t_ns else joint), None
     t_ns, at_rad, hood = inputs.t_ns, inputs.hood_motor.position_rad, config.hood
+    beyond = hood_deg is not None and hood_deg <= hood.low_deg - SWITCH_DEG
+    if memory.homed or (asked_nm == 0.0 and not (beyond and joint.homing_t_ns)):
+        return (replace(joint, homing_t_ns=0) if joint.homing_t_ns else joint), None
     if not joint.homing_t_ns:
         return replace(joint, homing_t_ns=t_ns, homing_rad=at_rad), None
     took_s = (t_ns - joint.homing_t_ns) * NS
     limit_s = HOMING_TIMES * (hood.high_deg - hood.low_deg) / hood.max_deg_s
-    beyond = hood_deg is not None and hood_deg <= hood.low_deg - SWITCH_DEG
     if beyond or took_s > limit_s or abs(at_rad - joint.homing_rad) > HOMING_TRAVEL * screw_travel_rad(hood):
         return joint, because.SWITCH_NOT_REACHED(limit_s=took_s)
     return joint, None

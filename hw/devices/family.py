@@ -183,6 +183,7 @@ class MotorFamily(Struct, Generic[AxisKind], frozen=True, kw_only=True, eq=False
     questions: what the doctor asks of the device; no answer may need a change of it.
     examine: the doctor's findings from what was heard on the bus.
     make_node: the emulated device.
+    signs_current: whether the current that it reports has the sign of its torque, so that braking is told from driving.
     messages: reasons and errors that are its own, named "DRIVER.WHAT": their codes, and what the operator's page says.
     stored_settings: what the device keeps and `truearc doctor --set` may write; None where a run sets all there is.
     """
@@ -200,4 +201,5 @@ class MotorFamily(Struct, Generic[AxisKind], frozen=True, kw_only=True, eq=False
     examine: Callable[[AxisKind, AxisCheck, Heard], Iterable[Finding]]
     make_node: Callable[[AxisKind, AttachedMotor], Node]
     messages: tuple[Message, ...] = ()
+    signs_current: bool = True
     stored_settings: Callable[[AxisKind, Bounds, Endpoints], StoredSettings] | None = None

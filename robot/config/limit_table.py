@@ -41,6 +41,8 @@ LIMITS: tuple[Limit, ...] = (
       for axis in AXES),
     *(Limit(f"{axis}.free_speed_rad_s", 50, 3000, "no motor is so slow or so fast; this may be rev/min")
       for axis in AXES),
+    *(Limit(f"{axis}.torque_nm_a", 0, 10, "no motor gives more for an ampere; 0: not known, and no limits are sent")
+      for axis in AXES),
     *(Limit(f"{axis}.rated_v", 3, 60, "no data sheet is for such a voltage, and every torque scales with it")
       for axis in AXES),
 
@@ -88,8 +90,8 @@ LIMITS: tuple[Limit, ...] = (
                                           "axes.hood.stall_torque_nm"), f"{THRUST}; nearer, nothing goes up"),
     Limit("hood.pid.output_low", (-STRONGEST_NM, "-318 * hood.screw_lead_m * hood.screw_gear",
                                   "-1 * axes.hood.stall_torque_nm"), -0.005, f"{THRUST}; nearer, nothing goes down"),
-    Limit("hood.friction_nm", 0, ("0.5 * hood.pid.output_high", "-0.5 * hood.pid.output_low"),
-          "above, the screw is stuck; it is added in the direction of motion"),
+    Limit("hood.friction_nm", 0.001, ("0.5 * hood.pid.output_high", "-0.5 * hood.pid.output_low"),
+          "below, no screw is so light; above, it is stuck; it is added in the direction of motion"),
     Limit("hood.homing_torque_nm", "0.5 * hood.pid.output_low", (-0.001, "-1 * hood.friction_nm"),
           "below, the hood meets its stop too hard; above, friction holds it and homing never ends"),
     Limit("hood.pid.kp", 0, "10 * hood.pid.output_high", f"{SWITCH} an error of 0.1 degrees; {RUNS_AWAY}"),

@@ -21,7 +21,8 @@ def contradictions(config: Any) -> Iterator[tuple[str, str]]:
     config: truearc.robot.config.schema.Config, whose module calls this one.
     """
     for key, small_deg in (("hood.low_deg", 1.0), ("hood.high_deg", 0.5 * math.pi)):
-        if 0.0 < abs(angle := attrgetter(key)(config)) < small_deg:
+        angle = attrgetter(key)(config)
+        if 0.0 < abs(angle) < small_deg and (angle > 0.0 or key == "hood.low_deg"):
             yield key, (f"{angle:g} degrees are hardly a limit; if radians, write {math.degrees(angle):.3g}; if turns, "
                         f"{360.0 * angle:.3g}")
     yield from out_of_range(config)

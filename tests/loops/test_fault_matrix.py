@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import truearc.robot.advice.tick
-import truearc.robot.gate.verdict
+import truearc.robot.tick
 from benchmarks.matrix.breaking import Both, Device, Inside, Key, Motion, Wire
 from benchmarks.matrix.judge import Result, judge
 from benchmarks.matrix.keys import POSE, WELL
@@ -96,7 +96,7 @@ def test_a_fault_in_real_time(name: str, bus: str, tmp_path: Path) -> None:
 
 @posix
 def test_the_judge_sees_a_robot_that_fires_on_old_readings(tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr(truearc.robot.gate.verdict, "doubted_readings", lambda inputs, config: [])
+    monkeypatch.setattr(truearc.robot.tick, "doubt_axes", lambda inputs, config: ([], [], []))
     result = run(NAMES["flywheel motor 1: no readings, heartbeat goes on"], "virtual", tmp_path)
     assert result.stale > 0
     said = "; ".join(result.wrong)

@@ -47,7 +47,8 @@ STEP_S = 0.001
 
 
 def run(row: Row, bus: str, folder: Path) -> Result:
-    return judge(row, bus, bus == "virtual", folder / "run", play(row, bus, folder / "run"))
+    stepped = bus == "virtual"
+    return judge(row, bus, stepped, folder / "run", play(row, bus, folder / "run", stepped))
 
 
 @posix

@@ -1,7 +1,9 @@
 """ODrive as a MotorFamily."""
 
 from collections.abc import Sequence
+from typing import Annotated
 
+from msgspec import Meta
 from msgspec.structs import replace
 
 from truearc.hw.codec import DBC
@@ -21,7 +23,7 @@ class OdriveConfig(odrive.OdriveAxis, Axis, frozen=True, forbid_unknown_fields=T
                    tag_field="driver", tag="odrive"):
     """An ODrive, given torques."""
 
-    endstop_endpoint: int             # SDO endpoint that reads the limit switch; 0 = none
+    endstop_endpoint: Annotated[int, Meta(ge=0, le=65535)]    # SDO endpoint that reads the limit switch; 0 = none
     torque_nm_a: TorquePerAmp = 0.0   # its torque_constant; 0: not known, its own limits stay as they are stored
 
 

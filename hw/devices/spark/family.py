@@ -42,7 +42,8 @@ def make_node(axis: spark.SparkAxis, motor: AttachedMotor) -> SparkNode:
 
 
 SPARK = MotorFamily(
-    driver="spark", axis=SparkConfig, example=SparkConfig(3, 1, True, 2.6, 594.0, 12.0), dbc=DBC / "spark.dbc",
+    driver="spark", axis=SparkConfig, signs_current=False, example=SparkConfig(3, 1, True, 2.6, 594.0, 12.0),
+    dbc=DBC / "spark.dbc",
     is_commanded=True, make_motors=make_motors, make_rules=make_rules,
     errors=lambda axis, motor: spark.errors_of(motor.axis_error),
     is_driven=lambda axis, motor: motor.axis_state == spark.DRIVEN, questions=questions, examine=examine,
