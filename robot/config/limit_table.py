@@ -42,7 +42,7 @@ LIMITS: tuple[Limit, ...] = (
     *(Limit(f"{axis}.free_speed_rad_s", 50, 3000, "no motor is so slow or so fast; this may be rev/min")
       for axis in AXES),
     *(Limit(f"{axis}.torque_nm_a", 0, 10, "no motor gives more for an ampere; 0: not known, and no limits are sent")
-      for axis in AXES),
+      for axis in AXES[:2]),
     *(Limit(f"{axis}.rated_v", 3, 60, "no data sheet is for such a voltage, and every torque scales with it")
       for axis in AXES),
 
