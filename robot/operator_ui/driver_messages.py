@@ -15,7 +15,7 @@ from truearc.hw.devices.registry import find_messages
 from truearc.hw.reason import FAULT, Message, Reason, fill
 from truearc.robot import reasons as bot
 
-SEVERAL = ("motor", "device")         # reasons that differ in these alone are shown as one ...
+SEVERAL = ("motor", "device", "joint")           # reasons that differ in these alone are shown as one ...
 PASSING = ("age_s",)                  # ... whatever these are
 
 
