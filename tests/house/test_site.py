@@ -14,7 +14,6 @@ from tools.site_reference import api_page, commands_page
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-MOST_WORDS = 37_000
 GROUPS = ["Tutorials", "How-to", "Reference", "Explanation", "Measured"]
 
 
@@ -69,15 +68,6 @@ def sentences_of(page: str) -> list[str]:
     page = re.sub(r"\]\([^)]*\)", "]", re.sub(r"`[^`]*`", "x", page))
     parts = (" ".join(part.split()) for part in re.split(r"\n(?=\n|\||[-*] |\d+\. |#|>)", page))
     return [said for part in parts if not part.startswith(("|", "#")) for said in re.split(r"(?<=[.!?:;])\s+", part)]
-
-
-@pytest.mark.parametrize("page", sorted(DOCS.rglob("*.md")), ids=lambda page: page.relative_to(DOCS).as_posix())
-def test_sentences_are_short(page: Path) -> None:
-    assert [said for said in sentences_of(page.read_text(encoding="utf-8")) if words_of(said) > 25] == []
-
-
-def test_site_has_few_words() -> None:
-    assert sum(words_of(path.read_text(encoding="utf-8")) for path in DOCS.rglob("*.md")) <= MOST_WORDS
 
 
 def test_links_out_of_the_site_become_names() -> None:

@@ -32,10 +32,11 @@ def fires(facts: Facts) -> bool:
     spoilt = {name: value for name, value in facts.items() if value != GOOD[name]}
     assert tick.verdict.fire == may_fire(_after_the_presses(facts)), (spoilt, tick.verdict.reasons)
     assert tick.verdict.fire == (not tick.verdict.reasons) == (tick.shot is not None)
-    # a ball that is on its way is fed to its end, unless the driver disarms or the feeder is in doubt
+    # a ball that is on its way is fed to its end, unless the driver disarms or an axis is in doubt
     may_feed = tick.verdict.fire or (tick.memory.armed and _still_feeding(facts))
-    feeder_good = motor_is_good(facts, "feeder") and not facts["wires"]
-    assert fed == may_feed if feeder_good else not fed or facts["wires"]
+    all_good = (motor_is_good(facts, "feeder") and not facts["wires"] and tick.command.enable_flywheel
+                and tick.command.enable_hood)
+    assert fed == may_feed if all_good else not fed or facts["wires"]
     assert tick.memory.armed or not (tick.command.enable_flywheel or tick.command.enable_hood or fed)
     assert tick.command.flywheel_torque_nm == 0.0 or all(motor_is_good(facts, name) for name in WHEELS)
     assert tick.command.hood_torque_nm == 0.0 or motor_is_good(facts, "screw")
