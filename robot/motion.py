@@ -27,7 +27,7 @@ from truearc.robot.estimate import is_fresh
 from truearc.robot.gate.doubts import Doubts
 from truearc.robot.geometry import elevation_from_screw_deg, elevation_per_rad, screw_travel_rad
 from truearc.robot.motors import HOOD_OVERSPEED
-from truearc.robot.types import Estimate, Inputs, Joint, Memory, Motion
+from truearc.robot.types import Estimate, Inputs, Joint, Memory, MotionMemory
 
 WHEELS, HOOD, FEEDER, SWITCH = "wheels", "hood", "feeder", "hood limit switch"
 NS, NS_PER_S = 1e-9, 1_000_000_000
@@ -74,9 +74,9 @@ class Watch(NamedTuple):
     is_idle: bool = False
     is_short: bool = False            # the hood does not reach its set point, and is not pushed any more
 
-    def remember(self, flywheel_torque_nm: float, hood_torque_nm: float) -> Motion:
+    def remember(self, flywheel_torque_nm: float, hood_torque_nm: float) -> MotionMemory:
         """For the next tick, with the torques that this one has decided on."""
-        return Motion(self.armed_t_ns, self.active_t_ns, self.is_idle, self.wheels, self.hood, self.feeder,
+        return MotionMemory(self.armed_t_ns, self.active_t_ns, self.is_idle, self.wheels, self.hood, self.feeder,
                       flywheel_torque_nm, hood_torque_nm)
 
     def reasons(self) -> list[Reason]:
@@ -109,7 +109,7 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
     if not memory.armed:
         return Watch(FREE, FREE, FREE, doubts)
     t_ns = inputs.t_ns
-    last = Motion(armed_t_ns=t_ns, active_t_ns=t_ns) if memory.motion is UNSET else memory.motion
+    last = MotionMemory(armed_t_ns=t_ns, active_t_ns=t_ns) if memory.motion is UNSET else memory.motion
     axes, wheels, hood, feeder, cause, why = config.axes, last.wheels, last.hood, last.feeder, None, None
     # another controller's motors are not moved by our torques, nor released by us
     owns_wheels, owns_hood = family_of(axes.flywheels[0]).is_commanded, family_of(axes.hood).is_commanded

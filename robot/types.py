@@ -159,7 +159,7 @@ class Joint(Struct, frozen=True, omit_defaults=True):
     angle_deg_s: float = 0.0                      # ... and its rate from the one before
 
 
-class Motion(Struct, frozen=True, omit_defaults=True):
+class MotionMemory(Struct, frozen=True, omit_defaults=True):
     """Interlocks of motion of all axes, while armed."""
 
     armed_t_ns: int = 0
@@ -276,7 +276,7 @@ class Memory(Struct, frozen=True):
     watched: Watched | UnsetType = UNSET          # only while advising
     count: Count | UnsetType = UNSET              # only without a hood encoder
     zero_deg: float | UnsetType = UNSET           # of a hood encoder that homing zeroes; absent until it has
-    motion: Motion | UnsetType = UNSET            # only while armed
+    motion: MotionMemory | UnsetType = UNSET            # only while armed
 
 
 class Tick(Struct, frozen=True):

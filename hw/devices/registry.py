@@ -25,14 +25,15 @@ FAMILIES: tuple[MotorFamily[Any], ...] = (ODRIVE, SPARK, ADVISORY)
 BY_DRIVER = MappingProxyType({family.driver: family for family in FAMILIES})
 
 
+_BY_TABLE: dict[type[Axis], MotorFamily[Any]] = {}
+
+
 def family_of(axis: Axis) -> MotorFamily[Any]:
     """The family whose table this is; raises as find_family."""
-    return _family_of_table(axis.__class__)
-
-
-@functools.cache
-def _family_of_table(table: Any) -> MotorFamily[Any]:
-    return find_family(str(table.__struct_config__.tag))
+    table = axis.__class__
+    if table not in _BY_TABLE:        # called in the tick
+        _BY_TABLE[table] = find_family(driver_of(axis))
+    return _BY_TABLE[table]
 
 
 def find_family(driver: str) -> MotorFamily[Any]:

