@@ -21,6 +21,7 @@ from truearc.robot.types import Command, Sighting
 from truearc.robot.vision_source import InlineEyes
 
 # ODrive CANSimple: node << 5 | command; the hood, node 3, has a limit switch to ask for, command 0x04
+ADDRESS = 0x06                        # with a serial number: two devices with one id give two
 ESTOP, AXIS_STATE, CONTROLLER_MODE, TORQUE, LIMITS, CLEAR_ERRORS = 0x02, 0x07, 0x0B, 0x0E, 0x0F, 0x18
 COMMANDS = (ESTOP, AXIS_STATE, CONTROLLER_MODE, TORQUE, CLEAR_ERRORS)
 ENCODER_SETTING, ENCODER_ASKED = 0x070E00C0 + 5, 0x070E0080 + 5
@@ -44,7 +45,7 @@ def bench():
 def test_exactly_these_frames_may_be_sent() -> None:
     kinds = {(kind.arbitration_id, kind.is_extended, kind.is_remote) for kind in allowed_of(CONFIG)}
     expected = {(node << 5 | command, False, False) for node in (1, 2, 3, 4) for command in COMMANDS}
-    expected |= {(node << 5, False, True) for node in (1, 2, 3, 4)}
+    expected |= {(node << 5 | asked, False, True) for node in (1, 2, 3, 4) for asked in (0, ADDRESS)}
     expected |= {(node << 5 | LIMITS, False, False) for node in (1, 2, 3)}      # the feeder's are not known
     assert kinds == expected | {(3 << 5 | 0x04, False, False), (ENCODER_SETTING, True, False),
                                 (ENCODER_ASKED, True, False)}
@@ -55,7 +56,7 @@ def test_each_by_its_length_and_how_often() -> None:
     commands = {ESTOP: (0, 5), AXIS_STATE: (8, 31), CONTROLLER_MODE: (8, 5), TORQUE: (8, 31), CLEAR_ERRORS: (1, 5)}
     expected = {(node << 5 | command, False, False, length): most for node in (1, 2, 3, 4)
                 for command, (length, most) in commands.items()}
-    expected |= {(node << 5, False, True, 0): 5 for node in (1, 2, 3, 4)}
+    expected |= {(node << 5 | asked, False, True, 0): 5 for node in (1, 2, 3, 4) for asked in (0, ADDRESS)}
     expected |= {(node << 5 | LIMITS, False, False, 8): 5 for node in (1, 2, 3)}
     assert limits_of(CONFIG) == expected | {(3 << 5 | 0x04, False, False, 8): 5, (ENCODER_SETTING, True, False, 8): 5,
                                             (ENCODER_ASKED, True, False, 8): 5}
@@ -146,9 +147,10 @@ def test_a_spark_by_length_and_how_often() -> None:
     assert limits_of(SPARK_WHEELS)[0x0205380B, True, False, 5] == 22
 
 
-SPARK_SENDS = (0x0205B803, 0x0205B843, 0x0205B883, 0x0205B943, 0x0205B983, 0x02050443, 0x02052603, 0x02053843)
+SPARK_SENDS = (0x0205BC03, 0x0205B803, 0x0205B843, 0x0205B883, 0x0205B943, 0x0205B983, 0x02050443, 0x02052603,
+               0x02053843)
 SPARK_IS_SENT = (0x02050003, 0x02050083, 0x02050403, 0x02051B83, 0x02053803, 0x02052C80)
-ODRIVE_SENDS = tuple(3 << 5 | command for command in (0x00, 0x01, 0x03, 0x05, 0x09, 0x14, 0x15, 0x17))
+ODRIVE_SENDS = tuple(3 << 5 | command for command in (0x00, 0x01, 0x03, 0x05, ADDRESS, 0x09, 0x14, 0x15, 0x17))
 ODRIVE_IS_SENT = tuple(3 << 5 | command for command in (0x02, 0x04, 0x07, 0x0B, 0x0D, 0x0E, 0x0F, 0x18))
 ENCODER_SENDS, ENCODER_IS_SENT = (0x070E07C5, 0x070E0785, 0x070E0185, 0x070E0105), (0x070E0145, 0x070E00C5, 0x070E0085)
 
