@@ -105,8 +105,8 @@ def test_two_sessions_of_one_name_are_refused(session, tmp_path):
 def test_why_no_ball_was_launched_is_said(tmp_path):
     """The hood's encoder is off by more than the screw's count allows: the robot holds every shot."""
     played = ta.emulate(CONFIG, tmp_path / "held", 2, 1, Options(hood_offset_deg=2.0))
-    assert played.balls == () and list(played.held.values()) == [2]
-    assert played.lines()[1].startswith("held 2 times: hood encoder ")
+    assert played.balls == () and set(played.held.values()) == {2}
+    assert any(line.startswith("held 2 times: hood encoder ") for line in played.lines())
 
 
 def test_folders_may_be_texts_but_one_text_is_no_list(session):
