@@ -190,9 +190,9 @@ def _follow(joint: Joint, latching: Reason | None, passing: Reason | None, t_ns:
         if joint.cause is not None:
             return joint if joint.cause == passing and not joint.good_t_ns else replace(joint, cause=passing,
                                                                                          good_t_ns=0)
-        recent = tuple(stamp for stamp in joint.releases_t_ns if t_ns - stamp < REPEAT_NS)
-        recent = recent if uncounted else (*recent, t_ns)
-        if len(recent) >= REPEATS:
+        newest, oldest = joint.releases_t_ns
+        recent = (newest, oldest) if uncounted else (t_ns, newest)
+        if not uncounted and oldest and t_ns - oldest < REPEAT_NS:
             return Joint(because.RELEASED_REPEATEDLY(count=REPEATS, window_s=REPEAT_NS * NS, cause=passing), True)
         return replace(joint, cause=passing, good_t_ns=0, releases_t_ns=recent, push=0, stuck_t_ns=0, hard_t_ns=0,
                        differ=0, homing_t_ns=0)
