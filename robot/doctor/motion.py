@@ -115,7 +115,7 @@ def _nudges(joint: str, sign: int, most_nm: float, top_rad_s: float, long_s: flo
     return nudges
 
 
-class Motion:
+class SmallMotion:
     """What one tick does, for truearc.robot.runtime.run; and its Recorder. It begins with the first tick.
 
     has_box: whether a button box is there, each button of which ends it. over: why it ended; "" once all was done, None

@@ -12,7 +12,7 @@ from truearc.hw.devices.registry import family_of
 from truearc.hw.finding import FAILURE, Finding, failure, ok, warning
 from truearc.hw.protocols import MotorReading
 from truearc.robot.config.schema import Config
-from truearc.robot.doctor.motion import STARTED_RAD_S, Motion, hood_angle_deg
+from truearc.robot.doctor.motion import STARTED_RAD_S, SmallMotion, hood_angle_deg
 from truearc.robot.geometry import elevation_from_screw_deg
 from truearc.robot.motors import name_axes
 from truearc.robot.sysid.program import FLYWHEEL, HOOD, STEP, Phase
@@ -29,7 +29,7 @@ DO = "all motors are released; repair it, and do this again"
 FIRST = "repair first what ended the motion"
 
 
-def check_motion(config: Config, motion: Motion, heard: Heard) -> Iterator[Finding]:
+def check_motion(config: Config, motion: SmallMotion, heard: Heard) -> Iterator[Finding]:
     """heard: all frames of it."""
     if motion.over is None:
         yield failure("motion", "ended before it was done", DO)

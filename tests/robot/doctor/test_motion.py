@@ -29,7 +29,7 @@ from truearc.hw.emulated.slcan_adapter import SlcanAdapter
 from truearc.hw.finding import FAILURE, OK, WARNING, Finding, failure
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import InputError, load_config
-from truearc.robot.doctor.motion import COAST_S, Motion, plan
+from truearc.robot.doctor.motion import COAST_S, SmallMotion, plan
 from truearc.robot.doctor.moved import check_motion
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
@@ -61,12 +61,12 @@ class Watched:
 
 
 def move(config=CONFIG, wrap=lambda name, node: node, nodes_of=make_nodes, hood_deg: float | None = 40.0,
-         button_ns: int | None = None) -> tuple[dict[str, Finding], Watched, Motion]:
+         button_ns: int | None = None) -> tuple[dict[str, Finding], Watched, SmallMotion]:
     """Findings, what the world saw, and the motion; one more button is pressed at `button_ns`."""
     world, frames = World(1), []
     watched, box = Watched(world), open_button_box()
     nodes = {name: wrap(name, node) for name, node in nodes_of(config, world).items()}
-    motion = Motion(config, plan(config, hood_deg), True)
+    motion = SmallMotion(config, plan(config, hood_deg), True)
 
     def press(t_ns: int) -> None:
         watched.step(t_ns)

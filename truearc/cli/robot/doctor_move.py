@@ -14,7 +14,7 @@ from truearc.hw.protocols import Bus, Clock, Frame, LinkLost, Stream
 from truearc.hw.real.serial_port import open_serial
 from truearc.robot.config.schema import Config, InputError
 from truearc.robot.doctor.devices import find_hood
-from truearc.robot.doctor.motion import Motion, describe, plan
+from truearc.robot.doctor.motion import SmallMotion, describe, plan
 from truearc.robot.doctor.moved import check_motion
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.rig import HardwareRig
@@ -68,11 +68,11 @@ def move_robot(config: Config, clock: Clock, found: Sequence[Finding], is_allowe
         program = plan(config, hood_deg)
         if not is_allowed and not _ask(describe(config, program)):
             return [warning(CHECK, "not tried: it was not allowed", "type yes when asked")]
-        motion, ending = Motion(config, program, box is not None), Ending()
+        motion, ending = SmallMotion(config, program, box is not None), Ending()
         return move(config, motion, bus, box, clock, ending, wires)
 
 
-def move(config: Config, motion: Motion, bus: Bus, box: Stream | None, clock: Clock, ending: Ending,
+def move(config: Config, motion: SmallMotion, bus: Bus, box: Stream | None, clock: Clock, ending: Ending,
          wires: ExitStack) -> list[Finding]:
     """Move on open wires until it is over, and release; findings."""
     heard: list[Frame] = []
