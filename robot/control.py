@@ -18,9 +18,9 @@ from truearc.robot.types import Aim, Command, Estimate, Inputs, Joint, Memory, P
 NS = 1e-9
 RELEASED, AT_REST = Command(), Pid()
 NEAR_PER_S = 10.0                     # the hood's speed limit, per degree that is left to a soft limit
-# Torque that accelerates the hood, in frictions: a screw of 1.5e-5 kg m2, a quarter of the shipped one, then follows
-# the speed limit within 35 ms, longer than its readings lag. Without motion for so long it grows, to all in RISE_S more
-# at least this share of all torque, for the friction may be understated
+# Torque beyond friction that accelerates the hood: SPARE times the friction, but at least SPARE_SHARE of the torque
+# limit, because the friction may be understated. A screw of 1.5e-5 kg m2, a quarter of the shipped one, then follows
+# the speed limit within 35 ms, longer than its readings lag. After STUCK_S without motion it grows, to all in RISE_S.
 SPARE, SPARE_SHARE, STUCK_S, RISE_S = 2.0, 0.1, 0.05, 0.1
 LEAST_SHARE = 0.1                     # of that limit, on readings that are nearly too old
 YOUNG_SHARE = 0.3                     # of the age limit: a speed by which the hood may be braked

@@ -77,7 +77,7 @@ class Watch(NamedTuple):
     def remember(self, flywheel_torque_nm: float, hood_torque_nm: float) -> MotionMemory:
         """For the next tick, with the torques that this one has decided on."""
         return MotionMemory(self.armed_t_ns, self.active_t_ns, self.is_idle, self.wheels, self.hood, self.feeder,
-                      flywheel_torque_nm, hood_torque_nm)
+                            flywheel_torque_nm, hood_torque_nm)
 
     def reasons(self) -> list[Reason]:
         """Why axes are released, for the verdict."""

@@ -2,9 +2,8 @@
 
 import math
 
-from truearc.hw.devices.axis import Axis
+from truearc.hw.devices.axis import Axis, Bounds
 from truearc.hw.devices.hood_encoder import Around
-from truearc.hw.devices.limits import Bounds
 from truearc.hw.devices.registry import family_of
 from truearc.hw.protocols import Motor
 from truearc.robot.config.schema import Config, InputError

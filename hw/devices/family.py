@@ -9,9 +9,8 @@ from typing import Generic, NamedTuple, TypeVar
 
 from msgspec import Struct
 
-from truearc.hw.devices.axis import Axis
+from truearc.hw.devices.axis import Axis, Bounds
 from truearc.hw.devices.bus_rules import Rules
-from truearc.hw.devices.limits import Bounds
 from truearc.hw.emulated.nodes import Node, Plant
 from truearc.hw.encoder_plausibility import LAG_S, MOVING_RAD_S, Agreement, is_byte_swapped
 from truearc.hw.fault_codes import BY_NAME

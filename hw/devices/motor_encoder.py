@@ -6,11 +6,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from msgspec import Struct
 
 from truearc.hw import fault_codes as codes
-from truearc.hw.devices.axis import Axis, Finite, HoodEncoder, Positive
+from truearc.hw.devices.axis import Axis, Bounds, Finite, HoodEncoder, Positive
 from truearc.hw.devices.bus_rules import Rules
 from truearc.hw.devices.family import AttachedMotor, AxisCheck, Heard
 from truearc.hw.devices.hood_encoder import CHECK, Around, Encoder, EncoderFamily
-from truearc.hw.devices.limits import Bounds
 from truearc.hw.devices.odrive.family import OdriveConfig
 from truearc.hw.devices.registry import family_of
 from truearc.hw.emulated.nodes import MotorTruth, Node, Plant

@@ -14,7 +14,7 @@ MS = 1_000_000
 # that is later than a gap looks early. With gaps that differ it does not four times running, for delays up to 4 s.
 ANSWERED_NS = (1000 * MS, 850 * MS, 1150 * MS)
 UNANSWERED_NS = (500 * MS, 350 * MS, 650 * MS)
-COUNTED = 4                           # the longest of this number of answers counts
+COUNTED = 4                           # of this number of answers the shortest counts, unless one is later than LATE_NS
 STEP_NS = 5 * MS                      # it is counted in steps of this: a little more or less does not move every stamp
 HICCUP_NS = 30 * MS                   # what takes longer is asked again at once: something may have held it up once
 LATE_NS = 100 * MS                    # later readings are of no use to a loop, however fresh the gate would have them

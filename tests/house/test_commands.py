@@ -41,7 +41,6 @@ PLACEHOLDER = re.compile(r"\.\.\.|\||\[|\b(?:DIR|FILE|SESSION|SOURCE|DRIVER|SEED
 SHORTER = (
     (r"^(truearc init (my_shots|my-robot))$", r"\1 && cp rig.toml \2"),      # which the reader fills in
     (r"^make (?!-)", "make -n "),
-    (r"^python tools/prose.py$", "python tools/prose.py tools/prose.py"),     # test_prose.py has every file
     (r"^(pytest .*)", r"\1 -n 0 -q --collect-only"),
     (r"^(truearc emulate) --trials \d+ (.* --page)$", r"\1 --trials 1 \2 127.0.0.1:0"),
     (r"^(truearc emulate) --trials \d\d+(.*first-hour)$", r"\1 --trials 18\2"),

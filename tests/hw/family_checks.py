@@ -10,9 +10,8 @@ from tests.hw.dbc_facts import limits, messages
 from tests.hw.spinning_plant import SpinningPlant
 from truearc.hw import fault_codes
 from truearc.hw.codec import Codec, read_codec
-from truearc.hw.devices.axis import Axis, driver_of
+from truearc.hw.devices.axis import Axis, Bounds, driver_of
 from truearc.hw.devices.family import AttachedMotor, AxisCheck, Heard, MotorFamily
-from truearc.hw.devices.limits import Bounds
 from truearc.hw.finding import FAILURE, OK, WARNING
 from truearc.hw.monitor import kind_of
 from truearc.hw.protocols import BadFrame, Frame, MotorReading

@@ -7,7 +7,7 @@ import pytest
 
 from truearc.hw import fault_codes as hw
 from truearc.hw.dc_motor import DcMotor
-from truearc.hw.devices.limits import Bounds
+from truearc.hw.devices.axis import Bounds
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
 from truearc.hw.devices.spark.frames import SparkAxis

@@ -21,7 +21,7 @@ from tools.reasons_doc import make_page
 from truearc import robot
 from truearc.cli.common import SHIPPED
 from truearc.hw.devices import registry
-from truearc.hw.devices.limits import Bounds
+from truearc.hw.devices.axis import Bounds
 from truearc.hw.fault_codes import FRAME_NOT_ALLOWED
 from truearc.hw.protocols import Frame
 from truearc.hw.reason import FAULT, Reason

@@ -3,10 +3,9 @@
 from collections.abc import Iterator, Sequence
 
 from truearc.hw.dc_motor import DcMotor
-from truearc.hw.devices.axis import Axis, CanNode, Direction, Positive
+from truearc.hw.devices.axis import Axis, Bounds, CanNode, Direction, Positive
 from truearc.hw.devices.bus_rules import NS_PER_MS, Rules, allow_seldom, kinds_of
 from truearc.hw.devices.family import AxisCheck, Endpoints, Heard, MotorFamily
-from truearc.hw.devices.limits import Bounds
 from truearc.hw.finding import Finding, failure, ok, warning
 from truearc.hw.protocols import Frame, MotorReading
 from truearc.hw.reason import Reason

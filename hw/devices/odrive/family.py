@@ -7,9 +7,8 @@ from msgspec import Meta
 from msgspec.structs import replace
 
 from truearc.hw.codec import DBC
-from truearc.hw.devices.axis import Axis, TorquePerAmp
+from truearc.hw.devices.axis import Axis, Bounds, TorquePerAmp, current_limit_a, speed_limit_rad_s
 from truearc.hw.devices.family import AttachedMotor, MotorFamily
-from truearc.hw.devices.limits import Bounds, current_limit_a, speed_limit_rad_s
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.bus_rules import make_rules
 from truearc.hw.devices.odrive.doctor import examine, questions

@@ -4,8 +4,8 @@ import math
 import struct
 from functools import partial
 
+from truearc.hw.devices.axis import Bounds, current_limit_a, speed_limit_rad_s
 from truearc.hw.devices.family import Endpoints, Heard, Stored, StoredSettings
-from truearc.hw.devices.limits import Bounds, current_limit_a, speed_limit_rad_s
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.doctor import LONGEST_S, SHORTEST_S, WATCHDOG_ON, WATCHDOG_S
 from truearc.hw.protocols import BadFrame, MotorReading

@@ -7,9 +7,8 @@ from msgspec import Meta
 
 from truearc.hw.codec import DBC
 from truearc.hw.dc_motor import DcMotor
-from truearc.hw.devices.axis import Axis, TorquePerAmp
+from truearc.hw.devices.axis import Axis, Bounds, TorquePerAmp
 from truearc.hw.devices.family import AttachedMotor, MotorFamily
-from truearc.hw.devices.limits import Bounds
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.bus_rules import make_rules
 from truearc.hw.devices.spark.doctor import examine, questions

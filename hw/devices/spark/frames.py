@@ -14,8 +14,7 @@ from msgspec.structs import replace
 
 from truearc.hw import fault_codes as codes
 from truearc.hw.codec import Values, load_codec
-from truearc.hw.devices.axis import CanNode, Direction
-from truearc.hw.devices.limits import Bounds, current_limit_a
+from truearc.hw.devices.axis import Bounds, CanNode, Direction, current_limit_a
 from truearc.hw.fault_codes import FRAME_UNEXPECTED, PARAMETER_VALUE
 from truearc.hw.protocols import AngleReading, BadFrame, ErrorTable, Frame, MotorReading, errors_in
 from truearc.hw.reason import Reason

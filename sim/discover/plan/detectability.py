@@ -25,7 +25,7 @@ LEAST_SHARE = 1e-4                    # of its own information, with all coeffic
 BUSY = 1e-12
 NOTHING = 1e-9                        # information on a term at its usual size that no number of shots makes up for
 ABSORBS = 0.1                         # of the largest coefficient's part, from which one is named, too
-UNTOUCHED, TAKEN = "untouched", "taken up"      # prose: allow (values of truearc.identifiability/1)
+UNTOUCHED, TAKEN = "untouched", "taken up"      # values of truearc.identifiability/1
 
 
 class TermIdentifiability(Struct, frozen=True):

@@ -77,11 +77,11 @@ def test_fire_hold_and_stale(browser, shower):
     shower.tick = GOOD
     browser.wait("document.title === 'FIRE'")
     assert browser.evaluate(WORD) == "FIRE" and browser.evaluate(STALE_OPACITY) == "0"
-    assert browser.evaluate("document.querySelectorAll('#told li').length") == 0    # prose: allow
+    assert browser.evaluate("document.querySelectorAll('#told li').length") == 0
     shower.tick = LOST
     browser.wait("document.title === 'HOLD'")
     assert browser.evaluate("document.body.classList.contains('fault')")
-    messages = "[...document.querySelectorAll('#told li b')].map(one => one.innerText)"     # prose: allow
+    messages = "[...document.querySelectorAll('#told li b')].map(one => one.innerText)"
     assert browser.evaluate(messages) == [
         "CAN adapter pulled out?", "Wheels, hood, feeder let go: CAN lost: CAN slcan /dev/ttyACM0: gone",
         "Target out of sight for 2.1 s"]
@@ -127,7 +127,7 @@ def is_green(png):
 def test_news_that_was_long_on_its_way_is_no_news(browser, shower):
     shower.tick = None
     browser.wait("document.title === 'STALE'")
-    view = """{seq: 1, t_robot_s: 1, state: "FIRE", tone: "fire", told: [], blocks: []}"""     # prose: allow
+    view = """{seq: 1, t_robot_s: 1, state: "FIRE", tone: "fire", told: [], blocks: []}"""
     browser.evaluate(f"connect(); take({{t_sent_s: performance.now() / 1000, view: {view}}});")
     assert browser.evaluate("document.title") == "FIRE"
     browser.evaluate(f"take({{t_sent_s: performance.now() / 1000 - 0.7, view: {view}}});")
@@ -154,7 +154,7 @@ def test_it_fits_the_screen(browser, shower, width, height):
         const text = range.getBoundingClientRect(), tile = document.getElementById("tile").getBoundingClientRect();
         return text.width > 60 && text.left >= tile.left && text.right <= tile.right
             && text.bottom <= innerHeight; })()""")
-    first = "document.querySelector('#told li b').getBoundingClientRect()"     # prose: allow
+    first = "document.querySelector('#told li b').getBoundingClientRect()"
     assert browser.evaluate(f"{first}.bottom <= innerHeight && {first}.right <= innerWidth")
 
 
@@ -165,9 +165,9 @@ def test_reasons_are_readable_from_2_m(browser, shower, width, height):
     browser.size(width, height)
     shower.tick = MANY
     browser.wait("document.title === 'HOLD'")
-    browser.wait("document.querySelectorAll('#told li b').length === 4")     # prose: allow
+    browser.wait("document.querySelectorAll('#told li b').length === 4")
     first, *others = browser.evaluate("""[...document.querySelectorAll("#told li b")]
-        .map(one => parseFloat(getComputedStyle(one).fontSize))""")     # prose: allow
+        .map(one => parseFloat(getComputedStyle(one).fontSize))""")
     last = "#told li span" if height > 1000 else "#told li b"
     bottom = browser.evaluate(f"[...document.querySelectorAll('{last}')].pop().getBoundingClientRect().bottom")
     assert first > max(others) and min(others) >= 32
