@@ -51,7 +51,7 @@ def control(inputs: Inputs, estimate: Estimate, aim: Aim, verdict: Verdict, memo
     if not memory.armed:
         return RELEASED, replace(memory, flywheel=AT_REST, hood=AT_REST, feed_t_ns=0, motion=UNSET)
     wheels_on = watched.wheels.cause is None and not watched.is_idle
-    hood_on, feeder_on = watched.hood.cause is None, watched.feeder.cause is None
+    hood_on = watched.hood.cause is None
     flywheel, wheel_pid, hood, hood_pid = 0.0, AT_REST, 0.0, AT_REST
     if wheels_on and watched.wheels_ready:
         flywheel, wheel_pid = _flywheel(estimate, aim, memory, config)
@@ -59,8 +59,9 @@ def control(inputs: Inputs, estimate: Estimate, aim: Aim, verdict: Verdict, memo
         hood, hood_pid = _hood(inputs, estimate, aim, memory, config, watched.hood)
     feed_t_ns = inputs.t_ns if verdict.fire else _still_clearing(inputs, memory, config)
     feeding = bool(feed_t_ns) and (inputs.t_ns - feed_t_ns) * NS < config.feeder.feed_s and (
-        wheels_on and hood_on and feeder_on and watched.feeder_ready)
-    command = Command(wheels_on, hood_on, feeder_on, flywheel, hood, config.feeder.torque_nm if feeding else 0.0)
+        wheels_on and hood_on and watched.feeder_on and watched.feeder_ready)
+    command = Command(wheels_on, hood_on, watched.feeder_on, flywheel, hood,
+                      config.feeder.torque_nm if feeding else 0.0)
     return command, replace(memory, flywheel=wheel_pid, hood=hood_pid, feed_t_ns=feed_t_ns,
                             motion=watched.remember(flywheel, hood),
                             steady_t_ns=_steady_since(inputs, estimate, aim, memory, config))

@@ -1,8 +1,9 @@
-"""Interlocks of motion: whether wheels, hood and feeder may be driven, and why not. Pure, like truearc.robot.tick.
+"""Interlocks of motion: whether wheels and hood may be driven, and why not. Pure, like truearc.robot.tick.
 
 A missing, stale or faulty reading releases its axis until readings have been good for RECOVER_S. A motion that
 contradicts the torque, or two sensors that contradict each other, release it until the operator disarms and arms; so
-do REPEATS releases within REPEAT_S. Each tick compares what the readings say with the torque of the tick before.
+do REPEATS releases within REPEAT_NS. Each tick compares what the readings say with the torque of the tick before. The
+feeder, which is driven for a moment only, gets no torque while it is in doubt, and is not released.
 """
 
 import math
@@ -29,9 +30,10 @@ from truearc.robot.geometry import elevation_from_screw_deg, elevation_per_rad, 
 from truearc.robot.motors import HOOD_OVERSPEED
 from truearc.robot.types import Estimate, Inputs, Joint, Memory, MotionMemory
 
-WHEELS, HOOD, FEEDER, SWITCH = "wheels", "hood", "feeder", "hood limit switch"
+WHEELS, HOOD, SWITCH = "wheels", "hood", "hood limit switch"
 NS, NS_PER_S = 1e-9, 1_000_000_000
 RECOVER_NS = 300_000_000              # of good readings: three heartbeats of a device, in which it would tell errors
+BEAT_S = 0.35                         # of a heartbeat, where readings come: two in a row may be lost
 START_NS = 500_000_000                # after arming, in which a device's old errors are cleared and it is taken over
 REPEATS, REPEAT_NS = 3, 10 * NS_PER_S
 # Wheels. A tuned loop overshoots by 3 % of a set point; no motor passes its free speed by itself
@@ -64,11 +66,11 @@ class Watch(NamedTuple):
 
     wheels: Joint
     hood: Joint
-    feeder: Joint
     doubts: Doubts
     wheels_ready: bool = False
     hood_ready: bool = False
     feeder_ready: bool = False
+    feeder_on: bool = False           # nothing is wrong with the bus as a whole
     armed_t_ns: int = 0
     active_t_ns: int = 0
     is_idle: bool = False
@@ -76,17 +78,16 @@ class Watch(NamedTuple):
 
     def remember(self, flywheel_torque_nm: float, hood_torque_nm: float) -> MotionMemory:
         """For the next tick, with the torques that this one has decided on."""
-        return MotionMemory(self.armed_t_ns, self.active_t_ns, self.is_idle, self.wheels, self.hood, self.feeder,
+        return MotionMemory(self.armed_t_ns, self.active_t_ns, self.is_idle, self.wheels, self.hood,
                             flywheel_torque_nm, hood_torque_nm)
 
     def reasons(self) -> list[Reason]:
         """Why axes are released, for the verdict."""
-        wheels, hood, feeder = self.wheels, self.hood, self.feeder
-        if (wheels.cause is None and hood.cause is None and feeder.cause is None
-                and not self.is_short and not self.is_idle):
+        wheels, hood = self.wheels, self.hood
+        if wheels.cause is None and hood.cause is None and not self.is_short and not self.is_idle:
             return []
         found = [(because.AXIS_LATCHED if joint.is_latched else because.AXIS_RELEASED)(joint=name, cause=joint.cause)
-                 for name, joint in ((WHEELS, wheels), (HOOD, hood), (FEEDER, feeder)) if joint.cause is not None]
+                 for name, joint in ((WHEELS, wheels), (HOOD, hood)) if joint.cause is not None]
         if self.is_short and hood.dropped_deg is not None:
             found.append(because.HOOD_PUSH_DROPPED(wanted_deg=hood.dropped_deg))
         return [*found, because.WHEELS_IDLE()] if self.is_idle else found
@@ -107,10 +108,10 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
           doubts: Doubts) -> Watch:
     """Bring the interlocks up to date with this tick's readings; `doubts` are theirs."""
     if not memory.armed:
-        return Watch(FREE, FREE, FREE, doubts)
+        return Watch(FREE, FREE, doubts)
     t_ns = inputs.t_ns
     last = MotionMemory(armed_t_ns=t_ns, active_t_ns=t_ns) if memory.motion is UNSET else memory.motion
-    axes, wheels, hood, feeder, cause, why = config.axes, last.wheels, last.hood, last.feeder, None, None
+    axes, wheels, hood, cause, why = config.axes, last.wheels, last.hood, None, None
     # another controller's motors are not moved by our torques, nor released by us
     owns_wheels, owns_hood = family_of(axes.flywheels[0]).is_commanded, family_of(axes.hood).is_commanded
     if owns_wheels:
@@ -121,19 +122,16 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
     starting = t_ns - last.armed_t_ns < START_NS
     everywhere, by_axis = _sorted_faults(inputs) if inputs.faults else (None, _NO_FAULTS)
     uncounted = starting or any(fault.code in STALLS for fault in inputs.faults)
-    if owns_wheels and (of_wheels or cause or wheels.cause or inputs.faults):
+    wheels_ready, doubt = _doubt(of_wheels, starting) if of_wheels else _NO_DOUBT
+    if owns_wheels and (doubt or cause or wheels.cause or inputs.faults):
         passing, latching = by_axis[0]
-        wheels = _follow(wheels, latching or cause, everywhere or _doubt(of_wheels, starting) or passing, t_ns,
-                         uncounted)
+        wheels = _follow(wheels, latching or cause, everywhere or doubt or passing, t_ns, uncounted)
     switch = None if memory.homed else _switch_doubt(inputs)
-    if owns_hood and (of_hood or why or hood.cause or switch or inputs.faults):
+    hood_ready, doubt = _doubt(of_hood, starting) if of_hood else _NO_DOUBT
+    if owns_hood and (doubt or why or hood.cause or switch or inputs.faults):
         passing, latching = by_axis[1]
-        hood = _follow(hood, latching or why, everywhere or _doubt(of_hood, starting) or switch or passing, t_ns,
-                       uncounted)
-    if (of_feeder or feeder.cause or inputs.faults) and family_of(axes.feeder).is_commanded:
-        # driven for a moment only: whatever is wrong, it does not latch by itself
-        passing = by_axis[2][0] or by_axis[2][1]
-        feeder = _follow(feeder, None, everywhere or _doubt(of_feeder, starting) or passing, t_ns, uncounted)
+        hood = _follow(hood, latching or why, everywhere or doubt or switch or passing, t_ns, uncounted)
+    feeder_ready = not of_feeder and by_axis[2] == (None, None)
     seen, idle_s = memory.last_sighting, config.flywheel.idle_s
     active_t_ns = last.active_t_ns
     if memory.request_t_ns:
@@ -142,8 +140,8 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
         active_t_ns = seen.t_ns
     is_short = (hood.dropped_deg is not None and estimate.hood_deg is not None
                 and not abs(estimate.hood_deg - hood.dropped_deg) <= config.hood.tolerance_deg)
-    return Watch(wheels, hood, feeder, doubts, not of_wheels, not of_hood, not of_feeder, last.armed_t_ns, active_t_ns,
-                 idle_s > 0.0 and (t_ns - active_t_ns) * NS > idle_s, is_short)
+    return Watch(wheels, hood, doubts, wheels_ready, hood_ready, feeder_ready, everywhere is None, last.armed_t_ns,
+                 active_t_ns, idle_s > 0.0 and (t_ns - active_t_ns) * NS > idle_s, is_short)
 
 
 # --- faults and doubts
@@ -166,16 +164,24 @@ def _sorted_faults(inputs: Inputs) -> tuple[Reason | None, ByAxis]:
     return everywhere, tuple((one[0], one[1]) for one in found)
 
 
-def _doubt(doubts: list[Reason], starting: bool) -> Reason | None:
-    """The doubt that releases an axis.
+_NO_DOUBT: tuple[bool, Reason | None] = (True, None)
+BEATS = frozenset((because.DEVICE_HEARTBEAT_STALE.name, because.DEVICE_FAULTS_STALE.name))
+
+
+def _doubt(doubts: list[Reason], starting: bool) -> tuple[bool, Reason | None]:
+    """(ready for torque, doubt that releases the axis).
 
     A device that is not under control yet must stay enabled to come under control, without torque; so must one whose
-    old errors are being cleared after arming.
+    old errors are being cleared after arming. A heartbeat that withholds the ball need not withhold the torque yet.
     """
+    ready = True
     for reason in doubts:
+        if reason.code in BEATS and float(reason.params["age_s"]) <= BEAT_S:     # type: ignore[arg-type]
+            continue
+        ready = False
         if reason.code != because.MOTOR_NOT_DRIVEN.name and not (starting and reason.code == because.MOTOR_ERROR.name):
-            return reason
-    return None
+            return False, reason
+    return ready, None
 
 
 def _follow(joint: Joint, latching: Reason | None, passing: Reason | None, t_ns: int, uncounted: bool) -> Joint:
@@ -209,10 +215,7 @@ def _wheels(inputs: Inputs, wanted_rad_s: float, joint: Joint, asked_nm: float,
             config: Config) -> tuple[Joint, Reason | None]:
     """The wheels' memory and what is wrong with their motion."""
     t_ns = inputs.t_ns
-    if wanted_rad_s > joint.peak_rad_s or t_ns - joint.peak_t_ns > PEAK_NS:
-        joint = replace(joint, peak_rad_s=wanted_rad_s, peak_t_ns=t_ns)
-    elif wanted_rad_s == joint.peak_rad_s and t_ns - joint.peak_t_ns > PEAK_STEP_NS:
-        joint = replace(joint, peak_t_ns=t_ns)
+    joint = _with_peak(joint, wanted_rad_s, t_ns)
     speeds = [motor.velocity_rad_s for motor in inputs.flywheels]
     fastest, slowest = max(speeds), min(speeds)
     if joint.cause is not None:
@@ -231,6 +234,21 @@ def _wheels(inputs: Inputs, wanted_rad_s: float, joint: Joint, asked_nm: float,
     if asked_nm < 0.0 and slowest < 0.0:
         return joint, None            # braked
     return _turning(joint, slowest, wanted_rad_s, abs(asked_nm), t_ns, config)
+
+
+def _with_peak(joint: Joint, wanted_rad_s: float, t_ns: int) -> Joint:
+    """Keep the highest set point of the last seconds, and the highest since it was one."""
+    if wanted_rad_s >= joint.peak_rad_s:
+        known = wanted_rad_s == joint.peak_rad_s and t_ns - joint.peak_t_ns < PEAK_STEP_NS
+        return joint if known else replace(joint, peak_rad_s=wanted_rad_s, peak_t_ns=t_ns, next_rad_s=0.0)
+    if t_ns - joint.peak_t_ns > PEAK_NS:
+        still = joint.next_rad_s if t_ns - joint.next_t_ns <= PEAK_NS else 0.0
+        return replace(joint, peak_rad_s=max(still, wanted_rad_s), peak_t_ns=joint.next_t_ns if still > wanted_rad_s
+                       else t_ns, next_rad_s=wanted_rad_s, next_t_ns=t_ns)
+    if wanted_rad_s >= joint.next_rad_s and (wanted_rad_s > joint.next_rad_s
+                                             or t_ns - joint.next_t_ns >= PEAK_STEP_NS):
+        return replace(joint, next_rad_s=wanted_rad_s, next_t_ns=t_ns)
+    return joint
 
 
 def _turning(joint: Joint, slowest: float, wanted_rad_s: float, asked_nm: float, t_ns: int,

@@ -65,7 +65,7 @@ HOOD_ENCODERS_DISAGREE = Code("hood_encoders_disagree", "hood encoder reads {enc
 HOOD_OFF_ANGLE = Code("hood_off_angle", "hood at {angle_deg:.1f} deg, set point {wanted_deg:.1f}")
 NOT_SETTLED = Code("not_settled", "wheels and hood not settled")
 
-# Interlocks of motion (truearc.robot.motion). joint: wheels, hood or feeder
+# Interlocks of motion (truearc.robot.motion). joint: wheels or hood
 AXIS_RELEASED = Code("axis_released", "{joint} released: {cause}")
 AXIS_LATCHED = Code("axis_latched", "{joint} released until armed again: {cause}")
 JOINT_OVERSPEED = Code("joint_overspeed", "{joint} at {speed_rad_s:.0f} rad/s, above {factor:g} x {top_rad_s:.0f}",

@@ -132,7 +132,7 @@ class Sent(Command, frozen=True):
 
 
 class Joint(Struct, frozen=True, omit_defaults=True):
-    """What the interlocks remember of wheels, hood or feeder (truearc.robot.motion); a stamp of 0 means not so.
+    """What the interlocks remember of wheels or hood (truearc.robot.motion); a stamp of 0 means not so.
 
     Speeds and angles are those of the motor, `deg` the launch elevation.
     """
@@ -143,6 +143,8 @@ class Joint(Struct, frozen=True, omit_defaults=True):
     releases_t_ns: tuple[int, int] = (0, 0)       # of the last two, newest first; those in a measured stall not counted
     peak_rad_s: float = 0.0                       # wheels: highest set point of the last seconds
     peak_t_ns: int = 0                            # ... and when it was last the set point
+    next_rad_s: float = 0.0                       # ... highest since then
+    next_t_ns: int = 0
     push: int = 0                                 # sign of the torque
     push_rad_s: float = 0.0                       # speed when the torque took that sign
     push_t_ns: int = 0                            # ... and when that was
@@ -160,14 +162,13 @@ class Joint(Struct, frozen=True, omit_defaults=True):
 
 
 class MotionMemory(Struct, frozen=True, omit_defaults=True):
-    """Interlocks of motion of all axes, while armed."""
+    """Interlocks of motion of wheels and hood, while armed."""
 
     armed_t_ns: int = 0
     active_t_ns: int = 0                          # a target was in sight or a shot asked for
     is_idle: bool = False                         # neither for so long that the wheels are let run down
     wheels: Joint = field(default_factory=Joint)
     hood: Joint = field(default_factory=Joint)
-    feeder: Joint = field(default_factory=Joint)
     flywheel_torque_nm: float = 0.0               # of the last tick's command
     hood_torque_nm: float = 0.0
 

@@ -106,7 +106,7 @@ def _advance(inputs: Inputs, belief: Estimate, memory: Memory, progress: Progres
         return progress
     phase, since_s = program[progress.phase], (inputs.t_ns - progress.since_t_ns) * NS
     doubts = [*inputs.faults, *chain(*watched.doubts)]
-    doubts += [joint.cause for joint in (watched.wheels, watched.hood, watched.feeder)
+    doubts += [joint.cause for joint in (watched.wheels, watched.hood)
                if joint.cause is not None and joint.cause not in doubts]
     if phase.kind == READY:
         if doubts and since_s < phase.longest_s:

@@ -13,6 +13,7 @@ from tests.robot.gate.worlds import FAMILIES, GOOD, NAMES, NEVER, WHEELS, Facts,
 from truearc.robot.tick import step
 
 AT_ONCE, BYTES = 1000, 7
+BEAT_S = 0.35                         # age of a heartbeat with which an axis may still be driven, but nothing fired
 
 
 class Worlds(bytes):
@@ -38,8 +39,8 @@ def fires(facts: Facts) -> bool:
                 and tick.command.enable_hood)
     assert fed == may_feed if all_good else not fed or facts["wires"]
     assert tick.memory.armed or not (tick.command.enable_flywheel or tick.command.enable_hood or fed)
-    assert tick.command.flywheel_torque_nm == 0.0 or all(motor_is_good(facts, name) for name in WHEELS)
-    assert tick.command.hood_torque_nm == 0.0 or motor_is_good(facts, "screw")
+    assert tick.command.flywheel_torque_nm == 0.0 or all(motor_is_good(facts, name, BEAT_S) for name in WHEELS)
+    assert tick.command.hood_torque_nm == 0.0 or motor_is_good(facts, "screw", BEAT_S)
     assert not tick.verdict.fire or (tick.memory.feed_t_ns == inputs.t_ns and tick.memory.awaiting
                                      and not tick.memory.request_t_ns)
     return tick.verdict.fire

@@ -165,7 +165,7 @@ def _known(age_ns: Any, most_s: float) -> bool:
     return age_ns not in (NEVER, ABSENT) and age_ns < NOW_NS and 0 <= age_ns <= most_s * 1e9
 
 
-def motor_is_good(facts: Facts, name: str) -> bool:
+def motor_is_good(facts: Facts, name: str, beat_s: float = 0.25) -> bool:
     family = facts["family"]
     asked_of = 0x3FF
     if family == "another's spark":               # that it obeys another, and was switched on, is as it should be
@@ -175,7 +175,7 @@ def motor_is_good(facts: Facts, name: str) -> bool:
     turned = facts[f"{name}: turned"]
     finite = all(map(math.isfinite, (facts[f"{name}: speed"], turned if turned is not None else 0.0,
                                      facts[f"{name}: current"], facts[f"{name}: supply"])))
-    return (_known(facts[f"{name}: age"], facts["limit: reading age"]) and _known(facts[f"{name}: heartbeat age"], 0.25)
+    return (_known(facts[f"{name}: age"], facts["limit: reading age"]) and _known(facts[f"{name}: heartbeat age"], beat_s)
             and says_errors and finite and obeys and not facts[f"{name}: errors"] & asked_of)
 
 
