@@ -176,7 +176,7 @@ def _doubt(doubts: list[Reason], starting: bool) -> tuple[bool, Reason | None]:
     """
     ready = True
     for reason in doubts:
-        if reason.code in BEATS and float(reason.params["age_s"]) <= BEAT_S:     # type: ignore[arg-type]
+        if reason.code in BEATS and 0.0 <= float(reason.params["age_s"]) <= BEAT_S:     # type: ignore[arg-type]
             continue
         ready = False
         if reason.code != because.MOTOR_NOT_DRIVEN.name and not (starting and reason.code == because.MOTOR_ERROR.name):

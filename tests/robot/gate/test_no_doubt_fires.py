@@ -39,8 +39,8 @@ def fires(facts: Facts) -> bool:
                 and tick.command.enable_hood)
     assert fed == may_feed if all_good else not fed or facts["wires"]
     assert tick.memory.armed or not (tick.command.enable_flywheel or tick.command.enable_hood or fed)
-    assert tick.command.flywheel_torque_nm == 0.0 or all(motor_is_good(facts, name, BEAT_S) for name in WHEELS)
-    assert tick.command.hood_torque_nm == 0.0 or motor_is_good(facts, "screw", BEAT_S)
+    assert tick.command.flywheel_torque_nm == 0.0 or all(motor_is_good(facts, name, BEAT_S) for name in WHEELS), spoilt
+    assert tick.command.hood_torque_nm == 0.0 or motor_is_good(facts, "screw", BEAT_S), spoilt
     assert not tick.verdict.fire or (tick.memory.feed_t_ns == inputs.t_ns and tick.memory.awaiting
                                      and not tick.memory.request_t_ns)
     return tick.verdict.fire

@@ -175,7 +175,8 @@ def motor_is_good(facts: Facts, name: str, beat_s: float = 0.25) -> bool:
     turned = facts[f"{name}: turned"]
     finite = all(map(math.isfinite, (facts[f"{name}: speed"], turned if turned is not None else 0.0,
                                      facts[f"{name}: current"], facts[f"{name}: supply"])))
-    return (_known(facts[f"{name}: age"], facts["limit: reading age"]) and _known(facts[f"{name}: heartbeat age"], beat_s)
+    return (_known(facts[f"{name}: age"], facts["limit: reading age"])
+            and _known(facts[f"{name}: heartbeat age"], beat_s)
             and says_errors and finite and obeys and not facts[f"{name}: errors"] & asked_of)
 
 
