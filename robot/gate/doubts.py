@@ -45,11 +45,11 @@ def _encoder(angle: AngleReading | None, t_ns: int, config: Config) -> list[Reas
         return [because.DEVICE_NEVER_RECEIVED(device=ENCODER)]
     if not _young(t_ns - angle.t_ns, config.gate.reading_age_s):
         return [because.DEVICE_STALE(device=ENCODER, age_s=(t_ns - angle.t_ns) * NS)]
-    if missing := _no_fault_report(ENCODER, angle.faults_t_ns, t_ns, HEARTBEAT_S):
-        return [missing]
+    missing = _no_fault_report(ENCODER, angle.faults_t_ns, t_ns, HEARTBEAT_S)
+    found = [] if missing is None else [missing]
     if errors := tuple(encoder_family_of(config.hood_encoder).errors(config.hood_encoder, angle.faults)):
-        return [because.MOTOR_ERROR(motor=ENCODER, errors=errors)]
-    return [] if angle.magnet_ok else [because.MAGNET_LOST()]
+        return [*found, because.MOTOR_ERROR(motor=ENCODER, errors=errors)]
+    return found if angle.magnet_ok else [*found, because.MAGNET_LOST()]
 
 
 def _motor(which: str | int, axis: Axis, motor: MotorReading, t_ns: int, gate: GateConfig) -> list[Reason]:
@@ -58,20 +58,21 @@ def _motor(which: str | int, axis: Axis, motor: MotorReading, t_ns: int, gate: G
         return [because.DEVICE_NEVER_RECEIVED(device=_name(which))]
     if not 0.0 <= (age_s := (t_ns - motor.t_ns) * NS) <= gate.reading_age_s:
         return [because.DEVICE_STALE(device=_name(which), age_s=age_s)]
+    found: list[Reason] = []
     if not 0.0 <= (age_s := (t_ns - motor.heartbeat_t_ns) * NS) <= HEARTBEAT_S:
-        return [because.DEVICE_HEARTBEAT_STALE(device=_name(which), age_s=age_s)]
-    if motor.errors_t_ns is not UNSET and (missing := _no_fault_report(_name(which), motor.errors_t_ns, t_ns,
-                                                                       ERRORS_S)):
-        return [missing]
+        found.append(because.DEVICE_HEARTBEAT_STALE(device=_name(which), age_s=age_s))
+    elif motor.errors_t_ns is not UNSET and (missing := _no_fault_report(_name(which), motor.errors_t_ns, t_ns,
+                                                                         ERRORS_S)):
+        found.append(missing)
     if not (math.isfinite(motor.position_rad) and math.isfinite(motor.velocity_rad_s)
             and math.isfinite(motor.current_a) and math.isfinite(motor.bus_v)):
-        return [because.MOTOR_NOT_FINITE(motor=_name(which))]
+        return [*found, because.MOTOR_NOT_FINITE(motor=_name(which))]
     family = family_of(axis)
     if errors := family.errors(axis, motor):
-        return [because.MOTOR_ERROR(motor=_name(which), errors=errors)]
+        return [*found, because.MOTOR_ERROR(motor=_name(which), errors=errors)]
     if not family.is_driven(axis, motor):
-        return [because.MOTOR_NOT_DRIVEN(motor=_name(which), state=motor.axis_state)]
-    return []
+        return [*found, because.MOTOR_NOT_DRIVEN(motor=_name(which), state=motor.axis_state)]
+    return found
 
 
 def _name(which: str | int) -> str:
