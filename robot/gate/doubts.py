@@ -61,8 +61,8 @@ def _motor(which: str | int, axis: Axis, motor: MotorReading, t_ns: int, gate: G
     found: list[Reason] = []
     if not 0.0 <= (age_s := (t_ns - motor.heartbeat_t_ns) * NS) <= HEARTBEAT_S:
         found.append(because.DEVICE_HEARTBEAT_STALE(device=_name(which), age_s=age_s))
-    elif motor.errors_t_ns is not UNSET and (missing := _no_fault_report(_name(which), motor.errors_t_ns, t_ns,
-                                                                         ERRORS_S)):
+    if motor.errors_t_ns is not UNSET and (missing := _no_fault_report(_name(which), motor.errors_t_ns, t_ns,
+                                                                       ERRORS_S)):
         found.append(missing)
     if not (math.isfinite(motor.position_rad) and math.isfinite(motor.velocity_rad_s)
             and math.isfinite(motor.current_a) and math.isfinite(motor.bus_v)):
