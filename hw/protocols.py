@@ -1,14 +1,16 @@
 """Interfaces of wires, cameras, clocks and motors, real or emulated; frames, and what devices say, in SI."""
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-import numpy as np
-import numpy.typing as npt
 from msgspec import UNSET, Struct, UnsetType
 
 from truearc.hw.fault_codes import BY_NAME, ERROR_BITS
 from truearc.hw.reason import Code, Reason, render
+
+if TYPE_CHECKING:                     # every command loads this module, and most use no arrays
+    import numpy as np
+    import numpy.typing as npt
 
 ErrorTable = tuple[tuple[int, Code], ...]         # bit of a controller's error field, and its meaning
 
@@ -63,7 +65,7 @@ class CameraFrame:
     """One image; `t_ns` is the middle of the exposure."""
 
     t_ns: int
-    image: npt.NDArray[np.uint8]      # (height, width, 3), BGR
+    image: "npt.NDArray[np.uint8]"    # (height, width, 3), BGR
 
 
 def errors_in(bits: int, table: ErrorTable) -> tuple[Reason, ...]:

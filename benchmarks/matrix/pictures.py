@@ -6,9 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from truearc.hw.emulated.imaging.camera import Image, outline_m
+from truearc.hw.emulated.imaging.camera import NOTHING, Image, Stage, outline_m
 from truearc.hw.emulated.imaging.lens import project
-from truearc.hw.emulated.nodes import NOTHING, Stage
 from truearc.hw.fault_codes import CAMERA_ERROR
 from truearc.hw.protocols import CameraFrame, Clock, LinkLost
 from truearc.hw.real.camera import CameraThread

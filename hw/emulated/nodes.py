@@ -4,13 +4,14 @@
 """
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple, Protocol
-
-import numpy as np
-import numpy.typing as npt
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from truearc.hw.codec import Codec, Values
 from truearc.hw.protocols import BadFrame, Frame
+
+if TYPE_CHECKING:                     # every command loads this module, and most use no arrays
+    import numpy as np
+    import numpy.typing as npt
 
 MS = 1_000_000                                    # ns
 
@@ -30,7 +31,7 @@ class View(NamedTuple):
     Target axes: x right and y up as the viewer sees them, z towards the viewer, origin in the tape's centre.
     """
 
-    camera_from_target: npt.NDArray[np.float64]   # (4, 4) rigid transform
+    camera_from_target: "npt.NDArray[np.float64]" # (4, 4) rigid transform
     focal_scale: float                # 1.0; a camera whose focal length is not what its calibration says has another
     brightness: float                 # 1.0 = nominal ring light on the tape
 
@@ -59,19 +60,6 @@ class Plant(Scene, Protocol):
 
     def hood_at_limit(self) -> bool:
         """The limit switch at the hood's lowest elevation is closed."""
-
-
-NOTHING = View(np.diag([1.0, -1.0, -1.0, 1.0]), 1.0, 1.0)     # the target is at the lens: it is not drawn
-
-
-class Stage:
-    """As much of Plant as a camera looks at; whoever has it changes `now`."""
-
-    def __init__(self, now: View) -> None:
-        self.now = now
-
-    def view(self) -> View:
-        return self.now
 
 
 class Node(Protocol):

@@ -12,7 +12,7 @@ from truearc.hw.protocols import CameraFrame
 from truearc.hw.reason import Reason
 from truearc.robot.config.schema import in_words
 from truearc.robot.reasons import DISK_ERROR, DISK_FULL, DISK_UNRESPONSIVE
-from truearc.robot.recording.append_file import NotKept
+from truearc.robot.recording.append_file import DISK_ERRNOS, NotKept
 from truearc.robot.recording.files import Row, SessionFiles
 
 MARK_S = 0.01                         # a tick waits no longer for its trial to be written; usually under 1 ms
@@ -164,7 +164,8 @@ class LaneKeeper:
             lane.close()
         troubles = [lane.trouble for lane in self._lanes if lane.trouble is not None]
         try:
-            self._files.close()
+            self._files.close()       # which writes what a full disk has not taken before
+            troubles = [error for error in troubles if getattr(error, "errno", None) not in DISK_ERRNOS]
         except OSError as error:
             troubles.append(error)
         self.failed = troubles[0] if troubles else None

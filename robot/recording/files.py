@@ -152,6 +152,7 @@ class SessionFiles:
         self._ticks.finish()
 
     def close(self) -> None:
+        self._needs = AGAIN - 1       # the last chance
         try:
             for file in self._files:
                 file.flush()

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from truearc.hw.devices.button_box.emulator import open_button_box
 from truearc.hw.emulated.emulated_robot import Twin
-from truearc.hw.emulated.imaging.camera import EmulatedCamera
+from truearc.hw.emulated.imaging.camera import EmulatedCamera, Stage
 from truearc.hw.emulated.imaging.picture_server import PictureServer
-from truearc.hw.emulated.nodes import Stage, View
+from truearc.hw.emulated.nodes import View
 from truearc.hw.emulated.serial_link import SocketCable, open_cable
 from truearc.hw.emulated.slcan_adapter import SlcanAdapter
 from truearc.hw.protocols import Clock, Frame, LinkLost

@@ -14,8 +14,8 @@ from msgspec.structs import replace
 
 import truearc.cli.main as truearc
 from truearc import robot
+from truearc.hw.emulated.imaging.camera import Stage
 from truearc.hw.emulated.imaging.lens import Lens, distort
-from truearc.hw.emulated.nodes import Stage
 from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import CameraFile, load_config, load_toml
 from truearc.robot.config.toml_text import make_toml

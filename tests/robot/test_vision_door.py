@@ -10,9 +10,8 @@ import pytest
 
 import truearc.cli.main as truearc
 from truearc import robot
-from truearc.hw.emulated.imaging.camera import TapeSize
+from truearc.hw.emulated.imaging.camera import Stage, TapeSize
 from truearc.hw.emulated.imaging.lens import Lens
-from truearc.hw.emulated.nodes import Stage
 from truearc.robot.config.schema import load_config
 from truearc_proof.world.camera_damage import StagedCamera
 from truearc_proof.world.placing import place

@@ -18,7 +18,7 @@ from msgspec.structs import replace
 import truearc.cli.main as truearc
 from truearc import robot
 from truearc.cli.robot.vision_tools.tuner import COOKIE, Live, Recorded, Tuner, TuneServer, find_pictures
-from truearc.hw.emulated.nodes import Stage
+from truearc.hw.emulated.imaging.camera import Stage
 from truearc.hw.fault_codes import CAMERA_SILENT
 from truearc.hw.protocols import CameraFrame, LinkLost
 from truearc.robot.config.schema import CameraFile, InputError, load_config, load_toml

@@ -7,8 +7,8 @@ import pytest
 from msgspec.structs import replace
 
 from truearc import robot
+from truearc.hw.emulated.imaging.camera import Stage
 from truearc.hw.emulated.imaging.lens import Lens, project
-from truearc.hw.emulated.nodes import Stage
 from truearc.robot.config.schema import load_config
 from truearc.robot.vision import detect
 from truearc_proof.world.camera_damage import USUAL, Look, Patch, StagedCamera

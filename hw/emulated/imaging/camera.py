@@ -31,6 +31,19 @@ SHRINK = 4                            # the halo is computed this much coarser
 TILE_SPARE_PX = (97, 131)             # by how much the noise tile may be shifted
 
 
+NOTHING = View(np.diag([1.0, -1.0, -1.0, 1.0]), 1.0, 1.0)     # the target is at the lens: it is not drawn
+
+
+class Stage:
+    """As much of Plant as a camera looks at; whoever has it changes `now`."""
+
+    def __init__(self, now: View) -> None:
+        self.now = now
+
+    def view(self) -> View:
+        return self.now
+
+
 @dataclass(frozen=True)
 class TapeSize:
     """Outer outline of the target: the lower half of a hexagon, open at the top."""
