@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 TOPS = ("hw", "robot", "sim", "model_export", "truearc", "proof")
 FILES = sorted(path for top in TOPS for path in (ROOT / top).rglob("*.py"))
 LONGEST_FILE, LONGEST_FUNCTION = 600, 60
-MOST_LINES = 36760                   # of code in the wheel, by tools/count_lines.py; interlocks of motion took 2,000
+MOST_LINES = 36800                   # of code in the wheel, by tools/count_lines.py; interlocks of motion took 2,000
 BARE = ("hw", "robot", "sim", "model_export")
 LINT = ("import sys; sys.meta_path[:] = [one for one in sys.meta_path if 'editable' not in repr(one).lower()]; "
         "sys.path[:] = [{site!r}] + [one for one in sys.path if one]; "
