@@ -23,7 +23,7 @@ from benchmarks.filling import fill_and_tell, parser_of
 from benchmarks.suite import Job, world_of
 from benchmarks.tracker_faults import FAULTS, with_fault
 from truearc.cli.common import make_progress
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.data.dataset import Dataset, load_dataset
 from truearc.sim.discover.adopt import make_belief

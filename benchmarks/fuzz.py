@@ -33,7 +33,7 @@ import msgspec
 
 from benchmarks import fuzz_mutators, fuzz_readers
 from benchmarks.fuzz_readers import READERS, Reader
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 
 LONGEST_S, PATIENCE_S = 15, 300.0     # of a core, where a case takes 0.1 s; and of the clock, for a busy computer
 MOST_BYTES = 500_000_000              # resident; the imports alone are 110 MB

@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from truearc import robot
+from truearc.errors import InputError
 from truearc.robot.aim_file import load_aim
-from truearc.robot.config.schema import CameraFile, InputError, load_config, load_toml
+from truearc.robot.config.schema import CameraFile, load_config, load_toml
 from truearc.robot.config.shot_map import load_map
 from truearc.robot.gate.model import load_gate
 from truearc.robot.recording.candump import parse_candump

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import truearc as ta
 from truearc.cli.main import main as truearc
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc_proof.table import make_markdown
 
 LINEAR_DRAG = Path(__file__).parents[1] / "examples" / "linear_drag.py"

@@ -7,7 +7,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc_proof.scoring.information_bound import Measured
 from truearc_proof.scoring.score_finding import CUT, in_catalogue
 from truearc_proof.scoring.score_world import Mark, mark

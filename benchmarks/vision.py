@@ -22,8 +22,9 @@ from benchmarks.vision_scenes import LOOKS, TURNING, WRITTEN, Shot, baseline, cl
 from truearc import robot
 from truearc.cli.common import make_progress
 from truearc.cli.robot.vision_tools.images import decode_image
+from truearc.errors import InputError
 from truearc.hw.protocols import CameraFrame
-from truearc.robot.config.schema import CameraFile, Config, InputError, load_config, load_toml
+from truearc.robot.config.schema import CameraFile, Config, load_config, load_toml
 from truearc.robot.reasons import text
 from truearc.robot.vision import detect
 from truearc.robot.vision.taped import fit_taped

@@ -12,10 +12,9 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
+from truearc.errors import naming, whole_file
 from truearc.model_export.parts import Part, network_part, novelty_part, physics_part
 from truearc.model_export.tolerances import NETWORK_TOLERANCE, PHYSICS_TOLERANCE
-from truearc.robot.config.schema import naming
-from truearc.robot.config.whole_file import whole_file
 from truearc.robot.gate import contract
 from truearc.robot.gate.model import load_gate
 from truearc.robot.gate.seal import KEY_SEAL, UNSEALED, seal

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from truearc.errors import InputError
 from truearc.model_export.graph import Trained, load_trained
-from truearc.robot.config.schema import InputError
 from truearc.robot.gate.contract import FEATURES, NOVELTY, NOVELTY_LIMIT, OUTPUTS
 from truearc.robot.gate.model import Gate, load_gate
 from truearc.sim.data.dataset import Dataset, Shots

@@ -17,8 +17,9 @@ from typing import Any, NamedTuple
 import msgspec
 from msgspec import UNSET, Struct, UnsetType
 
+from truearc.errors import MAX_TEXT_BYTES, InputError, load_bytes, naming
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target
-from truearc.robot.config.schema import MAX_TEXT_BYTES, Config, InputError, load_bytes, naming
+from truearc.robot.config.schema import Config
 from truearc.robot.gate.seal import is_intact
 
 SCHEMA = "truearc.aim/1"

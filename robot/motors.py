@@ -2,11 +2,12 @@
 
 import math
 
+from truearc.errors import InputError
 from truearc.hw.devices.axis import Axis, Bounds
 from truearc.hw.devices.hood_encoder import Around
 from truearc.hw.devices.registry import family_of
 from truearc.hw.protocols import Motor
-from truearc.robot.config.schema import Config, InputError
+from truearc.robot.config.schema import Config
 from truearc.robot.geometry import screw_length_m
 
 HOOD_OVERSPEED = 1.5                  # times the hood's speed limit, which its loop keeps to a fifth: it is released

@@ -6,6 +6,7 @@ from typing import Literal, Protocol
 
 from msgspec import Struct
 
+from truearc.errors import InputError
 from truearc.hw.devices.axis import Direction, Finite, HoodEncoder
 from truearc.hw.devices.family import Heard
 from truearc.hw.devices.hood_encoder import CHECK, Around, Encoder, EncoderFamily
@@ -16,7 +17,6 @@ from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.advice.nt_keys import NtKeys, Reading
-from truearc.robot.config.input_error import InputError
 
 DEGREES = {"deg": 1.0, "rad": 180.0 / math.pi, "rev": 360.0}
 MOST_DEG = 360.0                      # in size; more is not an angle of a hood, or not in this unit

@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from truearc.robot.config.whole_file import whole_file
+from truearc.errors import whole_file
 
 Row = Sequence[str]
 

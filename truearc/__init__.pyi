@@ -12,9 +12,9 @@ from truearc.api.pooling import Pooled, pool
 from truearc.api.prediction import predict
 from truearc.api.recording import Recording
 from truearc.api.table import Table
+from truearc.errors import InputError
 from truearc.model_export.graph import export_weights
 from truearc.model_export.verify import verify_gate
-from truearc.robot.config.input_error import InputError
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
 from truearc.sim.aim.compare import Comparison, SetPoints, compare, load_set_points

@@ -22,7 +22,8 @@ from benchmarks.matrix.robot_side import RobotSide
 from benchmarks.matrix.row import DISARMS, ITSELF, KEEPS, REARM, REFUSED, Row
 from benchmarks.matrix.signs import find
 from benchmarks.matrix.span import Span
-from truearc.robot.config.schema import Config, InputError, read_axis
+from truearc.errors import InputError
+from truearc.robot.config.schema import Config, read_axis
 from truearc.robot.reasons import text, texts
 from truearc.robot.recording.candump import parse_candump
 from truearc.robot.recording.reader import TickReader

@@ -6,7 +6,7 @@ from pathlib import Path
 from benchmarks.matrix.judge import Result
 from benchmarks.matrix.row import KEEPS, REFUSED
 from benchmarks.matrix.rows import ROWS
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc_proof.table import make_markdown
 
 BEGIN, END = "<!-- fault matrix: begin -->", "<!-- fault matrix: end -->"

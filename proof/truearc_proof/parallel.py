@@ -11,7 +11,7 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.progress import Progress
 
 Job = TypeVar("Job")

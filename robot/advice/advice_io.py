@@ -7,13 +7,14 @@ from typing import Protocol
 
 from msgspec import UNSET
 
+from truearc.errors import InputError
 from truearc.hw.protocols import AngleReading, ButtonEvent, CameraFrame, Clock, LinkLost, MotorReading
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.advice.nt_keys import Reading
 from truearc.robot.advice.tick import POLICY
 from truearc.robot.aim import NOWHERE, as_at_rest
-from truearc.robot.config.schema import Config, InputError
+from truearc.robot.config.schema import Config
 from truearc.robot.config.shot_map import NOT_MARKED, ShotMap, Signal, as_signal, plain
 from truearc.robot.config.unit_table import MOTOR, WHEEL, factor_of, unit_in
 from truearc.robot.gate.contract import FEATURES

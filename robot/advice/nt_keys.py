@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from typing import Any, NamedTuple
 
-from truearc.robot.config.input_error import InputError
+from truearc.errors import InputError
 from truearc.robot.config.nt4 import EXPECTED, server_parts
 
 OURS = "/truearc/"

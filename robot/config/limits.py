@@ -7,12 +7,12 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+from truearc.errors import did_you_mean
 from truearc.hw.devices.axis import driver_of
 from truearc.hw.devices.registry import family_of
 from truearc.robot.config.limit_table import out_of_range
 from truearc.robot.config.nt4 import nt4_errors
 from truearc.robot.config.rig_spec import AIR_KG_M3, DENSEST_KG_M3, TERMS, Rig, too_large
-from truearc.robot.config.toml_errors import did_you_mean
 
 
 def contradictions(config: Any) -> Iterator[tuple[str, str]]:

@@ -4,7 +4,8 @@ import argparse
 
 from msgspec.structs import replace
 
-from truearc.robot.config.schema import Can, Config, InputError
+from truearc.errors import InputError
+from truearc.robot.config.schema import Can, Config
 
 
 def add_port_arguments(parser: argparse.ArgumentParser) -> None:

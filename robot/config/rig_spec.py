@@ -5,13 +5,13 @@ not know is reported by `unknown_keys` for the caller to warn about; a wrong typ
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 import msgspec
 from msgspec import UNSET, Struct, UnsetType, field
 
-from truearc.robot.config.toml_errors import device_in, struct_in
+from truearc.errors import struct_in
 
 POSITIVE = ("ball.mass_kg", "ball.radius_m", "launcher.free_speed_rad_s", "launcher.wheel.radius_m",
             "target.two_half_height_m", "world.gravity_m_s2",
@@ -208,34 +208,3 @@ def with_nan(table: dict[str, Any], kind: Any = Rig) -> dict[str, Any]:
         elif inner is not None and isinstance(value, list):
             filled[one.name] = [with_nan(row, inner) for row in value]
     return filled
-
-
-def unknown_keys(table: dict[str, Any], kind: Any = Rig, prefix: str = "") -> list[str]:
-    """Dotted names in a parsed rig.toml that no field of `kind` takes."""
-    known = kind.__annotations__
-    names: list[str] = []
-    for key, value in table.items():
-        inner = struct_in(known.get(key))
-        if key not in known:
-            names.append(prefix + key)
-        elif inner is not None:
-            for row in value if isinstance(value, list) else [value]:
-                if isinstance(row, dict):
-                    names += unknown_keys(row, inner, f"{prefix}{key}.")
-    return names
-
-
-def missing_keys(table: Mapping[str, Any], kind: Any, prefix: str = "") -> list[str]:
-    """Dotted names of the fields of the struct `kind` without a default that a table lacks, in the struct's order."""
-    names: list[str] = []
-    for one in msgspec.structs.fields(kind):
-        value, inner = table.get(one.encode_name), struct_in(one.type)
-        if one.encode_name not in table:
-            inside = missing_keys({}, inner, f"{prefix}{one.encode_name}.") if inner is not None else []
-            names += (inside or [prefix + one.encode_name]) if one.required else []
-            continue
-        for row in value if isinstance(value, list) else [value]:
-            own = device_in(one.type, row) if inner is None else inner
-            here = missing_keys(row, own, f"{prefix}{one.encode_name}.") if isinstance(row, dict) and own else []
-            names += [name for name in here if name not in names]
-    return names

@@ -1,23 +1,29 @@
 """The launcher's configuration: one TOML file, no defaults, so that a typo cannot become one."""
 
-import csv
-import math
-import re
-import tomllib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 from msgspec import Struct
 
+from truearc.errors import (
+    InputError,
+    joined,
+    line_of,
+    line_of_key,
+    load_text,
+    missing_keys,
+    near_key,
+    near_tables,
+    parse_table,
+    reworded,
+    struct_in,
+    unknown_keys,
+)
 from truearc.hw.devices.axis import Axis, Finite, HoodEncoder, Positive
-from truearc.robot.config.input_error import InputError as InputError
 from truearc.robot.config.limits import cannot_throw, contradictions, warn_of_pitch, warn_of_terms
 from truearc.robot.config.nt4 import Nt4
-from truearc.robot.config.rig_spec import Rig, missing_keys, rig_errors, unknown_keys
-from truearc.robot.config.toml_errors import joined, line_of, line_of_key, near_key, near_tables, reworded, table_of
+from truearc.robot.config.rig_spec import Rig, rig_errors
 
 Kind = TypeVar("Kind")
 Doubt = Annotated[float, msgspec.Meta(ge=0.0, lt=1e9)]
@@ -29,13 +35,6 @@ Hue = Annotated[int, msgspec.Meta(ge=0, le=179)]          # OpenCV's, two degree
 Slope = Annotated[float, msgspec.Meta(gt=-90.0, lt=90.0)]
 Level = Annotated[int, msgspec.Meta(ge=0, le=255)]
 Count = Annotated[int, msgspec.Meta(gt=0, lt=1_000_000)]
-
-
-MAX_LINE = 20_000                     # characters: longer ones take minutes to parse
-DEEP_KEY = re.compile(r"""(?:[\w"'-]+\s*\.\s*){16}""")     # no key of ours has as many parts; 9000 take half a minute
-MAX_TEXT_BYTES, MAX_BYTES = 4_000_000, 500_000_000      # of a configuration or belief; of a model or table
-
-NO_JSON = (msgspec.MsgspecError, UnicodeDecodeError, RecursionError)    # what decoding damaged JSON raises
 
 
 class Can(Struct, frozen=True, forbid_unknown_fields=True):
@@ -285,7 +284,7 @@ def load_config(path: str | Path) -> Config:
     """Read launcher.toml; InputError names file, key and line, or the key of a number that cannot be true."""
     text = load_text(path)
     config = parse_toml(text, Config, str(path))
-    for key in unknown_keys(parse_table(text, str(path))["rig"]):
+    for key in unknown_keys(parse_table(text, str(path))["rig"], Rig):
         raise InputError(f"{path}{line_of_key(text, f'rig.{key}')}: rig.{key}: unknown key{near_key(key, Rig, None)}")
     for key, what in (*((f"rig.{key}", what) for key, what in rig_errors(config.rig)), *contradictions(config),
                       *cannot_throw(config.rig)):
@@ -300,89 +299,16 @@ def load_toml(path: str | Path, kind: type[Kind]) -> Kind:
     return parse_toml(load_text(path), kind, str(path))
 
 
-def load_text(path: str | Path) -> str:
-    """The text of a file in UTF-8, with a byte-order mark or none; InputError names the file and says why it cannot be
-    read, or that it is too long."""
-    with naming(path):
-        return load_bytes(path, MAX_TEXT_BYTES).decode("utf-8-sig").replace("\r\n", "\n")
-
-
-def load_bytes(path: str | Path, most: int = MAX_BYTES) -> bytes:
-    """The content of a file; InputError when it is longer than `most` bytes: a device such as /dev/zero has no end, and
-    a pipe may never begin."""
-    with naming(path):
-        if Path(path).exists() and not Path(path).is_file() and not Path(path).is_dir():
-            raise InputError(f"{path}: is a pipe or a device, not a file; copy what it gives into a file")
-        with Path(path).open("rb") as file:
-            data = file.read(most + 1)
-    if len(data) > most:
-        raise InputError(f"{path}: is longer than {most} bytes, the most that is read of such a file")
-    return data
-
-
-def parse_table(text: str, name: str) -> dict[str, Any]:
-    """Return what TOML text says; InputError names where it came from, and the line."""
-    longest = max(map(len, text.splitlines()), default=0)
-    if longest > MAX_LINE:
-        raise InputError(f"{name}: has a line of {longest} characters; at most {MAX_LINE} are read")
-    if deep := DEEP_KEY.search(text):
-        raise InputError(f"{name}:{text.count(chr(10), 0, deep.start()) + 1}: a key of more than 16 parts")
-    try:
-        return tomllib.loads(text)
-    except ValueError as error:       # not TOML, or a number of thousands of digits
-        here = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
-        comma = here and re.match(r"\d,\d|,\d", text.splitlines()[int(here[1]) - 1][int(here[2]) - 1:])
-        todo = "decimals have a point, no comma" if comma else "lines are key = value, and words stand in quotes"
-        raise InputError(f"{name}: {error}; {todo}") from error
-    except RecursionError as error:
-        raise InputError(f"{name}: {in_words(error)}") from error
-
-
-@contextmanager
-def naming(path: str | Path) -> Iterator[None]:
-    """Raise errors of reading, writing and decoding as InputError, with the file in front."""
-    try:
-        yield
-    except (OSError, csv.Error, *NO_JSON) as error:
-        raise InputError(f"{path}: {in_words(error)}") from error
-
-
-@contextmanager
-def about(what: str, kind: type[Exception] = InputError) -> Iterator[None]:
-    """Errors of this kind become InputErrors that begin with what they are about."""
-    try:
-        yield
-    except kind as error:
-        raise InputError(f"{what}: {error}") from error
-
-
-def number_in(text: str) -> float:
-    """The number that a cell of a table states; NaN where it states none."""
-    try:
-        return float(text)
-    except ValueError:
-        return math.nan
-
-
-def in_words(error: Exception) -> str:
-    """The text of an error without its number and without the file, which our messages name first."""
-    if isinstance(error, OSError):
-        return error.strerror or str(error)
-    if isinstance(error, RecursionError):
-        return "its values are nested too deeply"
-    return "not UTF-8 text" if isinstance(error, UnicodeDecodeError) else reworded(str(error))
-
-
 def parse_toml(text: str, kind: type[Kind], name: str) -> Kind:
     """As load_toml, of text that came from somewhere called `name`."""
     table = parse_table(text, name)
     try:
         return msgspec.convert(table, kind, dec_hook=read_axis)
     except msgspec.ValidationError as error:
-        message, missing = joined(str(error)), missing_keys(table, kind)
-        said = reworded(message, table)
+        message, missing = joined(str(error)), missing_keys(table, kind, struct_of=table_struct)
+        said = reworded(message, table, _known)
         unknown = said.endswith(": unknown key")
-        near = near_key(said.removesuffix(": unknown key"), kind, table) if unknown else ""
+        near = near_key(said.removesuffix(": unknown key"), kind, table, table_struct) if unknown else ""
         here = f"{name}{line_of(text, message)}: {said}{near}"
         if len(missing) > 1 and not near:
             lacks = f"keys are missing: {', '.join(missing)}{near_tables(table, kind)}"
@@ -402,3 +328,44 @@ def read_axis(kind: type, table: Any) -> Axis | HoodEncoder:
         raise ValueError(f"Invalid value {driver!r} - at `$.driver`") from None
     except msgspec.ValidationError as error:
         raise ValueError(joined(str(error))) from error
+
+
+def table_struct(annotation: Any, table: Any) -> Any:
+    """The struct of a field's table: by its annotation, or a device's by its driver; None where there is none."""
+    from truearc.hw.plugins import PluginError
+    if (plain := struct_in(annotation)) is not None:
+        return plain
+    driver = table.get("driver") if isinstance(table, dict) else None
+    kind = _device(annotation)
+    try:
+        return table_of(kind, driver) if kind is not None and isinstance(driver, str) else None
+    except (LookupError, PluginError):
+        return None
+
+
+def _device(annotation: Any) -> Any:
+    if annotation in (Axis, HoodEncoder):
+        return annotation
+    return next(filter(None, map(_device, getattr(annotation, "__args__", ()))), None)
+
+
+def table_of(kind: Any, driver: str) -> Any:
+    """The struct of a device's table, by its driver; kind: Axis or HoodEncoder. Raises as find_family."""
+    # drivers need cantools, which most commands do without
+    if kind is HoodEncoder:
+        from truearc.robot.hood_encoders import BY_DRIVER
+        return BY_DRIVER[driver].table
+    from truearc.hw.devices.registry import find_family
+    return find_family(driver).axis
+
+
+def _known(key: str) -> list[str]:
+    """The values of a key that takes few."""
+    if key == "hood_encoder.driver":
+        from truearc.robot.hood_encoders import BY_DRIVER
+        return list(BY_DRIVER)
+    if key.endswith(".driver") or key == "hood_encoder.controller":
+        from truearc.hw.devices.registry import drivers
+        return list(drivers())
+    few = {"aim.policy": ["plan", "belief"]}
+    return ["1", "-1"] if key.endswith(".direction") else few.get(key, [])

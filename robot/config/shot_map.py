@@ -7,7 +7,8 @@ from typing import Final, Literal
 
 from msgspec import Struct
 
-from truearc.robot.config.schema import InputError, load_text, parse_toml
+from truearc.errors import InputError, load_text
+from truearc.robot.config.schema import parse_toml
 from truearc.robot.config.unit_table import MOTOR, factor_of
 
 SCHEMA: Final = "truearc.shot-map/1"

@@ -11,7 +11,8 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from truearc.robot.config.schema import MAX_TEXT_BYTES, Config, InputError, Prescribed, load_bytes, naming, number_in
+from truearc.errors import MAX_TEXT_BYTES, InputError, load_bytes, naming, number_in
+from truearc.robot.config.schema import Config, Prescribed
 
 COLUMNS = ("distance_m", "motor_ratio", "hood_deg")
 SHOWN = 5                             # bad rows that a message names before it only counts

@@ -5,9 +5,10 @@ from collections.abc import Iterator
 
 from msgspec import Struct
 
+from truearc.errors import InputError
 from truearc.hw.devices.axis import driver_of
 from truearc.robot.aim_file import needs_aim
-from truearc.robot.config.schema import Config, InputError
+from truearc.robot.config.schema import Config
 
 HIGHEST_PRIORITY = 60                 # that the service may ask for
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
+from truearc.errors import InputError, about, load_text
 from truearc.hw.devices.axis import Axis
 from truearc.hw.devices.family import AxisCheck, Endpoints, Heard
 from truearc.hw.devices.hood_encoder import Encoder
@@ -18,7 +19,7 @@ from truearc.hw.monitor import SHARE
 from truearc.hw.protocols import BadFrame, Frame, Motor, MotorReading
 from truearc.robot.aim_file import load_aim_for, needs_aim
 from truearc.robot.config.can_policy import NS_PER_S, make_rules
-from truearc.robot.config.schema import Can, Config, GateConfig, InputError, about, load_text
+from truearc.robot.config.schema import Can, Config, GateConfig
 from truearc.robot.doctor.stored import check_stored, stored_of
 from truearc.robot.gate.contract import FEATURES
 from truearc.robot.gate.model import load_gate

@@ -11,10 +11,11 @@ import math
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from truearc.errors import InputError
 from truearc.hw.devices.registry import family_of
 from truearc.hw.protocols import ButtonEvent, CameraFrame, MotorReading
 from truearc.hw.reason import Reason
-from truearc.robot.config.schema import Config, InputError
+from truearc.robot.config.schema import Config
 from truearc.robot.control import RELEASED
 from truearc.robot.estimate import NS, is_fresh
 from truearc.robot.gate.model import Gate

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import onnxruntime
 
-from truearc.robot.config.schema import InputError, load_bytes, naming
+from truearc.errors import InputError, load_bytes, naming
 from truearc.robot.gate import contract
 from truearc.robot.gate.onnx_file import check_graph, read_metadata
 from truearc.robot.gate.seal import KEY_SEAL, is_intact

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 
-from truearc.robot.config.input_error import InputError
+from truearc.errors import InputError
 
 # Of computing: starting the process takes 0.6 s of it here, loading 5 ms; a Raspberry Pi 4 is some five times slower.
 LIMIT_S = 10

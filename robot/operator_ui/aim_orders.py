@@ -12,9 +12,9 @@ from pathlib import Path
 
 import msgspec
 
+from truearc.errors import InputError, load_bytes, reworded
 from truearc.robot.aim_file import load_aim_for
-from truearc.robot.config.schema import Config, InputError, load_bytes
-from truearc.robot.config.toml_errors import reworded
+from truearc.robot.config.schema import Config
 from truearc.robot.operator_ui.what_if import Answer, QuestionError, make_answer
 from truearc.robot.recording.append_file import DISK_ERRNOS
 

@@ -10,8 +10,9 @@ from pathlib import Path
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from truearc.errors import InputError, load_bytes
 from truearc.robot.aim_file import AimFile, load_aim_for
-from truearc.robot.config.schema import Config, InputError, load_bytes
+from truearc.robot.config.schema import Config
 from truearc.robot.operator_ui.aim_orders import ACCEPT
 from truearc.robot.recording.files import save_synced
 from truearc.robot.recording.session import AIMS

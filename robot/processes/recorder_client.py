@@ -9,10 +9,10 @@ from typing import Protocol
 import msgspec
 import numpy as np
 
+from truearc.errors import InputError, in_words
 from truearc.hw.protocols import CameraFrame, Clock
 from truearc.hw.reason import Reason
 from truearc.hw.shared_latest import Slots
-from truearc.robot.config.schema import InputError, in_words
 from truearc.robot.processes import recorder
 from truearc.robot.processes.recorder import Message, Status
 from truearc.robot.reasons import RECORDER_UNRESPONSIVE, text

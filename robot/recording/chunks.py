@@ -19,7 +19,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Statistics
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 
 # Bytes of a record, and of an unpacked chunk. Ours end each 0.1 s, at some 80 kB unpacked; programs that rewrite MCAP
 # make them of 4 MB.

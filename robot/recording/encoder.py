@@ -5,9 +5,10 @@ from pathlib import Path
 
 import msgspec
 
+from truearc.errors import InputError, in_words
 from truearc.hw.protocols import CameraFrame, Frame
 from truearc.hw.reason import Reason
-from truearc.robot.config.schema import Config, InputError, in_words
+from truearc.robot.config.schema import Config
 from truearc.robot.processes.tick_timing import Second
 from truearc.robot.recording.file_writers import Keeper, LaneKeeper
 from truearc.robot.recording.files import Row, session_contents

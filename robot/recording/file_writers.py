@@ -8,9 +8,9 @@ from functools import partial
 from pathlib import Path
 from typing import Protocol
 
+from truearc.errors import in_words
 from truearc.hw.protocols import CameraFrame
 from truearc.hw.reason import Reason
-from truearc.robot.config.schema import in_words
 from truearc.robot.reasons import DISK_ERROR, DISK_FULL, DISK_UNRESPONSIVE
 from truearc.robot.recording.append_file import DISK_ERRNOS, NotKept
 from truearc.robot.recording.files import Row, SessionFiles

@@ -15,8 +15,9 @@ import msgspec
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
+from truearc.errors import NO_JSON, InputError, load_bytes
 from truearc.hw.protocols import CameraFrame, Frame
-from truearc.robot.config.schema import NO_JSON, Config, InputError, load_bytes
+from truearc.robot.config.schema import Config
 from truearc.robot.reasons import IMAGE_NOT_ENCODED
 from truearc.robot.recording import session as layout
 from truearc.robot.recording.append_file import DISK_ERRNOS, Appender, NotKept

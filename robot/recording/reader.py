@@ -3,8 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from truearc.robot.config.schema import InputError, naming
-from truearc.robot.config.whole_file import check_file
+from truearc.errors import InputError, check_file, naming
 from truearc.robot.recording.chunks import Damaged, rows_in
 from truearc.robot.recording.session import TELEMETRY, TICK_TOPIC, load_row_format
 from truearc.robot.types import Tick

@@ -8,8 +8,7 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
-from truearc.robot.config.schema import NO_JSON, InputError, in_words
-from truearc.robot.config.whole_file import check_file
+from truearc.errors import NO_JSON, InputError, check_file, in_words
 from truearc.robot.recording import session as layout
 from truearc.robot.recording.append_file import Appender, claim
 from truearc.robot.recording.candump import parse_candump

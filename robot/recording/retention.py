@@ -12,7 +12,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from truearc.robot.config.schema import InputError, RecordingConfig
+from truearc.errors import InputError
+from truearc.robot.config.schema import RecordingConfig
 from truearc.robot.recording import session as layout
 from truearc.robot.recording.append_file import claim
 

@@ -2,7 +2,8 @@
 
 from msgspec import Struct
 
-from truearc.robot.config.schema import Config, Excite, InputError
+from truearc.errors import InputError
+from truearc.robot.config.schema import Config, Excite
 from truearc.robot.motion import OVERSPEED
 
 READY, HOME, COAST, RAMP, STEP = "ready", "home", "coast", "ramp", "step"

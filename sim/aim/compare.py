@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError
 from truearc.sim.aim.read_snippets import read_java, read_json
 from truearc.sim.aim.snippets import RPM
 from truearc.sim.aim.solve import chances_of

@@ -8,8 +8,8 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError
 from truearc.sim.aim.set_point import DISTANCE_M, HOOD_DEG, SPEED_RPM, AimRow
 from truearc.sim.aim.snippets import RPM
 from truearc.sim.aim.solve import LEAST_POINTS, SAFE_SHARE, Chances, Solved, chances_of, solve

@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.special import ndtr
 
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.forecast import forecast

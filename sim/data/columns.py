@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import MOST
-from truearc.robot.config.schema import InputError
 from truearc.robot.config.unit_table import WHEEL as WHEEL
 from truearc.sim.data.model import Floats
 from truearc.sim.data.table import Cell, Problems, RawTable

@@ -7,9 +7,8 @@ from typing import Any, Protocol
 import msgspec
 import numpy as np
 
-from truearc.robot.config.rig_spec import Rig, unknown_keys
-from truearc.robot.config.schema import InputError
-from truearc.robot.config.toml_errors import near_key, reworded
+from truearc.errors import InputError, near_key, reworded, unknown_keys
+from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.load import assemble
 from truearc.sim.data.model import Dataset
 from truearc.sim.data.rig import check_rig, load_rig, states_three
@@ -64,7 +63,7 @@ def _rig(rig: Rig | str | Path | Mapping[str, Any]) -> Rig:
     if not isinstance(rig, Mapping):
         raise InputError(f"rig: is of type {type(rig).__name__}; a Rig, the path of a rig.toml or its contents "
                          "is needed")
-    for key in unknown_keys(dict(rig)):
+    for key in unknown_keys(dict(rig), Rig):
         raise InputError(f"rig: key {key} is not known{near_key(key, Rig, None)}")
     try:
         return check_rig(msgspec.convert(rig, Rig), "rig")

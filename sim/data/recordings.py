@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 from msgspec import UNSET
 
-from truearc.robot.config.schema import Config, InputError
+from truearc.errors import InputError
+from truearc.robot.config.schema import Config
 from truearc.robot.config.shot_map import OUTCOMES
 from truearc.robot.reasons import texts
 from truearc.robot.recording.reader import TickReader

@@ -7,10 +7,9 @@ from typing import Any
 
 import msgspec
 
-from truearc.robot.config.rig_spec import Rig, rig_errors, unknown_keys
-from truearc.robot.config.schema import InputError, load_text, parse_table, parse_toml
-from truearc.robot.config.toml_errors import near_key
-from truearc.robot.config.toml_text import make_toml
+from truearc.errors import InputError, load_text, make_toml, near_key, parse_table, unknown_keys
+from truearc.robot.config.rig_spec import Rig, rig_errors
+from truearc.robot.config.schema import parse_toml
 
 RIG = "rig.toml"
 
@@ -18,7 +17,7 @@ RIG = "rig.toml"
 def load_rig(path: str | Path) -> Rig:
     """Read rig.toml; unknown keys are warned of on stderr; InputError names file and key of a bad one."""
     text = load_text(path)
-    for key in unknown_keys(parse_table(text, str(path))):
+    for key in unknown_keys(parse_table(text, str(path)), Rig):
         print(f"warning: {path}: key {key} is not known and has no effect{near_key(key, Rig, None)}", file=sys.stderr)
     return check_rig(parse_toml(text, Rig, str(path)), path)
 

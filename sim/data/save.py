@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.columns import RANGES
 from truearc.sim.data.load import LEFT_OUT
 from truearc.sim.data.model import Dataset, Shots

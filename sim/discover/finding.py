@@ -6,7 +6,7 @@ from typing import Any
 import msgspec
 from msgspec import UNSET, Struct, UnsetType
 
-from truearc.robot.config.schema import InputError, load_bytes, naming
+from truearc.errors import InputError, load_bytes, naming
 
 SCHEMA = "truearc.finding/1"
 

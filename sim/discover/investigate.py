@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.discover.detect.always_valid import ChangeTest, test_change
 from truearc.sim.discover.detect.covariates import gather_covariates, gather_factors

@@ -1,6 +1,6 @@
 """Defaults and limits of discovery, in a module without heavy imports: the command line shows them in --help."""
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 
 FALSE_ALARM = 0.05
 SIGN_DRAWS = 1999                     # sign flips behind a p-value, which is therefore 1 / 2000 at least

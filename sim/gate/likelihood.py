@@ -19,7 +19,7 @@ from jax.scipy.stats import norm
 from scipy.optimize import minimize
 
 import truearc.sim.physics  # noqa: F401 - the house's one switch to double precision
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.infer.likelihood.noise import GATE_LAPSE, GATE_LAPSE_CELLS, GATE_SLIP_M, HEIGHT_M
 
 FUNCTIONS = 10

@@ -12,8 +12,8 @@ import jax.numpy as jnp
 import msgspec
 import numpy as np
 
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError
 from truearc.robot.gate.contract import FEATURES
 from truearc.sim.data.dataset import Shots
 from truearc.sim.gate import likelihood as chance

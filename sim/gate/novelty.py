@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.robot.gate.contract import FEATURES
 from truearc.sim.paper.network import exact_in_float32, standardisation
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import norm
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.robot.gate.contract import FEATURES, NOVELTY_LIMIT
 from truearc.sim.gate.model import PhysicsGate
 from truearc.sim.paper.network import exact_in_float32

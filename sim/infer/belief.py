@@ -22,10 +22,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from truearc.errors import InputError, make_toml, parse_table, save_whole
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError, parse_table
-from truearc.robot.config.toml_text import make_toml
-from truearc.robot.config.whole_file import save_whole
 from truearc.sim.data.columns import WHEEL
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.coefficients import SCHEMA, Coefficients, coefficients_in, load_table

@@ -15,7 +15,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from truearc.robot.config.schema import InputError, load_text, parse_table
+from truearc.errors import InputError, load_text, parse_table
 from truearc.sim.physics.catalogue import Catalogue, find_terms
 from truearc.sim.physics.scales import LOG
 

@@ -23,9 +23,8 @@ from jaxtyping import Float
 from msgspec import Struct
 from scipy.interpolate import CubicSpline
 
+from truearc.errors import InputError, reworded
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError
-from truearc.robot.config.toml_errors import reworded
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.data.dataset import Shots
 from truearc.sim.physics.simulate import ORDINARY, launch_state

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.infer.baseline_fit import BaselineFit, fit_believed, objective, only_shared, stopped
 from truearc.sim.infer.belief import Belief

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats import multivariate_t
 
-from truearc.robot.config.whole_file import whole_file
+from truearc.errors import whole_file
 from truearc.sim.infer.baseline_fit import limits_of
 from truearc.sim.infer.held_out import log_posterior
 from truearc.sim.infer.map_fit import MapFit

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Shots
 from truearc.sim.paper.grid_cells import THREE as LABEL_THREE
 from truearc.sim.paper.grid_labels import Flyer, Hits, find_hits, fly_pairs, make_flyer

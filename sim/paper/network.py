@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import truearc.sim.physics  # noqa: F401 - the house's one switch to double precision
-from truearc.robot.config.schema import MAX_BYTES, InputError, load_bytes, naming
+from truearc.errors import MAX_BYTES, InputError, load_bytes, naming
 from truearc.robot.gate.contract import FEATURES, OUTPUTS
 
 HIDDEN = 8

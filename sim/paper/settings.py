@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 
 LOW, HIGH, STEP = 0.0, 5.0, 0.005     # the paper's grid of both coefficients, bounds included
 STEPS = 1_000_000

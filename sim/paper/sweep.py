@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.each_core import usable_cores
 from truearc.sim.paper.network import SHAPES, Layers, Network, initial_layers, standardisation
 from truearc.sim.paper.settings import DEFAULT_RECIPE, Recipe

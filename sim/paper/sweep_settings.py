@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.intervals import student_half
 from truearc.sim.paper.sweep import Job, Trained
 from truearc.sim.paper.training import Rows, accuracy, mean_loss, split_heldout

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.curve import Curves, before_the_shot

@@ -20,8 +20,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.data.dataset import Dataset, Shots, check_free, hash_dataset, save_dataset

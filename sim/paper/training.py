@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.robot.gate.contract import FEATURES
 from truearc.sim import metrics as figures
 from truearc.sim.data.dataset import Shots

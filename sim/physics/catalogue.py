@@ -13,7 +13,7 @@ from importlib import import_module
 from pkgutil import walk_packages
 from typing import Any
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.physics import terms as built_in
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS, POINT

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.physics.scales import SCALES, fits_scale
 from truearc.sim.physics.term import DIRECTIONS, KINDS, STAGES, Term, WatchTerm

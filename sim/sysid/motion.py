@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 
 Floats = npt.NDArray[np.float64]
 MARGIN_S = 0.1                        # the longest delay that is looked for, either way

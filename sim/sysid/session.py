@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from truearc.errors import InputError
 from truearc.hw.protocols import MotorReading
-from truearc.robot.config.schema import Config, InputError
+from truearc.robot.config.schema import Config
 from truearc.robot.reasons import IDENTIFY_DONE, text
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_header, load_session_config

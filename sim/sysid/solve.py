@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.sysid.motion import MARGIN_S, Floats, Law, Pieces, Record, Run, expect, lay_out
 
 MAX_STEPS = 100

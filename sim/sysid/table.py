@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.columns import need_columns, number_column
 from truearc.sim.data.table import RawTable, gathered, load_table
 from truearc.sim.sysid.motion import Record

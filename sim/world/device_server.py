@@ -6,6 +6,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
+from truearc.errors import InputError
 from truearc.hw.devices.button_box.emulator import open_button_box
 from truearc.hw.emulated.emulated_robot import Twin
 from truearc.hw.emulated.imaging.camera import EmulatedCamera, Stage
@@ -17,7 +18,7 @@ from truearc.hw.protocols import Clock, Frame, LinkLost
 from truearc.hw.real.can_bus import CanBus, open_can
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.port_options import split_bus
-from truearc.robot.config.schema import CameraConfig, Config, InputError, Tape
+from truearc.robot.config.schema import CameraConfig, Config, Tape
 from truearc.robot.recording.candump import TappedBus
 from truearc.sim.world.driver import make_driver
 from truearc.sim.world.emulated_robot import Pace, check_emulated, make_nodes

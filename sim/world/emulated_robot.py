@@ -9,6 +9,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
+from truearc.errors import InputError
 from truearc.hw.devices.axis import Axis
 from truearc.hw.devices.button_box.emulator import ButtonBox, open_button_box
 from truearc.hw.devices.family import AttachedMotor
@@ -22,7 +23,7 @@ from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.serial_port import open_serial
 from truearc.robot.aim_file import NO_AIMS, Aims, load_aim_for, needs_aim
 from truearc.robot.config.can_policy import guard
-from truearc.robot.config.schema import AimConfig, Config, InputError
+from truearc.robot.config.schema import AimConfig, Config
 from truearc.robot.gate.model import Gate, load_gate
 from truearc.robot.hood_encoders import encoder_family_of
 from truearc.robot.motors import make_motors, name_axes

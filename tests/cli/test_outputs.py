@@ -11,8 +11,7 @@ from truearc.cli.main import main
 from truearc.cli.outputs import OutFolder, out_file
 from truearc.cli.parsers import make_parser
 from truearc.cli.registry import Command, list_commands
-from truearc.robot.config.schema import InputError
-from truearc.robot.config.whole_file import save_whole, whole_file
+from truearc.errors import InputError, save_whole, whole_file
 
 SHOTS = Path(__file__).parents[2] / "examples" / "spreadsheet"
 # sessions, rounds, a check; a map that is an input

@@ -26,7 +26,7 @@ from tests.sim.data.stranger_log import write_stranger_log
 from truearc.cli.main import main
 from truearc.cli.parsers import make_parser
 from truearc.cli.registry import find_command
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.gate import surrogate
 from truearc_proof.cli import prove_apart
 from truearc_proof.rounds import solver

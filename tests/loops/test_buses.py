@@ -17,6 +17,7 @@ from benchmarks.real_robot import PATIENT, SHIPPED, WATCHDOG_MS, begin, save_con
 from tests.hw.host_speed import excuse_stalls
 from tests.hw.spinning_plant import SpinningPlant
 from truearc.cli.main import main
+from truearc.errors import InputError
 from truearc.hw.emulated.emulated_robot import Twin
 from truearc.hw.emulated.pty_cable import PtyCable
 from truearc.hw.emulated.slcan_adapter import SlcanAdapter
@@ -27,7 +28,7 @@ from truearc.hw.real.supervised_bus import WAIT_S, SupervisedBus
 from truearc.hw.reason import Reason
 from truearc.robot.config.can_policy import guard
 from truearc.robot.config.port_options import split_bus, with_ports
-from truearc.robot.config.schema import InputError, load_config
+from truearc.robot.config.schema import load_config
 from truearc.robot.reasons import CAN_LOST, DEVICE_NEVER_RECEIVED, DEVICE_STALE, IMAGE_DARK, text
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.rows import Trial

@@ -16,7 +16,7 @@ from benchmarks.matrix.row import KEEPS, REFUSED, Row
 from benchmarks.matrix.rows import ROWS
 from benchmarks.matrix.table import BEGIN, END, make_table, write_between
 from tests.hw.host_speed import excuse_stalls
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 
 FAST_VCAN = (pytest.mark.socketcan, pytest.mark.fast_bus)
 posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals and signals")

@@ -13,10 +13,11 @@ from benchmarks.matrix.signs import find, says
 from tests.faulty_robot import parts_with
 from truearc import robot
 from truearc.cli.main import main
+from truearc.errors import InputError
 from truearc.hw import fault_codes as hw
 from truearc.robot import reasons as bot
 from truearc.robot.config.hashing import config_hash
-from truearc.robot.config.schema import InputError, Prescribed, load_config
+from truearc.robot.config.schema import Prescribed, load_config
 from truearc.robot.config.shot_plan import with_plan
 from truearc.robot.processes.watchdog_rig import WatchedRig
 from truearc.robot.recording.reader import TickReader

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from onnx.reference import ReferenceEvaluator
 from scipy.spatial import cKDTree
 
+from truearc.errors import InputError
 from truearc.model_export.graph import export_weights, make_model
 from truearc.model_export.parts import network_part, novelty_part
-from truearc.robot.config.schema import InputError
 from truearc.robot.gate import contract
 from truearc.robot.gate.model import load_gate
 from truearc.robot.gate.seal import KEY_SEAL

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from truearc.api.table import Table
+from truearc.errors import InputError
 from truearc.model_export.verify import HEADER, features_of, rate_shots
-from truearc.robot.config.schema import InputError
 from truearc.robot.gate.model import Gate
 from truearc.sim.data.dataset import Shots
 

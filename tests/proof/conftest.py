@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.proof.playing import ARGUMENTS, prove, prove_apart, quiet
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc_proof.rounds.file_lock import alone
 from truearc_proof.rounds.grader import grade_round
 from truearc_proof.rounds.round_layout import Room

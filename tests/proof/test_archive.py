@@ -8,7 +8,7 @@ import pytest
 
 from tests.proof.forging import enter_otherwise, leave_world_out, make_mark_kinder
 from truearc.cli.main import main
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc_proof.rounds.archive import check_round, pack, unpack
 from truearc_proof.rounds.commitment import canonical, load_seal, save_seal
 from truearc_proof.rounds.grader import graded_of

@@ -5,7 +5,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc_proof.rounds.claims_schema import INSTRUMENTS_1, SCHEMA, SCHEMA_1, load_claims
 from truearc_proof.rounds.commitment import canonical
 from truearc_proof.rounds.committer import Reading, asked_of

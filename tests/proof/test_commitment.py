@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc_proof.rounds.commitment import canonical, check_data, load_seal, make_seal, save_seal
 from truearc_proof.rounds.ledger import FIRST, append, committed, read_ledger
 

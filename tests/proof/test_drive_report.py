@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from truearc.cli.main import main
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc_proof.cli import prove_roles
 from truearc_proof.cli.prove_drive import Driven, driven_of, room_of
 from truearc_proof.rounds.ledger import append

@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc_proof.report.tables import make_tables
 from truearc_proof.rounds.round_layout import Room
 from truearc_proof.scoring.score_world import Mark

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.proof.playing import prove
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc_proof.rounds.file_lock import alone
 from truearc_proof.rounds.round_layout import Room
 

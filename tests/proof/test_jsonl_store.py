@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc_proof.rounds import archive, jsonl_store
 from truearc_proof.rounds.jsonl_store import append_line, fill, lines_of, mend
 from truearc_proof.rounds.round_layout import Room

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc_proof.parallel import fan_out
 
 JOBS = list(range(12))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import load_dataset
 from truearc_proof.truth.effects import UNCATALOGUED, find_effect
 from truearc_proof.truth.followup import Asked

@@ -3,7 +3,7 @@
 import pytest
 
 from benchmarks.suite import KINDS, Job, amount_of, mark_job, names_of, plan_jobs, true_parameter, world_of
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc_proof.report.figures import figures_of
 from truearc_proof.report.tables import make_tables
 from truearc_proof.scoring.score_finding import is_alias, said_set

@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 from tests.proof.test_truth_flight import quiet
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Noise
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import hash_dataset, load_dataset
 from truearc_proof.truth.effects import EFFECTS
 from truearc_proof.truth.flight import at

@@ -14,11 +14,12 @@ from tests.robot.aim_files import CONTENT, HOOD, LEAD, RATIO, write
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.cli.robot.advise_robot import keys_of
+from truearc.errors import InputError
 from truearc.robot.advice.advice_io import AdviceIo, Adviser, advised_columns
 from truearc.robot.advice.nt_keys import NtKeys, Reading, names_of, parse_server
 from truearc.robot.advice.tick import POLICY, step
 from truearc.robot.aim_file import Segment, load_aim
-from truearc.robot.config.schema import AimConfig, Config, InputError, load_config
+from truearc.robot.config.schema import AimConfig, Config, load_config
 from truearc.robot.config.shot_map import Detection, OutcomeKeys, ShotMap, Signal
 from truearc.robot.gate.model import load_gate
 from truearc.robot.recording.encoder import SessionWriter

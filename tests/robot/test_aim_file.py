@@ -14,10 +14,10 @@ from scipy.interpolate import CubicHermiteSpline
 
 from tests.robot.aim_files import BY_BELIEF, CONTENT, HOOD, LEAD, RATIO, SEGMENT, X, sealed, shifted, write
 from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs, good_memory, seconds
+from truearc.errors import InputError
 from truearc.hw.protocols import ButtonEvent
 from truearc.robot.aim import REAIM_M, step_walk
 from truearc.robot.aim_file import AimFile, Curve, load_aim, load_aim_for
-from truearc.robot.config.schema import InputError
 from truearc.robot.estimate import estimate, remember
 from truearc.robot.operator_ui.aim_orders import AimOrders
 from truearc.robot.operator_ui.driver_messages import tell

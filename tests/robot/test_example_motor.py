@@ -20,6 +20,7 @@ from tests.robot.test_rig import ASKED, Blind, Stream, Time, Wire
 from tools.reasons_doc import make_page
 from truearc import robot
 from truearc.cli.common import SHIPPED
+from truearc.errors import InputError
 from truearc.hw.devices import registry
 from truearc.hw.devices.axis import Bounds
 from truearc.hw.fault_codes import FRAME_NOT_ALLOWED
@@ -27,7 +28,7 @@ from truearc.hw.protocols import Frame
 from truearc.hw.reason import FAULT, Reason
 from truearc.robot.config.can_policy import guard
 from truearc.robot.config.hashing import config_hash
-from truearc.robot.config.schema import Config, InputError, load_config
+from truearc.robot.config.schema import Config, load_config
 from truearc.robot.estimate import estimate
 from truearc.robot.gate.verdict import judge
 from truearc.robot.operator_ui.driver_messages import Told, tell

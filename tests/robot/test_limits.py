@@ -14,8 +14,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from truearc.cli.common import SHIPPED
+from truearc.errors import InputError
 from truearc.robot.config.limit_table import LIMITS, Limit, narrowest, numbers
-from truearc.robot.config.schema import InputError, load_config
+from truearc.robot.config.schema import load_config
 
 # what the shipped file leaves out
 ABSENT: dict[str, Any] = {"aim": {"policy": "plan", "correction_step": 0.005}, "nt4": {"server": "2542", "velocity": {

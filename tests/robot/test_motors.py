@@ -15,6 +15,7 @@ from msgspec.structs import replace
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, SPARK_WHEELS, only_advice
 from tests.robot.test_rig import ASKED, Blind, Stream, Time, Wire
+from truearc.errors import InputError
 from truearc.hw import fault_codes as hw
 from truearc.hw.devices.advisory.family import AdvisoryConfig
 from truearc.hw.devices.axis import Axis, Bounds
@@ -23,7 +24,7 @@ from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.family import SparkConfig
 from truearc.hw.protocols import Frame
 from truearc.hw.reason import Reason
-from truearc.robot.config.schema import Config, InputError, read_axis
+from truearc.robot.config.schema import Config, read_axis
 from truearc.robot.estimate import estimate
 from truearc.robot.gate.verdict import judge
 from truearc.robot.motors import bound_axes, make_motors, name_axes

@@ -17,6 +17,7 @@ from tests.robot.nt_server import Table
 from tests.robot.test_advice import GATE, HZ, MAP, NS, Clock, Robot
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
+from truearc.errors import InputError
 from truearc.hw.protocols import LinkLost
 from truearc.hw.shared_latest import Slots
 from truearc.robot.advice.advice_io import AdviceIo, Adviser, advised_columns
@@ -24,7 +25,7 @@ from truearc.robot.advice.nt_camera import NtCamera, OwnNtCamera, keys_of_camera
 from truearc.robot.advice.nt_keys import Reading
 from truearc.robot.advice.tick import POLICY, step
 from truearc.robot.config.nt4 import Nt4, Nt4Vision
-from truearc.robot.config.schema import AprilTag, Config, InputError, load_config
+from truearc.robot.config.schema import AprilTag, Config, load_config
 from truearc.robot.gate.model import load_gate
 from truearc.robot.processes.vision import FarEyes, make_room, relay
 from truearc.robot.recording.encoder import SessionWriter

@@ -11,11 +11,12 @@ from msgspec.structs import replace
 
 from tests.robot.good_tick import good_inputs, good_memory
 from truearc.cli.common import SHIPPED
+from truearc.errors import InputError
 from truearc.hw.protocols import Clock
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.advice.nt_publisher import NtPublisher, open_publisher
 from truearc.robot.config.nt4 import Nt4
-from truearc.robot.config.schema import InputError, load_config
+from truearc.robot.config.schema import load_config
 from truearc.robot.operator_ui.screens import open_screens
 from truearc.robot.tick import step
 from truearc.robot.types import Tick, Verdict

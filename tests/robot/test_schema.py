@@ -14,10 +14,11 @@ from msgspec.structs import replace
 from truearc.cli.common import SHIPPED, load_any_rig
 from truearc.cli.robot.vision_tools.camera_file import CAMERAS, load_camera
 from truearc.cli.robot.vision_tools.images import load_image
+from truearc.errors import InputError, unknown_keys
 from truearc.robot.aim_file import load_aim
 from truearc.robot.config.hashing import config_hash, is_hash_of
-from truearc.robot.config.rig_spec import TERMS, unknown_keys
-from truearc.robot.config.schema import Config, InputError, load_config, parse_toml, read_axis
+from truearc.robot.config.rig_spec import TERMS, Rig
+from truearc.robot.config.schema import Config, load_config, parse_toml, read_axis
 from truearc.robot.doctor.devices import load_endpoints
 from truearc.robot.gate.model import load_gate
 from truearc.robot.recording.files import make_folder, session_contents
@@ -112,7 +113,7 @@ def test_a_recording_that_hashes_the_encoded_text_is_still_known():
 def test_keys_of_rig_toml_that_nobody_reads_are_listed():
     table = {"ball": {"mass_kg": 0.1, "radius_m": 0.1, "colour": "red"}, "camera": {},
              "launcher": {"wheel": [{"name": "a", "radius_m": 1, "gear": 1, "clock_deg": 0, "rim": 2}]}}
-    assert unknown_keys(table) == ["ball.colour", "camera", "launcher.wheel.rim"]
+    assert unknown_keys(table, Rig) == ["ball.colour", "camera", "launcher.wheel.rim"]
 
 
 @pytest.mark.parametrize(("old", "new", "said"), [

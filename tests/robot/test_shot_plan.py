@@ -9,9 +9,10 @@ from msgspec.structs import replace
 from tests.robot.good_tick import CONFIG, DISTANCE_M, HOOD_DEG, good_inputs, good_memory
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
+from truearc.errors import InputError
 from truearc.robot.aim import aim, config_id, step_walk
 from truearc.robot.config.hashing import config_hash
-from truearc.robot.config.schema import Config, InputError, Prescribed, parse_toml
+from truearc.robot.config.schema import Config, Prescribed, parse_toml
 from truearc.robot.config.shot_plan import load_plan, with_plan
 from truearc.robot.estimate import estimate
 from truearc.robot.gate.verdict import judge

@@ -10,11 +10,11 @@ from msgspec.structs import replace
 
 from tests.robot.alike import codes
 from tests.robot.good_tick import CONFIG, HOOD_DEG, NOW_NS, good_inputs, good_memory, seconds
+from truearc.errors import InputError
 from truearc.hw.devices.odrive.frames import IDLE
 from truearc.hw.fault_codes import CAN_BUS_OFF
 from truearc.hw.protocols import ButtonEvent
 from truearc.robot import reasons as because
-from truearc.robot.config.schema import InputError
 from truearc.robot.control import RELEASED
 from truearc.robot.motion import DIFFERENT
 from truearc.robot.sysid.program import COAST, FLYWHEEL, HOME, HOOD, RAMP, READY, STEP, phases

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from truearc.cli.robot.vision_tools import images
 from truearc.cli.robot.vision_tools.images import MAX_PIXELS, decode_image, image_size, load_image
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 
 GREY_ALPHA = 4, (b"\0" + bytes(range(160))) * 60
 RANDOM = np.random.default_rng(1)

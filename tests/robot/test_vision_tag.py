@@ -7,9 +7,10 @@ from msgspec.structs import replace
 
 from tests.robot.tag_scene import View, render
 from truearc.cli.common import SHIPPED
+from truearc.errors import InputError
 from truearc.hw.protocols import CameraFrame
 from truearc.robot import reasons as because
-from truearc.robot.config.schema import AprilTag, CameraConfig, InputError, load_config
+from truearc.robot.config.schema import AprilTag, CameraConfig, load_config
 from truearc.robot.vision import find_target
 from truearc.robot.vision.tag import detect_tag
 

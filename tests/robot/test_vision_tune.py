@@ -18,10 +18,11 @@ from msgspec.structs import replace
 import truearc.cli.main as truearc
 from truearc import robot
 from truearc.cli.robot.vision_tools.tuner import COOKIE, Live, Recorded, Tuner, TuneServer, find_pictures
+from truearc.errors import InputError
 from truearc.hw.emulated.imaging.camera import Stage
 from truearc.hw.fault_codes import CAMERA_SILENT
 from truearc.hw.protocols import CameraFrame, LinkLost
-from truearc.robot.config.schema import CameraFile, InputError, load_config, load_toml
+from truearc.robot.config.schema import CameraFile, load_config, load_toml
 from truearc.sim.world.emulated_vision import make_lens, make_tape
 from truearc_proof.world.camera_damage import StagedCamera
 from truearc_proof.world.placing import place

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.paper import network
 from truearc.sim.paper.network import (
     Network,

@@ -12,11 +12,10 @@ from scipy.interpolate import PchipInterpolator
 
 from truearc.api.table import Table
 from truearc.api.terms import check_kind
+from truearc.errors import InputError, naming, whole_file
 from truearc.robot.aim_file import check_rig, load_aim
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError, naming
 from truearc.robot.config.unit_table import CONVERTED
-from truearc.robot.config.whole_file import whole_file
 from truearc.sim.aim import snippets
 from truearc.sim.aim.export import AimCheck, aim_bytes, check_aim_file
 from truearc.sim.aim.make_table import make_rows

@@ -10,9 +10,8 @@ from msgspec import json, structs
 
 from truearc.api.finding_report import FindingReport
 from truearc.api.terms import check_kind, names_of
+from truearc.errors import InputError, about, save_whole
 from truearc.hw.real.clock import wall_clock
-from truearc.robot.config.schema import InputError, about
-from truearc.robot.config.whole_file import save_whole
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.load import hash_dataset
 from truearc.sim.discover import investigate as engine

@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 
 from truearc.api.table import Table
 from truearc.api.terms import check_kind, joined, names_of
-from truearc.robot.config.schema import InputError
-from truearc.robot.config.whole_file import whole_file
+from truearc.errors import InputError, whole_file
 from truearc.sim.data.dataset import Dataset, hash_dataset
 from truearc.sim.infer.advise import Proposal, advise
 from truearc.sim.infer.belief import Belief, launcher_of, point_belief, ranges_of

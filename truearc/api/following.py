@@ -12,8 +12,8 @@ from truearc.api.aiming import AimTable, aim
 from truearc.api.discovery import Finding, discover
 from truearc.api.table import Table
 from truearc.api.terms import check_kind
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError
 from truearc.sim.aim.set_point import AimRow
 from truearc.sim.aim.solve import chances_of
 from truearc.sim.data.dataset import Dataset

@@ -10,8 +10,8 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from truearc.api.terms import check_kind
+from truearc.errors import InputError
 from truearc.model_export.graph import export_weights
-from truearc.robot.config.schema import InputError
 from truearc.robot.gate.model import load_gate
 from truearc.sim.data.dataset import Dataset, hash_dataset
 from truearc.sim.gate.gate_text import tell_heldout, tell_residual, tell_too_few

@@ -10,10 +10,9 @@ import msgspec
 from truearc.api.discovery import IN_PYTHON, Finding
 from truearc.api.table import Table
 from truearc.api.terms import check_kind, names_of
+from truearc.errors import InputError, save_whole
 from truearc.hw.real.clock import wall_clock
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError
-from truearc.robot.config.whole_file import save_whole
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.load import hash_dataset
 from truearc.sim.discover.finding import make_json

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from truearc.api.fitting import Fit
 from truearc.api.table import Table
 from truearc.api.terms import check_kind
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import hash_dataset
 from truearc.sim.infer.belief import Belief, launcher_of, point_belief, replace_values, scale_of
 from truearc.sim.infer.fit_text import number_text

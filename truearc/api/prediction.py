@@ -8,9 +8,9 @@ import numpy as np
 
 from truearc.api.table import Table
 from truearc.api.terms import check_kind
+from truearc.errors import InputError
 from truearc.model_export.verify import HEADER as RATING_COLUMNS
 from truearc.model_export.verify import rate_shots
-from truearc.robot.config.schema import InputError
 from truearc.robot.gate.model import load_gate
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.shot_conditions import circumstances_of

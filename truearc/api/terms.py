@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from truearc.robot.config.schema import InputError, about
+from truearc.errors import InputError, about
 from truearc.sim.physics.catalogue import Catalogue, catalogue
 from truearc.sim.physics.term import Term
 

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from truearc import robot
+from truearc.errors import InputError, load_text, parse_table, save_whole
 from truearc.hw.real.clock import wall_clock
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError, load_config, load_text, parse_table
-from truearc.robot.config.whole_file import save_whole
+from truearc.robot.config.schema import load_config
 from truearc.sim.progress import Progress
 
 if TYPE_CHECKING:                     # imports JAX, which --help does without

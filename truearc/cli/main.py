@@ -9,7 +9,7 @@ from truearc.cli.old_names import RENAMED, forward
 from truearc.cli.outputs import fresh_outputs
 from truearc.cli.parsers import load_module, make_parser
 from truearc.cli.registry import ABSENT, COMMANDS, GROUPS, NAMES, Command, find_command, install_hint, list_commands
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 
 # Arrays here are small: threads of the linear algebra would only wait for one another and, where another process keeps
 # a core busy, for that. Set before NumPy is imported.

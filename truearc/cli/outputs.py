@@ -12,8 +12,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from truearc.robot.config.schema import InputError
-from truearc.robot.config.whole_file import check_file
+from truearc.errors import InputError, check_file
 
 DATASET = ("rig.toml", "shots.csv", "tracks.csv", "times.csv", "traces.csv", "left_out.txt", "shots.toml")
 WEIGHTS = ("weights.npz", "physics.json", "training.json")

@@ -11,7 +11,7 @@ from typing import Any, NoReturn, Protocol, cast
 from truearc.cli.common import number
 from truearc.cli.outputs import add_force
 from truearc.cli.registry import Command
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 
 # argparse's messages -> the project's; {0}, {1}: groups of the pattern, {example}: the command's example
 MESSAGES = (

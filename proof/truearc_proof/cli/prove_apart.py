@@ -4,7 +4,7 @@ import argparse
 import subprocess
 import sys
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 
 
 def solve_apart(args: argparse.Namespace, out: str) -> None:

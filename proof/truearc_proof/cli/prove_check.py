@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from truearc.cli.common import make_progress
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc_proof.cli.prove_apart import solve_apart
 from truearc_proof.rounds.archive import check_round, unpack
 from truearc_proof.rounds.reproduce_claims import compare_claims, give_away, solver_of

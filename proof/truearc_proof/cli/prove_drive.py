@@ -23,9 +23,10 @@ from msgspec import Struct, structs
 
 import truearc as ta
 from truearc.cli.common import SHIPPED
+from truearc.errors import InputError
 from truearc.model_export.graph import export_weights
 from truearc.model_export.verify import verify_gate
-from truearc.robot.config.schema import Config, InputError, load_config
+from truearc.robot.config.schema import Config, load_config
 from truearc.robot.config.shot_map import OUTCOMES
 from truearc.robot.recording.session import load_trials
 from truearc.sim.compile_cache import keep_compiled

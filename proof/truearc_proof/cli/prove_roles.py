@@ -8,7 +8,7 @@ import msgspec
 from msgspec import structs
 
 from truearc.cli.common import make_progress, origin_of
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS
 from truearc_proof.cli.prove_apart import solve_apart

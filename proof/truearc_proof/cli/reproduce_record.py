@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from truearc.errors import InputError
 from truearc.robot.config.hashing import is_hash_of
-from truearc.robot.config.schema import InputError
 from truearc.robot.recording.session import CAN, FRAMES, load_header
 from truearc.sim.progress import Progress
 from truearc.sim.world.emulated_robot import emulate

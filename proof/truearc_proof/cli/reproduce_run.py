@@ -6,7 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from truearc.cli.common import SHIPPED, make_progress, origin_of
-from truearc.robot.config.schema import InputError, load_config
+from truearc.errors import InputError
+from truearc.robot.config.schema import load_config
 from truearc.sim.data.dataset import save_dataset
 from truearc.sim.progress import Progress
 from truearc_proof.cli.reproduce_record import make_record

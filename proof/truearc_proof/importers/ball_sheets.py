@@ -5,7 +5,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.columns import parse_number
 from truearc.sim.data.table import Cell, Problems, RawTable, text_of
 from truearc_proof.importers.originals import needed, part

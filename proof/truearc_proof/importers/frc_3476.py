@@ -3,7 +3,7 @@
 import subprocess
 from pathlib import Path
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.table import Problems, RawTable, load_table, text_of
 from truearc_proof.importers.originals import INCH_M, json_rows, part, scaled
 

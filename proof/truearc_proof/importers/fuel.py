@@ -4,7 +4,7 @@ import math
 from itertools import pairwise
 from pathlib import Path
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.columns import parse_number
 from truearc.sim.data.table import Cell, Problems, RawTable, load_table
 from truearc_proof.importers.originals import PYTHON_COMMENT, matching, scaled

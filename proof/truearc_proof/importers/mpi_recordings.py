@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.table import Cell, Problems, RawTable
 from truearc_proof.importers.originals import needed, part
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.columns import parse_number
 from truearc.sim.data.table import Cell, RawTable, text_of
 

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from msgspec import Struct
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 
 GRAVITY_M_S2 = 9.81
 WINDOW_S = 0.15                       # over which acceleration is fitted: 1 mm of cameras' disagreement is 0.5 m/s2

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Rig
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots, Times
 
 DENSITY_KG_M3 = 12.0                  # of the balls of the first tutorial, which states none: like foam

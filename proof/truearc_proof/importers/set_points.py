@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Target, Wheel
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import need_columns, number_column, text_column
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.table import Problems, RawTable, gathered, load_table

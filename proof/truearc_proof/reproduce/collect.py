@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import Config, InputError, Prescribed
+from truearc.robot.config.schema import Config, Prescribed
 from truearc.robot.config.shot_plan import with_plan
 from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import Dataset, Shots

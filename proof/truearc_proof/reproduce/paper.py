@@ -2,8 +2,8 @@
 
 from typing import Any
 
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError
 from truearc.sim.physics.launch import Exit, exit_opposed, is_opposed
 
 TABLE_I = {"Training": {"two": 1.0, "three": 0.9231, "mean_m": 0.051, "median_m": 0.058},

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.paper.settings import PATIENCE, STEPS
 
 QUICK_DRAWS = 3                       # repetitions with --quick

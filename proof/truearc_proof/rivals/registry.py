@@ -5,7 +5,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, cast
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 
 if TYPE_CHECKING:
     from truearc_proof.rivals.claim import Rival

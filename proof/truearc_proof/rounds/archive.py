@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.robot.config.schema import MAX_BYTES, InputError
+from truearc.errors import MAX_BYTES, InputError
 from truearc.sim.progress import Progress
 from truearc_proof.rounds.commitment import load_seal
 from truearc_proof.rounds.committer import answer, asked_of, entropy

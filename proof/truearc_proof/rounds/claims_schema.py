@@ -11,7 +11,7 @@ from typing import Any, Literal
 import msgspec
 from msgspec import Struct, field
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 
 SCHEMA, SCHEMA_1 = "truearc.claims/2", "truearc.claims/1"
 # {text of schema 1: id of the instrument}, as truearc wrote them at tag proof-1.

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import msgspec
 from msgspec import Struct
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.progress import Progress
 from truearc_proof.parallel import fan_out
 from truearc_proof.rounds.claims_schema import load_claims

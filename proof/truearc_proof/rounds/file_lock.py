@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.robot.recording.append_file import claim
 
 FILE = "lock"                         # stays there, empty, when no process holds it

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 from msgspec import Struct, structs
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset, load_dataset
 from truearc.sim.infer.belief import from_table
 from truearc.sim.progress import Progress

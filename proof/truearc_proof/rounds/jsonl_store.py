@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from truearc.robot.config.schema import MAX_BYTES, NO_JSON, InputError, about
+from truearc.errors import MAX_BYTES, NO_JSON, InputError, about
 from truearc.sim.progress import Progress
 from truearc_proof.parallel import fan_out
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 
 FIRST = "0" * 64                      # before the first line there is nothing
 # In the order in which they come for one world; the last three only where the solver asks for more.

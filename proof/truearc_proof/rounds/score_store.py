@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc_proof.rounds.commitment import canonical
 from truearc_proof.rounds.jsonl_store import append_line, lines_of
 from truearc_proof.rounds.ledger import append, digest

@@ -7,7 +7,7 @@ from the physics alone. Amplitude 0 is exact absence.
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 
 
 class Effect(NamedTuple):

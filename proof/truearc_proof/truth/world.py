@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Target, Wheel, WorldFacts
-from truearc.robot.config.schema import InputError
 from truearc_proof.truth.effects import check_effects
 
 LEVELS = ("L0", "L1", "L2")

@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset, load_dataset
 from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS
 from truearc.sim.physics.catalogue import TERMS

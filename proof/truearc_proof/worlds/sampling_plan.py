@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from msgspec import Struct, ValidationError, convert, structs
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.world.options import Options
 from truearc_proof.scoring.suite import NULLS, names_at
 from truearc_proof.truth.effects import find_effect

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from msgspec import UNSET
 
+from truearc.errors import InputError
 from truearc.hw.real.clock import unix_s
-from truearc.robot.config.schema import InputError
 from truearc.robot.recording.session import Header
 
 BY_HEADER = "wall clock, as at the start of the session"

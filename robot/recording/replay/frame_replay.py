@@ -11,11 +11,11 @@ from pathlib import Path
 from msgspec import Struct
 from msgspec.structs import replace
 
+from truearc.errors import InputError, check_file, naming
 from truearc.hw.devices.hood_encoder import Encoder
 from truearc.hw.protocols import CameraFrame, Frame, LinkLost
 from truearc.hw.reason import Reason
-from truearc.robot.config.schema import Config, InputError, naming
-from truearc.robot.config.whole_file import check_file
+from truearc.robot.config.schema import Config
 from truearc.robot.hood_encoders import encoder_family_of
 from truearc.robot.reasons import BAD_FRAME, CAN_LOST
 from truearc.robot.recording.candump import parse_candump

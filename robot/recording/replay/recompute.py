@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 import msgspec
 from msgspec.structs import replace
 
+from truearc.errors import InputError
 from truearc.hw.protocols import CameraFrame
 from truearc.robot.advice.tick import POLICY as ADVICE
 from truearc.robot.advice.tick import step as advise
-from truearc.robot.config.schema import Config, InputError
+from truearc.robot.config.schema import Config
 from truearc.robot.recording import session as layout
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.frame_replay import FramesRig, Recomputed

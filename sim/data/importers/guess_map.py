@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from msgspec import structs
 
+from truearc.errors import make_toml
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.shot_map import (
     MARKS,
@@ -20,7 +21,6 @@ from truearc.robot.config.shot_map import (
     as_signal,
     load_map,
 )
-from truearc.robot.config.toml_text import make_toml
 from truearc.robot.config.unit_table import MOTOR, factor_of, own_unit
 from truearc.sim.data.importers.logged_shots import Reading
 from truearc.sim.data.importers.recognise import (

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError
 from truearc.robot.config.shot_map import NOT_MARKED, SCHEMA, OutcomeKeys, ShotMap, Signal
 from truearc.robot.config.unit_table import MOTOR, UNITS, WHEEL, own_unit, unit_in, unit_of
 from truearc.sim.data.columns import SIDES, parse_number

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset
 
 

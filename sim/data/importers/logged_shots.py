@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError
 from truearc.robot.config.shot_map import MARKS, NOT_MARKED, ShotMap, Signal, as_signal, plain
 from truearc.robot.config.unit_table import MOTOR, WHEEL, factor_of, own_unit, unit_in
 from truearc.sim.data.importers.find_shots import FoundShots, find_shots, silences, spikes

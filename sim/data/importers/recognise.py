@@ -5,8 +5,8 @@ from collections.abc import Iterable, Mapping, Set
 
 import numpy as np
 
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError
 from truearc.robot.config.shot_map import MARKS, NOT_MARKED
 from truearc.robot.config.unit_table import MOTOR, factor_of, own_unit, unit_in
 from truearc.sim.data.columns import RANGES, SAID_OF_SHOTS, SPELLINGS

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError, load_bytes
+from truearc.errors import InputError, load_bytes
 from truearc.sim.data.columns import parse_number
 from truearc.sim.data.model import Floats
 from truearc.sim.data.table import Cell, RawTable, gathered, load_table

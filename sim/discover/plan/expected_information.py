@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
 from truearc.sim.discover.plan.detectability import Sight, sight_of
 from truearc.sim.discover.settings import LEVELS, SEASON_SHOTS

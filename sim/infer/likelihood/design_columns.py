@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float, Int
 
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig, Tracker
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.likelihood.belief_prior import bent, inform, may_have_moved

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.physics.catalogue import Catalogue, find_terms
 
 

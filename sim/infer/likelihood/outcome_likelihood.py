@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.special import ndtr
 
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Target
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.likelihood.noise import HEIGHT_M, LAPSE, SLIP_M
 from truearc.sim.physics.simulate import MISS, THREE, TWO

@@ -6,8 +6,8 @@ import msgspec
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Believe, Noise, Rig
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import SPIN_VECTOR
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.data.dataset import Dataset, Shots

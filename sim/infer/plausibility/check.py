@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import DENSEST_KG_M3, MOST, Rig, too_large
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import SPIN_VECTOR
 from truearc.sim.data.model import Dataset, Floats, Shots
 from truearc.sim.infer.plausibility.flaw import LENGTHS, TRACKS, Flaw

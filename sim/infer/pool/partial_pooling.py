@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats import halfnorm
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.infer.belief import launcher_of
 from truearc.sim.infer.likelihood.belief_prior import MOVES, own_slope
 from truearc.sim.infer.likelihood.noise import WEAKER

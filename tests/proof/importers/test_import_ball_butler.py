@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import truearc.cli.main as truearc
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import load_dataset
 from truearc.sim.infer.plausibility.check import check_plausible
 from truearc_proof.importers.ball_butler import RIG, import_ball_butler

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.stats import spearmanr
 
 import truearc.cli.main as truearc
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import load_dataset
 from truearc_proof.importers.ball_drops import import_ball_drops
 

@@ -14,7 +14,7 @@ import pytest
 import truearc.cli.main as truearc
 from tests.proof.importers.test_import_ball_drops import good, write
 from tests.sim.same_dataset import assert_same
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc_proof.importers.ball_drops import import_ball_drops
 
 HEADER = ("Drop #", "Time (s)", "Height (m)", "Smoothed velocity (m/s)")

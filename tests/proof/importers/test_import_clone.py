@@ -12,7 +12,7 @@ import pytest
 
 import truearc.cli.main as truearc
 from tests.proof.importers.test_import_set_points import HISTORY, config, write
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset
 from truearc_proof.importers.frc_3476 import FILE
 from truearc_proof.importers.set_points import import_3476

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import truearc.cli.main as truearc
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import load_dataset
 from truearc_proof.importers.mpi import LAUNCH_COLUMNS, TRACK_COLUMNS, import_mpi
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import truearc.cli.main as truearc
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import load_dataset
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import launch_of

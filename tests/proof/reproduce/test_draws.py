@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import Shots
 from truearc_proof.reproduce.draws import _even, draw
 from truearc_proof.reproduce.settings import Settings, quick

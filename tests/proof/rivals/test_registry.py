@@ -3,7 +3,7 @@
 import pytest
 
 from benchmarks.field_table import claim_of
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc_proof.rivals import registry as entrants
 
 FINDING = {"mismatch": {"found": True, "p_value": 0.001}, "verdict": "set",

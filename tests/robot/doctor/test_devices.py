@@ -11,6 +11,7 @@ from msgspec.structs import replace
 from tests.hw.spinning_plant import SpinningPlant
 from tests.robot.good_tick import CONFIG
 from truearc.cli.robot.doctor_checks import look_at_bus
+from truearc.errors import InputError
 from truearc.hw.devices.canandmag.emulator import CanandmagNode
 from truearc.hw.devices.family import listen
 from truearc.hw.devices.odrive.emulator import SETTINGS, OdriveNode, OdriveSettings
@@ -20,7 +21,6 @@ from truearc.hw.finding import FAILURE, OK, WARNING
 from truearc.hw.frc import CONTROLLER_HEARTBEAT, locked_spark
 from truearc.hw.protocols import Frame, LinkLost
 from truearc.hw.real.can_bus import open_can
-from truearc.robot.config.schema import InputError
 from truearc.robot.doctor.devices import load_endpoints
 from truearc_proof.world.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
 

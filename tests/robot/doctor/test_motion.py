@@ -17,6 +17,7 @@ from tests.robot.sparks import ALL_SPARK, only_advice
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.cli.robot import doctor_checks, doctor_move
+from truearc.errors import InputError
 from truearc.hw.codec import load_codec
 from truearc.hw.devices.button_box.emulator import open_button_box
 from truearc.hw.devices.canandmag.frames import frame_id
@@ -28,7 +29,7 @@ from truearc.hw.emulated.pty_cable import PtyCable
 from truearc.hw.emulated.slcan_adapter import SlcanAdapter
 from truearc.hw.finding import FAILURE, OK, WARNING, Finding, failure
 from truearc.hw.real.clock import MonotonicClock
-from truearc.robot.config.schema import InputError, load_config
+from truearc.robot.config.schema import load_config
 from truearc.robot.doctor.motion import COAST_S, SmallMotion, plan
 from truearc.robot.doctor.moved import check_motion
 from truearc.robot.rig import HardwareRig

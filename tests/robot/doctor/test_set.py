@@ -12,12 +12,12 @@ from tests.hw.spinning_plant import SpinningPlant
 from tests.robot.good_tick import CONFIG
 from tests.robot.sparks import ALL_SPARK
 from truearc.cli.main import main
+from truearc.errors import InputError
 from truearc.hw.devices.family import Endpoints
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.emulated.clock import StepClock
 from truearc.hw.emulated.emulated_robot import Twin
 from truearc.hw.real.can_bus import open_can
-from truearc.robot.config.schema import InputError
 from truearc.robot.doctor.stored import check_stored, set_stored, stored_of
 from truearc.sim.world.emulated_robot import make_nodes
 

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from onnx import TensorProto, helper, numpy_helper
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.robot.gate import contract, trial
 from truearc.robot.gate import model as gate_model
 from truearc.robot.gate.model import NO_RATING, Gate, load_gate

@@ -15,7 +15,7 @@ import zstandard
 from mcap.writer import CompressionType, Writer
 
 from truearc.cli.main import main
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.robot.recording.candump import parse_candump
 from truearc.robot.recording.chunks import LARGEST
 from truearc.robot.recording.files import MOST_PIXELS, load_image, load_pictures

@@ -10,8 +10,8 @@ from msgspec.structs import replace
 
 from benchmarks.kill import kill_once
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
+from truearc.errors import InputError
 from truearc.hw.protocols import CameraFrame
-from truearc.robot.config.schema import InputError
 from truearc.robot.reasons import DISK_ERROR, DISK_FULL, DISK_UNRESPONSIVE, IMAGE_NOT_ENCODED, NOT_RECORDING
 from truearc.robot.recording import files
 from truearc.robot.recording.append_file import Appender

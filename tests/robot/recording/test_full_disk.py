@@ -11,7 +11,7 @@ from tests.robot.good_tick import CONFIG, good_memory
 from tests.robot.recording.test_encoder import MS, kept_cycles, open_writer, play, ticks
 from truearc.cli.robot.run_processes import RecorderProcess
 from truearc.cli.robot.run_robot import make_room
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.robot.operator_ui.aim_orders import AimOrders
 from truearc.robot.operator_ui.what_if import QuestionError
 from truearc.robot.reasons import DISK_FULL, NOT_RECORDING

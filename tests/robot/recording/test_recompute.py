@@ -12,8 +12,9 @@ from tests.robot.recording.conftest import CONFIG
 from tests.robot.test_rig import UNPLUGGED, Blind, Stream, Time, Wire
 from truearc import robot
 from truearc.cli.main import main
+from truearc.errors import InputError
 from truearc.hw.protocols import Frame
-from truearc.robot.config.schema import InputError, load_config
+from truearc.robot.config.schema import load_config
 from truearc.robot.reasons import BAD_FRAME, CAN_LOST, IMAGE_DARK
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter

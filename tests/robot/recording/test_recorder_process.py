@@ -22,10 +22,10 @@ from tests.robot.test_run_door import CONFIG as SHIPPED
 from tests.robot.test_run_door import Box
 from truearc.cli.main import main
 from truearc.cli.robot.run_processes import RecorderProcess
+from truearc.errors import InputError
 from truearc.hw.fault_codes import PROCESS_ENDED, PROCESS_KILLED
 from truearc.hw.protocols import CameraFrame, Frame
 from truearc.hw.real.clock import MonotonicClock
-from truearc.robot.config.schema import InputError
 from truearc.robot.processes import recorder_client as far_keeper
 from truearc.robot.reasons import DISK_ERROR, RECORDER_UNRESPONSIVE
 from truearc.robot.recording.encoder import MARKING_NS, SessionWriter

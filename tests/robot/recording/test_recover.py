@@ -11,7 +11,7 @@ from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 
 from truearc.cli.main import main
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.robot.recording.append_file import Appender
 from truearc.robot.recording.candump import parse_candump
 from truearc.robot.recording.files import TickFile, load_pictures

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.sim.data.files import FACTS, write
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.robot.config.shot_map import SCHEMA, Detection, OutcomeKeys, ShotMap, Signal
 from truearc.robot.recording.export.wpilog import WpilogWriter, make_payload
 from truearc.sim.data.importers.any_team import import_shots

@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.sim.data.files import GOOD, HEADER, RIG, write
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import hash_dataset, load_dataset
 
 

@@ -11,7 +11,8 @@ from msgspec.structs import replace
 import truearc as ta
 from truearc import robot
 from truearc.cli.main import main
-from truearc.robot.config.schema import InputError, load_config
+from truearc.errors import InputError
+from truearc.robot.config.schema import load_config
 from truearc.robot.recording.session import TRIALS, load_trials
 from truearc.sim.data.dataset import load_dataset, save_dataset
 from truearc.sim.data.recordings import shots_from_sessions

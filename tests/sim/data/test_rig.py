@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tests.sim.data.files import FACTS, GOOD, HEADER, RIG, write
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import load_dataset, load_rig, save_rig
 
 

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.sim.data.files import FACTS
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Wheel
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks, load_dataset, save_dataset
 
 WORDS = st.text(alphabet=st.characters(codec="utf-8", exclude_characters="\x00"), max_size=8)

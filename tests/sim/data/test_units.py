@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import truearc as ta
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset, load_dataset, load_rig
 from truearc.sim.physics.simulate import require
 

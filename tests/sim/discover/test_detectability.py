@@ -13,8 +13,8 @@ from scipy.stats import multivariate_normal, norm
 
 from tests.sim.discover.synthetic import make_linear, shared, term
 from tests.sim.discover.worlds import FACTS, World, fly, make_outcomes, plane_heights
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig, Target
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.plan.detectability import TAKEN, Sight, TermIdentifiability, sight_of

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.infer.likelihood.external_measurements import Measurement, column_of, nats_measured, read_measured
 from truearc_proof.scoring.score_finding import PARAMETER
 

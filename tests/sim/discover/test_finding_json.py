@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.discover.finding import load_record, make_json
 
 GOLDEN = sorted((Path(__file__).parents[2] / "golden" / "reference").glob("finding-*/finding.json"))

@@ -10,7 +10,7 @@ import pytest
 
 from tests.sim.discover.odd_rigs import make_drops, make_three_wheels
 from tests.sim.few_terms import few_terms
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset, Shots, join_datasets
 from truearc.sim.discover.finding import FindingRecord, make_json
 from truearc.sim.discover.investigate import Investigation, discover

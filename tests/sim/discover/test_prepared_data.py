@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.sim.discover.mixed import FLOWN, LANDED, MEASURED, SHOTS, THROWN, make_mixed
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
 from truearc.sim.infer.likelihood.forward_model import DEVIATES
 from truearc.sim.infer.likelihood.prepared_data import FEWEST_SHOTS, Intake, take_in

@@ -12,7 +12,7 @@ import pytest
 from tests.sim.few_terms import few_terms
 from tests.sim.thin import thinned
 from truearc.api.discovery import _check_since
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.importers.imported import doubts_of, only
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.detect.localization import locate

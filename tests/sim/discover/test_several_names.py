@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import truearc as ta
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.discover.adopt import make_belief, with_own_priors

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import Shots
 from truearc.sim.gate.train import outcome_classes_of
 

@@ -8,7 +8,7 @@ import pytest
 
 from tests.sim.gate.worlds import BELIEF, TRUTH, make_shots
 from tests.sim.infer.independent import configurations, fired, heights, outcomes, rig
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.gate.gate_text import tell_heldout, tell_residual, tell_too_few
 from truearc.sim.gate.model import MODEL_FILE, PhysicsGate, load_physics_gate, physics_of, save_physics_gate

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.infer.belief import Belief, draw, load_belief, point_belief
 
 NAMES = ("drag.cd", "exit_efficiency.loss", "magnus.cl", "scatter.speed")

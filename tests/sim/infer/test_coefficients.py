@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.infer.belief import load_belief, point_belief
 
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)

@@ -8,8 +8,8 @@ import pytest
 from msgspec.structs import replace as replace_struct
 
 from tests.sim.physics.rigs import GUPPY
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Noise
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.detect.covariates import smooth_shapes, spline_knots
 from truearc.sim.infer.belief import Belief, draw, load_belief, point_belief, replace_values

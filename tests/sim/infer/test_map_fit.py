@@ -11,8 +11,8 @@ import truearc.sim.infer.baseline_fit
 from tests.sim.infer.independent import CENTRE_M, Truth, heights, make_dataset, make_tracks
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Tracker
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
 from truearc.sim.infer.advise import KINDS, advise
 from truearc.sim.infer.crossval import cross_validate

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 from scipy.stats import norm
 
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Target
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.likelihood import outcome_likelihood as outcomes
 from truearc.sim.infer.likelihood.noise import LAPSE

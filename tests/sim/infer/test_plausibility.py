@@ -13,8 +13,8 @@ from msgspec.structs import replace as changed
 import truearc as ta
 from tests.sim.infer.foam import GEARED, WHEELS, ball, by_motor, faster, numbers, season, tracks, wheels
 from truearc.cli.main import main
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Target, Tracker, Wheel
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, load_dataset
 from truearc.sim.data.save import save_dataset
 from truearc.sim.infer.belief import point_belief

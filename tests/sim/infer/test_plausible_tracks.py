@@ -10,7 +10,7 @@ from msgspec.structs import replace as changed
 
 import truearc as ta
 from tests.sim.infer.foam import RIG, fly, numbers, scaled, tracks
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
 from truearc.sim.infer.plausibility.check import check_plausible
 from truearc.sim.infer.plausibility.tracks import measure_motion

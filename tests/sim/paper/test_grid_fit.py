@@ -5,7 +5,7 @@ import pytest
 
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import Shots
 from truearc.sim.paper.grid_fit import fit_grid, make_axis, map_deviation
 from truearc.sim.paper.score import score

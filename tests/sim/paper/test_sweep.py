@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.sim.training_rows import REAL, SIMULATED, sigmoid, some_rows
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.paper.network import Layers, initial_layers, logits
 from truearc.sim.paper.settings import Recipe
 from truearc.sim.paper.sweep import Job, Trained, batches_per_epoch, make_decks, pack, train_many, unpack

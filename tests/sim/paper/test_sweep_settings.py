@@ -12,8 +12,8 @@ from scipy.stats import ttest_1samp
 
 import truearc.cli.main as truearc
 from tests.sim.training_rows import some_rows
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Ball, Rig
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots, save_dataset
 from truearc.sim.paper.network import load_weights
 from truearc.sim.paper.sweep_settings import (

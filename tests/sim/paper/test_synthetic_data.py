@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target, Wheel
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import point_belief
 from truearc.sim.paper.synthetic_data import (

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import truearc.cli.main as truearc
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Noise, Rig, Target, Wheel
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import load_dataset, save_rig
 from truearc.sim.infer.belief import Belief, draw, point_belief
 from truearc.sim.paper import synthetic_shots

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.sim.training_rows import REAL, sigmoid
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import Shots
 from truearc.sim.paper.network import Layers, Network, initial_layers, probabilities
 from truearc.sim.paper.training import Rows, accuracy, cross_entropy, domain_of, mean_loss, split_heldout, training_rows

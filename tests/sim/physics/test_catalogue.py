@@ -12,7 +12,7 @@ from tests.sim.physics.own import Flex
 from tests.sim.physics.rigs import GUPPY
 from tools.term_table import BEGIN, END, put_tables
 from truearc import sim
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.dataset import Shots
 from truearc.sim.physics.catalogue import (
     BUILT_IN,

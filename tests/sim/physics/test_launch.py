@@ -5,7 +5,7 @@ import pytest
 
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY, with_wheels
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.physics.launch import exit_no_slip
 from truearc_proof.reproduce.paper import exit_seed
 

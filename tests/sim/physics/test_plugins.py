@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.sim.physics import own
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.physics.catalogue import TERMS, Catalogue
 from truearc.sim.physics.plugins import terms_of_distributions, terms_of_file
 from truearc.sim.physics.term import LaunchTerm, Term

@@ -6,7 +6,7 @@ import pytest
 
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY, with_wheels
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.data.dataset import Shots
 from truearc.sim.physics.catalogue import flight_terms

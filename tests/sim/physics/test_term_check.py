@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from tests.sim.physics.own import Flex
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.physics.catalogue import TERMS
 from truearc.sim.physics.term import (
     Exit,

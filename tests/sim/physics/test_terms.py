@@ -18,7 +18,7 @@ from tests.sim.physics.hooks import (
     untouched,
 )
 from tests.sim.physics.rigs import GUPPY
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.physics.catalogue import (
     TERMS,

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tests.sim.sysid.wheel import TRUTH, stair_record
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.sysid.fit import NORMAL90, fit_law, fit_motion, line
 from truearc.sim.sysid.motion import Law, Record, cut, find_runs
 from truearc.sim.sysid.solve import fit_least_squares, jackknife_covariance

@@ -7,7 +7,7 @@ import pytest
 
 from tests.sim.sysid.wheel import TRUTH, stair_record
 from truearc.cli.main import main
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.report import make_png
 from truearc.sim.sysid.fit import fit_law
 from truearc.sim.sysid.html_report import draw_fit, make_fit_page

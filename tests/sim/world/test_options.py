@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.sim.world.options import Options, load_options
 
 

@@ -12,9 +12,8 @@ import sys
 import truearc as ta
 from truearc.cli import common
 from truearc.cli.outputs import out_file
-from truearc.robot.config.schema import about
+from truearc.errors import about, save_whole
 from truearc.robot.config.unit_table import CONVERTED
-from truearc.robot.config.whole_file import save_whole
 
 EXAMPLE = "truearc aim belief.toml --rig rig.toml --distances 2:7:0.25 --picture aim.png"
 FORMATS = ("text", "csv", "json", "java", "cpp", "java-6328", "java-254", "csv-2928", "json-3476")

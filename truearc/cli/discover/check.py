@@ -9,7 +9,7 @@ from pathlib import Path
 
 import truearc as ta
 from truearc.cli.common import add_accept, listed, make_progress, number
-from truearc.robot.config.schema import about
+from truearc.errors import about
 
 EXAMPLE = "truearc check shots/"
 

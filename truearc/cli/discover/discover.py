@@ -12,7 +12,7 @@ from pathlib import Path
 import truearc as ta
 from truearc.cli import common
 from truearc.cli.outputs import out_file
-from truearc.robot.config.schema import about
+from truearc.errors import about
 from truearc.sim.discover.settings import FALSE_ALARM, check_chances
 
 LIKELY = 0.1                          # probability of a name, from which it is compared with its measurement

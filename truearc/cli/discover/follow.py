@@ -33,8 +33,8 @@ from truearc.cli.common import (
 )
 from truearc.cli.discover.aim import parse_distances
 from truearc.cli.outputs import OutFolder
+from truearc.errors import about, load_bytes, naming
 from truearc.robot.aim_file import LONGEST_NOTE
-from truearc.robot.config.schema import about, load_bytes, naming
 from truearc.sim.discover.settings import FALSE_ALARM, check_chances
 
 if TYPE_CHECKING:

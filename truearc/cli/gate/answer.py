@@ -9,7 +9,8 @@ import sys
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from truearc.robot.config.schema import Config, InputError
+from truearc.errors import InputError
+from truearc.robot.config.schema import Config
 
 NICE = 10                             # a ninth of the time of others that want the same core
 

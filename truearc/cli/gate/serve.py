@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from truearc.cli.common import SHIPPED, number
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 
 if TYPE_CHECKING:
     from truearc.robot.operator_ui.server import PageServer

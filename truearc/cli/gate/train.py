@@ -10,7 +10,7 @@ import sys
 import truearc as ta
 from truearc.cli.common import add_accept, make_progress, number
 from truearc.cli.outputs import WEIGHTS, OutFolder, out_file
-from truearc.robot.config.whole_file import save_whole
+from truearc.errors import save_whole
 
 EXAMPLE = "truearc train --real shots/ --coefficients coefficients.toml -o weights/"
 

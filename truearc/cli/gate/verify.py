@@ -11,8 +11,8 @@ from pathlib import Path
 
 import truearc as ta
 from truearc.cli.common import load_any_rig, refuse
+from truearc.errors import load_bytes
 from truearc.model_export.tolerances import NETWORK_TOLERANCE, PHYSICS_TOLERANCE
-from truearc.robot.config.schema import load_bytes
 
 EXAMPLE = "truearc verify gate.onnx --weights weights/ --data shots/"
 PROGRESS = False

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import truearc as ta
 from truearc.cli.common import add_accept, fixed, make_progress
 from truearc.cli.outputs import out_file
-from truearc.robot.config.whole_file import save_whole
+from truearc.errors import save_whole
 from truearc.sim.paper.settings import STEP
 
 if TYPE_CHECKING:

@@ -11,6 +11,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from truearc.cli.robot.run_robot import Ending, make_room
+from truearc.errors import InputError
 from truearc.hw.real.clock import MonotonicClock, wall_clock, wall_offset_ns
 from truearc.robot.advice.advice_io import AdviceIo, Adviser, advised_columns
 from truearc.robot.advice.nt_camera import NtCamera, keys_of_camera
@@ -20,7 +21,7 @@ from truearc.robot.advice.nt_velocity import NtVelocity, keys_of_velocity
 from truearc.robot.advice.tick import POLICY, step
 from truearc.robot.aim_file import load_aim_for
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import AimConfig, Config, InputError, load_config
+from truearc.robot.config.schema import AimConfig, Config, load_config
 from truearc.robot.config.shot_map import ShotMap, as_signal, load_map
 from truearc.robot.gate.model import load_gate
 from truearc.robot.recording.encoder import SessionWriter

@@ -14,7 +14,8 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from truearc.robot.config.schema import InputError, load_config, load_text
+from truearc.errors import InputError, load_text
+from truearc.robot.config.schema import load_config
 from truearc.robot.deploy.install import Parts, make_parts
 from truearc.robot.deploy.source import copy_folder, copy_source
 from truearc.robot.deploy.texts import CONFIG, INSTALL, RECORDING, make_config, make_files

@@ -14,6 +14,7 @@ import msgspec
 
 from truearc.cli.common import SHIPPED
 from truearc.cli.robot.doctor_move import check_move, move_robot
+from truearc.errors import InputError
 from truearc.hw.devices.family import Endpoints, listen
 from truearc.hw.finding import FAILURE, WARNING, Finding, failure, line
 from truearc.hw.machine import CanLink
@@ -26,7 +27,7 @@ from truearc.hw.real.realtime import rehearse
 from truearc.hw.real.serial_port import open_serial
 from truearc.robot.advice.advice_io import Scaled, scaled_columns
 from truearc.robot.advice.nt_keys import NtKeys, Reading
-from truearc.robot.config.schema import Config, InputError, load_config
+from truearc.robot.config.schema import Config, load_config
 from truearc.robot.config.shot_map import as_signal, load_map
 from truearc.robot.doctor import devices, senses
 from truearc.robot.doctor.network import HeardKeys, check_network, check_tags, keys_wanted

@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import msgspec
 
+from truearc.errors import about
 from truearc.hw.protocols import CameraFrame, Clock, LinkLost
 from truearc.hw.real.camera import open_camera
 from truearc.hw.real.child_process import Child, Line, make_shared
@@ -18,7 +19,7 @@ from truearc.hw.real.reconnect import MendedCamera
 from truearc.hw.shared_latest import Capacity, Slots
 from truearc.robot.advice.nt_camera import OwnNtCamera
 from truearc.robot.advice.nt_velocity import OwnNtVelocity, Velocity
-from truearc.robot.config.schema import Config, RecordingConfig, about
+from truearc.robot.config.schema import Config, RecordingConfig
 from truearc.robot.operator_ui.screens import OpenScreen, Screen, with_screen
 from truearc.robot.processes.recorder import NEWS, Desk
 from truearc.robot.processes.recorder_client import FarKeeper

@@ -15,6 +15,7 @@ from types import FrameType
 
 from truearc.cli.gate.answer import make_command
 from truearc.cli.robot.run_processes import LAYOUTS, ProcessLayout
+from truearc.errors import InputError, about
 from truearc.hw.protocols import Bus, Clock, LinkLost, Stream
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock, wall_clock, wall_offset_ns
@@ -28,7 +29,7 @@ from truearc.robot.advice.nt_publisher import open_publisher
 from truearc.robot.aim_file import AimFile, load_aim_for, needs_aim
 from truearc.robot.config.can_policy import guard
 from truearc.robot.config.port_options import with_ports
-from truearc.robot.config.schema import Config, InputError, about, load_config
+from truearc.robot.config.schema import Config, load_config
 from truearc.robot.config.shot_plan import load_plan, with_plan
 from truearc.robot.gate.model import load_gate
 from truearc.robot.motors import make_motors

@@ -17,7 +17,8 @@ from msgspec.structs import replace
 import truearc
 from truearc.cli.common import SHIPPED, make_progress, number, origin_of, refuse, write_out
 from truearc.cli.outputs import out_file
-from truearc.robot.config.schema import Config, InputError, load_config
+from truearc.errors import InputError
+from truearc.robot.config.schema import Config, load_config
 from truearc.robot.sysid.program import FLYWHEEL, HOOD
 
 if TYPE_CHECKING:

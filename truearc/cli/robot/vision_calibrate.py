@@ -9,7 +9,7 @@ import argparse
 
 from truearc.cli.common import number, refuse
 from truearc.cli.outputs import out_file
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 
 EXAMPLE = "truearc vision-calibrate --distances taped.csv --camera camera.toml -o camera-here.toml"
 SMALLEST_M = 1e-6                     # of a standard deviation

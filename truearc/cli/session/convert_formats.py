@@ -10,7 +10,7 @@ from typing import BinaryIO
 
 from truearc.cli.common import catalogue_of, make_progress, refuse
 from truearc.cli.outputs import refuse_file
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 from truearc.robot.recording.export import convert as exports
 from truearc.robot.recording.export.convert import TRIAL_COLUMNS, ExportRows
 from truearc.robot.recording.export.field_pose import in_target_frame

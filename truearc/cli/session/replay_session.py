@@ -4,7 +4,8 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from truearc.robot.config.schema import InputError, load_config
+from truearc.errors import InputError
+from truearc.robot.config.schema import load_config
 from truearc.robot.gate.model import load_gate
 from truearc.robot.reasons import texts
 from truearc.robot.recording.export.tabular import Value

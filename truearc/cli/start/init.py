@@ -9,7 +9,7 @@ from pathlib import Path
 
 from truearc.cli.common import SHIPPED, write_out
 from truearc.cli.outputs import OutFolder, out_file
-from truearc.robot.config.schema import InputError
+from truearc.errors import InputError
 
 EXAMPLE = "truearc init my_shots"
 PROGRESS = False

@@ -14,9 +14,9 @@ from truearc.cli.common import make_progress, print_or_write
 from truearc.cli.robot.vision_tools.camera_file import load_camera, load_labels
 from truearc.cli.robot.vision_tools.images import load_image
 from truearc.cli.robot.vision_tools.measure import why_not
+from truearc.errors import InputError, make_toml
 from truearc.hw.protocols import CameraFrame
-from truearc.robot.config.schema import CameraConfig, CameraFile, InputError
-from truearc.robot.config.toml_text import make_toml
+from truearc.robot.config.schema import CameraConfig, CameraFile
 from truearc.robot.vision import board as boards
 from truearc.robot.vision import detect
 from truearc.robot.vision.taped import LEAST, TapedFit, fit_taped

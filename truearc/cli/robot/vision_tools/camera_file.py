@@ -6,8 +6,9 @@ import re
 from pathlib import Path
 
 from truearc.cli.common import SHIPPED
+from truearc.errors import InputError, load_text, naming, number_in
 from truearc.robot.config.limits import warn_of_pitch
-from truearc.robot.config.schema import CameraFile, Config, InputError, load_text, load_toml, naming, number_in
+from truearc.robot.config.schema import CameraFile, Config, load_toml
 
 CAMERAS = SHIPPED.parent / "cameras"
 

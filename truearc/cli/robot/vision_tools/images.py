@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from truearc.robot.config.schema import InputError, in_words, load_bytes
+from truearc.errors import InputError, in_words, load_bytes
 
 MAX_PIXELS = 50_000_000               # of an image; no webcam is near it, and a header may claim anything
 MAX_BYTES = 4 * MAX_PIXELS + 65_536   # of a file: that image without compression, with opacity, and its header

@@ -10,8 +10,9 @@ import numpy as np
 from truearc.cli.common import make_progress
 from truearc.cli.robot.vision_tools.camera_file import load_camera, load_labels
 from truearc.cli.robot.vision_tools.images import load_image
+from truearc.errors import InputError
 from truearc.hw.protocols import CameraFrame
-from truearc.robot.config.schema import CameraFile, InputError
+from truearc.robot.config.schema import CameraFile
 from truearc.robot.reasons import text
 from truearc.robot.types import Sighting
 from truearc.robot.vision import find_target

@@ -23,13 +23,11 @@ from msgspec.structs import replace
 from truearc.cli.robot.vision_tools.camera_file import load_camera
 from truearc.cli.robot.vision_tools.images import load_image
 from truearc.cli.robot.vision_tools.measure import why_not
+from truearc.errors import InputError, make_toml, reworded, save_whole
 from truearc.hw.protocols import Camera, CameraFrame, LinkLost
 from truearc.hw.real.camera import open_camera
 from truearc.hw.real.clock import MonotonicClock
-from truearc.robot.config.schema import CameraFile, InputError, Vision
-from truearc.robot.config.toml_errors import reworded
-from truearc.robot.config.toml_text import make_toml
-from truearc.robot.config.whole_file import save_whole
+from truearc.robot.config.schema import CameraFile, Vision
 from truearc.robot.operator_ui.serving import LocalHandler, LocalServer
 from truearc.robot.vision import detect
 from truearc.robot.vision.drawing import draw_mask, draw_regions
