@@ -105,7 +105,8 @@ class Agreement:
         told, turned = (last.angle_rad - first.angle_rad) / span_s, (last.position_rad - first.position_rad) / span_s
         speeds = [one.velocity_rad_s for one in self._told]
         slower = abs(last.velocity_rad_s) < abs(first.velocity_rad_s)     # stamps count more than what is turned
-        lag = (max(speeds) - min(speeds)) * (LAG_S if slower else self._lag_s) / span_s
+        lag_s = LAG_S if slower else 0.0 if abs(told) > abs(turned) else self._lag_s      # a filter runs behind
+        lag = (max(speeds) - min(speeds)) * lag_s / span_s
         grain = GRAIN * (abs(first.position_rad) + abs(last.position_rad)) / span_s
         allowed = SLACK_RAD_S + SHARE * max(abs(told), abs(turned)) + lag + grain
         return None if abs(told - turned) <= allowed else (told, turned)
