@@ -227,7 +227,8 @@ def _wheels(inputs: Inputs, wanted_rad_s: float, joint: Joint, asked_nm: float,
     peak, free = joint.peak_rad_s, config.rig.launcher.free_speed_rad_s or math.inf
     if max(fastest, -slowest) > FREE_SPEED * free:
         return joint, because.JOINT_OVERSPEED(joint=WHEELS, speed_rad_s=fastest, factor=FREE_SPEED, top_rad_s=free)
-    if fastest > OVERSPEED * peak and (asked_nm != 0.0 or _is_driven(inputs, config)):
+    if fastest > OVERSPEED * peak and (asked_nm != 0.0 or _is_driven(inputs, config)
+                                       or slowest > joint.push_rad_s + BACKWARDS * peak):
         return joint, because.JOINT_OVERSPEED(joint=WHEELS, speed_rad_s=fastest, factor=OVERSPEED, top_rad_s=peak)
     if joint.push and slowest < min(joint.push * joint.push_rad_s, 0.0) - BACKWARDS * peak:
         return joint, because.JOINT_BACKWARDS(joint=WHEELS)
@@ -393,10 +394,14 @@ def _with_push(joint: Joint, asked_nm: float, speed_rad_s: float, told_t_ns: int
     """Note the speed at which the torque took its sign: from there it must not move further against the torque.
 
     Until the torque can show in the readings, what they say is still that speed; afterwards what it has gained counts.
+    Without torque it only slows down.
     """
     push = (asked_nm > 0.0) - (asked_nm < 0.0)
     if push != joint.push:
         return replace(joint, push=push, push_rad_s=speed_rad_s, push_t_ns=t_ns)
+    if not push:
+        late = told_t_ns < joint.push_t_ns + LAG_NS and speed_rad_s > joint.push_rad_s
+        return replace(joint, push_rad_s=speed_rad_s) if late else joint
     gained = push * (speed_rad_s - joint.push_rad_s)
     if (gained < 0.0 and told_t_ns < joint.push_t_ns + LAG_NS) or gained > 0.0 > push * joint.push_rad_s:
         return replace(joint, push_rad_s=speed_rad_s)
