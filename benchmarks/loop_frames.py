@@ -14,12 +14,10 @@ from collections import Counter
 from pathlib import Path
 
 from benchmarks.real_robot import ROOT
-from truearc.hw.emulated.serial_link import SocketCable, open_cable
-from truearc.hw.emulated.slcan_adapter import SlcanAdapter
+from truearc.hw.emulated.serial_link import SlcanAdapter, SocketCable, open_cable
 from truearc.hw.protocols import Bus, Frame, LinkLost
-from truearc.hw.real.can_bus import open_can
+from truearc.hw.real.can_bus import WAIT_S, SupervisedBus, open_can
 from truearc.hw.real.clock import MonotonicClock
-from truearc.hw.real.supervised_bus import WAIT_S, SupervisedBus
 
 BITRATE = 1_000_000
 NS_PER_S = 1_000_000_000

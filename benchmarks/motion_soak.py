@@ -23,8 +23,8 @@ from benchmarks.matrix.motion import FREE_RAD_S, GOOD_S, PLACE_M, SET_RAD_S, Tol
 from benchmarks.matrix.motion_rows import INTERLOCKS
 from benchmarks.matrix.moving import MovingWorld, make_sick_nodes
 from truearc.cli.common import SHIPPED
-from truearc.hw.devices.button_box.emulator import open_button_box
-from truearc.hw.emulated.clock import StepClock
+from truearc.hw.devices.button_box import open_button_box
+from truearc.hw.emulated.nodes import StepClock
 from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import Config, Prescribed, load_config
 from truearc.robot.runtime import run

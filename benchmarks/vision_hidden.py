@@ -13,8 +13,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from truearc.cli.common import SHIPPED
-from truearc.hw.emulated.imaging.camera import Stage
-from truearc.hw.emulated.imaging.lens import project
+from truearc.hw.emulated.camera import Stage, project
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.vision import detect
 from truearc.sim.world.emulated_vision import make_lens, make_tape

@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from truearc.hw.emulated.imaging.camera import NOTHING, Stage, outline_m
-from truearc.hw.emulated.imaging.lens import project
+from truearc.hw.emulated.camera import NOTHING, Stage, outline_m, project
 from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import CameraConfig, Config
 from truearc.sim.world.emulated_vision import make_lens, make_tape

@@ -57,7 +57,7 @@ class ButtonEvent(Struct, frozen=True):
 
     t_ns: int
     seq: int                          # counted by the box modulo 65536; a gap means lost presses
-    button: str                       # one of truearc.hw.devices.button_box.frames.BUTTONS
+    button: str                       # one of truearc.hw.devices.button_box.BUTTONS
 
 
 @dataclass(frozen=True)

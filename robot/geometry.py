@@ -2,7 +2,7 @@
 
 import math
 
-from truearc.hw.devices.axis import HoodEncoder
+from truearc.hw.devices.family import HoodEncoder
 from truearc.robot.config.schema import CameraConfig, Hood
 
 

@@ -3,8 +3,7 @@
 import math
 
 from truearc.errors import InputError
-from truearc.hw.devices.axis import Axis, Bounds
-from truearc.hw.devices.hood_encoder import Around
+from truearc.hw.devices.family import Around, Axis, Bounds
 from truearc.hw.devices.registry import family_of
 from truearc.hw.protocols import Motor
 from truearc.robot.config.schema import Config

@@ -9,8 +9,8 @@ from msgspec import UNSET
 from msgspec.structs import replace
 
 from truearc.hw import protocols as hw
-from truearc.hw.devices.button_box.frames import PressCount, parse_lines
-from truearc.hw.devices.hood_encoder import CHECK, Encoder
+from truearc.hw.devices.button_box import PressCount, parse_lines
+from truearc.hw.devices.family import CHECK, Encoder
 from truearc.hw.fault_codes import SPEED_JUMPED
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because

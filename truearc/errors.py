@@ -1,4 +1,4 @@
-"""The error of wrong input, and readers and writers of text and TOML whose messages name file, line and key.
+"""The errors of wrong input and of plug-ins; readers and writers of text and TOML that name file, line and key.
 
 All other modules may import this one, which imports nothing of truearc.
 """
@@ -13,11 +13,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 from msgspec import Struct
 from msgspec.structs import fields
+
+if TYPE_CHECKING:                     # slow to import
+    from importlib.metadata import EntryPoint
 
 MAX_LINE = 20_000                     # characters: longer ones take minutes to parse
 DEEP_KEY = re.compile(r"""(?:[\w"'-]+\s*\.\s*){16}""")     # no key of ours has as many parts; 9000 take half a minute
@@ -319,3 +322,31 @@ def line_of_key(text: str, key: str) -> str:
     """':line' of a dotted key, else of its table; '' where several tables have that name, or none has."""
     table = key.rpartition(".")[0]
     return line_of(text, f"`{key}`") if len(re.findall(rf"(?m)^\s*\[+\s*{re.escape(table)}\s*\]", text)) <= 1 else ""
+
+
+# --- entry points of installed distributions
+
+class PluginError(ValueError):
+    """An entry point cannot be used; the message names its distribution."""
+
+
+def distribution_of(point: "EntryPoint") -> str:
+    """Name and version of the distribution that declares it."""
+    return f"{point.dist.name} {point.dist.version}" if point.dist else "an unknown distribution"
+
+
+def place_of(point: "EntryPoint") -> str:
+    """Distribution, group, name and value, for messages."""
+    return f"{distribution_of(point)}: entry point {point.group}: {point.name} = {point.value}"
+
+
+def load_plugin(point: "EntryPoint") -> Any:
+    """Import what the entry point names.
+
+    Raises:
+        PluginError: it cannot be imported, whatever the reason.
+    """
+    try:
+        return point.load()
+    except Exception as error:
+        raise PluginError(f"{place_of(point)}: {type(error).__name__}: {error}; fix or uninstall it") from error

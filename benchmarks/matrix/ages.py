@@ -1,8 +1,8 @@
 """Which frames firing needs, and how old the newest of each may be: restated here, apart from the verdict's code."""
 
 from truearc.hw.codec import load_codec
-from truearc.hw.devices.axis import Axis
 from truearc.hw.devices.canandmag import frames as canandmag
+from truearc.hw.devices.family import Axis
 from truearc.hw.devices.odrive.family import OdriveConfig
 from truearc.robot.config.schema import Config
 

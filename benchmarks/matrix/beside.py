@@ -9,9 +9,8 @@ import cv2
 from benchmarks.matrix.pictures import Scenery, open_camera
 from truearc.cli.robot.run_processes import CLOSE_S, RecorderProcess, make_see
 from truearc.hw.protocols import Clock
-from truearc.hw.real.child_process import Child, Line, make_shared
 from truearc.hw.real.clock import MonotonicClock
-from truearc.hw.shared_latest import Capacity, Slots
+from truearc.hw.real.processes import Capacity, Child, Line, Slots, make_shared
 from truearc.robot.config.schema import Config
 from truearc.robot.processes.vision import FarEyes, make_room, watch
 from truearc.robot.recording.file_writers import Keeper

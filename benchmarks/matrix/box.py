@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from truearc.hw.devices.button_box.emulator import ButtonBox
+from truearc.hw.devices.button_box import ButtonBox
 from truearc.hw.emulated.serial_link import Cable, open_cable
 
 NOISE_NS = 20_000_000                 # between two lines of garbage, or two presses of a stuck button

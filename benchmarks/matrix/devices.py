@@ -20,8 +20,7 @@ from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.emulator import OdriveNode
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.emulator import SparkNode
-from truearc.hw.emulated.emulated_robot import Twin
-from truearc.hw.emulated.nodes import NEVER_NS
+from truearc.hw.emulated.nodes import NEVER_NS, Twin
 from truearc.robot.config.schema import Config
 from truearc.robot.motors import name_axes
 from truearc.robot.recording.candump import TappedBus

@@ -13,7 +13,7 @@ from benchmarks.matrix.spark_troubles import stray_frames
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.emulated.pty_cable import PtyCable
-from truearc.hw.emulated.slcan_adapter import SlcanAdapter
+from truearc.hw.emulated.serial_link import SlcanAdapter
 from truearc.hw.protocols import Clock, Frame, LinkLost
 from truearc.hw.real.can_bus import open_can
 

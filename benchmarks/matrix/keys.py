@@ -17,7 +17,7 @@ from benchmarks.matrix.breaking import Key
 from benchmarks.matrix.row import Row
 from benchmarks.matrix.signs import find
 from truearc.cli.common import SHIPPED
-from truearc.hw.emulated.clock import StepClock
+from truearc.hw.emulated.nodes import StepClock
 from truearc.robot.advice.advice_io import AdviceIo
 from truearc.robot.advice.nt_camera import NtCamera
 from truearc.robot.advice.nt_keys import Reading

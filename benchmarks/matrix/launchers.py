@@ -2,7 +2,7 @@
 
 from msgspec.structs import replace
 
-from truearc.hw.devices.advisory.family import AdvisoryConfig
+from truearc.hw.devices.advisory import AdvisoryConfig
 from truearc.hw.devices.spark.family import SparkConfig
 from truearc.robot.config.schema import Axes, Config
 

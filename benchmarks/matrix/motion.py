@@ -21,7 +21,7 @@ from benchmarks.matrix.moving import COLUMNS, NAMES, MovingWorld, make_sick_node
 from benchmarks.matrix.row import ITSELF, REARM, Row
 from benchmarks.matrix.span import Span
 from truearc.cli.common import SHIPPED
-from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.emulated.nodes import Twin
 from truearc.hw.protocols import CameraFrame, Clock
 from truearc.hw.reason import FAULT, Reason
 from truearc.robot.config.schema import Config, Prescribed, load_config

@@ -6,8 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from truearc.hw.emulated.imaging.camera import NOTHING, Image, Stage, outline_m
-from truearc.hw.emulated.imaging.lens import project
+from truearc.hw.emulated.camera import NOTHING, Image, Stage, outline_m, project
 from truearc.hw.fault_codes import CAMERA_ERROR
 from truearc.hw.protocols import CameraFrame, Clock, LinkLost
 from truearc.hw.real.camera import CameraThread

@@ -30,7 +30,7 @@ from benchmarks.matrix.row import DISARMS, REARM, Row
 from benchmarks.matrix.span import Span
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main as truearc
-from truearc.hw.emulated.clock import StepClock
+from truearc.hw.emulated.nodes import StepClock
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import Config, Prescribed, load_config
 from truearc.sim.world.device_server import keep_time

@@ -18,10 +18,8 @@ from benchmarks.matrix.wires import FlakyBus, StallingClock, StandingWall
 from truearc.cli.robot.run_processes import make_see
 from truearc.hw.protocols import Bus, CameraFrame, Clock, Stream
 from truearc.hw.protocols import Camera as CameraLink
-from truearc.hw.real.can_bus import CanBus, open_can
-from truearc.hw.real.reconnect import MendedCamera, MendedStream
-from truearc.hw.real.serial_port import open_serial
-from truearc.hw.real.supervised_bus import ROOM, WAIT_S, SupervisedBus
+from truearc.hw.real.can_bus import ROOM, WAIT_S, CanBus, SupervisedBus, open_can
+from truearc.hw.real.wires import MendedCamera, MendedStream, open_serial
 from truearc.robot.config.can_policy import guard
 from truearc.robot.config.schema import Config
 from truearc.robot.gate.model import Rating

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
-from truearc.hw.frc import CONTROLLER_HEARTBEAT
+from truearc.hw.devices.spark.frames import CONTROLLER_HEARTBEAT
 from truearc.hw.protocols import Frame
 
 FAULTS = {"sensor": 0x04, "too hot": 0x10, "gate driver": 0x20}

@@ -1,4 +1,4 @@
-"""An encoder that a motor controller of any MotorFamily reports as its position; the controller is never driven."""
+"""Hood encoders without a device of their own: a motor controller's encoder, and none at all."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -6,14 +6,26 @@ from collections.abc import Iterator, Mapping, Sequence
 from msgspec import Struct
 
 from truearc.hw import fault_codes as codes
-from truearc.hw.devices.axis import Axis, Bounds, Finite, HoodEncoder, Positive
-from truearc.hw.devices.bus_rules import Rules
-from truearc.hw.devices.family import AttachedMotor, AxisCheck, Heard
-from truearc.hw.devices.hood_encoder import CHECK, Around, Encoder, EncoderFamily
+from truearc.hw.bus_rules import Rules
+from truearc.hw.devices.family import (
+    CHECK,
+    Around,
+    AttachedMotor,
+    Axis,
+    AxisCheck,
+    Bounds,
+    Encoder,
+    EncoderFamily,
+    Finding,
+    Finite,
+    Heard,
+    HoodEncoder,
+    Positive,
+    ok,
+)
 from truearc.hw.devices.odrive.family import OdriveConfig
 from truearc.hw.devices.registry import family_of
 from truearc.hw.emulated.nodes import MotorTruth, Node, Plant
-from truearc.hw.finding import Finding
 from truearc.hw.protocols import AngleReading, Frame, Motor, MotorReading
 from truearc.hw.reason import Reason
 
@@ -109,3 +121,22 @@ MOTOR = EncoderFamily(
     driver="motor", table=MotorEncoderConfig, example=MotorEncoderConfig(OdriveConfig(6, 1, 0), 1.0),
     least_sigma_deg=SIGMA_DEG, make=lambda table, around: MotorEncoder(table), make_rules=make_rules,
     questions=questions, errors=errors_of, examine=examine, make_node=make_node)
+
+
+# Play of the nut, where the switch closes, and a jump of the count that is too small to show: nothing corrects them
+COUNT_SIGMA_DEG = 0.5
+
+
+class NoEncoder(Struct, HoodEncoder, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="none"):
+    """There is none, so nothing checks the count."""
+
+    @property
+    def is_heard(self) -> bool:
+        return False
+
+
+NONE = EncoderFamily(
+    driver="none", table=NoEncoder, example=NoEncoder(), least_sigma_deg=COUNT_SIGMA_DEG,
+    make=lambda table, around: Encoder(), make_rules=lambda table, each_tick: (), questions=lambda table: (),
+    examine=lambda table, around, heard: (ok(CHECK, "there is none: the screw's count since homing is not checked"),),
+    make_node=lambda table, plant, nodes: None)

@@ -3,11 +3,9 @@
 import math
 from collections import Counter
 
-from truearc.hw.devices.bus_rules import Rules
+from truearc.hw.bus_rules import WINDOW_NS, AllowedBus, MonitoredBus, Rules
 from truearc.hw.devices.registry import family_of
-from truearc.hw.monitor import MonitoredBus
 from truearc.hw.protocols import Bus, Clock
-from truearc.hw.tx_allowlist import WINDOW_NS, AllowedBus
 from truearc.robot.config.schema import Config
 from truearc.robot.hood_encoders import encoder_family_of
 from truearc.robot.motors import name_axes

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from truearc.errors import did_you_mean
-from truearc.hw.devices.axis import driver_of
+from truearc.hw.devices.family import driver_of
 from truearc.hw.devices.registry import family_of
 from truearc.robot.config.limit_table import out_of_range
 from truearc.robot.config.nt4 import nt4_errors

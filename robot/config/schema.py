@@ -20,7 +20,7 @@ from truearc.errors import (
     struct_in,
     unknown_keys,
 )
-from truearc.hw.devices.axis import Axis, Finite, HoodEncoder, Positive
+from truearc.hw.devices.family import Axis, Finite, HoodEncoder, Positive
 from truearc.robot.config.limits import cannot_throw, contradictions, warn_of_pitch, warn_of_terms
 from truearc.robot.config.nt4 import Nt4
 from truearc.robot.config.rig_spec import Rig, rig_errors
@@ -332,7 +332,7 @@ def read_axis(kind: type, table: Any) -> Axis | HoodEncoder:
 
 def table_struct(annotation: Any, table: Any) -> Any:
     """The struct of a field's table: by its annotation, or a device's by its driver; None where there is none."""
-    from truearc.hw.plugins import PluginError
+    from truearc.errors import PluginError
     if (plain := struct_in(annotation)) is not None:
         return plain
     driver = table.get("driver") if isinstance(table, dict) else None

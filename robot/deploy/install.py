@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from msgspec import Struct
 
 from truearc.errors import InputError
-from truearc.hw.devices.axis import driver_of
+from truearc.hw.devices.family import driver_of
 from truearc.robot.aim_file import needs_aim
 from truearc.robot.config.schema import Config
 

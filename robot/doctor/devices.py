@@ -7,16 +7,13 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from truearc.errors import InputError, about, load_text
-from truearc.hw.devices.axis import Axis
-from truearc.hw.devices.family import AxisCheck, Endpoints, Heard
-from truearc.hw.devices.hood_encoder import Encoder
+from truearc.hw.bus_rules import SHARE
+from truearc.hw.devices.family import WARNING, Axis, AxisCheck, Encoder, Endpoints, Finding, Heard, failure, ok, warning
 from truearc.hw.devices.odrive.doctor import parse_endpoints
 from truearc.hw.devices.registry import family_of
-from truearc.hw.finding import WARNING, Finding, failure, ok, warning
-from truearc.hw.frc import is_controller_heartbeat, locked_spark
-from truearc.hw.machine import CanLink
-from truearc.hw.monitor import SHARE
+from truearc.hw.devices.spark.frames import is_controller_heartbeat, locked_spark
 from truearc.hw.protocols import BadFrame, Frame, Motor, MotorReading
+from truearc.hw.real.system import CanLink
 from truearc.robot.aim_file import load_aim_for, needs_aim
 from truearc.robot.config.can_policy import NS_PER_S, make_rules
 from truearc.robot.config.schema import Can, Config, GateConfig

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from truearc.hw.devices.family import AxisCheck, Heard
+from truearc.hw.devices.family import FAILURE, AxisCheck, Finding, Heard, failure, ok, warning
 from truearc.hw.devices.registry import family_of
-from truearc.hw.finding import FAILURE, Finding, failure, ok, warning
 from truearc.hw.protocols import MotorReading
 from truearc.robot.config.schema import Config
 from truearc.robot.doctor.motion import STARTED_RAD_S, SmallMotion, hood_angle_deg

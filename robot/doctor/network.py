@@ -4,7 +4,7 @@ import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from truearc.hw.finding import Finding, failure, ok, warning
+from truearc.hw.devices.family import Finding, failure, ok, warning
 from truearc.robot.advice.advice_io import Scaled
 from truearc.robot.advice.nt_camera import calibration_key, keys_of_camera
 from truearc.robot.advice.nt_keys import Reading

@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from truearc.hw.devices.button_box.frames import parse_lines
-from truearc.hw.finding import Finding, failure, ok, warning
-from truearc.hw.machine import Exposure
+from truearc.hw.devices.button_box import parse_lines
+from truearc.hw.devices.family import Finding, failure, ok, warning
 from truearc.hw.protocols import Camera, CameraFrame, Clock, LinkLost, Stream
+from truearc.hw.real.system import Exposure
 from truearc.robot.config.schema import CameraConfig
 from truearc.robot.reasons import text
 

@@ -5,9 +5,8 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from truearc.errors import InputError
-from truearc.hw.devices.family import Endpoints, Heard, Stored, StoredSettings, listen
+from truearc.hw.devices.family import Endpoints, Finding, Heard, Stored, StoredSettings, listen, ok, warning
 from truearc.hw.devices.registry import family_of
-from truearc.hw.finding import Finding, ok, warning
 from truearc.hw.protocols import Bus, Clock
 from truearc.robot.config.schema import Config
 from truearc.robot.motors import bound_axes, name_axes

@@ -12,8 +12,8 @@ from msgspec import Struct
 
 from truearc.errors import InputError, in_words
 from truearc.hw.protocols import CameraFrame, Clock, LinkLost
+from truearc.hw.real.processes import Capacity, Slots
 from truearc.hw.reason import Reason
-from truearc.hw.shared_latest import Capacity, Slots
 from truearc.robot.reasons import text
 from truearc.robot.recording.file_writers import LaneKeeper
 from truearc.robot.recording.files import Row

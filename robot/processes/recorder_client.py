@@ -11,8 +11,8 @@ import numpy as np
 
 from truearc.errors import InputError, in_words
 from truearc.hw.protocols import CameraFrame, Clock
+from truearc.hw.real.processes import Slots
 from truearc.hw.reason import Reason
-from truearc.hw.shared_latest import Slots
 from truearc.robot.processes import recorder
 from truearc.robot.processes.recorder import Message, Status
 from truearc.robot.reasons import RECORDER_UNRESPONSIVE, text

@@ -8,8 +8,8 @@ import numpy.typing as npt
 from msgspec import Struct
 
 from truearc.hw.protocols import Camera, CameraFrame, Clock, LinkLost
+from truearc.hw.real.processes import Capacity, Slots
 from truearc.hw.reason import Reason
-from truearc.hw.shared_latest import Capacity, Slots
 from truearc.robot.reasons import VISION_UNRESPONSIVE
 from truearc.robot.types import Sighting
 from truearc.robot.vision_source import LONGEST_DETAIL, Eyes, vision_failed

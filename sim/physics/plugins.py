@@ -17,8 +17,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from truearc.errors import InputError, load_text
-from truearc.hw.plugins import PluginError, distribution_of, load_plugin, place_of
+from truearc.errors import InputError, PluginError, distribution_of, load_plugin, load_text, place_of
 from truearc.sim.physics.term import Term
 from truearc.sim.physics.term_check import check_term
 

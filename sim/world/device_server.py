@@ -7,13 +7,10 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from truearc.errors import InputError
-from truearc.hw.devices.button_box.emulator import open_button_box
-from truearc.hw.emulated.emulated_robot import Twin
-from truearc.hw.emulated.imaging.camera import EmulatedCamera, Stage
-from truearc.hw.emulated.imaging.picture_server import PictureServer
-from truearc.hw.emulated.nodes import View
-from truearc.hw.emulated.serial_link import SocketCable, open_cable
-from truearc.hw.emulated.slcan_adapter import SlcanAdapter
+from truearc.hw.devices.button_box import open_button_box
+from truearc.hw.emulated.camera import EmulatedCamera, PictureServer, Stage
+from truearc.hw.emulated.nodes import Twin, View
+from truearc.hw.emulated.serial_link import SlcanAdapter, SocketCable, open_cable
 from truearc.hw.protocols import Clock, Frame, LinkLost
 from truearc.hw.real.can_bus import CanBus, open_can
 from truearc.hw.real.clock import MonotonicClock

@@ -10,17 +10,14 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from truearc.errors import InputError
-from truearc.hw.devices.axis import Axis
-from truearc.hw.devices.button_box.emulator import ButtonBox, open_button_box
-from truearc.hw.devices.family import AttachedMotor
+from truearc.hw.devices.button_box import ButtonBox, open_button_box
+from truearc.hw.devices.family import AttachedMotor, Axis
 from truearc.hw.devices.registry import family_of
-from truearc.hw.emulated.clock import StepClock
-from truearc.hw.emulated.emulated_robot import Stepper, Twin
-from truearc.hw.emulated.nodes import Node, Plant
+from truearc.hw.emulated.nodes import Node, Plant, StepClock, Stepper, Twin
 from truearc.hw.protocols import Clock, Frame
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
-from truearc.hw.real.serial_port import open_serial
+from truearc.hw.real.wires import open_serial
 from truearc.robot.aim_file import NO_AIMS, Aims, load_aim_for, needs_aim
 from truearc.robot.config.can_policy import guard
 from truearc.robot.config.schema import AimConfig, Config

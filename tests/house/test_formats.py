@@ -11,8 +11,8 @@ import pytest
 
 from tests.golden.make import REFERENCE
 from tools.formats_doc import DOCUMENTS, PAGE, SCHEMAS, launcher_keys, make_page, make_schema
-from truearc.hw.devices.axis import HoodEncoder
 from truearc.hw.devices.canandmag.family import CanandmagConfig
+from truearc.hw.devices.family import HoodEncoder
 from truearc.robot.config.schema import Config
 
 GOLDEN = sorted([*REFERENCE.glob("finding-*/finding.json"), *REFERENCE.glob("identifiability/*.json"),

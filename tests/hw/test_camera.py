@@ -6,8 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from truearc.hw.emulated.imaging.camera import TAPE_BGR, TapeSize, outline_m
-from truearc.hw.emulated.imaging.lens import Lens, distort
+from truearc.hw.emulated.camera import TAPE_BGR, Lens, TapeSize, distort, outline_m
 from truearc.hw.emulated.nodes import View
 from truearc_proof.world.camera_damage import Look, StagedCamera
 

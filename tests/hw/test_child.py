@@ -12,10 +12,9 @@ import pytest
 
 from truearc.hw.fault_codes import CAMERA_NOT_OPENED, PIPE_ENDED, PROCESS_ENDED, PROCESS_KILLED
 from truearc.hw.protocols import LinkLost
-from truearc.hw.real import child_process as module
-from truearc.hw.real.child_process import Child
+from truearc.hw.real import processes as module
 from truearc.hw.real.clock import make_pauses_s
-from truearc.hw.real.ipc import Inbox, Outbox
+from truearc.hw.real.processes import Child, Inbox, Outbox
 
 ROOT = Path(__file__).parents[2]
 posix = pytest.mark.skipif(os.name != "posix", reason="signals")
@@ -121,8 +120,8 @@ def test_one_that_hangs_is_killed_when_it_is_to_end():
 
 PARENT = """
 import os, signal, sys
-from truearc.hw.real.child_process import Child
-from truearc.hw.real.ipc import Inbox, Outbox
+from truearc.hw.real.processes import Child
+from truearc.hw.real.processes import Inbox, Outbox
 from tests.hw.test_child import {work}
 if __name__ == "__main__":
     child = Child("test", {work}, (), restarts=True, mortal={mortal})

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from truearc.hw.dc_motor import DcMotor, duty_for, torque_of
+from truearc.hw.devices.drivers import DcMotor, duty_for, torque_of
 
 MOTOR = DcMotor(2.6, 594.0, 12.0)
 volts = st.floats(6.0, 15.0)

@@ -8,13 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from truearc.hw.dc_motor import DcMotor
-from truearc.hw.devices.heard_motor import HeardMotor
+from truearc.hw.devices.drivers import LAG_S, OWN_LAG_S, Agreement, DcMotor, HeardMotor
 from truearc.hw.devices.odrive import frames as odrive
-from truearc.hw.devices.odrive.motor import OdriveMotor
+from truearc.hw.devices.odrive.family import OdriveMotor
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.motor import SparkHeartbeat, SparkMotor
-from truearc.hw.encoder_plausibility import LAG_S, OWN_LAG_S, Agreement
 from truearc.hw.fault_codes import BY_NAME, ENCODER_MISMATCH
 from truearc.hw.protocols import Frame, MotorReading
 from truearc.hw.reason import render

@@ -7,8 +7,8 @@ import threading
 
 import pytest
 
-from truearc.hw.real import realtime
-from truearc.hw.real.service import ServiceManager
+from truearc.hw.real import system as realtime
+from truearc.hw.real.system import ServiceManager
 
 needs_unix = pytest.mark.skipif(sys.platform == "win32", reason="AF_UNIX datagrams: POSIX only")
 needs_linux = pytest.mark.skipif(sys.platform != "linux", reason="real-time scheduling is asked of Linux only")

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from truearc.hw.real.child_process import make_shared
-from truearc.hw.shared_latest import Capacity, Slots
+from truearc.hw.real.processes import Capacity, Slots, make_shared
 
 ROOM = Capacity(3, 100, 4 * 5 * 3)
 

@@ -8,12 +8,11 @@ from collections import Counter
 import pytest
 
 from truearc.hw.emulated.pty_cable import PtyCable
-from truearc.hw.emulated.slcan_adapter import SlcanAdapter
+from truearc.hw.emulated.serial_link import SlcanAdapter
 from truearc.hw.fault_codes import CAN_ADAPTER_ERROR, CAN_BUS_OFF, CAN_OVERRUN, CAN_REOPENED, CAN_SILENT
 from truearc.hw.protocols import Frame, LinkLost
-from truearc.hw.real.can_bus import NeverOpens, open_can
+from truearc.hw.real.can_bus import FIRST_S, LONGEST_S, ROOM, SILENT_NS, WAIT_S, NeverOpens, SupervisedBus, open_can
 from truearc.hw.real.clock import MonotonicClock, make_pauses_s
-from truearc.hw.real.supervised_bus import FIRST_S, LONGEST_S, ROOM, SILENT_NS, WAIT_S, SupervisedBus
 
 HELLO = Frame(7, 0x21, bytes(8))
 PATIENCE_S = 20.0

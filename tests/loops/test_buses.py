@@ -18,13 +18,12 @@ from tests.hw.host_speed import excuse_stalls
 from tests.hw.spinning_plant import SpinningPlant
 from truearc.cli.main import main
 from truearc.errors import InputError
-from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.emulated.nodes import Twin
 from truearc.hw.emulated.pty_cable import PtyCable
-from truearc.hw.emulated.slcan_adapter import SlcanAdapter
+from truearc.hw.emulated.serial_link import SlcanAdapter
 from truearc.hw.fault_codes import CAN_REOPENED
-from truearc.hw.real.can_bus import open_can
+from truearc.hw.real.can_bus import WAIT_S, SupervisedBus, open_can
 from truearc.hw.real.clock import MonotonicClock
-from truearc.hw.real.supervised_bus import WAIT_S, SupervisedBus
 from truearc.hw.reason import Reason
 from truearc.robot.config.can_policy import guard
 from truearc.robot.config.port_options import split_bus, with_ports

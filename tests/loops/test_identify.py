@@ -12,7 +12,7 @@ from tests.robot.alike import codes
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.cli.robot.sysid_emulated import ARM, drive_twin
-from truearc.hw.devices.button_box.emulator import open_button_box
+from truearc.hw.devices.button_box import open_button_box
 from truearc.robot.config.schema import load_config
 from truearc.robot.reasons import DEVICE_STALE, IDENTIFY_RELEASED
 from truearc.robot.recording.reader import TickReader

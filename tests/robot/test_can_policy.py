@@ -9,10 +9,10 @@ from tests.robot.alike import codes
 from tests.robot.good_tick import CONFIG
 from tests.robot.sparks import SPARK_HOOD, SPARK_WHEELS, only_advice
 from tests.robot.test_rig import Blind, Stream, Time, Wire
+from truearc.hw.bus_rules import Allowed
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.fault_codes import DUPLICATE_ID, FOREIGN_HOST, FRAME_RATE_EXCEEDED
 from truearc.hw.protocols import Frame
-from truearc.hw.tx_allowlist import Allowed
 from truearc.robot.config.can_policy import guard, make_rules
 from truearc.robot.config.schema import Config
 from truearc.robot.reasons import IMAGE_DARK

@@ -21,7 +21,7 @@ from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.cli.robot.deploy import make_commands
 from truearc.errors import InputError
-from truearc.hw.devices.axis import Axis
+from truearc.hw.devices.family import Axis
 from truearc.robot.config.schema import Config, RecordingConfig, load_config, parse_toml
 from truearc.robot.deploy.install import Parts, make_parts
 from truearc.robot.deploy.source import copy_folder

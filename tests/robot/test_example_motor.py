@@ -22,7 +22,7 @@ from truearc import robot
 from truearc.cli.common import SHIPPED
 from truearc.errors import InputError
 from truearc.hw.devices import registry
-from truearc.hw.devices.axis import Bounds
+from truearc.hw.devices.family import Bounds
 from truearc.hw.fault_codes import FRAME_NOT_ALLOWED
 from truearc.hw.protocols import Frame
 from truearc.hw.reason import FAULT, Reason

@@ -15,12 +15,11 @@ from tests.robot.encoders import COUNTING, NONE, NT4, ODRIVE, SPARK, SPARK_OWN, 
 from tests.robot.good_tick import CONFIG, HOOD_DEG, NOW_NS, good_inputs, good_memory, seconds
 from truearc.cli.robot.doctor_checks import look_at_bus
 from truearc.errors import InputError
+from truearc.hw.devices.family import FAILURE, OK
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.family import OdriveConfig
 from truearc.hw.devices.spark import frames as spark
-from truearc.hw.emulated.clock import StepClock
-from truearc.hw.emulated.emulated_robot import Twin
-from truearc.hw.finding import FAILURE, OK
+from truearc.hw.emulated.nodes import StepClock, Twin
 from truearc.hw.protocols import MotorReading
 from truearc.hw.real.can_bus import open_can
 from truearc.robot import reasons as because

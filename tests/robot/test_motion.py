@@ -14,8 +14,8 @@ from msgspec.structs import replace
 from tests.robot.alike import codes
 from tests.robot.good_tick import CONFIG, good_inputs
 from truearc.hw import fault_codes as hw
+from truearc.hw.devices.drivers import OWN_LAG_S, Agreement
 from truearc.hw.devices.odrive.frames import CLOSED_LOOP
-from truearc.hw.encoder_plausibility import OWN_LAG_S, Agreement
 from truearc.hw.protocols import AngleReading, ButtonEvent, MotorReading
 from truearc.hw.reason import FAULT, Reason
 from truearc.robot import reasons as because

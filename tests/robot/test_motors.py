@@ -17,8 +17,8 @@ from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, SPARK_WHEELS, only_advice
 from tests.robot.test_rig import ASKED, Blind, Stream, Time, Wire
 from truearc.errors import InputError
 from truearc.hw import fault_codes as hw
-from truearc.hw.devices.advisory.family import AdvisoryConfig
-from truearc.hw.devices.axis import Axis, Bounds
+from truearc.hw.devices.advisory import AdvisoryConfig
+from truearc.hw.devices.family import Axis, Bounds
 from truearc.hw.devices.odrive.family import OdriveConfig
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.family import SparkConfig

@@ -19,7 +19,7 @@ from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.hw.protocols import LinkLost
-from truearc.hw.shared_latest import Slots
+from truearc.hw.real.processes import Slots
 from truearc.robot.advice.advice_io import AdviceIo, Adviser, advised_columns
 from truearc.robot.advice.nt_camera import NtCamera, OwnNtCamera, keys_of_camera
 from truearc.robot.advice.nt_keys import Reading

@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from truearc import robot
-from truearc.hw.emulated.imaging.camera import HALO_MARGIN_PX, NOTHING, Stage, TapeSize, outline_m
-from truearc.hw.emulated.imaging.lens import Array, Lens, Plane, project
+from truearc.hw.emulated.camera import HALO_MARGIN_PX, NOTHING, Array, Lens, Plane, Stage, TapeSize, outline_m, project
 from truearc.hw.protocols import CameraFrame
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import CameraConfig, CameraFile, load_config, load_toml

@@ -15,8 +15,7 @@ from msgspec.structs import replace
 import truearc.cli.main as truearc
 from truearc import robot
 from truearc.errors import make_toml
-from truearc.hw.emulated.imaging.camera import Stage
-from truearc.hw.emulated.imaging.lens import Lens, distort
+from truearc.hw.emulated.camera import Lens, Stage, distort
 from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import CameraFile, load_config, load_toml
 from truearc.robot.vision import detect

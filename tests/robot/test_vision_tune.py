@@ -19,7 +19,7 @@ import truearc.cli.main as truearc
 from truearc import robot
 from truearc.cli.robot.vision_tools.tuner import COOKIE, Live, Recorded, Tuner, TuneServer, find_pictures
 from truearc.errors import InputError
-from truearc.hw.emulated.imaging.camera import Stage
+from truearc.hw.emulated.camera import Stage
 from truearc.hw.fault_codes import CAMERA_SILENT
 from truearc.hw.protocols import CameraFrame, LinkLost
 from truearc.robot.config.schema import CameraFile, load_config, load_toml

@@ -8,8 +8,7 @@ import pytest
 from msgspec.structs import replace
 
 from truearc import robot
-from truearc.hw.emulated.imaging.camera import NOTHING, Stage
-from truearc.hw.emulated.imaging.lens import project
+from truearc.hw.emulated.camera import NOTHING, Stage, project
 from truearc.robot.config.schema import load_config
 from truearc.robot.vision import detect
 from truearc.robot.vision.optics import make_optics

@@ -7,8 +7,7 @@ import pytest
 from msgspec.structs import replace
 
 from truearc import robot
-from truearc.hw.emulated.imaging.camera import Stage
-from truearc.hw.emulated.imaging.lens import Lens, project
+from truearc.hw.emulated.camera import Lens, Stage, project
 from truearc.robot.config.schema import load_config
 from truearc.robot.vision import detect
 from truearc_proof.world.camera_damage import USUAL, Look, Patch, StagedCamera

@@ -1,21 +1,76 @@
-"""Redux Canandmag as an EncoderFamily."""
+"""Redux Canandmag as an EncoderFamily: its table, its bus rules and its doctor."""
 
 from functools import partial
 from typing import Annotated
 
 from msgspec import Meta, Struct
 
-from truearc.hw.devices.axis import CanNode, Direction, Finite, HoodEncoder
+from truearc.hw.bus_rules import NS_PER_MS, SHARE, Rules, allow_seldom, kinds_of
 from truearc.hw.devices.canandmag import frames as canandmag
-from truearc.hw.devices.canandmag.bus_rules import make_rules
-from truearc.hw.devices.canandmag.doctor import check_encoder
 from truearc.hw.devices.canandmag.emulator import CanandmagNode
-from truearc.hw.devices.heard_motor import older
-from truearc.hw.devices.hood_encoder import Encoder, EncoderFamily, aged, trip_faults
-from truearc.hw.devices.round_trip import RoundTrip
+from truearc.hw.devices.drivers import RoundTrip, older
+from truearc.hw.devices.family import (
+    CanNode,
+    Direction,
+    Encoder,
+    EncoderFamily,
+    Finding,
+    Finite,
+    Heard,
+    HoodEncoder,
+    aged,
+    failure,
+    ok,
+    trip_faults,
+    warning,
+)
 from truearc.hw.fault_codes import ERROR_ID_CONFLICT
-from truearc.hw.protocols import Frame
+from truearc.hw.protocols import AngleReading, Frame
 from truearc.hw.reason import Reason
+
+STATUS_NS = 100 * NS_PER_MS           # between status frames, in a device as it comes
+
+
+def make_rules(device: int, period_ms: int) -> Rules:
+    """`period_ms`: between angles, as the device is set at start; 0: nothing is sent, its cadence is another's."""
+    by_host, by_device = (kinds_of(canandmag.ids_sent_by(device, node), True) for node in ("Host", "Encoder"))
+    if not period_ms:
+        return Rules((), by_host, by_device, {(canandmag.frame_id(device, "STATUS"), True, False): STATUS_NS})
+    sent = [canandmag.make_position_period(device, period_ms), canandmag.make_period_query(device)]
+    return Rules(allow_seldom(sent), by_host, by_device,
+                 {(canandmag.frame_ids(device)[0], True, False): period_ms * NS_PER_MS})
+
+
+CHECK = "hood encoder"
+ID_CONFLICT = 0x02                    # it says so itself
+STATUS_S = 0.1                        # between its status frames
+ENOUGH = 3                            # angles within the age that may still fire
+
+
+def check_encoder(device: int, period_ms: int, longest_age_s: float, heard: Heard) -> Finding:
+    """Whether the angle comes, often enough, from a healthy device. Its position is not filtered in the device.
+
+    period_ms: between angles, as configured. longest_age_s: of an angle that may still fire.
+    """
+    ids = canandmag.frame_ids(device)
+    start: AngleReading | None = None
+    reading, refused = heard.read([(frame_id, True) for frame_id in ids], partial(canandmag.parse, device), start)
+    if refused:
+        return failure(CHECK, f"sends what cannot be ({refused[0]})", "look at the wiring, and for another such device")
+    if reading is None:
+        return failure(CHECK, f"device {device} is silent", "look at its power and plug, and at its device number")
+    statuses = len(heard.of(ids[1], extended=True))
+    if reading.faults & ID_CONFLICT or statuses > SHARE * heard.seconds / STATUS_S + 1:
+        return failure(CHECK, f"two devices have number {device}", "give each a number of its own")
+    if not reading.magnet_ok:
+        return failure(CHECK, "cannot see its magnet", "look at the magnet on the hood's pivot and its distance")
+    angles_s = len(heard.of(ids[0], extended=True)) / heard.seconds
+    if angles_s < ENOUGH / longest_age_s:
+        return failure(CHECK, f"{angles_s:.0f} angles/s; firing needs {ENOUGH / longest_age_s:.0f}",
+                       f"set its position period to {period_ms} ms")
+    if reading.faults:
+        return warning(CHECK, ", ".join(canandmag.fault_words(reading.faults)), "look into it before a match")
+    return ok(CHECK, f"{angles_s:.0f} angles/s, magnet in sight; positions are not filtered")
 
 
 class CanandmagConfig(Struct, HoodEncoder, frozen=True, forbid_unknown_fields=True, tag_field="driver",

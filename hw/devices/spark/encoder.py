@@ -7,19 +7,29 @@ from typing import Annotated
 
 from msgspec import Meta, Struct
 
-from truearc.hw.devices.axis import CanNode, Direction, Finite, HoodEncoder
-from truearc.hw.devices.bus_rules import Rules
-from truearc.hw.devices.family import Heard
-from truearc.hw.devices.heard_motor import older
-from truearc.hw.devices.hood_encoder import CHECK, Around, Encoder, EncoderFamily, aged, trip_faults
-from truearc.hw.devices.round_trip import RoundTrip
+from truearc.hw.bus_rules import Rules
+from truearc.hw.devices.drivers import RoundTrip, older
+from truearc.hw.devices.family import (
+    CHECK,
+    Around,
+    CanNode,
+    Direction,
+    Encoder,
+    EncoderFamily,
+    Finding,
+    Finite,
+    Heard,
+    HoodEncoder,
+    aged,
+    failure,
+    ok,
+    trip_faults,
+)
 from truearc.hw.devices.spark import frames as spark
-from truearc.hw.devices.spark.bus_rules import make_encoder_rules
-from truearc.hw.devices.spark.doctor import check_firmware
 from truearc.hw.devices.spark.emulator import SparkNode
-from truearc.hw.devices.spark.setup import SparkSetup
+from truearc.hw.devices.spark.family import check_firmware, make_encoder_rules
+from truearc.hw.devices.spark.motor import SparkSetup
 from truearc.hw.emulated.nodes import Node, Plant
-from truearc.hw.finding import Finding, failure, ok
 from truearc.hw.protocols import AngleReading, Frame
 from truearc.hw.reason import Reason
 

@@ -9,9 +9,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from truearc.hw.emulated.imaging.camera import HALO_MARGIN_PX, EmulatedCamera, Image, TapeSize
-from truearc.hw.emulated.imaging.camera import Look as PlainLook
-from truearc.hw.emulated.imaging.lens import Array, Lens, Plane
+from truearc.hw.emulated.camera import HALO_MARGIN_PX, Array, EmulatedCamera, Image, Lens, Plane, TapeSize
+from truearc.hw.emulated.camera import Look as PlainLook
 from truearc.hw.emulated.nodes import Scene, View
 from truearc.hw.protocols import CameraFrame
 from truearc_proof.world.shutter import project_turning

@@ -9,8 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from truearc.hw.emulated.imaging.camera import TAPE_BGR
-from truearc.hw.emulated.imaging.lens import Array, Lens, distort, project
+from truearc.hw.emulated.camera import TAPE_BGR, Array, Lens, distort, project
 from truearc_proof.world.camera_damage import Patch
 from truearc_proof.world.placing import place
 
@@ -108,7 +107,7 @@ def _bar(begin: Array, end: Array, wide_px: float, level: float) -> Patch:
 
 
 def _outline_bars(outline: Array, level: float) -> tuple[Patch, ...]:
-    """The tape's outline (8, 2) of truearc.hw.emulated.imaging.camera as three strips."""
+    """The tape's outline (8, 2) of truearc.hw.emulated.camera as three strips."""
     blue, green, red = (level * part for part in TAPE_BGR)
     return tuple(Patch(outline[list(corners)], (blue, green, red))
                  for corners in ((0, 1, 5, 4), (1, 2, 6, 5), (3, 0, 4, 7)))

@@ -5,7 +5,7 @@ import math
 import cv2
 import numpy as np
 
-from truearc.hw.emulated.imaging.lens import Array, Lens, distort, project
+from truearc.hw.emulated.camera import Array, Lens, distort, project
 
 ROUNDS = 4                            # the row where a point is seen and the moment at which that row is exposed
 CAMERA_RIGHT = np.array([1.0, 0.0, 0.0])

@@ -12,7 +12,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from truearc.errors import InputError, check_file, naming
-from truearc.hw.devices.hood_encoder import Encoder
+from truearc.hw.devices.family import Encoder
 from truearc.hw.protocols import CameraFrame, Frame, LinkLost
 from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config

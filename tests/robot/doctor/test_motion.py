@@ -19,15 +19,13 @@ from truearc.cli.main import main
 from truearc.cli.robot import doctor_checks, doctor_move
 from truearc.errors import InputError
 from truearc.hw.codec import load_codec
-from truearc.hw.devices.button_box.emulator import open_button_box
+from truearc.hw.devices.button_box import open_button_box
 from truearc.hw.devices.canandmag.frames import frame_id
-from truearc.hw.devices.family import Heard
-from truearc.hw.devices.no_encoder import NONE
-from truearc.hw.emulated.emulated_robot import Twin
-from truearc.hw.emulated.nodes import Node
+from truearc.hw.devices.family import FAILURE, OK, WARNING, Finding, Heard, failure
+from truearc.hw.devices.motor_encoder import NONE
+from truearc.hw.emulated.nodes import Node, Twin
 from truearc.hw.emulated.pty_cable import PtyCable
-from truearc.hw.emulated.slcan_adapter import SlcanAdapter
-from truearc.hw.finding import FAILURE, OK, WARNING, Finding, failure
+from truearc.hw.emulated.serial_link import SlcanAdapter
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import load_config
 from truearc.robot.doctor.motion import COAST_S, SmallMotion, plan

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
-from truearc.hw.finding import FAILURE, OK, WARNING
+from truearc.hw.devices.family import FAILURE, OK, WARNING
 from truearc.robot.advice.advice_io import scaled_columns
 from truearc.robot.advice.nt_camera import calibration_key, keys_of_camera
 from truearc.robot.advice.nt_keys import Reading

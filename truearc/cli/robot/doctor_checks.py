@@ -15,16 +15,13 @@ import msgspec
 from truearc.cli.common import SHIPPED
 from truearc.cli.robot.doctor_move import check_move, move_robot
 from truearc.errors import InputError
-from truearc.hw.devices.family import Endpoints, listen
-from truearc.hw.finding import FAILURE, WARNING, Finding, failure, line
-from truearc.hw.machine import CanLink
+from truearc.hw.devices.family import FAILURE, WARNING, Endpoints, Finding, failure, line, listen
 from truearc.hw.protocols import Bus, Clock, LinkLost
 from truearc.hw.real.camera import open_camera
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
-from truearc.hw.real.machine import is_clock_synchronised, read_exposure, read_link
-from truearc.hw.real.realtime import rehearse
-from truearc.hw.real.serial_port import open_serial
+from truearc.hw.real.system import CanLink, is_clock_synchronised, read_exposure, read_link, rehearse
+from truearc.hw.real.wires import open_serial
 from truearc.robot.advice.advice_io import Scaled, scaled_columns
 from truearc.robot.advice.nt_keys import NtKeys, Reading
 from truearc.robot.config.schema import Config, load_config

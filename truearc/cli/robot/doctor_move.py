@@ -9,10 +9,9 @@ from contextlib import ExitStack
 from truearc.cli.common import refuse
 from truearc.cli.robot.run_robot import Ending, open_bus
 from truearc.errors import InputError
-from truearc.hw.devices.family import Heard, listen
-from truearc.hw.finding import FAILURE, Finding, failure, warning
+from truearc.hw.devices.family import FAILURE, Finding, Heard, failure, listen, warning
 from truearc.hw.protocols import Bus, Clock, Frame, LinkLost, Stream
-from truearc.hw.real.serial_port import open_serial
+from truearc.hw.real.wires import open_serial
 from truearc.robot.config.schema import Config
 from truearc.robot.doctor.devices import find_hood
 from truearc.robot.doctor.motion import SmallMotion, describe, plan

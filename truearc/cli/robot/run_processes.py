@@ -12,11 +12,9 @@ import msgspec
 from truearc.errors import about
 from truearc.hw.protocols import CameraFrame, Clock, LinkLost
 from truearc.hw.real.camera import open_camera
-from truearc.hw.real.child_process import Child, Line, make_shared
 from truearc.hw.real.clock import MonotonicClock, wall_offset_ns
-from truearc.hw.real.ipc import Inbox, Outbox
-from truearc.hw.real.reconnect import MendedCamera
-from truearc.hw.shared_latest import Capacity, Slots
+from truearc.hw.real.processes import Capacity, Child, Inbox, Line, Outbox, Slots, make_shared
+from truearc.hw.real.wires import MendedCamera
 from truearc.robot.advice.nt_camera import OwnNtCamera
 from truearc.robot.advice.nt_velocity import OwnNtVelocity, Velocity
 from truearc.robot.config.schema import Config, RecordingConfig

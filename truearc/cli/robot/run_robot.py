@@ -17,13 +17,10 @@ from truearc.cli.gate.answer import make_command
 from truearc.cli.robot.run_processes import LAYOUTS, ProcessLayout
 from truearc.errors import InputError, about
 from truearc.hw.protocols import Bus, Clock, LinkLost, Stream
-from truearc.hw.real.can_bus import open_can
+from truearc.hw.real.can_bus import WAIT_S, SupervisedBus, open_can
 from truearc.hw.real.clock import MonotonicClock, wall_clock, wall_offset_ns
-from truearc.hw.real.realtime import ask_core, ask_fifo, ask_fifo_beside, ask_locked_memory
-from truearc.hw.real.reconnect import MendedStream
-from truearc.hw.real.serial_port import open_serial
-from truearc.hw.real.service import ServiceManager
-from truearc.hw.real.supervised_bus import WAIT_S, SupervisedBus
+from truearc.hw.real.system import ServiceManager, ask_core, ask_fifo, ask_fifo_beside, ask_locked_memory
+from truearc.hw.real.wires import MendedStream, open_serial
 from truearc.robot.advice.nt_keys import need_library
 from truearc.robot.advice.nt_publisher import open_publisher
 from truearc.robot.aim_file import AimFile, load_aim_for, needs_aim

@@ -12,7 +12,7 @@ from truearc.cli.robot.run_robot import Ending, open_bus
 from truearc.errors import InputError, about
 from truearc.hw.protocols import CameraFrame, LinkLost
 from truearc.hw.real.clock import MonotonicClock, wall_clock, wall_offset_ns
-from truearc.hw.real.serial_port import open_serial
+from truearc.hw.real.wires import open_serial
 from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config
 from truearc.robot.motors import make_motors

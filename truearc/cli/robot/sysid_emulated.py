@@ -5,7 +5,7 @@ from contextlib import closing
 from pathlib import Path
 
 from truearc.cli.robot.sysid_drive import Say, Watch, open_recorder
-from truearc.hw.devices.button_box.emulator import open_button_box
+from truearc.hw.devices.button_box import open_button_box
 from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config
 from truearc.robot.runtime import run

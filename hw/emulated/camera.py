@@ -1,21 +1,80 @@
-"""A camera that renders the retro-reflective half hexagon as a ring light shows it.
+"""The emulated camera: lens, picture of the retro-reflective half hexagon under a ring light, picture server.
 
-Work is done only where it has to be: the background (lights, reflections) once, noise from one tile shifted at random,
-the tape in the box around it: the share of each pixel that lies between its projected edges, blurred by the lens, with
-a halo, in the colours that photographs of the real one show. All randomness comes from the seed.
+It shares no line with the code that sees. Work is done only where it has to be: the background (lights, reflections)
+once, noise from one tile shifted at random, the tape in the box around it: the share of each pixel that lies between
+its projected edges, blurred by the lens, with a halo, in the colours that photographs of the real one show. All
+randomness comes from the seed.
 """
 
 import math
+import threading
 from dataclasses import dataclass
 from functools import reduce
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from truearc.hw.emulated.imaging.lens import Array, Lens, Plane, distort, ideal_pixels, project
 from truearc.hw.emulated.nodes import Scene, View
 from truearc.hw.protocols import CameraFrame
+
+# --- lens
+
+Array = npt.NDArray[np.float64]
+Plane = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Lens:
+    """Image size, pinhole and Brown distortion (k1 k2 p1 p2 k3), in pixels."""
+
+    width_px: int
+    height_px: int
+    fx_px: float
+    fy_px: float
+    cx_px: float
+    cy_px: float
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def project(points_m: Array, camera_from_points: Array, lens: Lens, focal_scale: float = 1.0) -> tuple[Array, Array]:
+    """Points (n, 3) -> where a perfect pinhole sees them (n, 2), and how far ahead they are (n,)."""
+    seen_m = points_m @ camera_from_points[:3, :3].T + camera_from_points[:3, 3]
+    focal_px = np.array([lens.fx_px, lens.fy_px]) * focal_scale
+    with np.errstate(divide="ignore", invalid="ignore"):
+        pixels = seen_m[:, :2] / seen_m[:, 2:] * focal_px + np.array([lens.cx_px, lens.cy_px])
+    return pixels, seen_m[:, 2]
+
+
+def distort(ideal_px: Array, lens: Lens) -> Array:
+    """Where a lens puts what a perfect pinhole would put at (n, 2)."""
+    k1, k2, p1, p2, k3 = lens.distortion
+    x, y = (ideal_px[:, 0] - lens.cx_px) / lens.fx_px, (ideal_px[:, 1] - lens.cy_px) / lens.fy_px
+    r2 = x * x + y * y
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+    v = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+    return np.column_stack([u * lens.fx_px + lens.cx_px, v * lens.fy_px + lens.cy_px])
+
+
+def ideal_pixels(lens: Lens) -> tuple[Plane, Plane]:
+    """Columns and rows, in ideal pixels, of every pixel: (1, w) and (h, 1) without distortion, else two of (h, w)."""
+    columns, rows = np.arange(lens.width_px, dtype=np.float64), np.arange(lens.height_px, dtype=np.float64)
+    if not any(lens.distortion):
+        return columns[None, :].astype(np.float32), rows[:, None].astype(np.float32)
+    seen = np.column_stack([part.ravel() for part in np.meshgrid(columns, rows)])
+    ideal = seen.copy()
+    for _ in range(50):                               # fixed point of distort(ideal) = seen
+        miss = seen - distort(ideal, lens)
+        ideal += miss
+        if np.abs(miss).max() < 1e-4:
+            break
+    both = ideal.reshape(lens.height_px, lens.width_px, 2).astype(np.float32)
+    return np.ascontiguousarray(both[..., 0]), np.ascontiguousarray(both[..., 1])
+
+
+# --- picture
 
 Image = npt.NDArray[np.uint8]
 
@@ -201,3 +260,68 @@ def _draw_background(lens: Lens, random: np.random.Generator) -> Image:
         cv2.fillPoly(image, [corners], colour)
     blurred: Image = cv2.GaussianBlur(image, (0, 0), 1.2)
     return blurred
+
+
+# --- pictures over HTTP
+
+QUALITY = 95
+SETTINGS = [cv2.IMWRITE_JPEG_QUALITY, QUALITY, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
+
+
+class PictureServer:
+    """Shows every viewer the newest picture, on the loopback interface alone."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._count, self._picture = 0, b""
+        self._server = ThreadingHTTPServer(("127.0.0.1", 0), _make_handler(self))
+        self._server.daemon_threads = True
+        self.url = f"http://127.0.0.1:{self._server.server_port}/"
+        self._thread = threading.Thread(target=self._server.serve_forever, name="pictures", daemon=True)
+        self._thread.start()
+
+    def show(self, image: npt.NDArray[np.uint8]) -> None:
+        """The newest picture, (height, width, 3) BGR."""
+        _, data = cv2.imencode(".jpg", image, SETTINGS)
+        self._put(data.tobytes())
+
+    def close(self) -> None:
+        self._put(b"")                            # there will be no more
+        self._server.shutdown()
+        self._server.server_close()
+
+    def wait(self, count: int) -> tuple[int, bytes]:
+        """The number of the newest picture and the picture, once it is not number `count`."""
+        with self._changed:
+            while self._count == count:
+                self._changed.wait()
+            return self._count, self._picture
+
+    def _put(self, picture: bytes) -> None:
+        with self._changed:
+            self._count += 1
+            self._picture = picture
+            self._changed.notify_all()
+
+
+def _make_handler(server: PictureServer) -> type[BaseHTTPRequestHandler]:
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.send_header("Content-Type", "multipart/x-mixed-replace; boundary=picture")
+            self.end_headers()
+            count = 0
+            while True:
+                count, picture = server.wait(count)
+                if not picture:
+                    return
+                head = f"--picture\r\nContent-Type: image/jpeg\r\nContent-Length: {len(picture)}\r\n\r\n"
+                try:
+                    self.wfile.write(head.encode("ascii") + picture + b"\r\n")
+                except OSError:                   # the viewer has gone
+                    return
+
+        def log_message(self, format: str, *args: object) -> None:
+            return
+
+    return Handler

@@ -1,4 +1,4 @@
-r"""The operator's button box: a line protocol over a serial port. No IO.
+r"""The operator's button box: a line protocol over a serial port.
 
     $B,<seq>,<button>*<crc>\r\n         one press
     $H,<seq>*<crc>\r\n                  every 0.5 s: the box is there; <seq> is that of its newest press
@@ -14,6 +14,7 @@ from collections.abc import Sequence
 
 from msgspec import Struct
 
+from truearc.hw.emulated.serial_link import Cable, open_cable
 from truearc.hw.fault_codes import BOX_LINES_REFUSED, BOX_PRESSES_LOST, BOX_PRESSES_REPEATED, BOX_RESTARTED
 from truearc.hw.protocols import ButtonEvent
 from truearc.hw.reason import Reason
@@ -145,3 +146,41 @@ class PressCount:
         last = self._press
         return (last is not None and event.seq == last.seq == self._seq and event.button == last.button
                 and event.t_ns - last.t_ns < HEARTBEAT_NS)
+
+
+# --- the emulated box
+
+class ButtonBox:
+    """The box: counts presses, and says every half second that it is there."""
+
+    def __init__(self, cable: Cable, start_ns: int = 0) -> None:
+        self.port = cable.port
+        self._cable: Cable | None = cable
+        self._seq = 0
+        self._due_ns = start_ns
+
+    def press(self, button: str) -> None:
+        """One press of a button, at once; ValueError for an unknown one. Nothing is said once unplugged."""
+        self._seq = (self._seq + 1) % SEQ_COUNT
+        self._say(make_press(self._seq, button))
+
+    def step(self, t_ns: int) -> None:
+        """Say the heartbeat that is due by `t_ns`; those missed meanwhile are skipped."""
+        if t_ns >= self._due_ns:
+            self._due_ns += HEARTBEAT_NS * (1 + (t_ns - self._due_ns) // HEARTBEAT_NS)
+            self._say(make_heartbeat(self._seq))
+
+    def unplug(self) -> None:
+        """Pull the cable out, for good; the robot's next read says so."""
+        if self._cable is not None:
+            self._cable.close()
+            self._cable = None
+
+    def _say(self, line: bytes) -> None:
+        if self._cable is not None:
+            self._cable.write(line)
+
+
+def open_button_box(prompt: bool = True) -> ButtonBox:
+    """A box on a cable; `prompt` as truearc.hw.emulated.serial_link.open_cable has it."""
+    return ButtonBox(open_cable(prompt))

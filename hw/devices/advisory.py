@@ -1,4 +1,4 @@
-"""Another controller's ODrive or SPARK as a MotorFamily of its own: heard, never commanded."""
+"""Motors of another controller, an ODrive or a SPARK, as a MotorFamily of its own: heard, never commanded."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -7,16 +7,25 @@ from typing import Any, Literal
 from msgspec import Struct
 from msgspec.structs import replace
 
-from truearc.hw.devices.axis import Axis, CanNode, Direction
-from truearc.hw.devices.bus_rules import Rules
-from truearc.hw.devices.family import AttachedMotor, AxisCheck, Heard, MotorFamily
-from truearc.hw.devices.heard_motor import HeardMotor
+from truearc.hw.bus_rules import Rules
+from truearc.hw.devices.drivers import HeardMotor
+from truearc.hw.devices.family import (
+    AttachedMotor,
+    Axis,
+    AxisCheck,
+    CanNode,
+    Direction,
+    Finding,
+    Heard,
+    MotorFamily,
+    failure,
+    ok,
+)
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.family import ODRIVE
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.family import SPARK
 from truearc.hw.emulated.nodes import Node
-from truearc.hw.finding import Finding, failure, ok
 from truearc.hw.protocols import MotorReading
 from truearc.hw.reason import Reason
 
