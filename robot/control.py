@@ -11,8 +11,8 @@ from msgspec.structs import replace
 from truearc.robot.aim import NOWHERE
 from truearc.robot.config.schema import Config, PidGains
 from truearc.robot.estimate import is_fresh
-from truearc.robot.geometry import elevation_per_rad
 from truearc.robot.motion import SWITCH_DEG, Watch, here_deg
+from truearc.robot.motors import elevation_per_rad
 from truearc.robot.types import Aim, Command, Estimate, Inputs, Joint, Memory, Pid, Verdict
 
 NS = 1e-9

@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from truearc.robot.aim_file import needs_aim
 from truearc.robot.config.schema import Config
-from truearc.robot.geometry import elevation_from_encoder_deg, elevation_from_screw_deg, exit_distance_m
+from truearc.robot.motors import elevation_from_encoder_deg, elevation_from_screw_deg, exit_distance_m
 from truearc.robot.types import Count, Estimate, Inputs, Memory, Sighting, Track
 
 NS = 1e-9

@@ -26,8 +26,7 @@ from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config, Hood
 from truearc.robot.estimate import is_fresh
 from truearc.robot.gate.doubts import Doubts
-from truearc.robot.geometry import elevation_from_screw_deg, elevation_per_rad, screw_travel_rad
-from truearc.robot.motors import HOOD_OVERSPEED
+from truearc.robot.motors import HOOD_OVERSPEED, elevation_from_screw_deg, elevation_per_rad, screw_travel_rad
 from truearc.robot.types import Estimate, Inputs, Joint, Memory, MotionMemory
 
 WHEELS, HOOD, SWITCH = "wheels", "hood", "hood limit switch"

@@ -15,7 +15,7 @@ from msgspec import UNSET, Struct, UnsetType
 
 from truearc.hw.devices.canandmag.family import CanandmagConfig
 from truearc.robot.aim_file import AimContent
-from truearc.robot.config.limit_table import LIMITS, Bound, shown
+from truearc.robot.config.limits import LIMITS, Bound, shown
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import Config
 from truearc.robot.hood_encoders import BY_DRIVER

@@ -12,7 +12,7 @@ import numpy as np
 from truearc.hw.devices.spark.family import SparkConfig
 from truearc.hw.emulated.nodes import MotorTruth, View
 from truearc.robot.config.schema import Config
-from truearc.robot.geometry import elevation_from_screw_deg
+from truearc.robot.motors import elevation_from_screw_deg
 
 TORQUE_NM_A = 0.02
 BELT_KG_M2 = 0.0067                   # both flywheels, both motors

@@ -20,9 +20,9 @@ from truearc.hw.protocols import Bus, CameraFrame, Clock, Stream
 from truearc.hw.protocols import Camera as CameraLink
 from truearc.hw.real.can_bus import ROOM, WAIT_S, CanBus, SupervisedBus, open_can
 from truearc.hw.real.wires import MendedCamera, MendedStream, open_serial
-from truearc.robot.config.can_policy import guard
 from truearc.robot.config.schema import Config
 from truearc.robot.gate.model import Rating
+from truearc.robot.motors import guard
 from truearc.robot.processes.tick_timing import Lateness, TimedRig
 from truearc.robot.processes.watchdog_rig import WatchedRig
 from truearc.robot.recording.candump import TappedBus

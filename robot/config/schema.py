@@ -1,10 +1,11 @@
-"""The launcher's configuration: one TOML file, no defaults, so that a typo cannot become one."""
+"""The launcher's configuration: one TOML file, no defaults, so that a typo cannot become one; and its hash."""
 
+import hashlib
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
-from msgspec import Struct
+from msgspec import UNSET, Struct
 
 from truearc.errors import (
     InputError,
@@ -203,7 +204,7 @@ class Collect(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tru
     efficiency: Positive                 # first guess of vacuum exit speed / mean wheel surface speed, air included
     walk_start: tuple[Finite, Finite, Finite]    # where the walk begins: level, slope in distance, slope in elevation
     walk_step: Finite                  # log speed per high/low mark
-    prescribed: tuple[Prescribed, ...] = ()       # what `--plan` gives; see truearc.robot.config.shot_plan
+    prescribed: tuple[Prescribed, ...] = ()       # what `--plan` gives; see truearc.robot.config.overrides
 
 
 class AimConfig(Struct, frozen=True, forbid_unknown_fields=True):
@@ -369,3 +370,38 @@ def _known(key: str) -> list[str]:
         return list(drivers())
     few = {"aim.policy": ["plan", "belief"]}
     return ["1", "-1"] if key.endswith(".direction") else few.get(key, [])
+
+
+# --- by which a recording names what it ran with
+
+def config_hash(config: Config) -> str:
+    """SHA-256 of what the configuration says, however its file was written or the value came here.
+
+    A key that may be left out and has its default counts as left out, so that a later version may add keys.
+    """
+    return _sha256(_stated(config))
+
+
+def is_hash_of(sha256: str, config: Config) -> bool:
+    """Whether a recording's hash is this configuration's.
+
+    Recordings made until November 2026 hash the encoded text, in which a default was left out only if it was the very
+    same object; read back from its own file, a configuration still encodes as it did then.
+    """
+    return sha256 in (config_hash(config), _sha256(config))
+
+
+def _sha256(content: object) -> str:
+    return hashlib.sha256(msgspec.json.encode(content, order="deterministic")).hexdigest()
+
+
+def _stated(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_stated(part) for part in value]
+    if not isinstance(value, Struct):
+        return value
+    settings = value.__struct_config__
+    tag = {settings.tag_field: settings.tag} if settings.tag_field else {}
+    fields = ((field, getattr(value, field.name)) for field in msgspec.structs.fields(value))
+    return tag | {field.encode_name: _stated(said) for field, said in fields
+                  if said is not UNSET and not (settings.omit_defaults and said == field.default)}

@@ -21,9 +21,8 @@ from msgspec import UNSET, Struct, UnsetType
 
 from truearc.errors import MAX_TEXT_BYTES, NO_JSON, InputError, in_words, load_bytes, naming
 from truearc.robot.aim_file import AimFile, Aims, load_aim
-from truearc.robot.config.hashing import config_hash, is_hash_of
 from truearc.robot.config.rig_spec import with_nan
-from truearc.robot.config.schema import Config, read_axis
+from truearc.robot.config.schema import Config, config_hash, is_hash_of, read_axis
 from truearc.robot.gate.model import Gate, load_gate
 from truearc.robot.recording.rows import RowFormat, Rows2, Trial
 from truearc.robot.types import Tick

@@ -38,7 +38,7 @@ def detect(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision)
     `distance_m` is the horizontal distance from the lens to the tape's centre, along the horizontal line of sight: that
     is the way the ball takes to the target plane. (Straight on it equals the perpendicular distance; off axis the
     perpendicular foot is not where the ball goes, and it depends on the target's yaw, which one image shows poorly.)
-    From the ball's exit it is `truearc.robot.geometry.exit_distance_m`. `sigma_m` is one standard deviation, from the
+    From the ball's exit it is `truearc.robot.motors.exit_distance_m`. `sigma_m` is one standard deviation, from the
     tape's edges in this image, `corner_sigma_px`, the uncertainties of the camera's mounting and calibration.
     `bearing_deg` is positive when the target is right of the axis.
     Images of another size than the calibration's are explained in `optics`. Never raises on an image's content: a

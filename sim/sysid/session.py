@@ -12,8 +12,7 @@ from truearc.robot.config.schema import Config
 from truearc.robot.reasons import IDENTIFY_DONE, text
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_header, load_session_config
-from truearc.robot.sysid.program import FLYWHEEL, HOME, HOOD, READY, phases
-from truearc.robot.sysid.tick import POLICY
+from truearc.robot.sysid import FLYWHEEL, HOME, HOOD, POLICY, READY, phases
 from truearc.robot.types import Progress, Tick
 from truearc.sim.sysid.motion import Floats, Record
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from truearc.robot.config.schema import Config
-from truearc.robot.geometry import screw_length_m
-from truearc.robot.sysid.program import FLYWHEEL, HOOD
+from truearc.robot.motors import screw_length_m
+from truearc.robot.sysid import FLYWHEEL, HOOD
 from truearc.sim.sysid.fit import Number, SysidFit, line
 
 STEPS = 61                            # places of the hood's travel that are looked at

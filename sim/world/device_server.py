@@ -14,7 +14,7 @@ from truearc.hw.emulated.serial_link import SlcanAdapter, SocketCable, open_cabl
 from truearc.hw.protocols import Clock, Frame, LinkLost
 from truearc.hw.real.can_bus import CanBus, open_can
 from truearc.hw.real.clock import MonotonicClock
-from truearc.robot.config.port_options import split_bus
+from truearc.robot.config.overrides import split_bus
 from truearc.robot.config.schema import CameraConfig, Config, Tape
 from truearc.robot.recording.candump import TappedBus
 from truearc.sim.world.driver import make_driver

@@ -19,11 +19,10 @@ from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.wires import open_serial
 from truearc.robot.aim_file import NO_AIMS, Aims, load_aim_for, needs_aim
-from truearc.robot.config.can_policy import guard
 from truearc.robot.config.schema import AimConfig, Config
 from truearc.robot.gate.model import Gate, load_gate
 from truearc.robot.hood_encoders import encoder_family_of
-from truearc.robot.motors import make_motors, name_axes
+from truearc.robot.motors import guard, make_motors, name_axes
 from truearc.robot.operator_ui.screens import Screen, with_screen
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter

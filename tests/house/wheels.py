@@ -6,7 +6,7 @@ import sys
 import zipfile
 from pathlib import Path
 
-from truearc.robot.deploy.source import copy_source
+from truearc.robot.deploy import copy_source
 
 ROOT = Path(__file__).parents[2]
 

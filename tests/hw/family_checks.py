@@ -29,7 +29,7 @@ from truearc.robot.config.schema import read_axis
 
 MS = 1_000_000
 START_NS = 1000 * MS
-TICK_MS, EACH_TICK = 5, 31            # a tick at 200 Hz, and what truearc.robot.config.can_policy makes of that
+TICK_MS, EACH_TICK = 5, 31            # a tick at 200 Hz, and what truearc.robot.motors makes of that
 CHECK = AxisCheck("hood motor", 200, None)
 Family = MotorFamily[Any]
 

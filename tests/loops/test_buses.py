@@ -25,9 +25,9 @@ from truearc.hw.fault_codes import CAN_REOPENED
 from truearc.hw.real.can_bus import WAIT_S, SupervisedBus, open_can
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.reason import Reason
-from truearc.robot.config.can_policy import guard
-from truearc.robot.config.port_options import split_bus, with_ports
+from truearc.robot.config.overrides import split_bus, with_ports
 from truearc.robot.config.schema import load_config
+from truearc.robot.motors import guard
 from truearc.robot.reasons import CAN_LOST, DEVICE_NEVER_RECEIVED, DEVICE_STALE, IMAGE_DARK, text
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.rows import Trial

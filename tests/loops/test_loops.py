@@ -16,9 +16,8 @@ from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.hw import fault_codes as hw
 from truearc.robot import reasons as bot
-from truearc.robot.config.hashing import config_hash
-from truearc.robot.config.schema import Prescribed, load_config
-from truearc.robot.config.shot_plan import with_plan
+from truearc.robot.config.overrides import with_plan
+from truearc.robot.config.schema import Prescribed, config_hash, load_config
 from truearc.robot.processes.watchdog_rig import WatchedRig
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.recompute import Difference, replay

@@ -13,8 +13,8 @@ from truearc.hw.bus_rules import Allowed
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.fault_codes import DUPLICATE_ID, FOREIGN_HOST, FRAME_RATE_EXCEEDED
 from truearc.hw.protocols import Frame
-from truearc.robot.config.can_policy import guard, make_rules
 from truearc.robot.config.schema import Config
+from truearc.robot.motors import guard, make_rules
 from truearc.robot.reasons import IMAGE_DARK
 from truearc.robot.rig import HardwareRig
 from truearc.robot.types import Command, Sighting

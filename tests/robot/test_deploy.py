@@ -23,9 +23,7 @@ from truearc.cli.robot.deploy import make_commands
 from truearc.errors import InputError
 from truearc.hw.devices.family import Axis
 from truearc.robot.config.schema import Config, RecordingConfig, load_config, parse_toml
-from truearc.robot.deploy.install import Parts, make_parts
-from truearc.robot.deploy.source import copy_folder
-from truearc.robot.deploy.texts import (
+from truearc.robot.deploy import (
     HOME,
     INSTALL,
     LINK,
@@ -34,8 +32,11 @@ from truearc.robot.deploy.texts import (
     RECORDING,
     RULES,
     UNIT,
+    Parts,
+    copy_folder,
     make_config,
     make_files,
+    make_parts,
     make_rules,
 )
 

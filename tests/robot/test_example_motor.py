@@ -26,11 +26,10 @@ from truearc.hw.devices.family import Bounds
 from truearc.hw.fault_codes import FRAME_NOT_ALLOWED
 from truearc.hw.protocols import Frame
 from truearc.hw.reason import FAULT, Reason
-from truearc.robot.config.can_policy import guard
-from truearc.robot.config.hashing import config_hash
-from truearc.robot.config.schema import Config, load_config
+from truearc.robot.config.schema import Config, config_hash, load_config
 from truearc.robot.estimate import estimate
 from truearc.robot.gate.verdict import judge
+from truearc.robot.motors import guard
 from truearc.robot.operator_ui.driver_messages import Told, tell
 from truearc.robot.reasons import BAD_FRAME, IMAGE_DARK, MOTOR_ERROR, NOT_ARMED, text
 from truearc.robot.recording.replay.recompute import replay

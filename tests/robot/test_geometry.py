@@ -8,7 +8,7 @@ import pytest
 
 from truearc import robot
 from truearc.robot.config.schema import load_config
-from truearc.robot.geometry import elevation_from_encoder_deg, elevation_from_screw_deg, exit_distance_m, screw_length_m
+from truearc.robot.motors import elevation_from_encoder_deg, elevation_from_screw_deg, exit_distance_m, screw_length_m
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 

@@ -23,11 +23,9 @@ from truearc.hw.emulated.nodes import StepClock, Twin
 from truearc.hw.protocols import MotorReading
 from truearc.hw.real.can_bus import open_can
 from truearc.robot import reasons as because
-from truearc.robot.config.can_policy import guard
-from truearc.robot.config.hashing import config_hash
-from truearc.robot.config.schema import Config, load_config, read_axis
+from truearc.robot.config.schema import Config, config_hash, load_config, read_axis
 from truearc.robot.hood_encoders import FAMILIES, encoder_family_of
-from truearc.robot.motors import around_encoder
+from truearc.robot.motors import around_encoder, guard
 from truearc.robot.tick import step
 from truearc.robot.types import Count, Inputs, Memory
 from truearc.sim.world.emulated_robot import make_nodes

@@ -19,8 +19,8 @@ from truearc.hw.devices.drivers import LATE_NS, MS, SILENT_NS, RoundTrip
 from truearc.hw.emulated.nodes import StepClock, Twin
 from truearc.hw.protocols import Frame
 from truearc.hw.real.can_bus import open_can
-from truearc.robot.config.can_policy import guard
 from truearc.robot.config.schema import Config
+from truearc.robot.motors import guard
 from truearc.robot.reasons import IMAGE_DARK
 from truearc.robot.rig import HardwareRig
 from truearc.robot.tick import step

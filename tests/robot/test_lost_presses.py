@@ -18,7 +18,7 @@ from truearc.robot.reasons import (
     IDENTIFY_RELEASED_BY_BOX,
     NOT_ARMED,
 )
-from truearc.robot.sysid.tick import make_step
+from truearc.robot.sysid import make_step
 from truearc.robot.tick import step
 from truearc.robot.types import Memory, Progress
 

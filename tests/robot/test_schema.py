@@ -16,10 +16,9 @@ from truearc.cli.robot.vision_tools.camera_file import CAMERAS, load_camera
 from truearc.cli.robot.vision_tools.images import load_image
 from truearc.errors import InputError, unknown_keys
 from truearc.robot.aim_file import load_aim
-from truearc.robot.config.hashing import config_hash, is_hash_of
 from truearc.robot.config.rig_spec import TERMS, Rig
-from truearc.robot.config.schema import Config, load_config, parse_toml, read_axis
-from truearc.robot.doctor.devices import load_endpoints
+from truearc.robot.config.schema import Config, config_hash, is_hash_of, load_config, parse_toml, read_axis
+from truearc.robot.doctor import load_endpoints
 from truearc.robot.gate.model import load_gate
 from truearc.robot.recording.files import make_folder, session_contents
 from truearc.robot.recording.reader import TickReader

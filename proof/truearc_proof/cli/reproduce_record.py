@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from truearc.errors import InputError
-from truearc.robot.config.hashing import is_hash_of
+from truearc.robot.config.schema import is_hash_of
 from truearc.robot.recording.session import CAN, FRAMES, load_header
 from truearc.sim.progress import Progress
 from truearc.sim.world.emulated_robot import emulate

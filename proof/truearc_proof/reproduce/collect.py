@@ -13,9 +13,9 @@ import numpy as np
 from msgspec.structs import replace
 
 from truearc.errors import InputError
+from truearc.robot.config.overrides import with_plan
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import Config, Prescribed
-from truearc.robot.config.shot_plan import with_plan
 from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.recordings import shots_from_sessions

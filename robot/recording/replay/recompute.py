@@ -21,7 +21,7 @@ from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.frame_replay import FramesRig, Recomputed
 from truearc.robot.rig import ReplayRig
 from truearc.robot.runtime import RobotIo, run
-from truearc.robot.sysid.tick import POLICY, make_step
+from truearc.robot.sysid import POLICY, make_step
 from truearc.robot.tick import step
 from truearc.robot.types import Sent, Tick
 

@@ -19,7 +19,7 @@ from truearc.hw.devices.spark.frames import CONTROLLER_HEARTBEAT, locked_spark
 from truearc.hw.emulated.nodes import StepClock, Twin
 from truearc.hw.protocols import Frame, LinkLost
 from truearc.hw.real.can_bus import open_can
-from truearc.robot.doctor.devices import load_endpoints
+from truearc.robot.doctor import load_endpoints
 from truearc_proof.world.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
 
 CHANNELS = itertools.count()

@@ -22,13 +22,15 @@ from truearc.hw.devices.family import FAILURE, OK, WARNING, Heard, failure, line
 from truearc.hw.fault_codes import CAMERA_ERROR
 from truearc.hw.protocols import CameraFrame, LinkLost
 from truearc.hw.real.system import CanLink, Exposure, parse_link, read_exposure
-from truearc.robot.doctor.devices import check_adapter, check_bitrate, check_model
-from truearc.robot.doctor.senses import (
+from truearc.robot.doctor import (
+    check_adapter,
+    check_bitrate,
     check_box,
     check_camera,
     check_clock,
     check_disk,
     check_exposure,
+    check_model,
     check_real_time,
 )
 

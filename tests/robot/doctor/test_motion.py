@@ -28,8 +28,7 @@ from truearc.hw.emulated.pty_cable import PtyCable
 from truearc.hw.emulated.serial_link import SlcanAdapter
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import load_config
-from truearc.robot.doctor.motion import COAST_S, SmallMotion, plan
-from truearc.robot.doctor.moved import check_motion
+from truearc.robot.doctor_motion import COAST_S, SmallMotion, check_motion, plan
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
 from truearc.robot.vision_source import NoEyes

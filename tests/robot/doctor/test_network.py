@@ -19,7 +19,7 @@ from truearc.robot.advice.nt_keys import Reading
 from truearc.robot.config.nt4 import Nt4, Nt4Velocity, Nt4Vision
 from truearc.robot.config.schema import AprilTag, Config, load_config
 from truearc.robot.config.shot_map import load_map
-from truearc.robot.doctor.network import HeardKeys, check_network, check_tags, keys_wanted
+from truearc.robot.doctor_network import HeardKeys, check_network, check_tags, keys_wanted
 
 CONFIG = load_config(SHIPPED)
 MAP = """schema = "truearc.shot-map/1"

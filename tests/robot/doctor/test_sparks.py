@@ -13,7 +13,7 @@ from truearc.hw.devices.spark.family import SparkConfig, check_firmware
 from truearc.hw.devices.spark.frames import CONTROLLER_HEARTBEAT, locked_spark
 from truearc.hw.emulated.nodes import Node
 from truearc.hw.protocols import Frame
-from truearc.robot.doctor.devices import check_devices, check_heartbeat_lock, questions
+from truearc.robot.doctor import check_devices, check_heartbeat_lock, questions
 from truearc.robot.motors import name_axes
 from truearc_proof.world.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
 

@@ -20,8 +20,8 @@ from truearc.hw.fault_codes import CAMERA_FROZEN, CAN_SILENT, SERIAL_ERROR
 from truearc.hw.protocols import LinkLost
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.wires import open_serial
-from truearc.robot.config.can_policy import guard
 from truearc.robot.config.schema import load_config
+from truearc.robot.motors import guard
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.session import make_header

@@ -10,8 +10,7 @@ from tests.robot.good_tick import CONFIG
 from tests.robot.recording.test_encoder import open_writer, play, ticks
 from truearc.cli.common import SHIPPED
 from truearc.errors import InputError
-from truearc.robot.config.hashing import config_hash
-from truearc.robot.config.schema import Config, RecordingConfig, parse_toml
+from truearc.robot.config.schema import Config, RecordingConfig, config_hash, parse_toml
 from truearc.robot.recording import retention
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.recover import recover

@@ -16,9 +16,17 @@ from pathlib import Path
 
 from truearc.errors import InputError, load_text
 from truearc.robot.config.schema import load_config
-from truearc.robot.deploy.install import Parts, make_parts
-from truearc.robot.deploy.source import copy_folder, copy_source
-from truearc.robot.deploy.texts import CONFIG, INSTALL, RECORDING, make_config, make_files
+from truearc.robot.deploy import (
+    CONFIG,
+    INSTALL,
+    RECORDING,
+    Parts,
+    copy_folder,
+    copy_source,
+    make_config,
+    make_files,
+    make_parts,
+)
 
 EXAMPLE = "truearc deploy pi@launcher.local --config launcher.toml --gate gate.onnx --core 3 --dry-run"
 PROGRESS = False
@@ -59,7 +67,7 @@ def main(args: argparse.Namespace) -> int:
         from truearc.robot.aim_file import load_aim_for
         load_aim_for(args.aim, config)
     if args.endpoints:
-        from truearc.robot.doctor.devices import load_endpoints
+        from truearc.robot.doctor import load_endpoints
         load_endpoints(args.endpoints)
     parts = make_parts(config, Parts(args.gate is not None, args.endpoints is not None, bool(args.plugin), args.core,
                                      args.priority, args.can_serial, args.box_usb, args.exposure_ms,

@@ -22,13 +22,12 @@ from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.system import CanLink, is_clock_synchronised, read_exposure, read_link, rehearse
 from truearc.hw.real.wires import open_serial
+from truearc.robot import doctor
 from truearc.robot.advice.advice_io import Scaled, scaled_columns
 from truearc.robot.advice.nt_keys import NtKeys, Reading
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.config.shot_map import as_signal, load_map
-from truearc.robot.doctor import devices, senses
-from truearc.robot.doctor.network import HeardKeys, check_network, check_tags, keys_wanted
-from truearc.robot.doctor.stored import set_stored
+from truearc.robot.doctor_network import HeardKeys, check_network, check_tags, keys_wanted
 from truearc.robot.motors import name_axes
 
 NS_PER_S = 1_000_000_000
@@ -44,14 +43,14 @@ def check_robot(args: argparse.Namespace) -> int:
     if args.config is None:
         raise InputError("--config is needed: which launcher.toml to look at; or --nt and --map")
     config = load_config(args.config)
-    endpoints = devices.load_endpoints(args.endpoints) if args.endpoints else None
+    endpoints = doctor.load_endpoints(args.endpoints) if args.endpoints else None
     clock = MonotonicClock()
     findings = [*_look_at_can(config, clock, endpoints, args.seconds)]
     if args.move:
         findings += move_robot(config, clock, findings, args.yes)
     findings += [*_look_at_senses(config, clock), *look_at_network(config),
-                *senses.check_real_time(rehearse(args.priority)), senses.check_clock(is_clock_synchronised()),
-                devices.check_model(config.gate, args.gate), *devices.check_aim(config, args.aim),
+                *doctor.check_real_time(rehearse(args.priority)), doctor.check_clock(is_clock_synchronised()),
+                doctor.check_model(config.gate, args.gate), *doctor.check_aim(config, args.aim),
                 _look_at_disk(args.out)]
     return _report(findings, args.json)
 
@@ -60,13 +59,13 @@ def set_devices(args: argparse.Namespace) -> int:
     """Write what the axes should keep; 0 when they keep it. args: those of `truearc doctor`."""
     if args.config is None or args.endpoints is None:
         raise InputError("--set needs --config and --endpoints: whose axes, and their firmware's flat_endpoints.json")
-    config, endpoints, clock = load_config(args.config), devices.load_endpoints(args.endpoints), MonotonicClock()
+    config, endpoints, clock = load_config(args.config), doctor.load_endpoints(args.endpoints), MonotonicClock()
     try:
         bus = open_can(config.can.interface, config.can.channel, config.can.bitrate, clock)
     except LinkLost as error:
         raise InputError(f"{args.config}: can: {error}") from error
     try:
-        return set_stored(bus, clock, config, endpoints, args.yes)
+        return doctor.set_stored(bus, clock, config, endpoints, args.yes)
     except LinkLost as error:
         raise InputError(f"{args.config}: can: {error}; some settings may have been written") from error
     finally:
@@ -90,24 +89,24 @@ def _look_at_senses(config: Config, clock: Clock) -> Iterator[Finding]:
         try:
             box = open_serial(config.buttons.port, config.buttons.baud)
             wires.callback(box.close)
-            yield senses.check_box(box, clock)
+            yield doctor.check_box(box, clock)
         except LinkLost as error:
             yield failure("button box", str(error), "plug it in; stop a running robot; see [buttons] port")
         if config.nt4 is not None and config.nt4.vision is not None:
             return                    # another camera sees for us
-        yield senses.check_exposure(config.camera, read_exposure(config.camera.device))
+        yield doctor.check_exposure(config.camera, read_exposure(config.camera.device))
         try:
             camera = open_camera(config.camera.device, config.camera.width_px, config.camera.height_px,
                                  config.camera.fps, clock, config.camera.exposure_s)
             wires.callback(camera.close)
-            yield senses.check_camera(camera, clock)
+            yield doctor.check_camera(camera, clock)
         except LinkLost as error:
             yield failure("camera", str(error), "plug it in; stop a running robot; see [camera] in the configuration")
 
 
 def _look_at_can(config: Config, clock: Clock, endpoints: Endpoints | None, seconds: float) -> Iterator[Finding]:
     link = read_link(config.can.channel) if config.can.interface == "socketcan" else None
-    adapter = devices.check_adapter(config.can, link)
+    adapter = doctor.check_adapter(config.can, link)
     try:
         bus = open_can(config.can.interface, config.can.channel, config.can.bitrate, clock)
     except LinkLost as error:
@@ -125,10 +124,10 @@ def _look_at_can(config: Config, clock: Clock, endpoints: Endpoints | None, seco
 def look_at_bus(config: Config, bus: Bus, clock: Clock, link: CanLink | None, endpoints: Endpoints | None,
                 seconds: float) -> Iterator[Finding]:
     """Everything that can be heard on the CAN bus in one stretch of listening; raises LinkLost."""
-    heard = listen(bus, clock, devices.questions(config, endpoints), seconds)
-    yield devices.check_bitrate(config.can, link, heard)
-    yield devices.check_heartbeat_lock((axis for _, axis in name_axes(config)), heard)
-    yield from devices.check_devices(config, endpoints, heard)
+    heard = listen(bus, clock, doctor.questions(config, endpoints), seconds)
+    yield doctor.check_bitrate(config.can, link, heard)
+    yield doctor.check_heartbeat_lock((axis for _, axis in name_axes(config)), heard)
+    yield from doctor.check_devices(config, endpoints, heard)
 
 
 def _look_at_disk(folder: Path) -> Finding:
@@ -136,8 +135,8 @@ def _look_at_disk(folder: Path) -> Finding:
     try:
         free_bytes = shutil.disk_usage(there).free
     except OSError:
-        return senses.check_disk(folder, None, False)
-    return senses.check_disk(folder, free_bytes, there.is_dir() and os.access(there, os.W_OK))
+        return doctor.check_disk(folder, None, False)
+    return doctor.check_disk(folder, free_bytes, there.is_dir() and os.access(there, os.W_OK))
 
 
 def look_at_network(config: Config) -> Iterator[Finding]:

@@ -13,9 +13,8 @@ from truearc.hw.devices.family import FAILURE, Finding, Heard, failure, listen, 
 from truearc.hw.protocols import Bus, Clock, Frame, LinkLost, Stream
 from truearc.hw.real.wires import open_serial
 from truearc.robot.config.schema import Config
-from truearc.robot.doctor.devices import find_hood
-from truearc.robot.doctor.motion import SmallMotion, describe, plan
-from truearc.robot.doctor.moved import check_motion
+from truearc.robot.doctor import find_hood
+from truearc.robot.doctor_motion import SmallMotion, check_motion, describe, plan
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run

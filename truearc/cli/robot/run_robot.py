@@ -24,12 +24,10 @@ from truearc.hw.real.wires import MendedStream, open_serial
 from truearc.robot.advice.nt_keys import need_library
 from truearc.robot.advice.nt_publisher import open_publisher
 from truearc.robot.aim_file import AimFile, load_aim_for, needs_aim
-from truearc.robot.config.can_policy import guard
-from truearc.robot.config.port_options import with_ports
+from truearc.robot.config.overrides import load_plan, with_plan, with_ports
 from truearc.robot.config.schema import Config, load_config
-from truearc.robot.config.shot_plan import load_plan, with_plan
 from truearc.robot.gate.model import load_gate
-from truearc.robot.motors import make_motors
+from truearc.robot.motors import guard, make_motors
 from truearc.robot.operator_ui.page_option import parse_page
 from truearc.robot.operator_ui.screens import open_screens
 from truearc.robot.operator_ui.server import open_page

@@ -19,7 +19,7 @@ from truearc.cli.common import SHIPPED, make_progress, number, origin_of, refuse
 from truearc.cli.outputs import out_file
 from truearc.errors import InputError
 from truearc.robot.config.schema import Config, load_config
-from truearc.robot.sysid.program import FLYWHEEL, HOOD
+from truearc.robot.sysid import FLYWHEEL, HOOD
 
 if TYPE_CHECKING:
     from truearc.sim.sysid.motion import Record

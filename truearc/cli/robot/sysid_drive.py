@@ -22,8 +22,7 @@ from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.session import make_header
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
-from truearc.robot.sysid.program import phases
-from truearc.robot.sysid.tick import POLICY, make_step, say
+from truearc.robot.sysid import POLICY, make_step, phases, say
 from truearc.robot.types import Progress, Sent, Tick
 from truearc.robot.vision_source import NoEyes
 

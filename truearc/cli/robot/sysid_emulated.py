@@ -9,7 +9,7 @@ from truearc.hw.devices.button_box import open_button_box
 from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config
 from truearc.robot.runtime import run
-from truearc.robot.sysid.tick import make_step
+from truearc.robot.sysid import make_step
 from truearc.robot.vision_source import NoEyes
 from truearc.sim.world.emulated_robot import MakeNodes, check_emulated, emulated_rig, make_nodes
 from truearc.sim.world.world import World
