@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from msgspec import Struct
 
 from truearc.hw.fault_codes import DUPLICATE_ID, FOREIGN_HOST, FRAME_NOT_ALLOWED, FRAME_RATE_EXCEEDED
-from truearc.hw.protocols import Bus, Clock, Frame
+from truearc.hw.protocols import NS_PER_S, Bus, Clock, Frame
 from truearc.hw.reason import Reason
 
 # --- the allow list
@@ -84,7 +84,6 @@ class AllowedBus:
 # --- the monitor
 
 Kind = tuple[int, bool, bool]         # arbitration id, is extended, is remote
-NS_PER_S = 1_000_000_000
 PULSE_WINDOW_NS = NS_PER_S                  # pulses are counted over this long; what was wrong is said for as long
 SHARE = 1.5                           # times as many pulses as one device gives: two give twice as many
 KINDS = 100                           # unknown kinds counted one by one; noise could have millions
@@ -163,7 +162,6 @@ class _Pulse:
 
 # --- the rules of one device
 
-NS_PER_MS = 1_000_000
 SELDOM = 5                            # within WINDOW_NS, of what is asked a few times a second at most
 
 

@@ -12,6 +12,8 @@ if TYPE_CHECKING:                     # every command loads this module, and mos
     import numpy as np
     import numpy.typing as npt
 
+NS, NS_PER_MS, NS_PER_S = 1e-9, 1_000_000, 1_000_000_000          # seconds in a nanosecond, and nanoseconds in others
+
 ErrorTable = tuple[tuple[int, Code], ...]         # bit of a controller's error field, and its meaning
 
 

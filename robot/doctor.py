@@ -16,42 +16,23 @@ import numpy.typing as npt
 from msgspec.structs import replace
 
 from truearc.errors import InputError, about, load_text
+from truearc.hw import protocols
 from truearc.hw.bus_rules import SHARE
+from truearc.hw.devices import family
 from truearc.hw.devices.button_box import parse_lines
-from truearc.hw.devices.family import (
-    WARNING,
-    Axis,
-    AxisCheck,
-    Encoder,
-    Endpoints,
-    Finding,
-    Heard,
-    Stored,
-    StoredSettings,
-    failure,
-    listen,
-    ok,
-    warning,
-)
+from truearc.hw.devices.family import WARNING, Endpoints, Finding, Heard, StoredSettings, failure, listen, ok, warning
 from truearc.hw.devices.odrive.doctor import parse_endpoints
 from truearc.hw.devices.registry import family_of
 from truearc.hw.devices.spark.frames import is_controller_heartbeat, locked_spark
-from truearc.hw.protocols import BadFrame, Bus, Camera, CameraFrame, Clock, Frame, LinkLost, Motor, MotorReading, Stream
+from truearc.hw.protocols import NS_PER_S, BadFrame, Bus, Camera, CameraFrame, Clock, Frame, LinkLost, Motor, Stream
 from truearc.hw.real.system import CanLink, Exposure
+from truearc.robot import motors
 from truearc.robot.aim_file import load_aim_for, needs_aim
 from truearc.robot.config.schema import CameraConfig, Can, Config, GateConfig
 from truearc.robot.gate.contract import FEATURES
 from truearc.robot.gate.model import load_gate
 from truearc.robot.hood_encoders import encoder_family_of
-from truearc.robot.motors import (
-    NS_PER_S,
-    around_encoder,
-    bound_axes,
-    elevation_from_encoder_deg,
-    make_motors,
-    make_rules,
-    name_axes,
-)
+from truearc.robot.motors import around_encoder, bound_axes, elevation_from_encoder_deg, make_motors, name_axes
 from truearc.robot.reasons import text
 
 # --- box, camera and computer
@@ -209,7 +190,7 @@ class Wrong(NamedTuple):
     """A setting of an axis that is not as the rig needs it; `has`: None where nothing was answered."""
 
     axis: str
-    setting: Stored
+    setting: family.Stored
     has: float | None
 
 
@@ -299,7 +280,7 @@ def check_devices(config: Config, endpoints: Endpoints | None, heard: Heard) -> 
     """Axes in the configuration's order, then the hood's encoder, then all of them together; a warning about several
     devices alike is one."""
     found = [finding for name, axis in name_axes(config)
-             for finding in family_of(axis).examine(axis, AxisCheck(name, config.tick_hz, endpoints), heard)]
+             for finding in family_of(axis).examine(axis, family.AxisCheck(name, config.tick_hz, endpoints), heard)]
     found += check_stored(stored_of(config, endpoints), heard)
     encoder = config.hood_encoder
     found += encoder_family_of(encoder).examine(encoder, around_encoder(config), heard)
@@ -339,7 +320,7 @@ def check_answer_times(config: Config, heard: Heard) -> Finding:
 def check_pulses(config: Config, heard: Heard) -> Finding:
     """Whether a device says how it is twice as often as one does; a run would hold its fire for it."""
     check = "device numbers"
-    pulses = {kind: period_ns for rules in make_rules(config) for kind, period_ns in rules.pulse.items()}
+    pulses = {kind: period_ns for rules in motors.make_rules(config) for kind, period_ns in rules.pulse.items()}
     twice = {f"{frames[0].name} {len(frames) / heard.seconds:.0f}/s instead of {NS_PER_S / period_ns:.0f}/s"
              for (frame_id, is_extended, _), period_ns in pulses.items()
              if len(frames := heard.of(frame_id, is_extended)) > SHARE * heard.seconds * NS_PER_S / period_ns + 1}
@@ -349,21 +330,21 @@ def check_pulses(config: Config, heard: Heard) -> Finding:
     return ok(check, "none speaks for two")
 
 
-def find_hood(config: Config, heard: Heard) -> tuple[MotorReading, float | None]:
+def find_hood(config: Config, heard: Heard) -> tuple[protocols.MotorReading, float | None]:
     """The hood motor's reading, and the elevation by the hood's encoder; None without one that knows its zero."""
-    table, family = config.hood_encoder, encoder_family_of(config.hood_encoder)
+    table, kind = config.hood_encoder, encoder_family_of(config.hood_encoder)
     motor = make_motors(config)[len(config.axes.flywheels)]
     _take_in(motor, heard)
-    if table.zero_deg is None or not table.is_heard or family.make_off_bus is not None:
+    if table.zero_deg is None or not table.is_heard or kind.make_off_bus is not None:
         return motor.reading, None
-    encoder = family.make(table, around_encoder(config))
+    encoder = kind.make(table, around_encoder(config))
     _take_in(encoder, heard)
     angle = encoder.reading or encoder.read(0)
     at_deg = None if angle is None else elevation_from_encoder_deg(angle.angle_rad, table, table.zero_deg)
     return motor.reading, at_deg
 
 
-def _take_in(device: Motor | Encoder, heard: Heard) -> None:
+def _take_in(device: Motor | family.Encoder, heard: Heard) -> None:
     keys = set(device.ids())
     for frame in heard.frames:
         if (frame.arbitration_id, frame.is_extended) in keys and not frame.is_remote:
@@ -459,7 +440,7 @@ def check_bitrate(can: Can, link: CanLink | None, heard: Heard) -> Finding:
     return ok(check, f"{frames_s:.0f} frames/s are understood, so it fits ({can.bitrate} bit/s are configured)")
 
 
-def check_heartbeat_lock(axes: Iterable[Axis], heard: Heard) -> Finding:
+def check_heartbeat_lock(axes: Iterable[family.Axis], heard: Heard) -> Finding:
     """Whether a competition's robot controller has the say here, now or before: over motors that are not ours to drive
     it may."""
     check = "heartbeat lock"

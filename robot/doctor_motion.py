@@ -19,28 +19,16 @@ from msgspec.structs import replace
 from truearc.errors import InputError
 from truearc.hw.devices.family import FAILURE, AxisCheck, Finding, Heard, failure, ok, warning
 from truearc.hw.devices.registry import family_of
-from truearc.hw.protocols import ButtonEvent, CameraFrame, MotorReading
+from truearc.hw.protocols import NS, ButtonEvent, CameraFrame, MotorReading
 from truearc.hw.reason import Reason
+from truearc.robot import sysid
 from truearc.robot.config.schema import Config
 from truearc.robot.control import RELEASED
-from truearc.robot.estimate import NS, is_fresh
+from truearc.robot.estimate import is_fresh
 from truearc.robot.gate.model import Gate
 from truearc.robot.motors import elevation_from_encoder_deg, elevation_from_screw_deg, name_axes, screw_length_m
 from truearc.robot.reasons import BOX_GONE, FRAMES_NOT_SENT, IDENTIFY_DONE, IDENTIFY_RELEASED, text
-from truearc.robot.sysid import (
-    CREEP,
-    CREEP_UP_DEG,
-    FLYWHEEL,
-    HOOD,
-    NUDGE,
-    PAUSE,
-    READY,
-    READY_S,
-    STEP,
-    STILL,
-    Phase,
-    make_step,
-)
+from truearc.robot.sysid import CREEP, FLYWHEEL, HOOD, PAUSE, STILL, Phase
 from truearc.robot.types import Inputs, Memory, Progress, Sent, Tick, Verdict
 
 # --- the motion
@@ -70,35 +58,33 @@ def plan(config: Config, hood_deg: float | None) -> tuple[Phase, ...]:
         raise InputError("--move: rig.launcher.free_speed_rad_s is missing: it says how fast the wheels may turn")
     most_nm = min(KS_TIMES * wheel.ks_nm or OUTPUT_SHARE * abs(wheel.pid.output_high), abs(wheel.pid.output_high))
     top_rad_s = WHEEL_SHARE * free_rad_s
-    program = [Phase(FLYWHEEL, READY, 1, 0.0, 0.0, top_rad_s, READY_S),
+    program = [Phase(FLYWHEEL, sysid.READY, 1, 0.0, 0.0, top_rad_s, sysid.READY_S),
                *_nudges(FLYWHEEL, 1, most_nm, top_rad_s, WHEEL_NUDGE_S, min(STARTED_RAD_S, top_rad_s)),
-               Phase(FLYWHEEL, STEP, 1, most_nm, 0.0, top_rad_s, SPIN_S),
+               Phase(FLYWHEEL, sysid.STEP, 1, most_nm, 0.0, top_rad_s, SPIN_S),
                Phase(FLYWHEEL, PAUSE, 1, 0.0, 0.0, top_rad_s, COAST_S)]
     creep_rad_s = CREEP_DEG_S * rad_per_deg(config)
-    top_rad_s, hood_nm = 2.0 * creep_rad_s, abs(hood.homing_torque_nm)
-    down, travel_deg = (1 if hood.homing_torque_nm > 0.0 else -1), hood.high_deg - hood.low_deg
+    top_rad_s, hood_nm = 2.0 * creep_rad_s, -hood.homing_torque_nm
 
     def creep(sign: int, longest_s: float) -> Phase:
         return Phase(HOOD, CREEP, sign, hood_nm, hood_nm / RAMP_S, top_rad_s, longest_s, creep_rad_s)
 
-    rest, home_s = Phase(HOOD, PAUSE, 1, 0.0, 0.0, top_rad_s, REST_S), 2.0 * travel_deg / CREEP_DEG_S
-    if hood_deg is None or hood_deg < hood.high_deg - 2.0 * CREEP_UP_DEG:
-        program += _nudges(HOOD, -down, hood_nm, top_rad_s, HOOD_NUDGE_S, creep_rad_s / 2.0)
-        program += [creep(-down, RISE_S), rest]
-    else:
-        program += _nudges(HOOD, down, hood_nm, top_rad_s, HOOD_NUDGE_S, creep_rad_s / 2.0)
-    return (*program, creep(down, home_s), rest, creep(-down, 2.0 * CREEP_UP_DEG / CREEP_DEG_S + RAMP_S), rest,
-            creep(down, 2.0 * CREEP_UP_DEG / CREEP_DEG_S + RAMP_S), rest)
+    rest = Phase(HOOD, PAUSE, 1, 0.0, 0.0, top_rad_s, REST_S)
+    home_s = 2.0 * (hood.high_deg - hood.low_deg) / CREEP_DEG_S
+    may_rise = hood_deg is None or hood_deg < hood.high_deg - 2.0 * sysid.CREEP_UP_DEG
+    program += _nudges(HOOD, 1 if may_rise else -1, hood_nm, top_rad_s, HOOD_NUDGE_S, creep_rad_s / 2.0)
+    program += [creep(1, RISE_S), rest] if may_rise else []
+    creep_s = 2.0 * sysid.CREEP_UP_DEG / CREEP_DEG_S + RAMP_S
+    return (*program, creep(-1, home_s), rest, creep(1, creep_s), rest, creep(-1, creep_s), rest)
 
 
 def describe(config: Config, program: tuple[Phase, ...]) -> str:
     """What will move, how far and how fast, for whoever is to allow it."""
-    spin = next(phase for phase in program if phase.kind == STEP)
-    creep = next(phase for phase in program if phase.kind == CREEP)
+    spin = next(phase for phase in program if phase.kind == sysid.STEP)
+    creep, up_deg = next(phase for phase in program if phase.kind == CREEP), sysid.CREEP_UP_DEG
     return (f"wheels: up to {spin.top_rad_s:.0f} rad/s at the motor, with {spin.torque_nm:g} Nm for {SPIN_S:g} s at "
             "most, whatever they read\n"
-            f"hood: {CREEP_UP_DEG:g} deg up, down to its limit switch, {CREEP_UP_DEG:g} deg up and down again, at "
-            f"{CREEP_DEG_S:g} deg/s with {creep.torque_nm:g} Nm at most\n"
+            f"hood: {up_deg:g} deg up, down to its limit switch, {up_deg:g} deg up and down again, at {CREEP_DEG_S:g} deg/s  "
+            f"with {creep.torque_nm:g} Nm at most\n"
             "feeder: not at all")
 
 
@@ -118,7 +104,7 @@ def screw_rad(elevation_deg: float, config: Config) -> float:
 def _nudges(joint: str, sign: int, most_nm: float, top_rad_s: float, long_s: float, ends_rad_s: float) -> list[Phase]:
     nudges = []
     for number in range(1, NUDGES + 1):
-        nudges += [Phase(joint, NUDGE, sign, most_nm * number / NUDGES, 0.0, top_rad_s, long_s, ends_rad_s,
+        nudges += [Phase(joint, sysid.NUDGE, sign, most_nm * number / NUDGES, 0.0, top_rad_s, long_s, ends_rad_s,
                          number == NUDGES), Phase(joint, PAUSE, 1, 0.0, 0.0, top_rad_s, REST_S)]
     return nudges
 
@@ -134,7 +120,7 @@ class SmallMotion:
         self.over: str | None = None
         self.rows: list[tuple[Phase, Tick, Sent]] = []
         self._config, self._program, self._has_box = config, program, has_box
-        self._step = make_step(config, program)
+        self._step = sysid.make_step(config, program)
         self._rad_per_deg = rad_per_deg(config)
         self._phase = -1
         self._start: Inputs
@@ -196,8 +182,9 @@ class SmallMotion:
         hood, config = inputs.hood_motor, self._config
         turned_rad = hood.position_rad - self._start.hood_motor.position_rad
         turned_deg, pivoted_deg = turned_rad / self._rad_per_deg, self._pivoted_deg(inputs)
-        down = phase.sign * config.hood.homing_torque_nm > 0.0
-        most_deg = MOST_UP_DEG if not down or phase.kind != CREEP else config.hood.high_deg - config.hood.low_deg + 3.0
+        most_deg = config.hood.high_deg - config.hood.low_deg + 3.0
+        if phase.sign > 0 or phase.kind != CREEP:
+            most_deg = MOST_UP_DEG
         if not max(abs(turned_deg), abs(pivoted_deg)) <= most_deg:
             return (f"the hood has moved by {turned_deg:.1f} deg by its motor's encoder and {pivoted_deg:.1f} by its "
                     f"own, more than {most_deg:g}")
@@ -207,12 +194,12 @@ class SmallMotion:
             if screw_deg is None or not abs(screw_deg - at_deg) <= config.hood.crosscheck_deg:
                 return (f"the hood has moved by {at_deg - began_deg:.1f} deg by its encoder, by its motor's about "
                         f"{turned_deg:.1f}: is one of them stuck, scaled, late or the wrong way round?")
-        return self._creep_doubt(inputs, phase, down, turned_deg) if phase.kind == CREEP else None
+        return self._creep_doubt(inputs, phase, turned_deg) if phase.kind == CREEP else None
 
-    def _creep_doubt(self, inputs: Inputs, phase: Phase, down: bool, turned_deg: float) -> str | None:
+    def _creep_doubt(self, inputs: Inputs, phase: Phase, turned_deg: float) -> str | None:
         hood, at_deg = inputs.hood_motor, hood_angle_deg(inputs, self._config)
         closed = is_fresh(inputs, hood.endstop_t_ns, self._config) and hood.endstop
-        if not down and closed and turned_deg > CREEP_UP_DEG - 1.0:
+        if phase.sign > 0 and closed and turned_deg > sysid.CREEP_UP_DEG - 1.0:
             return f"the limit switch stays closed {turned_deg:.1f} deg above it"
         asked_nm = phase.asked_nm((inputs.t_ns - self._start.t_ns) * NS)
         if abs(asked_nm) < phase.torque_nm or abs(hood.velocity_rad_s) > STILL * phase.top_rad_s:
@@ -220,8 +207,8 @@ class SmallMotion:
         if (inputs.t_ns - self._still_ns) * NS <= JAM_S:
             return None
         where = "" if at_deg is None else f" at {at_deg:.1f} deg"
-        return (f"the hood has stopped{where} and its limit switch stays open: is it dead, or does something jam?"
-                if down else f"the hood does not move{where} with {phase.torque_nm:g} Nm: does something jam?")
+        return (f"the hood has stopped{where} and its limit switch stays open: is it dead, or does something jam?" if phase.sign < 0
+                else f"the hood does not move{where} with {phase.torque_nm:g} Nm: does something jam?")
 
     def _pivoted_deg(self, inputs: Inputs) -> float:
         """By how much the hood's own encoder has turned, 0 where there is none."""
@@ -335,7 +322,8 @@ def _check_turned(check: str, told: tuple[Numbers, Numbers, Numbers], lag_s: flo
 
 def _cut_s(rows: Sequence[Row]) -> float | None:
     """When the torque of the fast turn ended; None where it never came, or nothing is known of what followed."""
-    driven = [tick.inputs.t_ns for phase, tick, sent in rows if phase.kind == STEP and sent.flywheel_torque_nm > 0.0]
+    driven = [tick.inputs.t_ns for phase, tick, sent in rows
+              if phase.kind == sysid.STEP and sent.flywheel_torque_nm > 0.0]
     after = [tick.inputs.t_ns for _, tick, _ in rows if driven and tick.inputs.t_ns > driven[-1]]
     return after[0] * 1e-9 if len(after) > FEW else None
 

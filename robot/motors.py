@@ -7,7 +7,7 @@ from truearc.errors import InputError
 from truearc.hw.bus_rules import WINDOW_NS, AllowedBus, MonitoredBus, Rules
 from truearc.hw.devices.family import Around, Axis, Bounds, HoodEncoder
 from truearc.hw.devices.registry import family_of
-from truearc.hw.protocols import Bus, Clock, Motor
+from truearc.hw.protocols import NS_PER_S, Bus, Clock, Motor
 from truearc.robot.config.schema import CameraConfig, Config, Hood
 from truearc.robot.hood_encoders import encoder_family_of
 
@@ -123,7 +123,6 @@ def around_encoder(config: Config) -> Around:
 
 # --- rules of the bus
 
-NS_PER_S = 1_000_000_000
 SPARE = 1.5                           # a set point is sent once a tick at most, but after a late tick the next is early
 
 

@@ -20,7 +20,8 @@ from truearc.hw.devices.family import (
     failure,
     ok,
 )
-from truearc.hw.emulated.nodes import MS, Plant
+from truearc.hw.emulated.nodes import Plant
+from truearc.hw.protocols import NS_PER_MS as MS
 from truearc.hw.protocols import AngleReading
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.reason import Reason

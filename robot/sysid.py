@@ -12,6 +12,7 @@ from msgspec import UNSET, Struct, UnsetType
 from msgspec.structs import replace
 
 from truearc.errors import InputError
+from truearc.hw.protocols import NS
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config, Excite
@@ -62,10 +63,8 @@ def phases(config: Config) -> tuple[Phase, ...]:
     if wheel.repeats:
         program += _joint(FLYWHEEL, wheel, (1, -1) if wheel.reverse else (1,))
     if hood.repeats:
-        homing_nm = config.hood.homing_torque_nm
-        program += [Phase(HOOD, HOME, 1 if homing_nm > 0.0 else -1, abs(homing_nm), 0.0, hood.top_rad_s,
-                          hood.longest_s)]
-        program += _joint(HOOD, hood, (1, -1))
+        home = Phase(HOOD, HOME, -1, -config.hood.homing_torque_nm, 0.0, hood.top_rad_s, hood.longest_s)
+        program += [home, *_joint(HOOD, hood, (1, -1))]
     if len(program) == 1:
         raise InputError("identify: both repeats are 0, so nothing would be driven")
     return tuple(program)
@@ -96,7 +95,6 @@ def _check(config: Config) -> None:
 
 # --- one tick
 
-NS = 1e-9
 POLICY = "identify"                   # what the session's header says
 LIMIT_SHARE = 0.5                     # of the hood's margin: nearer to an end of its travel everything is let go
 
@@ -178,7 +176,7 @@ def _advance(inputs: Inputs, belief: Estimate, memory: Memory, progress: Progres
     speed = _speed(inputs, belief, phase.joint)
     late = since_s >= phase.longest_s
     if late:
-        doubts += _overdue(phase, speed, config)
+        doubts += _overdue(phase, speed)
     if doubts:
         return replace(progress, over=because.IDENTIFY_STOPPED(causes=tuple(doubts)))
     if not late and not _is_over(inputs, belief, memory, phase, speed, config):
@@ -251,7 +249,7 @@ def _is_over(inputs: Inputs, belief: Estimate, memory: Memory, phase: Phase, spe
 
 def _has_crept(inputs: Inputs, belief: Estimate, phase: Phase, config: Config) -> bool:
     """On the switch; or, where it is known how high that is, off it."""
-    if (phase.sign > 0) == (config.hood.homing_torque_nm > 0.0):
+    if phase.sign < 0:
         return inputs.hood_motor.endstop and is_fresh(inputs, inputs.hood_motor.endstop_t_ns, config)
     screw_deg = belief.hood_screw_deg
     return screw_deg is not None and abs(screw_deg - config.hood.low_deg) >= CREEP_UP_DEG
@@ -263,11 +261,11 @@ def _at_end(belief: Estimate, phase: Phase, config: Config) -> bool:
     return belief.hood_deg >= high_deg if phase.sign > 0 else belief.hood_deg <= low_deg
 
 
-def _overdue(phase: Phase, speed: float, config: Config) -> list[Reason]:
+def _overdue(phase: Phase, speed: float) -> list[Reason]:
     """Driving may last as long as it may; not so what ought to have come to an end."""
     if phase.kind == PAUSE or (phase.kind == NUDGE and not phase.must_turn):
         return []
-    if phase.kind == HOME or (phase.kind == CREEP and phase.sign * config.hood.homing_torque_nm > 0.0):
+    if phase.kind == HOME or (phase.kind == CREEP and phase.sign < 0):
         return [because.SWITCH_NOT_REACHED(limit_s=phase.longest_s)]
     if phase.kind == COAST and abs(speed) > STILL * phase.top_rad_s:
         return [because.JOINT_STILL_TURNING(joint=phase.joint, limit_s=phase.longest_s)]

@@ -16,7 +16,7 @@ from benchmarks.matrix.pictures import Scenery, SteppedCamera, open_camera
 from benchmarks.matrix.span import Span
 from benchmarks.matrix.wires import FlakyBus, StallingClock, StandingWall
 from truearc.cli.robot.run_processes import make_see
-from truearc.hw.protocols import Bus, CameraFrame, Clock, Stream
+from truearc.hw.protocols import NS_PER_S, Bus, CameraFrame, Clock, Stream
 from truearc.hw.protocols import Camera as CameraLink
 from truearc.hw.real.can_bus import ROOM, WAIT_S, CanBus, SupervisedBus, open_can
 from truearc.hw.real.wires import MendedCamera, MendedStream, open_serial
@@ -28,7 +28,7 @@ from truearc.robot.processes.watchdog_rig import WatchedRig
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.session import make_header
-from truearc.robot.rig import NS_PER_S, HardwareRig, RecordingRig
+from truearc.robot.rig import HardwareRig, RecordingRig
 from truearc.robot.runtime import RobotIo, run
 from truearc.robot.types import Command, Inputs, Sent
 from truearc.robot.vision_source import Eyes, InlineEyes

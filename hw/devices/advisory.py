@@ -8,19 +8,9 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from truearc.hw.bus_rules import Rules
+from truearc.hw.devices import family
 from truearc.hw.devices.drivers import HeardMotor
-from truearc.hw.devices.family import (
-    AttachedMotor,
-    Axis,
-    AxisCheck,
-    CanNode,
-    Direction,
-    Finding,
-    Heard,
-    MotorFamily,
-    failure,
-    ok,
-)
+from truearc.hw.devices.family import AttachedMotor, Axis, AxisCheck, CanNode, Finding, Heard, MotorFamily, failure, ok
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.family import ODRIVE
 from truearc.hw.devices.spark import frames as spark
@@ -35,13 +25,13 @@ class AdvisoryConfig(Struct, Axis, frozen=True, forbid_unknown_fields=True, tag_
 
     listens_to: Literal["odrive", "spark"]    # whose frames they are
     device: CanNode
-    direction: Direction
+    direction: family.Direction
     has_endstop: bool                 # its frames tell of a limit switch at the negative end; only a SPARK's do
 
 
 def make_rules(axis: AdvisoryConfig, each_tick: int) -> Rules:
-    family, theirs = _theirs(axis)
-    return replace(family.make_rules(theirs, each_tick), allowed=())
+    kind, theirs = _theirs(axis)
+    return replace(kind.make_rules(theirs, each_tick), allowed=())
 
 
 def errors(axis: AdvisoryConfig, motor: MotorReading) -> tuple[Reason, ...]:
@@ -65,8 +55,8 @@ def examine(axis: AdvisoryConfig, check: AxisCheck, heard: Heard) -> Iterator[Fi
 
 
 def make_node(axis: AdvisoryConfig, motor: AttachedMotor) -> Node:
-    family, theirs = _theirs(axis)
-    return family.make_node(theirs, motor)
+    kind, theirs = _theirs(axis)
+    return kind.make_node(theirs, motor)
 
 
 def _theirs(axis: AdvisoryConfig) -> tuple[MotorFamily[Any], Any]:
@@ -77,9 +67,9 @@ def _theirs(axis: AdvisoryConfig) -> tuple[MotorFamily[Any], Any]:
 
 
 def _make_motor(axis: AdvisoryConfig) -> HeardMotor:
-    family, theirs = _theirs(axis)
-    frames = odrive if family is ODRIVE else spark
-    return HeardMotor("its controller", frames.frame_ids(theirs), family is SPARK, partial(frames.parse, theirs))
+    kind, theirs = _theirs(axis)
+    frames = odrive if kind is ODRIVE else spark
+    return HeardMotor("its controller", frames.frame_ids(theirs), kind is SPARK, partial(frames.parse, theirs))
 
 
 ADVISORY = MotorFamily(

@@ -12,20 +12,13 @@ from typing import NamedTuple
 from msgspec import UNSET, Struct
 from msgspec.structs import replace
 
-from truearc.hw.fault_codes import (
-    CONTROLLER_NOT_ANSWERING,
-    ENCODER_MISMATCH,
-    ENCODER_STUCK,
-    FEEDBACK_LATE,
-    FEEDBACK_UNMEASURED,
-    SPEED_JUMPED,
-)
+from truearc.hw import fault_codes as codes
+from truearc.hw.protocols import NS_PER_MS as MS
 from truearc.hw.protocols import Frame, MotorReading, Order
 from truearc.hw.reason import Reason
 
 # --- position and speed of one encoder
 
-MS = 1_000_000
 STILL_NS = 50 * MS                    # a position that does not change for so long, at a speed, is stuck
 MOVING_RAD_S = 10.0
 # A ball slows the shipped wheels by 2.5 rad/s per ms, wheels of a fifth of their inertia by 8.4. Readings closer
@@ -87,12 +80,12 @@ class Agreement:
     def fault(self, controller: str, reading: MotorReading) -> Reason | None:
         """None for an encoder that goes with its motor; `controller` names what reports it."""
         if self._still_ns and reading.t_ns - self._still_ns >= STILL_NS:
-            return ENCODER_STUCK(controller=controller, speed_rad_s=reading.velocity_rad_s)
+            return codes.ENCODER_STUCK(controller=controller, speed_rad_s=reading.velocity_rad_s)
         if self._differ is not None and reading.t_ns - self._differ_ns >= LASTS_NS:
             reported, turned = self._differ
-            return ENCODER_MISMATCH(controller=controller, speed_rad_s=reported, turned_rad_s=turned)
+            return codes.ENCODER_MISMATCH(controller=controller, speed_rad_s=reported, turned_rad_s=turned)
         if self._jump is not None and reading.t_ns - self._jump[0] < JUMP_TOLD_NS:
-            return SPEED_JUMPED(controller=controller, before_rad_s=self._jump[1], after_rad_s=self._jump[2])
+            return codes.SPEED_JUMPED(controller=controller, before_rad_s=self._jump[1], after_rad_s=self._jump[2])
         return None
 
     def _follow(self, reading: MotorReading) -> None:
@@ -222,10 +215,10 @@ class RoundTrip:
         if self.is_timely:
             return None
         if not self.is_measured or self._heard_ns is None:
-            return FEEDBACK_UNMEASURED(controller=self._device)
+            return codes.FEEDBACK_UNMEASURED(controller=self._device)
         if (silence_ns := self._tick_ns - self._heard_ns) > SILENT_NS:
-            return CONTROLLER_NOT_ANSWERING(controller=self._device, silence_s=silence_ns * 1e-9)
-        return FEEDBACK_LATE(controller=self._device, delay_s=max(self._took_ns) * 1e-9)
+            return codes.CONTROLLER_NOT_ANSWERING(controller=self._device, silence_s=silence_ns * 1e-9)
+        return codes.FEEDBACK_LATE(controller=self._device, delay_s=max(self._took_ns) * 1e-9)
 
 
 # --- motors

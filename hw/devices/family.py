@@ -15,7 +15,7 @@ from truearc.hw.bus_rules import Rules
 from truearc.hw.devices.drivers import LAG_S, MOVING_RAD_S, Agreement, RoundTrip, is_byte_swapped
 from truearc.hw.emulated.nodes import Node, Plant
 from truearc.hw.fault_codes import BY_NAME
-from truearc.hw.protocols import AngleReading, BadFrame, Bus, Clock, Frame, Motor, MotorReading
+from truearc.hw.protocols import NS_PER_S, AngleReading, BadFrame, Bus, Clock, Frame, Motor, MotorReading
 from truearc.hw.reason import Message, Reason, render
 
 # --- what one check found
@@ -128,7 +128,6 @@ def current_limit_a(bounds: Bounds, torque_nm_a: float) -> float | None:
 # --- motor controllers
 
 Reading = TypeVar("Reading")
-NS_PER_S = 1_000_000_000
 LOOK_NS = 5_000_000                   # between looks at the bus
 AxisKind = TypeVar("AxisKind", bound=Axis)
 

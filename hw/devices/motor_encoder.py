@@ -7,22 +7,8 @@ from msgspec import Struct
 
 from truearc.hw import fault_codes as codes
 from truearc.hw.bus_rules import Rules
-from truearc.hw.devices.family import (
-    CHECK,
-    Around,
-    AttachedMotor,
-    Axis,
-    AxisCheck,
-    Bounds,
-    Encoder,
-    EncoderFamily,
-    Finding,
-    Finite,
-    Heard,
-    HoodEncoder,
-    Positive,
-    ok,
-)
+from truearc.hw.devices import family
+from truearc.hw.devices.family import CHECK, Around, AttachedMotor, Encoder, EncoderFamily, Finding, HoodEncoder, ok
 from truearc.hw.devices.odrive.family import OdriveConfig
 from truearc.hw.devices.registry import family_of
 from truearc.hw.emulated.nodes import MotorTruth, Node, Plant
@@ -39,16 +25,16 @@ class MotorEncoderConfig(Struct, HoodEncoder, frozen=True, forbid_unknown_fields
                          tag_field="driver", tag="motor"):
     """A controller whose encoder turns with the hood; its own direction makes a rising hood positive."""
 
-    controller: Axis
-    gear: Positive                    # turns of the encoder per turn of the hood
-    zero_deg: Finite | None = None    # reading where the launch elevation is 0; absent: it counts, the switch tells
+    controller: family.Axis
+    gear: family.Positive                    # turns of the encoder per turn of the hood
+    zero_deg: family.Finite | None = None     # reading at a launch elevation of 0; absent: it counts, the switch tells
 
 
 class MotorEncoder(Encoder):
     """A motor of which only the position is used."""
 
     def __init__(self, table: MotorEncoderConfig) -> None:
-        motors: Sequence[Motor] = family_of(table.controller).make_motors([table.controller], [Bounds()])
+        motors: Sequence[Motor] = family_of(table.controller).make_motors([table.controller], [family.Bounds()])
         self._motor, self._table = motors[0], table
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
@@ -88,9 +74,9 @@ def questions(table: MotorEncoderConfig) -> Sequence[Frame]:
     return asked
 
 
-def examine(table: MotorEncoderConfig, around: Around, heard: Heard) -> Iterator[Finding]:
+def examine(table: MotorEncoderConfig, around: Around, heard: family.Heard) -> Iterator[Finding]:
     """Its controller's findings."""
-    yield from family_of(table.controller).examine(table.controller, AxisCheck(CHECK, TICK_HZ, None), heard)
+    yield from family_of(table.controller).examine(table.controller, family.AxisCheck(CHECK, TICK_HZ, None), heard)
 
 
 class _Pivot:

@@ -13,7 +13,6 @@ if TYPE_CHECKING:                     # every command loads this module, and mos
     import numpy as np
     import numpy.typing as npt
 
-MS = 1_000_000                                    # ns
 
 
 class MotorTruth(NamedTuple):

@@ -7,20 +7,8 @@ from typing import Annotated, Any, Literal, TypeVar
 import msgspec
 from msgspec import UNSET, Struct
 
-from truearc.errors import (
-    InputError,
-    joined,
-    line_of,
-    line_of_key,
-    load_text,
-    missing_keys,
-    near_key,
-    near_tables,
-    parse_table,
-    reworded,
-    struct_in,
-    unknown_keys,
-)
+from truearc import errors
+from truearc.errors import InputError, line_of_key, load_text, struct_in
 from truearc.hw.devices.family import Axis, Finite, HoodEncoder, Positive
 from truearc.robot.config.limits import cannot_throw, contradictions, warn_of_pitch, warn_of_terms
 from truearc.robot.config.nt4 import Nt4
@@ -285,8 +273,9 @@ def load_config(path: str | Path) -> Config:
     """Read launcher.toml; InputError names file, key and line, or the key of a number that cannot be true."""
     text = load_text(path)
     config = parse_toml(text, Config, str(path))
-    for key in unknown_keys(parse_table(text, str(path))["rig"], Rig):
-        raise InputError(f"{path}{line_of_key(text, f'rig.{key}')}: rig.{key}: unknown key{near_key(key, Rig, None)}")
+    for key in errors.unknown_keys(errors.parse_table(text, str(path))["rig"], Rig):
+        raise InputError(f"{path}{line_of_key(text, f'rig.{key}')}: rig.{key}: unknown key"
+                         f"{errors.near_key(key, Rig, None)}")
     for key, what in (*((f"rig.{key}", what) for key, what in rig_errors(config.rig)), *contradictions(config),
                       *cannot_throw(config.rig)):
         raise InputError(f"{path}{line_of_key(text, key)}: {key}: {what}")
@@ -302,17 +291,17 @@ def load_toml(path: str | Path, kind: type[Kind]) -> Kind:
 
 def parse_toml(text: str, kind: type[Kind], name: str) -> Kind:
     """As load_toml, of text that came from somewhere called `name`."""
-    table = parse_table(text, name)
+    table = errors.parse_table(text, name)
     try:
         return msgspec.convert(table, kind, dec_hook=read_axis)
     except msgspec.ValidationError as error:
-        message, missing = joined(str(error)), missing_keys(table, kind, struct_of=table_struct)
-        said = reworded(message, table, _known)
+        message, missing = errors.joined(str(error)), errors.missing_keys(table, kind, struct_of=table_struct)
+        said = errors.reworded(message, table, _known)
         unknown = said.endswith(": unknown key")
-        near = near_key(said.removesuffix(": unknown key"), kind, table, table_struct) if unknown else ""
-        here = f"{name}{line_of(text, message)}: {said}{near}"
+        near = errors.near_key(said.removesuffix(": unknown key"), kind, table, table_struct) if unknown else ""
+        here = f"{name}{errors.line_of(text, message)}: {said}{near}"
         if len(missing) > 1 and not near:
-            lacks = f"keys are missing: {', '.join(missing)}{near_tables(table, kind)}"
+            lacks = f"keys are missing: {', '.join(missing)}{errors.near_tables(table, kind)}"
             here = f"{here}; {lacks}" if unknown else f"{name}: {lacks}"
         raise InputError(here) from error
 
@@ -328,7 +317,7 @@ def read_axis(kind: type, table: Any) -> Axis | HoodEncoder:
     except LookupError:
         raise ValueError(f"Invalid value {driver!r} - at `$.driver`") from None
     except msgspec.ValidationError as error:
-        raise ValueError(joined(str(error))) from error
+        raise ValueError(errors.joined(str(error))) from error
 
 
 def table_struct(annotation: Any, table: Any) -> Any:

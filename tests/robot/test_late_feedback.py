@@ -15,8 +15,9 @@ from tests.robot.sparks import ALL_SPARK
 from tests.robot.test_rig import Blind, Stream
 from truearc.hw import fault_codes as hw
 from truearc.hw.devices.canandmag.emulator import CanandmagNode
-from truearc.hw.devices.drivers import LATE_NS, MS, SILENT_NS, RoundTrip
+from truearc.hw.devices.drivers import LATE_NS, SILENT_NS, RoundTrip
 from truearc.hw.emulated.nodes import StepClock, Twin
+from truearc.hw.protocols import NS_PER_MS as MS
 from truearc.hw.protocols import Frame
 from truearc.hw.real.can_bus import open_can
 from truearc.robot.config.schema import Config

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from truearc.hw.bus_rules import NS_PER_MS, Rules, allow, allow_seldom, kinds_of
+from truearc.hw.bus_rules import Rules, allow, allow_seldom, kinds_of
 from truearc.hw.devices.drivers import DcMotor
 from truearc.hw.devices.family import (
     Axis,
@@ -19,7 +19,7 @@ from truearc.hw.devices.family import (
     ok,
     warning,
 )
-from truearc.hw.protocols import Frame, MotorReading
+from truearc.hw.protocols import NS_PER_MS, Frame, MotorReading
 from truearc.hw.reason import Reason
 from truearc_samplemotor import frames
 from truearc_samplemotor.emulator import SampleNode

@@ -5,27 +5,14 @@ from typing import Annotated
 
 from msgspec import Meta, Struct
 
-from truearc.hw.bus_rules import NS_PER_MS, SHARE, Rules, allow_seldom, kinds_of
+from truearc.hw.bus_rules import SHARE, Rules, allow_seldom, kinds_of
+from truearc.hw.devices import family
 from truearc.hw.devices.canandmag import frames as canandmag
 from truearc.hw.devices.canandmag.emulator import CanandmagNode
 from truearc.hw.devices.drivers import RoundTrip, older
-from truearc.hw.devices.family import (
-    CanNode,
-    Direction,
-    Encoder,
-    EncoderFamily,
-    Finding,
-    Finite,
-    Heard,
-    HoodEncoder,
-    aged,
-    failure,
-    ok,
-    trip_faults,
-    warning,
-)
+from truearc.hw.devices.family import CanNode, Direction, Encoder, EncoderFamily, Finding, Finite, failure, ok, warning
 from truearc.hw.fault_codes import ERROR_ID_CONFLICT
-from truearc.hw.protocols import AngleReading, Frame
+from truearc.hw.protocols import NS_PER_MS, AngleReading, Frame
 from truearc.hw.reason import Reason
 
 STATUS_NS = 100 * NS_PER_MS           # between status frames, in a device as it comes
@@ -47,7 +34,7 @@ STATUS_S = 0.1                        # between its status frames
 ENOUGH = 3                            # angles within the age that may still fire
 
 
-def check_encoder(device: int, period_ms: int, longest_age_s: float, heard: Heard) -> Finding:
+def check_encoder(device: int, period_ms: int, longest_age_s: float, heard: family.Heard) -> Finding:
     """Whether the angle comes, often enough, from a healthy device. Its position is not filtered in the device.
 
     period_ms: between angles, as configured. longest_age_s: of an angle that may still fire.
@@ -73,7 +60,7 @@ def check_encoder(device: int, period_ms: int, longest_age_s: float, heard: Hear
     return ok(CHECK, f"{angles_s:.0f} angles/s, magnet in sight; positions are not filtered")
 
 
-class CanandmagConfig(Struct, HoodEncoder, frozen=True, forbid_unknown_fields=True, tag_field="driver",
+class CanandmagConfig(Struct, family.HoodEncoder, frozen=True, forbid_unknown_fields=True, tag_field="driver",
                       tag="canandmag"):
     """A Canandmag whose magnet turns with the hood."""
 
@@ -106,12 +93,12 @@ class CanandmagEncoder(Encoder):
             self.reading = self._parse(frame, self.reading)
         elif frame.arbitration_id == self._answer_id:
             canandmag.check_answer(self._device, frame)
-            self.reading = aged(self.reading, self._trip.answered(frame.t_ns))
+            self.reading = family.aged(self.reading, self._trip.answered(frame.t_ns))
         else:
             self.reading = self._parse(older(frame, self._trip.late_ns), self.reading)
 
     def faults(self, t_ns: int) -> tuple[Reason, ...]:
-        return () if self._trip is None else trip_faults(self._trip, t_ns)
+        return () if self._trip is None else family.trip_faults(self._trip, t_ns)
 
     def frames(self, t_ns: int) -> tuple[Frame, ...]:
         frames, self._unsent = self._unsent, ()

@@ -14,21 +14,8 @@ from collections.abc import Iterator, Mapping
 from functools import partial
 from types import MappingProxyType
 
-from truearc.hw.devices.family import (
-    AxisCheck,
-    Bounds,
-    Endpoints,
-    Finding,
-    Heard,
-    Stored,
-    StoredSettings,
-    check_estimates,
-    current_limit_a,
-    failure,
-    ok,
-    speed_limit_rad_s,
-    warning,
-)
+from truearc.hw.devices import family
+from truearc.hw.devices.family import AxisCheck, Endpoints, Finding, Heard, Stored, StoredSettings, failure, ok, warning
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.fault_codes import BY_NAME
@@ -70,7 +57,7 @@ def examine(axis: OdriveAxis, check: AxisCheck, heard: Heard) -> Iterator[Findin
     yield check_errors(name, axis, heard)
     estimates = heard.of(odrive.frame_id(axis, "Get_Encoder_Estimates"))
     if estimates:
-        yield check_estimates(name, estimates, partial(odrive.parse, axis))
+        yield family.check_estimates(name, estimates, partial(odrive.parse, axis))
     if axis.endstop_endpoint and heard.of(odrive.frame_id(axis, "Get_Version")):
         yield check_switch(name, axis, heard)
     yield from check_parameters(name, axis, endpoints, check.tick_hz, heard)
@@ -249,11 +236,11 @@ NEAR = 0.01                           # a stored limit within this share is that
 RESTART_S = 3.0                       # until its frames are there again, with time to spare
 
 
-def stored_settings(axis: odrive.OdriveAxis, bounds: Bounds, endpoints: Endpoints) -> StoredSettings:
+def stored_settings(axis: odrive.OdriveAxis, bounds: family.Bounds, endpoints: Endpoints) -> StoredSettings:
     """The axis's watchdog, and limits where the rig knows them; KeyError names a parameter that the table lacks."""
     found = [_setting(axis, endpoints.ids[WATCHDOG_ON], WATCHDOG_ON, 1.0, 1.0, 1.0, "<?"),
              _setting(axis, endpoints.ids[WATCHDOG_S], WATCHDOG_S, GOOD_S, SHORTEST_S, LONGEST_S, "<f")]
-    speed_rad_s, current_a = speed_limit_rad_s(bounds), current_limit_a(bounds, axis.torque_nm_a)
+    speed_rad_s, current_a = family.speed_limit_rad_s(bounds), family.current_limit_a(bounds, axis.torque_nm_a)
     for name, wanted in ((SPEED, None if speed_rad_s is None else speed_rad_s / math.tau), (CURRENT, current_a)):
         if wanted is not None:
             found.append(_setting(axis, endpoints.ids[name], name, wanted, wanted * (1.0 - NEAR),

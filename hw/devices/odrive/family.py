@@ -7,22 +7,15 @@ from typing import Annotated
 from msgspec import Meta
 from msgspec.structs import replace
 
-from truearc.hw.bus_rules import NS_PER_MS, Rules, allow, allow_seldom, kinds_of
+from truearc.hw.bus_rules import Rules, allow, allow_seldom, kinds_of
 from truearc.hw.codec import DBC
+from truearc.hw.devices import family
 from truearc.hw.devices.drivers import AskedMotor
-from truearc.hw.devices.family import (
-    AttachedMotor,
-    Axis,
-    Bounds,
-    MotorFamily,
-    TorquePerAmp,
-    current_limit_a,
-    speed_limit_rad_s,
-)
+from truearc.hw.devices.family import AttachedMotor, Axis, Bounds, MotorFamily, TorquePerAmp, current_limit_a
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.doctor import examine, questions, stored_settings
 from truearc.hw.devices.odrive.emulator import SETTINGS, OdriveNode, OdriveSettings
-from truearc.hw.protocols import Frame, Order
+from truearc.hw.protocols import NS_PER_MS, Frame, Order
 
 RETRY_NS = 100_000_000                # how often orders to come up or to let go are repeated: a frame may be lost
 ENDSTOP_NS = 20_000_000               # between two questions about the limit switch
@@ -119,7 +112,7 @@ def make_motors(axes: Sequence[OdriveConfig], bounds: Sequence[Bounds]) -> tuple
 
 def make_limits(axis: OdriveConfig, bounds: Bounds) -> Frame | None:
     """The device's own limits; None where one of them is not known, for the frame sets both."""
-    speed_rad_s, current_a = speed_limit_rad_s(bounds), current_limit_a(bounds, axis.torque_nm_a)
+    speed_rad_s, current_a = family.speed_limit_rad_s(bounds), current_limit_a(bounds, axis.torque_nm_a)
     return None if speed_rad_s is None or current_a is None else odrive.make_limits(axis, speed_rad_s, current_a)
 
 

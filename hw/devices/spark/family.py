@@ -7,30 +7,17 @@ from typing import Annotated
 from msgspec import Meta
 from msgspec.structs import replace
 
-from truearc.hw.bus_rules import NS_PER_MS, Rules, allow, allow_seldom, kinds_of
+from truearc.hw.bus_rules import Rules, allow, allow_seldom, kinds_of
 from truearc.hw.codec import DBC
+from truearc.hw.devices import family
 from truearc.hw.devices.drivers import DcMotor
-from truearc.hw.devices.family import (
-    AttachedMotor,
-    Axis,
-    AxisCheck,
-    Bounds,
-    Endpoints,
-    Finding,
-    Heard,
-    MotorFamily,
-    TorquePerAmp,
-    check_estimates,
-    failure,
-    ok,
-    warning,
-)
+from truearc.hw.devices.family import AttachedMotor, Axis, AxisCheck, Bounds, Finding, Heard, failure, ok, warning
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
 from truearc.hw.devices.spark.frames import SparkAxis
 from truearc.hw.devices.spark.motor import SparkHeartbeat, SparkMotor
 from truearc.hw.fault_codes import BY_NAME
-from truearc.hw.protocols import BadFrame, Frame, MotorReading
+from truearc.hw.protocols import NS_PER_MS, BadFrame, Frame, MotorReading
 from truearc.hw.reason import listed
 
 PULSE_NS = 10 * NS_PER_MS             # STATUS_0: how often a device says how it is; its maker's own setting
@@ -60,7 +47,7 @@ def make_encoder_rules(axis: spark.SparkAxis, settings: Mapping[int, float] | No
 LOOK = "look at its power and plug, and at its CAN id in REV's hardware client"
 
 
-def questions(axis: SparkAxis, endpoints: Endpoints | None) -> list[Frame]:
+def questions(axis: SparkAxis, endpoints: family.Endpoints | None) -> list[Frame]:
     """Its version. STATUS_1 and STATUS_2 are turned on, and its parameters set, by the run itself."""
     return [spark.make_version_query(axis)]
 
@@ -70,7 +57,7 @@ def examine(axis: SparkAxis, check: AxisCheck, heard: Heard) -> Iterator[Finding
     yield check_firmware(check.name, axis, heard)
     yield check_status(check.name, axis, heard)
     if estimates := heard.of(spark.frame_id(axis, "STATUS_2"), extended=True):     # off before the first run
-        yield check_estimates(check.name, estimates, partial(spark.parse, axis))
+        yield family.check_estimates(check.name, estimates, partial(spark.parse, axis))
 
 
 def check_firmware(name: str, axis: SparkAxis, heard: Heard) -> Finding:
@@ -118,7 +105,7 @@ class SparkConfig(spark.SparkAxis, Axis, frozen=True, forbid_unknown_fields=True
     stall_torque_nm: Annotated[float, Meta(gt=0.0, le=100.0)]     # at the shaft that is counted, at the rated voltage
     free_speed_rad_s: Annotated[float, Meta(gt=1.0, le=10_000.0)]
     rated_v: Annotated[float, Meta(ge=1.0, le=60.0)]
-    torque_nm_a: TorquePerAmp = 0.0   # of the motor; 0: not known, and its stall current limit stays as it is stored
+    torque_nm_a: family.TorquePerAmp = 0.0    # of the motor; 0: not known, its stall current limit stays as it is stored
 
 
 def make_motors(axes: Sequence[SparkConfig], bounds: Sequence[Bounds]) -> tuple[SparkMotor, ...]:
@@ -133,7 +120,7 @@ def make_node(axis: spark.SparkAxis, motor: AttachedMotor) -> SparkNode:
                      motor.endstop if axis.has_endstop else None)
 
 
-SPARK = MotorFamily(
+SPARK = family.MotorFamily(
     driver="spark", axis=SparkConfig, signs_current=False, example=SparkConfig(3, 1, True, 2.6, 594.0, 12.0),
     dbc=DBC / "spark.dbc",
     is_commanded=True, make_motors=make_motors, make_rules=make_rules,

@@ -8,10 +8,10 @@ from msgspec.structs import replace
 from truearc.hw import fault_codes as codes
 from truearc.hw.devices.drivers import AskedMotor, DcMotor, duty_for, torque_of
 from truearc.hw.devices.spark import frames as spark
+from truearc.hw.protocols import NS_PER_MS as MS
 from truearc.hw.protocols import BadFrame, Frame, Order
 from truearc.hw.reason import Reason
 
-MS = 1_000_000
 RETRY_NS = 100 * MS                   # how often a question without an answer is asked again
 STALE_NS = 100 * MS                   # what is older than this is not driven by; a status frame that is on is younger
 

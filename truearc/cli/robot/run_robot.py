@@ -16,7 +16,7 @@ from types import FrameType
 from truearc.cli.gate.answer import make_command
 from truearc.cli.robot.run_processes import LAYOUTS, ProcessLayout
 from truearc.errors import InputError, about
-from truearc.hw.protocols import Bus, Clock, LinkLost, Stream
+from truearc.hw.protocols import NS_PER_S, Bus, Clock, LinkLost, Stream
 from truearc.hw.real.can_bus import WAIT_S, SupervisedBus, open_can
 from truearc.hw.real.clock import MonotonicClock, wall_clock, wall_offset_ns
 from truearc.hw.real.system import ServiceManager, ask_core, ask_fifo, ask_fifo_beside, ask_locked_memory
@@ -39,7 +39,7 @@ from truearc.robot.recording.append_file import DISK_ERRNOS
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.session import make_header
-from truearc.robot.rig import NS_PER_S, HardwareRig, RecordingRig
+from truearc.robot.rig import HardwareRig, RecordingRig
 from truearc.robot.runtime import RobotIo, run
 from truearc.robot.tick import step
 from truearc.robot.vision_source import Eyes
