@@ -83,8 +83,8 @@ def describe(config: Config, program: tuple[Phase, ...]) -> str:
     creep, up_deg = next(phase for phase in program if phase.kind == CREEP), sysid.CREEP_UP_DEG
     return (f"wheels: up to {spin.top_rad_s:.0f} rad/s at the motor, with {spin.torque_nm:g} Nm for {SPIN_S:g} s at "
             "most, whatever they read\n"
-            f"hood: {up_deg:g} deg up, down to its limit switch, {up_deg:g} deg up and down again, at {CREEP_DEG_S:g} deg/s  "
-            f"with {creep.torque_nm:g} Nm at most\n"
+            f"hood: {up_deg:g} deg up, down to its limit switch, {up_deg:g} deg up and down again, at "
+            f"{CREEP_DEG_S:g} deg/s with {creep.torque_nm:g} Nm at most\n"
             "feeder: not at all")
 
 
@@ -207,8 +207,9 @@ class SmallMotion:
         if (inputs.t_ns - self._still_ns) * NS <= JAM_S:
             return None
         where = "" if at_deg is None else f" at {at_deg:.1f} deg"
-        return (f"the hood has stopped{where} and its limit switch stays open: is it dead, or does something jam?" if phase.sign < 0
-                else f"the hood does not move{where} with {phase.torque_nm:g} Nm: does something jam?")
+        if phase.sign < 0:
+            return f"the hood has stopped{where} and its limit switch stays open: is it dead, or does something jam?"
+        return f"the hood does not move{where} with {phase.torque_nm:g} Nm: does something jam?"
 
     def _pivoted_deg(self, inputs: Inputs) -> float:
         """By how much the hood's own encoder has turned, 0 where there is none."""

@@ -47,7 +47,7 @@ HOMING_TRAVEL, HOMING_TIMES = 1.1, 3.0            # times the whole travel, and 
 SWITCH_OPEN_DEG = 3.0                 # above the switch it is open
 SWITCH_DEG = 0.9                      # homing ends so far below the switch: the encoder is off, or the switch dead
 LATCHING = frozenset((codes.ENCODER_STUCK.name, codes.ENCODER_MISMATCH.name, codes.SPEED_JUMPED.name))
-STALLS = frozenset((because.TICKS_STALLED.name, codes.DUPLICATE_ID.name))  # frames that waited look like another device's
+STALLS = frozenset((because.TICKS_STALLED.name, codes.DUPLICATE_ID.name))    # waiting frames look like another device's
 # With these no reading can be trusted to be of our device, of this moment, or ours to act on
 EVERYWHERE = STALLS | {because.CAN_LOST.name, codes.FOREIGN_HOST.name}
 FREE = Joint()

@@ -105,7 +105,7 @@ class SparkConfig(spark.SparkAxis, Axis, frozen=True, forbid_unknown_fields=True
     stall_torque_nm: Annotated[float, Meta(gt=0.0, le=100.0)]     # at the shaft that is counted, at the rated voltage
     free_speed_rad_s: Annotated[float, Meta(gt=1.0, le=10_000.0)]
     rated_v: Annotated[float, Meta(ge=1.0, le=60.0)]
-    torque_nm_a: family.TorquePerAmp = 0.0    # of the motor; 0: not known, its stall current limit stays as it is stored
+    torque_nm_a: family.TorquePerAmp = 0.0    # of the motor; 0: not known, its stall current limit stays as stored
 
 
 def make_motors(axes: Sequence[SparkConfig], bounds: Sequence[Bounds]) -> tuple[SparkMotor, ...]:
