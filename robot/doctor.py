@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 from msgspec.structs import replace
 
 from truearc.errors import InputError, about, load_text
@@ -109,17 +108,12 @@ def _judge(check: str, picture: CameraFrame) -> Finding:
     glare = float(np.mean(picture.image.max(axis=2) >= 255))
     if glare > GLARE:
         return warning(check, f"{glare:.0%} of its image are at full brightness", "shorten the exposure")
-    if _is_black(picture.image):
+    blocks = cv2.resize(picture.image, (max(width // BLOCK_PX, 1), max(height // BLOCK_PX, 1)),
+                        interpolation=cv2.INTER_AREA).astype(np.float32)      # their means, without the sensor's noise
+    if picture.image.mean() < DARK and np.abs(blocks - np.median(blocks, axis=(0, 1))).max() < FLAT:
         return warning(check, "its image is black all over, but for noise", "take the cap off, switch the ring light "
                        "on, point it at something bright")
     return ok(check, f"images of {width} x {height} pixels come")
-
-
-def _is_black(image: npt.NDArray[np.uint8]) -> bool:
-    """Whether an image (h, w, 3) is dark and without anything to see in it: what is left of its blocks' means."""
-    high, wide = (max(side // BLOCK_PX, 1) for side in image.shape[:2])
-    blocks = cv2.resize(image, (wide, high), interpolation=cv2.INTER_AREA).astype(np.float32)
-    return bool(image.mean() < DARK and np.abs(blocks - np.median(blocks, axis=(0, 1))).max() < FLAT)
 
 
 def check_clock(synchronised: bool | None) -> Finding:
@@ -215,7 +209,8 @@ def set_stored(bus: Bus, clock: Clock, config: Config, endpoints: Endpoints, yes
     for one in wrong:
         bus.write(one.setting.write)
     for axis in axes:
-        if unwritten := [name for name, value in _read(bus, clock, known[axis]) if value is None]:
+        heard = listen(bus, clock, known[axis].questions(), LISTEN_S)
+        if unwritten := [setting.name for setting in known[axis].settings if setting.read(heard) is None]:
             raise InputError(f"{axis}: {', '.join(unwritten)}: no answer after writing; nothing was saved")
         for frame in known[axis].save:
             bus.write(frame)
@@ -237,11 +232,6 @@ def _compare(bus: Bus, clock: Clock, known: dict[str, StoredSettings]) -> Iterat
         for setting in stored.settings:
             if not setting.is_well(has := setting.read(heard)):
                 yield Wrong(axis, setting, has)
-
-
-def _read(bus: Bus, clock: Clock, stored: StoredSettings) -> list[tuple[str, float | None]]:
-    heard = listen(bus, clock, stored.questions(), LISTEN_S)
-    return [(setting.name, setting.read(heard)) for setting in stored.settings]
 
 
 def _shown(value: float | None) -> str:
@@ -284,7 +274,9 @@ def check_devices(config: Config, endpoints: Endpoints | None, heard: Heard) -> 
     found += check_stored(stored_of(config, endpoints), heard)
     encoder = config.hood_encoder
     found += encoder_family_of(encoder).examine(encoder, around_encoder(config), heard)
-    yield from _fold([*found, *_check_together(config, heard)])
+    if heard.asked:
+        found.append(check_answer_times(config, heard))
+    yield from _fold([*found, check_pulses(config, heard), *check_hood(config, heard)])
 
 
 def _fold(findings: list[Finding]) -> Iterator[Finding]:
@@ -295,13 +287,6 @@ def _fold(findings: list[Finding]) -> Iterator[Finding]:
     for (what, _, _), group in alike.items():
         names = ", ".join(finding.check.partition(", ")[0] for finding in group)
         yield group[0] if len(group) == 1 else replace(group[0], check=f"{what} of {names}")
-
-
-def _check_together(config: Config, heard: Heard) -> Iterator[Finding]:
-    if heard.asked:
-        yield check_answer_times(config, heard)
-    yield check_pulses(config, heard)
-    yield from check_hood(config, heard)
 
 
 def check_answer_times(config: Config, heard: Heard) -> Finding:

@@ -282,7 +282,7 @@ def _check_wheels(config: Config, rows: Sequence[Row]) -> Iterator[Finding]:
         if lag_s is not None and lag_s > limit_s and finding.level != FAILURE:
             finding = failure(finding.check, f"its speed follows the torque {lag_s * 1e3:.0f} ms late; firing needs "
                               f"{limit_s * 1e3:.0f} ms", "look for what holds frames back, or filters the speed")
-        turned[name] = abs(_turned_rad(told))
+        turned[name] = abs(float(told[1][-1] - told[1][0])) if len(told[1]) else 0.0
         yield finding
     least, most = min(turned, key=turned.__getitem__), max(turned, key=turned.__getitem__)
     if turned[most] > LEAST_RAD and turned[least] < (1.0 - SHARE) * turned[most]:
@@ -297,10 +297,6 @@ def _readings(motors: Sequence[MotorReading]) -> tuple[Numbers, Numbers, Numbers
     told = [newest[t_ns] for t_ns in sorted(newest)]
     return (np.array([one.t_ns * 1e-9 for one in told]), np.array([one.position_rad for one in told]),
             np.array([one.velocity_rad_s for one in told]))
-
-
-def _turned_rad(told: tuple[Numbers, Numbers, Numbers]) -> float:
-    return float(told[1][-1] - told[1][0]) if len(told[1]) else 0.0
 
 
 def _check_turned(check: str, told: tuple[Numbers, Numbers, Numbers], lag_s: float | None) -> Finding:

@@ -212,12 +212,10 @@ def _trespasses(inputs: Inputs, belief: Estimate, phase: Phase, config: Config) 
 
 
 def _hood(belief: Estimate, phase: Phase, speed: float, config: Config) -> list[Reason]:
-    if phase.kind == HOME:
+    if phase.kind in (HOME, NUDGE, PAUSE, CREEP):
         return []
     if belief.hood_deg is None or belief.hood_screw_deg is None:
-        return [] if phase.kind in (NUDGE, PAUSE, CREEP) else [because.HOOD_UNKNOWN()]
-    if phase.kind in (NUDGE, PAUSE, CREEP):
-        return []
+        return [because.HOOD_UNKNOWN()]
     low_deg, high_deg = _window(config, LIMIT_SHARE)
     slow = STILL * phase.top_rad_s
     if (belief.hood_deg > high_deg and speed > slow) or (belief.hood_deg < low_deg and speed < -slow):

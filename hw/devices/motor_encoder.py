@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from msgspec import Struct
 
 from truearc.hw import fault_codes as codes
-from truearc.hw.bus_rules import Rules
 from truearc.hw.devices import family
 from truearc.hw.devices.family import CHECK, Around, AttachedMotor, Encoder, EncoderFamily, Finding, HoodEncoder, ok
 from truearc.hw.devices.odrive.family import OdriveConfig
@@ -64,16 +63,6 @@ def errors_of(table: MotorEncoderConfig, axis_error: int) -> tuple[Reason, ...]:
     return tuple(error for error in errors if error.code not in DRIVING)
 
 
-def make_rules(table: MotorEncoderConfig, each_tick: int) -> tuple[Rules]:
-    rules: Rules = family_of(table.controller).make_rules(table.controller, each_tick)
-    return (rules,)
-
-
-def questions(table: MotorEncoderConfig) -> Sequence[Frame]:
-    asked: Sequence[Frame] = family_of(table.controller).questions(table.controller, None)
-    return asked
-
-
 def examine(table: MotorEncoderConfig, around: Around, heard: family.Heard) -> Iterator[Finding]:
     """Its controller's findings."""
     yield from family_of(table.controller).examine(table.controller, family.AxisCheck(CHECK, TICK_HZ, None), heard)
@@ -105,8 +94,10 @@ def make_node(table: MotorEncoderConfig, plant: Plant, nodes: Mapping[str, Node]
 
 MOTOR = EncoderFamily(
     driver="motor", table=MotorEncoderConfig, example=MotorEncoderConfig(OdriveConfig(6, 1, 0), 1.0),
-    least_sigma_deg=SIGMA_DEG, make=lambda table, around: MotorEncoder(table), make_rules=make_rules,
-    questions=questions, errors=errors_of, examine=examine, make_node=make_node)
+    least_sigma_deg=SIGMA_DEG, make=lambda table, around: MotorEncoder(table),
+    make_rules=lambda table, each_tick: (family_of(table.controller).make_rules(table.controller, each_tick),),
+    questions=lambda table: family_of(table.controller).questions(table.controller, None),
+    errors=errors_of, examine=examine, make_node=make_node)
 
 
 # Play of the nut, where the switch closes, and a jump of the count that is too small to show: nothing corrects them

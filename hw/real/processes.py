@@ -128,7 +128,9 @@ class Child:
         said = self._listen(ours)
         process.join()
         if not isinstance(said, Reason):          # why it cannot says more
-            self.trouble = _ended(self.name, process.exitcode or 0)
+            code = process.exitcode or 0
+            self.trouble = (PROCESS_KILLED(process=self.name, signal=-code) if code < 0 else
+                            PROCESS_ENDED(process=self.name, exit_code=code))
         with self._lock:
             ours.close()
         return said == WORKS
@@ -151,10 +153,6 @@ def make_shared(size: int) -> Any:
     """Return `size` zero bytes that a child may share; the system frees them once no process holds them, however its
     holders ended."""
     return CONTEXT.RawArray(ctypes.c_ubyte, size)
-
-
-def _ended(name: str, code: int) -> Reason:
-    return PROCESS_KILLED(process=name, signal=-code) if code < 0 else PROCESS_ENDED(process=name, exit_code=code)
 
 
 def _live(work: Work, line: Line, is_first: bool, mortal: bool, args: tuple[Any, ...]) -> None:

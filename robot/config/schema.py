@@ -9,6 +9,7 @@ from msgspec import UNSET, Struct
 
 from truearc import errors
 from truearc.errors import InputError, line_of_key, load_text, struct_in
+from truearc.hw.devices import registry
 from truearc.hw.devices.family import Axis, Finite, HoodEncoder, Positive
 from truearc.robot.config.limits import cannot_throw, contradictions, warn_of_pitch, warn_of_terms
 from truearc.robot.config.nt4 import Nt4
@@ -322,14 +323,13 @@ def read_axis(kind: type, table: Any) -> Axis | HoodEncoder:
 
 def table_struct(annotation: Any, table: Any) -> Any:
     """The struct of a field's table: by its annotation, or a device's by its driver; None where there is none."""
-    from truearc.errors import PluginError
     if (plain := struct_in(annotation)) is not None:
         return plain
     driver = table.get("driver") if isinstance(table, dict) else None
     kind = _device(annotation)
     try:
         return table_of(kind, driver) if kind is not None and isinstance(driver, str) else None
-    except (LookupError, PluginError):
+    except (LookupError, errors.PluginError):
         return None
 
 
@@ -341,12 +341,10 @@ def _device(annotation: Any) -> Any:
 
 def table_of(kind: Any, driver: str) -> Any:
     """The struct of a device's table, by its driver; kind: Axis or HoodEncoder. Raises as find_family."""
-    # drivers need cantools, which most commands do without
     if kind is HoodEncoder:
         from truearc.robot.hood_encoders import BY_DRIVER
         return BY_DRIVER[driver].table
-    from truearc.hw.devices.registry import find_family
-    return find_family(driver).axis
+    return registry.find_family(driver).axis
 
 
 def _known(key: str) -> list[str]:
@@ -355,8 +353,7 @@ def _known(key: str) -> list[str]:
         from truearc.robot.hood_encoders import BY_DRIVER
         return list(BY_DRIVER)
     if key.endswith(".driver") or key == "hood_encoder.controller":
-        from truearc.hw.devices.registry import drivers
-        return list(drivers())
+        return list(registry.drivers())
     few = {"aim.policy": ["plan", "belief"]}
     return ["1", "-1"] if key.endswith(".direction") else few.get(key, [])
 

@@ -16,8 +16,10 @@ from msgspec import Struct
 
 from truearc.errors import InputError
 from truearc.hw.devices.family import driver_of
+from truearc.hw.devices.registry import BY_DRIVER
 from truearc.robot.aim_file import needs_aim
 from truearc.robot.config.schema import Config
+from truearc.robot.motors import name_axes
 
 HIGHEST_PRIORITY = 60                 # that the service may ask for
 
@@ -44,8 +46,6 @@ def make_parts(config: Config, parts: Parts) -> Parts:
 
 
 def _missing_plugins(config: Config, parts: Parts) -> Iterator[str]:
-    from truearc.hw.devices.registry import BY_DRIVER  # drivers need cantools, which --help does without
-    from truearc.robot.motors import name_axes
     for name, driver in ((name, driver_of(axis)) for name, axis in name_axes(config)):
         if driver not in BY_DRIVER and not parts.has_plugins:
             yield f"{name}: driver {driver!r} is of another distribution; --plugin names its wheel or source folder"

@@ -29,7 +29,6 @@ def make_rules(device: int, period_ms: int) -> Rules:
 
 
 CHECK = "hood encoder"
-ID_CONFLICT = 0x02                    # it says so itself
 STATUS_S = 0.1                        # between its status frames
 ENOUGH = 3                            # angles within the age that may still fire
 
@@ -47,7 +46,7 @@ def check_encoder(device: int, period_ms: int, longest_age_s: float, heard: fami
     if reading is None:
         return failure(CHECK, f"device {device} is silent", "look at its power and plug, and at its device number")
     statuses = len(heard.of(ids[1], extended=True))
-    if reading.faults & ID_CONFLICT or statuses > SHARE * heard.seconds / STATUS_S + 1:
+    if reading.faults & canandmag.ID_CONFLICT or statuses > SHARE * heard.seconds / STATUS_S + 1:
         return failure(CHECK, f"two devices have number {device}", "give each a number of its own")
     if not reading.magnet_ok:
         return failure(CHECK, "cannot see its magnet", "look at the magnet on the hood's pivot and its distance")
@@ -82,7 +81,7 @@ class CanandmagEncoder(Encoder):
         self._unsent = (canandmag.make_position_period(table.device, table.period_ms),) if table.period_ms else ()
         self._answer_id = canandmag.frame_id(table.device, "REPORT_SETTING")
         self._question = canandmag.make_period_query(table.device)
-        self._trip = RoundTrip(f"canandmag device {table.device}") if table.period_ms else None
+        self._trip = RoundTrip(canandmag.name_of(table.device)) if table.period_ms else None
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
         answers = () if self._trip is None else ((self._answer_id, True),)

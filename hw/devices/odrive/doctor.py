@@ -215,15 +215,17 @@ def _check_table(check: str, axis: OdriveAxis, endpoints: Endpoints, heard: Hear
 
 
 def _answers(axis: OdriveAxis, endpoints: Endpoints, heard: Heard) -> dict[str, bytes]:
-    numbers = {endpoints.ids[name]: name for name in ASKED}
-    answers: dict[str, bytes] = {}
+    answers = _parameters(axis, heard)
+    return {name: answers[endpoints.ids[name]] for name in ASKED if endpoints.ids[name] in answers}
+
+
+def _parameters(axis: OdriveAxis, heard: Heard) -> dict[int, bytes]:
+    """The newest answer about each parameter, by its number; what cannot be read is named by check_errors."""
+    answers = {}
     for frame in heard.of(odrive.frame_id(axis, "TxSdo")):
-        try:
+        with contextlib.suppress(BadFrame):
             number, data = odrive.parse_parameter(axis, frame)
-        except BadFrame:
-            continue                              # check_errors says so
-        if number in numbers:
-            answers[numbers[number]] = data
+            answers[number] = data
     return answers
 
 
@@ -253,15 +255,8 @@ def stored_settings(axis: odrive.OdriveAxis, bounds: family.Bounds, endpoints: E
 def _setting(axis: odrive.OdriveAxis, number: int, name: str, wanted: float, low: float, high: float,
              form: str) -> Stored:
     def read(heard: Heard) -> float | None:
-        value = None
-        for frame in heard.of(odrive.frame_id(axis, "TxSdo")):
-            try:
-                answered, data = odrive.parse_parameter(axis, frame)
-            except BadFrame:
-                continue              # the doctor's other checks name it
-            if answered == number:
-                value = float(struct.unpack_from(form, data)[0])
-        return value
+        data = _parameters(axis, heard).get(number)
+        return None if data is None else float(struct.unpack_from(form, data)[0])
 
     kind = bool if form == "<?" else float
     return Stored(name, wanted, low, high, odrive.make_parameter_query(axis, number),

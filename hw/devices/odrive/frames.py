@@ -210,10 +210,7 @@ def _parse(axis: OdriveAxis, message: str, frame: Frame) -> dict[str, float]:
     data = frame.data
     if message == "TxSdo" and 5 <= len(data) < 8:
         data = data.ljust(8, b"\0")               # an answer is only as long as the parameter, one byte for a switch
-    try:
-        return load_codec("odrive").parse(message, data)
-    except BadFrame as error:
-        raise BadFrame(error.reason.about(device=name_of(axis), frame=frame.name)) from error
+    return load_codec("odrive").parse_frame(message, frame, name_of(axis), data)
 
 
 def _unexpected(axis: OdriveAxis, frame: Frame, *wanted: str) -> Reason:

@@ -241,10 +241,7 @@ def make(axis: SparkAxis, message: str, values: Values) -> Frame:
 def _parse(axis: SparkAxis, message: str, frame: Frame) -> dict[str, float]:
     if frame.arbitration_id != frame_id(axis, message) or frame.is_remote:
         raise BadFrame(_unexpected(axis, frame, message))
-    try:
-        return load_codec("spark").parse(message, frame.data)
-    except BadFrame as error:
-        raise BadFrame(error.reason.about(device=name_of(axis), frame=frame.name)) from error
+    return load_codec("spark").parse_frame(message, frame, name_of(axis))
 
 
 def _unexpected(axis: SparkAxis, frame: Frame, *wanted: str) -> Reason:
