@@ -1,4 +1,4 @@
-"""Drivers are config lines: what the rig and the gate make of each, on hand-made wires."""
+"""Axes, their drivers and limits; the screw's linkage; frames allowed on the bus, against worked numbers."""
 
 import io
 import math
