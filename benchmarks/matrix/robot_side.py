@@ -27,9 +27,9 @@ from truearc.robot.config.schema import Config
 from truearc.robot.gate.model import Rating
 from truearc.robot.processes.tick_timing import Lateness, TimedRig
 from truearc.robot.processes.watchdog_rig import WatchedRig
-from truearc.robot.recording.candump import TappedBus
-from truearc.robot.recording.encoder import SessionWriter
+from truearc.robot.recording.files import TappedBus
 from truearc.robot.recording.session import make_header
+from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import NS_PER_S, HardwareRig, RecordingRig
 from truearc.robot.runtime import RobotIo, run
 from truearc.robot.types import Command, Inputs, Sent

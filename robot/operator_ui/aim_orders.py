@@ -16,7 +16,7 @@ from truearc.errors import InputError, load_bytes, reworded
 from truearc.robot.aim_file import load_aim_for
 from truearc.robot.config.schema import Config
 from truearc.robot.operator_ui.what_if import Answer, QuestionError, make_answer
-from truearc.robot.recording.append_file import DISK_ERRNOS
+from truearc.robot.recording.files import DISK_ERRNOS
 
 TOKEN, ACCEPT = "token", "accept"
 MAX_AIM_BYTES = 1 << 18

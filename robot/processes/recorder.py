@@ -15,8 +15,8 @@ from truearc.hw.protocols import CameraFrame, Clock, LinkLost
 from truearc.hw.reason import Reason
 from truearc.hw.shared_latest import Capacity, Slots
 from truearc.robot.reasons import text
-from truearc.robot.recording.file_writers import LaneKeeper
 from truearc.robot.recording.files import Row
+from truearc.robot.recording.writer import LaneKeeper
 
 SAY_S = 1.0                           # between lines on the console: what is refused now may be taken a moment later
 LOOK_S = 0.1                          # it says this often, at least, that it is alive and how the files are

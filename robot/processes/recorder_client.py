@@ -1,4 +1,4 @@
-"""The control process's end of the recorder: truearc.robot.recording.file_writers.Keeper on files that another
+"""The control process's end of the recorder: truearc.robot.recording.writer.Keeper on files that another
 process owns."""
 
 from collections import deque
@@ -16,8 +16,8 @@ from truearc.hw.shared_latest import Slots
 from truearc.robot.processes import recorder
 from truearc.robot.processes.recorder import Message, Status
 from truearc.robot.reasons import RECORDER_UNRESPONSIVE, text
-from truearc.robot.recording.file_writers import MARK_S
 from truearc.robot.recording.files import Row, append_trials
+from truearc.robot.recording.writer import MARK_S
 
 NS_PER_S = 1_000_000_000
 SILENT_S = 1.5                        # a recorder that has not stirred for so long does not answer

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from truearc.errors import InputError
 from truearc.robot.config.schema import RecordingConfig
 from truearc.robot.recording import session as layout
-from truearc.robot.recording.append_file import claim
+from truearc.robot.recording.files import claim
 
 BULK = (layout.TELEMETRY, layout.CAN, layout.FRAMES, layout.LATENESS, layout.DAMAGED)
 BYTES_PER_GB, S_PER_DAY = 1_000_000_000, 86_400.0

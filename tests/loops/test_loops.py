@@ -21,7 +21,7 @@ from truearc.robot.config.schema import Prescribed, load_config
 from truearc.robot.config.shot_plan import with_plan
 from truearc.robot.processes.watchdog_rig import WatchedRig
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.replay.recompute import Difference, replay
+from truearc.robot.recording.replay import Difference, replay
 from truearc.robot.recording.session import CONFIG, load_session_config, load_trials
 from truearc.robot.rig import ReplayRig
 from truearc.robot.types import Command

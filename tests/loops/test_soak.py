@@ -13,8 +13,8 @@ from benchmarks.soak import Sample, drift_s, growth_mb, judge_memory, judge_reco
 from tests.robot.good_tick import CONFIG
 from tests.robot.recording.test_encoder import ticks
 from truearc.robot.processes.tick_timing import Lateness
-from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.session import make_header
+from truearc.robot.recording.writer import SessionWriter
 
 SECONDS = float(os.environ.get("TRUEARC_SOAK_S", "30"))
 TICK_NS = 5_000_000

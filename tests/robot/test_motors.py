@@ -29,7 +29,7 @@ from truearc.robot.estimate import estimate
 from truearc.robot.gate.verdict import judge
 from truearc.robot.motors import bound_axes, make_motors, name_axes
 from truearc.robot.reasons import IMAGE_DARK, MOTOR_ERROR, MOTOR_NOT_DRIVEN, text
-from truearc.robot.recording.candump import candump_line
+from truearc.robot.recording.files import candump_line
 from truearc.robot.rig import HardwareRig
 from truearc.robot.types import Command, Sent, Sighting
 from truearc.robot.vision_source import InlineEyes

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from tests.robot.good_tick import CONFIG
 from tests.robot.test_rig import bench  # noqa: F401
 from truearc.robot.processes.tick_timing import AT_MOST_US, Lateness, TimedRig
-from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.session import LATENESS, make_header
+from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.types import Command
 
 PERIOD_NS = 5_000_000

@@ -18,10 +18,7 @@ from truearc.robot.recording.export import foxglove
 from truearc.robot.recording.export.by_subsystem import topics_of
 from truearc.robot.recording.export.field_pose import ASSUMED, FieldPose, pose_of
 from truearc.robot.recording.export.tabular import FlatTicks
-from truearc.robot.recording.export.wall_time import WallTime
 from truearc.robot.recording.files import load_pictures
-from truearc.robot.recording.rows import Trial
-from truearc.robot.recording.session import Picture
 from truearc.robot.types import Shot, Tick
 
 IMAGE, LOG, POSE, TRANSFORM, SCENE = "/camera/image", "/log", "/pose", "/tf", "/scene"
@@ -50,7 +47,7 @@ class ViewerMessages:
     """Adds a session's topics for viewers to an MCAP; `images_lost` counts pictures whose file is missing."""
 
     def __init__(self, mcap: Writer, session: Path, flat: FlatTicks, target: Target | None,
-                 trials: Sequence[Trial], wall: WallTime, flights: Flights) -> None:
+                 trials: Sequence[layout.Trial], wall: layout.WallTime, flights: Flights) -> None:
         self._mcap, self._session, self._flat, self._wall, self._flights = mcap, session, flat, wall, flights
         self._topics = [(topic, self._channel(topic.name, topic.schema)) for topic in topics_of(flat.columns)]
         self._drawn = {topic: self._channel(topic, foxglove.SCHEMAS[name]) for topic, name in DRAWN.items()}
@@ -92,7 +89,7 @@ class ViewerMessages:
         if self._target is not None:
             self._draw_target(t_ns, self._target)
 
-    def _write_picture(self, picture: Picture) -> None:
+    def _write_picture(self, picture: layout.Picture) -> None:
         path = self._session / layout.FRAMES / picture.file
         if not path.is_file():
             self.images_lost += 1

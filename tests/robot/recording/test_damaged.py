@@ -16,10 +16,8 @@ from mcap.writer import CompressionType, Writer
 
 from truearc.cli.main import main
 from truearc.errors import InputError
-from truearc.robot.recording.candump import parse_candump
-from truearc.robot.recording.chunks import LARGEST
-from truearc.robot.recording.files import MOST_PIXELS, load_image, load_pictures
-from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.files import MOST_PIXELS, load_image, load_pictures, parse_candump
+from truearc.robot.recording.reader import LARGEST, TickReader
 from truearc.robot.recording.recover import recover
 from truearc.robot.recording.session import FRAMES, INDEX, TELEMETRY, TRIALS, Picture, load_trials
 from truearc.sim.data.recordings import shots_from_sessions

@@ -15,9 +15,9 @@ from truearc.errors import InputError
 from truearc.robot.operator_ui.aim_orders import AimOrders
 from truearc.robot.operator_ui.what_if import QuestionError
 from truearc.robot.reasons import DISK_FULL, NOT_RECORDING
-from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.recover import recover
 from truearc.robot.recording.session import load_header, load_trials, make_header
+from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import RecordingRig, ReplayRig
 from truearc.robot.tick import step
 

@@ -28,10 +28,10 @@ from truearc.hw.protocols import CameraFrame, Frame
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.processes import recorder_client as far_keeper
 from truearc.robot.reasons import DISK_ERROR, RECORDER_UNRESPONSIVE
-from truearc.robot.recording.encoder import MARKING_NS, SessionWriter
 from truearc.robot.recording.files import append_trials, load_image, load_pictures
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials, make_header
+from truearc.robot.recording.writer import MARKING_NS, SessionWriter
 from truearc.robot.vision_source import NoEyes
 
 posix = pytest.mark.skipif(os.name != "posix", reason="signals")

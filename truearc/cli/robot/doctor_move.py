@@ -17,7 +17,7 @@ from truearc.robot.config.schema import Config
 from truearc.robot.doctor.devices import find_hood
 from truearc.robot.doctor.motion import SmallMotion, describe, plan
 from truearc.robot.doctor.moved import check_motion
-from truearc.robot.recording.candump import TappedBus
+from truearc.robot.recording.files import TappedBus
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
 from truearc.robot.vision_source import NoEyes

@@ -26,9 +26,9 @@ from truearc.robot.processes.recorder_client import FarKeeper
 from truearc.robot.processes.velocity import ROOM as VELOCITY_ROOM
 from truearc.robot.processes.velocity import FarVelocity, tell_velocity
 from truearc.robot.processes.vision import FarEyes, make_room, relay, tell, watch
-from truearc.robot.recording.file_writers import Keeper, LaneKeeper
 from truearc.robot.recording.files import Row
 from truearc.robot.recording.retention import start_pruning
+from truearc.robot.recording.writer import Keeper, LaneKeeper
 from truearc.robot.runtime import Recorder
 from truearc.robot.types import Sighting, Tick
 from truearc.robot.vision import find_target

@@ -40,10 +40,9 @@ from truearc.robot.processes.aim_inbox import AimInbox, OfferingRig
 from truearc.robot.processes.tick_timing import Lateness, TimedRig
 from truearc.robot.processes.velocity import MovingRig
 from truearc.robot.processes.watchdog_rig import WatchedRig
-from truearc.robot.recording.append_file import DISK_ERRNOS
-from truearc.robot.recording.candump import TappedBus
-from truearc.robot.recording.encoder import SessionWriter
+from truearc.robot.recording.files import DISK_ERRNOS, TappedBus
 from truearc.robot.recording.session import make_header
+from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import NS_PER_S, HardwareRig, RecordingRig
 from truearc.robot.runtime import RobotIo, run
 from truearc.robot.tick import step

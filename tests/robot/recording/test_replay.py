@@ -16,14 +16,11 @@ from truearc.errors import InputError
 from truearc.hw.protocols import Frame
 from truearc.robot.config.schema import load_config
 from truearc.robot.reasons import BAD_FRAME, CAN_LOST, IMAGE_DARK
-from truearc.robot.recording.candump import TappedBus
-from truearc.robot.recording.encoder import SessionWriter
-from truearc.robot.recording.files import TickFile, load_pictures
+from truearc.robot.recording.files import TappedBus, TickFile, load_pictures
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.replay.recompute import Difference, replay, replay_frames
-from truearc.robot.recording.replay.replay_diff import config_changes, find_changes
-from truearc.robot.recording.rows import Rows2
+from truearc.robot.recording.replay import Difference, config_changes, find_changes, replay, replay_frames
 from truearc.robot.recording.session import make_header
+from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
 from truearc.robot.types import Sighting
@@ -206,7 +203,7 @@ def test_ticks_that_were_never_recorded_are_named(session):
     rows = [(tick, data) for tick, data in TickReader(session) if not 400 <= tick.inputs.cycle < 425]
     (session / "telemetry.mcap").unlink()
     with (session / "telemetry.mcap").open("wb") as file:
-        ticks = TickFile(file, Rows2())
+        ticks = TickFile(file)
         for tick, data in rows:
             ticks.write(tick.inputs.t_ns, data)
         ticks.finish()
