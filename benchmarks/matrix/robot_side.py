@@ -25,8 +25,7 @@ from truearc.hw.real.supervised_bus import ROOM, WAIT_S, SupervisedBus
 from truearc.robot.config.can_policy import guard
 from truearc.robot.config.schema import Config
 from truearc.robot.gate.model import Rating
-from truearc.robot.processes.tick_timing import Lateness, TimedRig
-from truearc.robot.processes.watchdog_rig import WatchedRig
+from truearc.robot.processes.loop_health import Lateness, TimedRig, WatchedRig
 from truearc.robot.recording.files import TappedBus
 from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter

@@ -1,7 +1,7 @@
 """The operator's page over HTTP: one page, Server-Sent Events that tell it the newest tick, and the gate's answers.
 
 A question to the gate (`POST /predict`) is answered here and goes no further. The orders that it takes, an aim file
-(`PUT /aim`) and its acceptance (`POST /accept`), need a token (truearc.robot.operator_ui.aim_orders).
+(`PUT /aim`) and its acceptance (`POST /accept`), need a token (truearc.robot.operator_ui.aim_inbox).
 """
 
 import gzip
@@ -18,13 +18,12 @@ import msgspec
 
 from truearc.hw.protocols import Clock
 from truearc.robot.config.schema import Config
+from truearc.robot.operator_ui import parse_page
 from truearc.robot.operator_ui import what_if as asking
-from truearc.robot.operator_ui.aim_orders import MAX_AIM_BYTES, AimOrders
-from truearc.robot.operator_ui.page_option import parse_page
-from truearc.robot.operator_ui.page_state import Glance, look
+from truearc.robot.operator_ui.aim_inbox import MAX_AIM_BYTES, AimOrders
 from truearc.robot.operator_ui.serving import LocalHandler, LocalServer, Places
-from truearc.robot.operator_ui.view import describe
-from truearc.robot.operator_ui.what_if_process import WhatIfProcess
+from truearc.robot.operator_ui.view import Glance, describe, look
+from truearc.robot.operator_ui.what_if import WhatIfProcess
 from truearc.robot.types import Tick
 
 PERIOD_S = 0.05                       # between two events for one browser

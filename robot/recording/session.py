@@ -7,7 +7,7 @@
     can0.log         every CAN frame both ways, candump text
     trials.jsonl     one line per outcome, each fsynced
     frames/          the image behind each shot, and frames.jsonl
-    lateness.jsonl   one line per second: how late ticks came (truearc.robot.processes.tick_timing); real robots only
+    lateness.jsonl   one line per second: how late ticks came (truearc.robot.processes.loop_health); real robots only
     damaged/         the files that `truearc session recover` has replaced
 """
 

@@ -17,7 +17,7 @@ from truearc.errors import InputError, in_words
 from truearc.hw.protocols import CameraFrame, Frame
 from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config
-from truearc.robot.processes.tick_timing import Second
+from truearc.robot.processes.loop_health import Second
 from truearc.robot.reasons import DISK_ERROR, DISK_FULL, DISK_UNRESPONSIVE
 from truearc.robot.recording.files import DISK_ERRNOS, NotKept, Row, SessionFiles, session_contents
 from truearc.robot.recording.session import Header, encode_row, make_trials

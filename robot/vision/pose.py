@@ -16,8 +16,7 @@ import numpy as np
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import AprilTag, CameraConfig, Tape
-from truearc.robot.vision.optics import Array, Optics
-from truearc.robot.vision.shape import make_shape, tag_corners_m
+from truearc.robot.vision.geometry import Array, Optics, make_shape, tag_corners_m
 
 STEPS = 6                             # Gauss-Newton from IPPE's start is at rest after two or three
 AT_REST = 1e-2                        # squared last step in standard deviations; what is left after it is its square

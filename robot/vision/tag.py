@@ -16,7 +16,7 @@ from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import AprilTag, CameraConfig, Vision
 from truearc.robot.types import Sighting
-from truearc.robot.vision.optics import Array, Optics, make_optics
+from truearc.robot.vision.geometry import Array, Optics, make_optics
 from truearc.robot.vision.pose import Pose, solve_pose
 
 APART_SIGMAS = 4.0                    # two tags that say distances so far apart contradict each other

@@ -19,7 +19,7 @@ from truearc.robot import reasons as bot
 from truearc.robot.config.hashing import config_hash
 from truearc.robot.config.schema import Prescribed, load_config
 from truearc.robot.config.shot_plan import with_plan
-from truearc.robot.processes.watchdog_rig import WatchedRig
+from truearc.robot.processes.loop_health import WatchedRig
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay import Difference, replay
 from truearc.robot.recording.session import CONFIG, load_session_config, load_trials

@@ -19,12 +19,9 @@ from truearc.hw.protocols import ButtonEvent
 from truearc.robot.aim import REAIM_M, step_walk
 from truearc.robot.aim_file import AimFile, Curve, load_aim, load_aim_for
 from truearc.robot.estimate import estimate, remember
-from truearc.robot.operator_ui.aim_orders import AimOrders
-from truearc.robot.operator_ui.driver_messages import tell
-from truearc.robot.operator_ui.page_state import Glance
-from truearc.robot.operator_ui.view import describe
+from truearc.robot.operator_ui.aim_inbox import AimInbox, AimOrders, OfferingRig
+from truearc.robot.operator_ui.view import Glance, describe, tell
 from truearc.robot.operator_ui.what_if import QuestionError
-from truearc.robot.processes.aim_inbox import AimInbox, OfferingRig
 from truearc.robot.reasons import AIM_FILE_MISSING, FIRE_NOT_REQUESTED, NO_SET_POINT
 from truearc.robot.recording.session import decode_tick, encode_row
 from truearc.robot.tick import step

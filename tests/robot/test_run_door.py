@@ -19,7 +19,7 @@ from truearc.cli.main import main
 from truearc.cli.robot.run_processes import make_show
 from truearc.hw.devices.button_box.frames import make_heartbeat
 from truearc.robot.config.schema import load_config
-from truearc.robot.operator_ui.page_option import parse_page
+from truearc.robot.operator_ui import parse_page
 from truearc.robot.operator_ui.server import open_page
 from truearc.robot.recording.session import LATENESS, load_header
 from truearc.robot.tick import step

@@ -16,8 +16,8 @@ from onnx import TensorProto, helper, numpy_helper
 from truearc.errors import InputError
 from truearc.robot.gate import contract, trial
 from truearc.robot.gate import model as gate_model
+from truearc.robot.gate.contract import KEY_SEAL, UNSEALED, seal
 from truearc.robot.gate.model import NO_RATING, Gate, load_gate
-from truearc.robot.gate.seal import KEY_SEAL, UNSEALED, seal
 
 BOX = {"distance_m": [2.0, 8.0], "motor_ratio": [0.3, 0.9], "hood_deg": [20.0, 60.0]}
 RNG = np.random.default_rng(5)

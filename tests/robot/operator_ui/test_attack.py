@@ -22,7 +22,7 @@ from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from tests.robot.operator_ui.browser import BROWSER, Browser
 from tests.robot.operator_ui.test_browser import Shower
 from truearc.hw.real.clock import MonotonicClock
-from truearc.robot.operator_ui.aim_orders import AimOrders
+from truearc.robot.operator_ui.aim_inbox import AimOrders
 from truearc.robot.operator_ui.server import LOOKING, OperatorPage
 from truearc.robot.operator_ui.serving import MAX_CONNECTIONS, MAX_OF_ADDRESS
 from truearc.robot.tick import step

@@ -11,12 +11,12 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 from msgspec.structs import replace
+from tests.robot.recording.test_encoder import kept_cycles, play, ticks
 
 import truearc.cli.robot.run_processes
 import truearc.cli.robot.run_robot
 from benchmarks.kill import kill_once
 from tests.robot.good_tick import CONFIG
-from tests.robot.recording.test_encoder import kept_cycles, play, ticks
 from tests.robot.test_rig import Wire
 from tests.robot.test_run_door import CONFIG as SHIPPED
 from tests.robot.test_run_door import Box
@@ -26,7 +26,7 @@ from truearc.errors import InputError
 from truearc.hw.fault_codes import PROCESS_ENDED, PROCESS_KILLED
 from truearc.hw.protocols import CameraFrame, Frame
 from truearc.hw.real.clock import MonotonicClock
-from truearc.robot.processes import recorder_client as far_keeper
+from truearc.robot.processes import recorder as far_keeper
 from truearc.robot.reasons import DISK_ERROR, RECORDER_UNRESPONSIVE
 from truearc.robot.recording.files import append_trials, load_image, load_pictures
 from truearc.robot.recording.reader import TickReader

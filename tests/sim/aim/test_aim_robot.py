@@ -12,7 +12,7 @@ from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.robot.aim_file import load_aim, load_aim_for
 from truearc.robot.config.schema import load_config
-from truearc.robot.processes.aim_inbox import AimInbox
+from truearc.robot.operator_ui.aim_inbox import AimInbox
 from truearc.robot.recording.replay import Difference, replay
 from truearc.robot.recording.session import AIMS
 from truearc.sim.infer.belief import point_belief
