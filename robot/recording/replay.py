@@ -31,7 +31,7 @@ from truearc.robot.recording.export.tabular import FlatTicks, Value
 from truearc.robot.recording.files import load_image, load_pictures, parse_candump
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.rig import HardwareRig, ReplayRig
-from truearc.robot.runtime import RobotIo, run
+from truearc.robot.runtime import RigLayer, RobotIo, run
 from truearc.robot.sysid.tick import POLICY, make_step
 from truearc.robot.tick import step
 from truearc.robot.types import Command, Inputs, Sent, Sighting, Tick
@@ -195,27 +195,28 @@ class LoggedBus:
                     yield parsed[0]
 
 
-class FramesRig:
+class FramesRig(RigLayer):
     """A ReplayRig whose inputs are recomputed by HardwareRig from the recorded frames and images."""
 
     def __init__(self, ticks: ReplayRig, config: Config, session: Path, done: Recomputed) -> None:
+        super().__init__(ticks)
         self.done = done
         self.done.missing += not (session / layout.INDEX).exists()
-        self._ticks, self._config, self._session = ticks, config, session
+        self._config, self._session = config, session
         self._bus = LoggedBus(session / layout.CAN, self.done)
         self._clock = _RecordedClock()
         self._is_wired = encoder_family_of(config.hood_encoder).make_off_bus is None
-        self._rig = HardwareRig(config, self._bus, _NoBox(), NoEyes(), self._clock, lambda: False,
+        self._parser = HardwareRig(config, self._bus, _NoBox(), NoEyes(), self._clock, lambda: False,
                                 None if self._is_wired else Encoder())
         self._pictures = {picture.t_ns: picture for picture in load_pictures(session)}
 
     def read(self) -> Inputs | None:
-        recorded = self._ticks.read()
+        recorded = self._rig.read()
         if recorded is None:
             return None
         self._clock.t_ns = recorded.t_ns
         self._bus.turn(recorded)
-        parsed = self._rig.read()
+        parsed = self._parser.read()
         if parsed is None or self.done.ended:
             return None
         return replace(recorded, flywheels=parsed.flywheels, hood_motor=parsed.hood_motor, feeder=parsed.feeder,
@@ -224,11 +225,8 @@ class FramesRig:
 
     def write(self, command: Command) -> Sent:
         """Return what was sent then; drivers get the command, since some of their faults depend on it."""
-        self._rig.write(command)
-        return self._ticks.write(command)
-
-    def picture(self) -> CameraFrame | None:
-        return None
+        self._parser.write(command)
+        return self._rig.write(command)
 
     def _see(self, sighting: Sighting | None) -> Sighting | None:
         if sighting is None:

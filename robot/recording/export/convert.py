@@ -59,10 +59,8 @@ def trial_row(trial: layout.Trial) -> list[Value]:
     """One marked trial under TRIAL_COLUMNS."""
     outcome, shot = trial.outcome, trial.shot
     row: list[Value] = [outcome.trial, outcome.t_ns, outcome.outcome, texts(outcome.reasons)]
-    if shot is None:
-        return row + [None] * (len(TRIAL_COLUMNS) - len(row))
-    return [*row, shot.t_ns, shot.config_id, shot.distance_m, shot.distance_sigma_m, shot.hood_deg, shot.motor_ratio,
-            shot.motor_rad_s, shot.battery_v, shot.since_last_shot_s, shot.p_two, shot.p_three]
+    names = [column.name.removeprefix("shot_") for column in TRIAL_COLUMNS[len(row):]]
+    return row + [None if shot is None else getattr(shot, name) for name in names]
 
 
 def write_csv(columns: tuple[Column, ...], rows: Iterator[list[Value]], path: Path) -> None:

@@ -7,7 +7,7 @@ and the others are empty lists. Lengths in m, colours from 0 to 1.
 
 import base64
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from truearc.robot.recording.export.by_subsystem import object_schema
@@ -27,16 +27,8 @@ def _nested(kind: str, about: str, /, **properties: dict[str, Any]) -> dict[str,
     return object_schema(f"foxglove.{kind}", about, properties) | {"required": list(properties)}
 
 
-def _number(what: str) -> dict[str, Any]:
-    return {"type": "number", "description": what}
-
-
-def _text(what: str) -> dict[str, Any]:
-    return {"type": "string", "description": what}
-
-
-def _flag(what: str) -> dict[str, Any]:
-    return {"type": "boolean", "description": what}
+def _of_type(kind: str) -> Callable[[str], dict[str, Any]]:
+    return lambda what: {"type": kind, "description": what}
 
 
 def _several(items: dict[str, Any], what: str) -> dict[str, Any]:
@@ -50,6 +42,7 @@ def _time(title: str, what: str) -> dict[str, Any]:
                            "nsec": {**whole, "maximum": S_NS - 1, "description": "unit: ns"}}}
 
 
+_number, _text, _flag, _integer = map(_of_type, ("number", "string", "boolean", "integer"))
 _STAMP = _time("time", "wall clock, since 1970")
 _METRE = {axis: _number("unit: m") for axis in "xyz"}
 _POINT, _VECTOR = _nested("Point3", "place", **_METRE), _nested("Vector3", "place", **_METRE)
@@ -58,7 +51,7 @@ _COLOUR = _nested("Color", "colour", **{part: _number("0 to 1") for part in "rgb
 _POSE = _nested("Pose", "pose", position=_VECTOR, orientation=_TURN)
 _PAIR = _nested("KeyValuePair", "a note", key=_text("name"), value=_text("value"))
 _LINE = _nested("LinePrimitive", "points that lines join",
-                type={"type": "integer", "description": "0: one strip, 2: every two points"}, pose=_POSE,
+                type=_integer("0: one strip, 2: every two points"), pose=_POSE,
                 thickness=_number("unit: m"), scale_invariant=_flag("thickness in pixels"),
                 points=_several(_POINT, "in the entity's frame"), color=_COLOUR,
                 colors=_several(_COLOUR, "of each point; empty: all alike"),
@@ -79,7 +72,7 @@ SCHEMAS = {
         frame_id=_text("frame"), data={**_text("file"), "contentEncoding": "base64"}, format=_text("png")),
     "foxglove.Log": _nested(
         "Log", "why the robot holds, when that changes", timestamp=_STAMP,
-        level={"type": "integer", "description": "2 info, 3 warning"}, message=_text("reasons"), name=_text("part"),
+        level=_integer("2 info, 3 warning"), message=_text("reasons"), name=_text("part"),
         file=_text("empty"), line={"type": "integer", "minimum": 0, "description": "0"}),
     "foxglove.PoseInFrame": _nested("PoseInFrame", "robot before the target", timestamp=_STAMP,
                                     frame_id=_text("frame"), pose=_POSE),
