@@ -244,22 +244,6 @@ def _first_line(error: Exception) -> str:
     return (str(error).splitlines() or [type(error).__name__])[0][:200]
 
 
-def main(name: str, limit_s: str) -> int:
-    """The trial's process: load what standard input holds, as the file of that name; 2 with the objection, or 0."""
-    limit_self(int(limit_s))
-    try:
-        gate = open_gate(name, sys.stdin.buffer.read(), "")
-        gate.rate(*(0.5 * (low + high) for low, high in gate.domain))
-    except InputError as error:
-        sys.stdout.buffer.write(str(error).encode())
-        return 2
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))
-
-
 def try_gate(path: object, data: bytes, sha256: str) -> None:
     """Try a model, once in a process.
 
@@ -293,3 +277,19 @@ def limit_self(limit_s: int) -> None:
     resource.setrlimit(resource.RLIMIT_DATA, (DATA_BYTES, DATA_BYTES))
     resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s + 2))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def main(name: str, limit_s: str) -> int:
+    """The trial's process: load what standard input holds, as the file of that name; 2 with the objection, or 0."""
+    limit_self(int(limit_s))
+    try:
+        gate = open_gate(name, sys.stdin.buffer.read(), "")
+        gate.rate(*(0.5 * (low + high) for low, high in gate.domain))
+    except InputError as error:
+        sys.stdout.buffer.write(str(error).encode())
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

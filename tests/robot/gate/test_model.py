@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from onnx import TensorProto, helper, numpy_helper
 
 from truearc.errors import InputError
-from truearc.robot.gate import contract, trial
+from truearc.robot.gate import contract
 from truearc.robot.gate import model as gate_model
 from truearc.robot.gate.contract import KEY_SEAL, UNSEALED, seal
 from truearc.robot.gate.model import NO_RATING, Gate, load_gate
@@ -323,7 +323,7 @@ def test_refuses_a_model_that_takes_too_long_to_load(tmp_path: Path, monkeypatch
     quick.write_bytes(altered(folded(50, 2)))
     load_gate(quick)
     slow.write_bytes(altered(folded(2500, 2000)))         # 31 GFlop, two thousand times, or until memory ends
-    monkeypatch.setattr(trial, "LIMIT_S", 1)         # a fast processor fills the memory in three
+    monkeypatch.setattr(gate_model, "LIMIT_S", 1)         # a fast processor fills the memory in three
     with pytest.raises(InputError, match=r"slow\.onnx: takes (more than 1 s of computing|longer than 12 s) to load"):
         load_gate(slow)
 
