@@ -55,19 +55,13 @@ class Glance(Struct, frozen=True):
 
 def look(glance: Glance, tick: Tick) -> Glance:
     """`glance` after one more tick. No longer for a long session than for a short one."""
-    if tick.shot is not None or tick.outcomes:
-        glance = _with_trials(glance, tick)
-    sighting = tick.inputs.sighting
-    return replace(glance, seq=glance.seq + 1, tick=tick, sighting=glance.sighting if sighting is None else sighting)
-
-
-def _with_trials(glance: Glance, tick: Tick) -> Glance:
     for outcome in tick.outcomes:
         glance = _with_outcome(glance, outcome)
-    if tick.shot is None:
-        return glance
-    recent = (*glance.recent, PageTrial(tick.shot.trial, tick.shot))[-RECENT:]
-    return replace(glance, shots=glance.shots + 1, recent=recent)
+    if (shot := tick.shot) is not None:
+        recent = (*glance.recent, PageTrial(shot.trial, shot))[-RECENT:]
+        glance = replace(glance, shots=glance.shots + 1, recent=recent)
+    sighting = tick.inputs.sighting
+    return replace(glance, seq=glance.seq + 1, tick=tick, sighting=glance.sighting if sighting is None else sighting)
 
 
 def _with_outcome(glance: Glance, outcome: Outcome) -> Glance:

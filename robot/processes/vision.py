@@ -36,20 +36,12 @@ def make_room(width_px: int, height_px: int) -> Capacity:
 
 def watch(camera: Camera, see: See, slots: Slots, clock: Clock, is_over: Callable[[float], bool]) -> None:
     """Tell of every image that comes, until `is_over`, which is asked how long to wait for that."""
-    def look() -> Seen | None:
-        frame = camera.read()
-        return None if frame is None else (see(frame), frame.image)
-
-    _watch(look, slots, clock, is_over)
+    _watch(lambda: None if (frame := camera.read()) is None else (see(frame), frame.image), slots, clock, is_over)
 
 
 def relay(eyes: Eyes, slots: Slots, clock: Clock, is_over: Callable[[float], bool]) -> None:
     """Tell of every sighting of eyes that have no images, likewise."""
-    def look() -> Seen | None:
-        sighting = eyes.read()
-        return None if sighting is None else (sighting, None)
-
-    _watch(look, slots, clock, is_over)
+    _watch(lambda: None if (sighting := eyes.read()) is None else (sighting, None), slots, clock, is_over)
 
 
 def _watch(look: Callable[[], Seen | None], slots: Slots, clock: Clock, is_over: Callable[[float], bool]) -> None:

@@ -116,6 +116,16 @@ class Appender:
             return self._file
 
 
+def lock_trouble(path: Path) -> OSError | None:
+    """Why a file cannot be locked, BlockingIOError while another process writes it; None when it can."""
+    try:
+        with path.open("rb") as file:
+            claim(file)
+    except OSError as error:
+        return error
+    return None
+
+
 def claim(file: IO[bytes]) -> None:
     """Lock a file for whoever holds it open; BlockingIOError when someone else does. Nothing on Windows."""
     try:

@@ -4,6 +4,7 @@ import contextlib
 import shutil
 from collections.abc import Callable, Iterator
 from io import BytesIO
+from itertools import chain, count
 from pathlib import Path
 
 import msgspec
@@ -14,7 +15,7 @@ from msgspec import Struct
 
 from truearc.errors import NO_JSON, InputError, check_file, in_words
 from truearc.robot.recording import session as layout
-from truearc.robot.recording.files import Appender, TickFile, claim, load_image, parse_candump, save_synced
+from truearc.robot.recording.files import Appender, TickFile, load_image, lock_trouble, parse_candump, save_synced
 from truearc.robot.recording.reader import BROKEN, MESSAGE, TickReader, TooLarge, split, unpack
 from truearc.robot.recording.writer import BATCH_NS
 from truearc.robot.types import Tick
@@ -54,7 +55,8 @@ def recover(session: Path) -> Recovered:
     layout.load_session_config(session)
     for name in (layout.TELEMETRY, layout.TRIALS, layout.CAN, layout.INDEX):
         check_file(session / name)
-    _check_not_recording(session)
+    if isinstance(trouble := lock_trouble(session / layout.TELEMETRY), BlockingIOError):
+        raise InputError(f"{session / layout.TELEMETRY}: is being recorded") from trouble
     repairs: list[str] = []
     told = _recover_ticks(session, repairs)
     trials = _recover_trials(session, told, repairs)
@@ -62,17 +64,6 @@ def recover(session: Path) -> Recovered:
                    lambda line: parse_candump(line.decode("ascii", "replace") + "\n") is not None, repairs)
     _recover_lines(session, layout.INDEX, "images", lambda line: _has_image(session, line), repairs)
     return Recovered(told.ticks, trials, repairs)
-
-
-def _check_not_recording(session: Path) -> None:
-    path = session / layout.TELEMETRY
-    try:
-        with path.open("rb") as file:
-            claim(file)
-    except BlockingIOError as error:
-        raise InputError(f"{path}: is being recorded") from error
-    except OSError:                   # no such file, or a file system without locks
-        return
 
 
 def _recover_ticks(session: Path, repairs: list[str]) -> _Told:
@@ -171,12 +162,8 @@ def _replace(path: Path, session: Path, write: Callable[[Path], None]) -> None:
 
 def _keep_aside(path: Path, damaged: Path) -> None:
     damaged.mkdir(exist_ok=True)
-    aside = damaged / path.name
-    number = 1
-    while aside.exists():
-        number += 1
-        aside = damaged / f"{path.stem}-{number}{path.suffix}"
-    shutil.copy2(path, aside)
+    names = chain((path.name,), (f"{path.stem}-{number}{path.suffix}" for number in count(2)))
+    shutil.copy2(path, next(damaged / name for name in names if not (damaged / name).exists()))
 
 
 def salvage(data: bytes) -> Iterator[bytes]:

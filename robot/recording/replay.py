@@ -138,16 +138,13 @@ def _first_difference(was: bytes, now: bytes) -> str:
 
 def find_differences(was: Any, now: Any, prefix: str = "") -> Iterator[tuple[str, Any, Any]]:
     """Dotted name, old and new value of each part that differs between two values of built-in types."""
+    if isinstance(was, list | tuple) and isinstance(now, list | tuple) and len(was) == len(now):
+        was, now = dict(enumerate(was)), dict(enumerate(now))
     if isinstance(was, dict) and isinstance(now, dict):
-        parts = [(key, was.get(key), now.get(key)) for key in dict.fromkeys([*was, *now])]
-    elif isinstance(was, list | tuple) and isinstance(now, list | tuple) and len(was) == len(now):
-        parts = list(zip(range(len(was)), was, now, strict=True))
-    else:
-        parts = []
-        if was != now:
-            yield prefix.removesuffix("."), was, now
-    for key, one, other in parts:
-        yield from find_differences(one, other, f"{prefix}{key}.")
+        for key in dict.fromkeys([*was, *now]):
+            yield from find_differences(was.get(key), now.get(key), f"{prefix}{key}.")
+    elif was != now:
+        yield prefix.removesuffix("."), was, now
 
 
 class LoggedBus:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from truearc.errors import InputError
 from truearc.robot.config.schema import RecordingConfig
 from truearc.robot.recording import session as layout
-from truearc.robot.recording.files import claim
+from truearc.robot.recording.files import lock_trouble
 
 BULK = (layout.TELEMETRY, layout.CAN, layout.FRAMES, layout.LATENESS, layout.DAMAGED)
 BYTES_PER_GB, S_PER_DAY = 1_000_000_000, 86_400.0
@@ -43,7 +43,8 @@ def prune(running: Path, limits: RecordingConfig, now_s: float) -> list[Path]:
     for one in sessions:
         is_old = limits.keep_days is not None and now_s - one.ended_s > limits.keep_days * S_PER_DAY
         is_much = limits.keep_gb is not None and total > limits.keep_gb * BYTES_PER_GB
-        if one.bulk_bytes and (is_old or is_much) and not _is_recording(one.folder):
+        if one.bulk_bytes and (is_old or is_much) and isinstance(       # unless another process may be writing it
+                lock_trouble(one.folder / layout.TELEMETRY), FileNotFoundError | None):
             _delete_bulk(one.folder)
             total -= one.bulk_bytes - sum(_bytes(one.folder, name) for name in BULK)
             pruned.append(one.folder)
@@ -107,18 +108,6 @@ def _bytes(folder: Path, name: str) -> int:
                 continue
             total += stat.st_size
     return total
-
-
-def _is_recording(folder: Path) -> bool:
-    """Whether another process holds the telemetry open to write it."""
-    try:
-        with (folder / layout.TELEMETRY).open("rb") as file:
-            claim(file)
-    except FileNotFoundError:
-        return False
-    except OSError:
-        return True
-    return False
 
 
 def _delete_bulk(folder: Path) -> None:

@@ -93,8 +93,6 @@ def refine_corners(grey: Any, quad_px: Array) -> Array | None:
     level = np.asarray(grey, dtype=np.float32)
     for _ in range(2):
         lines = [_edge(level, quad_px[k], quad_px[(k + 1) % 4]) for k in range(4)]
-        if any(line is None for line in lines):
-            return None
         corners = [_meet(lines[k - 1], lines[k]) for k in range(4)]
         if any(corner is None for corner in corners):
             return None

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from msgspec.structs import replace
-from tests.robot.recording.test_encoder import ticks
 
 from benchmarks.loop_frames import wire_limits
 from benchmarks.soak import Sample, drift_s, growth_mb, judge_memory, judge_recording, soak
 from tests.robot.good_tick import CONFIG
+from tests.robot.recording.test_writer import ticks
 from truearc.robot.processes.loop_health import Lateness
 from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter

@@ -6,9 +6,9 @@ import time
 from contextlib import ExitStack
 
 import pytest
-from tests.robot.recording.test_encoder import MS, kept_cycles, open_writer, play, ticks
 
 from tests.robot.good_tick import CONFIG, good_memory
+from tests.robot.recording.test_writer import MS, kept_cycles, open_writer, play, ticks
 from truearc.cli.robot.run_processes import RecorderProcess
 from truearc.cli.robot.run_robot import make_room
 from truearc.errors import InputError

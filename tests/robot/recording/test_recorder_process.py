@@ -11,12 +11,12 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 from msgspec.structs import replace
-from tests.robot.recording.test_encoder import kept_cycles, play, ticks
 
 import truearc.cli.robot.run_processes
 import truearc.cli.robot.run_robot
 from benchmarks.kill import kill_once
 from tests.robot.good_tick import CONFIG
+from tests.robot.recording.test_writer import kept_cycles, play, ticks
 from tests.robot.test_rig import Wire
 from tests.robot.test_run_door import CONFIG as SHIPPED
 from tests.robot.test_run_door import Box

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.robot.good_tick import CONFIG
-from tests.robot.recording.test_encoder import kept_cycles, play, ticks
+from tests.robot.recording.test_writer import kept_cycles, play, ticks
 from truearc.cli.robot.run_robot import make_room
 from truearc.robot.reasons import DISK_FULL
 from truearc.robot.recording import files
