@@ -84,7 +84,7 @@ def contract_hash() -> str:
 def seal(data: bytes) -> bytes:
     """The file with its hash in the one place where UNSEALED stands; ValueError when there is not just one."""
     if data.count(UNSEALED.encode()) != 1:
-        raise ValueError("no single place for the seal")
+        raise ValueError("the seal's place is missing or not unique")
     return data.replace(UNSEALED.encode(), hashlib.sha256(data).hexdigest().encode())
 
 
@@ -99,7 +99,7 @@ def read_metadata(data: bytes) -> dict[str, str]:
     """Return the model's metadata; ValueError when this is not ONNX, or a key is there twice."""
     metadata: dict[str, str] = {}
     if not list(_parts(data, MODEL_GRAPH)):
-        raise ValueError("it holds no graph")
+        raise ValueError("it has no graph")
     for entry in _parts(data, MODEL_METADATA):
         fields = dict(_fields(entry))
         key = fields.get(1, b"").decode()
@@ -112,14 +112,14 @@ def read_metadata(data: bytes) -> dict[str, str]:
 def check_graph(data: bytes) -> None:
     """ValueError names what a model does beyond OPERATIONS, or keeps elsewhere."""
     if list(_parts(data, MODEL_FUNCTIONS)):
-        raise ValueError("it defines operations of its own")
+        raise ValueError("it defines its own operations")
     for graph in _parts(data, MODEL_GRAPH):
         for node in _parts(graph, GRAPH_NODE):
             _check_node(node)
         if list(_parts(graph, GRAPH_SPARSE)):
-            raise ValueError("it has sparse numbers")
+            raise ValueError("it has sparse tensors")
         if any(_parts(tensor, TENSOR_EXTERNAL) for tensor in _parts(graph, GRAPH_INITIALIZER)):
-            raise ValueError("numbers of it are in another file")
+            raise ValueError("some of its data is in another file")
 
 
 def _check_node(node: bytes) -> None:
@@ -127,9 +127,9 @@ def _check_node(node: bytes) -> None:
         if (name := operation.decode(errors="replace")) not in OPERATIONS:
             raise ValueError(f"operation {name[:40]!r} is not one of {', '.join(sorted(OPERATIONS))}")
     if any(domain not in (b"", b"ai.onnx") for domain in _parts(node, NODE_DOMAIN)):
-        raise ValueError("it has operations of another maker")
+        raise ValueError("it has operations of another domain")
     if any(field in ATTRIBUTE_NESTED for attribute in _parts(node, NODE_ATTRIBUTE) for field, _ in _fields(attribute)):
-        raise ValueError("it has a graph or tensor inside an operation")
+        raise ValueError("an operation contains a graph or tensor")
 
 
 def _parts(data: bytes, number: int) -> list[bytes]:
@@ -150,7 +150,7 @@ def _fields(data: bytes) -> Iterator[tuple[int, bytes]]:
             size, at = _varint(data, at, LONGEST_TAG) if kind == BYTES else ({FIXED32: 4, FIXED64: 8}[kind], at)
             value, at = data[at:at + size] if kind == BYTES else b"", at + size
         else:
-            raise ValueError(f"field {number} is of no kind")
+            raise ValueError(f"field {number} has no valid wire type")
         if at > len(data) or number == 0 or tag >> 32:
             raise ValueError("it is cut short or damaged")
         yield number, value

@@ -141,7 +141,7 @@ def check_file(path: str | Path, data: bytes) -> dict[str, str]:
     try:
         contract.check_graph(data)
     except ValueError as error:
-        raise InputError(f"{path}: not a gate of truearc's: {error}") from error
+        raise InputError(f"{path}: not a gate exported by truearc: {error}") from error
     return metadata
 
 
@@ -187,7 +187,7 @@ def _check_contract(path: str | Path, metadata: dict[str, str]) -> None:
         raise InputError(f"{path}: made for another contract (sha256 {stamped[:12]}..., this robot's is "
                        f"{contract.contract_hash()[:12]}...): {metadata[contract.KEY_CONTRACT][:300]}")
     if metadata[contract.KEY_CONTRACT].encode() != contract.contract_json():
-        raise InputError(f"{path}: metadata key {contract.KEY_CONTRACT!r} does not say what its hash stands for")
+        raise InputError(f"{path}: metadata key {contract.KEY_CONTRACT!r} does not match its hash")
 
 
 def _check_nodes(path: str | Path, kind: str, nodes: Nodes, wanted: dict[str, int]) -> None:
@@ -260,7 +260,7 @@ def try_gate(path: object, data: bytes, sha256: str) -> None:
     except OSError as error:
         raise InputError(f"{path}: cannot be tried ({error.strerror})") from error
     if done.returncode == -getattr(signal, "SIGXCPU", 0) != 0:
-        raise InputError(f"{path}: takes more than {LIMIT_S} s of computing to load and to rate a configuration")
+        raise InputError(f"{path}: takes more than {LIMIT_S} s of processor time to load and to rate a configuration")
     if done.returncode == 2:
         raise InputError(done.stdout.decode(errors="replace").strip())
     if done.returncode:

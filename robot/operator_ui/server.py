@@ -98,8 +98,8 @@ def open_page(text: str, config: Config, recording: str, clock: Clock,
         orders = None if inbox is None else AimOrders(inbox, config)
         page = OperatorPage(config, recording, *where, clock, what_if, orders)
     except OSError as error:
-        print(f"truearc: no operator's page on {text} ({error.strerror or error}); --page takes another port",
-              file=sys.stderr)
+        print(f"truearc: cannot serve the operator's page on {text} ({error.strerror or error}); choose another port "
+              "with --page", file=sys.stderr)
         return None
     print(f"operator's page: {page.url}", file=sys.stderr)
     return page
@@ -179,7 +179,7 @@ class _Handler(LocalHandler):
         # also of a refused one, which must hear of it
         body = self.rfile.read(min(length or 0, max(most or 0, DISCARD_BYTES)))
         if not self.is_ours():
-            raise asking.QuestionError(403, f"asked from another site; open {self.server.url}, or this machine's "
+            raise asking.QuestionError(403, f"requested from another site; open {self.server.url}, or this machine's "
                                        "address")
         if most is None:
             ways = ", ".join(f"{method} {at}" for method, at in LIMITS)
@@ -211,7 +211,7 @@ class _Handler(LocalHandler):
                 self._tell(page)
             else:
                 page.over.wait(REFUSED_S)
-                self.give(503, "text/plain", b"too many browsers look already; one with the token has a place")
+                self.give(503, "text/plain", b"too many browsers are connected; one with the token may still connect")
 
     def _tell(self, page: OperatorPage) -> None:
         """Send events of ticks from now on, for as long as the browser takes them."""

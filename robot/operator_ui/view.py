@@ -264,7 +264,7 @@ def _robot(tick: Tick, recording: str) -> Block:
     return Block("Robot", (
         Line("armed", "yes" if memory.armed else "no", memory.armed),
         Line("homed", "yes" if memory.homed else "no", memory.homed),
-        Line("shot asked for", _age((tick.inputs.t_ns - memory.request_t_ns) * NS) + " ago" if memory.request_t_ns
+        Line("shot requested", _age((tick.inputs.t_ns - memory.request_t_ns) * NS) + " ago" if memory.request_t_ns
              else "no"),
         Line("trial", str(memory.trial)),
         Line("battery", f"{battery_v:.1f} V" if battery_v else ABSENT),

@@ -321,7 +321,7 @@ def make_folder(folder: Path, contents: Mapping[str, bytes]) -> None:
     InputError when it is there already; OSError, which names the file, when it cannot be made.
     """
     if folder.exists():
-        raise InputError(f"{folder}: exists already; a recording is never written over")
+        raise InputError(f"{folder}: already exists; a recording is never overwritten")
     path = folder / layout.FRAMES
     try:
         path.mkdir(parents=True)

@@ -57,8 +57,8 @@ class TickReader:
 
     def _rows(self) -> Iterator[bytes]:
         if not self.path.exists():
-            raise InputError(f"{self.path}: is not there; [recording] of launcher.toml may have had it deleted; marked "
-                             "shots are in trials.jsonl all the same")
+            raise InputError(f"{self.path}: missing; it may have been deleted by [recording] of launcher.toml; marked "
+                             "shots are still in trials.jsonl")
         check_file(self.path)
         with naming(self.path):
             file = self.path.open("rb")
@@ -103,13 +103,13 @@ def rows_in(file: IO[bytes], size: int, path: Path, topic: str) -> Iterator[byte
                     if of != channel:
                         continue
                     if number != count:
-                        raise Damaged(f"row {count + 1} is missing; row {number + 1} stands in its place")
+                        raise Damaged(f"row {count + 1} is missing; found row {number + 1} instead")
                     count += 1
                     yield content[MESSAGE.size:]
         except BROKEN as error:
             raise Damaged(f"byte {at}: {error}") from error
     if stated != count:
-        raise Damaged(f"has {count} rows where its end says {'nothing' if stated is None else stated}")
+        raise Damaged(f"has {count} rows; its end states {'nothing' if stated is None else stated}")
 
 
 def unpack(chunk: Chunk, name: str) -> bytes:
@@ -123,15 +123,15 @@ def unpack(chunk: Chunk, name: str) -> bytes:
     elif chunk.compression == "lz4":
         data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=LARGEST + 1)
     elif chunk.compression:
-        raise Damaged(f"packed by {chunk.compression[:20]!r}; expected zstd")
+        raise Damaged(f"compressed with {chunk.compression[:20]!r}; expected zstd")
     else:
         data = chunk.data
     if len(data) > LARGEST:
-        raise TooLarge(f"{name}: a chunk that says {chunk.uncompressed_size} bytes unpacks to more than {LARGEST}")
+        raise TooLarge(f"{name}: a chunk that states {chunk.uncompressed_size} bytes unpacks to more than {LARGEST}")
     if len(data) != chunk.uncompressed_size:
         raise Damaged(f"a chunk unpacks to {len(data)} bytes; expected {chunk.uncompressed_size}")
     if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
-        raise Damaged("the checksum of a chunk does not fit")
+        raise Damaged("the checksum of a chunk does not match")
     return data
 
 
@@ -142,14 +142,14 @@ def split(data: bytes) -> Iterator[tuple[int, bytes]]:
         opcode, length = HEAD.unpack_from(data, place)
         first, place = place + HEAD.size, place + HEAD.size + length
         if opcode not in IN_CHUNKS or place > len(data):
-            raise Damaged("a chunk has something else than rows")
+            raise Damaged("a chunk contains something other than rows")
         yield opcode, data[first:place]
 
 
 def _records(file: IO[bytes], size: int, path: Path) -> Iterator[tuple[int, int, bytes]]:
     """(place, opcode, content) of those that matter, up to the end mark."""
     if file.read(len(MAGIC)) != MAGIC:
-        raise Damaged("is not MCAP: it does not begin with that word")
+        raise Damaged("is not MCAP: wrong first bytes")
     while True:
         at = file.tell()
         head = file.read(HEAD.size)

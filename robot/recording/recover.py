@@ -120,7 +120,7 @@ def _recover_trials(session: Path, told: _Told, repairs: list[str]) -> int:
         trials = sorted(trials + known, key=lambda trial: trial.outcome.t_ns)
         text = b"".join(layout.encode_row(trial) + b"\n" for trial in trials)
         _replace(path, session, lambda new: save_synced(new, text))
-        repairs.append(f"{layout.TRIALS}: {len(trials)} rows kept, {torn} torn, {len(known)} put back from the ticks")
+        repairs.append(f"{layout.TRIALS}: {len(trials)} rows kept, {torn} torn, {len(known)} restored from the ticks")
     return len({trial.outcome.trial for trial in trials})
 
 

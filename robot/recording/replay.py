@@ -92,7 +92,7 @@ class RecordedRows:
         for tick, row in self._reader:
             cycle = tick.inputs.cycle
             if cycle != before + 1:
-                raise Difference(f"cycle {cycle} follows {before}: the ticks between are not in the recording")
+                raise Difference(f"cycle {cycle} follows {before}: the ticks between are missing from the recording")
             self.current, before = row, cycle
             yield tick
 
@@ -187,7 +187,7 @@ class LoggedBus:
             for number, line in enumerate(file, 1):
                 parsed = parse_candump(line)
                 if parsed is None and line.endswith("\n"):
-                    raise InputError(f"{self._path}:{number}: not a line of this log")
+                    raise InputError(f"{self._path}:{number}: not a candump line")
                 if parsed is not None and not parsed[1]:
                     yield parsed[0]
 

@@ -68,7 +68,7 @@ def _keep_pruning(limits: RecordingConfig, unix_s: Callable[[], float], running:
                 print(f"truearc run: [recording]: telemetry and images of {len(pruned)} earlier sessions deleted, up "
                       f"to {pruned[-1].name}", file=sys.stderr, flush=True)
         except OSError as error:      # recording goes on; the next look may succeed
-            print(f"truearc run: [recording]: earlier sessions stay: {error}", file=sys.stderr, flush=True)
+            print(f"truearc run: [recording]: earlier sessions were not deleted: {error}", file=sys.stderr, flush=True)
         pause.wait(LOOK_S)
 
 

@@ -125,9 +125,9 @@ def load_session_gate(session: Path) -> Gate | None:
     if header.model_sha256 is None:
         return None
     if not path.exists():
-        raise InputError(f"{path}: the recording was gated by a model that is not here")
+        raise InputError(f"{path}: the model that gated the recording is missing")
     if hashlib.sha256(load_bytes(path)).hexdigest() != header.model_sha256:
-        raise InputError(f"{path}: not the model that the recording was gated by")
+        raise InputError(f"{path}: not the model that gated the recording")
     return load_gate(path)
 
 
@@ -137,10 +137,10 @@ def load_session_aims(session: Path) -> Aims:
     aims = {one.sha256: one for one in map(load_aim, sorted((session / AIMS).glob("*.json")))}
     if header.aim_sha256 is not UNSET:
         if not path.exists():
-            raise InputError(f"{path}: the recording was aimed by a file that is not here")
+            raise InputError(f"{path}: the aim file of the recording is missing")
         aims[""] = load_aim(path)
         if aims[""].sha256 != header.aim_sha256:
-            raise InputError(f"{path}: not the aim file that the recording was aimed by")
+            raise InputError(f"{path}: not the aim file of the recording")
     return aims
 
 

@@ -143,7 +143,7 @@ def test_a_page_that_cannot_be_served_is_a_warning(wires, tmp_path, capfd):
         where = f"127.0.0.1:{taken.getsockname()[1]}"
         assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--priority", "0", "--page", where]) == 0
     out, err = capfd.readouterr()
-    assert f"{TICKS} ticks" in out and f"no operator's page on {where}" in err
+    assert f"{TICKS} ticks" in out and f"cannot serve the operator's page on {where}" in err
 
 
 @pytest.mark.parametrize("where", ["here", "127.0.0.1:", "127.0.0.1:70000", "-1", ""])

@@ -161,7 +161,7 @@ def test_browser_with_the_token_has_a_place_behind_the_attackers_address(page, t
     try:
         with attacked(page, "events", LOOKING.most, DRIVER):
             browser.open(page.url)
-            browser.wait("document.getElementById('why')?.innerText.includes('too many browsers look')")
+            browser.wait("document.getElementById('why')?.innerText.includes('too many browsers are connected')")
             browser.open(f"{page.url}#token={(tmp_path / 'token').read_text().strip()}")
             browser.wait("document.title === 'FIRE'")
             assert browser.evaluate("location.href") == page.url

@@ -120,7 +120,7 @@ def test_a_log_of_frames_that_ends_early_is_replayed_so_far_and_fails_the_check(
 
 def test_a_line_that_is_no_frame_is_named(session):
     edit(session / "can0.log", "can0 ", "can0  ")
-    with pytest.raises(InputError, match=r"can0\.log:1: not a line"):
+    with pytest.raises(InputError, match=r"can0\.log:1: not a candump line"):
         replay_frames(session)
 
 
@@ -207,5 +207,5 @@ def test_ticks_that_were_never_recorded_are_named(session):
         for tick, data in rows:
             ticks.write(tick.inputs.t_ns, data)
         ticks.finish()
-    with pytest.raises(Difference, match="cycle 425 follows 399: the ticks between are not in the recording"):
+    with pytest.raises(Difference, match="cycle 425 follows 399: the ticks between are missing from the recording"):
         replay(session)
