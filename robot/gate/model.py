@@ -167,7 +167,7 @@ def _open_session(path: str | Path, data: bytes) -> tuple[Any, Nodes, Nodes]:
     options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")    # a spin-wait would eat the tick's core
     options.add_session_config_entry("session.inter_op.allow_spinning", "0")
-    options.log_severity_level = 4                # what goes wrong is raised, and said once
+    options.log_severity_level = 4                # errors are raised, and reported once
     try:
         # Without the fallback: it would print, and try the same again.
         session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"], enable_fallback=0)
@@ -269,7 +269,7 @@ def try_gate(path: object, data: bytes, sha256: str) -> None:
 
 
 def limit_self(limit_s: int) -> None:
-    """Limit time and data of this process where the system can; whoever waits for it may be gone."""
+    """Limit time and data of this process where the system can; its parent may have died."""
     try:
         import resource
     except ImportError:

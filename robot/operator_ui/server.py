@@ -1,6 +1,6 @@
-"""The operator's page over HTTP: one page, Server-Sent Events that tell it the newest tick, and the gate's answers.
+"""The operator's page over HTTP: one page, Server-Sent Events with the newest tick, and the gate's answers.
 
-A question to the gate (`POST /predict`) is answered here and goes no further. The orders that it takes, an aim file
+A question to the gate (`POST /predict`) is answered here and does not reach the robot. The two orders, an aim file
 (`PUT /aim`) and its acceptance (`POST /accept`), need a token (truearc.robot.operator_ui.aim_inbox).
 """
 
@@ -39,10 +39,10 @@ LIMITS = {("POST", ASKED): asking.MAX_BODY_BYTES, ("POST", ACCEPTED): asking.MAX
 
 
 class OperatorPage:
-    """Shows whoever opens `url` the ticks that it is shown; OSError when it cannot listen there.
+    """Serves the ticks passed to `show` to every browser at `url`; OSError when it cannot listen there.
 
-    `show` only keeps a tick; all else is done by the threads of the browsers that look, each as often as it can take
-    it, from whatever is newest then. `clock` stamps what is sent, so that a browser can tell how old it is.
+    `show` only keeps a tick. The threads of the connected browsers do the rest, each at the rate that its browser
+    accepts, and always with the newest tick. `clock` stamps what is sent, so that a browser can tell how old it is.
     `recording`: where ticks are recorded, "" = nowhere. `what_if`: answers the page's questions to the gate. `orders`:
     takes aim files.
     """

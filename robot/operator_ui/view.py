@@ -30,7 +30,7 @@ FIRED_S = 0.5                         # a verdict of FIRE lasts one tick; the ti
 ABSENT = "–"
 RECENT = 6                            # trials that are listed
 SEVERAL = ("motor", "device", "joint")           # reasons that differ in these alone are shown as one ...
-PASSING = ("age_s",)                  # ... whatever these are
+PASSING = ("age_s",)                  # ... regardless of these
 
 
 class PageTrial(Struct, frozen=True):
@@ -43,7 +43,7 @@ class PageTrial(Struct, frozen=True):
 
 
 class Glance(Struct, frozen=True):
-    """Replaced whole with every tick: whoever holds one holds things that belong together."""
+    """State of the page, replaced as a whole with every tick, so that its parts belong together."""
 
     seq: int = 0
     tick: Tick | None = None
@@ -54,7 +54,7 @@ class Glance(Struct, frozen=True):
 
 
 def look(glance: Glance, tick: Tick) -> Glance:
-    """`glance` after one more tick. No longer for a long session than for a short one."""
+    """The glance after one more tick, in a time that does not depend on the session's length."""
     for outcome in tick.outcomes:
         glance = _with_outcome(glance, outcome)
     if (shot := tick.shot) is not None:
@@ -78,7 +78,7 @@ def _with_outcome(glance: Glance, outcome: Outcome) -> Glance:
 
 
 class Told(Struct, frozen=True):
-    """One or several reasons as the page words them; `reasons`: their log texts."""
+    """One or several reasons in the page's words; `reasons`: their log texts."""
 
     kind: str
     means: str
@@ -147,7 +147,7 @@ def _together(message: Message | None, members: list[Reason]) -> Told:
 
 
 class Line(Struct, frozen=True):
-    """One value and what it is called; `ok` is false where it stands in the way."""
+    """One value and its name; `ok` is false where it prevents firing."""
 
     name: str
     value: str

@@ -180,7 +180,7 @@ class WhatIf:
         try:
             rating = self._gate.rate(distance_m, motor_ratio, hood_deg)
             reasons = doubt_rating(rating, self._threshold)
-        except Exception:             # as in the tick: whatever onnxruntime may raise, the answer is HOLD
+        except Exception:             # as in the tick, anything that onnxruntime raises is a HOLD
             rating = NO_RATING
         return (rating.p_two, rating.p_three, rating.novelty, "hold" if reasons else "fire",
                 [reason.code for reason in reasons])

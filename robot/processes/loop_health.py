@@ -103,10 +103,10 @@ def _quantile(totals: list[int], share: float) -> str:
 
 
 class WatchedRig(RigLayer):
-    """Passes everything through, and says READY after the first full set of fresh readings, then WATCHDOG.
+    """Passes everything through; reports READY after the first full set of fresh readings, then WATCHDOG.
 
-    WATCHDOG is said on the way out of a tick whose commands have been sent, and nowhere else: a loop that hangs falls
-    silent, whatever other threads still do. Until READY the status line names what has not been heard yet.
+    WATCHDOG is sent only at the end of a tick whose commands have been sent: a loop that hangs falls silent even if
+    other threads go on. Until READY the status line names what is missing.
     """
 
     def __init__(self, rig: RobotIo, config: Config, say: Callable[[str], None]) -> None:
@@ -144,7 +144,7 @@ class WatchedRig(RigLayer):
 
 
 def first_missing(inputs: Inputs, seen_ns: int | None, config: Config) -> str:
-    """Name the first reading that is not there or not fresh; "" when all are.
+    """Name the first reading that is missing or stale; "" when there is none.
 
     `seen_ns`: when the newest image was taken, None before the first.
     """

@@ -125,7 +125,7 @@ class Desk:
             self._tell(msgspec.structs.replace(self._status(), is_done=True, failed=failed[:LONGEST_WORDS]))
 
     def _close(self, keeper: LaneKeeper) -> None:
-        """However long that takes, it is said meanwhile that this process is alive."""
+        """Close the keeper, and report meanwhile that this process is alive."""
         closing = threading.Thread(target=keeper.close, name="closing", daemon=True)
         closing.start()
         while closing.is_alive():
@@ -169,7 +169,7 @@ class Desk:
         return Status(True, self._keeper.trials_kept, self._keeper.dropped, self._keeper.trouble())
 
     def _say(self, trouble: Reason | None) -> None:
-        """On the console, when that changes: a robot that holds its fire may have no page open."""
+        """Print a change of trouble on the console: a robot that holds fire may have no page open."""
         now_ns = self._clock.now_ns()
         if trouble != self._said and now_ns - self._said_ns > SAY_S * NS_PER_S:
             self._said, self._said_ns = trouble, now_ns
@@ -204,14 +204,14 @@ class Process(Protocol):
 
 
 class FarKeeper:
-    """Sends everything on, and keeps trials until the recorder reports that the system has their rows.
+    """Forwards everything, and keeps trials until the recorder reports that the system has their rows.
 
-    Those that the recorder never came to it appends to the recording itself, when it is closed.
+    On `close` it appends to the recording the trials that the recorder never reached.
     """
 
     def __init__(self, folder: Path, contents: Mapping[str, bytes], sender: Sender, slots: Slots, process: Process,
                  clock: Clock) -> None:
-        """InputError when the folder with these contents cannot be made there, whatever the disk."""
+        """Raise InputError when the folder cannot be made, for any other reason than a full disk."""
         self.failed: Exception | None = None
         self._folder, self._sender, self._slots, self._process, self._clock = folder, sender, slots, process, clock
         self._encoder, self._decoder = msgspec.msgpack.Encoder(), msgspec.json.Decoder(Status)
@@ -300,7 +300,7 @@ class FarKeeper:
         return self._trials
 
     def _wait(self, limit_s: float, true: Callable[[], bool]) -> None:
-        """Until it is as asked, or the process has ended, or for so long."""
+        """Wait until the condition is true, the process has ended, or the time is over."""
         end_ns = self._clock.now_ns() + round(limit_s * NS_PER_S)
         while not true() and not self._process.trouble and (now_ns := self._clock.now_ns()) < end_ns:
             self._sender.push()

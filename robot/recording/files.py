@@ -52,9 +52,9 @@ class NotKept(OSError):
 
 
 class Appender:
-    """Keeps bytes that the disk does not take and writes them at the next `flush`: space made in time loses nothing.
+    """Keeps bytes that the disk refuses and writes them at the next `flush`: nothing is lost if space is made in time.
 
-    With more than `pending_bytes` waiting nothing further is taken, so what is on disk is always one whole beginning.
+    With more than `pending_bytes` waiting, further bytes are refused, so the disk always holds one unbroken beginning.
     A new file only; it stays locked, where the system has locks, until it is closed or its process has died.
     `prepare`: makes the file's folder when the first `flush` opens the file; without it the file is opened at once.
     """
@@ -80,7 +80,7 @@ class Appender:
         return self._on_disk + len(self._pending)
 
     def flush(self) -> None:
-        """Hand everything to the system, which keeps it whatever becomes of this process; OSError when it refuses.
+        """Hand everything to the system, which keeps it even if this process dies; OSError when it refuses.
 
         NotKept when the rest is not kept, or when the file has been deleted: writes would succeed, and no one could
         read them.
@@ -127,7 +127,7 @@ def lock_trouble(path: Path) -> OSError | None:
 
 
 def claim(file: IO[bytes]) -> None:
-    """Lock a file for whoever holds it open; BlockingIOError when someone else does. Nothing on Windows."""
+    """Lock an open file; BlockingIOError when another process has locked it. Does nothing on Windows."""
     try:
         import fcntl
     except ImportError:
@@ -156,7 +156,7 @@ def parse_candump(line: str) -> tuple[Frame, bool] | None:
 
 
 class TappedBus:
-    """A bus that shows every frame to `tap(frame, sent)` on its way."""
+    """A bus that passes every frame to `tap(frame, sent)`."""
 
     def __init__(self, bus: Bus, tap: Callable[[Frame, bool], None]) -> None:
         self._bus, self._tap = bus, tap
@@ -240,7 +240,7 @@ class SessionFiles:
             self.unmade = error
 
     def _make(self) -> None:
-        """Make the folder if it is not there yet; any lane may be the first that can."""
+        """Make the folder if it does not exist yet; any lane may be the first to succeed."""
         with self._making:
             if self._is_made:
                 return
@@ -316,9 +316,9 @@ def session_contents(header: layout.Header, config: Config, model: bytes | None 
 
 
 def make_folder(folder: Path, contents: Mapping[str, bytes]) -> None:
-    """A session's folder with those files; nothing stays of one that cannot be made whole.
+    """Make a session's folder with those files, or leave nothing behind.
 
-    InputError when it is there already; OSError, which names the file, when it cannot be made.
+    InputError when it already exists; OSError, which names the file, when it cannot be made.
     """
     if folder.exists():
         raise InputError(f"{folder}: already exists; a recording is never overwritten")
@@ -333,7 +333,7 @@ def make_folder(folder: Path, contents: Mapping[str, bytes]) -> None:
 
 
 def append_trials(folder: Path, rows: list[bytes]) -> None:
-    """Add rows that whoever wrote the trials did not come to; half a row at the end gives way to them."""
+    """Append the rows that the writer of the trials did not reach, in place of half a row at the end."""
     with (folder / layout.TRIALS).open("r+b") as file:
         whole = file.read().rfind(b"\n") + 1
         file.seek(whole)
@@ -352,7 +352,7 @@ def save_synced(path: Path, data: bytes) -> None:
 
 
 def load_pictures(session: Path) -> list[layout.Picture]:
-    """The index of the images, oldest first; a line that is torn names none."""
+    """The index of the images, oldest first; torn lines are skipped."""
     path, pictures = session / layout.INDEX, []
     for line in load_bytes(path).split(b"\n") if path.exists() else []:
         with contextlib.suppress(*NO_JSON):
@@ -361,7 +361,7 @@ def load_pictures(session: Path) -> list[layout.Picture]:
 
 
 def load_image(session: Path, picture: layout.Picture) -> CameraFrame | None:
-    """One image as it was seen; None when the file is missing, no PNG, which is what we write, or too large."""
+    """One image as recorded; None when the file is missing, too large, or not a PNG."""
     path = session / layout.FRAMES / picture.file
     data = load_bytes(path) if path.is_file() else b""
     is_png = data.startswith(PNG) and len(data) >= PNG_SIZE_AT + 8

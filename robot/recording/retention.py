@@ -1,7 +1,7 @@
-"""What earlier sessions may take of the disk, as [recording] says: the oldest give up telemetry and images first.
+"""Retention of earlier sessions within the limits of [recording]: the oldest lose telemetry and images first.
 
-`session.json`, `config.json`, `trials.jsonl`, models and aim files always stay, as does every file that is none of a
-recording's. Sessions are the folders beside the running one that have a session.json; links are not followed.
+`session.json`, `config.json`, `trials.jsonl`, models and aim files always stay, as do files that are not part of a
+recording. Sessions are the folders beside the running one that have a session.json; links are not followed.
 """
 
 import os
@@ -82,7 +82,7 @@ def _folders(running: Path) -> list[Path]:
 
 
 def _look(folder: Path) -> _Session | None:
-    """That session; None when it is none of this program's."""
+    """The session in a folder; None when the folder holds none."""
     try:
         layout.load_header(folder)
         telemetry = folder / layout.TELEMETRY

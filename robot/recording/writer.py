@@ -28,7 +28,7 @@ SYNC_NS = 1_000_000_000               # a power cut may cost this much
 MARKING_NS = 30_000_000_000           # for a driver to mark the shot that is out, when nothing more is kept
 OpenKeeper = Callable[[Path, Mapping[str, bytes]], "Keeper"]
 MARK_S = 0.01                         # a tick waits no longer for its trial to be written; usually under 1 ms
-LONGEST_DETAIL = 1000                 # characters, of whatever an error has to say
+LONGEST_DETAIL = 1000                 # characters of an error's text
 LONGEST = 1000                        # jobs that may wait; more than a minute and a half of ticks
 SLOW_JOBS = 20                        # two seconds of batches wait: the disk does not answer
 Job = Callable[[], None]
@@ -38,10 +38,10 @@ class SessionWriter:
     """A Recorder that keeps everything in a folder made for it; InputError when that cannot be made.
 
     A process that is killed loses no tick older than a fifth of a second, and no trial: `record` returns when the
-    system has its row, unless the disk stalls for longer than MARK_S. `lossless`: whatever the disk does, the caller
-    waits and nothing is dropped; for the twin, whose time can wait. `trouble` is why ticks or trials are not reaching
-    the disk; after `close`, `failed` is. `open_keeper`: who makes the folder with those files and keeps it there,
-    if no threads of this process.
+    system has its row, unless the disk stalls for longer than MARK_S. `lossless`: the caller always waits for the disk
+    and nothing is dropped; for the twin, whose time can wait. `trouble` is why ticks or trials are not reaching the
+    disk; after `close`, `failed` is. `open_keeper`: makes the folder with those files and keeps it; by default, threads
+    of this process do.
     """
 
     def __init__(self, folder: Path, header: Header, config: Config, model: bytes | None, lossless: bool,
@@ -73,7 +73,7 @@ class SessionWriter:
         return self._keeper.trouble()
 
     def is_over(self) -> bool:
-        """Whether nothing more will ever be kept, and the shot that is out has its mark, or is not going to have it."""
+        """Whether recording has ended for good, and the last shot is marked or its time for marking is over."""
         if not self._keeper.is_gone():
             return False
         self._gone_ns = self._gone_ns or self._t_ns
@@ -117,8 +117,8 @@ class SessionWriter:
 class Lane:
     """One thread that does what it is handed, in order.
 
-    `trouble` is what the newest job met, None when it went well. `patient`: whoever hands over waits until all before
-    is done, instead of losing a job (`dropped`) when too many wait; for the twin, whose time can wait.
+    `trouble` is what the newest job met, None when it went well. `patient`: the caller waits until all earlier jobs
+    are done, instead of losing a job (`dropped`) when too many wait; for the twin, whose time can wait.
     """
 
     def __init__(self, name: str, patient: bool, longest: int = LONGEST) -> None:
@@ -138,7 +138,7 @@ class Lane:
             self.dropped += 1
 
     def waiting(self) -> int:
-        """How many jobs have not been begun."""
+        """Number of jobs that have not been started."""
         return self._jobs.qsize()
 
     def close(self) -> None:
@@ -151,14 +151,14 @@ class Lane:
             try:
                 job()
                 self.trouble = None
-            except Exception as error:    # whatever it was: the robot runs on, and holds while this stands
+            except Exception as error:    # of any kind: the robot runs on, and holds fire while this lasts
                 self.trouble = error
             finally:
                 self._jobs.task_done()
 
 
 class Keeper(Protocol):
-    """Takes what is encoded; in this process, or on its way to another. Nothing of it waits for a disk."""
+    """Takes encoded rows, in this process or on their way to another. No method waits for a disk."""
 
     failed: Exception | None          # after `close`: why not all has been kept
 
@@ -179,7 +179,7 @@ class Keeper(Protocol):
         """Have what was kept survive a power cut, soon."""
 
     def push(self) -> None:
-        """Once a tick: go on with whatever could not go on before."""
+        """Continue what is waiting; called once per tick."""
 
     def trouble(self) -> Reason | None:
         """Why what is recorded is not reaching the disk; None while it is."""
@@ -192,11 +192,11 @@ class Keeper(Protocol):
 
 
 class LaneKeeper:
-    """Keeps in the files of `folder`.
+    """A Keeper that writes the files of `folder` in three threads.
 
-    Ticks and CAN frames are handed to the system as they come, trials at once. What may take long, pictures and every
-    fsync, has a thread to itself, so that neither of the others waits for it. `lossless`: whatever the disk does, the
-    caller waits and nothing is dropped. `waits`: a disk without room for the folder is trouble, not an error
+    Ticks and CAN frames are handed to the system as they come, trials at once. Pictures and every fsync, which may take
+    long, have a thread to themselves, so that neither of the others waits for it. `lossless`: the caller always waits
+    for the disk and nothing is dropped. `waits`: a disk without room for the folder is trouble, not an error
     (SessionFiles). `longest`: jobs that may wait for each thread.
     """
 
@@ -240,11 +240,9 @@ class LaneKeeper:
     def push(self) -> None: ...
 
     def trouble(self) -> Reason | None:
-        if (unmade := self._files.unmade) is not None:
-            return disk_trouble(unmade)
-        for lane in self._lanes:
-            if (error := lane.trouble) is not None:
-                return disk_trouble(error)
+        troubles = (self._files.unmade, *(lane.trouble for lane in self._lanes))
+        if (error := next(filter(None, troubles), None)) is not None:
+            return disk_trouble(error)
         return DISK_UNRESPONSIVE() if max(lane.waiting() for lane in self._lanes) > SLOW_JOBS else None
 
     def is_gone(self) -> bool:

@@ -32,7 +32,7 @@ from truearc.robot.config.schema import AprilTag, CameraConfig, Tape
 SQUARE_SIGMA = 0.002                  # of fy / fx about 1: lithography does better, lenses may not
 BEND_SHARE = 0.08                     # of the image's height: reach of an unmodelled bending; two waves a frame have it
 MIDDLE_SIGMA = 0.02                   # of the axis about the image's middle, as a share of its height
-SHORT_S = 0.005                       # an exposure of which nothing is said
+SHORT_S = 0.005                       # of an exposure that is not configured
 NODDING = 0.2                         # of a camera's turning is up or down: robots turn about the vertical
 Array = npt.NDArray[np.float64]
 PROBES = 9                            # points on each of the tape's three straights

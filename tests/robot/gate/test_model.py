@@ -324,7 +324,7 @@ def test_refuses_a_model_that_takes_too_long_to_load(tmp_path: Path, monkeypatch
     load_gate(quick)
     slow.write_bytes(altered(folded(2500, 2000)))         # 31 GFlop, two thousand times, or until memory ends
     monkeypatch.setattr(gate_model, "LIMIT_S", 1)         # a fast processor fills the memory in three
-    with pytest.raises(InputError, match=r"slow\.onnx: takes (more than 1 s of processor time|longer than 12 s) to load"):
+    with pytest.raises(InputError, match=r"slow\.onnx: takes (more than 1 s of processor|longer than 12 s)"):
         load_gate(slow)
 
 
