@@ -9,7 +9,6 @@ import threading
 from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Protocol
 
 import msgspec
 import numpy as np
@@ -17,6 +16,8 @@ from msgspec import Struct
 
 from truearc.errors import InputError, in_words
 from truearc.hw.protocols import CameraFrame, Clock, LinkLost
+from truearc.hw.real.child_process import Child
+from truearc.hw.real.ipc import Inbox, Outbox
 from truearc.hw.reason import Reason
 from truearc.hw.shared_latest import Capacity, Slots
 from truearc.robot.reasons import RECORDER_UNRESPONSIVE, text
@@ -83,12 +84,6 @@ class Status(Struct, frozen=True):
     failed: str = ""                  # why not all was kept; the end
 
 
-class Mail(Protocol):
-    """Where messages come from."""
-
-    def read(self, wait_s: float) -> list[bytes]: ...
-
-
 class Desk:
     """Handles messages until the last one.
 
@@ -107,7 +102,7 @@ class Desk:
         self._said_ns = 0
         self._is_over = False
 
-    def serve(self, mail: Mail) -> None:
+    def serve(self, mail: Inbox) -> None:
         """Handle messages until End, or until the sender is gone."""
         while not self._is_over:
             self._slots.beat(self._clock.now_ns())
@@ -183,33 +178,13 @@ class Desk:
             self._slots.put(msgspec.json.encode(status))
 
 
-class Sender(Protocol):
-    """Sends without waiting; `waiting`: bytes that have not gone out."""
-
-    waiting: int
-
-    def put(self, message: bytes) -> None: ...
-
-    def push(self) -> None: ...
-
-
-class Process(Protocol):
-    """The recorder's process; `trouble` is why it does not work, None while it does."""
-
-    trouble: Reason | None
-
-    def is_gone(self) -> bool: ...
-
-    def close(self, patience_s: float) -> None: ...
-
-
 class FarKeeper:
     """Forwards everything, and keeps trials until the recorder reports that the system has their rows.
 
     On `close` it appends to the recording the trials that the recorder never reached.
     """
 
-    def __init__(self, folder: Path, contents: Mapping[str, bytes], sender: Sender, slots: Slots, process: Process,
+    def __init__(self, folder: Path, contents: Mapping[str, bytes], sender: Outbox, slots: Slots, process: Child,
                  clock: Clock) -> None:
         """Raise InputError when the folder cannot be made, for any other reason than a full disk."""
         self.failed: Exception | None = None
