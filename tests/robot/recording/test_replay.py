@@ -137,7 +137,7 @@ def test_a_missing_or_foreign_model_is_an_error(gated, tmp_path, capsys):
     (session / "model.onnx").unlink()
     for depth in ("inputs", "frames"):
         assert main(["session", "replay", str(session), "--from", depth, "--check"]) == 2
-        assert "model that is not here" in capsys.readouterr().err
+        assert "the model that gated the recording is missing" in capsys.readouterr().err
 
 
 @pytest.fixture
