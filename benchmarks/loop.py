@@ -21,7 +21,7 @@ from benchmarks import loop_frames, loop_lateness
 from truearc.cli.common import SHIPPED
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.replay.recompute import replay
+from truearc.robot.recording.replay import replay
 from truearc.robot.tick import step
 from truearc.robot.types import Memory
 from truearc.sim.world.emulated_robot import emulate

@@ -27,7 +27,7 @@ from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import CameraFile, Config, load_config, load_toml
 from truearc.robot.reasons import text
 from truearc.robot.vision import detect
-from truearc.robot.vision.taped import fit_taped
+from truearc.robot.vision.calibration import fit_taped
 
 HOME = Path(robot.__file__).parent
 DATA = Path(os.environ.get("TRUEARC_DATA", Path(__file__).parents[2] / "shared" / "data")) / "goal_images"

@@ -12,7 +12,7 @@ from truearc.hw import fault_codes
 from truearc.hw.devices.registry import find_family
 from truearc.hw.reason import NESTED, OPTIONAL, Code, Message
 from truearc.robot import reasons
-from truearc.robot.operator_ui.driver_messages import MESSAGES
+from truearc.robot.operator_ui.view import MESSAGES
 
 HEAD = """# Reasons
 

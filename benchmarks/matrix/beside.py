@@ -13,7 +13,7 @@ from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.processes import Capacity, Child, Line, Slots, make_shared
 from truearc.robot.config.schema import Config
 from truearc.robot.processes.vision import FarEyes, make_room, watch
-from truearc.robot.recording.file_writers import Keeper
+from truearc.robot.recording.writer import Keeper
 
 
 class Beside:

@@ -23,7 +23,7 @@ from truearc.hw.devices.spark.emulator import SparkNode
 from truearc.hw.emulated.nodes import NEVER_NS, Twin
 from truearc.robot.config.schema import Config
 from truearc.robot.motors import name_axes
-from truearc.robot.recording.candump import TappedBus
+from truearc.robot.recording.files import TappedBus
 from truearc.sim.world.emulated_robot import WATCHDOG_MS, make_nodes
 from truearc_proof.world.faults import Fault, FaultyNode
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.matrix.span import Span
-from truearc.robot.recording.encoder import SessionWriter
+from truearc.robot.recording.writer import SessionWriter
 
 DISK_MB = 48
 WAIT_S = 0.005

@@ -25,9 +25,9 @@ from benchmarks.matrix.span import Span
 from truearc.errors import InputError
 from truearc.robot.config.schema import Config, read_axis
 from truearc.robot.reasons import text, texts
-from truearc.robot.recording.candump import parse_candump
+from truearc.robot.recording.files import parse_candump
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.replay.recompute import Comparer, Difference, RecordedRows
+from truearc.robot.recording.replay import Comparer, Difference, RecordedRows
 from truearc.robot.recording.session import CAN, load_trials
 from truearc.robot.rig import ReplayRig
 from truearc.robot.runtime import run

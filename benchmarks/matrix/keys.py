@@ -28,10 +28,10 @@ from truearc.robot.config.schema import AprilTag, Config, load_config
 from truearc.robot.config.shot_map import ShotMap, Signal
 from truearc.robot.gate.model import Rating
 from truearc.robot.reasons import text
-from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.replay.recompute import Comparer, Difference, RecordedRows
+from truearc.robot.recording.replay import Comparer, Difference, RecordedRows
 from truearc.robot.recording.session import make_header
+from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import ReplayRig
 from truearc.robot.runtime import run
 

@@ -25,8 +25,8 @@ from truearc.hw.emulated.nodes import Twin
 from truearc.hw.protocols import CameraFrame, Clock
 from truearc.hw.reason import FAULT, Reason
 from truearc.robot.config.schema import Config, Prescribed, load_config
-from truearc.robot.operator_ui.driver_messages import find_message, tell
-from truearc.robot.recording.candump import TappedBus
+from truearc.robot.operator_ui.view import find_message, tell
+from truearc.robot.recording.files import TappedBus
 from truearc.robot.types import Sighting, Tick
 from truearc.sim.world.options import Options
 

@@ -23,11 +23,10 @@ from truearc.hw.real.wires import MendedCamera, MendedStream, open_serial
 from truearc.robot.config.schema import Config
 from truearc.robot.gate.model import Rating
 from truearc.robot.motors import guard
-from truearc.robot.processes.tick_timing import Lateness, TimedRig
-from truearc.robot.processes.watchdog_rig import WatchedRig
-from truearc.robot.recording.candump import TappedBus
-from truearc.robot.recording.encoder import SessionWriter
+from truearc.robot.processes.loop_health import Lateness, TimedRig, WatchedRig
+from truearc.robot.recording.files import TappedBus
 from truearc.robot.recording.session import make_header
+from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import HardwareRig, RecordingRig
 from truearc.robot.runtime import RobotIo, run
 from truearc.robot.types import Command, Inputs, Sent

@@ -11,8 +11,7 @@ from truearc.robot.config.schema import Config
 from truearc.robot.config.shot_map import OUTCOMES
 from truearc.robot.reasons import texts
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.rows import Trial
-from truearc.robot.recording.session import TRIALS, load_session_config, load_trials, make_trials
+from truearc.robot.recording.session import TRIALS, Trial, load_session_config, load_trials, make_trials
 from truearc.robot.types import Tick
 from truearc.sim.data.dataset import Dataset, Shots, Traces
 

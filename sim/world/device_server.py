@@ -16,7 +16,7 @@ from truearc.hw.real.can_bus import CanBus, open_can
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.overrides import split_bus
 from truearc.robot.config.schema import CameraConfig, Config, Tape
-from truearc.robot.recording.candump import TappedBus
+from truearc.robot.recording.files import TappedBus
 from truearc.sim.world.driver import make_driver
 from truearc.sim.world.emulated_robot import Pace, check_emulated, make_nodes
 from truearc.sim.world.emulated_vision import make_lens, make_tape

@@ -24,9 +24,9 @@ from truearc.robot.gate.model import Gate, load_gate
 from truearc.robot.hood_encoders import encoder_family_of
 from truearc.robot.motors import guard, make_motors, name_axes
 from truearc.robot.operator_ui.screens import Screen, with_screen
-from truearc.robot.recording.candump import TappedBus
-from truearc.robot.recording.encoder import SessionWriter
+from truearc.robot.recording.files import TappedBus
 from truearc.robot.recording.session import make_header
+from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import HardwareRig, RecordingRig
 from truearc.robot.runtime import run
 from truearc.robot.tick import step

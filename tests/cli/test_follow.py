@@ -22,9 +22,8 @@ from truearc.cli.main import main
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.aim_file import load_aim
 from truearc.robot.config.schema import load_config
-from truearc.robot.operator_ui.aim_orders import AimOrders
+from truearc.robot.operator_ui.aim_inbox import AimInbox, AimOrders
 from truearc.robot.operator_ui.server import OperatorPage
-from truearc.robot.processes.aim_inbox import AimInbox
 from truearc.sim.data.model import Tracks, join_datasets
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.finding import Adoption

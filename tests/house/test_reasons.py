@@ -13,12 +13,12 @@ from tools.reasons_doc import make_page
 from truearc.hw import fault_codes
 from truearc.hw.reason import OPTIONAL, Code
 from truearc.robot import reasons
-from truearc.robot.operator_ui.driver_messages import MESSAGES
+from truearc.robot.operator_ui.view import MESSAGES
 
 ROOT = Path(__file__).parents[2]
 CODES = (*fault_codes.CODES, *reasons.CODES)
 DECLARING = (ROOT / "hw" / "fault_codes.py", ROOT / "robot" / "reasons.py")
-TELLING = (ROOT / "robot" / "operator_ui" / "driver_messages.py",)
+TELLING = (ROOT / "robot" / "operator_ui" / "view.py",)
 KINDS = {"text", "count", "flag", "motor", "device", "texts", "counts", "reason", "reasons"}
 UNITS = {"s", "m", "m/s", "deg", "rad/s", "Nm", "px", "ms", "ratio", "share", "probability", "of the signal",
          "of the parameter"}

@@ -30,7 +30,7 @@ from truearc.robot.config.schema import load_config
 from truearc.robot.motors import guard
 from truearc.robot.reasons import CAN_LOST, DEVICE_NEVER_RECEIVED, DEVICE_STALE, IMAGE_DARK, text
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.rows import Trial
+from truearc.robot.recording.session import Trial
 from truearc.robot.rig import HardwareRig
 from truearc.robot.tick import step
 from truearc.robot.types import Memory, Sighting

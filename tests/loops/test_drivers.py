@@ -10,7 +10,7 @@ from truearc.hw import fault_codes as hw
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as bot
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.replay.recompute import replay, replay_frames
+from truearc.robot.recording.replay import replay, replay_frames
 from truearc.robot.recording.session import CAN, load_trials
 from truearc.sim.world.emulated_robot import emulate
 from truearc_proof.world.faults import OVERWRITTEN, SILENT, UNPOWERED, Fault

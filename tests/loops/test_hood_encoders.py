@@ -13,7 +13,7 @@ from truearc.hw import fault_codes as hw
 from truearc.robot import reasons as bot
 from truearc.robot.config.schema import Config
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.replay.recompute import replay, replay_frames
+from truearc.robot.recording.replay import replay, replay_frames
 from truearc.robot.recording.session import load_trials
 from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.world.emulated_robot import emulate

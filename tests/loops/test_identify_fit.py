@@ -12,7 +12,7 @@ from truearc.cli.robot.sysid_emulated import drive_twin
 from truearc.robot.config.schema import Config, load_config, read_axis
 from truearc.robot.reasons import IDENTIFY_DONE
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.replay.recompute import replay
+from truearc.robot.recording.replay import replay
 from truearc.robot.recording.session import load_trials
 from truearc.sim.sysid.fit import fit_law, fit_motion
 from truearc.sim.sysid.session import load_driven

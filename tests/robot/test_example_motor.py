@@ -30,9 +30,9 @@ from truearc.robot.config.schema import Config, config_hash, load_config
 from truearc.robot.estimate import estimate
 from truearc.robot.gate.verdict import judge
 from truearc.robot.motors import guard
-from truearc.robot.operator_ui.driver_messages import Told, tell
+from truearc.robot.operator_ui.view import Told, tell
 from truearc.robot.reasons import BAD_FRAME, IMAGE_DARK, MOTOR_ERROR, NOT_ARMED, text
-from truearc.robot.recording.replay.recompute import replay
+from truearc.robot.recording.replay import replay
 from truearc.robot.recording.session import CAN, load_session_config
 from truearc.robot.rig import HardwareRig
 from truearc.robot.types import Sighting

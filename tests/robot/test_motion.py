@@ -22,7 +22,7 @@ from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config, Prescribed
 from truearc.robot.motion import RECOVER_NS
 from truearc.robot.motors import elevation_from_screw_deg, elevation_per_rad, screw_travel_rad
-from truearc.robot.operator_ui.driver_messages import tell
+from truearc.robot.operator_ui.view import tell
 from truearc.robot.tick import step
 from truearc.robot.types import Inputs, Memory, Sighting, Tick
 

@@ -45,7 +45,7 @@ from truearc.robot.motors import (
     screw_length_m,
 )
 from truearc.robot.reasons import IMAGE_DARK, MOTOR_ERROR, MOTOR_NOT_DRIVEN, text
-from truearc.robot.recording.candump import candump_line
+from truearc.robot.recording.files import candump_line
 from truearc.robot.rig import HardwareRig
 from truearc.robot.types import Command, Sent, Sighting
 from truearc.robot.vision_source import InlineEyes

@@ -28,9 +28,9 @@ from truearc.robot.config.nt4 import Nt4, Nt4Vision
 from truearc.robot.config.schema import AprilTag, Config, load_config
 from truearc.robot.gate.model import load_gate
 from truearc.robot.processes.vision import FarEyes, make_room, relay
-from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import make_header
+from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.runtime import run
 from truearc.robot.types import Sighting
 

@@ -19,7 +19,7 @@ from truearc.cli.main import main
 from truearc.cli.robot.run_processes import make_show
 from truearc.hw.devices.button_box import make_heartbeat
 from truearc.robot.config.schema import load_config
-from truearc.robot.operator_ui.page_option import parse_page
+from truearc.robot.operator_ui import parse_page
 from truearc.robot.operator_ui.server import open_page
 from truearc.robot.recording.session import LATENESS, load_header
 from truearc.robot.tick import step
@@ -143,7 +143,7 @@ def test_a_page_that_cannot_be_served_is_a_warning(wires, tmp_path, capfd):
         where = f"127.0.0.1:{taken.getsockname()[1]}"
         assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--priority", "0", "--page", where]) == 0
     out, err = capfd.readouterr()
-    assert f"{TICKS} ticks" in out and f"no operator's page on {where}" in err
+    assert f"{TICKS} ticks" in out and f"cannot serve the operator's page on {where}" in err
 
 
 @pytest.mark.parametrize("where", ["here", "127.0.0.1:", "127.0.0.1:70000", "-1", ""])

@@ -19,8 +19,7 @@ from truearc.hw.emulated.camera import Lens, Stage, distort
 from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import CameraFile, load_config, load_toml
 from truearc.robot.vision import detect
-from truearc.robot.vision.board import Board, calibrate, find_board
-from truearc.robot.vision.taped import fit_taped
+from truearc.robot.vision.calibration import Board, calibrate, find_board, fit_taped
 from truearc_proof.world.camera_damage import StagedCamera
 from truearc_proof.world.placing import place
 

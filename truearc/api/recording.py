@@ -6,8 +6,7 @@ from pathlib import Path
 
 from truearc.robot.config.schema import Config
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.rows import Trial
-from truearc.robot.recording.session import load_header, load_session_config, load_trials
+from truearc.robot.recording.session import Trial, load_header, load_session_config, load_trials
 from truearc.robot.types import Tick
 from truearc.sim.printed import Printed
 

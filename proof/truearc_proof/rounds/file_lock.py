@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from truearc.errors import InputError
-from truearc.robot.recording.append_file import claim
+from truearc.robot.recording.files import claim
 
 FILE = "lock"                         # stays there, empty, when no process holds it
 

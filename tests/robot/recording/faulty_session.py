@@ -22,9 +22,9 @@ from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.wires import open_serial
 from truearc.robot.config.schema import load_config
 from truearc.robot.motors import guard
-from truearc.robot.recording.candump import TappedBus
-from truearc.robot.recording.encoder import SessionWriter
+from truearc.robot.recording.files import TappedBus
 from truearc.robot.recording.session import make_header
+from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import HardwareRig, RecordingRig
 from truearc.robot.runtime import run
 from truearc.sim.world.driver import Driver

@@ -16,7 +16,7 @@ import truearc.cli.robot.run_processes
 import truearc.cli.robot.run_robot
 from benchmarks.kill import kill_once
 from tests.robot.good_tick import CONFIG
-from tests.robot.recording.test_encoder import kept_cycles, play, ticks
+from tests.robot.recording.test_writer import kept_cycles, play, ticks
 from tests.robot.test_rig import Wire
 from tests.robot.test_run_door import CONFIG as SHIPPED
 from tests.robot.test_run_door import Box
@@ -26,12 +26,12 @@ from truearc.errors import InputError
 from truearc.hw.fault_codes import PROCESS_ENDED, PROCESS_KILLED
 from truearc.hw.protocols import CameraFrame, Frame
 from truearc.hw.real.clock import MonotonicClock
-from truearc.robot.processes import recorder_client as far_keeper
+from truearc.robot.processes import recorder as far_keeper
 from truearc.robot.reasons import DISK_ERROR, RECORDER_UNRESPONSIVE
-from truearc.robot.recording.encoder import MARKING_NS, SessionWriter
 from truearc.robot.recording.files import append_trials, load_image, load_pictures
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials, make_header
+from truearc.robot.recording.writer import MARKING_NS, SessionWriter
 from truearc.robot.vision_source import NoEyes
 
 posix = pytest.mark.skipif(os.name != "posix", reason="signals")

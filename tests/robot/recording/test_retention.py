@@ -7,7 +7,7 @@ import pytest
 from msgspec.structs import replace
 
 from tests.robot.good_tick import CONFIG
-from tests.robot.recording.test_encoder import open_writer, play, ticks
+from tests.robot.recording.test_writer import open_writer, play, ticks
 from truearc.cli.common import SHIPPED
 from truearc.errors import InputError
 from truearc.robot.config.schema import Config, RecordingConfig, config_hash, parse_toml

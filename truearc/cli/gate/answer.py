@@ -26,8 +26,7 @@ def main(gate: str, threshold: str, speed_rad_s: str = "") -> int:
     """Answer until standard input ends; return 2 where the gate cannot be used."""
     from truearc.hw.real.clock import MonotonicClock
     from truearc.robot.gate.model import load_gate
-    from truearc.robot.operator_ui.what_if import WhatIf
-    from truearc.robot.operator_ui.what_if_process import serve_questions
+    from truearc.robot.operator_ui.what_if import WhatIf, serve_questions
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # goes to the whole group; the page's process says when this one ends
     os.nice(NICE)
     try:

@@ -24,8 +24,8 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import AimConfig, Config, load_config
 from truearc.robot.config.shot_map import ShotMap, as_signal, load_map
 from truearc.robot.gate.model import load_gate
-from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.session import make_header
+from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import RecordingRig
 from truearc.robot.runtime import run
 

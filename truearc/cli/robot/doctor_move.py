@@ -15,7 +15,7 @@ from truearc.hw.real.wires import open_serial
 from truearc.robot.config.schema import Config
 from truearc.robot.doctor import find_hood
 from truearc.robot.doctor_motion import SmallMotion, check_motion, describe, plan
-from truearc.robot.recording.candump import TappedBus
+from truearc.robot.recording.files import TappedBus
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
 from truearc.robot.vision_source import NoEyes

@@ -12,7 +12,7 @@ from truearc.cli.common import SHIPPED, make_progress, number, refuse
 from truearc.errors import InputError
 from truearc.robot.config.overrides import load_plan, with_plan
 from truearc.robot.config.schema import Config, load_config
-from truearc.robot.operator_ui.page_option import OFF, add_page_argument, parse_page
+from truearc.robot.operator_ui import OFF, add_page_argument, parse_page
 
 if TYPE_CHECKING:
     from truearc.api.emulation import Emulation

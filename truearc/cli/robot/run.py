@@ -5,7 +5,7 @@ from pathlib import Path
 
 from truearc.cli.common import number
 from truearc.robot.config.overrides import add_port_arguments
-from truearc.robot.operator_ui.page_option import PORT, add_page_argument
+from truearc.robot.operator_ui import PORT, add_page_argument
 
 EXAMPLE = "truearc run --config launcher.toml --gate gate.onnx --out sessions"
 PROGRESS = False

@@ -28,17 +28,15 @@ from truearc.robot.config.overrides import load_plan, with_plan, with_ports
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.gate.model import load_gate
 from truearc.robot.motors import guard, make_motors
-from truearc.robot.operator_ui.page_option import parse_page
+from truearc.robot.operator_ui import parse_page
+from truearc.robot.operator_ui.aim_inbox import AimInbox, OfferingRig
 from truearc.robot.operator_ui.screens import open_screens
 from truearc.robot.operator_ui.server import open_page
-from truearc.robot.processes.aim_inbox import AimInbox, OfferingRig
-from truearc.robot.processes.tick_timing import Lateness, TimedRig
+from truearc.robot.processes.loop_health import Lateness, TimedRig, WatchedRig
 from truearc.robot.processes.velocity import MovingRig
-from truearc.robot.processes.watchdog_rig import WatchedRig
-from truearc.robot.recording.append_file import DISK_ERRNOS
-from truearc.robot.recording.candump import TappedBus
-from truearc.robot.recording.encoder import SessionWriter
+from truearc.robot.recording.files import DISK_ERRNOS, TappedBus
 from truearc.robot.recording.session import make_header
+from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import HardwareRig, RecordingRig
 from truearc.robot.runtime import RobotIo, run
 from truearc.robot.tick import step

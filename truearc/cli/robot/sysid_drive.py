@@ -17,9 +17,9 @@ from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config
 from truearc.robot.motors import make_motors
 from truearc.robot.reasons import text
-from truearc.robot.recording.candump import TappedBus
-from truearc.robot.recording.encoder import SessionWriter
+from truearc.robot.recording.files import TappedBus
 from truearc.robot.recording.session import make_header
+from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
 from truearc.robot.sysid import POLICY, make_step, phases, say

@@ -9,9 +9,17 @@ from truearc.robot.config.schema import load_config
 from truearc.robot.gate.model import load_gate
 from truearc.robot.reasons import texts
 from truearc.robot.recording.export.tabular import Value
-from truearc.robot.recording.replay.frame_replay import Recomputed
-from truearc.robot.recording.replay.recompute import Difference, replay, replay_frames
-from truearc.robot.recording.replay.replay_diff import Change, Changes, Flip, config_changes, find_changes
+from truearc.robot.recording.replay import (
+    Change,
+    Changes,
+    Difference,
+    Flip,
+    Recomputed,
+    config_changes,
+    find_changes,
+    replay,
+    replay_frames,
+)
 from truearc.robot.recording.session import load_session_config, load_session_gate
 
 MOST_KEYS, MOST_FLIPS = 12, 10

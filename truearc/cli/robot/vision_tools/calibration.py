@@ -17,9 +17,9 @@ from truearc.cli.robot.vision_tools.measure import why_not
 from truearc.errors import InputError, make_toml
 from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import CameraConfig, CameraFile
-from truearc.robot.vision import board as boards
+from truearc.robot.vision import calibration as boards
 from truearc.robot.vision import detect
-from truearc.robot.vision.taped import LEAST, TapedFit, fit_taped
+from truearc.robot.vision.calibration import LEAST, TapedFit, fit_taped
 from truearc.sim.tables import make_text
 
 TAPE_SIGMA_M, BIAS_SIGMA_M = 0.01, 0.02       # without --tape-sigma and --bias-sigma

@@ -29,8 +29,7 @@ from truearc.hw.real.camera import open_camera
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import CameraFile, Vision
 from truearc.robot.operator_ui.serving import LocalHandler, LocalServer
-from truearc.robot.vision import detect
-from truearc.robot.vision.drawing import draw_mask, draw_regions
+from truearc.robot.vision import detect, draw_mask, draw_regions
 from truearc.robot.vision.threshold import Image
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".webp")

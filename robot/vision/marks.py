@@ -1,17 +1,26 @@
-"""The tape's four marks to a small part of a pixel, with the covariance that the tape's own edges show.
+"""A region of the tape's colour -> the tape's four marks to a small part of a pixel, with their covariance.
 
-Across each straight, at many places, brightness is sampled; the two points of half height lie at equal distances from
-the tape's middle however blurred, bloomed or overexposed it is, and a line is fitted through what is midway. Along the
+The region's convex hull gives the corners to a pixel or two; the side along which there is no tape is the open top.
+Across each straight, brightness is sampled at many places. The two points of half height lie at equal distances from
+the tape's middle however blurred, bloomed or overexposed it is, and a line is fitted through their midpoints. Along the
 middle line, the point of half height at a cut end is where the end is, for the same reason: a strip and what is cut
-off from it mirror each other there, in light that is measured in proportion. With a tone curve, or where the tape
-clips, half height lies outside of a cut end, by as much as `widths` finds it outside of the bottom straight's edges.
-Marks are where two middle lines meet, and where the ends are.
+off from it mirror each other there, in linear light. With a tone curve, or where the tape clips, half height lies
+outside a cut end by as much as outside the bottom straight's edges. Marks are where two middle lines meet, and where
+the ends are.
 
-How far the points lie off their line is the noise, and the marks' covariance follows from it: two marks on one line
-share that line's error.
+The scatter of the points about their line is the noise, and gives the marks' covariance: two marks on one line share
+that line's error.
+
+Widths tell how much wider the tape's picture is than its image. Blur leaves a straight's width at half height as it is,
+unless the straight is narrow: then the width follows from the slope of the edges. A tone curve, or light that clips,
+moves half height outward on both edges, so the excess width is twice the error of a cut end. The bottom straight shows
+it best: it is parallel to the cut ends, so that blur and motion affect it as they affect them. Beyond that, the width
+reveals another tape, and a tape that is partly hidden along its own edges: its three straights fit neither the marks
+nor each other.
 """
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import cv2
@@ -21,11 +30,15 @@ import numpy.typing as npt
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Tape
-from truearc.robot.vision.optics import Array, Optics
-from truearc.robot.vision.shape import SAMPLES, Shape, make_shape
+from truearc.robot.vision.geometry import PROBES, SAMPLES, Array, Optics, Shape, make_shape
 from truearc.robot.vision.threshold import Region
-from truearc.robot.vision.widths import Widening, compare_widths, expected_widths
 
+FILL_LOW, FILL_HIGH = 0.08, 0.65      # tape area / hull area; 0.22 for bare tape, more when it is small and blurred
+LEAST_SIDE_PX = 6.0
+LEAST_LIT, MOST_LIT_HOLLOW = 0.8, 0.25
+NEXT, BEFORE = np.array([1, 2, 3, 0]), np.array([3, 0, 1, 2])
+LIT_ALONG = np.linspace(0.2, 0.8, 13)[:, None, None]
+LIT_DEPTH_PX = 1.5
 STEP_PX = 0.5                         # between samples across the tape, where that makes no more than
 MOST_STEPS = 64
 OUT_PX = 4.0                          # how far outside the rough outline the tape's edge may lie
@@ -41,6 +54,82 @@ TIP_SPREAD = 0.5                      # variance of a cut end over that of a poi
 LEAST_CROSSING = 0.05                 # sine of the angle at which two straights meet
 LEVEL_PX, LEVEL = 0.6, 0.3            # a cut end may lean by this much, and this share of the tape's width
 WIDE_PX, WIDE = 4.0, 1.5              # a tape WIDE times as wide as its size says, and this much more, is another
+GENTLE = math.sqrt(2.0 * math.pi)     # a blurred edge's rise at its steepest, over the blur's standard deviation
+TAPE_SHARE = 0.07                     # by which a tape may be wider or narrower than configured
+SCALE_SHARE = 0.05                    # marks that the lens bends give a straight's scale to a quarter of this
+FINEST_PX = 0.15                      # no width is better known: samples lie half a pixel apart
+SIGMAS = 4.0
+MOST_TONE, MOST_CLIPPED = 1.0, 2.0    # widening of both edges by a tone curve, or where the tape clips, in blurs: a
+                                      # gamma of 2.2 makes 0.8; two and a half times too bright 1.9, as it looks sharper
+INDEPENDENT = 8.0                     # of a straight's SAMPLES widths
+WIDTH_SIGMA = 0.03                    # share of the width: how well a tape's width is known, for its widening
+NARROW_SIGMA = 0.3                    # share of what the blur adds to a narrow straight: blurs are not Gaussian
+END_SIGMA = 0.4                       # share of the widening by which a cut end's may differ: a halo is lifted, too
+USUAL_PX = 0.5                        # widening to be expected of an edge before it is measured
+SQUARE_MEAN = 12.0                    # of a straight way, squared, over the variance that it adds to a blur
+AT_REST = 2.5                         # smear over blur that is seen without any motion: colours are kept at half width
+NEIGHBOURS = np.array([1, 2, 0])
+
+
+class Widening(NamedTuple):
+    """How far outside of where it is an edge along the bottom straight is seen, and what the edges' blur shows."""
+
+    shift_px: float
+    variance_px2: float
+    smear_px2: float                  # squares of a motion seen across the sides, less those of one along them
+
+
+def _blurred() -> tuple[Array, Array]:
+    """A strip's width, and its width at half height after a blur, both over the blur that its edges show."""
+    at, strips = np.linspace(-10.0, 10.0, 401), np.linspace(0.1, 10.0, 60)
+    bell = np.vectorize(math.erf)(np.stack([at + strips[:, None] / 2, at - strips[:, None] / 2]) / math.sqrt(2.0))
+    level = 0.5 * (bell[0] - bell[1])
+    peak = level.max(axis=1)
+    shown = peak / np.diff(level, axis=1).max(axis=1) * (at[1] - at[0]) / GENTLE
+    half = [np.interp(-0.5 * top, -row[200:], at[200:]) for top, row in zip(peak, level, strict=True)]
+    return strips / shown, 2.0 * np.array(half) / shown
+
+
+TRUE_BLURS, SEEN_BLURS = _blurred()
+
+
+def expected_widths(shape: Shape, to_image: Callable[[Array], Array]) -> Array:
+    """(3, SAMPLES): pixels from edge to edge, where `to_image` puts points of the target's plane in the image."""
+    edges = np.stack([shape.samples_m + shape.across_m, shape.samples_m - shape.across_m])
+    seen = to_image(edges.reshape(-1, 2)).reshape(2, 3, SAMPLES, 2)
+    across = seen[0] - seen[1]
+    return np.asarray(np.sqrt((across * across).sum(axis=2)))
+
+
+def compare_widths(seen_px: Array, rise_px: Array, good: Any, true_px: Array, clipped: bool) -> Widening | Reason:
+    """Widths at half height and rises of the edges as measured, which of them are good, and widths as marks and tape
+    make them, (3, SAMPLES) each, give the widening; or why this cannot be the tape, whole."""
+    count, off = good.sum(axis=1), seen_px - true_px
+    width, blur, excess = (np.where(good, part, 0.0).sum(axis=1) / count for part in (true_px, rise_px / GENTLE, off))
+    scatter = np.where(good, off - excess[:, None], 0.0)
+    noise = np.sqrt((scatter * scatter).sum(axis=1) / count / INDEPENDENT)
+    narrow = np.maximum(blur * np.interp(width / blur, TRUE_BLURS, SEEN_BLURS) - width, 0.0)
+    narrow[width > TRUE_BLURS[-1] * blur] = 0.0
+    excess = excess - narrow
+    least = FINEST_PX + SIGMAS * noise + NARROW_SIGMA * narrow
+    if (excess < -TAPE_SHARE * width - least).any():
+        return because.TAPE_NARROW()
+    if (excess > TAPE_SHARE * width + (MOST_CLIPPED if clipped else MOST_TONE) * blur + least).any():
+        return because.TAPE_WIDE()
+    apart = np.abs(excess - excess[NEIGHBOURS])
+    if (apart > SCALE_SHARE * width + np.maximum(least, least[NEIGHBOURS])).any():
+        return because.TAPE_UNEVEN()
+    sigma_px = 0.5 * math.hypot(WIDTH_SIGMA * width[0], NARROW_SIGMA * narrow[0], noise[0])
+    share = USUAL_PX**2 / (USUAL_PX**2 + sigma_px**2)
+    shift_px = share * max(0.5 * float(excess[0]), 0.0)
+    return Widening(shift_px, share * sigma_px**2 + (END_SIGMA * shift_px) ** 2, _smear(blur))
+
+
+def _smear(blur: Array) -> float:
+    """Blurs of bottom, left and right -> by how much more the sides are smeared than the bottom is (below 0: less),
+    squared, as far as a picture taken at rest does not show as much."""
+    apart = SQUARE_MEAN * (0.5 * float(blur[1] ** 2 + blur[2] ** 2) - float(blur[0] ** 2))
+    return math.copysign(max(abs(apart) - (AT_REST * float(blur.min())) ** 2, 0.0), apart)
 
 
 class Marks(NamedTuple):
@@ -253,3 +342,86 @@ def _pull_in(marks: Marks, lines: _Lines, widening: Widening) -> Marks:
         out[2 * mark:2 * mark + 2] = outward * lines.along[side] / max(abs(float(sine)), LEAST_CROSSING)
     return Marks(marks.ideal_px - widening.shift_px * out.reshape(4, 2),
                  marks.spread_px2 + widening.variance_px2 * out[:, None] * out)
+
+
+def find_outline(region: Region, optics: Optics, tape: Tape) -> Marks | Reason:
+    """The tape's four marks in a region, or why it cannot be the tape."""
+    x, y, w, h = cv2.boundingRect(region.contour)
+    x, y = x + region.x0_px, y + region.y0_px
+    if x == 0 or y == 0 or x + w >= optics.width_px or y + h >= optics.height_px:
+        return because.TAPE_CUT_OFF()
+    rough = _rough_corners(region)
+    if isinstance(rough, Reason):
+        return rough
+    marks = measure_marks(region, rough + np.array([region.x0_px, region.y0_px]), optics, tape)
+    if isinstance(marks, Reason):
+        return marks
+    return _check_tape(marks, region, optics, tape) or marks
+
+
+def _check_tape(marks: Marks, region: Region, optics: Optics, tape: Tape) -> Reason | None:
+    """None when the region has tape where the marks say so, and none in the opening; else what is wrong."""
+    seen = marks.to_image(make_shape(tape).probes_m[:, :2], tape, optics)
+    height, width = region.mask.shape
+    at = (seen + np.array([0.5 - region.x0_px, 0.5 - region.y0_px])).astype(np.intp)
+    at = np.minimum(np.maximum(at, 0), (width - 1, height - 1))
+    lit = region.mask[at[:, 1], at[:, 0]] > 0
+    on_tape, inside = float(lit[:3 * PROBES].mean()), float(lit[3 * PROBES:].mean())
+    if on_tape < LEAST_LIT:
+        return because.TAPE_OUTLINE_UNLIT(lit=on_tape)
+    if inside > MOST_LIT_HOLLOW:
+        return because.TAPE_OPENING_LIT()
+    return None
+
+
+def _rough_corners(region: Region) -> Array | Reason:
+    """Corners (4, 2) in the patch, in the Outline's order; or what is wrong with the shape."""
+    hull = cv2.convexHull(region.contour)
+    hull_area_px = max(float(cv2.contourArea(hull)), 1.0)
+    if not FILL_LOW <= region.area_px / hull_area_px <= FILL_HIGH:
+        return because.REGION_FILLED()
+    corners = _four_corners(hull)
+    if corners is None:
+        return because.REGION_CORNERS()
+    side = corners[NEXT] - corners
+    length_px = np.sqrt((side * side).sum(axis=1))
+    if length_px.min() < LEAST_SIDE_PX:
+        return because.REGION_SMALL()
+    lit = _lit_shares(region, corners, side, length_px)
+    top = int(lit.argmin())
+    if lit[top] > 0.5 or np.sort(lit)[1] < 0.6:
+        return because.REGION_SIDES()
+    return corners[np.arange(top - 2, top + 2) % 4]
+
+
+def _four_corners(hull: Any) -> Array | None:
+    """(4, 2), clockwise as seen, or None where no four corners describe the hull."""
+    length_px = cv2.arcLength(hull, True)
+    for share in (0.02, 0.03, 0.045, 0.065, 0.09):
+        found = cv2.approxPolyDP(hull, share * length_px, True).reshape(-1, 2)
+        if len(found) < 4:
+            return None
+        if len(found) == 4:
+            corners = np.asarray(found, dtype=np.float64)
+            ahead = corners[NEXT]
+            turning = (corners[:, 0] * ahead[:, 1] - ahead[:, 0] * corners[:, 1]).sum()
+            return _pull_out(corners if turning > 0 else corners[::-1], hull.reshape(-1, 2))
+    return None
+
+
+def _pull_out(corners: Array, hull: Any) -> Array:
+    """Corners moved to those of the hull's points that span the most area: a polygon's approximation may sit beside
+    a corner, where the outline is rounded."""
+    for _ in range(2):
+        across = corners[NEXT] - corners[BEFORE]
+        corners = hull[(hull @ np.array([across[:, 1], -across[:, 0]])).argmax(axis=0)].astype(np.float64)
+    return corners
+
+
+def _lit_shares(region: Region, corners: Array, side: Array, length_px: Array) -> Array:
+    """(4,): the part of side i (corner i to i + 1) that has the tape's colour just inside it."""
+    inward = np.array([-side[:, 1], side[:, 0]]).T / length_px[:, None]
+    at = (corners + LIT_DEPTH_PX * inward + 0.5 + LIT_ALONG * side).astype(np.intp)
+    rows = at[..., 1].clip(0, region.mask.shape[0] - 1)
+    columns = at[..., 0].clip(0, region.mask.shape[1] - 1)
+    return np.asarray((region.mask[rows, columns] > 0).mean(axis=0))

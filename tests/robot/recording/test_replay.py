@@ -16,14 +16,11 @@ from truearc.errors import InputError
 from truearc.hw.protocols import Frame
 from truearc.robot.config.schema import load_config
 from truearc.robot.reasons import BAD_FRAME, CAN_LOST, IMAGE_DARK
-from truearc.robot.recording.candump import TappedBus
-from truearc.robot.recording.encoder import SessionWriter
-from truearc.robot.recording.files import TickFile, load_pictures
+from truearc.robot.recording.files import TappedBus, TickFile, load_pictures
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.replay.recompute import Difference, replay, replay_frames
-from truearc.robot.recording.replay.replay_diff import config_changes, find_changes
-from truearc.robot.recording.rows import Rows2
+from truearc.robot.recording.replay import Difference, config_changes, find_changes, replay, replay_frames
 from truearc.robot.recording.session import make_header
+from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
 from truearc.robot.types import Sighting
@@ -123,7 +120,7 @@ def test_a_log_of_frames_that_ends_early_is_replayed_so_far_and_fails_the_check(
 
 def test_a_line_that_is_no_frame_is_named(session):
     edit(session / "can0.log", "can0 ", "can0  ")
-    with pytest.raises(InputError, match=r"can0\.log:1: not a line"):
+    with pytest.raises(InputError, match=r"can0\.log:1: not a candump line"):
         replay_frames(session)
 
 
@@ -140,7 +137,7 @@ def test_a_missing_or_foreign_model_is_an_error(gated, tmp_path, capsys):
     (session / "model.onnx").unlink()
     for depth in ("inputs", "frames"):
         assert main(["session", "replay", str(session), "--from", depth, "--check"]) == 2
-        assert "model that is not here" in capsys.readouterr().err
+        assert "the model that gated the recording is missing" in capsys.readouterr().err
 
 
 @pytest.fixture
@@ -206,9 +203,9 @@ def test_ticks_that_were_never_recorded_are_named(session):
     rows = [(tick, data) for tick, data in TickReader(session) if not 400 <= tick.inputs.cycle < 425]
     (session / "telemetry.mcap").unlink()
     with (session / "telemetry.mcap").open("wb") as file:
-        ticks = TickFile(file, Rows2())
+        ticks = TickFile(file)
         for tick, data in rows:
             ticks.write(tick.inputs.t_ns, data)
         ticks.finish()
-    with pytest.raises(Difference, match="cycle 425 follows 399: the ticks between are not in the recording"):
+    with pytest.raises(Difference, match="cycle 425 follows 399: the ticks between are missing from the recording"):
         replay(session)

@@ -12,9 +12,8 @@ from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from tests.robot.operator_ui.browser import BROWSER, Browser
 from tests.robot.operator_ui.test_browser import Shower
 from truearc.hw.real.clock import MonotonicClock
-from truearc.robot.operator_ui.aim_orders import MAX_AIM_BYTES, AimOrders
+from truearc.robot.operator_ui.aim_inbox import MAX_AIM_BYTES, AimInbox, AimOrders
 from truearc.robot.operator_ui.server import OperatorPage
-from truearc.robot.processes.aim_inbox import AimInbox
 from truearc.robot.tick import step
 
 

@@ -14,11 +14,10 @@ from truearc.errors import InputError
 from truearc.hw.protocols import CameraFrame
 from truearc.robot.reasons import DISK_ERROR, DISK_FULL, DISK_UNRESPONSIVE, IMAGE_NOT_ENCODED, NOT_RECORDING
 from truearc.robot.recording import files
-from truearc.robot.recording.append_file import Appender
-from truearc.robot.recording.encoder import SessionWriter
-from truearc.robot.recording.file_writers import LaneKeeper, disk_trouble
+from truearc.robot.recording.files import Appender
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials, make_header
+from truearc.robot.recording.writer import LaneKeeper, SessionWriter, disk_trouble
 from truearc.robot.rig import RecordingRig, ReplayRig
 from truearc.robot.tick import step
 from truearc.robot.types import Memory, Outcome
