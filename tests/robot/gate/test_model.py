@@ -154,7 +154,7 @@ REFUSED = {
     "no contract": (build(metadata={}), "carries no contract"),
     "no hash": (build(metadata=without(contract.KEY_CONTRACT_HASH)), contract.KEY_CONTRACT_HASH),
     "foreign hash": (build(metadata=METADATA | {contract.KEY_CONTRACT_HASH: "0" * 64}), "another contract"),
-    "contract beside its hash": (build(metadata=METADATA | {contract.KEY_CONTRACT: "{}"}), "does not say"),
+    "contract beside its hash": (build(metadata=METADATA | {contract.KEY_CONTRACT: "{}"}), "does not match"),
     "no domain": (build(metadata=without(contract.KEY_DOMAIN)), contract.KEY_DOMAIN),
     "domain not JSON": (build(metadata=METADATA | {contract.KEY_DOMAIN: "{"}), contract.KEY_DOMAIN),
     "domain of other features": (build(metadata=domain(speed=[0, 1])), "'speed'"),
