@@ -72,7 +72,7 @@ class Catalogue:
         return tuple(term for term in (*self.terms, *NAMELESS) if term.name in wanted)
 
 
-# One of each class in the modules of truearc.sim.physics.terms: a new file there is a new term.
+# One of each class on the pages of truearc.sim.physics.terms: a new class there is a new term.
 BUILT_IN = Catalogue(tuple(kind() for module in walk_packages(built_in.__path__, f"{built_in.__name__}.")
                            for kind in terms_in(import_module(module.name))))
 TERMS = BUILT_IN.terms

@@ -82,10 +82,10 @@ def test_scales_go_there_and_back(term):
                 assert float(from_scale(parameter.prior.scale, number)) == pytest.approx(value, rel=1e-12, abs=1e-15)
 
 
-def test_names_are_those_of_the_files_and_unique():
+def test_names_are_unique_and_terms_on_the_page_of_their_stage():
     assert len(set(NAMES)) == len(NAMES)
     for term in TERMS:
-        assert type(term).__module__ == f"truearc.sim.physics.terms.{term.stage}.{term.name}"
+        assert type(term).__module__ == f"truearc.sim.physics.terms.{term.stage}"
 
 
 def test_each_stage_has_its_terms_and_each_term_the_hook_of_its_stage():
