@@ -21,9 +21,9 @@ from truearc.sim.aim.export import AimCheck, aim_bytes, check_aim_file
 from truearc.sim.aim.make_table import make_rows
 from truearc.sim.aim.plot import draw_aim
 from truearc.sim.aim.set_point import AimRow
+from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.infer.belief import Belief
-from truearc.sim.infer.plausibility.check import check_plausible
 from truearc.sim.metrics import POINTS_TWO
 from truearc.sim.printed import Printed
 from truearc.sim.progress import Progress

@@ -14,22 +14,23 @@ from jaxtyping import Bool, Float, Int
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import DENSEST_KG_M3, MOST, Rig, too_large
-from truearc.sim.data.columns import SPIN_VECTOR
-from truearc.sim.data.model import Dataset, Floats, Shots
-from truearc.sim.infer.plausibility.flaw import LENGTHS, TRACKS, Flaw
-from truearc.sim.infer.plausibility.speeds import (
+from truearc.sim.check.flaw import (
     ALL_BUT,
     GEARS,
+    LENGTHS,
     MOTORS,
+    TRACKS,
+    Flaw,
     judge_wheels,
     likeliest,
     lone_shots,
     mixed_units,
     speed_causes,
 )
-from truearc.sim.infer.plausibility.times import judge_times
-from truearc.sim.infer.plausibility.tracks import judge_tracks
-from truearc.sim.physics.simulate import by_wheels, launch_state
+from truearc.sim.check.tracks import judge_tracks
+from truearc.sim.data.columns import SPIN_VECTOR
+from truearc.sim.data.model import Dataset, Floats, Shots, Times
+from truearc.sim.physics.simulate import by_wheels, has_wheels, launch_state
 
 CHECKS = ("gravity", "axes", "bounce", "sample-interval", "track-length", "track-shots", "speed", "hood", "mass",
           "radius", "reach", "air", "target", "noise", "wheels", "height", "release", "balls", "spin")
@@ -59,6 +60,9 @@ WEAKEST_M_S2 = 1.2                    # gravity below this may be a multiple of 
 ALIKE_BALLS = 0.02                    # share by which masses and radii may differ from the rig's
 FROM_FLOOR = 0.25                     # share of the target's height to which those above the floor come near it
 IMPOSSIBLE = 0.2                      # share of heights that cannot be, above which their unit is another
+FASTEST = 1.15                        # acceleration of a fall from rest, by the rig's gravity: times err
+SLOWEST = 0.02                        # of a shuttlecock's last metres: slower are times in another unit
+LIKELY = (0.3, 1.05)                  # of a ball's, in the unit that a message names
 
 
 def check_plausible(dataset: Dataset, accept: Collection[str] = ()) -> Dataset:
@@ -382,3 +386,33 @@ def _uneven(ratio: Floats, path_m: Floats, least: float = 1.0) -> float:
 def _spread(values: Floats) -> float:
     """Standard deviation by what the middle 90 % take: one shot with a lucky bounce does not widen it."""
     return float(np.ptp(np.quantile(values, (0.05, 0.95)))) / 3.29
+
+
+def judge_times(dataset: Dataset, times: Times) -> Iterator[Flaw]:
+    """Those of shots of which no launch is known: they were dropped from the release height."""
+    rig, shots = dataset.rig, dataset.shots
+    sped = has_wheels(rig, shots) | np.isfinite(shots.number("exit_speed_m_s"))
+    aimed = np.isfinite(shots.number("hood_deg")) | np.isfinite(shots.number("exit_deg"))
+    dropped = ~(sped & aimed)[times.shot]
+    fallen_m = (rig.launcher.release_height_m - times.height_m)[dropped]
+    if not len(fallen_m):
+        return
+    if (fallen_m <= 0.0).any():
+        yield Flaw("release", "times: height_m", "balls of which no launch is known are taken as dropped from "
+                   f"launcher.release_height_m = {rig.launcher.release_height_m:g} of rig.toml, and one is timed at "
+                   f"{times.height_m[dropped].max():g} m; state the height that they fell from, or their launch")
+        return
+    each = 2.0 * fallen_m / times.t_s[dropped]**2 / rig.world.gravity_m_s2
+    pull = float(np.median(each))
+    if pull > FASTEST:
+        units = [name for name, (_, metres) in LENGTHS.items() if LIKELY[0] < pull * metres < LIKELY[1]]
+        yield Flaw("gravity", "times: height_m", f"balls dropped from rest fall {pull:.3g} times as fast as gravity "
+                   f"has it{'; heights look like ' + ' or '.join(units) if units else '; times may be halved'}")
+    elif pull < SLOWEST:
+        looks = "milliseconds" if LIKELY[0] < pull * 1e6 < LIKELY[1] else "another unit"
+        yield Flaw("gravity", "times: t_s", f"balls dropped from rest fall with {pull:.2g} of gravity; times look like "
+                   f"{looks}")
+    elif len(odd := np.flatnonzero((each > FASTEST) | (each < SLOWEST))):
+        name = shots.shot_id[times.shot[np.flatnonzero(dropped)[odd[0]]]]
+        yield Flaw("gravity", "times: t_s", f"{name} falls with {each[odd[0]]:.2g} of gravity, where drops have "
+                   f"{pull:.2g} in the middle ({len(odd)} of {len(each)} are so far off); correct its time or height")

@@ -1,9 +1,9 @@
-"""What may be wrong of wheels' speeds, speeds of wheels beside those of their motors, and single shots whose speed is
-unlike the others'."""
+"""Flaws of a dataset, and what makes speeds of wheels impossible: units, gears, motors taken for wheels, lone shots."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool
@@ -12,9 +12,11 @@ from msgspec import structs
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.columns import WHEEL
 from truearc.sim.data.model import Floats, Shots
-from truearc.sim.infer.plausibility.flaw import LENGTHS, RPM, TRACKS, Flaw
 from truearc.sim.physics.simulate import launch_state
 
+LENGTHS = {"millimetres": ("mm", 1e-3), "centimetres": ("cm", 0.01), "inches": ("in", 0.0254), "feet": ("ft", 0.3048)}
+RPM = math.pi / 30.0
+TRACKS = 3                            # fewest tracks, angles and heights that are judged
 MOTORS = "the motors' speeds, before the gears, given as the wheels'"
 GEARS = "gears upside down: launcher.wheel.gear is wheel speed / motor speed"
 SPEEDS = "launcher.free_speed_rad_s, or the wheels' speeds, in revolutions per "
@@ -25,6 +27,18 @@ ALL_BUT, BETWEEN = 0.8, 0.15          # at least this share of those that are fa
 LONE, FEW, LISTED = 0.5, 0.1, 5       # by which single shots are far, largest share of them, and how many are named
 UNIT = 0.2                            # of the log of the ratio, by which a wrong unit is likelier than a wrong part
 ALIKE = 1.2                           # causes that fit as well to within this are named together
+
+
+class Flaw(NamedTuple):
+    """One implausible thing: which check, the file and key, and a sentence with what to do."""
+
+    check: str
+    place: str
+    what: str
+    warns: bool = False               # it may well be true
+
+    def __str__(self) -> str:
+        return f"{self.place}: {self.what}"
 
 
 def speed_causes(rig: Rig, shots: Shots) -> dict[str, float]:

@@ -11,14 +11,14 @@ import pytest
 from msgspec.structs import replace as changed
 
 import truearc as ta
-from tests.sim.infer.foam import GEARED, WHEELS, ball, by_motor, faster, numbers, season, tracks, wheels
+from tests.sim.check.foam import GEARED, WHEELS, ball, by_motor, faster, numbers, season, tracks, wheels
 from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Target, Tracker, Wheel
+from truearc.sim.check.check import check_plausible, needed_speed
 from truearc.sim.data.dataset import Dataset, load_dataset
 from truearc.sim.data.save import save_dataset
 from truearc.sim.infer.belief import point_belief
-from truearc.sim.infer.plausibility.check import check_plausible, needed_speed
 
 
 def test_a_release_height_in_feet_is_called_so(table: Dataset) -> None:

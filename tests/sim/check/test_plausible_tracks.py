@@ -9,11 +9,11 @@ import pytest
 from msgspec.structs import replace as changed
 
 import truearc as ta
-from tests.sim.infer.foam import RIG, fly, numbers, scaled, tracks
+from tests.sim.check.foam import RIG, fly, numbers, scaled, tracks
 from truearc.errors import InputError
+from truearc.sim.check.check import check_plausible
+from truearc.sim.check.tracks import measure_motion
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
-from truearc.sim.infer.plausibility.check import check_plausible
-from truearc.sim.infer.plausibility.tracks import measure_motion
 
 
 def test_gravity_is_measured_without_being_believed(filmed: Dataset) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.sim.infer.foam import film, season
+from tests.sim.check.foam import film, season
 from truearc.sim.data.dataset import Dataset
 
 
