@@ -12,9 +12,8 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.sim.aim.read_snippets import read_java, read_json
 from truearc.sim.aim.snippets import RPM
 from truearc.sim.aim.solve import chances_of
-from truearc.sim.data.columns import RANGES, parse_number
+from truearc.sim.data.columns import RANGES, in_read_units, parse_number
 from truearc.sim.data.table import Problems, RawTable, gathered, parse_csv, text_of
-from truearc.sim.data.units import in_read_units
 from truearc.sim.infer.belief import Belief
 from truearc.sim.printed import Printed
 from truearc.sim.tables import make_text

@@ -19,8 +19,7 @@ from truearc.sim.infer.curve import before_the_shot
 from truearc.sim.infer.likelihood.heights import Values, configured
 from truearc.sim.infer.likelihood.launch_inputs import Given, given_of
 from truearc.sim.physics.catalogue import Catalogue, flight_terms
-from truearc.sim.physics.flight import make_law
-from truearc.sim.physics.flight_over_x import reach_plane
+from truearc.sim.physics.flight import make_law, reach_plane
 from truearc.sim.progress import Progress
 
 BAND = np.linspace(-0.25, 0.25, 101)  # of the log of the motor's speed, in which the band is sought

@@ -29,7 +29,7 @@ from truearc.sim.check.flaw import (
 )
 from truearc.sim.check.tracks import judge_tracks
 from truearc.sim.data.columns import SPIN_VECTOR
-from truearc.sim.data.model import Dataset, Floats, Shots, Times
+from truearc.sim.data.dataset import Dataset, Floats, Shots, Times
 from truearc.sim.physics.simulate import by_wheels, has_wheels, launch_state
 
 CHECKS = ("gravity", "axes", "bounce", "sample-interval", "track-length", "track-shots", "speed", "hood", "mass",

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.check.flaw import LENGTHS, TRACKS, Flaw, likeliest, speed_causes
-from truearc.sim.data.model import Dataset, Floats, Tracks
+from truearc.sim.data.dataset import Dataset, Floats, Tracks
 from truearc.sim.physics.simulate import launch_state
 
 GRAVITY = (0.45, 1.7)                 # share of the rig's that drag and lift leave of it, at the least and at the most

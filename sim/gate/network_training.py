@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from truearc.sim.data.dataset import Dataset, hash_dataset
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import hash_dataset
 from truearc.sim.gate.novelty import fit_novelty, novelty_record
 from truearc.sim.paper.network import save_weights
 from truearc.sim.paper.settings import Recipe

@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from truearc.sim.data.dataset import Dataset, hash_dataset
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import hash_dataset
 from truearc.sim.infer.belief import launcher_of, ranges_of
 from truearc.sim.paper.grid_fit import GridFit, map_deviation
 from truearc.sim.paper.score import Score

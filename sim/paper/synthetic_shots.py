@@ -23,8 +23,9 @@ import numpy as np
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.columns import OUTCOMES
-from truearc.sim.data.conditions import Circumstances
-from truearc.sim.data.dataset import Dataset, Shots, check_free, hash_dataset, save_dataset
+from truearc.sim.data.conditions import ORDINARY, Circumstances
+from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.data.files import check_free, hash_dataset, save_dataset
 from truearc.sim.infer.belief import SCATTERS, Belief, draw, load_belief
 from truearc.sim.infer.curve import before_the_shot, owners, resized
 from truearc.sim.infer.forecast import forecast
@@ -33,7 +34,7 @@ from truearc.sim.paper import synthetic_data as data
 from truearc.sim.paper.network import load_json
 from truearc.sim.physics.catalogue import Catalogue, effective
 from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.simulate import MISS, ORDINARY, classify, fly_rows, leave, opening_of, sense
+from truearc.sim.physics.simulate import MISS, classify, fly_rows, leave, opening_of, sense
 from truearc.sim.progress import Progress
 
 PROVENANCE_FILE = "synth.json"

@@ -25,7 +25,7 @@ from truearc.robot.config.schema import load_config
 from truearc.robot.operator_ui.aim_orders import AimOrders
 from truearc.robot.operator_ui.server import OperatorPage
 from truearc.robot.processes.aim_inbox import AimInbox
-from truearc.sim.data.model import Tracks, join_datasets
+from truearc.sim.data.dataset import Tracks, join_datasets
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.finding import Adoption
 from truearc.sim.discover.investigate import discover

@@ -14,7 +14,7 @@ from truearc.errors import InputError, about, save_whole
 from truearc.hw.real.clock import wall_clock
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.data.load import hash_dataset
+from truearc.sim.data.files import hash_dataset
 from truearc.sim.discover import investigate as engine
 from truearc.sim.discover.adopt import make_belief, with_worth
 from truearc.sim.discover.finding import FindingRecord

@@ -14,7 +14,8 @@ from truearc.api.table import Table
 from truearc.api.terms import check_kind, joined, names_of
 from truearc.errors import InputError, whole_file
 from truearc.sim.check.check import check_plausible
-from truearc.sim.data.dataset import Dataset, hash_dataset
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import hash_dataset
 from truearc.sim.infer.advise import Proposal, advise
 from truearc.sim.infer.belief import Belief, launcher_of, point_belief, ranges_of
 from truearc.sim.infer.crossval import CrossValidation, cross_validate

@@ -14,7 +14,8 @@ from truearc.errors import InputError
 from truearc.model_export.graph import export_weights
 from truearc.robot.gate.model import load_gate
 from truearc.sim.check.check import check_plausible
-from truearc.sim.data.dataset import Dataset, hash_dataset
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import hash_dataset
 from truearc.sim.gate.gate_text import tell_heldout, tell_residual, tell_too_few
 from truearc.sim.gate.model import PhysicsGate, physics_of, save_physics_gate
 from truearc.sim.gate.train import Heldout, OutcomeClasses, outcome_classes_of, train_physics_gate

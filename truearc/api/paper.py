@@ -12,7 +12,8 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from truearc.sim.check.check import check_plausible
-from truearc.sim.data.dataset import Dataset, hash_dataset
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import hash_dataset
 from truearc.sim.gate.network_training import NetworkTraining, Shares, make_record, rows_of, train_network
 from truearc.sim.paper import sweep_settings as sweeps
 from truearc.sim.paper.network import save_weights

@@ -15,7 +15,7 @@ from truearc.hw.real.clock import wall_clock
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.load import hash_dataset
+from truearc.sim.data.files import hash_dataset
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.plan.detectability import Sight
 from truearc.sim.discover.plan.expected_information import foresee, foresee_dataset, is_planned

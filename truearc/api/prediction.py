@@ -13,8 +13,8 @@ from truearc.model_export.verify import HEADER as RATING_COLUMNS
 from truearc.model_export.verify import rate_shots
 from truearc.robot.gate.model import load_gate
 from truearc.sim.check.check import check_plausible
+from truearc.sim.data.conditions import circumstances_of
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.curve import along
 from truearc.sim.infer.likelihood.shot_columns import every_column

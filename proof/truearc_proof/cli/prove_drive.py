@@ -30,7 +30,7 @@ from truearc.robot.config.schema import Config, load_config
 from truearc.robot.config.shot_map import OUTCOMES
 from truearc.robot.recording.session import load_trials
 from truearc.sim.compile_cache import keep_compiled
-from truearc.sim.data.dataset import save_dataset
+from truearc.sim.data.files import save_dataset
 from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.finding import make_json

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from truearc.sim.data.columns import OUTCOMES
-from truearc.sim.data.load import hash_dataset
+from truearc.sim.data.files import hash_dataset
 from truearc.sim.paper.sweep_settings import SweepSetting
 from truearc.sim.report import NO_ORIGIN, Origin, make_page, make_png, paragraph, picture, table
 from truearc.sim.tables import save_csv

@@ -16,8 +16,8 @@ from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Target, Tracker, Wheel
 from truearc.sim.check.check import check_plausible, needed_speed
-from truearc.sim.data.dataset import Dataset, load_dataset
-from truearc.sim.data.save import save_dataset
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import load_dataset, save_dataset
 from truearc.sim.infer.belief import point_belief
 
 

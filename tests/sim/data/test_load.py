@@ -9,7 +9,7 @@ import pytest
 
 from tests.sim.data.files import GOOD, HEADER, RIG, write
 from truearc.errors import InputError
-from truearc.sim.data.dataset import hash_dataset, load_dataset
+from truearc.sim.data.files import hash_dataset, load_dataset
 
 
 def test_reads_what_formats_md_shows(tmp_path):

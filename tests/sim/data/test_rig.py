@@ -6,7 +6,7 @@ import pytest
 
 from tests.sim.data.files import FACTS, GOOD, HEADER, RIG, write
 from truearc.errors import InputError
-from truearc.sim.data.dataset import load_dataset, load_rig, save_rig
+from truearc.sim.data.files import load_dataset, load_rig, save_rig
 
 
 def test_unknown_rig_keys_are_warned_of(tmp_path, capsys):

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from tests.sim.data.files import FACTS
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Wheel
-from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks, load_dataset, save_dataset
+from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
+from truearc.sim.data.files import load_dataset, save_dataset
 
 WORDS = st.text(alphabet=st.characters(codec="utf-8", exclude_characters="\x00"), max_size=8)
 NUMBERS = st.one_of(st.floats(allow_nan=False, allow_infinity=False), st.just(float("nan")))

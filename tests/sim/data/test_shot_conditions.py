@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from tests.sim.physics.rigs import GUPPY
-from truearc.sim.data.conditions import Circumstances
+from truearc.sim.data.conditions import Circumstances, circumstances_of, gather_circumstances
 from truearc.sim.data.dataset import Dataset, Shots, Traces
-from truearc.sim.data.shot_conditions import circumstances_of, gather_circumstances
 
 NAN = np.nan
 

@@ -14,7 +14,8 @@ import truearc.cli.main as truearc
 from tests.sim.training_rows import some_rows
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Ball, Rig
-from truearc.sim.data.dataset import Dataset, Shots, save_dataset
+from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.data.files import save_dataset
 from truearc.sim.paper.network import load_weights
 from truearc.sim.paper.sweep_settings import (
     SweepScore,

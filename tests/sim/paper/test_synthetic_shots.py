@@ -9,7 +9,7 @@ import pytest
 import truearc.cli.main as truearc
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Noise, Rig, Target, Wheel
-from truearc.sim.data.dataset import load_dataset, save_rig
+from truearc.sim.data.files import load_dataset, save_rig
 from truearc.sim.infer.belief import Belief, draw, point_belief
 from truearc.sim.paper import synthetic_shots
 from truearc.sim.paper.synthetic_data import grid_shots, sample_shots

@@ -10,8 +10,7 @@ from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY, weightless
 from truearc.sim.data.dataset import Shots
 from truearc.sim.physics.catalogue import flight_terms
-from truearc.sim.physics.flight import fly, make_law
-from truearc.sim.physics.flight_over_x import reach_plane
+from truearc.sim.physics.flight import fly, make_law, reach_plane
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import leave, predict
 from truearc.sim.physics.vector import Vec

@@ -11,8 +11,7 @@ import pytest
 
 from tests.sim.physics import own
 from truearc.errors import InputError
-from truearc.sim.physics.catalogue import TERMS, Catalogue
-from truearc.sim.physics.plugins import terms_of_distributions, terms_of_file
+from truearc.sim.physics.catalogue import TERMS, Catalogue, terms_of_distributions, terms_of_file
 from truearc.sim.physics.term import LaunchTerm, Term
 from truearc_proof.parallel import fan_out
 

@@ -197,7 +197,7 @@ def read_shots(paths: Sequence[Path]) -> "ta.Dataset":
         InputError: both kinds at once, two rigs, a shot_id twice, or no marked shot.
     """
     from truearc.robot.recording.session import HEADER
-    from truearc.sim.data.model import join_datasets
+    from truearc.sim.data.dataset import join_datasets
     sessions = [path for path in paths if (path / HEADER).exists()]
     if sessions and len(sessions) < len(paths):
         other = next(path for path in paths if path not in sessions)

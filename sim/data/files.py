@@ -1,38 +1,45 @@
-"""A directory -> Dataset, strictly: every bad row is named, nothing is dropped."""
+"""A directory of rig.toml and tables (shots, tracks, traces, times) <-> Dataset, strictly: every bad row is named."""
 
 import hashlib
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
 
-from truearc.errors import InputError
-from truearc.robot.config.rig_spec import Rig
+from truearc.errors import InputError, load_text, make_toml, near_key, parse_table, unknown_keys
+from truearc.robot.config.rig_spec import Rig, rig_errors
+from truearc.robot.config.schema import parse_toml
 from truearc.sim.data.columns import (
+    HIT,
+    RANGES,
     SPIN_VECTOR,
     WHEEL,
     WORDS,
+    in_read_units,
     is_numeric,
+    is_shot_column,
     need_columns,
     number_column,
     text_column,
     text_of,
 )
-from truearc.sim.data.model import Dataset, Shots, Times, Traces, Tracks
-from truearc.sim.data.rig import RIG, load_rig, states_three
+from truearc.sim.data.dataset import Dataset, Shots, Times, Traces, Tracks
 from truearc.sim.data.table import Problems, RawTable, find_table, gathered, load_table
-from truearc.sim.data.units import in_read_units, is_shot_column
 
 TRACK_COLUMNS = ("shot_id", "t_s", "x_m", "y_m", "z_m")
 TIME_COLUMNS = ("shot_id", "height_m", "t_s", "sigma_s")
 SAMPLES = ("tracks", "traces", "times")
-HIT, THREES = "hit", ("three", "3", "3.0")
+THREES = ("three", "3", "3.0")
 LEFT_OUT = "left_out.txt"
 DISTINCT = 10                         # fewest different shots of which as many copies of each are suspect
+Column = Sequence[str] | np.ndarray
+FIRST = ("shot_id", "distance_m", "hood_deg", "motor_ratio", "outcome", "side")
+RIG = "rig.toml"
 
 
 def load_dataset(directory: str | Path) -> Dataset:
@@ -236,3 +243,90 @@ def _check_order(table: RawTable, shot: np.ndarray, t_s: np.ndarray, problems: P
             table.fault(problems, row, "t_s", f"{table.shown('t_s', time_s)} does not follow "
                         f"{table.shown('t_s', last[index])} of the same shot")
         last[index] = time_s
+
+
+def save_dataset(directory: str | Path, dataset: Dataset) -> None:
+    """Write a dataset as rig.toml and CSV; floats by repr. The directory must be new or empty (`check_free`).
+
+    ValueError when a number is infinite, which no reader would take.
+    """
+    home = check_free(directory)
+    home.mkdir(parents=True, exist_ok=True)
+    save_rig(home / RIG, dataset.facts)
+    _save_csv(home / "shots.csv", _shot_columns(dataset.shots))
+    ids = dataset.shots.shot_id
+    for stem, table in dataset.samples.items():
+        columns = {name: column for name, column in vars(table).items() if name != "shot"}
+        _save_csv(home / f"{stem}.csv", {"shot_id": [ids[row] for row in table.shot], **columns})
+    if dataset.left_out:
+        (home / LEFT_OUT).write_text("".join(line + "\n" for line in dataset.left_out), encoding="utf-8")
+
+
+def check_free(directory: str | Path) -> Path:
+    """The directory as a path, if a dataset can go there without touching anybody's files; else InputError.
+
+    Commands ask before long work what save_dataset would only find out after it.
+    """
+    home = Path(directory)
+    if home.exists() and (not home.is_dir() or any(home.iterdir())):
+        raise InputError(f"{home}: is not an empty directory; nothing is ever written over, name another")
+    return home
+
+
+def _shot_columns(shots: Shots) -> dict[str, Column]:
+    columns: dict[str, Column] = {"shot_id": shots.shot_id, **shots.numbers, **shots.texts}
+    order = [name for name in (*FIRST, *RANGES) if name in columns]
+    return {name: columns[name] for name in dict.fromkeys([*order, *columns])}
+
+
+def _save_csv(path: Path, columns: dict[str, Column]) -> None:
+    cells = [_cells(name, column) for name, column in columns.items()]
+    with path.open("w", encoding="utf-8", newline="") as file:
+        for row in (tuple(columns), *zip(*cells, strict=True)):
+            file.write(",".join(map(_quoted, row)) + "\n")
+
+
+def _quoted(cell: str) -> str:
+    """By hand, because Python 3.11's csv.writer leaves a lone carriage return bare, which ends the row for a reader."""
+    return '"' + cell.replace('"', '""') + '"' if any(mark in cell for mark in ',"\r\n') else cell
+
+
+def _cells(name: str, column: Column) -> list[str]:
+    if not isinstance(column, np.ndarray):
+        return list(column)
+    if np.isinf(column).any():
+        raise ValueError(f"column {name} has an infinite number")
+    return ["" if np.isnan(number) else repr(float(number)) for number in column]
+
+
+def load_rig(path: str | Path) -> Rig:
+    """Read rig.toml; unknown keys are warned of on stderr; InputError names file and key of a bad one."""
+    text = load_text(path)
+    for key in unknown_keys(parse_table(text, str(path)), Rig):
+        print(f"warning: {path}: key {key} is not known and has no effect{near_key(key, Rig, None)}", file=sys.stderr)
+    return check_rig(parse_toml(text, Rig, str(path)), path)
+
+
+def states_three(rig: Rig | str | Path | Mapping[str, Any]) -> bool:
+    """Whether a rig, a rig.toml or its contents give the half-height of the three."""
+    if isinstance(rig, Rig):
+        return True
+    table = rig if isinstance(rig, Mapping) else parse_table(load_text(rig), str(rig))
+    return "three_half_height_m" in table.get("target", {})
+
+
+def check_rig(rig: Rig, path: str | Path) -> Rig:
+    """Return the rig if its numbers can be true.
+
+    Raises:
+        InputError: names `path` and the key of each number that is not finite, out of range, or contradicts another.
+    """
+    wrong = [f"{path}: {key}: {what}" for key, what in rig_errors(rig)]
+    if wrong:
+        raise InputError("\n".join(wrong))
+    return rig
+
+
+def save_rig(path: str | Path, rig: Rig) -> None:
+    """Write rig.toml with every key stated, so that reading it gives the same rig."""
+    Path(path).write_text(make_toml(msgspec.to_builtins(rig)), encoding="utf-8")
