@@ -22,7 +22,7 @@ import truearc as ta
 from benchmarks.field_table import claim_of
 from benchmarks.suite import plan_jobs, true_parameter, world_of
 from truearc.robot.config.rig_spec import Ball
-from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.compute import keep_compiled
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.investigate import discover

@@ -15,8 +15,7 @@ from truearc.sim.aim.solve import chances_of
 from truearc.sim.data.columns import RANGES, in_read_units, parse_number
 from truearc.sim.data.table import Problems, RawTable, gathered, parse_csv, text_of
 from truearc.sim.infer.belief import Belief
-from truearc.sim.printed import Printed
-from truearc.sim.tables import make_text
+from truearc.sim.printed import Printed, make_text
 
 READ = ("distance_m", "hood_deg", "motor_ratio", "motor_rad_s")
 ALIASES = {"hood_angle_deg": "hood_deg", "velocity_rps": "motor_rps"}      # as team 2928's files have them

@@ -20,7 +20,7 @@ from truearc.sim.infer.likelihood.heights import Values, configured
 from truearc.sim.infer.likelihood.launch_inputs import Given, given_of
 from truearc.sim.physics.catalogue import Catalogue, flight_terms
 from truearc.sim.physics.flight import make_law, reach_plane
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 
 BAND = np.linspace(-0.25, 0.25, 101)  # of the log of the motor's speed, in which the band is sought
 ROWS_AT_ONCE = 64

@@ -5,7 +5,7 @@ import numpy as np
 from truearc.robot.config.rig_spec import Target
 from truearc.sim.gate.model import Physics, PhysicsGate, residual
 from truearc.sim.gate.train import LEVEL, MIN_CONFIGURATIONS, Heldout
-from truearc.sim.metrics import Figures
+from truearc.sim.statistics import Figures
 
 SILENT_M = 0.02                       # a residual smaller than this is not worth a sentence
 

@@ -14,8 +14,7 @@ from truearc.sim.paper.network import save_weights
 from truearc.sim.paper.settings import Recipe
 from truearc.sim.paper.sweep import Job, Trained, batches_per_epoch, check_job, train_many
 from truearc.sim.paper.training import Rows, accuracy, domain_of, split_heldout, training_rows
-from truearc.sim.printed import Printed
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Printed, Progress
 
 CURVE_POINTS = 50
 FEW_HELDOUT = 15                      # held-out shots, fewer than which are remarked on

@@ -11,7 +11,7 @@ from truearc.sim.paper.grid_cells import THREE as LABEL_THREE
 from truearc.sim.paper.grid_labels import Flyer, Hits, find_hits, fly_pairs, make_flyer
 from truearc.sim.paper.settings import HIGH, LOW, STEP
 from truearc.sim.physics.simulate import THREE, TWO, launch_of, require
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 
 MAX_PARTS = 10000                     # of the range: a hundred times the paper's pairs
 

@@ -8,14 +8,14 @@ from types import ModuleType
 import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.each_core import usable_cores
+from truearc.sim.compute import usable_cores
 from truearc.sim.paper import grid_cells as cells_of
 from truearc.sim.paper.grid_cells import DOUBTFUL, LEAF, MISS, NODES, NODES_AT, SPLIT, TABLES, TRANSFORM, Target
 from truearc.sim.physics.catalogue import flight_terms
 from truearc.sim.physics.compiled import facts_values, load_kernel, make_source
 from truearc.sim.physics.flight import LIMIT_S, SHORTEST
 from truearc.sim.physics.launch import Exit
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 
 TERMS = flight_terms(("gravity", "drag", "magnus"))
 VALUES = (("drag", "cd"), ("magnus", "cl"))

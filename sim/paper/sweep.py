@@ -20,12 +20,12 @@ from typing import NamedTuple
 import numpy as np
 
 from truearc.errors import InputError
-from truearc.sim.each_core import usable_cores
+from truearc.sim.compute import usable_cores
 from truearc.sim.paper.network import SHAPES, Layers, Network, initial_layers, standardisation
 from truearc.sim.paper.settings import DEFAULT_RECIPE, Recipe
 from truearc.sim.paper.sweep_kernel import BATCH, COLUMNS, LANES, PARAMETERS, Decks, Real, advance, mean_losses
 from truearc.sim.paper.training import Rows
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 
 SPANS = 3                             # recorded, simulated and validation rows, in this order
 

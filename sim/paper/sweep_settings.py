@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from truearc.errors import InputError
-from truearc.sim.intervals import student_half
 from truearc.sim.paper.sweep import Job, Trained
 from truearc.sim.paper.training import Rows, accuracy, mean_loss, split_heldout
 from truearc.sim.report import new_panels
+from truearc.sim.statistics import student_half
 
 COLOURS = ("#1f5fa8", "#d99000", "#1b7f3b", "#b3261e", "#6b4fa0", "#9aa3af")
 

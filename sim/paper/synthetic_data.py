@@ -16,7 +16,7 @@ from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.curve import Curves, before_the_shot
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.simulate import classify, opening_of, predict
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 
 NONE: Curves = {}
 STEP_S = 0.01                         # heights then agree with the simulator's own finer step to 1e-6 m

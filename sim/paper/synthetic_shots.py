@@ -35,7 +35,7 @@ from truearc.sim.paper.network import load_json
 from truearc.sim.physics.catalogue import Catalogue, effective
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import MISS, classify, fly_rows, leave, opening_of, sense
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 
 PROVENANCE_FILE = "synth.json"
 MAX_DEVIATIONS = 4.0                  # one normal number in 16 000 is further out, on either side together

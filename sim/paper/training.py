@@ -11,7 +11,7 @@ import numpy as np
 
 from truearc.errors import InputError
 from truearc.robot.gate.contract import FEATURES
-from truearc.sim import metrics as figures
+from truearc.sim import statistics as figures
 from truearc.sim.data.dataset import Shots
 from truearc.sim.paper.network import Network, logits, probabilities
 

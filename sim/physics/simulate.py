@@ -14,7 +14,7 @@ from truearc.sim.physics import catalogue as known
 from truearc.sim.physics.flight import STEP_S, Balls, Crossing, fly, path, with_balls
 from truearc.sim.physics.launch import Exit, exit_no_slip, exit_opposed, is_opposed
 from truearc.sim.physics.term import Opening, complete
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 
 MISS, TWO, THREE = "miss", "two", "three"
 BLOCK = 4096                          # rows flown at once

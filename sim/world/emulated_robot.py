@@ -35,7 +35,7 @@ from truearc.robot.rig import HardwareRig, RecordingRig
 from truearc.robot.runtime import run
 from truearc.robot.tick import step
 from truearc.robot.vision_source import Eyes
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 from truearc.sim.world.driver import make_driver
 from truearc.sim.world.emulated_vision import TwinEyes
 from truearc.sim.world.options import Options

@@ -30,7 +30,7 @@ from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.finding import Adoption
 from truearc.sim.discover.investigate import discover
 from truearc.sim.discover.proposal import AimProposal, BeliefFile
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
 

@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from truearc.sim.each_core import each_core
+from truearc.sim.compute import each_core
 
 
 def test_results_come_in_the_order_of_the_jobs() -> None:

@@ -24,10 +24,8 @@ from truearc.sim.aim.set_point import AimRow
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.infer.belief import Belief
-from truearc.sim.metrics import POINTS_TWO
-from truearc.sim.printed import Printed
-from truearc.sim.progress import Progress
-from truearc.sim.tables import make_text
+from truearc.sim.printed import Printed, Progress, make_text
+from truearc.sim.statistics import POINTS_TWO
 
 SCHEMA = "truearc.aim_table/1"
 HEADER = ("m", "hood deg", "motor rpm", "P(two)", "P(three)", "points", "-10 cm", "-1 deg", "-50 rpm")

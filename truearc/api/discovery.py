@@ -26,7 +26,7 @@ from truearc.sim.infer.likelihood.design_columns import check_believed
 from truearc.sim.infer.likelihood.external_measurements import Measurement, column_of
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.physics.term import Term
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 from truearc.sim.report import Origin
 
 IN_PYTHON = "made in Python"          # in place of a command line

@@ -27,8 +27,7 @@ from truearc.sim.paper.grid_report import draw_map, explain, provenance_of
 from truearc.sim.paper.score import Score, score
 from truearc.sim.paper.settings import STEP
 from truearc.sim.physics.term import Term
-from truearc.sim.printed import Printed
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Printed, Progress
 
 if TYPE_CHECKING:
     from truearc.sim.infer.posterior import Posterior

@@ -26,8 +26,7 @@ from truearc.sim.discover.report.effect_wording import plain, say_effect
 from truearc.sim.discover.report.finding_text import either
 from truearc.sim.discover.settings import FALSE_ALARM, check_chances
 from truearc.sim.infer.belief import Belief
-from truearc.sim.printed import Printed
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Printed, Progress
 
 FEWEST_SINCE = 15                     # shots since the change, by which it can be named
 FEWEST_SIDED = 5                      # of these, whose side of the centre is known; else no direction is

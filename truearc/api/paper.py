@@ -22,10 +22,8 @@ from truearc.sim.paper.sweep import Trained, train_many
 from truearc.sim.paper.sweep_settings import Mean, SweepNetwork, SweepScore, SweepSetting, Verdict
 from truearc.sim.paper.synthetic_shots import load_provenance, say_synthetic, write_synthetic
 from truearc.sim.paper.training import accuracy
-from truearc.sim.printed import Printed
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Printed, Progress, make_text, save_csv
 from truearc.sim.report import make_png
-from truearc.sim.tables import make_text, save_csv
 
 __all__ = ["NetworkSweep", "NetworkTraining", "Recipe", "Shares", "check_plausible", "load_provenance", "say_synthetic",
            "sweep_networks", "train_network", "write_synthetic"]

@@ -25,8 +25,7 @@ from truearc.sim.discover.report.identifiability_report import make_sight_page, 
 from truearc.sim.discover.settings import CONFIGURATIONS, LEVEL, PLANNED_SHOTS, SEASON_SHOTS
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.physics.term import Term
-from truearc.sim.printed import Printed
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Printed, Progress
 from truearc.sim.report import Origin
 
 TERM_COLUMNS = ("term", "stage", "unit", "usual", "smallest", "power", "shots_needed", "share_left", "like",

@@ -18,8 +18,7 @@ from truearc.sim.infer.fit_text import number_text
 from truearc.sim.infer.pool.partial_pooling import Pooling, one_rig, pool_normal, said_by
 from truearc.sim.infer.profile import Z90
 from truearc.sim.physics.term_fields import LINEAR, from_scale
-from truearc.sim.printed import Printed
-from truearc.sim.tables import make_text
+from truearc.sim.printed import Printed, make_text
 
 FEWEST = 2
 COLUMNS = ("parameter", "value", "low90", "high90", "unit", "differs", "differs_low90", "differs_high90")

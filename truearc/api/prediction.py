@@ -20,7 +20,7 @@ from truearc.sim.infer.curve import along
 from truearc.sim.infer.likelihood.shot_columns import every_column
 from truearc.sim.physics.simulate import classify, opening_of
 from truearc.sim.physics.simulate import predict as fly_shots
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 
 ROUNDING = 1e-6                       # of a fitted range: a converted unit is not outside it
 COLUMNS = ("shot_id", "height_m", "deviation_m", "outcome", "note")

@@ -13,7 +13,7 @@ from truearc.errors import InputError, load_text, parse_table, save_whole
 from truearc.hw.real.clock import wall_clock
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 
 if TYPE_CHECKING:                     # imports JAX, which --help does without
     from truearc.sim.physics.catalogue import Catalogue

@@ -10,7 +10,7 @@ import numpy as np
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.shot_map import OUTCOMES
 from truearc.sim.data.dataset import Tracks
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 from truearc.sim.world import season
 from truearc.sim.world.bench import Ball
 from truearc.sim.world.options import Options

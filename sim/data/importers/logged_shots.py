@@ -17,7 +17,7 @@ from truearc.sim.data.importers.find_shots import FoundShots, find_shots, silenc
 from truearc.sim.data.importers.series import Log, Series, read_csv_log, read_wpilog
 from truearc.sim.data.recordings import AFTER_S, BEFORE_S
 from truearc.sim.data.table import Cell, RawTable, gathered
-from truearc.sim.progress import Progress, part_of
+from truearc.sim.printed import Progress, part_of
 
 SECONDS = {"s": 1.0, "ms": 1e3, "us": 1e6}
 MOST_UNKNOWN = 10                     # texts of a signal of outcomes that are named

@@ -26,7 +26,7 @@ from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue, effective, find_terms, flight_terms
 from truearc.sim.physics.flight import path
 from truearc.sim.physics.simulate import by_robot, launch_of, leave, predict, sense
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 
 FEW = 5                               # results, from which a dataset speaks for itself
 TRIED = 2                             # configurations drawn for every one wanted

@@ -18,8 +18,8 @@ from jax import lax
 from jaxtyping import Bool, Float, Int
 
 from truearc.robot.config.rig_spec import Ball, Rig
+from truearc.sim.compute import each_core
 from truearc.sim.data.conditions import Circumstances
-from truearc.sim.each_core import each_core
 from truearc.sim.infer.curve import resized
 from truearc.sim.physics import catalogue as stages
 from truearc.sim.physics.catalogue import BUILT_IN, Catalogue, effective, find_terms

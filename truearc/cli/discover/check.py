@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Return 0 where the dataset is plausible."""
     from truearc.sim.check.check import check_plausible
-    from truearc.sim.compile_cache import keep_compiled
+    from truearc.sim.compute import keep_compiled
     from truearc.sim.discover.report.identifiability_report import sight_summary
     keep_compiled()
     from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS, say_few

@@ -78,7 +78,7 @@ def main(args: argparse.Namespace) -> int:
         refuse(args, ("--token",), "applies with --send only")
     elif args.out is None or args.token is None:
         raise ta.InputError("--send: --out and --token are needed, too")
-    from truearc.sim.compile_cache import keep_compiled
+    from truearc.sim.compute import keep_compiled
     keep_compiled()
     belief = ta.load_belief(args.belief, catalogue_of(args))
     watch = ShotWatch(args, belief, None if args.rig is None else load_any_rig(args.rig))

@@ -1,16 +1,22 @@
-"""Jobs on all cores of one process, in threads: for code that lets other threads run, as compiled code does."""
+"""Use of the machine: jobs on all cores, and compiled JAX code on disk, so that only the first run compiles."""
 
 import os
+import platform
 from collections.abc import Callable, Hashable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from pathlib import Path
 from typing import TypeVar
+
+import jax
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 
 
+
 _compiled: set[Hashable] = set()
+MIN_COMPILE_S = 0.3                   # code that compiles faster is not kept
 
 
 def each_core(function: Callable[[Job], Result], jobs: Sequence[Job], code: Hashable) -> list[Result]:
@@ -35,3 +41,21 @@ def _pool() -> ThreadPoolExecutor:
 
 if hasattr(os, "register_at_fork"):   # threads do not survive it
     os.register_at_fork(after_in_child=_pool.cache_clear)
+
+
+def keep_compiled() -> None:
+    """Keep compiled code among the user's caches; do nothing where that place cannot be written.
+
+    Where the user has chosen a place (JAX_COMPILATION_CACHE_DIR), that one is used. The folder carries the name of the
+    machine, because code of one machine does not run on another.
+    """
+    if jax.config.values["jax_compilation_cache_dir"]:
+        return
+    try:
+        folder = Path.home() / ".cache" / "truearc" / f"xla-{platform.node() or 'here'}"
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError):
+        return
+    if os.access(folder, os.W_OK):
+        jax.config.update("jax_compilation_cache_dir", str(folder))
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", MIN_COMPILE_S)

@@ -2,7 +2,7 @@
 
 import csv
 
-from truearc.sim.tables import make_text, save_csv
+from truearc.sim.printed import make_text, save_csv
 from truearc_proof.table import Table, make_markdown
 
 TABLE = Table("T", ("a", "bbbb"), (("xxxx", "1"), ("y", "22")))
