@@ -42,10 +42,9 @@ from truearc.sim.discover.investigate import discover
 from truearc.sim.gate.novelty import fit_novelty
 from truearc.sim.gate.train import OutcomeClasses, outcome_classes_of, train_physics_gate
 from truearc.sim.infer.belief import Belief
-from truearc.sim.paper.network import probabilities
-from truearc.sim.paper.sweep import Job, train_many
-from truearc.sim.paper.synthetic_shots import synthesise
-from truearc.sim.paper.training import split_heldout, training_rows
+from truearc.sim.paper.network import probabilities, split_heldout, training_rows
+from truearc.sim.paper.synthetic import synthesise
+from truearc.sim.paper.train_many import Job, train_many
 from truearc.sim.statistics import figures_of
 from truearc.sim.world.options import Options
 from truearc_proof.rounds.jsonl_store import fill

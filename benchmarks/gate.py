@@ -30,8 +30,7 @@ from truearc.sim.gate.model import physics_of, save_physics_gate
 from truearc.sim.gate.novelty import fit_novelty, novelty_record
 from truearc.sim.gate.train import train_physics_gate
 from truearc.sim.infer.belief import point_belief
-from truearc.sim.paper.network import Network, initial_layers, save_weights, standardisation
-from truearc.sim.paper.training import domain_of
+from truearc.sim.paper.network import Network, domain_of, initial_layers, save_weights, standardisation
 
 LIMIT_US = 50.0
 WARM_UP = 500

@@ -11,7 +11,7 @@ from truearc.sim.gate.likelihood import PRIORS, GateData, GateShape, cell_probab
 from truearc.sim.gate.model import Physics, PhysicsGate, Scaling, halves_of, physics_of
 from truearc.sim.gate.novelty import fit_novelty
 from truearc.sim.infer.belief import Belief
-from truearc.sim.paper.training import usable_rows
+from truearc.sim.paper.network import usable_rows
 from truearc.sim.physics.simulate import MISS, THREE, TWO
 from truearc.sim.printed import Progress
 from truearc.sim.statistics import Figures, figures_of, log_scores

@@ -22,9 +22,7 @@ from truearc.sim.infer.crossval import CrossValidation, cross_validate
 from truearc.sim.infer.fit_text import fit_lines
 from truearc.sim.infer.map_fit import MapFit, fit_map
 from truearc.sim.infer.profile import ProfileInterval, profile_interval
-from truearc.sim.paper.grid_fit import GridFit, fit_grid, map_deviation
-from truearc.sim.paper.grid_report import draw_map, explain, provenance_of
-from truearc.sim.paper.score import Score, score
+from truearc.sim.paper.grid_fit import GridFit, Score, draw_map, explain, fit_grid, map_deviation, provenance_of, score
 from truearc.sim.paper.settings import STEP
 from truearc.sim.physics.term import Term
 from truearc.sim.printed import Printed, Progress

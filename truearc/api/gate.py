@@ -20,7 +20,7 @@ from truearc.sim.gate.gate_text import tell_heldout, tell_residual, tell_too_few
 from truearc.sim.gate.model import PhysicsGate, physics_of, save_physics_gate
 from truearc.sim.gate.train import Heldout, OutcomeClasses, outcome_classes_of, train_physics_gate
 from truearc.sim.infer.belief import Belief
-from truearc.sim.paper.training import domain_of
+from truearc.sim.paper.network import domain_of
 from truearc.sim.printed import Printed, Progress
 from truearc.sim.report import draw_reliability
 from truearc.sim.statistics import Figures

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from truearc.sim.paper.sweep_settings import SweepSetting
+from truearc.sim.paper.sweep import SweepSetting
 from truearc.sim.report import COLOURS, new_figure
 from truearc.sim.statistics import reliability
 from truearc_proof.reproduce import paper

@@ -14,7 +14,7 @@ from truearc.sim.gate.gate_text import tell_heldout, tell_residual, tell_too_few
 from truearc.sim.gate.model import MODEL_FILE, PhysicsGate, load_physics_gate, physics_of, save_physics_gate
 from truearc.sim.gate.surrogate import compare, inside, make_surrogate
 from truearc.sim.gate.train import Heldout, outcome_classes_of, train_physics_gate
-from truearc.sim.paper.training import domain_of
+from truearc.sim.paper.network import domain_of
 from truearc.sim.statistics import figures_of
 
 

@@ -16,7 +16,7 @@ from truearc.sim.discover.detect.covariates import smooth_shapes, spline_knots
 from truearc.sim.infer.belief import Belief, draw, load_belief, point_belief, replace_values
 from truearc.sim.infer.curve import Curve, along, before_the_shot, natural
 from truearc.sim.infer.forecast import forecast
-from truearc.sim.paper.synthetic_shots import assign, fly_draws
+from truearc.sim.paper.synthetic import assign, fly_draws
 from truearc.sim.physics.catalogue import effective, flight_terms
 from truearc.sim.physics.flight import path
 from truearc.sim.physics.launch import Exit

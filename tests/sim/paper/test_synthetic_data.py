@@ -12,15 +12,16 @@ from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target, Wheel
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import point_belief
-from truearc.sim.paper.synthetic_data import (
+from truearc.sim.paper.synthetic import (
     AXES,
     SHAPE,
     grid_shots,
     label_grid,
+    load_provenance,
     sample_balanced,
+    synthesise,
     taken_configurations,
 )
-from truearc.sim.paper.synthetic_shots import load_provenance, synthesise
 
 RIG = Rig(Ball(0.14, 0.0889), LauncherFacts(0.75, 594.0, (Wheel("lower", 0.0508, 1.0, 180.0),
                                                             Wheel("upper", 0.0349, 0.5625, 0.0))), Target(2.44))

@@ -11,15 +11,16 @@ from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Noise, Rig, Target, Wheel
 from truearc.sim.data.files import load_dataset, save_rig
 from truearc.sim.infer.belief import Belief, draw, point_belief
-from truearc.sim.paper import synthetic_shots
-from truearc.sim.paper.synthetic_data import grid_shots, sample_shots
-from truearc.sim.paper.synthetic_shots import (
+from truearc.sim.paper import synthetic
+from truearc.sim.paper.synthetic import (
     assign,
     check_belief,
     fly_draws,
+    grid_shots,
     label_grid_draws,
     load_provenance,
     near_places,
+    sample_shots,
     synthesise,
 )
 from truearc.sim.physics.simulate import classify
@@ -61,7 +62,7 @@ def drawn(belief: Belief) -> Drawn:
         return seen[-1]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(synthetic_shots, "near_places", look_on)
+        patch.setattr(synthetic, "near_places", look_on)
         outcomes = label_grid_draws(make_rig(Noise()), belief, 40, 5)
     return Drawn(outcomes, *seen)
 

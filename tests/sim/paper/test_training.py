@@ -10,8 +10,19 @@ from hypothesis import strategies as st
 from tests.sim.training_rows import REAL, sigmoid
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Shots
-from truearc.sim.paper.network import Layers, Network, initial_layers, probabilities
-from truearc.sim.paper.training import Rows, accuracy, cross_entropy, domain_of, mean_loss, split_heldout, training_rows
+from truearc.sim.paper.network import (
+    Layers,
+    Network,
+    Rows,
+    accuracy,
+    cross_entropy,
+    domain_of,
+    initial_layers,
+    mean_loss,
+    probabilities,
+    split_heldout,
+    training_rows,
+)
 
 
 def test_cross_entropy_is_minus_log_likelihood_of_both_outputs() -> None:

@@ -1,19 +1,22 @@
-"""Simulated shots of the paper's grid, as in the paper or with uncertainty, and the dataset directory they go into.
+"""Simulated shots: the paper's grid of configurations, flown, labelled, sampled evenly by outcome (III-B), and written.
 
-The paper flies one exact pair of coefficients, and all shots of a configuration end alike. With draws, which are our
-addition, the label of a configuration is the outcome of *one* shot that the robot would have measured so: coefficients
-and scatter drawn from the fitted belief, a launch scattered by it, and a true speed, elevation and distance that differ
-from the measured ones by the sensors' noise. So near the edge of the target labels mix as they do on the field.
+The paper speaks of 375,000 configurations; the ranges and steps that it states, taken inclusively, are
+101 x 61 x 76 = 468,236, and those are flown.
 
-Of the 468 236 configurations most pass metres away from the target, whatever is drawn. Only those are flown whose
-height by the belief itself is within MAX_DEVIATIONS standard deviations (truearc.sim.infer.forecast: scatter, sensors
-and the fit's uncertainty) of the two-point window; the others stay misses.
+It flies one exact pair of coefficients, and all shots of a configuration end alike. With draws, which are our addition,
+the label of a configuration is the outcome of *one* shot that the robot would have measured so: coefficients and
+scatter drawn from the fitted belief, a launch scattered by it, and a true speed, elevation and distance that differ
+from the measured ones by the sensors' noise. So near the edge of the target labels mix as they do on the field. Most
+configurations pass metres away from the target, whatever is drawn. Only those are flown whose height by the belief
+itself is within MAX_DEVIATIONS standard deviations (truearc.sim.infer.forecast: scatter, sensors and the fit's
+uncertainty) of the two-point window; the others stay misses.
 """
 
 import json
 import math
 import shutil
 from collections.abc import Mapping
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,18 +30,113 @@ from truearc.sim.data.conditions import ORDINARY, Circumstances
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import check_free, hash_dataset, save_dataset
 from truearc.sim.infer.belief import SCATTERS, Belief, draw, load_belief
-from truearc.sim.infer.curve import before_the_shot, owners, resized
+from truearc.sim.infer.curve import Curves, before_the_shot, owners, resized
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.infer.likelihood.launch_inputs import given_of
-from truearc.sim.paper import synthetic_data as data
 from truearc.sim.paper.network import load_json
 from truearc.sim.physics.catalogue import Catalogue, effective
 from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.simulate import MISS, classify, fly_rows, leave, opening_of, sense
+from truearc.sim.physics.simulate import MISS, classify, fly_rows, leave, opening_of, predict, sense
 from truearc.sim.printed import Progress
 
+NONE: Curves = {}
+STEP_S = 0.01                         # heights then agree with the simulator's own finer step to 1e-6 m
 PROVENANCE_FILE = "synth.json"
 MAX_DEVIATIONS = 4.0                  # one normal number in 16 000 is further out, on either side together
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Evenly spaced values: low, low + 1 / per_unit, ... (`count` of them)."""
+
+    name: str
+    low: float
+    per_unit: int                     # values per unit; its inverse, the paper's step, is not exact in binary
+    count: int
+
+    def values(self) -> np.ndarray:
+        """All values, each the float nearest to its decimal."""
+        return (round(self.low * self.per_unit) + np.arange(self.count)) / self.per_unit
+
+    def nearest(self, values: np.ndarray) -> np.ndarray:
+        """Index of the grid value nearest to each value; -1 where it is further than half a step outside the axis."""
+        index = np.rint((values - self.low) * self.per_unit)
+        return np.where((index >= 0) & (index < self.count), index, -1).astype(np.int64)
+
+
+AXES = (Axis("motor_ratio", 0.0, 100, 101), Axis("hood_deg", 15.0, 1, 61), Axis("distance_m", 1.0, 5, 76))
+SHAPE = tuple(axis.count for axis in AXES)
+
+
+def grid_shots(index: np.ndarray) -> Shots:
+    """The configurations at flat positions of the grid (motor_ratio slowest, distance_m fastest)."""
+    places = np.unravel_index(index, SHAPE)
+    numbers = {axis.name: axis.values()[place] for axis, place in zip(AXES, places, strict=True)}
+    return Shots(tuple(f"sim-{position:06d}" for position in index), numbers, {})
+
+
+def grid_heights(rig: Rig, coefficients: Mapping[str, Mapping[str, float]],
+                 progress: Progress = lambda done, note: None, curves: Curves = NONE,
+                 among: Catalogue | None = None) -> np.ndarray:
+    """Height in m at the plane of every configuration of the grid, flat, nan where it is not reached.
+
+    By the simulator with gravity and these terms, of which some may go with curves. among: the catalogue of the terms,
+    truearc.sim.physics.catalogue.catalogue() when not given. InputError when the rig cannot turn a
+    motor ratio into a launch.
+    """
+    shots = grid_shots(np.arange(np.prod(SHAPE)))
+    before = before_the_shot(curves, rig, shots)
+    return np.asarray(predict(rig, coefficients, shots, progress, before, among, STEP_S).height_m)
+
+
+def label_grid(rig: Rig, coefficients: Mapping[str, Mapping[str, float]],
+               progress: Progress = lambda done, note: None, curves: Curves = NONE,
+               among: Catalogue | None = None) -> np.ndarray:
+    """Outcome of every configuration of the grid, flat; InputError as grid_heights, or when the rig has no target."""
+    opening = opening_of(rig, coefficients, among)     # a rig without target: no work
+    return classify(rig, grid_heights(rig, coefficients, progress, curves, among), opening)
+
+
+def taken_configurations(shots: Shots) -> np.ndarray:
+    """Flat positions of the grid nearest to recorded shots; a shot that lacks one of the three columns has none."""
+    known = np.all([np.isfinite(shots.number(axis.name)) for axis in AXES], axis=0)
+    places = np.stack([axis.nearest(shots.number(axis.name)[known]) for axis in AXES])
+    return np.unique(np.ravel_multi_index(tuple(places[:, (places >= 0).all(axis=0)]), SHAPE))
+
+
+def sample_balanced(outcomes: np.ndarray, count: int, taken: np.ndarray, seed: int) -> np.ndarray:
+    """`count` flat positions, ascending, as evenly by outcome as may be, none of them in `taken`; drawn by seed.
+
+    What does not divide by three goes to miss first, then two. InputError when an outcome is too rare for its share.
+    """
+    check_draw(count, seed)
+    rng = np.random.default_rng(seed)
+    free = np.ones(len(outcomes), bool)
+    free[taken] = False
+    chosen = []
+    for rank, outcome in enumerate(OUTCOMES):
+        share = (count + len(OUTCOMES) - 1 - rank) // len(OUTCOMES)
+        pool = np.flatnonzero(free & (outcomes == outcome))
+        if len(pool) < share:
+            raise InputError(f"only {len(pool)} configurations of the grid are a {outcome!r} with these coefficients, "
+                           f"and -n {count} asks for {share}")
+        chosen.append(rng.choice(pool, share, replace=False))
+    return np.sort(np.concatenate(chosen))
+
+
+def check_draw(count: int, seed: int) -> None:
+    """InputError names the option that no sample can be drawn with."""
+    if count < len(OUTCOMES):
+        raise InputError(f"-n is {count}; at least {len(OUTCOMES)} shots are needed, one of each outcome")
+    if seed < 0:
+        raise InputError(f"--seed is {seed}; it cannot be negative")
+
+
+def sample_shots(outcomes: np.ndarray, count: int, recorded: Shots | None, seed: int) -> Shots:
+    """Sample shots with an outcome each from the grid's outcomes, none at a configuration that `recorded` has."""
+    taken = np.zeros(0, np.int64) if recorded is None else taken_configurations(recorded)
+    shots = grid_shots(index := sample_balanced(outcomes, count, taken, seed))
+    return Shots(shots.shot_id, shots.numbers, {"outcome": tuple(map(str, outcomes[index]))})
 
 
 class Draws(NamedTuple):
@@ -96,7 +194,7 @@ def say_synthetic(directory: str | Path, shots: Shots, draws: int | None = None)
     """Return how many shots of which outcome were written."""
     counts = ", ".join(f"{shots.text('outcome').count(outcome)} {outcome}" for outcome in OUTCOMES)
     more = f"; each with one of {draws} sets of coefficients, launch scatter and sensor noise" if draws else ""
-    return (f"{directory}: {len(shots)} simulated shots of {math.prod(axis.count for axis in data.AXES)} "
+    return (f"{directory}: {len(shots)} simulated shots of {math.prod(axis.count for axis in AXES)} "
             f"configurations: {counts}{more}")
 
 
@@ -116,25 +214,25 @@ def synthesise(rig: Rig, belief: Belief, count: int, recorded: Shots | None, see
     draws: sets of coefficients drawn from the belief, with launch scatter and sensor noise on every shot; None: the
     belief's own coefficients, exactly. InputError when count or draws are too few.
     """
-    data.check_draw(count, seed)                      # before the work, not after it
+    check_draw(count, seed)                      # before the work, not after it
     if draws is None:
-        outcomes = data.label_grid(rig, belief.coefficients, progress, belief.curves, belief.catalogue)
+        outcomes = label_grid(rig, belief.coefficients, progress, belief.curves, belief.catalogue)
     elif draws < 1:
         raise InputError(f"--draws is {draws}; at least 1 is needed")
     else:
         outcomes = label_grid_draws(rig, belief, draws, seed, progress)
-    return data.sample_shots(outcomes, count, recorded, seed)
+    return sample_shots(outcomes, count, recorded, seed)
 
 
 def label_grid_draws(rig: Rig, belief: Belief, draws: int, seed: int,
                      progress: Progress = lambda done, note: None) -> np.ndarray:
     """Outcome of one uncertain shot at every configuration of the grid, flat."""
     classify(rig, np.zeros(0))                  # refuses a rig without target before the work
-    height_m = data.grid_heights(rig, belief.coefficients, lambda done, note: progress(0.5 * done, note), belief.curves,
+    height_m = grid_heights(rig, belief.coefficients, lambda done, note: progress(0.5 * done, note), belief.curves,
                             belief.catalogue)
     places = near_places(rig, belief, height_m)
     rng = np.random.default_rng([seed, 2])
-    shots = data.grid_shots(places)
+    shots = grid_shots(places)
     drawn = assign(draw(belief, draws, rng), len(places), rng)
     drawn_m = fly_draws(rig, shots, drawn, rng, lambda done, note: progress(0.5 + 0.5 * done, note),
                         before_the_shot(belief.curves, rig, shots), belief.catalogue)
@@ -147,7 +245,7 @@ def near_places(rig: Rig, belief: Belief, height_m: np.ndarray) -> np.ndarray:
     """Flat positions of the grid from which a draw may score: heights [grid] by the belief's own coefficients."""
     opening = opening_of(rig, belief.coefficients, belief.catalogue)
     reached = np.flatnonzero(np.isfinite(height_m))
-    sigma_m = forecast(rig, belief, data.grid_shots(reached)).sigma_m
+    sigma_m = forecast(rig, belief, grid_shots(reached)).sigma_m
     beyond_m = np.abs(height_m[reached] - opening.centre_m) - opening.two_half_m
     return np.asarray(reached[~(beyond_m > MAX_DEVIATIONS * sigma_m)])          # an unknown sigma is flown too
 
@@ -184,4 +282,4 @@ def fly_draws(rig: Rig, shots: Shots, draws: Draws, rng: np.random.Generator,
                      left.elevation_rad + np.radians(draws.scatter["elevation_deg"]) * rng.standard_normal(count),
                      left.spin_rev_s, left.above_m)
     distance_m = np.asarray(true_m) + given.distance_sd_m * rng.standard_normal(count)
-    return np.asarray(fly_rows(rig, values, scattered, distance_m, progress, among, step_s=data.STEP_S).height_m)
+    return np.asarray(fly_rows(rig, values, scattered, distance_m, progress, among, step_s=STEP_S).height_m)
