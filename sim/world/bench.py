@@ -7,8 +7,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
-from truearc.sim.world.parts.hood import COULOMB_NM
-from truearc.sim.world.parts.target import BallResult
+from truearc.sim.world.field import BallResult
+from truearc.sim.world.hood import COULOMB_NM
 from truearc.sim.world.world import World
 
 TICK_NS = 5_000_000

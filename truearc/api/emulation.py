@@ -12,8 +12,8 @@ from truearc.robot.reasons import text
 from truearc.robot.recording.session import load_trials
 from truearc.sim.printed import Printed, Progress
 from truearc.sim.world import emulated_robot as engine
+from truearc.sim.world.field import BallResult
 from truearc.sim.world.options import Options
-from truearc.sim.world.parts.target import BallResult
 
 KINDS = ("three", "two-high", "two", "two-low", "miss-high", "miss-low")
 

@@ -13,8 +13,8 @@ from truearc.sim.data.dataset import Tracks
 from truearc.sim.printed import Progress
 from truearc.sim.world import season
 from truearc.sim.world.bench import Ball
+from truearc.sim.world.field import Pose
 from truearc.sim.world.options import Options
-from truearc.sim.world.parts.chassis import Pose
 from truearc.sim.world.season import Season, ShotSetting, Trial
 from truearc.sim.world.world import World
 

@@ -3,7 +3,7 @@ import statistics
 import pytest
 
 from truearc.sim.world.options import Options
-from truearc.sim.world.parts.balls import MASS_SHARE, RACK, SEAT_M, STIFFNESS_SHARE, Rack
+from truearc.sim.world.scene import MASS_SHARE, RACK, SEAT_M, STIFFNESS_SHARE, Rack
 
 CALM = Options(scatter_scale=0.0)
 

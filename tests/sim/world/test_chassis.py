@@ -3,7 +3,7 @@ import math
 
 import pytest
 
-from truearc.sim.world.parts.chassis import Chassis
+from truearc.sim.world.field import Chassis
 
 
 def _drive(stand: Chassis, dt: float = 0.005) -> list[float]:

@@ -4,9 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from truearc.sim.world.drive import FLYWHEEL, STANDING_W, Battery, drive_motor, step_shaft
 from truearc.sim.world.options import Options
-from truearc.sim.world.parts.battery import STANDING_W, Battery
-from truearc.sim.world.parts.motor import FLYWHEEL, drive_motor, step_shaft
 
 INERTIA, VISCOUS, COULOMB = 6e-5, 1.5e-4, 0.02
 

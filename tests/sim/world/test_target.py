@@ -3,7 +3,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from truearc.sim.world.parts.target import classify
+from truearc.sim.world.field import classify
 
 
 def _inside_hexagon(y: float, up: float) -> bool:

@@ -4,16 +4,15 @@ import mujoco
 import numpy as np
 import pytest
 
+from truearc.sim.world.nip import Feeder, Nip, rotate_from_launch
 from truearc.sim.world.options import Options
-from truearc.sim.world.parts.balls import Ball
-from truearc.sim.world.parts.feeder import Feeder
-from truearc.sim.world.parts.wheel_contact import Nip, rotate_from_launch
 from truearc.sim.world.scene import (
     COMPRESSION_M,
     LOWER_INERTIA_KG_M2,
     NIP_STEP_S,
     UPPER_GEAR,
     UPPER_INERTIA_KG_M2,
+    Ball,
     make_nip,
 )
 

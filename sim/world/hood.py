@@ -5,8 +5,8 @@ The linkage is a triangle of the hood's pivot, the motor's pivot and the nut; th
 
 import math
 
+from truearc.sim.world.drive import step_shaft
 from truearc.sim.world.options import Options
-from truearc.sim.world.parts.motor import step_shaft
 
 PIVOT_TO_MOTOR_M = 0.30
 PIVOT_TO_NUT_M = 0.25
