@@ -39,7 +39,7 @@ from truearc.sim.compute import keep_compiled
 from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.investigate import discover
-from truearc.sim.gate.novelty import fit_novelty
+from truearc.sim.gate.model import fit_novelty
 from truearc.sim.gate.train import OutcomeClasses, outcome_classes_of, train_physics_gate
 from truearc.sim.infer.belief import Belief
 from truearc.sim.paper.network import probabilities, split_heldout, training_rows

@@ -26,7 +26,7 @@ from truearc.robot.recording.session import load_session_aims, load_session_conf
 from truearc.sim.data.files import load_dataset, load_rig
 from truearc.sim.data.importers.any_team import import_shots
 from truearc.sim.data.recordings import shots_from_sessions
-from truearc.sim.sysid.table import load_steps
+from truearc.sim.sysid.session import load_steps
 
 ROOT = Path(__file__).parents[1]
 GATE = ROOT / "tests" / "golden" / "reference" / "export-physics" / "gate.onnx"

@@ -16,9 +16,16 @@ from truearc.robot.gate.model import load_gate
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import hash_dataset
-from truearc.sim.gate.gate_text import tell_heldout, tell_residual, tell_too_few
 from truearc.sim.gate.model import PhysicsGate, physics_of, save_physics_gate
-from truearc.sim.gate.train import Heldout, OutcomeClasses, outcome_classes_of, train_physics_gate
+from truearc.sim.gate.train import (
+    Heldout,
+    OutcomeClasses,
+    outcome_classes_of,
+    tell_heldout,
+    tell_residual,
+    tell_too_few,
+    train_physics_gate,
+)
 from truearc.sim.infer.belief import Belief
 from truearc.sim.paper.network import domain_of
 from truearc.sim.printed import Printed, Progress

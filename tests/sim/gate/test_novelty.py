@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from truearc.errors import InputError
-from truearc.sim.gate.novelty import SAME_DISTANCE, farthest_points, fit_novelty, novelty_record, parse_novelty
+from truearc.sim.gate.model import SAME_DISTANCE, farthest_points, fit_novelty, novelty_record, parse_novelty
 
 ROWS = np.random.default_rng(1).uniform([2.0, 0.4, 30.0], [8.0, 0.8, 55.0], (90, 3))
 

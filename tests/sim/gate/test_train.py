@@ -10,10 +10,16 @@ from tests.sim.gate.worlds import BELIEF, TRUTH, make_shots
 from tests.sim.infer.independent import configurations, fired, heights, outcomes, rig
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.gate.gate_text import tell_heldout, tell_residual, tell_too_few
 from truearc.sim.gate.model import MODEL_FILE, PhysicsGate, load_physics_gate, physics_of, save_physics_gate
 from truearc.sim.gate.surrogate import compare, inside, make_surrogate
-from truearc.sim.gate.train import Heldout, outcome_classes_of, train_physics_gate
+from truearc.sim.gate.train import (
+    Heldout,
+    outcome_classes_of,
+    tell_heldout,
+    tell_residual,
+    tell_too_few,
+    train_physics_gate,
+)
 from truearc.sim.paper.network import domain_of
 from truearc.sim.statistics import figures_of
 

@@ -11,7 +11,7 @@ from truearc.errors import InputError
 from truearc.sim.report import make_png
 from truearc.sim.sysid.fit import fit_law
 from truearc.sim.sysid.html_report import draw_fit, make_fit_page
-from truearc.sim.sysid.table import load_steps
+from truearc.sim.sysid.session import load_steps
 
 
 def write(path, text):
