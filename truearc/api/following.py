@@ -14,7 +14,7 @@ from truearc.api.table import Table
 from truearc.api.terms import check_kind
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.aim.set_point import AimRow
+from truearc.sim.aim.make_table import AimRow
 from truearc.sim.aim.solve import chances_of
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset
