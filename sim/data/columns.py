@@ -228,8 +228,7 @@ def in_read_units(table: RawTable, is_read: Callable[[str], bool], problems: Pro
             problems.add(table.place(-1), name, f"stands for {read}, which is there already; keep one")
         if read != name:
             written[read] = (name, factor, zero)
-        columns[read] = (cells if (factor, zero) == (1.0, 0.0) else
-                         [_converted(cell, factor, zero) for cell in cells])
+        columns[read] = (cells if (factor, zero) == (1.0, 0.0) else [_converted(cell, factor, zero) for cell in cells])
     driven = any(re.fullmatch(one, have) for one in ("motor_ratio", *MEANT_BY["motor_ratio"][1]) for have in columns)
     for name in columns:
         if is_read("motor_ratio") and not driven and MOTOR.fullmatch("_".join(name.lower().split())):

@@ -14,20 +14,7 @@ import numpy as np
 from truearc.errors import InputError, load_text, make_toml, near_key, parse_table, unknown_keys
 from truearc.robot.config.rig_spec import Rig, rig_errors
 from truearc.robot.config.schema import parse_toml
-from truearc.sim.data.columns import (
-    HIT,
-    RANGES,
-    SPIN_VECTOR,
-    WHEEL,
-    WORDS,
-    in_read_units,
-    is_numeric,
-    is_shot_column,
-    need_columns,
-    number_column,
-    text_column,
-    text_of,
-)
+from truearc.sim.data import columns as cols
 from truearc.sim.data.dataset import Dataset, Shots, Times, Traces, Tracks
 from truearc.sim.data.table import Problems, RawTable, find_table, gathered, load_table
 
@@ -78,13 +65,13 @@ def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: R
     """
     if tracks and times:
         raise InputError(f"{times.path}: there are tracks, too: they tell when the ball was where; keep one of the two")
-    shots = in_read_units(shots, is_shot_column, problems)
+    shots = cols.in_read_units(shots, cols.is_shot_column, problems)
     shots, rig = _settle_hits(shots, rig, has_three, problems)
     checked = replace(_shots(shots, problems), written=_names(shots))
     _check_wheels(shots, rig, problems)
     _warn_of_copies(checked)
     row_of = {name: row for row, name in enumerate(checked.shot_id)}
-    tracks = tracks and in_read_units(tracks, TRACK_COLUMNS.__contains__, problems)
+    tracks = tracks and cols.in_read_units(tracks, TRACK_COLUMNS.__contains__, problems)
     return Dataset(name, rig, checked, _tracks(tracks, row_of, problems), _traces(traces, row_of, problems),
                    track_columns=_names(tracks) if tracks else {}, times=_times(times, row_of, problems))
 
@@ -114,19 +101,19 @@ def _names(table: RawTable) -> dict[str, str]:
 
 
 def _shots(table: RawTable, problems: Problems) -> Shots:
-    need_columns(table, ("shot_id",))
+    cols.need_columns(table, ("shot_id",))
     shot_id = _ids(table, problems)
     numbers, texts = {}, {}
     for name, cells in table.columns.items():
         if name == "shot_id":
             continue
-        if is_numeric(name, cells):
-            numbers[name] = number_column(table, name, problems, needed=False)
+        if cols.is_numeric(name, cells):
+            numbers[name] = cols.number_column(table, name, problems, needed=False)
         else:
-            texts[name] = text_column(table, name, problems, needed=False)
+            texts[name] = cols.text_column(table, name, problems, needed=False)
     _check_sides(table, texts, problems)
-    lacking = [name for name in SPIN_VECTOR if name not in numbers]
-    for name in SPIN_VECTOR if 0 < len(lacking) < len(SPIN_VECTOR) else ():
+    lacking = [name for name in cols.SPIN_VECTOR if name not in numbers]
+    for name in cols.SPIN_VECTOR if 0 < len(lacking) < len(cols.SPIN_VECTOR) else ():
         if name in numbers:
             table.fault(problems, -1, name, f"stands without {' and '.join(lacking)}; a spin needs all three parts")
     return Shots(shot_id, numbers, texts, str(table.path))
@@ -137,7 +124,7 @@ def _check_wheels(table: RawTable, rig: Rig, problems: Problems) -> None:
     own = [f"wheel_{wheel.name}_rad_s" for wheel in rig.launcher.wheel]
     absent = [name for name in own if name not in table.columns]
     for name in table.columns if absent else ():
-        if WHEEL.fullmatch(name) and name not in own:
+        if cols.WHEEL.fullmatch(name) and name not in own:
             table.fault(problems, -1, name, f"rig.toml has no such wheel; it has {', '.join(own)}: rename the "
                          "column, or the wheel")
 
@@ -153,8 +140,8 @@ def _warn_of_copies(shots: Shots) -> None:
 
 def _settle_hits(table: RawTable, rig: Rig, has_three: bool, problems: Problems) -> tuple[RawTable, Rig]:
     """Hits as twos of a rig without a three; a problem are hits that could be twos or threes."""
-    outcome = [text_of(cell).strip().lower() for cell in table.columns.get("outcome", ())]
-    hits = [row for row, word in enumerate(outcome) if word == HIT]
+    outcome = [cols.text_of(cell).strip().lower() for cell in table.columns.get("outcome", ())]
+    hits = [row for row, word in enumerate(outcome) if word == cols.HIT]
     threes = [row for row, word in enumerate(outcome) if word in THREES]
     if threes and rig.target is not None and rig.target.hit_or_miss:
         table.fault(problems, threes[0], "outcome", f"is three in {len(threes)} rows, but target.three_half_height_m = "
@@ -167,13 +154,13 @@ def _settle_hits(table: RawTable, rig: Rig, has_three: bool, problems: Problems)
         more = f", here and in {len(hits) - 1} more rows" if hits[1:] else ""
         table.fault(problems, hits[0], "outcome", f"'hit' may be a two or a three: write which{more}; where every hit "
                     "counts alike, write no three, and state target.three_half_height_m = 0 in rig.toml")
-    cells = ["two" if word == HIT else cell for word, cell in zip(outcome, table.columns["outcome"], strict=True)]
+    cells = ["two" if word == cols.HIT else cell for word, cell in zip(outcome, table.columns["outcome"], strict=True)]
     return replace(table, columns=table.columns | {"outcome": cells}), rig
 
 
 def _ids(table: RawTable, problems: Problems) -> tuple[str, ...]:
     first: dict[str, int] = {}
-    ids = tuple(text_of(cell) for cell in table.columns["shot_id"])
+    ids = tuple(cols.text_of(cell) for cell in table.columns["shot_id"])
     for row, name in enumerate(ids):
         if not name:
             table.fault(problems, row, "shot_id", "is missing")
@@ -187,16 +174,16 @@ def _ids(table: RawTable, problems: Problems) -> tuple[str, ...]:
 def _check_sides(table: RawTable, texts: dict[str, tuple[str, ...]], problems: Problems) -> None:
     """A ball through the inner target passed on no side of it."""
     for row, (outcome, side) in enumerate(zip(texts.get("outcome", ()), texts.get("side", ()), strict=False)):
-        if outcome == "three" and side in WORDS["side"]:
+        if outcome == "three" and side in cols.WORDS["side"]:
             table.fault(problems, row, "side", f"outcome three cannot have the miss side {side!r}")
 
 
 def _tracks(table: RawTable | None, row_of: dict[str, int], problems: Problems) -> Tracks | None:
     if table is None:
         return None
-    need_columns(table, TRACK_COLUMNS)
+    cols.need_columns(table, TRACK_COLUMNS)
     shot = _shot_rows(table, row_of, problems)
-    t_s, x_m, y_m, z_m = (number_column(table, name, problems) for name in ("t_s", "x_m", "y_m", "z_m"))
+    t_s, x_m, y_m, z_m = (cols.number_column(table, name, problems) for name in ("t_s", "x_m", "y_m", "z_m"))
     _check_order(table, shot, t_s, problems)
     return Tracks(shot, t_s, x_m, y_m, z_m)
 
@@ -204,10 +191,10 @@ def _tracks(table: RawTable | None, row_of: dict[str, int], problems: Problems) 
 def _times(table: RawTable | None, row_of: dict[str, int], problems: Problems) -> Times | None:
     if table is None:
         return None
-    table = in_read_units(table, TIME_COLUMNS.__contains__, problems)
-    need_columns(table, TIME_COLUMNS)
+    table = cols.in_read_units(table, TIME_COLUMNS.__contains__, problems)
+    cols.need_columns(table, TIME_COLUMNS)
     shot = _shot_rows(table, row_of, problems)
-    height_m, t_s, sigma_s = (number_column(table, name, problems) for name in TIME_COLUMNS[1:])
+    height_m, t_s, sigma_s = (cols.number_column(table, name, problems) for name in TIME_COLUMNS[1:])
     for name, column in (("t_s", t_s), ("sigma_s", sigma_s)):
         for row in np.flatnonzero(column <= 0.0):
             table.fault(problems, int(row), name, f"{table.shown(name, column[row])} must be above 0")
@@ -218,16 +205,16 @@ def _times(table: RawTable | None, row_of: dict[str, int], problems: Problems) -
 def _traces(table: RawTable | None, row_of: dict[str, int], problems: Problems) -> Traces | None:
     if table is None:
         return None
-    need_columns(table, ("shot_id", "t_s", "signal", "value"))
-    signal = text_column(table, "signal", problems)
-    return Traces(_shot_rows(table, row_of, problems), number_column(table, "t_s", problems), signal,
-                  number_column(table, "value", problems))
+    cols.need_columns(table, ("shot_id", "t_s", "signal", "value"))
+    signal = cols.text_column(table, "signal", problems)
+    return Traces(_shot_rows(table, row_of, problems), cols.number_column(table, "t_s", problems), signal,
+                  cols.number_column(table, "value", problems))
 
 
 def _shot_rows(table: RawTable, row_of: dict[str, int], problems: Problems) -> np.ndarray:
     rows = np.full(len(table.lines), -1, dtype=np.int64)
     for row, cell in enumerate(table.columns["shot_id"]):
-        name = text_of(cell)
+        name = cols.text_of(cell)
         if name in row_of:
             rows[row] = row_of[name]
         else:
@@ -275,7 +262,7 @@ def check_free(directory: str | Path) -> Path:
 
 def _shot_columns(shots: Shots) -> dict[str, Column]:
     columns: dict[str, Column] = {"shot_id": shots.shot_id, **shots.numbers, **shots.texts}
-    order = [name for name in (*FIRST, *RANGES) if name in columns]
+    order = [name for name in (*FIRST, *cols.RANGES) if name in columns]
     return {name: columns[name] for name in dict.fromkeys([*order, *columns])}
 
 

@@ -25,15 +25,7 @@ from truearc.sim.gate import likelihood as chance
 from truearc.sim.gate.likelihood import GateFit
 from truearc.sim.infer.belief import Belief, as_table, from_table
 from truearc.sim.infer.forecast import forecast
-from truearc.sim.paper.network import (
-    RECORD_FILE,
-    as_json,
-    exact_in_float32,
-    load_json,
-    load_record,
-    save_with_record,
-    standardisation,
-)
+from truearc.sim.paper import network
 from truearc.sim.physics.simulate import opening_of
 
 NEIGHBOUR = 3                         # a single stray shot makes no domain; many would cut the cloud's edge off
@@ -82,8 +74,8 @@ def fit_novelty(features: np.ndarray) -> Novelty:
     Repeats of one configuration count once; with few different configurations the farthest neighbour is nearer.
     """
     features = np.asarray(features, np.float64)
-    mean, scale = standardisation(features)
-    z = exact_in_float32((features - mean) * scale)
+    mean, scale = network.standardisation(features)
+    z = network.exact_in_float32((features - mean) * scale)
     landmarks = z[farthest_points(z, SAME_DISTANCE, MAX_LANDMARKS)]
     neighbour = min(NEIGHBOUR, max(len(landmarks) - 1, 1))
     apart = np.sort(np.linalg.norm(landmarks[:, None, :] - landmarks, axis=2), axis=1)
@@ -256,17 +248,17 @@ def save_physics_gate(directory: str | Path, gate: PhysicsGate, record: dict[str
 
     InputError when the directory cannot be written.
     """
-    text = as_json(MODEL_SCHEMA, _plain(gate))
-    save_with_record(directory, {**record, "kind": KIND, "novelty": novelty_record(gate.novelty)},
+    text = network.as_json(MODEL_SCHEMA, _plain(gate))
+    network.save_with_record(directory, {**record, "kind": KIND, "novelty": novelty_record(gate.novelty)},
                      lambda folder: (folder / MODEL_FILE).write_text(text, encoding="utf-8"))
 
 
 def load_physics_gate(directory: str | Path) -> tuple[PhysicsGate, dict[str, Any]]:
     """Read what save_physics_gate wrote; InputError names the file and what is wrong with it."""
     path = Path(directory) / MODEL_FILE
-    record = load_record(Path(directory) / RECORD_FILE)
-    table = load_json(path, MODEL_SCHEMA)
-    novelty = parse_novelty(record.get("novelty"), str(Path(directory) / RECORD_FILE))
+    record = network.load_record(Path(directory) / network.RECORD_FILE)
+    table = network.load_json(path, MODEL_SCHEMA)
+    novelty = parse_novelty(record.get("novelty"), str(Path(directory) / network.RECORD_FILE))
     try:
         gate = PhysicsGate(msgspec.convert(table["facts"], Rig), from_table(table["belief"], str(path)),
                            Scaling(*(finite_array(table["scaling"][name], (3,)) for name in

@@ -55,8 +55,7 @@ class OutcomeClasses(NamedTuple):
         return OutcomeClasses(*(column[rows] for column in self))
 
 
-def outcome_classes_of(shots: Shots, name: str,
-                       target: Target | None = None) -> tuple[OutcomeClasses, list[str]]:
+def outcome_classes_of(shots: Shots, name: str, target: Target | None = None) -> tuple[OutcomeClasses, list[str]]:
     """Return the outcome classes of shots, and a sentence for each kind of shot of `name` left out.
 
     target: of the rig; where every hit counts alike, a hit is a three. InputError when no shot is left.

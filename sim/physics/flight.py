@@ -59,31 +59,30 @@ class _Flight(NamedTuple):
 
 def fly(rig: Rig, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[str, Any]], exit: Exit,
         distance_m: Any, step_s: float = STEP_S, turn_rad: float = TURN_RAD, limit_s: float = LIMIT_S,
-        floor: bool = True, balls: Balls | None = None) -> Crossing:
+        balls: Balls | None = None) -> Crossing:
     """Fly every lane to the plane x = distance_m; balls: (mass in kg, radius in m) of each, the rig's when None.
 
     params: {term: {parameter: value}}, effective; they, exit and distance_m broadcast against each other, and the
     result has that shape. Fixed-step RK4 in float64; each lane's step is at most step_s, and so short that the air
     turns or slows the velocity by at most turn_rad in the first one; the crossing is solved on a part of the last step.
-    Forward-mode differentiable (jax.jacfwd) in params, exit and distance. Without `floor` the flight goes on below it,
-    so that the height is continuous in everything; only turning back and the time limit are then not reached.
+    Forward-mode differentiable (jax.jacfwd) in params, exit and distance.
     """
-    flown: Crossing = _fly(*apart(rig), terms, params, exit, distance_m, balls, step_s, turn_rad, limit_s, floor)
+    flown: Crossing = _fly(*apart(rig), terms, params, exit, distance_m, balls, step_s, turn_rad, limit_s)
     return flown
 
 
-@partial(jax.jit, static_argnames=("shape_of_rig", "terms", "step_s", "turn_rad", "limit_s", "floor"))
+@partial(jax.jit, static_argnames=("shape_of_rig", "terms", "step_s", "turn_rad", "limit_s"))
 def _fly(shape_of_rig: Rig, numbers: Any, terms: tuple[InFlight, ...],
          params: Mapping[str, Mapping[str, Any]], exit: Exit, distance_m: Any, balls: Balls | None, step_s: float,
-         turn_rad: float, limit_s: float, floor: bool) -> Crossing:
+         turn_rad: float, limit_s: float) -> Crossing:
     rig = together(shape_of_rig, numbers)
     law = make_law(with_balls(rig, balls), terms, params)
     shape = _shape(params, exit, distance_m)
     distance = jnp.broadcast_to(jnp.asarray(distance_m, dtype=float), shape)
     start = settle(law, start_of(rig, exit, shape))
     step = _step_for(law, start, step_s, turn_rad)
-    end = _fly_until(law, start, step, distance, math.ceil(limit_s / (step_s * SHORTEST)), limit_s, floor)
-    return _cross(law, end, step, distance, floor)
+    end = _fly_until(law, start, step, distance, math.ceil(limit_s / (step_s * SHORTEST)), limit_s)
+    return _cross(law, end, step, distance)
 
 
 @partial(jax.jit, static_argnames=("rig", "terms", "points", "step_s"))
@@ -188,15 +187,14 @@ def _step_for(law: Law, start: BallState, step_s: float, turn_rad: float) -> Any
     return lax.stop_gradient(jnp.clip(turn_rad / per_s, step_s * SHORTEST, step_s))
 
 
-def _fly_until(law: Law, start: BallState, step: Any, distance: Any, most_steps: int, limit_s: float,
-               floor: bool) -> _Flight:
+def _fly_until(law: Law, start: BallState, step: Any, distance: Any, most_steps: int, limit_s: float) -> _Flight:
     def go_on(flight: _Flight) -> Any:
         return jnp.any(flight.flying) & (flight.steps < most_steps)
 
     def advance(flight: _Flight) -> _Flight:
         old = full(start, flight.ball)._replace(time_s=flight.time_s)
         new = rk4(law, old, step)
-        moves = flight.flying & ~_ends(old, new, step, distance, floor) & (flight.time_s < limit_s)
+        moves = flight.flying & ~_ends(old, new, step, distance) & (flight.time_s < limit_s)
         ball = jax.tree.map(lambda a, b: jnp.where(moves, b, a), flight.ball, kept(new._replace(time_s=0.0)))
         return _Flight(flight.steps + 1, moves, flight.time_s + jnp.where(moves, step, 0.0), ball)
 
@@ -218,10 +216,9 @@ def full(like: BallState, state: tuple[Any, ...]) -> BallState:
                          time_s=like.time_s if absent(like.time_s) else next(rest))
 
 
-def _ends(old: BallState, new: BallState, step: Any, distance: Any, floor: bool) -> Any:
-    """Whether a step crosses the plane, turns back, or meets the floor if there is one."""
-    over = (new.position_m.x >= distance) | (new.velocity_m_s.x <= 0.0)
-    return over | (_lowest_m(old, new, step) < 0.0) if floor else over
+def _ends(old: BallState, new: BallState, step: Any, distance: Any) -> Any:
+    """Whether a step crosses the plane, turns back, or meets the floor."""
+    return (new.position_m.x >= distance) | (new.velocity_m_s.x <= 0.0) | (_lowest_m(old, new, step) < 0.0)
 
 
 def _lowest_m(old: BallState, new: BallState, step: Any) -> Any:
@@ -232,18 +229,18 @@ def _lowest_m(old: BallState, new: BallState, step: Any) -> Any:
     return jnp.minimum(new.position_m.z, jnp.where(dips, old.position_m.z - dip_m, old.position_m.z))
 
 
-def _cross(law: Law, end: _Flight, step: Any, distance: Any, floor: bool) -> Crossing:
+def _cross(law: Law, end: _Flight, step: Any, distance: Any) -> Crossing:
     """Where each flight's last step crosses the plane, if it does; solved only if some lane comes near enough."""
     ball = end.ball
     gap_m = distance - ball.position_m.x
     fastest_m_s = jnp.maximum(ball.velocity_m_s.x, rk4(law, ball, step).velocity_m_s.x)
     near = jnp.any(gap_m <= 2.0 * step * fastest_m_s)
     nowhere = jnp.full_like(end.time_s, jnp.nan)
-    height_m, time_s = lax.cond(near, lambda: _solve(law, end, step, distance, floor), lambda: (nowhere, end.time_s))
+    height_m, time_s = lax.cond(near, lambda: _solve(law, end, step, distance), lambda: (nowhere, end.time_s))
     return Crossing(height_m, time_s, ~jnp.isnan(height_m))
 
 
-def _solve(law: Law, end: _Flight, step: Any, distance: Any, floor: bool) -> tuple[Any, Any]:
+def _solve(law: Law, end: _Flight, step: Any, distance: Any) -> tuple[Any, Any]:
     """(height_m or nan, time_s) at x = distance within the step that ended each flight, by Newton on a part of it."""
     ball = end.ball
     turn_s = _turning_time(law, ball, step)
@@ -258,7 +255,7 @@ def _solve(law: Law, end: _Flight, step: Any, distance: Any, floor: bool) -> tup
 
     part_s = lax.scan(improve, part_s, None, length=NEWTON_STEPS)[0]
     there = rk4(law, ball, part_s)
-    reached = reached & (_lowest_m(ball, there, part_s) >= 0.0) if floor else reached
+    reached = reached & (_lowest_m(ball, there, part_s) >= 0.0)
     return jnp.where(reached, there.position_m.z, jnp.nan), end.time_s + jnp.where(reached, part_s, 0.0)
 
 

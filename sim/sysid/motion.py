@@ -74,8 +74,7 @@ def cut(record: Record, runs: Sequence[Run]) -> list[Run]:
     for run in runs:
         count = max(1, round((t_s[run.last - 1] - t_s[run.first]) / length_s))
         edges = np.linspace(run.first, run.last, count + 1).astype(int)
-        pieces += [Run(run.direction, int(a), int(b)) for a, b in pairwise(edges)
-                   if b - a >= MIN_SAMPLES]
+        pieces += [Run(run.direction, int(a), int(b)) for a, b in pairwise(edges) if b - a >= MIN_SAMPLES]
     if len(pieces) < MIN_PIECES:
         raise InputError(f"{record.name}: {moving_s:.1f} s of motion in {len(pieces)} pieces; at least {MIN_PIECES} "
                        f"pieces of {SHORTEST_S:g} s are needed")

@@ -30,8 +30,7 @@ def from_exit_point(released: Released, elevation_rad: float, options: Options) 
     offset_m[2] += EXIT_HEIGHT_M + options.release_height_error_m
     if options.release_arc:
         arm_m = np.array([TOUCH_X_M, 0.0, -LOWER_Z_M])            # lower wheel's axle to exit point
-        offset_m += (rotate_from_launch(arm_m, elevation_rad)
-                     - rotate_from_launch(arm_m, math.radians(ARC_MIDDLE_DEG)))
+        offset_m += (rotate_from_launch(arm_m, elevation_rad) - rotate_from_launch(arm_m, math.radians(ARC_MIDDLE_DEG)))
     return Released(offset_m, rotate_from_launch(released.velocity_m_s, elevation_rad),
                     rotate_from_launch(released.spin_rad_s, elevation_rad))
 

@@ -1,4 +1,4 @@
-"""The flight over x, and the flight through the floor, against DOP853 of other code and closed forms."""
+"""The flight over x against DOP853 of other code and closed forms."""
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +10,7 @@ from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY, weightless
 from truearc.sim.data.dataset import Shots
 from truearc.sim.physics.catalogue import flight_terms
-from truearc.sim.physics.flight import fly, make_law, reach_plane
+from truearc.sim.physics.flight import make_law, reach_plane
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import leave, predict
 from truearc.sim.physics.vector import Vec
@@ -26,29 +26,17 @@ def _launches(n: int, seed: int):
     return exit, rng.uniform(1, 7, n)
 
 
-def test_both_go_through_the_floor_where_dop853_goes():
+def test_the_flight_over_x_goes_through_the_floor_as_dop853():
     exit, distance_m = _launches(200, 1)
     expected = independent.heights(distance_m, *exit[:3], TRUTH)
     sane = expected > -5.0                             # deeper, balls fall so steeply that the reference gives up
     assert sane.sum() > 190
-    through = fly(GUPPY, SEED, PARAMS, exit, distance_m, floor=False)
-    np.testing.assert_allclose(np.asarray(through.height_m)[sane], expected[sane], atol=1e-5)
     over = reach_plane(GUPPY, make_law(GUPPY, SEED, PARAMS), exit, jnp.asarray(distance_m))
     assert np.asarray(over.near)[sane].all()
     np.testing.assert_allclose(np.asarray(over.height_m)[sane], expected[sane], atol=2e-3)
     above = expected > 0.0
     assert 40 < above.sum() < 190
     np.testing.assert_allclose(np.asarray(over.height_m)[above], expected[above], atol=5e-5)
-
-
-def test_with_the_floor_nothing_has_changed():
-    exit, distance_m = _launches(200, 2)
-    free, floored = (fly(GUPPY, SEED, PARAMS, exit, distance_m, floor=floor).height_m for floor in (False, True))
-    stopped = np.isnan(floored)
-    assert 10 < stopped.sum() < 190
-    np.testing.assert_array_equal(np.asarray(free)[~stopped], np.asarray(floored)[~stopped])
-    # where the floor stopped it, the ball was below it somewhere on the way; here that means at the plane
-    assert (np.asarray(free)[stopped] < 0.0).all()
 
 
 def test_the_climb_is_the_slope_of_the_height():
