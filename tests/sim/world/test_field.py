@@ -1,5 +1,6 @@
-"""The camera's view: the place of the lens, and the direction of the target."""
+"""Where the robot stands and drives, what its camera sees, and the goal."""
 
+import itertools
 import math
 from pathlib import Path
 
@@ -12,8 +13,78 @@ from tests.sim.world.calm import CALM, calm
 from truearc.hw.emulated.nodes import View
 from truearc.robot.config import schema as config
 from truearc.robot.config.schema import load_config
+from truearc.sim.world.field import Chassis, classify
 from truearc.sim.world.options import Options
 from truearc.sim.world.world import World
+
+
+def _drive(stand: Chassis, dt: float = 0.005) -> list[float]:
+    places = [stand.distance_m]
+    while stand.moving and len(places) < 5000:
+        stand.step(dt)
+        places.append(stand.distance_m)
+    return places
+
+
+@pytest.mark.parametrize("goal", [2.6, 3.99, 4.3, 8.0])
+@pytest.mark.parametrize("dt", [0.005, 0.001])
+def test_it_stops_where_it_was_sent_within_its_limits(goal: float, dt: float) -> None:
+    stand = Chassis(1, 4.0, 1.0)
+    stand.drive_to(goal)
+    places = _drive(stand, dt)
+    assert stand.distance_m == goal
+    assert not stand.moving
+    speeds = [(b - a) / dt for a, b in itertools.pairwise(places)]
+    assert max(map(abs, speeds)) < 1.5 + 0.2
+    assert min(places) >= min(4.0, goal) - 0.01
+    assert max(places) <= max(4.0, goal) + 0.01
+    ideal = abs(goal - 4.0) / 1.5
+    assert len(places) * dt < ideal + 1.6
+
+
+def test_it_parks_a_little_askew_and_points_at_the_target() -> None:
+    stand = Chassis(3, 4.0, 1.0)
+    seen = set()
+    for goal in (3.0, 7.0, 5.0, 2.6, 8.0):
+        stand.drive_to(goal)
+        _drive(stand)
+        pose = stand.pose()
+        assert pose.x_m == -goal
+        assert abs(pose.y_m) <= 0.3
+        off = pose.heading_rad - math.atan2(-pose.y_m, goal)
+        assert abs(math.degrees(off)) <= 0.3 + 1e-9
+        seen.add(round(pose.y_m, 6))
+    assert len(seen) == 5
+
+
+def test_square_to_the_target_when_so_told() -> None:
+    stand = Chassis(3, 4.0, 0.0)
+    stand.drive_to(6.0)
+    _drive(stand)
+    assert stand.pose() == (-6.0, 0.0, 0.0)
+
+
+def _inside_hexagon(y: float, up: float) -> bool:
+    """By walking round the six corners of a regular hexagon that stands on a flat side, apothem 0.35."""
+    circum = 0.35 / math.cos(math.radians(30.0))
+    corners = [(circum * math.cos(math.radians(60.0 * k)), circum * math.sin(math.radians(60.0 * k))) for k in range(6)]
+    return all((x2 - x1) * (up - z1) - (z2 - z1) * (y - x1) >= 0.0
+               for (x1, z1), (x2, z2) in zip(corners, corners[1:] + corners[:1], strict=True))
+
+
+@given(st.floats(-0.6, 0.6), st.floats(-0.6, 0.6).filter(lambda up: abs(up) > 1e-6))
+def test_each_crossing_has_the_name_that_geometry_gives(y: float, up: float) -> None:
+    outcome = classify(y, 2.44 + up)
+    if math.hypot(y, up) < 0.0699:
+        assert outcome == "three"
+    elif math.hypot(y, up) > 0.0701 and _inside_hexagon(y * 1.0001, up * 1.0001):
+        assert outcome == ("two" if abs(up) <= 0.07 else "two-high" if up > 0.0 else "two-low")
+    elif not _inside_hexagon(y * 0.9999, up * 0.9999):
+        assert outcome == ("miss-high" if up > 0.0 else "miss-low")
+
+
+def test_what_never_crosses_is_low() -> None:
+    assert classify(None, None) == "miss-low"
 
 
 def project(view: View, point: tuple[float, float, float]) -> np.ndarray:
