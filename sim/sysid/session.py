@@ -19,7 +19,7 @@ from truearc.robot.recording.session import load_header, load_session_config
 from truearc.robot.sysid.program import FLYWHEEL, HOME, HOOD, READY, phases
 from truearc.robot.sysid.tick import POLICY
 from truearc.robot.types import Progress, Tick
-from truearc.sim.sysid.motion import Floats, Record
+from truearc.sim.sysid.fit import Floats, Record
 
 if TYPE_CHECKING:
     from truearc.sim.data.table import RawTable

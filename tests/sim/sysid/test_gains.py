@@ -12,9 +12,8 @@ from tests.sim.sysid.wheel import TRUTH, stair_record
 from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.sim.report import make_png
-from truearc.sim.sysid.fit import fit_law
+from truearc.sim.sysid.fit import Record, fit_law
 from truearc.sim.sysid.html_report import draw_fit, make_fit_page
-from truearc.sim.sysid.motion import Record
 from truearc.sim.sysid.session import load_steps
 from truearc.sim.sysid.sysid_text import fewest_rad_per_deg, flywheel_gains, hood_gains
 

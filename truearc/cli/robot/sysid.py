@@ -22,7 +22,7 @@ from truearc.robot.config.schema import Config, load_config
 from truearc.robot.sysid.program import FLYWHEEL, HOOD
 
 if TYPE_CHECKING:
-    from truearc.sim.sysid.motion import Record
+    from truearc.sim.sysid.fit import Record
 
 EXAMPLE = "truearc sysid --config launcher.toml -o gains.toml --report sysid.html"
 
