@@ -39,7 +39,6 @@ APART = 2.5                           # times the others' gravity, or a share of
 RISEN, NOISES = 0.1, 8.0              # share of its heights, and times its noise, by which a track rises again
 KICK = 4.0                            # times its usual change of the vertical speed in the same time
 WINDOW = 1.0 / 12.0                   # share of a track on either side, in which these speeds are taken
-SAMPLES = 8                           # fewest of a track that is judged
 DIFFERENCES = 20.0                    # variance of a third difference, by that of a sample
 MEDIAN = 0.6745                       # of the size of a normal deviate
 

@@ -78,8 +78,7 @@ TODO = {"hit": "; if it says that it went in, write hit", "miss": "; if it says 
         "miss-low": "; write miss, and low in the column side",
         "miss-high": "; write miss, and high in the column side", "rejected": "; leave the cell empty"}
 CORRECTIONS = {**{text: TODO[word] for text, word in SAID_OF_SHOTS.items()},
-         **dict.fromkeys(("rim", "bounced", "bounced out"), "; write hit if it went in, else miss")}
-
+               **dict.fromkeys(("rim", "bounced", "bounced out"), "; write hit if it went in, else miss")}
 TEXTS = ("session", "ball_id")
 
 # An undeclared column is one of numbers when its cells are, or when some are and its name ends in a unit (then
@@ -100,10 +99,10 @@ MEANT_BY: dict[str, tuple[set[str], tuple[str, ...]]] = {
 }
 # names of columns that are mostly meant as one that is read, where that is not there
 SYNONYMS = {**dict.fromkeys(("time", "time_s", "timestamp", "timestamp_s"), "t_s"), "ball": "ball_id",
-         **dict.fromkeys(("voltage", "voltage_v", "bus_v"), "battery_v"),
-         **dict.fromkeys(("temp", "temp_c"), "temperature_c"),
-         **dict.fromkeys(("exit_velocity_m_s", "velocity_m_s", "speed_m_s"), "exit_speed_m_s"),
-         "spin_rpm": "exit_spin_rpm", "spin_rev_s": "exit_spin_rev_s"}
+            **dict.fromkeys(("voltage", "voltage_v", "bus_v"), "battery_v"),
+            **dict.fromkeys(("temp", "temp_c"), "temperature_c"),
+            **dict.fromkeys(("exit_velocity_m_s", "velocity_m_s", "speed_m_s"), "exit_speed_m_s"),
+            "spin_rpm": "exit_spin_rpm", "spin_rev_s": "exit_spin_rev_s"}
 # names that say the motors' speed otherwise than by motor_ratio, and what to do with their numbers
 MOTOR = re.compile(r"(motors?|flywheels?|shooter)_?(rpm|speed|velocity|rad_?s|rev_?s|rps|deg_?s|percent|pct|output)?"
                    r"(_(rpm|rad_s|rev_s|rps|deg_s|percent|pct))?|rpm|percent_output")
