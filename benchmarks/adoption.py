@@ -35,18 +35,17 @@ from truearc.cli.common import SHIPPED, make_progress
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.gate.contract import NOVELTY_LIMIT
-from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.compute import keep_compiled
 from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.investigate import discover
-from truearc.sim.gate.novelty import fit_novelty
+from truearc.sim.gate.model import fit_novelty
 from truearc.sim.gate.train import OutcomeClasses, outcome_classes_of, train_physics_gate
 from truearc.sim.infer.belief import Belief
-from truearc.sim.metrics import figures_of
-from truearc.sim.paper.network import probabilities
-from truearc.sim.paper.sweep import Job, train_many
-from truearc.sim.paper.synthetic_shots import synthesise
-from truearc.sim.paper.training import split_heldout, training_rows
+from truearc.sim.paper.network import probabilities, split_heldout, training_rows
+from truearc.sim.paper.synthetic import synthesise
+from truearc.sim.paper.train_many import Job, train_many
+from truearc.sim.statistics import figures_of
 from truearc.sim.world.options import Options
 from truearc_proof.rounds.jsonl_store import fill
 from truearc_proof.world.practice import plan_season

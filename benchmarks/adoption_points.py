@@ -11,11 +11,11 @@ from msgspec import UnsetType
 
 import truearc as ta
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.compute import keep_compiled
 from truearc.sim.discover.adopt import make_belief, with_worth
 from truearc.sim.discover.investigate import discover
 from truearc.sim.infer.belief import Belief
-from truearc.sim.metrics import POINTS_THREE, POINTS_TWO
+from truearc.sim.statistics import POINTS_THREE, POINTS_TWO
 from truearc.sim.world.options import Options
 from truearc_proof.table import Table
 from truearc_proof.world.practice import plan_season

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from truearc.sim.intervals import student_half
+from truearc.sim.statistics import student_half
 from truearc_proof.table import Table
 
 HEADER = ("gate", "figure", "before", "after", "after - before, 95 %", "worlds better, worse")

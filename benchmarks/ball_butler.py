@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from truearc.sim.printed import make_text
 from truearc.sim.report import new_figure
-from truearc.sim.tables import make_text
 from truearc_proof.importers.ball_butler import RIG, import_ball_butler
 
 Array = np.ndarray

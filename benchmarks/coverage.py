@@ -16,7 +16,7 @@ from tests.sim.infer.independent import Truth, make_dataset
 from truearc.sim.infer.likelihood.noise import SCATTER_PRIOR
 from truearc.sim.infer.map_fit import fit_map
 from truearc.sim.infer.profile import Z90, deviance_at
-from truearc.sim.intervals import wilson
+from truearc.sim.statistics import wilson
 
 TERMS = ("drag", "magnus", "exit_efficiency")
 LOW, HIGH = 0.86, 0.94                # coverage that every parameter must have

@@ -25,8 +25,8 @@ from truearc.cli.start.demo_acts import Act, Sizes, play_event, practise
 from truearc.cli.start.demo_effects import EFFECTS, NOTHING, WorldChange
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
-from truearc.sim.compile_cache import keep_compiled
-from truearc.sim.tables import make_text
+from truearc.sim.compute import keep_compiled
+from truearc.sim.printed import make_text
 from truearc_proof.rounds.jsonl_store import fill
 
 EVENTS = (NOTHING, *EFFECTS[:4])      # the control, and the effects of the published table

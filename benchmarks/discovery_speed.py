@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.compute import keep_compiled
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.investigate import detect, discover, make_search
 from truearc.sim.discover.report.html_report import make_report

@@ -24,8 +24,9 @@ from benchmarks.suite import Job, world_of
 from benchmarks.tracker_faults import FAULTS, with_fault
 from truearc.cli.common import make_progress
 from truearc.errors import InputError
-from truearc.sim.compile_cache import keep_compiled
-from truearc.sim.data.dataset import Dataset, load_dataset
+from truearc.sim.compute import keep_compiled
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import load_dataset
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.investigate import discover

@@ -24,7 +24,7 @@ from benchmarks.field_table import KINDS, LEVEL, claim_of, flight_names, make_ta
 from benchmarks.suite import Job, plan_jobs, true_parameter, world_of
 from truearc.cli.common import make_progress
 from truearc.errors import InputError
-from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.compute import keep_compiled
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.investigate import Investigation, discover
 from truearc_proof.parallel import fan_out

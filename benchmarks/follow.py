@@ -34,7 +34,7 @@ from truearc.cli.common import SHIPPED, make_progress
 from truearc.cli.start.demo_acts import APART, DISTANCES_M, Act, Sizes, aimed_settings, fire, practise
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
-from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.compute import keep_compiled
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.detect.always_valid import test_change
 from truearc.sim.discover.investigate import discover, follow_shots, score_since, told_by_session

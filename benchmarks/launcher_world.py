@@ -29,7 +29,7 @@ from benchmarks.unseen import heights_m, off_m
 from truearc.cli.common import SHIPPED, make_progress
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
-from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.compute import keep_compiled
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.investigate import Investigation, discover

@@ -17,9 +17,9 @@ from scipy.integrate import solve_ivp
 
 import truearc as ta
 from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Tracker
-from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.compute import keep_compiled
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
-from truearc.sim.tables import make_text
+from truearc.sim.printed import make_text
 from truearc_proof.importers.mpi import import_mpi
 
 MASS, RADIUS, AIR, CD, CL, NOISE_M = 0.14, 0.0889, 1.2, 0.5, 0.12, 0.004

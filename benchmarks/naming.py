@@ -26,10 +26,10 @@ import numpy as np
 
 from benchmarks.filling import fill_and_tell, parser_of
 from truearc.cli.common import make_progress
-from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.compute import keep_compiled
 from truearc.sim.discover.finding import FindingRecord
 from truearc.sim.discover.investigate import discover
-from truearc.sim.tables import make_text
+from truearc.sim.printed import make_text
 from truearc_proof.rounds.jsonl_store import fill
 from truearc_proof.scoring.score_world import right_names
 from truearc_proof.truth.generate import shoot

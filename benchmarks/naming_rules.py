@@ -21,12 +21,12 @@ from unittest.mock import patch
 from benchmarks.filling import fill_and_tell, parser_of
 from benchmarks.naming import Line, answer_of, are_both, is_held
 from truearc.cli.common import make_progress
-from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.compute import keep_compiled
 from truearc.sim.discover.investigate import discover
 from truearc.sim.discover.select import name_effects as rules
 from truearc.sim.discover.select import posterior
 from truearc.sim.infer.baseline_fit import BaselineFit
-from truearc.sim.tables import make_text
+from truearc.sim.printed import make_text
 from truearc_proof.rounds.jsonl_store import fill
 from truearc_proof.scoring.score_world import right_names
 from truearc_proof.truth.generate import shoot

@@ -21,7 +21,7 @@ import numpy as np
 from benchmarks.filling import fill_and_tell, parser_of
 from benchmarks.suite import names_of
 from truearc.cli.common import make_progress
-from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.compute import keep_compiled
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.investigate import detect, make_search
 from truearc.sim.discover.plan.detectability import sight_of
@@ -29,7 +29,7 @@ from truearc.sim.discover.settings import FALSE_ALARM
 from truearc.sim.infer.baseline_fit import BaselineFit, fit_believed
 from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
 from truearc.sim.infer.likelihood.prepared_data import take_in
-from truearc.sim.tables import make_text
+from truearc.sim.printed import make_text
 from truearc_proof.rounds.jsonl_store import fill
 from truearc_proof.scoring.score_finding import in_catalogue
 from truearc_proof.truth.effects import find_effect

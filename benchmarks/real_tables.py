@@ -23,8 +23,8 @@ import numpy as np
 from benchmarks.team_tables import GOAL_M, HOODS, MIDDLES_DEG, NOT_TUNED, rig_of
 from truearc.sim.data.dataset import Shots
 from truearc.sim.physics.simulate import predict
+from truearc.sim.printed import make_text
 from truearc.sim.report import new_figure
-from truearc.sim.tables import make_text
 
 Array = np.ndarray
 TUNED_M = 0.15 * math.sqrt(2.0)       # of two rows, each of which scores: the opening leaves 10 to 15 cm open

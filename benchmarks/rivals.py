@@ -22,14 +22,13 @@ import truearc as ta
 from benchmarks.field_table import claim_of
 from benchmarks.suite import plan_jobs, true_parameter, world_of
 from truearc.robot.config.rig_spec import Ball
-from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.compute import keep_compiled
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.investigate import discover
-from truearc.sim.physics.catalogue import BUILT_IN, Catalogue, catalogue
+from truearc.sim.physics.catalogue import BUILT_IN, Catalogue, catalogue, terms_of_file
 from truearc.sim.physics.flight import path
 from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.plugins import terms_of_file
 from truearc.sim.report import new_figure
 from truearc_proof.importers.ball_drops import import_ball_drops
 from truearc_proof.importers.sepia_drops import import_sepia_drops

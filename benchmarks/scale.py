@@ -27,7 +27,7 @@ from jax import lax
 
 from benchmarks.filling import fill_and_tell, parser_of
 from truearc.cli.common import make_progress
-from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.compute import keep_compiled
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.detect.score_test import Scores, efficient_scores, judge
 from truearc.sim.discover.detect.test_battery import TERMS
@@ -46,9 +46,9 @@ from truearc.sim.infer.likelihood.linearization import (
 from truearc.sim.infer.likelihood.normal_equations import multiply_out
 from truearc.sim.infer.likelihood.prepared_data import Intake, take_in
 from truearc.sim.infer.likelihood.score_table import ScoreTable
-from truearc.sim.intervals import wilson
+from truearc.sim.printed import make_text
 from truearc.sim.report import make_png, new_panels
-from truearc.sim.tables import make_text
+from truearc.sim.statistics import wilson
 from truearc_proof.rounds.jsonl_store import fill
 from truearc_proof.scoring.score_world import right_names
 from truearc_proof.truth.generate import shoot

@@ -22,8 +22,8 @@ from truearc.robot.config.schema import load_config
 from truearc.sim.data.dataset import Shots
 from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.world.emulated_robot import emulate
+from truearc.sim.world.field import BallResult
 from truearc.sim.world.options import Options
-from truearc.sim.world.parts.target import BallResult
 from truearc.sim.world.season import ShotSetting, play_season
 from truearc_proof.table import make_markdown
 

@@ -29,9 +29,9 @@ import truearc as ta
 from truearc.api.terms import joined, names_of
 from truearc.cli.common import make_progress
 from truearc.robot.config.rig_spec import Air, Ball, LauncherFacts, Noise, Rig, Target, Wheel
-from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.check.check import needed_speed
+from truearc.sim.compute import keep_compiled
 from truearc.sim.infer.map_fit import MapFit, fit_map
-from truearc.sim.infer.plausibility.check import needed_speed
 from truearc.sim.physics.term import (
     ANGLE,
     LENGTH,
@@ -46,7 +46,7 @@ from truearc.sim.physics.term import (
     amplitude,
     either_way,
 )
-from truearc.sim.tables import make_text
+from truearc.sim.printed import make_text
 
 Array = np.ndarray
 RPM = 2.0 * math.pi / 60.0

@@ -21,11 +21,9 @@ import numpy as np
 import optax
 from numba import njit
 
-from truearc.sim.paper.network import Layers, initial_layers, logits, standardisation
+from truearc.sim.paper.network import Layers, Rows, cross_entropy, initial_layers, logits, standardisation
 from truearc.sim.paper.settings import Recipe
-from truearc.sim.paper.sweep import Job, make_decks, pack, train_many
-from truearc.sim.paper.sweep_kernel import BATCH, Decks, deal
-from truearc.sim.paper.training import Rows, cross_entropy
+from truearc.sim.paper.train_many import BATCH, Decks, Job, deal, make_decks, pack, train_many
 
 SIZES = (0, 500, 600, 750, 900, 1000, 1250)
 SEEDS = 20

@@ -17,8 +17,9 @@ from truearc.model_export.graph import export_weights
 from truearc.model_export.verify import verify_gate
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
-from truearc.sim.aim.compare import Comparison, SetPoints, compare, load_set_points
-from truearc.sim.data.dataset import Dataset, dataset, load_dataset, load_rig, save_dataset
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import load_dataset, load_rig, save_dataset
+from truearc.sim.data.frames import dataset
 from truearc.sim.data.importers.any_team import import_shots
 from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.infer.belief import Belief, load_belief
@@ -35,13 +36,12 @@ from truearc.sim.physics.term import (
 )
 
 __all__ = [
-    "AimTable", "AirTerm", "ArrivalTerm", "Belief", "Comparison", "Dataset", "Finding", "Fit", "FlightTerm",
-    "Following", "GateTraining", "Identifiability", "InputError", "LaunchTerm", "Parameter", "Pooled", "Prior",
-    "Recording", "Rig", "SensingTerm", "SetPoints", "ShotDesign", "Table", "WatchTerm", "aim", "catalogue", "compare",
-    "dataset", "design_shots", "discover", "emulate", "export_aim", "export_weights", "fit", "follow",
-    "identifiability", "import_shots", "load_belief", "load_config", "load_dataset", "load_finding", "load_rig",
-    "load_set_points", "paper", "pool", "predict", "save_dataset", "shots_from_sessions", "train_gate", "verify_aim",
-    "verify_gate",
+    "AimTable", "AirTerm", "ArrivalTerm", "Belief", "Dataset", "Finding", "Fit", "FlightTerm", "Following",
+    "GateTraining", "Identifiability", "InputError", "LaunchTerm", "Parameter", "Pooled", "Prior", "Recording",
+    "Rig", "SensingTerm", "ShotDesign", "Table", "WatchTerm", "aim", "catalogue", "dataset", "design_shots",
+    "discover", "emulate", "export_aim", "export_weights", "fit", "follow", "identifiability", "import_shots",
+    "load_belief", "load_config", "load_dataset", "load_finding", "load_rig", "paper", "pool", "predict",
+    "save_dataset", "shots_from_sessions", "train_gate", "verify_aim", "verify_gate",
 ]
 
 __version__: str

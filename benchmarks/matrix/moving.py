@@ -14,10 +14,10 @@ from truearc.hw.devices.canandmag.frames import frame_id as encoder_id
 from truearc.hw.emulated.nodes import MotorTruth, Node
 from truearc.hw.protocols import Frame
 from truearc.robot.config.schema import Config
+from truearc.sim.world.drive import Belt
 from truearc.sim.world.emulated_robot import make_nodes
+from truearc.sim.world.hood import COULOMB_NM, Hood
 from truearc.sim.world.options import Options
-from truearc.sim.world.parts.belt import Belt
-from truearc.sim.world.parts.hood import COULOMB_NM, Hood
 from truearc.sim.world.world import World
 
 STEP_NS = 1_000_000                   # the plant is looked at this often

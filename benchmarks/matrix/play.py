@@ -33,7 +33,7 @@ from truearc.cli.main import main as truearc
 from truearc.hw.emulated.nodes import StepClock
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import Config, Prescribed, load_config
-from truearc.sim.world.device_server import keep_time
+from truearc.sim.world.emulated_robot import keep_time
 
 AIM = Prescribed(distance_m=4.0, motor_ratio=0.3, hood_deg=20.0)
 WATCHDOG_MS = 200                     # in real time: a machine that is shared may stall for longer than a robot's

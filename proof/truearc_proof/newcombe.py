@@ -2,7 +2,7 @@
 
 import math
 
-from truearc.sim.intervals import wilson
+from truearc.sim.statistics import wilson
 
 
 def difference(one: tuple[int, int], other: tuple[int, int]) -> tuple[float, float]:

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from truearc.sim.tables import Row, make_text
+from truearc.sim.printed import Row, make_text
 
 
 class Table(NamedTuple):

@@ -39,9 +39,9 @@ from truearc.sim.infer.likelihood.design_columns import is_tracker
 from truearc.sim.infer.likelihood.linearization import linearise
 from truearc.sim.infer.likelihood.prepared_data import Intake
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
-from truearc.sim.metrics import POINTS_THREE
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.nonparametric import CURVE
+from truearc.sim.statistics import POINTS_THREE
 
 Gain = Callable[[ScoreTable, ScoreTable], tuple[float, float]]
 NINETY = 1.645

@@ -27,7 +27,7 @@ from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc.sim.infer.likelihood.shot_columns import every_column
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, catalogue
 from truearc.sim.physics.term import Term
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 
 # Circumstances that compare a shot with the whole session: with each further shot they would be others.
 OF_SESSION = ("age", "battery", "density", "droop")

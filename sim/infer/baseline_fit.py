@@ -28,8 +28,8 @@ from truearc.sim.infer.likelihood.prepared_data import Intake
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue, find_parameter, flight_terms
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS
-from truearc.sim.physics.scales import LOG
-from truearc.sim.progress import Progress, part_of
+from truearc.sim.physics.term_fields import LOG
+from truearc.sim.printed import Progress, part_of
 
 GRID = (-1.0, -0.5, 0.0, 0.5, 1.0)    # of each coefficient's prior, in standard deviations, where the fit may start
 SOME = 96                             # outcomes that the grid looks at

@@ -9,8 +9,8 @@ A coefficients.toml with two more tables, which a fit by likelihood writes and t
     names = ["drag.cd", "scatter.speed"]
     matrix = [[0.01, 0.0], [0.0, 0.04]]
 
-The matrix is that of the numbers on each parameter's own scale (truearc.sim.physics.scales, named by its prior in the
-catalogue; scatters: their logarithm), on which the belief is about normal. The points of a curve
+The matrix is that of the numbers on each parameter's own scale (truearc.sim.physics.term_fields, named by its prior
+in the catalogue; scatters: their logarithm), on which the belief is about normal. The points of a curve
 (truearc.sim.infer.curve) are numbers, too: "curve.free_speed.0", "curve.free_speed.1", ...
 """
 
@@ -30,7 +30,7 @@ from truearc.sim.infer.coefficients import SCHEMA, Coefficients, coefficients_in
 from truearc.sim.infer.curve import Curve, read_curves, write_curve
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, catalogue, find_parameter
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS
-from truearc.sim.physics.scales import LINEAR, LOG, fits_scale, from_scale, to_scale
+from truearc.sim.physics.term_fields import LINEAR, LOG, fits_scale, from_scale, to_scale
 from truearc.sim.printed import Printed
 
 SCATTERS = ("speed", "elevation_deg")

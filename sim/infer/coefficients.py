@@ -17,7 +17,7 @@ from typing import Any
 
 from truearc.errors import InputError, load_text, parse_table
 from truearc.sim.physics.catalogue import Catalogue, find_terms
-from truearc.sim.physics.scales import LOG
+from truearc.sim.physics.term_fields import LOG
 
 SCHEMA = "truearc.coefficients/1"
 APART = ("schema", "scatter", "covariance", "curve", "provenance")

@@ -10,7 +10,7 @@ from truearc.sim.infer.likelihood.linearization import LinearizationPoint, linea
 from truearc.sim.infer.likelihood.outcome_likelihood import class_chances
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc.sim.infer.map_fit import MapFit
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 
 FOLDS = 5
 STEPS = {"distance_m": 0.1, "hood_deg": 1.0, "motor_ratio": 0.01}      # shots within one step are one configuration

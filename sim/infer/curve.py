@@ -25,9 +25,9 @@ from scipy.interpolate import CubicSpline
 
 from truearc.errors import InputError, reworded
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.data.conditions import Circumstances
+from truearc.sim.data.conditions import ORDINARY, Circumstances
 from truearc.sim.data.dataset import Shots
-from truearc.sim.physics.simulate import ORDINARY, launch_state
+from truearc.sim.physics.simulate import launch_state
 
 Columns = Mapping[str, Any]           # name -> numbers [n], or texts (n of them)
 Curves = Mapping[str, "Curve"]        # by the term of truearc.sim.physics.nonparametric that takes it

@@ -10,8 +10,8 @@ from truearc.sim.infer.likelihood.design_columns import is_tracker
 from truearc.sim.infer.likelihood.score_table import Column, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue, find_terms
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS
-from truearc.sim.physics.scales import fits_scale
 from truearc.sim.physics.term import WatchTerm, complete
+from truearc.sim.physics.term_fields import fits_scale
 
 
 def belongs(column: Column, among: Catalogue) -> bool:

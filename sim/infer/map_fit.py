@@ -16,7 +16,7 @@ from truearc.sim.infer.likelihood.prepared_data import take_in
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc.sim.infer.parameters import Sought, sought_of
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from truearc.errors import whole_file
 from truearc.sim.infer.baseline_fit import limits_of
 from truearc.sim.infer.held_out import log_posterior
 from truearc.sim.infer.map_fit import MapFit
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 
 PROPOSED = 4                          # proposals for each draw, and no fewer than LEAST
 LEAST = 1000

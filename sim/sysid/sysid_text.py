@@ -113,8 +113,7 @@ def make_fragment(title: str, fits: Mapping[str, SysidFit], config: Config | Non
 def _open_loop(fit: SysidFit) -> list[str]:
     ks, kv = line(fit)
     unit = fit.record.unit
-    return ["[feedforward]", _key(f"ks_{unit}", ks), _key(f"kv_{unit}_s", kv),
-            _key(f"ka_{unit}_s2", fit.numbers["ka"])]
+    return ["[feedforward]", _key(f"ks_{unit}", ks), _key(f"kv_{unit}_s", kv), _key(f"ka_{unit}_s2", fit.numbers["ka"])]
 
 
 def _flywheel(fit: SysidFit, gains: Gains) -> list[str]:

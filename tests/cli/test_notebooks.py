@@ -13,7 +13,7 @@ import pytest
 from tests.proof.importers.test_import_ball_butler import recording, throw
 from tests.proof.importers.test_import_recordings import flight, record
 from tools.notebooks import HOME, execute
-from truearc.sim.data.dataset import load_dataset
+from truearc.sim.data.files import load_dataset
 
 BOOKS = sorted(HOME.glob("*.ipynb"))
 LARGEST = 300_000                     # bytes of a notebook with its pictures

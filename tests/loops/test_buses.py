@@ -35,8 +35,7 @@ from truearc.robot.rig import HardwareRig
 from truearc.robot.tick import step
 from truearc.robot.types import Memory, Sighting
 from truearc.robot.vision_source import InlineEyes
-from truearc.sim.world.device_server import keep_time, open_device_bus
-from truearc.sim.world.emulated_robot import make_nodes
+from truearc.sim.world.emulated_robot import keep_time, make_nodes, open_device_bus
 
 LIMIT_S = 240.0
 

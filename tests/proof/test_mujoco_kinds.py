@@ -10,7 +10,7 @@ import pytest
 from benchmarks.unseen import heights_m
 from truearc import robot
 from truearc.robot.config.schema import load_config
-from truearc.sim.data.dataset import load_dataset
+from truearc.sim.data.files import load_dataset
 from truearc.sim.physics.term import STAGES
 from truearc.sim.world.options import Options
 from truearc.sim.world.season import Season, ShotSetting

@@ -12,7 +12,7 @@ import pytest
 from tests.proof.forging import ask, chain_anew
 from tests.proof.playing import prove, quiet
 from truearc.errors import InputError
-from truearc.sim.data.dataset import load_dataset
+from truearc.sim.data.files import load_dataset
 from truearc_proof.rounds.commitment import load_seal
 from truearc_proof.rounds.committer import RoundPlan, answer_round, load_plan, seal_round
 from truearc_proof.rounds.grader import grade_round

@@ -9,8 +9,7 @@ import pytest
 from benchmarks.suite import Job, amount_of, true_parameter
 from tests.proof.test_truth_flight import quiet
 from tests.sim.physics.tracker import watch
-from truearc.sim.data.conditions import Circumstances
-from truearc.sim.data.shot_conditions import circumstances_of
+from truearc.sim.data.conditions import Circumstances, circumstances_of
 from truearc.sim.physics.simulate import opening_of, predict
 from truearc.sim.physics.vector import Vec
 from truearc_proof.scoring.score_finding import PARAMETER

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from truearc.errors import InputError
-from truearc.sim.data.dataset import load_dataset
+from truearc.sim.data.files import load_dataset
 from truearc_proof.truth.effects import UNCATALOGUED, find_effect
 from truearc_proof.truth.followup import Asked
 from truearc_proof.truth.generate import shoot

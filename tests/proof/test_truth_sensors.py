@@ -9,7 +9,7 @@ from scipy import stats
 from tests.proof.test_truth_flight import quiet
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Noise
-from truearc.sim.data.dataset import hash_dataset, load_dataset
+from truearc.sim.data.files import hash_dataset, load_dataset
 from truearc_proof.truth.effects import EFFECTS
 from truearc_proof.truth.flight import at
 from truearc_proof.truth.generate import play, shoot, write

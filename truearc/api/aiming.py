@@ -16,18 +16,13 @@ from truearc.errors import InputError, naming, whole_file
 from truearc.robot.aim_file import check_rig, load_aim
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.unit_table import CONVERTED
-from truearc.sim.aim import snippets
-from truearc.sim.aim.export import AimCheck, aim_bytes, check_aim_file
-from truearc.sim.aim.make_table import make_rows
-from truearc.sim.aim.plot import draw_aim
-from truearc.sim.aim.set_point import AimRow
+from truearc.sim.aim.export import TEAMS, AimCheck, aim_bytes, check_aim_file, cpp_text, java_text
+from truearc.sim.aim.make_table import RPM, AimRow, draw_aim, make_rows
+from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.infer.belief import Belief
-from truearc.sim.infer.plausibility.check import check_plausible
-from truearc.sim.metrics import POINTS_TWO
-from truearc.sim.printed import Printed
-from truearc.sim.progress import Progress
-from truearc.sim.tables import make_text
+from truearc.sim.printed import Printed, Progress, make_text
+from truearc.sim.statistics import POINTS_TWO
 
 SCHEMA = "truearc.aim_table/1"
 HEADER = ("m", "hood deg", "motor rpm", "P(two)", "P(three)", "points", "-10 cm", "-1 deg", "-50 rpm")
@@ -80,14 +75,14 @@ class AimTable(Printed):
             worth = ([f"{-points / POINTS_TWO:+.0%}".replace("-0%", "0%") for points in lost] if hits
                      else [f"{one.p_three:.0%}", f"{one.points:.2f}", *(f"{points:.2f}" for points in lost)])
             rows.append((f"{one.distance_m / metres:.2f}", f"{one.hood_deg:.1f}",
-                         f"{one.motor_rad_s * snippets.RPM:.0f}", f"{one.p_two:.0%}", *worth,
+                         f"{one.motor_rad_s * RPM:.0f}", f"{one.p_two:.0%}", *worth,
                          *([f"{one.lead_deg:+.1f}"] if turned else []), one.note))
         refused = [f"{distance_m / metres:.2f} {unit}: no set point: {why}" for distance_m, why in self.refused]
         return [*make_text(head, rows, right=range(len(head) - 1)), *refused]
 
     def to_text(self, form: str) -> str:
         """Return the table in a form: text, csv, json, java, cpp, or as a team's public code has its tables."""
-        return FORMATS[form](self) if form in FORMATS else snippets.TEAMS[form](self.rows)
+        return FORMATS[form](self) if form in FORMATS else TEAMS[form](self.rows)
 
     def table(self) -> Table:
         """Return every number, a row per distance."""
@@ -105,11 +100,11 @@ class AimTable(Printed):
 
     def to_java(self) -> str:
         """Return statements that fill WPILib's InterpolatingDoubleTreeMap: hood in degrees, motor in rpm."""
-        return snippets.java_text(self.rows)
+        return java_text(self.rows)
 
     def to_cpp(self) -> str:
         """Return a C++ array of distance in m, hood in degrees and motor in rpm."""
-        return snippets.cpp_text(self.rows)
+        return cpp_text(self.rows)
 
     def plot(self) -> Any:
         """Return a Matplotlib figure: hood angle, motor speed with the band that scores, and probabilities."""

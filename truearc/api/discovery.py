@@ -12,8 +12,9 @@ from truearc.api.finding_report import FindingReport
 from truearc.api.terms import check_kind, names_of
 from truearc.errors import InputError, about, save_whole
 from truearc.hw.real.clock import wall_clock
+from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.data.load import hash_dataset
+from truearc.sim.data.files import hash_dataset
 from truearc.sim.discover import investigate as engine
 from truearc.sim.discover.adopt import make_belief, with_worth
 from truearc.sim.discover.finding import FindingRecord
@@ -23,10 +24,9 @@ from truearc.sim.discover.settings import FALSE_ALARM, check_chances
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.likelihood.design_columns import check_believed
 from truearc.sim.infer.likelihood.external_measurements import Measurement, column_of
-from truearc.sim.infer.plausibility.check import check_plausible
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.physics.term import Term
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 from truearc.sim.report import Origin
 
 IN_PYTHON = "made in Python"          # in place of a command line
@@ -114,7 +114,7 @@ def discover(dataset: Dataset, *, belief: Belief | None = None, believe: Iterabl
         measured: {term: (value, standard deviation)} of amplitudes measured without a shot, in the term's unit.
         seed: Of everything drawn at random; the same data and seed give the same finding.
         false_alarm: Probability of a finding where nothing is missing, 0.002 to 1.
-        accept: Names of plausibility checks (truearc.sim.infer.plausibility) whose objections are accepted; recorded.
+        accept: Names of plausibility checks (truearc.sim.check) whose objections are accepted; recorded.
         progress: Called with the share done, 0 to 1, and a note.
 
     Code is compiled in each process; set JAX_COMPILATION_CACHE_DIR to keep it on disk.

@@ -13,21 +13,19 @@ from matplotlib.figure import Figure
 from truearc.api.table import Table
 from truearc.api.terms import check_kind, joined, names_of
 from truearc.errors import InputError, whole_file
-from truearc.sim.data.dataset import Dataset, hash_dataset
+from truearc.sim.check.check import check_plausible
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import hash_dataset
 from truearc.sim.infer.advise import Proposal, advise
 from truearc.sim.infer.belief import Belief, launcher_of, point_belief, ranges_of
 from truearc.sim.infer.crossval import CrossValidation, cross_validate
 from truearc.sim.infer.fit_text import fit_lines
 from truearc.sim.infer.map_fit import MapFit, fit_map
-from truearc.sim.infer.plausibility.check import check_plausible
 from truearc.sim.infer.profile import ProfileInterval, profile_interval
-from truearc.sim.paper.grid_fit import GridFit, fit_grid, map_deviation
-from truearc.sim.paper.grid_report import draw_map, explain, provenance_of
-from truearc.sim.paper.score import Score, score
+from truearc.sim.paper.grid_fit import GridFit, Score, draw_map, explain, fit_grid, map_deviation, provenance_of, score
 from truearc.sim.paper.settings import STEP
 from truearc.sim.physics.term import Term
-from truearc.sim.printed import Printed
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Printed, Progress
 
 if TYPE_CHECKING:
     from truearc.sim.infer.posterior import Posterior
@@ -164,7 +162,7 @@ def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: 
         method: "map": maximum a posteriori of all records, with 90 % intervals. "grid": the paper's search over drag
             and lift by outcomes alone; terms do not apply.
         step: Grid only: distance of neighbouring coefficients; divides 5.
-        accept: Names of plausibility checks (truearc.sim.infer.plausibility) whose objections are accepted; recorded.
+        accept: Names of plausibility checks (truearc.sim.check) whose objections are accepted; recorded.
         progress: Called with the share done, 0 to 1, and a note.
 
     Returns:

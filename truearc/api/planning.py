@@ -13,8 +13,9 @@ from truearc.api.terms import check_kind, names_of
 from truearc.errors import InputError, save_whole
 from truearc.hw.real.clock import wall_clock
 from truearc.robot.config.rig_spec import Rig
+from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.load import hash_dataset
+from truearc.sim.data.files import hash_dataset
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.plan.detectability import Sight
 from truearc.sim.discover.plan.expected_information import foresee, foresee_dataset, is_planned
@@ -22,11 +23,9 @@ from truearc.sim.discover.plan.experiment_design import can_design, make_design
 from truearc.sim.discover.report.design_report import SCHEMA, design_lines, design_table
 from truearc.sim.discover.report.identifiability_report import make_sight_page, sight_lines
 from truearc.sim.discover.settings import CONFIGURATIONS, LEVEL, PLANNED_SHOTS, SEASON_SHOTS
-from truearc.sim.infer.plausibility.check import check_plausible
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.physics.term import Term
-from truearc.sim.printed import Printed
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Printed, Progress
 from truearc.sim.report import Origin
 
 TERM_COLUMNS = ("term", "stage", "unit", "usual", "smallest", "power", "shots_needed", "share_left", "like",

@@ -12,15 +12,15 @@ from truearc.errors import InputError
 from truearc.model_export.verify import HEADER as RATING_COLUMNS
 from truearc.model_export.verify import rate_shots
 from truearc.robot.gate.model import load_gate
+from truearc.sim.check.check import check_plausible
+from truearc.sim.data.conditions import circumstances_of
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.curve import along
 from truearc.sim.infer.likelihood.shot_columns import every_column
-from truearc.sim.infer.plausibility.check import check_plausible
 from truearc.sim.physics.simulate import classify, opening_of
 from truearc.sim.physics.simulate import predict as fly_shots
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 
 ROUNDING = 1e-6                       # of a fitted range: a converted unit is not outside it
 COLUMNS = ("shot_id", "height_m", "deviation_m", "outcome", "note")

@@ -5,8 +5,7 @@ import io
 from dataclasses import dataclass
 from typing import Any
 
-from truearc.sim.printed import Printed
-from truearc.sim.tables import make_text
+from truearc.sim.printed import Printed, make_text
 
 
 @dataclass(frozen=True)

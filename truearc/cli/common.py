@@ -13,7 +13,7 @@ from truearc.errors import InputError, load_text, parse_table, save_whole
 from truearc.hw.real.clock import wall_clock
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 
 if TYPE_CHECKING:                     # imports JAX, which --help does without
     from truearc.sim.physics.catalogue import Catalogue
@@ -119,8 +119,7 @@ def catalogue_of(args: argparse.Namespace) -> "Catalogue":
     Raises:
         InputError: names the file or distribution whose terms cannot be loaded, are incomplete, or have a taken name.
     """
-    from truearc.sim.physics.catalogue import Catalogue, catalogue
-    from truearc.sim.physics.plugins import terms_of_file
+    from truearc.sim.physics.catalogue import Catalogue, catalogue, terms_of_file
     known = catalogue()
     for path in args.terms_from or ():
         known = Catalogue((*known, *terms_of_file(path, known)))
@@ -154,7 +153,7 @@ def load_any_rig(path: str) -> Rig:
         is_launcher = "rig" in parse_table(load_text(path), path)
     except InputError:
         is_launcher = False           # the loader below names what is wrong
-    from truearc.sim.data.rig import load_rig, states_three
+    from truearc.sim.data.files import load_rig, states_three
     if is_launcher:
         return load_config(path).rig
     rig = load_rig(path)

@@ -29,13 +29,13 @@ from truearc.model_export.verify import verify_gate
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.config.shot_map import OUTCOMES
 from truearc.robot.recording.session import load_trials
-from truearc.sim.compile_cache import keep_compiled
-from truearc.sim.data.dataset import save_dataset
+from truearc.sim.compute import keep_compiled
+from truearc.sim.data.files import save_dataset
 from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.report.finding_text import say_adopted
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.options import Options
 from truearc_proof.newcombe import difference

@@ -9,7 +9,7 @@ from msgspec import structs
 
 from truearc.cli.common import make_progress, origin_of
 from truearc.errors import InputError
-from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.compute import keep_compiled
 from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS
 from truearc_proof.cli.prove_apart import solve_apart
 from truearc_proof.cli.prove_check import check_packed

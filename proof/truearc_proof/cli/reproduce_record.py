@@ -9,7 +9,7 @@ from typing import NamedTuple
 from truearc.errors import InputError
 from truearc.robot.config.schema import is_hash_of
 from truearc.robot.recording.session import CAN, FRAMES, load_header
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 from truearc.sim.world.emulated_robot import emulate
 from truearc_proof.parallel import fan_out
 from truearc_proof.reproduce.collect import Record, Recording

@@ -8,8 +8,8 @@ from pathlib import Path
 from truearc.cli.common import SHIPPED, make_progress, origin_of
 from truearc.errors import InputError
 from truearc.robot.config.schema import load_config
-from truearc.sim.data.dataset import save_dataset
-from truearc.sim.progress import Progress
+from truearc.sim.data.files import save_dataset
+from truearc.sim.printed import Progress
 from truearc_proof.cli.reproduce_record import make_record
 from truearc_proof.parallel import fan_out
 from truearc_proof.reproduce.analysis import analyse

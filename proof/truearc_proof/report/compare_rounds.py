@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import fisher_exact
 
-from truearc.sim.intervals import wilson
+from truearc.sim.statistics import wilson
 from truearc_proof.report.figures import TITLES, ProofFigure, figures_of
 from truearc_proof.scoring.score_world import Mark
 from truearc_proof.table import Table

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from statistics import median
 from typing import Any, NamedTuple
 
-from truearc.sim.intervals import wilson
+from truearc.sim.statistics import wilson
 from truearc_proof.scoring.decoys import has_decoy, named_decoy, up_to_alias
 from truearc_proof.scoring.score_world import Mark
 from truearc_proof.worlds.sampling_plan import ALIKE, NUMPY

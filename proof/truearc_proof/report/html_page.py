@@ -3,8 +3,8 @@
 
 from collections.abc import Sequence
 
-from truearc.sim.intervals import wilson
 from truearc.sim.report import NO_ORIGIN, Origin, make_page, paragraph, picture, table
+from truearc.sim.statistics import wilson
 from truearc_proof.report.plots import chance_png, ladder_png, matrix_png, reliability_png
 from truearc_proof.report.tables import Question, ladder_of, share
 from truearc_proof.rounds.ledger import Entry

@@ -6,8 +6,8 @@ from itertools import pairwise
 import numpy as np
 from matplotlib.axes import Axes
 
-from truearc.sim.intervals import wilson
 from truearc.sim.report import make_png, new_figure
+from truearc.sim.statistics import wilson
 from truearc_proof.report.tables import VERDICTS, ladder_of, matrix_of
 from truearc_proof.scoring.score_world import NULLS, Mark
 

@@ -6,7 +6,7 @@ They were set before the solver was, with the measurements of the procedure that
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from truearc.sim.intervals import wilson
+from truearc.sim.statistics import wilson
 from truearc_proof.report.figures import figures_of, worse_in_test
 from truearc_proof.scoring.decoys import up_to_alias
 from truearc_proof.scoring.score_world import Mark

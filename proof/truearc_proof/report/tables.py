@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 from operator import attrgetter
 
-from truearc.sim.intervals import wilson
+from truearc.sim.statistics import wilson
 from truearc_proof.report.figures import kept_in_test, worse_in_test
 from truearc_proof.report.posterior_targets import posterior_rows
 from truearc_proof.report.targets import against_targets

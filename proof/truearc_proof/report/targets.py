@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from truearc.sim.intervals import wilson
+from truearc.sim.statistics import wilson
 from truearc_proof.report.figures import RESOLVABLE, TITLES, ProofFigure, figures_of
 from truearc_proof.scoring.score_world import Mark
 

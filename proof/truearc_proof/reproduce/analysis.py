@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.sim.paper.sweep_settings import SweepSetting
+from truearc.sim.paper.sweep import SweepSetting
 from truearc_proof.reproduce.intervals import Interval, interval
 from truearc_proof.reproduce.metrics import Metrics, measure
 from truearc_proof.reproduce.networks import Answer

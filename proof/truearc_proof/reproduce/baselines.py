@@ -16,7 +16,7 @@ from sklearn.model_selection import GridSearchCV, StratifiedKFold
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
-from truearc.sim.paper.training import Rows
+from truearc.sim.paper.network import Rows
 
 FOLDS = 5
 Predict = Callable[[np.ndarray], np.ndarray]

@@ -18,11 +18,10 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import Config, Prescribed
 from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.recordings import shots_from_sessions
-from truearc.sim.data.repeatability_labels import label_by_repeatability
+from truearc.sim.data.recordings import label_by_repeatability, shots_from_sessions
 from truearc.sim.paper.grid_fit import fit_grid
-from truearc.sim.paper.synthetic_data import AXES, SHAPE, grid_shots, label_grid, sample_balanced, taken_configurations
-from truearc.sim.progress import Progress
+from truearc.sim.paper.synthetic import AXES, SHAPE, grid_shots, label_grid, sample_balanced, taken_configurations
+from truearc.sim.printed import Progress
 from truearc_proof.reproduce.aiming import RATIOS, Aiming, intentions, learn_aiming, propose
 from truearc_proof.reproduce.draws import draw
 from truearc_proof.reproduce.settings import Settings

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.sim.intervals import student_half
+from truearc.sim.statistics import student_half
 
 RESAMPLES = 4000
 

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.sim import metrics as figures
+from truearc.sim import statistics as figures
 
 CUT = 0.5
 CLASSES = {"miss": (False, False), "two": (True, False), "three": (True, True)}
@@ -16,7 +16,7 @@ class Metrics(NamedTuple):
     `accuracy`: rows whose outcome (of three) is called right. `class_three`, `class_two`: of the rows of that outcome,
     those called right, which is what the paper's "F1" is. `f1_three`, `f1_two`: F1 proper of that outcome against the
     others. `brier`: mean squared error of the probabilities, over rows and both outputs. `ece`: calibration error
-    expected over truearc.sim.metrics.BINS equal bins of both outputs' probabilities, that is the mean over
+    expected over truearc.sim.statistics.BINS equal bins of both outputs' probabilities, that is the mean over
     predictions of |share of hits - mean probability| of their bin.
     """
 
@@ -48,7 +48,7 @@ def _of_class(said: np.ndarray, was: np.ndarray, outcome: str) -> tuple[float, f
 
 
 def calibration_error(p: np.ndarray, labels: np.ndarray) -> float:
-    """Expected calibration error of truearc.sim.metrics, both outputs together; NaN of nothing."""
+    """Expected calibration error of truearc.sim.statistics, both outputs together; NaN of nothing."""
     return figures.calibration_error(p.ravel(), labels.ravel()) if len(p) else float("nan")
 
 

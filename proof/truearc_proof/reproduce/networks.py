@@ -7,9 +7,9 @@ import numpy as np
 
 from truearc.sim.paper.network import probabilities
 from truearc.sim.paper.settings import Recipe
-from truearc.sim.paper.sweep import Job, train_many
-from truearc.sim.paper.sweep_settings import SweepSetting
-from truearc.sim.progress import Progress
+from truearc.sim.paper.sweep import SweepSetting
+from truearc.sim.paper.train_many import Job, train_many
+from truearc.sim.printed import Progress
 from truearc_proof.reproduce.repetition import Repetition
 from truearc_proof.reproduce.settings import Settings
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from truearc.sim.data.columns import OUTCOMES
-from truearc.sim.data.load import hash_dataset
-from truearc.sim.paper.sweep_settings import SweepSetting
+from truearc.sim.data.files import hash_dataset
+from truearc.sim.paper.sweep import SweepSetting
+from truearc.sim.printed import save_csv
 from truearc.sim.report import NO_ORIGIN, Origin, make_page, make_png, paragraph, picture, table
-from truearc.sim.tables import save_csv
 from truearc_proof.reproduce.analysis import BY_TEST, BY_VALIDATION, EVERYTHING, PAPERS, Analysis
 from truearc_proof.reproduce.collect import LAUNCHABLE, Pool
 from truearc_proof.reproduce.intervals import Interval

@@ -6,10 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from truearc.sim.metrics import reliability
-from truearc.sim.paper.sweep_settings import SweepSetting
-from truearc.sim.plots import COLOURS
-from truearc.sim.report import new_figure
+from truearc.sim.paper.sweep import SweepSetting
+from truearc.sim.report import COLOURS, new_figure
+from truearc.sim.statistics import reliability
 from truearc_proof.reproduce import paper
 from truearc_proof.reproduce.analysis import EVERYTHING, REAL, SIMULATED, Analysis, network_name
 from truearc_proof.reproduce.intervals import interval

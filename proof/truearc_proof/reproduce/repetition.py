@@ -9,10 +9,9 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.gate.train import train_physics_gate
 from truearc.sim.infer.map_fit import fit_map
-from truearc.sim.paper.grid_fit import fit_grid
-from truearc.sim.paper.score import Score, score
-from truearc.sim.paper.synthetic_data import grid_shots, label_grid, sample_balanced, taken_configurations
-from truearc.sim.paper.training import LABELS, Rows, training_rows
+from truearc.sim.paper.grid_fit import Score, fit_grid, score
+from truearc.sim.paper.network import LABELS, Rows, training_rows
+from truearc.sim.paper.synthetic import grid_shots, label_grid, sample_balanced, taken_configurations
 from truearc.sim.physics.simulate import classify, predict
 from truearc_proof.reproduce.baselines import fit_baselines
 from truearc_proof.reproduce.collect import Pool

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from truearc.sim.metrics import BINS
-from truearc.sim.paper.sweep_settings import SweepSetting
+from truearc.sim.paper.sweep import SweepSetting
+from truearc.sim.statistics import BINS
 from truearc_proof.reproduce import paper
 from truearc_proof.reproduce.analysis import (
     BY_TEST,

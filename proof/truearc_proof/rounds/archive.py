@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from truearc.errors import MAX_BYTES, InputError
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 from truearc_proof.rounds.commitment import load_seal
 from truearc_proof.rounds.committer import answer, asked_of, entropy
 from truearc_proof.rounds.grader import Graded, check_draw, check_world, graded_of, left_out, mark_world

@@ -18,7 +18,7 @@ import msgspec
 from msgspec import Struct
 
 from truearc.errors import InputError
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 from truearc_proof.parallel import fan_out
 from truearc_proof.rounds.claims_schema import load_claims
 from truearc_proof.rounds.commitment import canonical, hash_files, load_seal, make_seal, save_seal

@@ -9,9 +9,10 @@ import msgspec
 from msgspec import Struct, structs
 
 from truearc.errors import InputError
-from truearc.sim.data.dataset import Dataset, load_dataset
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import load_dataset
 from truearc.sim.infer.belief import from_table
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 from truearc_proof.parallel import fan_out
 from truearc_proof.rounds.claims_schema import load_claims
 from truearc_proof.rounds.commitment import canonical, check_data, hash_files, load_seal

@@ -24,12 +24,12 @@ import truearc as ta
 import truearc.api
 import truearc.sim
 import truearc_proof
+from truearc.sim.check.check import CHECKS
 from truearc.sim.data.dataset import join_datasets
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.infer.belief import as_table, from_table
-from truearc.sim.infer.plausibility.check import CHECKS
 from truearc.sim.physics.catalogue import BUILT_IN
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 from truearc_proof.parallel import fan_out
 from truearc_proof.rivals.claim import believed_of
 from truearc_proof.rivals.registry import find_rival

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from truearc.sim.data.conditions import counts_shots
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.data.shot_conditions import counts_shots
 from truearc.sim.discover.select.refit import refit
 from truearc.sim.discover.select.term_ranking import efficient
 from truearc.sim.infer.baseline_fit import BaselineFit, fit_believed

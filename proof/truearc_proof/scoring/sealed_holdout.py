@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from truearc.sim.data.conditions import circumstances_of
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.curve import along
 from truearc.sim.infer.likelihood.shot_columns import every_column

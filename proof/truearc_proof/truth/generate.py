@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.sim.data.dataset import Dataset, Shots, save_dataset
+from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.data.files import save_dataset
 from truearc_proof.truth.aiming import Flown, aim, fly_shots, shoot_all
 from truearc_proof.truth.launch import draw_luck, wheel_speeds
 from truearc_proof.truth.plan import Floats, Plan, plan_shots

@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 
 from truearc.sim.world.bench import Bench
+from truearc.sim.world.field import CENTRE_HEIGHT_M
 from truearc.sim.world.options import Options
-from truearc.sim.world.parts.target import CENTRE_HEIGHT_M
 from truearc.sim.world.season import ShotSetting
 from truearc.sim.world.world import World
 from truearc_proof.world.season import ball_from_muzzle

@@ -10,11 +10,11 @@ import numpy as np
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.shot_map import OUTCOMES
 from truearc.sim.data.dataset import Tracks
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 from truearc.sim.world import season
 from truearc.sim.world.bench import Ball
+from truearc.sim.world.field import Pose
 from truearc.sim.world.options import Options
-from truearc.sim.world.parts.chassis import Pose
 from truearc.sim.world.season import Season, ShotSetting, Trial
 from truearc.sim.world.world import World
 

@@ -11,7 +11,8 @@ from msgspec import structs
 from truearc import robot
 from truearc.robot.config.rig_spec import Believe
 from truearc.robot.config.schema import load_config
-from truearc.sim.data.dataset import Dataset, save_dataset
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import save_dataset
 from truearc.sim.world.options import Options
 from truearc.sim.world.season import Season, ShotSetting
 from truearc_proof.rounds.commitment import canonical

@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
+from truearc.sim.data.conditions import ORDINARY
 from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
 from truearc.sim.discover.plan.detectability import Sight, sight_of
 from truearc.sim.discover.settings import LEVELS, SEASON_SHOTS
@@ -24,8 +25,8 @@ from truearc.sim.infer.likelihood.prepared_data import Intake, take_in
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue, effective, find_terms, flight_terms
 from truearc.sim.physics.flight import path
-from truearc.sim.physics.simulate import ORDINARY, by_robot, launch_of, leave, predict, sense
-from truearc.sim.progress import Progress
+from truearc.sim.physics.simulate import by_robot, launch_of, leave, predict, sense
+from truearc.sim.printed import Progress
 
 FEW = 5                               # results, from which a dataset speaks for itself
 TRIED = 2                             # configurations drawn for every one wanted

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from truearc.sim.check.flaw import RPM
 from truearc.sim.data.columns import SPIN_VECTOR
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.detect.test_battery import name_of
@@ -14,7 +15,6 @@ from truearc.sim.discover.report.effect_wording import IN_FLIGHT
 from truearc.sim.discover.select.name_effects import Step
 from truearc.sim.discover.select.refit import Refit
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
-from truearc.sim.infer.plausibility.flaw import RPM
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.term import Term, WatchTerm
 

@@ -19,9 +19,9 @@ from truearc.sim.discover.report.finding_plots import curve_png, field_png, flig
 from truearc.sim.discover.report.identifiability_report import sight_section, sight_sentence
 from truearc.sim.discover.select.name_effects import Step
 from truearc.sim.infer.likelihood.score_table import Array
-from truearc.sim.metrics import POINTS_THREE
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.report import NO_ORIGIN, Origin, make_page, make_png, paragraph, picture, table
+from truearc.sim.statistics import POINTS_THREE
 
 HERE = files("truearc.sim.discover.report")
 STYLE = (HERE / "finding.css").read_text(encoding="utf-8")

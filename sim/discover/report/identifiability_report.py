@@ -8,8 +8,8 @@ from truearc.sim.discover.plan.detectability import TAKEN, Fittable, Sight, Term
 from truearc.sim.discover.report.effect_wording import plain, size_of
 from truearc.sim.discover.report.finding_plots import sight_png
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
+from truearc.sim.printed import make_text
 from truearc.sim.report import NO_ORIGIN, Origin, make_page, paragraph, picture, table
-from truearc.sim.tables import make_text
 
 MOST_SHOTS = 10_000                   # beyond which the number is no longer said
 NEXT = 4                              # effects beyond what is shown that a summary lists

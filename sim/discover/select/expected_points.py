@@ -29,8 +29,7 @@ from truearc.sim.infer.likelihood.noise import LAPSE
 from truearc.sim.infer.likelihood.outcome_likelihood import OutcomeObservations
 from truearc.sim.infer.likelihood.prepared_data import Intake
 from truearc.sim.infer.likelihood.score_table import PlaneScores, ScoreTable
-from truearc.sim.matrices import invert
-from truearc.sim.metrics import POINTS_THREE, POINTS_TWO
+from truearc.sim.statistics import POINTS_THREE, POINTS_TWO, invert
 
 THRESHOLD = 0.3                       # of P(three), as launcher.toml ships it
 FEWEST = 20                           # outcomes by which forecasts are compared with plain shares

@@ -14,7 +14,7 @@ from scipy.linalg import block_diag
 
 from truearc.sim.infer.held_out import fit_linear
 from truearc.sim.infer.likelihood.score_table import Array, PlaneScores, ScoreTable
-from truearc.sim.matrices import invert
+from truearc.sim.statistics import invert
 
 KNOTS = 8
 LENGTHS = (0.15, 0.4, 1.0)            # of a Gaussian process, as shares of its covariate's range

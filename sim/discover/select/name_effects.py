@@ -21,7 +21,7 @@ from truearc.sim.discover.select.term_ranking import NEVER, Naming, name_terms
 from truearc.sim.infer.baseline_fit import BaselineFit
 from truearc.sim.infer.held_out import clustered_error, folds_of, unseen_score, without
 from truearc.sim.infer.likelihood.score_table import Array, Column
-from truearc.sim.progress import Progress, part_of
+from truearc.sim.printed import Progress, part_of
 
 DRAWS = 999                           # after the first step, whose probability is the one that is promised
 SURE = 0.9                            # probability of one name, or that a set holds of what is explained

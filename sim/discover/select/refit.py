@@ -16,8 +16,8 @@ from truearc.sim.infer.held_out import without
 from truearc.sim.infer.likelihood.linearization import LinearizationPoint, ParameterLayout, linearise
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import find_terms
-from truearc.sim.physics.scales import from_scale, to_scale
 from truearc.sim.physics.term import Parameter
+from truearc.sim.physics.term_fields import from_scale, to_scale
 
 NEVER = -1e6                          # nats, of what does not fly
 FARTHEST = 3.0                        # standard deviations from a shape parameter's prior centre: the end of the search

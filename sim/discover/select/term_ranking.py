@@ -17,7 +17,7 @@ from truearc.sim.infer.baseline_fit import BaselineFit, rough_likelihood, usual_
 from truearc.sim.infer.likelihood.external_measurements import nats_measured
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import find_parameter
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 
 REFITTED = 8                          # of the likeliest terms
 WITHIN = 7.0                          # nats of the likeliest by one step, beyond which none is refitted,

@@ -13,8 +13,8 @@ from truearc.sim.infer.likelihood.linearization import ParameterLayout
 from truearc.sim.infer.likelihood.score_table import Array, Column
 from truearc.sim.physics.catalogue import Catalogue, find_parameter
 from truearc.sim.physics.nonparametric import CURVE, find_nameless
-from truearc.sim.physics.scales import LEFT, LOG
 from truearc.sim.physics.term import complete
+from truearc.sim.physics.term_fields import LEFT, LOG
 
 # Names of scatters here -> in a belief; the others are of sensors, not of the launch.
 SCATTERS = {"scatter.speed": "speed", "scatter.elevation_rad": "elevation_deg"}

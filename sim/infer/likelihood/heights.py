@@ -11,12 +11,11 @@ from jaxtyping import Bool, Float
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.infer.likelihood.launch_inputs import Given
 from truearc.sim.physics.catalogue import Catalogue, effective, flight_terms
-from truearc.sim.physics.flight import make_law
-from truearc.sim.physics.flight_over_x import reach_plane
+from truearc.sim.physics.flight import make_law, reach_plane
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.nonparametric import CURVE
-from truearc.sim.physics.scales import from_scale
 from truearc.sim.physics.simulate import leave, sense
+from truearc.sim.physics.term_fields import from_scale
 
 STEPS = (1e-3, 1e-3, 1e-2)            # of a launch's deviations, for the heights' derivatives by them
 

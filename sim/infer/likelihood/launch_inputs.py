@@ -6,11 +6,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.data.conditions import Circumstances
+from truearc.sim.data.conditions import ORDINARY, Circumstances
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.likelihood.noise import EXIT_DEG, EXIT_SPEED_M_S, EXIT_SPIN_REV_S
 from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.simulate import ORDINARY, by_wheels, launch_of, require, roll
+from truearc.sim.physics.simulate import by_wheels, launch_of, require, roll
 
 SLOWEST_M_S = 0.1                     # a slower launch goes nowhere, whatever its uncertainty
 

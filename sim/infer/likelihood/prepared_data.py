@@ -9,9 +9,8 @@ from jaxtyping import Bool, Float, Int
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Believe, Noise, Rig
 from truearc.sim.data.columns import SPIN_VECTOR
-from truearc.sim.data.conditions import Circumstances
+from truearc.sim.data.conditions import Circumstances, circumstances_of
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.infer.curve import Curves, along
 from truearc.sim.infer.likelihood.forward_model import DEVIATES, ShotBatch
 from truearc.sim.infer.likelihood.launch_inputs import given_of

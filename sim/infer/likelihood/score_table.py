@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Int
 
 from truearc.sim.infer.likelihood import outcome_likelihood as outcomes
 from truearc.sim.infer.likelihood.outcome_likelihood import OutcomeObservations
-from truearc.sim.matrices import invert
+from truearc.sim.statistics import invert
 
 Array = np.ndarray
 Seen = tuple[OutcomeObservations, Float[Array, " m"], Float[Array, " m"]]       # with mean and spread of the heights

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from truearc.sim.data.conditions import counts_shots, gather_circumstances
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.data.shot_conditions import counts_shots, gather_circumstances
 from truearc.sim.physics.simulate import launch_state
 
 ENERGY = "energy_of_wheels"           # taken by a shot, (rad/s)^2: times their inertia it is in joules

@@ -12,7 +12,7 @@ from scipy.stats import spearmanr
 
 import truearc.cli.main as truearc
 from truearc.errors import InputError
-from truearc.sim.data.dataset import load_dataset
+from truearc.sim.data.files import load_dataset
 from truearc_proof.importers.ball_drops import import_ball_drops
 
 HEADER = ("ball", "sheet", "drop", "t_s", "height_m", "velocity_mps", "mass_kg", "diameter_m")

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import truearc.cli.main as truearc
 from truearc.errors import InputError
-from truearc.sim.data.dataset import load_dataset
+from truearc.sim.data.files import load_dataset
 from truearc_proof.importers.mpi import LAUNCH_COLUMNS, TRACK_COLUMNS, import_mpi
 
 TABLE_M, BALL_M = 0.76, 0.02

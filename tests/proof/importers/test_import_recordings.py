@@ -16,7 +16,7 @@ import truearc.cli.main as truearc
 from tests.proof.importers.test_import_mpi import bouncing, good, write
 from tests.sim.same_dataset import assert_same
 from truearc.errors import InputError
-from truearc.sim.data.dataset import load_dataset
+from truearc.sim.data.files import load_dataset
 from truearc_proof.importers.mpi import import_mpi
 from truearc_proof.importers.mpi_recordings import BALL, WITH_ROBOT
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import truearc as ta
+from truearc.sim.check.check import check_plausible
 from truearc.sim.data.importers.registry import load_importers
-from truearc.sim.infer.plausibility.check import check_plausible
-from truearc.sim.physics.catalogue import BUILT_IN
-from truearc.sim.physics.plugins import terms_of_file
+from truearc.sim.physics.catalogue import BUILT_IN, terms_of_file
 from truearc_proof.importers.sepia_drops import import_sepia_drops
 
 TIMES = "1.220e+00 2.015e+00\n1.121e+00 1.726e+00\n"

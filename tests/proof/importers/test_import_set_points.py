@@ -9,7 +9,7 @@ import pytest
 
 import truearc.cli.main as truearc
 from truearc.errors import InputError
-from truearc.sim.data.dataset import load_dataset
+from truearc.sim.data.files import load_dataset
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import launch_of
 from truearc_proof.importers.set_points import BALL, import_254, import_2910, import_3476

@@ -10,7 +10,7 @@ import pytest
 from tests.proof.reproduce.pools import SMALL, make_pool
 from truearc.cli.main import main
 from truearc.sim.paper.grid_fit import fit_grid
-from truearc.sim.paper.training import LABELS
+from truearc.sim.paper.network import LABELS
 from truearc_proof.cli import reproduce_run as door
 from truearc_proof.parallel import fan_out
 from truearc_proof.reproduce import analysis as analysing

@@ -10,10 +10,7 @@ from tests.robot.good_tick import CONFIG
 from tests.robot.recording.test_writer import open_writer, play, ticks
 from truearc.cli.common import SHIPPED
 from truearc.errors import InputError
-from truearc.robot.config.schema import Config
-from truearc.robot.config.schema import RecordingConfig
-from truearc.robot.config.schema import config_hash
-from truearc.robot.config.schema import parse_toml
+from truearc.robot.config.schema import Config, RecordingConfig, config_hash, parse_toml
 from truearc.robot.recording.files import claim
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.recover import recover

@@ -10,8 +10,8 @@ from msgspec import structs
 import truearc as ta
 from tests.sim.discover.odd_rigs import make_drops
 from tests.sim.few_terms import few_terms
+from truearc.sim.data.conditions import circumstances_of
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.discover import adopt
 from truearc.sim.discover.adopt import make_belief, with_worth
 from truearc.sim.discover.detect.free_curve import Correction

@@ -6,7 +6,7 @@ import pytest
 import truearc.sim.infer.baseline_fit
 from tests.sim.infer.independent import make_dataset
 from truearc.cli.main import main
-from truearc.sim.data.dataset import hash_dataset, load_dataset, save_dataset
+from truearc.sim.data.files import hash_dataset, load_dataset, save_dataset
 from truearc.sim.infer.belief import load_belief
 
 TERMS = "drag,magnus,exit_efficiency"

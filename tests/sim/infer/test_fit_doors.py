@@ -9,7 +9,8 @@ import pytest
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY
 from truearc.cli.main import main
-from truearc.sim.data.dataset import Dataset, Shots, hash_dataset, load_dataset, save_dataset
+from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.data.files import hash_dataset, load_dataset, save_dataset
 from truearc.sim.infer.belief import load_belief
 
 ROWS = [(3.0, 0.5, 50.0), (15.0, 0.3, 40.0), (4.0, 0.6, 60.0), (2.0, 0.45, 60.0)]

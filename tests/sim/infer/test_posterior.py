@@ -8,7 +8,7 @@ import pytest
 from tests.sim.infer.independent import make_dataset
 from tests.sim.thin import thinned
 from truearc.cli.main import main
-from truearc.sim.data.dataset import load_dataset
+from truearc.sim.data.files import load_dataset
 from truearc.sim.infer.map_fit import fit_map
 from truearc.sim.infer.posterior import sample, save_draws
 from truearc.sim.infer.profile import profile_interval

@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Return 0 once every set point is written."""
-    from truearc.sim.compile_cache import keep_compiled
+    from truearc.sim.compute import keep_compiled
     keep_compiled()
     if args.picture and args.picture.suffix.lower() != ".png":
         raise ta.InputError(f"--picture: {args.picture}: a PNG is written; end the name with .png")

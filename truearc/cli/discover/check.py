@@ -26,9 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Return 0 where the dataset is plausible."""
-    from truearc.sim.compile_cache import keep_compiled
+    from truearc.sim.check.check import check_plausible
+    from truearc.sim.compute import keep_compiled
     from truearc.sim.discover.report.identifiability_report import sight_summary
-    from truearc.sim.infer.plausibility.check import check_plausible
     keep_compiled()
     from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS, say_few
     dataset = check_plausible(ta.load_dataset(args.dataset), args.accept)
@@ -85,7 +85,7 @@ def ranges(dataset: "ta.Dataset") -> list[str]:
 
 def plausibility(dataset: "ta.Dataset") -> list[str]:
     """Return what the plausibility checks of a dataset that passed them have to say."""
-    from truearc.sim.infer.plausibility.check import SCORES, judges_reach
+    from truearc.sim.check.check import SCORES, judges_reach
     objections = [f"warning: {objection}" for objection in dataset.accepted] or ["plausible: every check passed"]
     flights = {"tracks", "times"} & set(dataset.samples)
     unjudged = [("tracks.csv", "gravity, axes, units of length and time", not flights),

@@ -105,7 +105,7 @@ def _check(args: argparse.Namespace) -> None:
 def investigate(args: argparse.Namespace, what: str, measured: Sequence[str] = ()) -> "tuple[ta.Dataset, ta.Finding]":
     """The dataset and the finding in it, by the options of `add_baseline`; measured: as in --measured."""
     _check(args)
-    from truearc.sim.compile_cache import keep_compiled
+    from truearc.sim.compute import keep_compiled
     from truearc.sim.infer.likelihood.design_columns import check_believed
     from truearc.sim.infer.likelihood.external_measurements import read_measured
     among = common.catalogue_of(args)

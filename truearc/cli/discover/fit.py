@@ -12,7 +12,7 @@ from typing import Any
 import truearc as ta
 from truearc.cli.common import add_accept, add_terms_from, catalogue_of, listed, make_progress, number, refuse
 from truearc.cli.outputs import out_file, refuse_file
-from truearc.sim.progress import Progress, part_of
+from truearc.sim.printed import Progress, part_of
 
 EXAMPLE = "truearc fit shots/ --terms gravity,drag,magnus,exit_efficiency -o coefficients.toml"
 

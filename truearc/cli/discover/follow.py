@@ -78,7 +78,7 @@ def main(args: argparse.Namespace) -> int:
         refuse(args, ("--token",), "applies with --send only")
     elif args.out is None or args.token is None:
         raise ta.InputError("--send: --out and --token are needed, too")
-    from truearc.sim.compile_cache import keep_compiled
+    from truearc.sim.compute import keep_compiled
     keep_compiled()
     belief = ta.load_belief(args.belief, catalogue_of(args))
     watch = ShotWatch(args, belief, None if args.rig is None else load_any_rig(args.rig))
@@ -197,7 +197,7 @@ def read_shots(paths: Sequence[Path]) -> "ta.Dataset":
         InputError: both kinds at once, two rigs, a shot_id twice, or no marked shot.
     """
     from truearc.robot.recording.session import HEADER
-    from truearc.sim.data.model import join_datasets
+    from truearc.sim.data.dataset import join_datasets
     sessions = [path for path in paths if (path / HEADER).exists()]
     if sessions and len(sessions) < len(paths):
         other = next(path for path in paths if path not in sessions)

@@ -32,7 +32,7 @@ def main(args: argparse.Namespace) -> int:
     path = Path(args.rig)
     if path.is_dir():
         refuse(args, ("--shots", "--level"), f"{path} is a dataset directory, whose own shots are used")
-    from truearc.sim.compile_cache import keep_compiled
+    from truearc.sim.compute import keep_compiled
     keep_compiled()
     source = ta.load_dataset(path) if path.is_dir() else ta.load_rig(path)
     with about(str(path if path.is_dir() else path.parent)):

@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Return 0 once the dataset is written."""
-    from truearc.sim.data.repeatability_labels import label_by_repeatability
+    from truearc.sim.data.recordings import label_by_repeatability
     progress = make_progress("shots", args.quiet)
     dataset = ta.shots_from_sessions(args.sessions, args.out.name)
     progress(0.8, "read")

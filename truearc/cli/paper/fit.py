@@ -41,8 +41,8 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _write(args: argparse.Namespace, found: "GridSearch") -> None:
+    from truearc.sim.printed import save_csv
     from truearc.sim.report import make_png
-    from truearc.sim.tables import save_csv
     if args.out is not None:
         found.belief.save(args.out)
     if args.tied is not None:

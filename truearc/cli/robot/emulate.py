@@ -83,7 +83,7 @@ def _serve(args: argparse.Namespace, config: Config, trials: int) -> "Emulation"
         if value is not None:
             raise InputError(f"{option} is for `truearc run` with --bus {args.bus}: that process is the robot")
     from truearc.api.emulation import Emulation
-    from truearc.sim.world.device_server import serve
+    from truearc.sim.world.emulated_robot import serve
     from truearc.sim.world.options import load_options
 
     def say(command: str) -> None:

@@ -22,7 +22,7 @@ from truearc.robot.config.schema import Config, load_config
 from truearc.robot.sysid import FLYWHEEL, HOOD
 
 if TYPE_CHECKING:
-    from truearc.sim.sysid.motion import Record
+    from truearc.sim.sysid.fit import Record
 
 EXAMPLE = "truearc sysid --config launcher.toml -o gains.toml --report sysid.html"
 
@@ -49,7 +49,7 @@ def main(args: argparse.Namespace) -> int:
     _check(args)
     if args.csv is not None:
         # pyarrow, which the robot's base install leaves out
-        from truearc.sim.sysid.table import load_steps
+        from truearc.sim.sysid.session import load_steps
         return _answer(args, str(args.csv), {"feedforward": load_steps(args.csv)}, None, [])
     from truearc.sim.sysid.session import load_driven
     session = args.session or _drive(args)

@@ -92,9 +92,9 @@ def _flights(args: argparse.Namespace) -> Flights:
         refuse(args, ("--terms-from",), "applies with --belief only")
         return NO_FLIGHTS
     try:
-        from truearc.sim.compile_cache import keep_compiled
+        from truearc.sim.compute import keep_compiled
+        from truearc.sim.data.conditions import circumstances_of
         from truearc.sim.data.recordings import shots_from_sessions
-        from truearc.sim.data.shot_conditions import circumstances_of
         from truearc.sim.infer.belief import load_belief
         from truearc.sim.infer.curve import along
         from truearc.sim.infer.likelihood.shot_columns import every_column

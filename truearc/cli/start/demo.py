@@ -39,8 +39,8 @@ def main(args: argparse.Namespace, sizes: "Sizes | None" = None) -> int:
     """Play all acts, print them, and write the folder; sizes: None for those of the demo."""
     from truearc.cli.start.demo_acts import Sizes, play_event
     from truearc.cli.start.demo_page import answer, save_page, say_limits
-    from truearc.sim.compile_cache import keep_compiled
-    from truearc.sim.data.load import hash_dataset
+    from truearc.sim.compute import keep_compiled
+    from truearc.sim.data.files import hash_dataset
     keep_compiled()
     began, folder, sizes = time.monotonic(), args.out, sizes or Sizes()
     seed = secrets.choice(range(*SEEDS)) if args.seed is None else args.seed

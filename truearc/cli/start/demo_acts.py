@@ -17,7 +17,7 @@ from truearc.robot.config.rig_spec import Rig, Site
 from truearc.sim.aim.solve import best_ratios
 from truearc.sim.data.dataset import join_datasets
 from truearc.sim.discover.adopt import make_belief
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 from truearc.sim.world.options import Options
 from truearc.sim.world.season import ORDINARY, ShotSetting, play_season, seen_distance_m
 

@@ -9,9 +9,8 @@ from truearc.cli.start.demo_acts import Act
 from truearc.cli.start.demo_effects import NOTHING, Envelope
 from truearc.sim.discover.report.effect_wording import plain, size_of
 from truearc.sim.discover.report.finding_text import either
-from truearc.sim.plots import COLOURS
-from truearc.sim.report import PHONE_IN, Origin, make_page, make_png, new_panels, paragraph, picture, table
-from truearc.sim.tables import make_text
+from truearc.sim.printed import make_text
+from truearc.sim.report import COLOURS, PHONE_IN, Origin, make_page, make_png, new_panels, paragraph, picture, table
 
 HEAD = ("", "what was wrong", "what the robot found", "threes", "points per ball")
 SEEN = "Of their usual size"          # what a finding of nothing says of the effects that it could not have shown

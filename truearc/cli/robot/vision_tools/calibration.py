@@ -20,7 +20,7 @@ from truearc.robot.config.schema import CameraConfig, CameraFile
 from truearc.robot.vision import calibration as boards
 from truearc.robot.vision import detect
 from truearc.robot.vision.calibration import LEAST, TapedFit, fit_taped
-from truearc.sim.tables import make_text
+from truearc.sim.printed import make_text
 
 TAPE_SIGMA_M, BIAS_SIGMA_M = 0.01, 0.02       # without --tape-sigma and --bias-sigma
 NUMBER = r"(\d+\.?\d*|\.\d+)"

@@ -16,7 +16,7 @@ from truearc.robot.config.schema import CameraFile
 from truearc.robot.reasons import text
 from truearc.robot.types import Sighting
 from truearc.robot.vision import find_target
-from truearc.sim.tables import make_text
+from truearc.sim.printed import make_text
 
 MANY_IMAGES = 200                     # two seconds of work
 
