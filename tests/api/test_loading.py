@@ -75,7 +75,7 @@ def test_a_result_prints_as_a_report(name: str) -> None:
 
 
 def test_every_name_is_there_and_documented() -> None:
-    assert set(ta.__all__) <= set(dir(ta)) and "__version__" in dir(ta)
+    assert dir(ta) == sorted([*ta.__all__, "__version__"])
     for name in ta.__all__:
         value = getattr(ta, name)
         assert getattr(ta, name) is value

@@ -5,7 +5,6 @@ import os
 import sys
 
 import truearc
-from truearc.cli.old_names import RENAMED, forward
 from truearc.cli.outputs import fresh_outputs
 from truearc.cli.parsers import load_module, make_parser
 from truearc.cli.registry import ABSENT, COMMANDS, GROUPS, NAMES, Command, find_command, install_hint, list_commands
@@ -25,14 +24,9 @@ def main(argv: list[str] | None = None) -> int:
     if argv == ["--version"]:
         print(f"truearc {truearc.__version__}")
         return 0
-    asked, argv = argv, forward(argv)
     command = find_command(argv)
     if command is None:
         return _explain(argv)
-    if argv != asked:
-        earlier = " ".join([asked[0], *(word for word in asked[1:] if word not in argv)])
-        print(f"truearc {asked[0]}: warning: `{earlier}` is an earlier spelling; now: truearc {command.name}"
-              + (" --gate GATE" if asked[0] == "predict-gate" else ""), file=sys.stderr)
     try:
         return _run(command, argv[len(command.name.split()):])
     except ModuleNotFoundError as error:
@@ -84,9 +78,8 @@ def _explain(argv: list[str]) -> int:
     if not words:
         print(_list(prefix), file=sys.stderr)
         return 2
-    refusal = ABSENT.get(argv[0]) or (f"was renamed; use: truearc {RENAMED[argv[0]]}" if argv[0] in RENAMED else "")
-    if refusal:
-        print(f"truearc {argv[0]}: {refusal}", file=sys.stderr)
+    if argv[0] in ABSENT:
+        print(f"truearc {argv[0]}: {ABSENT[argv[0]]}", file=sys.stderr)
         return 2
     typed = f"{prefix} {words[0]}".strip()
     near = _nearest(typed)
