@@ -31,7 +31,7 @@ from benchmarks.demo_seeds import names_of
 from benchmarks.filling import fill_and_tell, parser_of
 from truearc.api.following import propose
 from truearc.cli.common import SHIPPED, make_progress
-from truearc.cli.start.demo_acts import APART, DISTANCES_M, Act, Sizes, aimed_settings, fire, practise
+from truearc.cli.demo_acts import APART, DISTANCES_M, Act, Sizes, aimed_settings, fire, practise
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
 from truearc.sim.compile_cache import keep_compiled

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 
 from benchmarks.matrix.pictures import Scenery, open_camera
-from truearc.cli.robot.run_processes import CLOSE_S, RecorderProcess, make_see
+from truearc.cli.run_processes import CLOSE_S, RecorderProcess, make_see
 from truearc.hw.protocols import Clock
 from truearc.hw.real.child_process import Child, Line, make_shared
 from truearc.hw.real.clock import MonotonicClock

@@ -5,9 +5,18 @@ import os
 import sys
 
 import truearc
+from truearc.cli.commands import (
+    ABSENT,
+    COMMANDS,
+    GROUPS,
+    NAMES,
+    Command,
+    find_command,
+    install_hint,
+    list_commands,
+    make_parser,
+)
 from truearc.cli.outputs import fresh_outputs
-from truearc.cli.parsers import load_module, make_parser
-from truearc.cli.registry import ABSENT, COMMANDS, GROUPS, NAMES, Command, find_command, install_hint, list_commands
 from truearc.errors import InputError
 
 # Arrays here are small: threads of the linear algebra would only wait for one another and, where another process keeps
@@ -43,7 +52,7 @@ def _run(command: Command, words: list[str]) -> int:
         parser = make_parser(command)
         args = parser.parse(words)
         with fresh_outputs(parser, args):
-            code = int(load_module(command).main(args))
+            code = int(command.load().main(args))
         sys.stdout.flush()
         return code
     except InputError as error:

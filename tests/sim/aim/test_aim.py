@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 import truearc as ta
 from benchmarks.aim import make_case, shortfalls
 from tests.sim.physics.rigs import GUPPY
-from truearc.cli.discover.aim import parse_distances
+from truearc.cli.aim import parse_distances
 from truearc.cli.main import main
 from truearc.robot.config.rig_spec import Noise
 from truearc.sim.aim.make_table import lead_deg
