@@ -48,8 +48,7 @@ from truearc_proof.rounds.jsonl_store import fill
 from truearc_proof.table import Table
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import World, make_world
-from truearc_proof.world.practice import plan_season
-from truearc_proof.world.season import ORDINARY, play_season
+from truearc_proof.world.season import ORDINARY, plan_season, play_season
 
 PRACTICE, SHOTS = 300, 80
 ALARM = 0.05

@@ -28,7 +28,7 @@ from truearc.cli.demo_acts import (
 from truearc.robot.config.schema import load_config
 from truearc.sim.infer.belief import point_belief
 from truearc.sim.world.options import Options
-from truearc_proof.world.practice import HOODS_DEG, RATIOS, reach_table
+from truearc_proof.world.season import HOODS_DEG, RATIOS, reach_table
 
 LINES = 60                            # of the console
 QUICK = Sizes(practice=20, robot=2, marked=12, balls=4)

@@ -24,8 +24,7 @@ from truearc.hw.fault_codes import CAMERA_SILENT
 from truearc.hw.protocols import CameraFrame, LinkLost
 from truearc.robot.config.schema import CameraFile, load_config, load_toml
 from truearc.sim.world.emulated_vision import make_lens, make_tape
-from truearc_proof.world.camera_damage import StagedCamera
-from truearc_proof.world.placing import place
+from truearc_proof.world.camera_damage import StagedCamera, place
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 FILE = CameraFile(CONFIG.camera, CONFIG.tape, CONFIG.vision)

@@ -4,7 +4,7 @@ import pytest
 from scipy.stats import binomtest
 
 from truearc.sim.intervals import wilson
-from truearc_proof.newcombe import difference
+from truearc_proof.table import difference
 
 
 @pytest.mark.parametrize(("k", "n"), [(0, 10), (3, 10), (56, 70), (70, 70), (1, 1000)])

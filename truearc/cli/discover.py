@@ -11,15 +11,7 @@ from truearc.cli import common
 from truearc.cli.common import add_accept, catalogue_of, make_progress, number, origin_of, refuse, write_out
 from truearc.cli.outputs import out_file
 from truearc.errors import about
-from truearc.sim.discover.settings import (
-    CONFIGURATIONS,
-    FALSE_ALARM,
-    LEVEL,
-    LEVELS,
-    PLANNED_SHOTS,
-    SEASON_SHOTS,
-    check_chances,
-)
+from truearc.sim.discover import settings
 
 LIKELY = 0.1                          # probability of a name, from which it is compared with its measurement
 FAR = 4.0                             # standard deviations by which they contradict each other
@@ -57,7 +49,7 @@ def add_baseline(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--since", metavar="DIR", help="dataset that --belief was adopted from: misfit that "
                         "is present there, too, is not evidence of change; tracks show it, and telemetry at times")
     common.add_accept(parser)
-    parser.add_argument("--false-alarm", type=float, default=FALSE_ALARM, metavar="P",
+    parser.add_argument("--false-alarm", type=float, default=settings.FALSE_ALARM, metavar="P",
                         help="probability of a finding where nothing is missing")
 
 
@@ -102,7 +94,7 @@ def _contradicted(found: "ta.Finding", measured: Sequence[str]) -> list[str]:
 
 def _check(args: argparse.Namespace) -> None:
     """InputError where an option's value is unusable, or options exclude each other, before anything is loaded."""
-    check_chances(args.false_alarm, args.seed, ("--false-alarm", "--seed"))
+    settings.check_chances(args.false_alarm, args.seed, ("--false-alarm", "--seed"))
     if args.since is not None and args.belief is None:
         raise ta.InputError("--since goes with --belief, which was adopted from that dataset")
     if args.belief is not None and args.believe is not None:
@@ -145,8 +137,9 @@ def _adopt(found: "ta.Finding", dataset: str, path: Path) -> str:
 def design_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("dataset", metavar="DIR", help="dataset directory")
     add_baseline(parser)
-    parser.add_argument("--shots", type=number(int, 1), default=PLANNED_SHOTS, metavar="N", help="shots to plan")
-    parser.add_argument("--configurations", type=number(int, 1), default=CONFIGURATIONS, metavar="K",
+    parser.add_argument("--shots", type=number(int, 1), default=settings.PLANNED_SHOTS, metavar="N",
+                        help="shots to plan")
+    parser.add_argument("--configurations", type=number(int, 1), default=settings.CONFIGURATIONS, metavar="K",
                         help="that they are shared out to")
     parser.add_argument("--json", type=out_file, metavar="FILE", help="write the plan as JSON")
 
@@ -174,9 +167,9 @@ def identifiability_options(parser: argparse.ArgumentParser) -> None:
     add_accept(parser)
     parser.set_defaults(seed=None)
     parser.add_argument("--shots", type=number(int, 1), metavar="N",
-                        help=f"shots of a planned season (default {SEASON_SHOTS})")
-    parser.add_argument("--level", choices=LEVELS, help=f"what is recorded of them: outcomes, telemetry too, tracks "
-                        f"too (default {LEVEL})")
+                        help=f"shots of a planned season (default {settings.SEASON_SHOTS})")
+    parser.add_argument("--level", choices=settings.LEVELS, help="what is recorded of them: outcomes, telemetry too, "
+                        f"tracks too (default {settings.LEVEL})")
     parser.add_argument("--sides", action="store_true", help="high or low is noted of every miss")
 
 

@@ -15,17 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import truearc as ta
+from truearc.cli import common
 from truearc.cli.aim import parse_distances
-from truearc.cli.common import (
-    add_accept,
-    add_terms_from,
-    catalogue_of,
-    load_any_rig,
-    make_progress,
-    number,
-    refuse,
-    write_out,
-)
 from truearc.cli.outputs import OutFolder
 from truearc.errors import about, load_bytes, naming
 from truearc.robot.aim_file import LONGEST_NOTE
@@ -47,7 +38,7 @@ def follow_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rig", metavar="FILE", help="rig.toml or launcher.toml to aim with (default: the rig of the "
                         "recordings)")
     parser.add_argument("--once", action="store_true", help="look once at what is there, and end")
-    parser.add_argument("--every", type=number(float, 0.1, 3600.0), metavar="S", help="seconds between looks "
+    parser.add_argument("--every", type=common.number(float, 0.1, 3600.0), metavar="S", help="seconds between looks "
                         "(default 1)")
     parser.add_argument("--out", type=OutFolder((PROPOSAL, BELIEF, AIM)), metavar="DIR", help=f"folder for {PROPOSAL}, "
                         f"{BELIEF} and the robot's {AIM}, written where a change is proposed")
@@ -58,9 +49,9 @@ def follow_options(parser: argparse.ArgumentParser) -> None:
                         "or a list such as 2,3.5,5 (default: every 0.25 m that the shots cover)")
     parser.add_argument("--false-alarm", type=float, default=FALSE_ALARM, metavar="P", help="probability of an alarm "
                         "in an endless session in which nothing changes")
-    parser.add_argument("--seed", type=number(int, 0), default=0, help="of everything drawn at random")
-    add_accept(parser)
-    add_terms_from(parser)
+    parser.add_argument("--seed", type=common.number(int, 0), default=0, help="of everything drawn at random")
+    common.add_accept(parser)
+    common.add_terms_from(parser)
 
 
 def follow(args: argparse.Namespace) -> int:
@@ -73,15 +64,15 @@ def follow(args: argparse.Namespace) -> int:
     """
     check_chances(args.false_alarm, args.seed, ("--false-alarm", "--seed"))
     if args.send is None:
-        refuse(args, ("--token",), "applies with --send only")
+        common.refuse(args, ("--token",), "applies with --send only")
     elif args.out is None or args.token is None:
         raise ta.InputError("--send: --out and --token are needed, too")
     from truearc.sim.compile_cache import keep_compiled
     keep_compiled()
-    belief = ta.load_belief(args.belief, catalogue_of(args))
-    watch = ShotWatch(args, belief, None if args.rig is None else load_any_rig(args.rig))
+    belief = ta.load_belief(args.belief, common.catalogue_of(args))
+    watch = ShotWatch(args, belief, None if args.rig is None else common.load_any_rig(args.rig))
     if args.once:
-        refuse(args, ("--every",), "does not apply with --once")
+        common.refuse(args, ("--every",), "does not apply with --once")
         watch.look()
         return 0
     with contextlib.suppress(KeyboardInterrupt):
@@ -138,11 +129,11 @@ class ShotWatch:
     def _propose(self, found: "Following", rig: "ta.Rig") -> None:
         from truearc.api.following import propose, sealed
         from truearc.sim.discover.proposal import BeliefFile
-        progress = make_progress("discover", self.args.quiet)
+        progress = common.make_progress("discover", self.args.quiet)
         before = BeliefFile(self.args.belief, hashlib.sha256(load_bytes(self.args.belief)).hexdigest())
         try:
             made = propose(found, found.find(progress), rig, (before, BELIEF), self.args.distances,
-                           make_progress("aim", self.args.quiet))
+                           common.make_progress("aim", self.args.quiet))
         except ta.InputError as error:
             print(error, flush=True)
             return
@@ -153,7 +144,7 @@ class ShotWatch:
             made.belief.save(folder / BELIEF)
             content = (folder / BELIEF).read_bytes()
             proposal = sealed(made, content, datetime.now(UTC).isoformat(timespec="seconds"))
-            write_out(folder / PROPOSAL, proposal.to_json())
+            common.write_out(folder / PROPOSAL, proposal.to_json())
             print(f"{folder / PROPOSAL}: {proposal.proposal.id}", flush=True)
             self._hand_over(made, rig, folder / AIM)
 

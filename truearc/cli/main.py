@@ -5,24 +5,15 @@ import os
 import sys
 
 import truearc
-from truearc.cli.commands import (
-    ABSENT,
-    COMMANDS,
-    GROUPS,
-    NAMES,
-    Command,
-    find_command,
-    install_hint,
-    list_commands,
-    make_parser,
-)
+from truearc.cli import commands
+from truearc.cli.commands import Command, find_command, list_commands, make_parser
 from truearc.cli.outputs import fresh_outputs
 from truearc.errors import InputError
 
 # Arrays here are small: threads of the linear algebra would only wait for one another and, where another process keeps
 # a core busy, for that. Set before NumPy is imported.
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-PREFIXES = tuple(dict.fromkeys(name.partition(" ")[0] for name in NAMES if name.partition(" ")[0] not in NAMES))
+PREFIXES = {name.partition(" ")[0] for name in commands.NAMES} - set(commands.NAMES)
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -42,7 +33,7 @@ def main(argv: list[str] | None = None) -> int:
         package = (error.name or "").partition(".")[0]
         if package in ("", "truearc", "truearc_proof"):
             raise                     # ours: a defect, not an install without the companion
-        print(f"truearc {command.name}: needs {error.name}, which is not installed: {install_hint(command)}",
+        print(f"truearc {command.name}: needs {error.name}, which is not installed: {commands.install_hint(command)}",
               file=sys.stderr)
         return 2
 
@@ -87,8 +78,8 @@ def _explain(argv: list[str]) -> int:
     if not words:
         print(_list(prefix), file=sys.stderr)
         return 2
-    if argv[0] in ABSENT:
-        print(f"truearc {argv[0]}: {ABSENT[argv[0]]}", file=sys.stderr)
+    if argv[0] in commands.ABSENT:
+        print(f"truearc {argv[0]}: {commands.ABSENT[argv[0]]}", file=sys.stderr)
         return 2
     typed = f"{prefix} {words[0]}".strip()
     near = _nearest(typed)
@@ -106,12 +97,13 @@ def _nearest(typed: str) -> list[str]:
 
 def _list(prefix: str) -> str:
     """Every command under the heading of its group; those of one prefix where there is one."""
-    commands = [one for one in (COMMANDS if prefix else list_commands()) if one.name.startswith(f"{prefix} ".lstrip())]
+    among = commands.COMMANDS if prefix else list_commands()
+    listed = [command for command in among if command.name.startswith(f"{prefix} ".lstrip())]
     lines = [f"usage: truearc {f'{prefix} '.lstrip()}COMMAND ...   (truearc COMMAND --help explains its options)"]
-    for group in dict.fromkeys([*GROUPS, *(command.group for command in commands)]):
-        members = [command for command in commands if command.group == group]
+    for group in dict.fromkeys([*commands.GROUPS, *(command.group for command in listed)]):
+        members = [command for command in listed if command.group == group]
         if members:
-            lines += ["", f"{group}: {GROUPS[group]}" if group in GROUPS else f"{group}:"]
+            lines += ["", f"{group}: {commands.GROUPS[group]}" if group in commands.GROUPS else f"{group}:"]
             lines += [f"  {command.name:17s} {command.summary}" for command in members]
     return "\n".join(lines)
 

@@ -19,7 +19,7 @@ from truearc.sim.aim.make_table import flown
 from truearc.sim.aim.snippets import TEAMS
 from truearc.sim.data.table import gathered
 from truearc.sim.infer.belief import Belief, point_belief
-from truearc_proof.importers.frc_3476 import load_3476
+from truearc_proof.importers.set_points import load_3476
 
 LAUNCHER = Path(__file__).parents[3] / "robot" / "launcher.toml"
 

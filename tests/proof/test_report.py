@@ -1,20 +1,31 @@
-"""Figures beside the design's targets: which worlds each rests on, counted by hand."""
+"""Tables, targets and the page of a round."""
 
 import math
 from collections.abc import Sequence
+from itertools import groupby
+from math import comb
+from pathlib import Path
 
+import numpy as np
 import pytest
+from msgspec import structs
 from msgspec.structs import replace
 
+from benchmarks.proof import BEGIN, END, load, tell_posterior
 from tests.proof.test_score_world import finding
-from truearc_proof.report.html_page import verdict
-from truearc_proof.report.tables import make_tables
-from truearc_proof.report.targets import against_targets
-from truearc_proof.scoring.information_bound import Measured
+from truearc_proof.report.html_page import claimed_bins, reliability_png, verdict
+from truearc_proof.report.tables import beside, make_tables
+from truearc_proof.report.targets import against_targets, posterior_rows
+from truearc_proof.scoring.oracle import Measured
 from truearc_proof.scoring.score_world import Mark, mark
 from truearc_proof.worlds.sampling_plan import DECOY, Drawn
 
 ALLOWED = Measured((0.28, 0.2, 0.25, 0.26), (DECOY,), 0.4, 0.2)
+SLIP, WIND = ["wheel_slip"], ["wind_x"]
+PLAIN = Mark("a", "numpy", "one", "L1", 300, ("wind_x",), 9.0, True, 0.001, "named", ("wind_x",), said=0.9, alias=True,
+             right=("wind_x",), unexplained=0.05)
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs/measured/sealed.md"
 
 
 def world(kind: str, effects: Sequence[str], names: Sequence[str], level: str = "L1", said: str = "", gain: float = 0.1,
@@ -108,3 +119,96 @@ def test_targets_say_what_may_be_chance(found: int, of: int, said: str) -> None:
     """Of false alarms .03 to .06 are wanted."""
     clean = world("clean", [], []), world("clean", [], ["wind_x"])
     assert rows([clean[0]] * (of - found) + [clean[1]] * found)["false alarms, clean"][3] == said
+
+
+def by_name(marks: list[Mark]) -> dict[str, list[str]]:
+    return {row[0]: row[1:] for row in posterior_rows(marks)}
+
+
+def test_each_row_counts_its_own_worlds() -> None:
+    rows = by_name([
+        world("clean", [], []), world("clean", [], SLIP), world("dirty", [], []),
+        *(world(kind, [], [], engine="mujoco", change="nothing") for kind in ("clean", "dirty")),
+        world("one", WIND, WIND), world("one", WIND, ["hood_offset"]), world("one", WIND, []),
+        world("one", WIND, ["hood_offset", "wind_x", "rim_catch"]), world("one", WIND, [], said="unknown"),
+        world("two", [*WIND, *SLIP], WIND), world("off", ["late_gust"], ["wind_z", "hood_offset"]),
+        world("off", ["late_gust"], ["wind_z"])])
+    assert rows["false alarms, clean"][0].startswith("1/2 = 0.50")
+    assert rows["false alarms, dirty"][0].startswith("0/1")
+    assert rows["false alarms, MuJoCo unchanged"][0].startswith("0/2")
+    # named: slip where nothing was, hood offset for wind, and wind_z for what no term has; not the two right ones
+    assert rows["single names wrong, whatever was hidden"][0].startswith("3/5 = 0.60")
+    assert rows["set holds the truth"][0].startswith("3/5")
+    assert rows["in no catalogue: unknown or a set"][0].startswith("1/2")
+    assert rows["mean size of a set"][0] == "1.50 of 4"
+    assert rows["power, share of what the data allow"][0].endswith("4/5 of 0.28")
+
+
+def test_a_target_that_chance_may_have_missed_is_told_from_one_that_it_has_not() -> None:
+    few, many = (([world("one", WIND, WIND)] * 3 + [world("one", WIND, ["hood_offset"])]) * count for count in (1, 40))
+    assert by_name(few)["set holds the truth"][2] == "NOT REACHED, may be chance"
+    assert by_name(many)["set holds the truth"][2] == "NOT REACHED"
+    assert by_name([world("one", WIND, WIND)] * 40)["set holds the truth"][1:] == [">= 0.9", "reached"]
+
+
+def test_worse_on_the_sealed_season_means_by_over_one_percent() -> None:
+    found = world("one", WIND, WIND)
+    rows = by_name([replace(found, off_m=(1.0, after)) for after in (1.0, 1.005, 1.02, 0.8)])
+    assert rows["adopted worse on the sealed season by over 1 %"][0].startswith("1/3")     # one changed nothing
+
+
+def test_they_are_among_the_tables_of_rounds_of_one_level() -> None:
+    one, other = world("one", WIND, WIND), world("one", WIND, WIND, level="L0")
+    titles = [table.title for table in make_tables([one])]
+    assert "Against the targets of the posterior" in titles
+    assert "Against the targets of the posterior" not in [table.title for table in make_tables([one, other])]
+
+
+def nulls(alarms: int, of: int) -> list[Mark]:
+    return [mark(Drawn(f"w{k}", "numpy", "clean", "L0", 300, k, {}),
+                 {"mismatch": {"found": k < alarms, "p_value": 0.5}, "verdict": "unknown", "where": None, "what": [],
+                  "set": None, "fit": {"gain_per_shot": 0.0}, "also": []}, Measured()) for k in range(of)]
+
+
+@pytest.mark.parametrize("alarms, inside", [(0, "no"), (1, "yes"), (2, "no"), (8, "no")])
+def test_a_share_is_inside_only_between_the_ends_of_the_published_interval(alarms: int, inside: str) -> None:
+    row = next(row for row in beside(nulls(2, 40), nulls(alarms, 10)).rows if row[0] == "false alarms, clean")
+    assert row[1] == "2/40 = 0.05 (0.01-0.17)" and row[3] == inside
+
+
+def test_an_interval_that_begins_at_nothing_has_nothing_in_it() -> None:
+    rows = {row[0]: row[3] for row in beside(nulls(0, 19), nulls(0, 6)).rows}
+    assert rows["false alarms, clean"] == "yes"
+
+
+def test_chance_is_that_of_the_hypergeometric_distribution() -> None:
+    row = next(row for row in beside(nulls(0, 5), nulls(5, 5)).rows if row[0] == "false alarms, clean")
+    assert row[4] == f"{2 / comb(10, 5):.2f}"                # all five here or all five there, of all ways to deal them
+
+
+def test_bins_count_what_was_right_of_what_was_claimed() -> None:
+    pairs = [(0.1, False), (0.19, True), (0.97, True), (1.0, True), (1.0, False)]
+    assert claimed_bins(pairs) == [(pytest.approx(0.145), 1, 2), (pytest.approx(0.99), 2, 3)]
+    assert claimed_bins([]) == []
+
+
+def test_claims_that_are_right_as_often_as_they_say_lie_on_the_diagonal() -> None:
+    rng = np.random.default_rng(3)
+    said = rng.uniform(0.0, 1.0, 20_000)
+    pairs = list(zip(said.tolist(), (rng.uniform(size=len(said)) < said).tolist(), strict=True))
+    for mean, hits, of in claimed_bins(pairs):
+        assert abs(hits / of - mean) < 4.0 * np.sqrt(mean * (1.0 - mean) / of)
+
+
+def test_there_is_a_picture_where_probabilities_were_claimed() -> None:
+    assert reliability_png([structs.replace(PLAIN, said=None)]) is None
+    marks = [PLAIN, structs.replace(PLAIN, level="L0", alias=False), structs.replace(
+        PLAIN, verdict="unknown", right=(), alias=None, unexplained=0.8)]
+    assert (reliability_png(marks) or b"").startswith(b"\x89PNG")
+
+
+def test_the_page_is_what_the_archives_say() -> None:
+    rounds = sorted(map(load, sorted((PAGE.parent / "sealed").glob("*.tar.xz"))), key=lambda one: one.setting)
+    told = [tell_posterior(list(group)) for _, group in groupby(rounds, key=lambda one: one.setting)]
+    page = PAGE.read_text(encoding="utf-8")
+    assert rounds and page.split(BEGIN)[1].split(END)[0] == "\n".join(told)

@@ -1,27 +1,43 @@
-"""One repetition: a draw, the paper's simulator fitted to it, its simulated data, and all models but the networks."""
+"""One repetition: the paper's simulator fitted to a draw, baselines, our gate, and the paper's networks."""
 
+import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from sklearn.ensemble import GradientBoostingClassifier
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.gaussian_process import GaussianProcessClassifier
+from sklearn.gaussian_process.kernels import RBF, ConstantKernel
+from sklearn.linear_model import LogisticRegression
+from sklearn.model_selection import GridSearchCV, StratifiedKFold
+from sklearn.pipeline import Pipeline, make_pipeline
+from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.gate.train import train_physics_gate
 from truearc.sim.infer.map_fit import fit_map
 from truearc.sim.paper.grid_fit import fit_grid
+from truearc.sim.paper.network import probabilities
 from truearc.sim.paper.score import Score, score
+from truearc.sim.paper.settings import Recipe
+from truearc.sim.paper.sweep import Job, train_many
+from truearc.sim.paper.sweep_settings import SweepSetting
 from truearc.sim.paper.synthetic_data import grid_shots, label_grid, sample_balanced, taken_configurations
 from truearc.sim.paper.training import LABELS, Rows, training_rows
 from truearc.sim.physics.simulate import classify, predict
-from truearc_proof.reproduce.baselines import fit_baselines
+from truearc.sim.progress import Progress
 from truearc_proof.reproduce.collect import Pool
-from truearc_proof.reproduce.draws import Draw, draw
-from truearc_proof.reproduce.settings import Settings
+from truearc_proof.reproduce.settings import Draw, Settings, draw
 
 SIMULATOR, OURS = "simulator alone", "our gate"
 # Terms that the gate's physics may hold: the paper's forces, and a loss of speed between wheels and ball.
 OUR_TERMS = ("gravity", "drag", "magnus", "exit_efficiency", "wheel_slip")
+FOLDS = 5
+Predict = Callable[[np.ndarray], np.ndarray]
+Choices = dict[str, list[int] | list[float]]
 
 
 class Task(NamedTuple):
@@ -119,3 +135,87 @@ def _rows(*shots: Shots) -> Rows:
     parts = [training_rows(part, "pool") for part in shots]
     assert not any(left_out for _, left_out in parts)
     return Rows(*(np.concatenate(columns) for columns in zip(*(rows for rows, _ in parts), strict=True)))
+
+
+def fit_baselines(rows: Rows, seed: int) -> dict[str, Predict]:
+    """name -> function from features [n, 3] to p [n, 2]; the same rows and seed give the same functions."""
+    return {"logistic regression": _fit_tuned(_logistic(), rows, seed),
+            "gradient-boosted trees": _fit_tuned(_trees(seed), rows, seed),
+            "Gaussian process": _predictor(_fit_process(rows, seed))}
+
+
+def _logistic() -> tuple[Pipeline, Choices]:
+    model = make_pipeline(StandardScaler(), PolynomialFeatures(include_bias=False), LogisticRegression(max_iter=5000))
+    return model, {"polynomialfeatures__degree": [1, 2], "logisticregression__C": [0.3, 3.0, 30.0]}
+
+
+def _trees(seed: int) -> tuple[Pipeline, Choices]:
+    model = make_pipeline(GradientBoostingClassifier(subsample=0.8, random_state=seed))
+    return model, {"gradientboostingclassifier__n_estimators": [30, 100],
+                   "gradientboostingclassifier__max_depth": [2, 3]}
+
+
+def _fit_process(rows: Rows, seed: int) -> Pipeline:
+    """One process for each outcome against the others; scales by marginal likelihood, so nothing is left to tune."""
+    kernel = ConstantKernel(10.0, (0.1, 1e4)) * RBF([1.0, 1.0, 1.0], (0.05, 100.0))
+    model = make_pipeline(StandardScaler(), GaussianProcessClassifier(kernel, random_state=seed))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)       # a scale at its bound: that input is not informative
+        return model.fit(rows.features, _classes(rows))
+
+
+def _fit_tuned(tunable: tuple[Pipeline, Choices], rows: Rows, seed: int) -> Predict:
+    model, choices = tunable
+    classes = _classes(rows)
+    folds = StratifiedKFold(min(FOLDS, int(np.bincount(classes)[np.unique(classes)].min())), shuffle=True,
+                            random_state=seed)
+    search = GridSearchCV(model, choices, scoring="neg_log_loss", cv=folds)
+    return _predictor(search.fit(rows.features, classes))
+
+
+def _classes(rows: Rows) -> np.ndarray:
+    """0 miss, 1 two, 2 three."""
+    level: np.ndarray = rows.labels.sum(axis=1).round().astype(int)
+    return level
+
+
+def _predictor(model: Pipeline | GridSearchCV) -> Predict:
+    def predict(features: np.ndarray) -> np.ndarray:
+        by_class = dict(zip(model.classes_.tolist(), model.predict_proba(features).T, strict=True))
+        none = np.zeros(len(features))
+        three = by_class.get(2, none)
+        return np.column_stack([by_class.get(1, none) + three, three])
+
+    return predict
+
+
+class Answer(NamedTuple):
+    """One network's p [70, 2] on the test rows, its least validation loss and the epoch of that."""
+
+    p: np.ndarray
+    validation_loss: float
+    epoch: int
+
+
+def settings_of(settings: Settings) -> list[SweepSetting]:
+    """Table II's and Figure 10's, each once."""
+    return list(dict.fromkeys([*(SweepSetting(size, settings.best_weight) for size in settings.sizes),
+                               *(SweepSetting(settings.best_size, weight) for weight in settings.weights)]))
+
+
+def train_networks(repetitions: Sequence[Repetition], settings: Settings,
+                   progress: Progress) -> list[dict[SweepSetting, Answer]]:
+    """One answer for each setting, repetition by repetition; first weights and minibatches follow the repetition."""
+    wanted = settings_of(settings)
+    jobs = [Job(one.learn, one.simulated.get(setting.size), one.validation, setting.weight,
+                1000 * settings.base_seed + one.number) for one in repetitions for setting in wanted]
+    trained = iter(train_many(jobs, Recipe(steps=settings.steps, patience=settings.patience), progress))
+    answers = []
+    for one in repetitions:
+        named = {}
+        for setting in wanted:
+            network = next(trained)
+            loss = min(point.validation for point in network.curve)
+            named[setting] = Answer(probabilities(network.network, one.asked.features), loss, network.epoch)
+        answers.append(named)
+    return answers
