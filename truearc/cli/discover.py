@@ -8,7 +8,6 @@ from pathlib import Path
 
 import truearc as ta
 from truearc.cli import common
-from truearc.cli.common import add_accept, catalogue_of, make_progress, number, origin_of, refuse, write_out
 from truearc.cli.outputs import out_file
 from truearc.errors import about
 from truearc.sim.discover import settings
@@ -31,6 +30,14 @@ def add_reports(parser: argparse.ArgumentParser) -> None:
     """Options for the files that an answer is written to: of discover and identifiability."""
     parser.add_argument("--json", type=out_file, metavar="FILE", help="write the answer as JSON")
     parser.add_argument("--report", type=out_file, metavar="FILE", help="write an HTML report")
+
+
+def _write_reports(args: argparse.Namespace, answer: "ta.Finding | ta.Identifiability") -> None:
+    """Write the files of `add_reports`."""
+    common.write_out(args.json, answer.to_json())
+    if args.report:
+        origin = common.origin_of(args)
+        answer.to_html(args.report, made_at=origin.made_at, command=origin.command)
 
 
 def add_believe(parser: argparse.ArgumentParser) -> None:
@@ -64,10 +71,7 @@ def discover(args: argparse.Namespace) -> int:
         adopted = _adopt(found, args.dataset, args.adopt) if args.adopt else None
     except ta.InputError as error:
         refused = error
-    common.write_out(args.json, found.to_json())
-    if args.report:
-        origin = common.origin_of(args)
-        found.to_html(args.report, made_at=origin.made_at, command=origin.command)
+    _write_reports(args, found)
     print(found)                      # last: whoever reads it may be gone
     for line in _contradicted(found, args.measured):
         print(line)
@@ -137,9 +141,9 @@ def _adopt(found: "ta.Finding", dataset: str, path: Path) -> str:
 def design_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("dataset", metavar="DIR", help="dataset directory")
     add_baseline(parser)
-    parser.add_argument("--shots", type=number(int, 1), default=settings.PLANNED_SHOTS, metavar="N",
+    parser.add_argument("--shots", type=common.number(int, 1), default=settings.PLANNED_SHOTS, metavar="N",
                         help="shots to plan")
-    parser.add_argument("--configurations", type=number(int, 1), default=settings.CONFIGURATIONS, metavar="K",
+    parser.add_argument("--configurations", type=common.number(int, 1), default=settings.CONFIGURATIONS, metavar="K",
                         help="that they are shared out to")
     parser.add_argument("--json", type=out_file, metavar="FILE", help="write the plan as JSON")
 
@@ -155,7 +159,7 @@ def design(args: argparse.Namespace) -> int:
     dataset, found = investigate(args, "design")
     plan = ta.design_shots(dataset, found, shots=args.shots, configurations=args.configurations, seed=args.seed)
     print(plan)
-    write_out(args.json, plan.to_json())
+    common.write_out(args.json, plan.to_json())
     return 0
 
 
@@ -164,9 +168,9 @@ def identifiability_options(parser: argparse.ArgumentParser) -> None:
                         "directory: its own shots, with or without results")
     add_believe(parser)
     add_reports(parser)
-    add_accept(parser)
+    common.add_accept(parser)
     parser.set_defaults(seed=None)
-    parser.add_argument("--shots", type=number(int, 1), metavar="N",
+    parser.add_argument("--shots", type=common.number(int, 1), metavar="N",
                         help=f"shots of a planned season (default {settings.SEASON_SHOTS})")
     parser.add_argument("--level", choices=settings.LEVELS, help="what is recorded of them: outcomes, telemetry too, "
                         f"tracks too (default {settings.LEVEL})")
@@ -177,17 +181,14 @@ def identifiability(args: argparse.Namespace) -> int:
     """Say, before any data, which effects a season with a rig could show, and which it could not tell apart."""
     path = Path(args.rig)
     if path.is_dir():
-        refuse(args, ("--shots", "--level"), f"{path} is a dataset directory, whose own shots are used")
+        common.refuse(args, ("--shots", "--level"), f"{path} is a dataset directory, whose own shots are used")
     from truearc.sim.compile_cache import keep_compiled
     keep_compiled()
     source = ta.load_dataset(path) if path.is_dir() else ta.load_rig(path)
     with about(str(path if path.is_dir() else path.parent)):
         answer = ta.identifiability(source, level=args.level, shots=args.shots, believe=args.believe,
-                                    terms=catalogue_of(args), sides=args.sides, seed=args.seed, name=path.name,
-                                    accept=args.accept, progress=make_progress("identifiability", args.quiet))
-    write_out(args.json, answer.to_json())
-    if args.report:
-        origin = origin_of(args)
-        answer.to_html(args.report, made_at=origin.made_at, command=origin.command)
+                                    terms=common.catalogue_of(args), sides=args.sides, seed=args.seed, name=path.name,
+                                    accept=args.accept, progress=common.make_progress("identifiability", args.quiet))
+    _write_reports(args, answer)
     print(answer)                     # last: whoever reads it may be gone
     return 0

@@ -38,11 +38,10 @@ from truearc.robot.doctor.network import HeardKeys, check_network, check_tags, k
 from truearc.robot.doctor.stored import set_stored
 from truearc.robot.motors import name_axes
 from truearc.robot.recording.candump import TappedBus
-from truearc.robot.rig import HardwareRig
+from truearc.robot.rig import NS_PER_S, HardwareRig
 from truearc.robot.runtime import run
 from truearc.robot.vision_source import NoEyes
 
-NS_PER_S = 1_000_000_000
 LOOK_NS = 10_000_000
 CONNECT_S = 5.0                       # for the library to find the server
 CHECK = "motion"

@@ -8,7 +8,6 @@ from typing import Any
 
 import truearc as ta
 from truearc.cli import common
-from truearc.cli.common import add_accept, add_terms_from, catalogue_of, listed, make_progress, number, refuse
 from truearc.cli.outputs import out_file, refuse_file
 from truearc.sim.progress import Progress, part_of
 
@@ -19,13 +18,13 @@ def fit_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("datasets", metavar="DIR", nargs="+", help="dataset of shots; several, of sessions or rigs, "
                         "are pooled: what they have in common, and by how much they differ")
     parser.add_argument("-o", "--out", type=out_file, metavar="FILE", help="coefficients.toml to write")
-    parser.add_argument("--terms", type=listed(str), metavar="NAMES",
+    parser.add_argument("--terms", type=common.listed(str), metavar="NAMES",
                         help="terms to fit, comma-separated (default: [believe] of rig.toml)")
-    add_terms_from(parser)
-    add_accept(parser)
-    parser.add_argument("--posterior", type=number(int, 1), metavar="N",
+    common.add_terms_from(parser)
+    common.add_accept(parser)
+    parser.add_argument("--posterior", type=common.number(int, 1), metavar="N",
                         help="draw N samples of the posterior too, and save them beside --out as .npz")
-    parser.add_argument("--seed", type=number(int, 0), help="seed of --posterior, or of pooling (default 0)")
+    parser.add_argument("--seed", type=common.number(int, 0), help="seed of --posterior, or of pooling (default 0)")
 
 
 def fit(args: argparse.Namespace) -> int:
@@ -35,13 +34,13 @@ def fit(args: argparse.Namespace) -> int:
     fit`. Exit 1 where the fit did not settle or the posterior's chains did not mix.
     """
     if len(args.datasets) > 1:
-        refuse(args, ("--posterior",), "applies to one dataset only")
+        common.refuse(args, ("--posterior",), "applies to one dataset only")
         return _pool(args)
     if args.posterior is None:
-        refuse(args, ("--seed",), "applies with --posterior or several datasets only")
+        common.refuse(args, ("--seed",), "applies with --posterior or several datasets only")
     elif args.out is not None:
         refuse_file(draws_path(args.out), args.force)
-    fit = _fit(args, args.datasets[0], make_progress("fit", args.quiet))
+    fit = _fit(args, args.datasets[0], common.make_progress("fit", args.quiet))
     print(fit)
     if not fit.converged:
         return _refuse_unsettled(args.datasets[0])
@@ -54,7 +53,7 @@ def fit(args: argparse.Namespace) -> int:
 def _fit(args: argparse.Namespace, path: str, progress: Progress) -> "ta.Fit":
     from truearc.api.arguments import names_of
     dataset = ta.load_dataset(path)
-    among, where = catalogue_of(args), "--terms" if args.terms else f"{path}/rig.toml: believe.terms"
+    among, where = common.catalogue_of(args), "--terms" if args.terms else f"{path}/rig.toml: believe.terms"
     terms = names_of(args.terms or dataset.rig.believe.terms, where, among)
     return ta.fit(dataset, among.find(terms or ()), accept=args.accept, progress=progress)
 
@@ -66,7 +65,7 @@ def _refuse_unsettled(path: str) -> int:
 
 
 def _pool(args: argparse.Namespace) -> int:
-    fits, progress = [], make_progress("fit", args.quiet)
+    fits, progress = [], common.make_progress("fit", args.quiet)
     for done, path in enumerate(args.datasets):
         fits.append(_fit(args, path, part_of(progress, done / len(args.datasets), 1.0 / len(args.datasets))))
         if not fits[-1].converged:
@@ -81,7 +80,7 @@ def _pool(args: argparse.Namespace) -> int:
 def _sample(fit: "ta.Fit", args: argparse.Namespace) -> tuple[dict[str, Any], bool]:
     """(what the coefficients file says of the posterior, whether its chains have mixed); draws saved beside --out."""
     from truearc.sim.infer.posterior import save_draws, say_posterior
-    drawn = fit.sample(args.posterior, args.seed or 0, make_progress("posterior", args.quiet))
+    drawn = fit.sample(args.posterior, args.seed or 0, common.make_progress("posterior", args.quiet))
     print("\nposterior:", *say_posterior(drawn), sep="\n")
     if args.out is not None:
         path = draws_path(args.out)

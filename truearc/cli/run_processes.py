@@ -29,12 +29,12 @@ from truearc.robot.processes.vision import FarEyes, make_room, relay, tell, watc
 from truearc.robot.recording.file_writers import Keeper, LaneKeeper
 from truearc.robot.recording.files import Row
 from truearc.robot.recording.retention import start_pruning
+from truearc.robot.rig import NS_PER_S
 from truearc.robot.runtime import Recorder
 from truearc.robot.types import Sighting, Tick
 from truearc.robot.vision import find_target
 from truearc.robot.vision_source import Eyes, InlineEyes
 
-NS_PER_S = 1_000_000_000
 CLOSE_S = 2.0                         # for a camera to be let go
 
 

@@ -5,7 +5,6 @@ import sys
 from pathlib import Path
 
 from truearc.cli import common
-from truearc.cli.common import refuse
 from truearc.cli.outputs import out_file
 
 
@@ -29,7 +28,7 @@ def replay(args: argparse.Namespace) -> int:
     if args.config is None and args.gate is None:
         return replay_as_recorded(args)
     if args.depth == "frames":
-        refuse(args, ("--config", "--gate"), "--from frames recomputes what was; the inputs stay as recorded")
+        common.refuse(args, ("--config", "--gate"), "--from frames recomputes what was; the inputs stay as recorded")
     return replay_with(args)
 
 
