@@ -1,4 +1,4 @@
-"""The recordings: practice, aimed configurations until each outcome is there often enough, simulated ones launched.
+"""The recordings: practice, aimed configurations, simulated ones launched; and what each repetition draws from them.
 
 Every session follows from the settings and from the sessions before it, so a collection that was broken off goes on
 where it stopped. Nothing here records: that is `record`'s work, which returns the sessions' folders in order.
@@ -7,7 +7,7 @@ where it stopped. Nothing here records: that is `record`'s work, which returns t
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
@@ -27,8 +27,9 @@ from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.data.repeatability_labels import label_by_repeatability
 from truearc.sim.paper.grid_fit import fit_grid
 from truearc.sim.paper.synthetic_data import AXES, SHAPE, grid_shots, label_grid, sample_balanced, taken_configurations
+from truearc.sim.physics.launch import Exit, exit_opposed, is_opposed
 from truearc.sim.progress import Progress
-from truearc_proof.reproduce.settings import Settings, draw, exit_seed
+from truearc_proof.reproduce.settings import Settings
 
 DISTANCES_M = (2.6, 8.0)
 RATIOS = (0.15, 0.95)                 # what the wheels do
@@ -305,3 +306,61 @@ def _launches(config: Config, settings: Settings, chosen: Shots,
         recordings.append(_prescribed(name, config, plan, settings, _seed(settings, 91 + number // 10, number % 10)))
         simulated |= {f"{name}-c{place:04d}": str(outcome[row]) for place, row in enumerate(rows)}
     return recordings, simulated
+
+
+class Draw(NamedTuple):
+    """Row numbers: `train` and `test` of the real pool, `transfer` of the launched one; each even by outcome.
+
+    `validation` is a part of `train`: it says when to stop training, and is fitted by what needs no stopping.
+    """
+
+    train: np.ndarray
+    validation: np.ndarray
+    test: np.ndarray
+    transfer: np.ndarray
+
+
+def draw(real: Shots, launched: Shots | None, settings: Settings, number: int) -> Draw:
+    """The repetition of that number, from 0; the same settings and pools give the same draw.
+
+    D_r is even by outcome, D_s^T by what the simulator said of it. Without `launched`, `transfer` is empty.
+    """
+    rng = np.random.default_rng([settings.base_seed, number, 33])
+    chosen = _even(np.array(real.text("outcome")), settings.configurations, rng)
+    test = _even(np.array(real.text("outcome"))[chosen], round(settings.test_share * len(chosen)), rng)
+    kept = np.setdiff1d(np.arange(len(chosen)), test)
+    train = chosen[kept]
+    watched = _even(np.array(real.text("outcome"))[train], round(settings.test_share * len(train)), rng)
+    if launched is None:
+        transfer = np.zeros(0, np.int64)
+    else:
+        transfer = _even(np.array(launched.text("simulated")), settings.transfer,
+                         np.random.default_rng([settings.base_seed, number, 34]))
+    return Draw(train, train[watched], chosen[test], transfer)
+
+
+def _even(outcomes: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    """`count` ascending rows with as even a share of each outcome as there are rows for."""
+    rest, chosen = count, []
+    pools = sorted((rng.permutation(np.flatnonzero(outcomes == outcome)) for outcome in OUTCOMES), key=len)
+    for number, pool in enumerate(pools):
+        share = min(len(pool), -(-rest // (len(pools) - number)) if number else rest // len(pools))
+        chosen.append(pool[:share])
+        rest -= share
+    return np.sort(np.concatenate(chosen))
+
+
+def exit_seed(rig: Rig, motor_ratio: Any, hood_deg: Any) -> Exit:
+    """Launch of the two-wheel rig at motor speed / free speed and elevation.
+
+    The paper's Eq. 11 and 12, the latter with its own factor (twice the spin of a ball that does not slip).
+    Raises InputError when the rig has no free speed or not one wheel above and one below.
+    """
+    if not is_opposed(rig):
+        raise InputError("rig.toml: launcher.wheel: the paper's Eq. 11 and 12 need two wheels, clock_deg 0 and 180")
+    if rig.launcher.free_speed_rad_s is None:
+        raise InputError("rig.toml: launcher.free_speed_rad_s is needed to turn motor_ratio into a launch")
+    upper, lower = sorted(rig.launcher.wheel, key=lambda wheel: round(wheel.clock_deg % 360.0, 6))
+    motor_rad_s = motor_ratio * rig.launcher.free_speed_rad_s
+    return exit_opposed(rig, motor_rad_s * (upper.gear * upper.radius_m), motor_rad_s * (lower.gear * lower.radius_m),
+                        hood_deg)

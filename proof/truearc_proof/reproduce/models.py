@@ -29,8 +29,8 @@ from truearc.sim.paper.synthetic_data import grid_shots, label_grid, sample_bala
 from truearc.sim.paper.training import LABELS, Rows, training_rows
 from truearc.sim.physics.simulate import classify, predict
 from truearc.sim.progress import Progress
-from truearc_proof.reproduce.collect import Pool
-from truearc_proof.reproduce.settings import Draw, Settings, draw
+from truearc_proof.reproduce.collect import Draw, Pool, draw
+from truearc_proof.reproduce.settings import Settings
 
 SIMULATOR, OURS = "simulator alone", "our gate"
 # Terms that the gate's physics may hold: the paper's forces, and a loss of speed between wheels and ball.
