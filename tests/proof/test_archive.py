@@ -20,7 +20,6 @@ from truearc_proof.rounds.ledger import Room, digest
 from truearc_proof.rounds.solver import solver_id
 from truearc_proof.scoring.score_world import Mark
 
-pytestmark = pytest.mark.slow
 MARK = Mark("w1", "numpy", "one", "L1", 300, ("wind_x",), 20.0, True, 0.01, "named", ("wind_x",), 1, True, True, True,
             True, None, True, 0.5, 0.1, 0.2, (0.9, 0.8, 0.85, 0.9), None, ("wind_x",))
 WAS = Graded("w1", MARK)
@@ -40,6 +39,7 @@ def room(packed: Path, tmp_path: Path) -> Room:
     return room
 
 
+@pytest.mark.slow
 def test_the_same_data_are_made_again_from_the_seals_alone(packed: Path, tmp_path: Path, capsys) -> None:
     words = ["prove", "check", "--quiet", "--packed", str(packed), "--out", str(tmp_path / "again")]
     assert main(words) == 0
@@ -49,11 +49,13 @@ def test_the_same_data_are_made_again_from_the_seals_alone(packed: Path, tmp_pat
     assert main(words) == 2 and "is there already" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_round_that_is_not_marked_is_not_packed(played: Room, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="w0001, w0002, w0003: not marked yet"):
         pack(played, tmp_path / "early.tar.xz")
 
 
+@pytest.mark.slow
 def test_packing_twice_gives_the_same_file(room: Room, packed: Path, tmp_path: Path) -> None:
     pack(room, tmp_path / "twice.tar.xz")
     assert (tmp_path / "twice.tar.xz").read_bytes() == packed.read_bytes()
@@ -103,12 +105,14 @@ def choose_data(room: Room) -> str:
     return "shots.csv: was changed"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cheat", [change_claims, change_marks, forge_marks, change_seal, leave_out, choose_data])
 def test_whatever_was_changed_or_left_out_is_named(room: Room, cheat: Callable[[Room], str]) -> None:
     expected = cheat(room)
     assert any(expected in line for line in check_round(room, 3, quiet).wrong)      # all that there are
 
 
+@pytest.mark.slow
 def test_what_is_no_packed_round_is_refused(tmp_path: Path, capsys) -> None:
     (tmp_path / "no.tar.xz").write_bytes(b"no")
     words = ["prove", "check", "--packed", str(tmp_path / "no.tar.xz"), "--out", str(tmp_path / "again")]
@@ -118,6 +122,7 @@ def test_what_is_no_packed_round_is_refused(tmp_path: Path, capsys) -> None:
     assert "ledger.jsonl: is missing" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_which_worlds_are_made_again_nobody_knows_beforehand(room: Room) -> None:
     """Of three worlds one is made again: not always the same, and the same by the same seed."""
     marks = {one.world: one for one in graded_of(room)}

@@ -25,7 +25,6 @@ from truearc_proof.truth.world import make_world
 from truearc_proof.worlds.sampling_plan import NUMPY, Drawn
 
 N = 400
-pytestmark = pytest.mark.slow
 WORLD = make_world({"hood_offset": 2.0}, "L0", 200, 31, side=True)
 
 
@@ -112,6 +111,7 @@ def claimed(**sizes: float) -> dict[str, Any]:
         parameter[name]: {"value": size}}} for name, size in sizes.items()]}
 
 
+@pytest.mark.slow
 def test_shots_like_the_first_are_worth_their_number() -> None:
     first, more = shoot(WORLD), shoot(replace(WORLD, seed=77, shots=100))
     more = replace(more, shots=replace(more.shots, shot_id=tuple(f"m{k}" for k in range(100))))
@@ -119,6 +119,7 @@ def test_shots_like_the_first_are_worth_their_number() -> None:
     assert worth is not None and 60 <= worth <= 160
 
 
+@pytest.mark.slow
 def test_shots_that_are_sure_to_fall_short_are_worth_next_to_none() -> None:
     shots = shoot(WORLD).shots
     place = int(np.argmax(shots.number("distance_m")))
@@ -127,6 +128,7 @@ def test_shots_that_are_sure_to_fall_short_are_worth_next_to_none() -> None:
     assert worth is not None and worth < 25
 
 
+@pytest.mark.slow
 def test_one_name_alone_needs_no_shots() -> None:
     assert random_worth(shoot(WORLD), follow(WORLD, [Asked(4.0, 48.0, 0.55, 20)]), claimed(hood_offset=2.0)) is None
 

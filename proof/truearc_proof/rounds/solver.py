@@ -76,10 +76,13 @@ def _solve_sealed(room: Room, progress: Progress, workers: int | None, scheduler
         _keep_home(room)
     for todo, work, step, path in ((first, partial(solve, room.root.resolve(), rivals), Step.CLAIMED, room.claims),
                                    (again, partial(solve_again, room.root.resolve()), Step.CLAIMED_AGAIN, room.again)):
-        what = f"worlds are discovered in ({step})"
-        fan_out(work, todo, scheduler, lambda done, note, what=what: progress(done, what), workers,
+        fan_out(work, todo, scheduler, partial(_tell, progress, f"worlds are discovered in ({step})"), workers,
                 partial(_claim, room, step, path))
     progress(1.0, f"{len(names)} worlds claimed")
+
+
+def _tell(progress: Progress, what: str, done: float, note: str) -> None:
+    progress(done, what)
 
 
 def _claim(room: Room, step: str, path: Callable[[str], Path], world: str, claims: dict[str, Any]) -> None:

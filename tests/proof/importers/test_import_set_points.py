@@ -23,7 +23,7 @@ ROWS = [("254", "laser_old_ball", 2.67, 4500, 45.73, ""), ("254", "laser_old_bal
         ("254", "laser_new_ball", 2.32, 4500, 45.76, ""), ("254", "lob", 4.37, 2500, 48.75, ""),
         ("2910", "west_valley", 2.2352, 3400, 45.0, ""), ("1678", "v_1", 3.0, "", "", "no hood")]
 HISTORY = ("commit", "committed_at", "commit_message", "distance_m", "hood_eject_angle_deg", "flywheel_rpm")
-pytestmark = pytest.mark.skipif(shutil.which("git") is None, reason="needs git")
+needs_git = pytest.mark.skipif(shutil.which("git") is None, reason="needs git")
 Point = tuple[float, float, float]    # elevation, wheel in rpm, distance in inches
 FIRST: list[Point] = [(30.0, 4500.0, 80.0), (25.0, 4500.0, 120.0)]
 LATER: list[Point] = [(30.0, 4400.0, 80.0), (25.0, 4500.0, 120.0)]
@@ -219,6 +219,7 @@ def without_names(dataset: Dataset) -> list[tuple[float, ...]]:
     return [tuple(row) for row in zip(*(numbers[name].tolist() for name in sorted(numbers)), strict=True)]
 
 
+@needs_git
 def test_a_clones_history_says_the_same_as_the_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     days = ("2021-11-01T09:00:00+01:00", "2021-11-02T08:00:00+00:00")
     clone = clone_of(tmp_path / "FRC-2020", list(zip(days, (FIRST, LATER), strict=True)))
@@ -233,6 +234,7 @@ def test_a_clones_history_says_the_same_as_the_table(tmp_path: Path, capsys: pyt
     assert "3 shots" in capsys.readouterr().out
 
 
+@needs_git
 def test_a_commit_that_took_the_file_away_is_no_version(tmp_path: Path) -> None:
     clone = clone_of(tmp_path / "c", [("2021-11-01T00:00:00+00:00", FIRST)])
     commit(clone, None, "2021-11-02T00:00:00+00:00")
@@ -240,6 +242,7 @@ def test_a_commit_that_took_the_file_away_is_no_version(tmp_path: Path) -> None:
     assert len(set(import_3476(clone).shots.text("version"))) == 2
 
 
+@needs_git
 def test_what_is_no_history_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     clone = clone_of(tmp_path / "c", [("2021-11-01T00:00:00+00:00", FIRST), ("2021-11-02T00:00:00+00:00", LATER)])
     with pytest.raises(InputError, match="its history has no src/main/deploy"):
@@ -261,6 +264,7 @@ def test_what_is_no_history_is_refused(tmp_path: Path, monkeypatch: pytest.Monke
         import_3476(clone)
 
 
+@needs_git
 @pytest.mark.data
 def test_the_real_history_is_the_same_out_of_a_clone(tmp_path: Path, data_dir: Path) -> None:
     table = data_dir / "real/frc3476_tuning_history.csv"
