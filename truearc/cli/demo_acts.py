@@ -1,4 +1,4 @@
-"""The acts of the demo, which print nothing: a robot practises or meets a changed world, learns, and aims again.
+"""What the demo plays and shows: a robot practises or meets a changed world, learns and aims again; and its page.
 
 Balls are shot by the season (truearc.sim.world.season): the emulated robot's world without buses and images. An act is
 a pure function of the robot, the seed and the effect; `truearc demo` tells it, and `python -m benchmarks.demo_seeds`

@@ -1,4 +1,4 @@
-"""Learners of the residual (Kennedy & O'Hagan's discrepancy): the track's end less the believed forecast of it.
+"""Learners of the residual (Kennedy & O'Hagan's discrepancy): a Gaussian process, and gradient-boosted trees.
 
 A shot's residual are three coordinates of its track's last sample less the forecast by the believed physics, fitted to
 the other folds, from the first 40 % of its samples. Covariates: every column that truearc itself asks about
@@ -6,16 +6,6 @@ the other folds, from the first 40 % of its samples. Covariates: every column th
 honesty: where the covariate that it leans on most is one that terms of the catalogue follow from shot to shot (the
 air's density, the ball's age, the battery, ...), those terms, flight first, since the first samples determine the
 launch; on distance, elevation, speed or spin a dozen terms depend, and it names nothing.
-
-A Gaussian process on the believed fit's residuals: Kennedy & O'Hagan's discrepancy, by scikit-learn.
-
-Anisotropic RBF plus white noise, hyperparameters by marginal likelihood (one kernel for the three coordinates, each
-standardised). It leans most on the covariate with the shortest length scale, all covariates being standardised.
-
-Gradient-boosted trees on the believed fit's residuals, by scikit-learn: one set of trees a coordinate.
-
-Small trees and a slow rate, as many as an inner validation share finds useful. It leans most on the covariate whose
-shuffling worsens what it says of its own shots most.
 """
 
 import warnings
@@ -114,7 +104,11 @@ def names_of(covariates: Sequence[Covariate], leaning: Array) -> tuple[str, ...]
 
 
 class Process:
-    """scikit-learn's, as a Learner."""
+    """scikit-learn's Gaussian process, as a Learner.
+
+    Anisotropic RBF plus white noise, hyperparameters by marginal likelihood (one kernel for the three coordinates, each
+    standardised). It leans most on the covariate with the shortest length scale, all being standardised.
+    """
 
     def __init__(self) -> None:
         self._process: GaussianProcessRegressor | None = None
@@ -154,7 +148,11 @@ def answer_gp(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
 
 
 class Trees:
-    """scikit-learn's, as a Learner."""
+    """scikit-learn's gradient-boosted trees, one set of them a coordinate, as a Learner.
+
+    Small trees and a slow rate, as many as an inner validation share finds useful. It leans most on the covariate whose
+    shuffling worsens what it says of its own shots most.
+    """
 
     def __init__(self, seed: int) -> None:
         self._seed = seed
