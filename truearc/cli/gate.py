@@ -163,7 +163,7 @@ def make_command(gate: Path, config: Config) -> tuple[str, ...]:
 
 
 def answer(gate: str, threshold: str, speed_rad_s: str = "") -> int:
-    """Answer until standard input ends; return 2 where the gate cannot be used."""
+    """Answer until standard input ends, giving way to every other process; return 2 where the gate cannot be used."""
     from truearc.hw.real.clock import MonotonicClock
     from truearc.robot.gate.model import load_gate
     from truearc.robot.operator_ui.what_if import WhatIf

@@ -102,10 +102,11 @@ class _Recording(Struct, rename="pascal"):
 
 
 def load_free_flights(path: Path) -> dict[str, Float[np.ndarray, "_ 4"]]:
-    """Return the longest free flight of each marker, by its name: t_s from the recording's begin, then x, y, z in m.
+    """Return the longest free flight of each marker of a recording that Qualisys Track Manager exported (JSON).
 
-    Axes as in the recording, z up. A marker that never flies has no samples. InputError: no such recording, two markers
-    of one name, a frequency, frame or place out of range.
+    By the marker's name: t_s from the recording's begin, then x, y, z in m. Axes as in the recording, z up. A marker
+    that never flies has no samples. InputError: no such recording, two markers of one name, a frequency, frame or place
+    out of range.
     """
     try:
         recording = msgspec.json.decode(path.read_bytes(), type=_Recording)

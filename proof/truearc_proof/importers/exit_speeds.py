@@ -79,7 +79,7 @@ def _positive(table: RawTable, name: str, problems: Problems) -> np.ndarray:
 
 
 def load_fuel(path: Path, problems: Problems) -> tuple[RawTable, tuple[str, ...]]:
-    """`shooter.py` or a table in CSV; and what was left out.
+    """`shooter.py`, read as text and never run, or a table in CSV; and what was left out.
 
     Spin is in rad/s, as their equations use it. Where motor speeds start again, the elevation is not stated.
     """

@@ -1,6 +1,9 @@
 """Flights of a three-wheel table-tennis launcher (ball_prediction, MPI for Intelligent Systems) -> dataset.
 
 proof/IMPORTERS.md says what the columns are, where the files come from, and what is assumed.
+
+An HDF5 recording has a group `originals`, and in it one a launch: its parameters, time stamps and positions. Recordings
+with a robot have other names for them, and an id a sample, below 0 where no ball was seen.
 """
 
 import math

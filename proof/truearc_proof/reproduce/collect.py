@@ -2,6 +2,10 @@
 
 Every session follows from the settings and from the sessions before it, so a collection that was broken off goes on
 where it stopped. Nothing here records: that is `record`'s work, which returns the sessions' folders in order.
+
+The crew aims for hits, near misses and misses in similar numbers, learnt from their own marks. Speeds are vacuum
+ballistics' times a correction, a quadratic in distance and elevation fitted to the marks. No drag, lift or wheel slip
+is supposed, so the choice of configurations favours no simulator.
 """
 
 import math

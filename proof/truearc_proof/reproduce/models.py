@@ -1,4 +1,8 @@
-"""One repetition: the paper's simulator fitted to a draw, baselines, our gate, and the paper's networks."""
+"""One repetition: the paper's simulator fitted to a draw, baselines, our gate, and the paper's networks.
+
+Baselines predict from the recorded configurations alone, each tuned by cross-validation. All classify into miss, two
+and three and answer in the gate's terms: p_two = P(two or three), p_three = P(three).
+"""
 
 import warnings
 from collections.abc import Callable, Sequence

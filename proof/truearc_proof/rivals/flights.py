@@ -1,5 +1,7 @@
 """Tracks as regressions take them, their library of accelerations, and forecasts by laws of it.
 
+Tracks are cleaned as truearc cleans them, with what the robot knows of each shot.
+
 The library has accelerations that the catalogue's flight terms stand for, linear in each.
 
 A column is a term's acceleration at its usual size (one standard deviation of the catalogue's prior), linearised where
@@ -24,6 +26,11 @@ What it cannot represent: whatever happens before the first sample (all of sensi
 accelerations is blind to it and needs not care), the tracker's scale, tilt and clock (left out, though they are
 accelerations too: fewer columns to take for the true one), each shot's own spin (wheels turn it by 5 % more or less
 than they say), and each ball's own drag.
+
+Forecasts of the height at a track's end answer the same question as truearc's own figure
+(truearc.sim.discover.select.forecast_error): the first 40 % of a
+track's samples tell how the ball left, the law flies it on. truearc also knows wheels and hood when it does so; a law
+of accelerations does not, so compare each entrant's after with its own before.
 """
 
 import math

@@ -1,4 +1,14 @@
-"""A finished round in one file, without its data: the opened seals say how to make them again, to the last byte."""
+"""A finished round in one file, without its data: the opened seals say how to make them again, to the last byte.
+
+First claims are made again from the released data alone, which shows that they do not come from the truth. Only the
+very solver, by its hash, makes the same claims. Claims of rivals, follow-up requests and second claims are not made
+again.
+
+Of two gradings of one world, claims, truth and correctness must be equal to the letter, and numbers that were worked
+out from the data as nearly as another machine can. The grader's own numbers come from the solver's fits (the ceiling
+that the data allow, the gain of the true term): with another state of the solver they may be any, and are reported but
+not counted as differences.
+"""
 
 import io
 import lzma

@@ -3,6 +3,8 @@
 Seals are opened in this process alone: workers, of which a cluster's may have worked for the solver, are handed what
 they need of them, and write into a directory of their own (Room.half), which is moved when it is whole. So a worker
 that outlives a killed keeper cannot corrupt the data that the next one makes.
+
+Of external worlds the truth that their makers state is sealed with their data, if it can be marked.
 """
 
 import math

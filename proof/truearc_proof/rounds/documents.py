@@ -1,14 +1,12 @@
 """Documents of a round: the seal of a world and the claims about it.
 
-A sealed world: what is true of it, and the hashes of its data, committed to before anybody has seen them.
+A seal is what is true of a world, and the hashes of its data, committed to before anybody has seen them. The commitment
+is the SHA-256 of the seal's canonical JSON (keys sorted, no spaces, floats as the shortest text that reads back
+exactly). A salt of 32 random bytes keeps anybody from guessing worlds until one fits.
 
-The commitment is the SHA-256 of the seal's canonical JSON (keys sorted, no spaces, floats as the shortest text that
-reads back exactly). A salt of 32 random bytes keeps anybody from guessing worlds until one fits.
-
-Claims about sealed worlds, `truearc.claims/2`: the keys that a grader reads (docs/how-to/challenge.md).
-
-Everything that is compared is an id: verdicts, names of terms, parameters, columns, stages, directions, instruments.
-Sentences are for people. `truearc.claims/1`, which the published rounds have, named instruments by their text.
+Claims are `truearc.claims/2`: the keys that a grader reads (docs/how-to/challenge.md). Everything that is compared is
+an id: verdicts, names of terms, parameters, columns, stages, directions, instruments. Sentences are for people.
+`truearc.claims/1`, which the published rounds have, named instruments by their text.
 """
 
 import json

@@ -1,4 +1,7 @@
-"""The grader's part: open the seals of what has been claimed, find out whatever was changed, and mark the rest."""
+"""The grader's part: open the seals of what has been claimed, find out whatever was changed, and mark the rest.
+
+What a table is made of is what was entered into the ledger when the worlds were marked.
+"""
 
 from collections.abc import Mapping, Sequence
 from functools import partial

@@ -1,4 +1,30 @@
-"""A round on disk: its layout, the ledger of every step, and the lock of whoever writes."""
+"""A round on disk: its layout, the ledger of every step, and the lock of whoever writes.
+
+    ROUND/lock                    held by whoever writes
+    ROUND/half/                   data in the making; nothing in there is ever read
+    ROUND/ledger.jsonl            every step of every world, chained
+    ROUND/data/w0001/             a dataset, given away
+    ROUND/data/home/              MuJoCo's robot before anything was changed, where there are such worlds
+    ROUND/home.json               what its session leaves to be believed, worked out once for all claims
+    ROUND/claims/w0001.json       what the solver says of it, and what more it asks for
+    ROUND/more/w0001/             those shots, or measured.json, given away
+    ROUND/again/w0001.json        what the solver says once it has them
+    ROUND/keeper/round.json       how the round was drawn; not for the solver
+    ROUND/keeper/w0001.json       its seal; not for the solver
+    ROUND/grades.jsonl            marks of opened worlds
+    ROUND/report.html             them all, in pictures and tables
+    ROUND/figures.json            the figures of those tables, with intervals
+
+The ledger has one JSON object a line, each with the SHA-256 of the line before it, so that no line can be changed, left
+out or put in without breaking the chain; lines are only ever added at the end, and are on the disk before whatever they
+are about is given away.
+
+    {"number": 3, "what": "sealed", "world": "w0001", "sha256": "...", "before": "..."}
+
+The kernel takes the lock off whoever dies, however it dies. Each part of a round takes it for as long as it writes. So
+a solver whose parent was killed goes on holding it, and whoever takes the round up again is told to wait, rather than
+writing beside it.
+"""
 
 import hashlib
 import os

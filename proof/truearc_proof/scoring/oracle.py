@@ -1,6 +1,9 @@
 """What the data of a concealed world allow: chances, least errors, what follow-ups are worth, and sealed shots.
 
 For small effects the scores are normal; the best that anybody can do with them is worked out by drawing them.
+
+Sealed hold-out shots get to no solver. They follow from the sealed world alone (another season of the same robot, with
+balls and random effects of its own), so that the seal commits to them as well.
 """
 
 from collections.abc import Mapping

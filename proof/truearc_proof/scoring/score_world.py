@@ -1,4 +1,8 @@
-"""Marks of one opened world: what was claimed against what was true."""
+"""Marks of one opened world: what was claimed against what was true.
+
+The name of a decoy, which changes much and does nothing, is false, whatever it resembles. Marks keep what the data
+cannot tell apart, the decoy's name with it; here it is put right, for older rounds too.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,4 +1,9 @@
-"""From wheels to the target: launch, air, flight, and how the operator aims."""
+"""From wheels to the target: launch, air, flight, and how the operator aims.
+
+Balls roll without slip; the launcher loses speed, and shots scatter. Flights go by classical Runge-Kutta on one grid of
+time, cubic Hermite between its moments. The operator aims off the centre on purpose, by what the robot believes of
+itself, then corrects all speeds as a whole.
+"""
 
 import math
 from collections.abc import Callable

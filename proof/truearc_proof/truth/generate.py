@@ -1,4 +1,6 @@
-"""Dataset of a concealed world, as a solver gets it, and further shots that it asks for."""
+"""Dataset of a concealed world, as a solver gets it, and further shots that it asks for, with its effects at work as
+before.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
