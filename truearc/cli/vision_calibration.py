@@ -10,8 +10,7 @@ import msgspec
 import numpy as np
 from msgspec.structs import replace
 
-from truearc.cli.common import make_progress, print_or_write
-from truearc.cli.vision import load_camera, load_labels
+from truearc.cli.common import load_camera, load_labels, make_progress, print_or_write
 from truearc.cli.vision_images import load_image, why_not
 from truearc.errors import InputError, make_toml
 from truearc.hw.protocols import CameraFrame

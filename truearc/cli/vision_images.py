@@ -11,8 +11,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from truearc.cli.common import make_progress
-from truearc.cli.vision import load_camera, load_labels
+from truearc.cli.common import load_camera, load_labels, make_progress
 from truearc.errors import InputError, in_words, load_bytes
 from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import CameraFile

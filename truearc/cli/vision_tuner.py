@@ -19,7 +19,7 @@ import cv2
 import msgspec
 from msgspec.structs import replace
 
-from truearc.cli.vision import load_camera
+from truearc.cli.common import load_camera
 from truearc.cli.vision_images import load_image, why_not
 from truearc.errors import InputError, make_toml, reworded, save_whole
 from truearc.hw.protocols import Camera, CameraFrame, LinkLost
