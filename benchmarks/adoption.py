@@ -7,7 +7,7 @@
 Judged by points, balls are aimed in the same world by what was believed, by what was found and by what is adopted
 (benchmarks/adoption_points.py). Judged by gates:
 
-Worlds are MuJoCo's with one thing changed each (truearc_proof.worlds.perturbations), or nothing. From a recorded
+Worlds are MuJoCo's with one thing changed each (truearc_proof.worlds.sampling_plan), or nothing. From a recorded
 session of each, by telemetry and outcomes (L1), gates are trained in pairs that are alike in all but their physics:
 the paper's (gravity, drag and lift, fitted), and the finding adopted from the same session. `ours`: truearc's gate,
 which adds what it learns of the rest; `network`: the paper's, from the recorded shots and 900 simulated ones with its
@@ -48,9 +48,8 @@ from truearc.sim.paper.train_many import Job, train_many
 from truearc.sim.statistics import figures_of
 from truearc.sim.world.options import Options
 from truearc_proof.rounds.jsonl_store import fill
-from truearc_proof.world.practice import plan_season
-from truearc_proof.world.season import ORDINARY, play_season
-from truearc_proof.worlds.perturbations import Change, seen_at
+from truearc_proof.world.season import ORDINARY, plan_season, play_season
+from truearc_proof.worlds.sampling_plan import Change, seen_at
 
 BELIEVED = ("gravity", "drag", "magnus")
 LEVEL = "L1"

@@ -18,9 +18,8 @@ from truearc.sim.infer.belief import Belief
 from truearc.sim.statistics import POINTS_THREE, POINTS_TWO
 from truearc.sim.world.options import Options
 from truearc_proof.table import Table
-from truearc_proof.world.practice import plan_season
-from truearc_proof.world.season import ORDINARY, ShotSetting, play_season
-from truearc_proof.worlds.perturbations import Change
+from truearc_proof.world.season import ORDINARY, ShotSetting, plan_season, play_season
+from truearc_proof.worlds.sampling_plan import Change
 
 BELIEVED = ("gravity", "drag", "magnus")
 BALLS = 60                            # aimed by each belief

@@ -3,7 +3,7 @@
     python -m benchmarks.demo_seeds --seeds 30 --out FILE
     python -m benchmarks.demo_seeds --table FILE
 
-For each seed the acts of `truearc demo` (truearc.cli.start.demo_acts): practice, an event for each effect of EVENTS,
+For each seed the acts of `truearc demo` (truearc.cli.demo_acts): practice, an event for each effect of EVENTS,
 and the control, in which nothing has changed. All 300 shots of practice are the season's; the robot with images and CAN
 frames is left out. Before and after are the same balls from the same places; threes of 120. `significant`: two-sided
 test of two proportions over all acts of all seeds, adjusted by Holm's method. A line of FILE a seed, with every act's
@@ -21,8 +21,7 @@ from typing import Any, NamedTuple
 import truearc as ta
 from benchmarks.filling import fill_and_tell, parser_of
 from truearc.cli.common import SHIPPED, make_progress
-from truearc.cli.start.demo_acts import Act, Sizes, play_event, practise
-from truearc.cli.start.demo_effects import EFFECTS, NOTHING, WorldChange
+from truearc.cli.demo_acts import EFFECTS, NOTHING, Act, Sizes, WorldChange, play_event, practise
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
 from truearc.sim.compute import keep_compiled

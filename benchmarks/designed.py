@@ -31,8 +31,7 @@ from truearc.sim.discover.plan.experiment_design import can_design, make_design
 from truearc.sim.statistics import student_half
 from truearc_proof.rounds.jsonl_store import fill
 from truearc_proof.table import make_markdown
-from truearc_proof.truth.followup import Asked, follow
-from truearc_proof.truth.generate import shoot
+from truearc_proof.truth.generate import Asked, follow, shoot
 from truearc_proof.truth.world import World, make_world
 
 ALIKE = ("hood_offset", "wheel_slip", "drag_reynolds", "spin_drag", "wind_x", "wind_z", "distance_scale",

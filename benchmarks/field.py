@@ -28,8 +28,8 @@ from truearc.sim.compute import keep_compiled
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.investigate import Investigation, discover
 from truearc_proof.parallel import fan_out
+from truearc_proof.rivals import OURS, RIVALS, check_rivals, find_rival
 from truearc_proof.rivals.claim import Claim, believed_of
-from truearc_proof.rivals.registry import OURS, RIVALS, check_rivals, find_rival
 from truearc_proof.rounds.jsonl_store import append_line, lines_of, mend
 from truearc_proof.scoring.oracle import FALSE_ALARM, ceiling_of
 from truearc_proof.truth.generate import shoot

@@ -9,8 +9,8 @@ import numpy as np
 
 from benchmarks.suite import Job, drawn_of, measured_of, names_of
 from truearc_proof.report.tables import said, yes_of
+from truearc_proof.rivals import OURS
 from truearc_proof.rivals.claim import Claim
-from truearc_proof.rivals.registry import OURS
 from truearc_proof.scoring.oracle import FALSE_ALARM
 from truearc_proof.scoring.score_finding import STAGE_OF, names_ranked
 from truearc_proof.scoring.score_world import mark_rival, right_names

@@ -31,7 +31,7 @@ from benchmarks.demo_seeds import names_of
 from benchmarks.filling import fill_and_tell, parser_of
 from truearc.api.following import propose
 from truearc.cli.common import SHIPPED, make_progress
-from truearc.cli.start.demo_acts import APART, DISTANCES_M, Act, Sizes, aimed_settings, fire, practise
+from truearc.cli.demo_acts import APART, DISTANCES_M, Act, Sizes, aimed_settings, fire, practise
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
 from truearc.sim.compute import keep_compiled
@@ -48,8 +48,7 @@ from truearc_proof.rounds.jsonl_store import fill
 from truearc_proof.table import Table
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import World, make_world
-from truearc_proof.world.practice import plan_season
-from truearc_proof.world.season import ORDINARY, play_season
+from truearc_proof.world.season import ORDINARY, plan_season, play_season
 
 PRACTICE, SHOTS = 300, 80
 ALARM = 0.05

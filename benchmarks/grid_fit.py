@@ -27,7 +27,7 @@ from truearc.sim.physics.compiled import facts_values, load_kernel, make_source
 from truearc.sim.physics.flight import fly
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import classify, fly_rows
-from truearc_proof.reproduce.paper import exit_seed
+from truearc_proof.reproduce.collect import exit_seed
 
 FACTS = Rig(ball=Ball(0.14, 0.0889), launcher=LauncherFacts(0.75, 594.0, (
     Wheel("lower", 0.0508, 1.0, 180.0), Wheel("upper", 0.0349, 0.5625, 0.0))), target=Target(2.44), air=Air(1.2),

@@ -25,7 +25,7 @@ from typing import NamedTuple
 from msgspec.structs import replace
 
 from truearc.cli.common import SHIPPED
-from truearc.cli.robot.run_processes import RecorderProcess
+from truearc.cli.run_processes import RecorderProcess
 from truearc.hw.protocols import CameraFrame, Frame
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import load_config

@@ -23,9 +23,8 @@ from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
 from truearc.sim.infer.likelihood.prepared_data import take_in
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc_proof.scoring.oracle import strength_of
-from truearc_proof.truth.effects import ABSORBED, EFFECTS
 from truearc_proof.truth.generate import shift_m, shoot
-from truearc_proof.truth.world import BELIEVED, LEVELS, World
+from truearc_proof.truth.world import ABSORBED, BELIEVED, EFFECTS, LEVELS, World
 
 SHOTS = 300
 

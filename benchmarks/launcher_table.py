@@ -5,7 +5,7 @@ from typing import Any
 
 from truearc_proof.report.tables import said
 from truearc_proof.table import Table
-from truearc_proof.worlds.perturbations import CHANGES, Change
+from truearc_proof.worlds.sampling_plan import CHANGES, Change
 
 TARGET = 1.5                          # times the world's own scatter, for the adopted simulation's heights
 AS_IS = "as-is"

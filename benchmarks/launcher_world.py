@@ -6,7 +6,7 @@
 as-is: an unmodified world, baseline as in the paper (gravity, drag, magnus): is the mismatch found, in which stage, by
 which terms, and how well does the adopted simulation forecast another session's heights at the plane, beside the
 world's shot-to-shot scatter (the same shots with and without it) and beside the fitted baseline.
-changed: one thing changed (truearc_proof.worlds.perturbations), compared with the belief adopted from the as-is
+changed: one thing changed (truearc_proof.worlds.sampling_plan), compared with the belief adopted from the as-is
 session of the same number and, with tracks or --since, since that session. FILE has one line per world; worlds in it
 are not run again. World number N has the seed 1000 N. Development used seeds below 1000, and numbers 101 to 120 for
 `since`.
@@ -36,9 +36,8 @@ from truearc.sim.discover.investigate import Investigation, discover
 from truearc.sim.infer.belief import as_table, from_table
 from truearc.sim.world.options import Options
 from truearc_proof.rounds.jsonl_store import fill
-from truearc_proof.world.practice import plan_season
-from truearc_proof.world.season import ORDINARY, Sensors, play_season
-from truearc_proof.worlds.perturbations import Change, seen_at
+from truearc_proof.world.season import ORDINARY, Sensors, plan_season, play_season
+from truearc_proof.worlds.sampling_plan import Change, seen_at
 
 BELIEVED = ("gravity", "drag", "magnus")
 EXACT = Sensors(0.0, 0.0, 0.0)        # so that heights are missed for the simulation's sake alone

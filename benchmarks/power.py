@@ -32,9 +32,8 @@ from truearc.sim.infer.likelihood.prepared_data import take_in
 from truearc.sim.printed import make_text
 from truearc_proof.rounds.jsonl_store import fill
 from truearc_proof.scoring.score_finding import in_catalogue
-from truearc_proof.truth.effects import find_effect
 from truearc_proof.truth.generate import shoot
-from truearc_proof.truth.world import BELIEVED, make_world
+from truearc_proof.truth.world import BELIEVED, find_effect, make_world
 
 LARGEST = 2.0                         # times the usual size
 TURNS = 4                             # worlds by which each effect is hidden once

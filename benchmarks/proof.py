@@ -20,16 +20,13 @@ from typing import NamedTuple
 import msgspec
 
 from benchmarks.archives import stored_file
-from truearc_proof.report.compare_rounds import beside
-from truearc_proof.report.html_page import verdict
-from truearc_proof.report.plots import reliability_png
-from truearc_proof.report.posterior_targets import posterior_rows
-from truearc_proof.report.tables import make_tables
+from truearc_proof.report.html_page import reliability_png, verdict
+from truearc_proof.report.tables import beside, make_tables
+from truearc_proof.report.targets import posterior_rows
 from truearc_proof.rounds.archive import unpack
 from truearc_proof.rounds.committer import load_plan
 from truearc_proof.rounds.grader import Graded, graded_of
-from truearc_proof.rounds.ledger import last_digest, read_ledger
-from truearc_proof.rounds.round_layout import Room
+from truearc_proof.rounds.ledger import Room, last_digest, read_ledger
 from truearc_proof.table import make_markdown
 
 BEGIN, END = "<!-- rounds: begin -->\n", "<!-- rounds: end -->\n"

@@ -30,11 +30,10 @@ from truearc.sim.physics.catalogue import BUILT_IN, Catalogue, catalogue, terms_
 from truearc.sim.physics.flight import path
 from truearc.sim.physics.launch import Exit
 from truearc.sim.report import new_figure
-from truearc_proof.importers.ball_drops import import_ball_drops
-from truearc_proof.importers.sepia_drops import import_sepia_drops
+from truearc_proof.importers.ball_drops import import_ball_drops, import_sepia_drops
+from truearc_proof.rivals import OURS, RIVALS, find_rival
 from truearc_proof.rivals.claim import Claim, believed_of, rms
 from truearc_proof.rivals.koh import STEPS, Calibration, Emulator, Forecast, Runs
-from truearc_proof.rivals.registry import OURS, RIVALS, find_rival
 from truearc_proof.table import make_markdown
 from truearc_proof.truth.generate import shoot
 

@@ -18,9 +18,9 @@ import numpy as np
 
 from benchmarks.archives import stored_file
 from truearc_proof.rounds.archive import unpack
-from truearc_proof.rounds.commitment import load_seal
+from truearc_proof.rounds.documents import load_seal
 from truearc_proof.rounds.grader import graded_of
-from truearc_proof.rounds.round_layout import Room
+from truearc_proof.rounds.ledger import Room
 from truearc_proof.scoring.score_world import NULLS
 from truearc_proof.table import make_markdown
 

@@ -8,12 +8,10 @@ from typing import Any
 from msgspec import Struct
 
 from truearc.errors import InputError
-from truearc_proof.scoring.information_bound import Measured
-from truearc_proof.scoring.score_finding import CUT, in_catalogue
+from truearc_proof.scoring.oracle import Measured
+from truearc_proof.scoring.score_finding import CUT, NULLS, in_catalogue, names_at
 from truearc_proof.scoring.score_world import Mark, mark
-from truearc_proof.scoring.suite import NULLS, names_at
-from truearc_proof.truth.effects import find_effect
-from truearc_proof.truth.world import BELIEVED, World, make_world
+from truearc_proof.truth.world import BELIEVED, World, find_effect, make_world
 from truearc_proof.worlds.sampling_plan import NUMPY, Drawn
 
 KINDS = {"nulls": "dirty", "effects": "one", "off": "off", "cut": "cut"}      # and what a round of proof calls them

@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 import truearc as ta
-from truearc.api.terms import joined, names_of
+from truearc.api.arguments import joined, names_of
 from truearc.cli.common import make_progress
 from truearc.robot.config.rig_spec import Air, Ball, LauncherFacts, Noise, Rig, Target, Wheel
 from truearc.sim.check.check import needed_speed

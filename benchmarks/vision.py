@@ -21,7 +21,7 @@ from msgspec.structs import replace
 from benchmarks.vision_scenes import LOOKS, TURNING, WRITTEN, Shot, baseline, clutter, shoot
 from truearc import robot
 from truearc.cli.common import make_progress
-from truearc.cli.robot.vision_tools.images import decode_image
+from truearc.cli.vision_images import decode_image
 from truearc.errors import InputError
 from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import CameraFile, Config, load_config, load_toml

@@ -17,8 +17,7 @@ from truearc.hw.emulated.camera import Stage, project
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.vision import detect
 from truearc.sim.world.emulated_vision import make_lens, make_tape
-from truearc_proof.world.camera_damage import USUAL, Look, Patch, StagedCamera
-from truearc_proof.world.placing import place
+from truearc_proof.world.camera_damage import USUAL, Look, Patch, StagedCamera, place
 
 DISTANCES_M = (2.5, 5.0, 8.0, 12.0)
 BLURRED = Look(blur_px=1.5)

@@ -10,9 +10,16 @@ from truearc.hw.emulated.camera import NOTHING, Stage, outline_m, project
 from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import CameraConfig, Config
 from truearc.sim.world.emulated_vision import make_lens, make_tape
-from truearc_proof.world.camera_damage import USUAL, Look, StagedCamera
-from truearc_proof.world.distractors import KINDS, floor_reflection, in_the_way, second_goal
-from truearc_proof.world.placing import place
+from truearc_proof.world.camera_damage import (
+    KINDS,
+    USUAL,
+    Look,
+    StagedCamera,
+    floor_reflection,
+    in_the_way,
+    place,
+    second_goal,
+)
 
 LOOKS = {
     "usual": USUAL,

@@ -24,8 +24,8 @@ from pathlib import Path
 from benchmarks import demo_seeds, fault_matrix, scale
 from benchmarks.matrix.judge import Result
 from benchmarks.proof import load
-from truearc_proof.report.posterior_targets import posterior_rows
 from truearc_proof.report.tables import make_tables
+from truearc_proof.report.targets import posterior_rows
 from truearc_proof.rounds.jsonl_store import lines_of
 from truearc_proof.table import make_markdown
 

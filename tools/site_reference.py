@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import truearc
-from truearc.cli.parsers import make_parser
-from truearc.cli.registry import COMMANDS, GROUPS, Command, load_plugins
+from truearc.cli.commands import COMMANDS, GROUPS, Command, load_plugins, make_parser
 
 REFERENCE = Path(__file__).resolve().parents[1] / "docs" / "reference"
 UNLISTED = ("help", "quiet", "force")

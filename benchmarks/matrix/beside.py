@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 
 from benchmarks.matrix.pictures import Scenery, open_camera
-from truearc.cli.robot.run_processes import CLOSE_S, RecorderProcess, make_see
+from truearc.cli.run_processes import CLOSE_S, RecorderProcess, make_see
 from truearc.hw.protocols import Clock
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.processes import Capacity, Child, Line, Slots, make_shared

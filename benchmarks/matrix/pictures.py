@@ -12,9 +12,7 @@ from truearc.hw.protocols import CameraFrame, Clock, LinkLost
 from truearc.hw.real.camera import CameraThread
 from truearc.robot.config.schema import Config
 from truearc.sim.world.emulated_vision import make_lens, make_tape
-from truearc_proof.world.camera_damage import StagedCamera
-from truearc_proof.world.distractors import floor_reflection, second_goal
-from truearc_proof.world.placing import place
+from truearc_proof.world.camera_damage import StagedCamera, floor_reflection, place, second_goal
 
 LENS_M = 4.2                          # from lens to target: 4.0 m from the ball's exit
 NEAR_M = 2.5

@@ -15,7 +15,7 @@ from benchmarks.matrix.motion import ToldEyes
 from benchmarks.matrix.pictures import Scenery, SteppedCamera, open_camera
 from benchmarks.matrix.span import Span
 from benchmarks.matrix.wires import FlakyBus, StallingClock, StandingWall
-from truearc.cli.robot.run_processes import make_see
+from truearc.cli.run_processes import make_see
 from truearc.hw.protocols import NS_PER_S, Bus, CameraFrame, Clock, Stream
 from truearc.hw.protocols import Camera as CameraLink
 from truearc.hw.real.can_bus import ROOM, WAIT_S, CanBus, SupervisedBus, open_can

@@ -1,7 +1,7 @@
 """Files that make a computer a robot that starts by itself, and the options that shape them. Texts only.
 
 They are the systemd unit, CAN bring-up, device names and the script that installs them; `files/` has the longer ones,
-with places such as `@USER@` to fill in. `truearc/cli/robot/deploy.py` carries them there, with wheels that are built
+with places such as `@USER@` to fill in. `truearc/cli/deploy.py` carries them there, with wheels that are built
 from clean copies of sources.
 """
 

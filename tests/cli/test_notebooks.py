@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.proof.importers.test_import_ball_butler import recording, throw
-from tests.proof.importers.test_import_recordings import flight, record
+from tests.proof.importers.test_import_mpi import flight, record
 from tools.notebooks import HOME, execute
 from truearc.sim.data.files import load_dataset
 

@@ -23,12 +23,11 @@ import pytest
 
 from tests.house.here import ROOT, run_module
 from tests.sim.data.stranger_log import write_stranger_log
+from truearc.cli.commands import find_command, make_parser
 from truearc.cli.main import main
-from truearc.cli.parsers import make_parser
-from truearc.cli.registry import find_command
 from truearc.errors import InputError
 from truearc.sim.gate import surrogate
-from truearc_proof.cli import prove_apart
+from truearc_proof.cli import prove_roles
 from truearc_proof.rounds import solver
 
 ROWS = 16                             # of the datasets that a reader brings
@@ -277,7 +276,7 @@ def workspace(tmp_path: Path, data_dir: Path, monday: Path, monkeypatch: pytest.
     monkeypatch.setattr(solver, "forbid", lambda directory: None)
     monkeypatch.setattr(surrogate, "CHECKED", 3000)       # tests/model_export has a gate's graph as it is
     monkeypatch.setattr(surrogate, "LEARNED", 2000)
-    monkeypatch.setattr(prove_apart, "subprocess", SimpleNamespace(run=run_here))
+    monkeypatch.setattr(prove_roles, "subprocess", SimpleNamespace(run=run_here))
     return Workspace(folder, monkeypatch)
 
 

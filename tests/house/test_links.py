@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from truearc.cli.old_names import RENAMED, forward
-from truearc.cli.registry import COMMANDS, ENTRY_POINTS
+from truearc.cli.commands import COMMANDS, ENTRY_POINTS
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *(page for folder in ("docs", "benchmarks", "examples", ".github")
@@ -96,10 +95,10 @@ def commands() -> set[str]:
 
 
 def wrong_commands(code: str, known: set[str]) -> list[str]:
-    """Commands that code calls and that do not exist, or that have another spelling today."""
+    """Commands that code calls and that do not exist."""
     called = [line.split() for line in COMMAND.findall(code)]
     return [" ".join(words) for words in called
-            if not {words[0], " ".join(words[:2])} & known or words[0] in RENAMED or forward(words) != words]
+            if not {words[0], " ".join(words[:2])} & known]
 
 
 def current_pages() -> Iterator[Path]:
@@ -119,5 +118,5 @@ def test_commands_in_pages_exist() -> None:
 
 def test_lost_paths_and_commands_are_found() -> None:
     assert lost_paths("sim/gone.py, robot/tick.py, sim/gone/ and hw/<family>/motor.py") == ["sim/gone.py", "sim/gone/"]
-    code = "truearc discover a\ntruearc gone a\ntruearc identify\ntruearc paper gone\ntruearc fit a --method grid"
-    assert wrong_commands(code, commands()) == ["gone a", "identify", "paper gone", "fit a --method grid"]
+    code = "truearc discover a\ntruearc gone a\ntruearc identify\ntruearc paper gone"
+    assert wrong_commands(code, commands()) == ["gone a", "identify", "paper gone"]

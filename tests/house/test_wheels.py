@@ -95,10 +95,10 @@ def test_a_packaged_camera_and_the_tuning_page_come_out_of_the_wheel(site: Path,
     cv2.imwrite(str(tmp_path / "dark.png"), np.zeros((480, 640, 3), np.uint8))
     done = run(site, tmp_path, "vision", "dark.png", "--camera", "lifecam_hd3000_480p")
     assert done.returncode == 0 and done.stdout.splitlines()[1].startswith("dark.png,false"), done.stderr
-    page = (ROOT / "truearc" / "cli" / "robot" / "pages" / "tune.html").read_text(encoding="utf-8")
+    page = (ROOT / "truearc" / "cli" / "tune.html").read_text(encoding="utf-8")
     paths = [str(site), *(path for path in sys.path if "site-packages" in path)]
     code = ("import sys; sys.meta_path[:] = [f for f in sys.meta_path if 'editable' not in repr(f).lower()]; "
             f"sys.path[:0] = {paths!r}; from importlib.resources import files; "
-            "print((files('truearc.cli.robot') / 'pages' / 'tune.html').read_text(encoding='utf-8'))")
+            "print((files('truearc.cli') / 'tune.html').read_text(encoding='utf-8'))")
     shown = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert shown.stdout.strip() == page.strip(), shown.stderr

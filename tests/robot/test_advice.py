@@ -11,9 +11,9 @@ import pytest
 from msgspec.structs import replace
 
 from tests.robot.aim_files import CONTENT, HOOD, LEAD, RATIO, write
+from truearc.cli.advise_robot import keys_of
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
-from truearc.cli.robot.advise_robot import keys_of
 from truearc.errors import InputError
 from truearc.robot.advice.advice_io import AdviceIo, Adviser, advised_columns
 from truearc.robot.advice.nt_keys import NtKeys, Reading, names_of, parse_server

@@ -13,7 +13,7 @@ from tests.hw.spinning_plant import SpinningPlant
 from tests.robot.alike import codes
 from tests.robot.encoders import COUNTING, NONE, NT4, ODRIVE, SPARK, SPARK_OWN, with_encoder
 from tests.robot.good_tick import CONFIG, HOOD_DEG, NOW_NS, good_inputs, good_memory, seconds
-from truearc.cli.robot.doctor_checks import look_at_bus
+from truearc.cli.doctor_checks import look_at_bus
 from truearc.errors import InputError
 from truearc.hw.devices.family import FAILURE, OK
 from truearc.hw.devices.odrive import frames as odrive

@@ -11,9 +11,8 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
-from truearc.cli.common import SHIPPED, load_any_rig
-from truearc.cli.robot.vision_tools.camera_file import CAMERAS, load_camera
-from truearc.cli.robot.vision_tools.images import load_image
+from truearc.cli.common import CAMERAS, SHIPPED, load_any_rig, load_camera
+from truearc.cli.vision_images import load_image
 from truearc.errors import InputError, unknown_keys
 from truearc.robot.aim_file import load_aim
 from truearc.robot.config.rig_spec import TERMS, Rig

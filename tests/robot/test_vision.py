@@ -19,9 +19,7 @@ from truearc.robot import reasons as because
 from truearc.robot.config.schema import CameraConfig, CameraFile, load_config, load_toml
 from truearc.robot.vision import detect
 from truearc.robot.vision.threshold import mask_colour
-from truearc_proof.world.camera_damage import USUAL, Look, StagedCamera
-from truearc_proof.world.distractors import KINDS, second_goal
-from truearc_proof.world.placing import place
+from truearc_proof.world.camera_damage import KINDS, USUAL, Look, StagedCamera, place, second_goal
 
 pytestmark = pytest.mark.usefixtures("noise_drawn_once")
 HOME = Path(robot.__file__).parent

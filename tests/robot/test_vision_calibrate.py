@@ -20,8 +20,7 @@ from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import CameraFile, load_config, load_toml
 from truearc.robot.vision import detect
 from truearc.robot.vision.calibration import Board, calibrate, find_board, fit_taped
-from truearc_proof.world.camera_damage import StagedCamera
-from truearc_proof.world.placing import place
+from truearc_proof.world.camera_damage import StagedCamera, place
 
 HOME = Path(robot.__file__).parent
 CONFIG = load_config(HOME / "launcher.toml")

@@ -14,7 +14,7 @@ import pytest
 from msgspec.structs import replace
 
 from truearc.cli.common import SHIPPED
-from truearc.cli.robot.run_processes import ThreeProcesses
+from truearc.cli.run_processes import ThreeProcesses
 from truearc.hw.emulated.camera import PictureServer
 from truearc.hw.fault_codes import CAMERA_SILENT, PROCESS_KILLED
 from truearc.hw.protocols import CameraFrame, LinkLost

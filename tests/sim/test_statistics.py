@@ -7,7 +7,7 @@ from scipy.stats import binomtest
 from sklearn.metrics import brier_score_loss, f1_score, log_loss
 
 from truearc.sim.statistics import calibration_error, figures_of, invert, reliability, wilson
-from truearc_proof.newcombe import difference
+from truearc_proof.table import difference
 
 RNG = np.random.default_rng(6)
 P_TWO = RNG.uniform(size=300)

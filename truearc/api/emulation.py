@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from truearc.api.table import Table
+from truearc.api.results import Table
 from truearc.robot.config.schema import Config
 from truearc.robot.operator_ui.screens import Screen
 from truearc.robot.reasons import text

@@ -9,7 +9,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from truearc.api.terms import check_kind
+from truearc.api.arguments import check_kind
 from truearc.errors import InputError
 from truearc.model_export.graph import export_weights
 from truearc.robot.gate.model import load_gate

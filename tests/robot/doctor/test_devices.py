@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from tests.hw.spinning_plant import SpinningPlant
 from tests.robot.good_tick import CONFIG
-from truearc.cli.robot.doctor_checks import look_at_bus
+from truearc.cli.doctor_checks import look_at_bus
 from truearc.errors import InputError
 from truearc.hw.devices.canandmag.emulator import CanandmagNode
 from truearc.hw.devices.family import FAILURE, OK, WARNING, listen

@@ -14,9 +14,9 @@ from tests.faulty_robot import nodes_with
 from tests.hw.host_speed import excuse_stalls
 from tests.robot.doctor.test_devices import Spoilt, swap
 from tests.robot.sparks import ALL_SPARK, only_advice
+from truearc.cli import doctor_checks
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
-from truearc.cli.robot import doctor_checks, doctor_move
 from truearc.errors import InputError
 from truearc.hw.codec import load_codec
 from truearc.hw.devices.button_box import open_button_box
@@ -235,7 +235,7 @@ def test_move_without_a_yes_is_refused_before_anything_is_opened(words, says, ca
 
 
 def test_nothing_moves_while_something_fails_at_rest():
-    findings = doctor_move.move_robot(CONFIG, MonotonicClock(), [failure("bitrate", "none", "x")], True)
+    findings = doctor_checks.move_robot(CONFIG, MonotonicClock(), [failure("bitrate", "none", "x")], True)
     assert [finding.level for finding in findings] == [WARNING] and "not tried" in findings[0].says
 
 
@@ -272,9 +272,9 @@ def test_on_a_serial_bus_it_asks_moves_and_tells(wrong, tmp_path, monkeypatch, c
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         with excuse_stalls():
-            doctor_move.check_move(argparse.Namespace(move=True, yes=False, nt=None, map=None))
+            doctor_checks.check_move(argparse.Namespace(move=True, yes=False, nt=None, map=None))
             found = [*doctor_checks._look_at_can(config, clock, None, 2.0)]
-            findings = {one.check: one for one in doctor_move.move_robot(config, clock, found, False)}
+            findings = {one.check: one for one in doctor_checks.move_robot(config, clock, found, False)}
             check_real(wrong, found, findings, capsys.readouterr().err)
     finally:
         near.send("end")

@@ -15,7 +15,7 @@ import truearc.robot.operator_ui.serving
 import truearc.robot.operator_ui.what_if
 from tests.robot.good_tick import CONFIG
 from tests.robot.operator_ui.test_what_if import GATE, GOLDEN, GOOD
-from truearc.cli.gate.answer import NICE, make_command
+from truearc.cli.gate import NICE, make_command
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.operator_ui.server import DISCARD_BYTES, OperatorPage, PageServer, open_page
 from truearc.robot.operator_ui.what_if import BURST, MAX_BODY_BYTES, QUESTION_COST, WhatIf, WhatIfProcess

@@ -9,8 +9,8 @@ import pytest
 
 from tests.robot.good_tick import CONFIG, good_memory
 from tests.robot.recording.test_writer import MS, kept_cycles, open_writer, play, ticks
-from truearc.cli.robot.run_processes import RecorderProcess
-from truearc.cli.robot.run_robot import make_room
+from truearc.cli.run_processes import RecorderProcess
+from truearc.cli.run_robot import make_room
 from truearc.errors import InputError
 from truearc.robot.operator_ui.aim_inbox import AimOrders
 from truearc.robot.operator_ui.what_if import QuestionError

@@ -11,7 +11,7 @@ import pytest
 
 from tests.robot.good_tick import CONFIG
 from tests.robot.recording.test_writer import kept_cycles, play, ticks
-from truearc.cli.robot.run_robot import make_room
+from truearc.cli.run_robot import make_room
 from truearc.robot.reasons import DISK_FULL
 from truearc.robot.recording import files
 from truearc.robot.recording.session import load_trials, make_header

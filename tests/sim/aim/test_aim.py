@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 import truearc as ta
 from benchmarks.aim import make_case, shortfalls
 from tests.sim.physics.rigs import GUPPY
-from truearc.cli.discover.aim import parse_distances
+from truearc.cli.aim import parse_distances
 from truearc.cli.main import main
 from truearc.robot.config.rig_spec import Noise
 from truearc.sim.aim.make_table import flown, lead_deg
@@ -23,7 +23,7 @@ from truearc.sim.data.dataset import Shots
 from truearc.sim.data.table import gathered
 from truearc.sim.infer.belief import point_belief
 from truearc.sim.physics.simulate import predict
-from truearc_proof.importers.frc_3476 import load_3476
+from truearc_proof.importers.set_points import load_3476
 
 ROOT = Path(__file__).parents[3]
 DRAG = {"drag": {"cd": 0.45}, "magnus": {"cl": 0.1}}

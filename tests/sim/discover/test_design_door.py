@@ -13,7 +13,7 @@ import truearc.cli.main as truearc
 from tests.sim.discover.straight import FACTS as STRAIGHT
 from tests.sim.discover.straight import fit_straight
 from tests.sim.discover.worlds import FACTS
-from truearc.api.planning import ShotDesign
+from truearc.api.discovery import ShotDesign
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import save_dataset
 from truearc.sim.discover.plan.experiment_design import Block, Design, make_design

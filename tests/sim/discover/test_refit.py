@@ -19,8 +19,8 @@ from truearc.sim.infer.held_out import (
     without,
 )
 from truearc.sim.infer.likelihood.score_table import ScoreTable
+from truearc_proof.truth.flight import RAPID_FIRE_S
 from truearc_proof.truth.generate import shoot
-from truearc_proof.truth.launch import RAPID_FIRE_S
 from truearc_proof.truth.world import make_world
 
 N = 60
