@@ -1,6 +1,6 @@
 # The only two commands a newcomer needs: `make demo` and `make test`. Each sets itself up.
 # `make golden` recomputes what was computed before, most of it at proof-1, through the command line, and compares.
-# `make faults` breaks the emulated robot in every way of archive/fault-matrix.md, on every bus that there is.
+# `make faults` breaks the emulated robot in every way of benchmarks/matrix, on every bus that there is.
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV   ?= .venv
 BIN    := $(VENV)/bin
