@@ -20,8 +20,8 @@ from statistics import median
 from typing import Any
 
 import msgspec
-
 from benchmarks.archives import stored_file
+
 from benchmarks.suite import KINDS, Job, mark_job, plan_jobs, true_parameter, world_of
 from truearc.cli.common import make_progress
 from truearc.errors import InputError

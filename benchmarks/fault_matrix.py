@@ -18,13 +18,12 @@ import tempfile
 from pathlib import Path
 
 import msgspec
-
 from benchmarks.archives import stored_file
-from benchmarks.matrix.judge import Result, judge
+
+from benchmarks.matrix.fault import Row
+from benchmarks.matrix.judge import Result, judge, make_table, write_between
 from benchmarks.matrix.play import play
-from benchmarks.matrix.row import Row
 from benchmarks.matrix.rows import ROWS
-from benchmarks.matrix.table import make_table, write_between
 
 BUSES = ("virtual", "slcan", "socketcan")
 VCAN = Path("/sys/class/net/vcan0")

@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-
 from benchmarks.archives import stored_file
+
 from benchmarks.field_table import KINDS, LEVEL, claim_of, flight_names, make_table
 from benchmarks.suite import Job, plan_jobs, true_parameter, world_of
 from truearc.cli.common import make_progress

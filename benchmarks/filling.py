@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.archives import stored_file
+
 from truearc.errors import InputError
 from truearc_proof.rounds.jsonl_store import lines_of
 

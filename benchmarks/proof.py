@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
-
 from benchmarks.archives import stored_file
+
 from truearc_proof.report.compare_rounds import beside
 from truearc_proof.report.html_page import verdict
 from truearc_proof.report.plots import reliability_png

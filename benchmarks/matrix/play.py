@@ -15,19 +15,13 @@ from typing import NamedTuple
 
 from msgspec.structs import replace
 
-from benchmarks.matrix.box import BrokenBox
-from benchmarks.matrix.breaking import Breaking, Disk, Key, Model, Motion, Process, Start, Time
+from benchmarks.matrix.broken import BrokenBox, FarWire
 from benchmarks.matrix.devices import FarSide
-from benchmarks.matrix.disks import mount_small_disk, unmount
-from benchmarks.matrix.far_wire import FarWire
-from benchmarks.matrix.hurry import hurry, in_a_hurry
+from benchmarks.matrix.fault import DISARMS, REARM, Breaking, Disk, Key, Model, Motion, Process, Row, Start, Time
 from benchmarks.matrix.keys import play_keys
-from benchmarks.matrix.launchers import with_launcher
-from benchmarks.matrix.models import write_model
 from benchmarks.matrix.motion import MotionSide, make_motion_config
-from benchmarks.matrix.robot_side import run_robot
-from benchmarks.matrix.row import DISARMS, REARM, Row
-from benchmarks.matrix.span import Span
+from benchmarks.matrix.robot_side import mount_small_disk, run_robot, unmount, write_model
+from benchmarks.matrix.run import Span, hurry, in_a_hurry, with_launcher
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main as truearc
 from truearc.hw.emulated.clock import StepClock

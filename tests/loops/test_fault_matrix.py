@@ -8,13 +8,11 @@ import pytest
 
 import truearc.robot.advice.tick
 import truearc.robot.tick
-from benchmarks.matrix.breaking import Both, Device, Inside, Key, Motion, Wire
-from benchmarks.matrix.judge import Result, judge
+from benchmarks.matrix.fault import KEEPS, REFUSED, Both, Device, Inside, Key, Motion, Row, Wire
+from benchmarks.matrix.judge import BEGIN, END, Result, judge, make_table, write_between
 from benchmarks.matrix.keys import POSE, WELL
 from benchmarks.matrix.play import ends_robot, play
-from benchmarks.matrix.row import KEEPS, REFUSED, Row
 from benchmarks.matrix.rows import ROWS
-from benchmarks.matrix.table import BEGIN, END, make_table, write_between
 from tests.hw.host_speed import excuse_stalls
 from truearc.errors import InputError
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.loop_frames import wire_limits
 from msgspec.structs import replace
 
-from benchmarks.loop_frames import wire_limits
 from benchmarks.soak import Sample, drift_s, growth_mb, judge_memory, judge_recording, soak
 from tests.robot.good_tick import CONFIG
 from tests.robot.recording.test_encoder import ticks
