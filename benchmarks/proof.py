@@ -1,11 +1,10 @@
 """The tables of packed rounds of proof, as docs/measured/proof.md has them.
 
-    truearc prove pack --out ROUND --packed benchmarks/results/round4-L0a.tar.xz
-    python -m benchmarks.proof benchmarks/results/round*.tar.xz [--write FILE] [--reliability FILE.png]
+    truearc prove pack --out ROUND --packed round.tar.xz
+    python -m benchmarks.proof round.tar.xz [--reliability FILE.png]
     python -m benchmarks.proof docs/measured/sealed/*.tar.xz --posterior --write docs/measured/sealed.md
-    python -m benchmarks.proof benchmarks/results/round4-L0*.tar.xz --beside OWN.tar.xz      # drawn from other entropy
+    python -m benchmarks.proof docs/measured/sealed/L0*.tar.xz --beside OWN.tar.xz      # drawn from other entropy
 
-benchmarks/results/MANIFEST.md says how to fetch the published rounds.
 Rounds of one level and as many shots, gathered over several sittings, are marked as one.
 Nothing is checked here but the ledger's chain: `truearc prove check --packed FILE --out DIR` makes worlds again.
 """
@@ -18,7 +17,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
-from benchmarks.archives import stored_file
 
 from truearc_proof.report.compare_rounds import beside
 from truearc_proof.report.html_page import verdict
@@ -37,11 +35,11 @@ BEGIN, END = "<!-- rounds: begin -->\n", "<!-- rounds: end -->\n"
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("packed", type=stored_file, nargs="+")
+    parser.add_argument("packed", type=Path, nargs="+")
     parser.add_argument("--write", type=Path, metavar="PAGE", help="put it between that page's marks")
     parser.add_argument("--posterior", action="store_true", help="of each level the targets of the posterior alone")
     parser.add_argument("--reliability", type=Path, metavar="PNG", help="picture: probabilities beside what was right")
-    parser.add_argument("--beside", type=stored_file, metavar="PACKED", help="another round at that level")
+    parser.add_argument("--beside", type=Path, metavar="PACKED", help="another round at that level")
     args = parser.parse_args()
     if args.beside is not None:
         print(tell_beside(args.packed, args.beside))

@@ -208,7 +208,6 @@ def _judge_recording(row: Row, result: Result, folder: Path, ticks: list[Tick]) 
         result.wrong.append(f"replays otherwise: {difference}")
 
 
-BEGIN, END = "<!-- fault matrix: begin -->", "<!-- fault matrix: end -->"
 BUSES = ("virtual", "slcan", "socketcan")
 
 
@@ -228,15 +227,6 @@ def make_table(results: Sequence[Result]) -> str:
         lines.append([row.name, _short(reason), bound, *map(_cell, found), row.after])
     header = ("fault", "comes to", "at most", *BUSES, "fires again")
     return "\n".join([make_markdown(header, lines), "", _summary(results)])
-
-
-def write_between(page: Path, table: str) -> None:
-    """Put the table between the page's markers."""
-    text = page.read_text(encoding="utf-8")
-    if BEGIN not in text or END not in text:
-        raise InputError(f"{page}: has no place for the table ({BEGIN} ... {END})")
-    before, after = text.split(BEGIN)[0], text.split(END)[1]
-    page.write_text(f"{before}{BEGIN}\n{table}\n{END}{after}", encoding="utf-8")
 
 
 def _cell(result: Result | None) -> str:

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks.launcher_table import make_tables
+from benchmarks.launcher_world import make_tables
 from truearc.sim.physics.catalogue import TERMS
 from truearc.sim.physics.term import STAGES
 from truearc.sim.world.options import Options

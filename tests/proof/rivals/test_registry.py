@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.field_table import claim_of
+from benchmarks.compare import claim_of
 from truearc.errors import InputError
 from truearc_proof.rivals import registry as entrants
 

@@ -1,13 +1,21 @@
-"""Which concealed worlds a benchmark is made of: clean and dirty nulls, one hidden effect each, beliefs cut short."""
+"""Concealed worlds of a benchmark: which there are, a file with a line for each, and how findings are marked.
 
+Clean and dirty nulls, one hidden effect each, effects of no catalogue, beliefs cut short.
+"""
+
+import argparse
 import math
+import sys
 import zlib
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
 
 from msgspec import Struct
 
+from truearc.cli.common import make_progress
 from truearc.errors import InputError
+from truearc_proof.rounds.jsonl_store import fill, lines_of
 from truearc_proof.scoring.information_bound import Measured
 from truearc_proof.scoring.score_finding import CUT, in_catalogue
 from truearc_proof.scoring.score_world import Mark, mark
@@ -19,6 +27,8 @@ from truearc_proof.worlds.sampling_plan import NUMPY, Drawn
 KINDS = {"nulls": "dirty", "effects": "one", "off": "off", "cut": "cut"}      # and what a round of proof calls them
 SEEDS_A_BASE, SEEDS_A_NAME = 100_000_000, 10_000
 NAMES = SEEDS_A_BASE // SEEDS_A_NAME
+Line = dict[str, Any]
+One = TypeVar("One")
 
 class Job(Struct, frozen=True):
     """One world to be discovered in. `scale`: of the effect's typical amplitude; `index`: which of its kind."""
@@ -106,3 +116,29 @@ def measured_of(ceiling: Sequence[Any] | None, finding: dict[str, Any]) -> Measu
     alike = () if ceiling is None else tuple(ceiling[4])
     fit = finding.get("fit") or {}
     return Measured(allowed, alike, oracle_gain=fit.get("oracle_gain_per_shot"), strength=finding.get("strength"))
+
+
+def parser_of(text: str | None) -> argparse.ArgumentParser:
+    """A parser with where lines are kept and how many worlds run at a time; the benchmark adds its own arguments."""
+    parser = argparse.ArgumentParser(description=text, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--processes", type=int, help="at a time (one a core)")
+    place = parser.add_mutually_exclusive_group(required=True)
+    place.add_argument("--out", type=Path, metavar="FILE", help="a line a world; what is there is not run again")
+    place.add_argument("--table", type=Path, metavar="FILE", help="print what is there (packed or not), run nothing")
+    return parser
+
+
+def fill_and_tell(args: argparse.Namespace, plan: Callable[[], Mapping[str, One]], run: Callable[[One], Line],
+                  make_table: Callable[[Sequence[Line]], str]) -> int:
+    """Run the planned jobs whose keys the file lacks, print the table of all its lines; exit code."""
+    try:
+        path = args.table or args.out
+        lines = ({line["key"]: line for line in lines_of(path)} if args.table is not None else
+                 fill(path, plan(), run, make_progress("worlds"), args.processes))
+        if not lines:
+            raise InputError(f"{path}: no world is in it")
+    except InputError as error:
+        print(error, file=sys.stderr)
+        return 2
+    print(make_table(list(lines.values())))
+    return 0

@@ -1,10 +1,9 @@
-"""docs/reference/formats.md and truearc/schemas, made from the code: `python -m tools.formats_doc`.
+"""docs/reference/formats.md and truearc/schemas, from the code; `python -m tools.pages formats` writes them.
 
 Meanings of keys are the comments beside them: in robot/launcher.toml, and beside the fields of the structs.
 """
 
 import inspect
-import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -25,8 +24,7 @@ from truearc.sim.discover.finding import FindingRecord
 from truearc.sim.discover.plan.detectability import Sight
 from truearc.sim.discover.proposal import AimProposal
 
-ROOT = Path(__file__).resolve().parents[1]
-PAGE, SCHEMAS, LAUNCHER = ROOT / "docs/reference/formats.md", ROOT / "truearc/schemas", ROOT / "robot/launcher.toml"
+LAUNCHER = Path(__file__).resolve().parents[1] / "robot" / "launcher.toml"
 SPELLED = {"s": "s", "deg": "deg", "rad_s": "rad/s", "rev_s": "rev/s", "m_s": "m/s", "kg_m3": "kg/m³", "m_s2": "m/s²",
            "deg_s": "deg/s", "nm": "Nm", "nm_s": "Nm s", "nm_s2": "Nm s²", "hz": "Hz", "px": "px", "v": "V", "a": "A",
            "rpm": "rpm", "pa": "Pa", "ms": "ms"}
@@ -79,7 +77,7 @@ DOCUMENTS: dict[str, tuple[type[Struct], str, str]] = {
 }
 HEAD = """# File formats
 
-Every key and unit of the files that users write or read. Made from the code by `python -m tools.formats_doc`.
+Every key and unit of the files that users write or read. Made from the code by `python -m tools.pages formats`.
 
 | file | described in |
 |---|---|
@@ -261,15 +259,5 @@ def make_page() -> str:
             for key, value, meaning in launcher_keys()]
     limits = [f"| `{one.key}` | {_bound_text(one.low)} | {_bound_text(one.high)} | {one.why} |" for one in LIMITS]
     documents = [line for name in DOCUMENTS for line in document_tables(name)]
-    return HEAD + "\n".join(rows) + "\n" + LIMITED + "\n".join(limits) + "\n" + BELIEF + "\n".join(documents) + "\n"
-
-
-def main() -> None:
-    """Write the page and the schemas."""
-    PAGE.write_text(make_page(), encoding="utf-8")
-    for name in DOCUMENTS:
-        (SCHEMAS / f"{name}.json").write_text(json.dumps(make_schema(name), indent=1) + "\n", encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main()
+    parts = (HEAD, *rows), (LIMITED, *limits), (BELIEF, *documents)
+    return "".join(head + "\n".join(lines) + "\n" for head, *lines in parts)

@@ -4,8 +4,8 @@ from typing import Any
 
 import msgspec
 
-from benchmarks.field_table import flight_names, make_table, marks_of
-from benchmarks.suite import Job
+from benchmarks.compare import flight_names, make_table, marks_of
+from benchmarks.worlds import Job
 from truearc_proof.rivals.claim import Claim
 
 
