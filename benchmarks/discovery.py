@@ -1,7 +1,7 @@
 """How often discovery cries wolf, and how often it finds, places and names what a concealed world hides.
 
     python -m benchmarks.discovery --what nulls,effects --level L0,L1,L2 --shots 300 --worlds 20 --seed 11 --out FILE
-    python -m benchmarks.discovery --table FILE [--brief]
+    python -m benchmarks.discovery --table FILE
 
 A world is a line of FILE; --table reads packed files too. Worlds come from truearc_proof.truth, which shares no code
 with what is tested. L2's effects are a quarter of their typical size unless --scale says otherwise.
@@ -10,7 +10,6 @@ with what is tested. L2's effects are a quarter of their typical size unless --s
 import time
 import traceback
 from collections.abc import Sequence
-from statistics import median
 from typing import Any
 
 import msgspec
@@ -19,10 +18,10 @@ from benchmarks.worlds import KINDS, Job, Line, fill_and_tell, mark_job, parser_
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.investigate import Investigation, discover
-from truearc_proof.report.tables import make_tables, said, share
+from truearc_proof.report.tables import said, share
 from truearc_proof.scoring.oracle import ceiling_of, oracle_gain, strength_of
 from truearc_proof.scoring.score_world import NULLS, Mark
-from truearc_proof.table import Table, make_markdown
+from truearc_proof.table import make_markdown
 from truearc_proof.truth.generate import shift_m, shoot
 from truearc_proof.truth.world import World, as_table
 
@@ -66,24 +65,15 @@ def marks_of(lines: Sequence[Line]) -> list[Marked]:
     return [(job, mark_job(job, finding)) for job, finding in jobs]
 
 
-def tell(lines: Sequence[Line]) -> str:
-    """Alarms, then every table of the proof for each level, number of shots and scale."""
-    marks = marks_of(lines)
-    parts = [_alarms(marks).markdown()]
-    for level, shots, scale in sorted({(job.level, job.shots, job.scale) for job, _ in marks if job.kind != "nulls"}):
-        mine = [one for job, one in marks if (job.level, job.shots) == (level, shots) and job.scale in (scale, 0.0)]
-        parts += [f"## {level}, {shots} shots, effects x {scale:g}",
-                  *(table.markdown() for table in make_tables(mine, scale=scale))]
-    seconds = [line["seconds"] for line in lines if line["finding"] is not None]
-    broken = [line["key"] for line in lines if line["finding"] is None]
-    parts.append(f"Seconds per world: median {median(seconds):.1f}, slowest {max(seconds):.1f}")
-    parts += [f"The solver broke in {len(broken)} worlds: {', '.join(broken[:10])}"] if broken else []
-    return "\n\n".join(parts)
-
-
-def tell_briefly(lines: Sequence[Line]) -> str:
-    """Hidden effects together by level and shots; each that is in no catalogue."""
-    marks = [(job, one) for job, one in marks_of(lines) if one.kind in ("one", "off")]
+def make_table(lines: Sequence[Line]) -> str:
+    """Alarms where nothing is hidden; hidden effects together by level and shots; each that is in no catalogue."""
+    every = marks_of(lines)
+    rows = []
+    for setting in sorted({(job.level, job.shots, job.name) for job, one in every if one.kind in NULLS}):
+        mine = [one for job, one in every if one.kind in NULLS and (job.level, job.shots, job.name) == setting]
+        rows.append([*map(str, setting), said(*share(mine, lambda one: one.found))])
+    tables = [make_markdown(("data", "shots", "nothing hidden", "false alarms (nominal 0.05)"), rows)] if rows else []
+    marks = [(job, one) for job, one in every if one.kind in ("one", "off")]
     known, off = ([(job, one) for job, one in marks if (one.kind == "off") == so] for so in (False, True))
     rows = []
     for level, shots, scale in sorted({(job.level, job.shots, job.scale) for job, _ in known}):
@@ -91,7 +81,7 @@ def tell_briefly(lines: Sequence[Line]) -> str:
         rows.append([level, str(shots), f"{scale:g}", said(*share(mine, lambda one: one.found)),
                      *(said(*share([one for one in mine if one.found], question))
                        for question in (lambda one: one.first, lambda one: one.covered))])
-    tables = [make_markdown(("data", "shots", "times the usual size", "found", "first name right, of those found",
+    tables += [make_markdown(("data", "shots", "times the usual size", "found", "first name right, of those found",
                              "set holds the truth"), rows)] if rows else []
     rows = []
     for name in dict.fromkeys(job.name for job, _ in off):
@@ -101,18 +91,8 @@ def tell_briefly(lines: Sequence[Line]) -> str:
                      str(sum(one.goes_with is True for one in found))])
     tables += [make_markdown(("hidden", "found", "called unknown", "right covariate and direction"),
                              rows)] if rows else []
+    tables += [f"The solver broke in {line['key']}" for line in lines if line["finding"] is None]
     return "\n\n".join(tables)
-
-
-def _alarms(marks: Sequence[Marked]) -> Table:
-    """Of worlds in which nothing is hidden, by what is wrong with their data."""
-    nulls = [(job, one) for job, one in marks if one.kind in NULLS]
-    rows = []
-    for setting in sorted({(job.level, job.shots, job.name) for job, _ in nulls}):
-        mine = [one for job, one in nulls if (job.level, job.shots, job.name) == setting]
-        rows.append([*map(str, setting), said(*share(mine, lambda one: one.found)),
-                     said(*share(mine, lambda one: bool(one.names)))])
-    return Table("False alarms (nominal 0.05)", ("level", "shots", "null", "false alarms", "a name was given"), rows)
 
 
 def main() -> int:
@@ -124,7 +104,6 @@ def main() -> int:
     parser.add_argument("--only", help="names of nulls or effects, comma-separated; also those that cannot be seen")
     parser.add_argument("--seed", type=int, default=0, help="below 1000 to develop on (0)")
     parser.add_argument("--scale", type=float, help="of the typical effects (1; 0.25 at L2)")
-    parser.add_argument("--brief", action="store_true", help="print a row a level and number of shots")
     args = parser.parse_args()
 
     def plan() -> dict[str, Job]:
@@ -134,7 +113,7 @@ def main() -> int:
         jobs = plan_jobs(kinds, levels, [*map(int, args.shots.split(","))], args.worlds, args.seed, scales, only)
         return {job.key: job for job in jobs}
 
-    return fill_and_tell(args, plan, run, tell_briefly if args.brief else tell)
+    return fill_and_tell(args, plan, run, make_table)
 
 
 if __name__ == "__main__":

@@ -9,13 +9,13 @@ nothing of truearc.sim.physics. Discovery runs on each, and on the original trac
 
 import math
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import msgspec
 import numpy as np
 
-from benchmarks.launcher_world import counted
 from benchmarks.worlds import Job, Line, fill_and_tell, parser_of, world_of
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.data.dataset import Tracks
@@ -101,6 +101,11 @@ def _names(lines: Sequence[Line]) -> Iterator[str]:
     for line in lines:
         for each in (line, *line["also"]) if line["found"] else ():
             yield " or ".join(each["set"]) if each["set"] else "unexplained effect"
+
+
+def counted(words: Iterator[str]) -> str:
+    """How often each word comes, the commonest first; "-" where there is none."""
+    return ", ".join(f"{count} {word}" for word, count in Counter(words).most_common()) or "-"
 
 
 def main() -> int:

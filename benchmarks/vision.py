@@ -2,13 +2,10 @@
 
     python -m benchmarks.vision [--frames 200] [--clutter 10000] [--files 10000] [--plot docs/images/vision.png]
 
-Rendered images come from hw/emulated, which shares no code with robot/vision. With the shared recordings at hand
-(TRUEARC_DATA, else ../shared/data) the real photographs are measured too.
+Rendered images come from hw/emulated, which shares no code with robot/vision.
 """
 
 import argparse
-import csv
-import itertools
 import os
 import time
 from collections import Counter
@@ -24,13 +21,10 @@ from truearc.cli.common import make_progress
 from truearc.cli.robot.vision_tools.images import decode_image
 from truearc.errors import InputError
 from truearc.hw.protocols import CameraFrame
-from truearc.robot.config.schema import CameraFile, Config, load_config, load_toml
-from truearc.robot.reasons import text
+from truearc.robot.config.schema import Config, load_config
 from truearc.robot.vision import detect
-from truearc.robot.vision.taped import fit_taped
 
 HOME = Path(robot.__file__).parent
-DATA = Path(os.environ.get("TRUEARC_DATA", Path(__file__).parents[2] / "shared" / "data")) / "goal_images"
 SHARP, STATED, STATED_PX = "sharp, quiet", "sharp, stated", 0.08    # that look once more, with corner_sigma_px as it is
 BANDS_M = ((1, 2), (2, 3), (3, 5), (5, 7), (7, 9), (9, 12), (12, 16))
 
@@ -45,14 +39,11 @@ def main() -> None:
     cv2.setNumThreads(1)
     config = load_config(HOME / "launcher.toml")
     speed(config, min(100, 10 * args.frames))
-    if DATA.is_dir():
-        photographs()
     errors = sweep(config, args.frames)
     if args.plot and len(errors):
         plot(errors, args.plot)
     wary(config, args.clutter)
     fuzz(config, args.files)
-    coded(config, args.files)
 
 
 def speed(config: Config, frames: int) -> None:
@@ -78,35 +69,6 @@ def speed(config: Config, frames: int) -> None:
         print(f"  {name:16s} wall p50 {np.median(wall):5.2f} ms  core p50 {np.median(core):5.2f} ms, p95 "
               f"{np.percentile(core, 95):5.2f} ms  found {len(errors[name]):3d}/{len(times)}  "
               f"rms error {rms(errors[name]):.3f} m")
-
-
-def photographs() -> None:
-    """The real ones: as the published calibration has them, and with the focal length fitted on half of them."""
-    file = load_toml(HOME / "cameras" / "lifecam_hd3000_480p.toml", CameraFile)
-    with open(DATA / "labels.csv", encoding="utf-8") as stream:
-        rows = list(csv.DictReader(stream))
-    frames = {row["file"]: CameraFrame(0, cv2.imread(str(DATA / row["file"]))) for row in rows}
-    print(f"real photographs, published calibration of another unit\n  {'file':32s} {'label':>7s} {'seen':>7s} "
-          f"{'error':>7s} {'sigma':>6s}")
-    for row in rows:
-        seen = detect(frames[row["file"]], file.camera, file.tape, file.vision)
-        label_m = float(row["label_distance_m"] or "nan")
-        print(f"  {row['file']:32s} {label_m:7.3f} " + (f"{seen.distance_m:7.3f} {seen.distance_m - label_m:+7.3f} "
-                                                        f"{seen.sigma_m:6.3f}" if seen.found else text(seen.reason)))
-    half = [row for row in rows if row["label_distance_m"] and row["height_px"] == "480"]
-    taped_m = [float(row["label_distance_m"]) for row in half]
-    ratios, shares = [], []
-    for used in itertools.combinations(range(len(half)), len(half) // 2):
-        fit = fit_taped([frames[half[k]["file"]] for k in used], [taped_m[k] for k in used], file.camera, file.tape,
-                        file.vision, tape_sigma_m=0.01, bias_sigma_m=0.02)
-        rest = [k for k in range(len(half)) if k not in used]
-        seen = [detect(frames[half[k]["file"]], fit.camera, file.tape, file.vision) for k in rest]
-        missed = np.array([s.distance_m - taped_m[k] for s, k in zip(seen, rest, strict=True)])
-        shares.append(rms(missed / [max(0.05, 0.025 * taped_m[k]) for k in rest]))
-        ratios += list(missed / [s.sigma_m for s in seen])
-    print(f"  focal length fitted on half of {len(half)}, all {len(shares)} splits: the other half's rms is at most "
-          f"{max(shares):.2f} of max(0.05 m, 2.5 %), median {np.median(shares):.2f}; within one sigma "
-          f"{np.mean(np.abs(ratios) < 1):.0%}, rms of error / sigma {rms(ratios):.2f}")
 
 
 def sweep(config: Config, frames: int) -> np.ndarray:
@@ -206,29 +168,6 @@ def fuzz(config: Config, files: int) -> None:
     print(f"{files} mutated image files, no crash:")
     for word, count in said.most_common():
         print(f"  {count:6d}  {word}")
-
-
-def coded(config: Config, files: int) -> None:
-    """JPEGs with one to three bytes of coded data changed: what the decoder makes of them."""
-    rng, off = np.random.default_rng(5), []
-    stderr = os.dup(2)
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
-    for k in range(files):
-        if k % 20 == 0:
-            shot = shoot(config, rng, float(rng.uniform(3, 8)), LOOKS["usual"])
-            data = cv2.imencode(".jpg", shot.frame.image)[1].tobytes()
-            whole = detect(CameraFrame(0, decode_image(data)), shot.camera, config.tape, config.vision)
-        body = bytearray(data)
-        for at in rng.integers(data.rfind(b"\xff\xda") + 14, len(data) - 2, int(rng.integers(1, 4))):
-            body[at] = int(rng.integers(256))
-        image = cv2.imdecode(np.frombuffer(body, np.uint8), cv2.IMREAD_COLOR)
-        seen = detect(CameraFrame(0, image), shot.camera, config.tape, config.vision)
-        if seen.found and whole.found:
-            off.append(abs(seen.distance_m - whole.distance_m) / whole.sigma_m)
-    os.dup2(stderr, 2)
-    print(f"{files} JPEGs with one to three bytes of coded data changed, distance against the whole file's:")
-    print(f"  found in {len(off)}, over one sigma off in {np.sum(np.array(off) > 1)}, "
-          f"worst {max(off, default=0.0):.1f}")
 
 
 def mutate(data: bytes, rng: np.random.Generator) -> bytes:

@@ -7,7 +7,7 @@ reference: commands and Python API. formats: file formats, from the structs and 
 truearc/schemas. reasons: codes and messages. terms: between two marks of docs/reference/terms.md. measured: between
 `<!-- result: NAME -->` and `<!-- end -->` on every page, a table of RESULTS or docs/measured/results/NAME.txt, which
 --run writes: command, commit and date, then what was printed; `<!-- result: NAME: PATTERN -->` shows the lines alone
-that match. `benchmarks.proof --posterior --write` fills docs/measured/sealed.md in the same way.
+that match. `benchmarks.proof --write` fills docs/measured/sealed.md in the same way.
 """
 
 import argparse

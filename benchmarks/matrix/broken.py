@@ -5,8 +5,8 @@ import os
 import random
 import socket
 import struct
-from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import can
 
@@ -14,7 +14,7 @@ from truearc.hw.devices.button_box.emulator import ButtonBox
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.devices.spark import frames as spark
-from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
+from truearc.hw.devices.spark.emulator import SparkSettings
 from truearc.hw.emulated.pty_cable import PtyCable
 from truearc.hw.emulated.serial_link import Cable, open_cable
 from truearc.hw.emulated.slcan_adapter import SlcanAdapter
@@ -242,7 +242,7 @@ TWIN = spark.SparkAxis(11, 1)             # of flywheel motor 1
 FIRMWARE = {"old firmware": (24, 0, 1), "new firmware": (27, 0, 0)}
 
 
-def begin_trouble(node: SparkNode, what: str, t_ns: int) -> None:
+def begin_trouble(node: Any, what: str, t_ns: int) -> None:
     """One of FAULTS or FIRMWARE, or "came and went", "settings lost", "locked", "switch closed", "switch open"."""
     if what in FAULTS:
         node.fail(FAULTS[what])
@@ -257,10 +257,11 @@ def begin_trouble(node: SparkNode, what: str, t_ns: int) -> None:
     elif what == "locked":
         node.receive(Frame(0, CONTROLLER_HEARTBEAT, bytes(8), is_extended=True), t_ns)
     elif what in ("switch closed", "switch open"):
-        _stick(node, what == "switch closed")
+        said, node.endstop = node.endstop, lambda: what == "switch closed"
+        node.endstop.switch = said
 
 
-def end_trouble(node: SparkNode, what: str, t_ns: int) -> None:
+def end_trouble(node: Any, what: str, t_ns: int) -> None:
     """A lock wants its power cycled, other firmware is exchanged; what was lost in a reset is the robot's to set."""
     if what in FAULTS:
         node.fail(0)
@@ -270,7 +271,7 @@ def end_trouble(node: SparkNode, what: str, t_ns: int) -> None:
     elif what == "locked":
         node.restart(t_ns)
     elif what in ("switch closed", "switch open"):
-        _let_go(node)
+        node.endstop = node.endstop.switch
 
 
 def stray_frames(what: str) -> list[Frame]:
@@ -284,25 +285,3 @@ def stray_frames(what: str) -> list[Frame]:
         case "competition controller":
             return [Frame(0, CONTROLLER_HEARTBEAT, bytes(8), is_extended=True)]
     return []
-
-
-def _stick(node: SparkNode, closed: bool) -> None:
-    assert node.endstop is not None
-    node.endstop = Stuck(node.endstop, closed)
-
-
-def _let_go(node: SparkNode) -> None:
-    assert isinstance(node.endstop, Stuck)
-    node.endstop = node.endstop.switch
-
-
-class Stuck:
-    """A limit switch that says the same for ever."""
-
-    def __init__(self, switch: Callable[[], bool], closed: bool) -> None:
-        self.switch, self._closed = switch, closed
-
-    def __call__(self) -> bool:
-        return self._closed
-
-

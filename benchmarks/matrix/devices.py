@@ -12,7 +12,6 @@ from benchmarks.matrix.broken import BrokenBox, FarWire, begin_trouble, end_trou
 from benchmarks.matrix.fault import Both, Box, Device, Inside, Row, Wire
 from benchmarks.matrix.run import Span, frame_id
 from truearc.hw.codec import load_codec
-from truearc.hw.devices.canandmag.emulator import CanandmagNode
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.emulator import OdriveNode
 from truearc.hw.devices.spark import frames as spark
@@ -168,17 +167,16 @@ class FarSide:
 
     def _break(self, t_ns: int) -> None:
         match self._breaking:
-            case Device():
-                self._node(self._breaking.name).suffer(self._fault(self._breaking, t_ns))
-            case Both(one=one, other=other):
-                for breaking in (one, other):
-                    self._node(breaking.name).suffer(self._fault(breaking, t_ns))
+            case Device() | Both():
+                one = self._breaking
+                for breaking in (one.one, one.other) if isinstance(one, Both) else (one,):
+                    self._nodes[breaking.name].suffer(self._fault(breaking, t_ns))
             case Inside(name=name, what=what):
-                node = self._node(name).node
+                node = self._nodes[name].node
                 if isinstance(node, SparkNode):
                     begin_trouble(node, what, t_ns)
                 else:
-                    self._inside(self._breaking, t_ns)
+                    self._inside(node, what, t_ns)
             case Wire():
                 self._wire.begin(self._breaking.what)
             case Box():
@@ -186,14 +184,14 @@ class FarSide:
 
     def _mend(self, t_ns: int) -> None:
         match self._breaking:
-            case Inside(name=name, what=what) if isinstance(theirs := self._node(name).node, SparkNode):
+            case Inside(name=name, what=what) if isinstance(theirs := self._nodes[name].node, SparkNode):
                 end_trouble(theirs, what, t_ns)
                 if self._is_advised:              # what was sticky its own controller clears
                     theirs.clear_faults()
             case Inside(name=name, what="magnet"):
-                self._encoder(name).magnet_ok = True
+                self._nodes[name].node.magnet_ok = True
             case Inside(name=name, what="settings lost"):
-                node = self._axis(name)
+                node = self._nodes[name].node
                 node.settings = self._settings
                 node.restart(t_ns)
             case Wire(what=what):
@@ -203,16 +201,15 @@ class FarSide:
             case Box():
                 self._box.end()
 
-    def _inside(self, breaking: Inside, t_ns: int) -> None:
-        match breaking.what:
+    def _inside(self, node: Any, what: str, t_ns: int) -> None:
+        match what:
             case "error":
-                self._axis(breaking.name).disarm(SPINOUT)
+                node.disarm(SPINOUT)
             case "idle":
-                self._axis(breaking.name).disarm(0)
+                node.disarm(0)
             case "magnet":
-                self._encoder(breaking.name).magnet_ok = False
+                node.magnet_ok = False
             case "settings lost":             # reporting rates are stored settings of an ODrive
-                node = self._axis(breaking.name)
                 self._settings = node.settings
                 node.settings = msgspec.structs.replace(node.settings, encoder_ms=0, current_ms=0, bus_ms=0)
                 node.restart(t_ns)
@@ -240,21 +237,6 @@ class FarSide:
 
     def _sparks(self) -> list[SparkNode]:
         return [node.node for node in self._nodes.values() if isinstance(node.node, SparkNode)]
-
-    def _node(self, name: str) -> FaultyNode:
-        node = self._nodes[name]
-        assert isinstance(node, FaultyNode)
-        return node
-
-    def _axis(self, name: str) -> OdriveNode:
-        node = self._node(name).node
-        assert isinstance(node, OdriveNode)
-        return node
-
-    def _encoder(self, name: str) -> CanandmagNode:
-        node = self._node(name).node
-        assert isinstance(node, CanandmagNode)
-        return node
 
 
 def is_driving(node: object) -> bool:

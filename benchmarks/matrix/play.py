@@ -6,11 +6,11 @@ import multiprocessing
 import os
 import shutil
 import signal
-import sys
 import threading
 from collections.abc import Callable
 from multiprocessing.process import BaseProcess
 from pathlib import Path
+from types import SimpleNamespace
 from typing import NamedTuple
 
 from msgspec.structs import replace
@@ -87,7 +87,7 @@ def play(row: Row, bus: str, folder: Path, stepped: bool) -> str:
     if stepped:
         _play_stepped(place)
     else:
-        small = row.breaking == Disk("full") and _mount(folder)
+        small = row.breaking == Disk("full") and mount_small_disk(folder)
         try:
             _play_real(place)
         finally:
@@ -115,7 +115,7 @@ class _SteppedWorld:
     def __init__(self, place: Place, span: Span, now_ns: Callable[[], int]) -> None:
         self.box = BrokenBox(place.folder / "box", prompt=True)
         self._place, self._span, self._now_ns = place, span, now_ns
-        self._wire = FarWire(*place.bus, _Now(now_ns))
+        self._wire = FarWire(*place.bus, SimpleNamespace(now_ns=now_ns))
         self._far = self._make()
         self._stood_ns = 0                        # how long it has stood still in all
         self._at_ns = 0
@@ -150,12 +150,6 @@ def _make_far_side(place: Place, wire: FarWire, box: BrokenBox, span: Span,
         return MotionSide(place.config, place.row, wire, box, span, now_ns)
     parts = place.config, place.row, place.arms, wire, box, span, now_ns
     return FarSide(*parts) if place.stepped else FarSide(*parts, WATCHDOG_MS)
-
-
-class _Now(NamedTuple):
-    """A clock for frames only."""
-
-    now_ns: Callable[[], int]
 
 
 # --- in real time
@@ -257,10 +251,6 @@ def _wait_for(process: BaseProcess) -> None:
     if process.is_alive():
         process.kill()
         process.join()
-
-
-def _mount(folder: Path) -> bool:
-    return sys.platform == "linux" and mount_small_disk(folder)
 
 
 def _unmount(folder: Path) -> None:

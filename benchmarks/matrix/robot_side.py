@@ -10,10 +10,9 @@ import subprocess
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import can
@@ -92,7 +91,7 @@ def run_robot(config: Config, breaking: Breaking, bus: tuple[str, str], box_port
     tally: Counter[str] = Counter()
     clock = StallingClock(clock, span, breaking in (Time("late ticks"), Wire("overrun")))
     gate = BrokenGate(breaking.what, span.stands, clock) if isinstance(breaking, Model) else None
-    with ExitStack() as wires, StandingWall(breaking, span):
+    with ExitStack() as wires, standing_wall(breaking, span):
         beside = Beside(config, folder, wires) if is_beside(breaking) else None
         hurry()                                   # as on the robot: vision and recorder have no real time
         wire, box = _open(config, breaking, bus, box_port, span, clock, stepped, tally, wires)
@@ -123,10 +122,12 @@ def _open(config: Config, breaking: Breaking, bus: tuple[str, str], box_port: st
     what = breaking.what if isinstance(breaking, Wire) else ""
 
     def open_flaky() -> CanBus:
+        if what == "adapter out" and span.stands():
+            raise LinkLost(CAN_ADAPTER_ERROR(bus="CAN", detail="no such device"))
         return FlakyBus.over(open_can(*bus, config.can.bitrate, clock, WAIT_S, tally), what, span)
 
     wire: CanBus | SupervisedBus = open_can(*bus, config.can.bitrate, clock, 0.0, tally) if stepped else SupervisedBus(
-        _watching(open_flaky, what, span), clock, tally, SMALL_ROOM if what == "overrun" else ROOM)
+        open_flaky, clock, tally, SMALL_ROOM if what == "overrun" else ROOM)
     if stepped:
         FlakyBus.over(wire, what, span)
     wires.callback(wire.close)
@@ -144,14 +145,6 @@ def _open_eyes(config: Config, breaking: Breaking, span: Span, clock: Clock, ste
         lambda: open_camera(scenery, fps, clock))
     wires.callback(camera.close)
     return InlineEyes(camera, make_see(config))
-
-
-def _watching(open_flaky: Callable[[], CanBus], what: str, span: Span) -> Callable[[], CanBus]:
-    """Opening fails, too, while the adapter is out."""
-    def open_again() -> CanBus:
-        FlakyBus.check(what, span)
-        return open_flaky()
-    return open_again
 
 
 class Beside:
@@ -205,11 +198,6 @@ class FlakyBus:
             bus._bus = FlakyBus(bus._bus, what, span)
         return bus
 
-    @staticmethod
-    def check(what: str, span: Span) -> None:
-        if what == "adapter out" and span.stands():
-            raise LinkLost(CAN_ADAPTER_ERROR(bus="CAN", detail="no such device"))
-
     def recv(self, wait_s: float) -> can.Message | None:
         self._look()
         return self._bus.recv(wait_s)
@@ -243,21 +231,17 @@ class StallingClock:
             self._clock.sleep_until_ns(self._clock.now_ns() + 2_000_000)
 
 
-class StandingWall:
+@contextmanager
+def standing_wall(breaking: Breaking, span: Span) -> Iterator[None]:
     """The process reads another time of day while the span stands; the machine's own clock is left alone."""
-
-    def __init__(self, breaking: Breaking, span: Span) -> None:
-        jump_s = {"clock +1 h": HOUR_S, "clock -1 h": -HOUR_S}.get(getattr(breaking, "what", ""), 0.0)
-        self._jump_s = jump_s if isinstance(breaking, Time) else 0.0
-        self._span, self._time = span, time.time
-
-    def __enter__(self) -> None:
-        if self._jump_s:
-            time.time = lambda: self._time() + (self._jump_s if self._span.stands() else 0.0)
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
-        time.time = self._time
+    jump_s = {"clock +1 h": HOUR_S, "clock -1 h": -HOUR_S}.get(breaking.what if isinstance(breaking, Time) else "", 0.0)
+    true = time.time
+    if jump_s:
+        time.time = lambda: true() + (jump_s if span.stands() else 0.0)
+    try:
+        yield
+    finally:
+        time.time = true
 
 
 DISK_MB, LOOK_S = 48, 0.005
