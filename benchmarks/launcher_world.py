@@ -4,9 +4,9 @@
     python -m benchmarks.launcher_world --table FILE
 
 In an unmodified world, with the paper's baseline (gravity, drag, magnus): is the mismatch found, in which stage, by
-which terms, and how well does the adopted simulation forecast another session's heights at the plane, beside the world's
-shot-to-shot scatter (the same shots with and without it) and beside the fitted baseline. World number N has the seed
-1000 N; development used seeds below 1000.
+which terms, and how well does the adopted simulation forecast another session's heights at the plane, beside the
+world's shot-to-shot scatter (the same shots with and without it) and beside the fitted baseline. World number N has the
+seed 1000 N; development used seeds below 1000.
 """
 
 import sys
