@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.suite import Job, true_parameter, world_of
+from benchmarks.worlds import Job, true_parameter, world_of
 from truearc.sim.compute import keep_compiled
 from truearc.sim.discover.select.term_ranking import efficient, visible_terms
 from truearc.sim.infer.baseline_fit import fit_believed

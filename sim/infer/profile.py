@@ -4,7 +4,7 @@ A Hessian describes the optimum's neighbourhood; a profile walks until the fit h
 whether it was the data that stopped it or only the prior. The walk is along the profile adjusted for how sharply the
 others are determined there (Cox and Reid 1987; Laplace's approximation of the marginal posterior): minus log posterior
 plus half the log determinant of the others' curvature. Without it a scatter, fitted beside the coefficients that chase
-the same shots, comes out too small and its interval too short (benchmarks/coverage.py).
+the same shots, comes out too small and its interval too short.
 
 Flights are linear about the optimum on the way; at each end so found they are flown again, and the end is put right.
 

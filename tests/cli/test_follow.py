@@ -275,11 +275,7 @@ def test_no_gain_is_proposed_that_may_be_nothing(low90: float, offered: bool, fo
                 files, [4.0])
 
 
-def test_the_table_of_sessions_aimed_by_practice_counts_alarms_names_and_threes() -> None:
+def test_table_of_sessions_counts_alarms() -> None:
     quiet, loud = [0.1, 0.4], [0.5, 2.0]
-    line = {"kind": "aimed", "seed": 1, "sessions": {"nothing": [quiet, loud], "wind 1.5 m/s": [loud]}, "proposals": [
-        {"change": "nothing", "names": ("drag",), "verdict": "named", "refused": "which may be nothing"},
-        {"change": "wind 1.5 m/s", "names": ("drag", "wind_x"), "verdict": "set", "threes": [40, 80]}]}
-    text = make_table([line])
-    assert "aimed by its practice | 1, 2 | 1 | 50.0%" in text
-    assert "| nothing | 1 |  | 0 |  |" in text and "| wind 1.5 m/s | 1 | 1 | 1 | 40->80 |" in text
+    text = make_table([{"kind": "season", "seed": 1, "sessions": {"nothing": [quiet, loud], "wind 1.5 m/s": [loud]}}])
+    assert "MuJoCo's launcher | 1, 2 | 1 | 50.0%" in text and "| wind 1.5 m/s | 1 | 1 | 2 | 2 |" in text

@@ -12,7 +12,7 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
-from benchmarks.matrix.signs import find, says
+from benchmarks.matrix.fault import find, says
 from benchmarks.real_robot import PATIENT, SHIPPED, WATCHDOG_MS, begin, save_config
 from tests.hw.host_speed import excuse_stalls
 from tests.hw.spinning_plant import SpinningPlant

@@ -3,7 +3,7 @@
 import pytest
 from msgspec.structs import replace
 
-from benchmarks.matrix.signs import find, says
+from benchmarks.matrix.fault import find, says
 from tests.faulty_robot import parts_with
 from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, SPARK_WHEELS, only_advice
 from truearc.hw import fault_codes as hw

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from benchmarks.matrix.signs import find, says
+from benchmarks.matrix.fault import find, says
 from tests.faulty_robot import parts_with
 from tests.robot.encoders import COUNTING, NONE, NT4, ODRIVE, SPARK, SPARK_OWN
 from truearc.hw import fault_codes as hw

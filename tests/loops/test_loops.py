@@ -9,7 +9,7 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
-from benchmarks.matrix.signs import find, says
+from benchmarks.matrix.fault import find, says
 from tests.faulty_robot import parts_with
 from truearc import robot
 from truearc.cli.main import main

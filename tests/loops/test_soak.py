@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from benchmarks.loop_frames import wire_limits
 from benchmarks.soak import Sample, drift_s, growth_mb, judge_memory, judge_recording, soak
 from tests.robot.good_tick import CONFIG
 from tests.robot.recording.test_writer import ticks
@@ -67,12 +66,6 @@ def test_drift_is_followed_over_periods_and_stalls_are_none():
     assert drift_s(np.delete(beat, slice(40_000, 40_900)), 200) == 0.0
     slow = beat + (beat * 5e-5).astype(int)                # 30 ms in ten minutes: six periods, so that no phase is left
     assert drift_s(slow + late, 200) == pytest.approx(0.03 * 29 / 30, rel=0.01)
-
-
-def test_what_fits_on_the_wire_is_that_of_the_standard():
-    limits = wire_limits()
-    assert limits["11-bit id"] == pytest.approx((1e6 / 135, 1e6 / 111))
-    assert limits["29-bit id"] == pytest.approx((1e6 / 160, 1e6 / 131))
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from benchmarks.unseen import heights_m
+from benchmarks.launcher_world import heights_m
 from truearc import robot
 from truearc.robot.config.schema import load_config
 from truearc.sim.data.files import load_dataset

@@ -6,7 +6,7 @@ What a grader compares intervals with (truearc_proof.scoring.score_finding) is t
 import numpy as np
 import pytest
 
-from benchmarks.suite import Job, amount_of, true_parameter
+from benchmarks.worlds import Job, amount_of, true_parameter
 from tests.proof.test_truth_flight import quiet
 from tests.sim.physics.tracker import watch
 from truearc.sim.data.conditions import Circumstances, circumstances_of

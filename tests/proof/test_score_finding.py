@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.suite import KINDS, Job, amount_of, mark_job, names_of, plan_jobs, true_parameter, world_of
+from benchmarks.worlds import KINDS, Job, amount_of, mark_job, names_of, plan_jobs, true_parameter, world_of
 from truearc.errors import InputError
 from truearc_proof.report.tables import make_tables
 from truearc_proof.report.targets import figures_of

@@ -17,7 +17,7 @@ from msgspec.structs import replace
 from tests.hw.family_checks import CHECKS, check_frames, codec_of
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from tests.robot.test_rig import ASKED, Blind, Stream, Time, Wire
-from tools.reasons_doc import make_page
+from tools.pages import reasons_page
 from truearc import robot
 from truearc.cli.common import SHIPPED
 from truearc.errors import InputError
@@ -139,8 +139,8 @@ def test_its_own_reason_has_its_text_wherever_reasons_are_shown(config: Config) 
     assert not verdict.fire and verdict.reasons == (fault,)
     row = msgspec.json.encode(fault)
     assert msgspec.json.decode(row, type=Reason) == fault
-    page = make_page(["samplemotor"])
-    assert page.count("`samplemotor.wrong_firmware`") == 2 and "`samplemotor" not in make_page()
+    page = reasons_page(["samplemotor"])
+    assert page.count("`samplemotor.wrong_firmware`") == 2 and "`samplemotor" not in reasons_page()
 
 
 def test_without_it_its_reason_is_shown_by_name() -> None:

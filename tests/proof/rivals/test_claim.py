@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.field_table import claim_of
+from benchmarks.compare import claim_of
 from tests.sim.discover.made import at_least_squares, column, gaussian
 from tests.sim.discover.straight import ASKED, NAMES, lay_straight, take_straight
 from truearc.errors import InputError

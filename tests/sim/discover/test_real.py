@@ -57,7 +57,7 @@ def test_falling_balls_are_slower_than_gravity_has_them(data_dir: Path) -> None:
 
 
 def test_a_thrown_ball_is_held_back_and_a_camera_that_was_set_again_is_found(data_dir: Path) -> None:
-    """Flights of a juggling robot: the drag of plain least squares (benchmarks/ball_butler.py: 0.58 to 0.96 by what
+    """Flights of a juggling robot: the drag of plain least squares (0.58 to 0.96 by what
     else is free), and its later half as seen through a camera whose metre is 2 % off."""
     flights = thinned(import_ball_butler(data_dir / "real/ball_butler_tracks.csv"), 20)
     home, later = (flights.take(range(first, 20, 2)) for first in (0, 1))

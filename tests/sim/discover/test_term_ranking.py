@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from benchmarks.suite import Job, world_of
+from benchmarks.worlds import Job, world_of
 from tests.sim.discover.made import stand_in
 from tests.sim.discover.straight import ASKED, NAMES, SHARED, fit_straight, slopes_and_y
 from tests.sim.few_terms import few_terms

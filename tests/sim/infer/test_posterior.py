@@ -1,4 +1,4 @@
-"""Draws of the posterior against the profile; a real launcher's tracks. Coverage is benchmarks/coverage.py's."""
+"""Draws of the posterior against the profile; a real launcher's tracks.."""
 
 import dataclasses
 
