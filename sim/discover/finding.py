@@ -90,7 +90,6 @@ class Unknown(Struct, frozen=True, omit_defaults=True):
     direction: str                    # along | lateral | vertical
     amplitude: float                  # over the covariate's range, in `unit`
     unit: str                         # of `amplitude`
-    formula: str | None               # a power law where the data show one
     low90: float | None = None        # lower end of the 90 % interval of `amplitude`, the shape taken as found
     high90: float | None = None       # upper end
 

@@ -4,7 +4,6 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from truearc.sim.infer.advise import SHOTS, Proposal
 from truearc.sim.infer.crossval import CrossValidation
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.infer.identifiability import Identified, identify
@@ -22,15 +21,14 @@ MISFIT = 1.3                          # times their noise that tracks differ fro
 NEAREST = 15                          # shots whose median stands for "at this distance"
 
 
-def fit_lines(fit: MapFit, intervals: Sequence[ProfileInterval], holdout: CrossValidation | None,
-              proposals: Iterable[Proposal]) -> list[str]:
+def fit_lines(fit: MapFit, intervals: Sequence[ProfileInterval], holdout: CrossValidation | None) -> list[str]:
     """The report, line by line; of a fit that did not converge only what was used."""
     lines = list(say_evidence(fit))
     if not fit.converged:
         return lines
     for title, part in (("what these shots can tell", say_identified(fit)),
                         ("estimates", say_estimates(intervals, fit.sought)), ("", say_scatter(fit)),
-                        ("", say_prediction(holdout)), ("what would tell more", say_advice(proposals))):
+                        ("", say_prediction(holdout))):
         told = list(part)
         lines += [*(["", f"{title}:"] if title and told else []), *told]
     return lines
@@ -118,16 +116,6 @@ def say_identified(fit: MapFit) -> Iterable[str]:
                "standard deviation is left)")
     if not found.pairs and not found.from_prior:
         yield "every parameter is fixed by these shots on its own"
-
-
-def say_advice(proposals: Iterable[Proposal]) -> Iterable[str]:
-    """What would tell apart what is known worst."""
-    for one in proposals:
-        side = "over" if one.aim_m > 0.0 else "under"
-        aim = "at the centre" if abs(one.aim_m) < 0.01 else f"{abs(one.aim_m):.2f} m {side} the centre"
-        yield (f"{SHOTS} shots at {one.distance_m:.1f} m, hood {one.hood_deg:.0f} deg, motor ratio "
-               f"{one.motor_ratio:.3f} (aimed {aim}), recording {one.kind}: {one.sd_ratio:.0%} of the greatest "
-               "standard deviation would be left")
 
 
 def say_prediction(score: CrossValidation | None) -> Iterable[str]:

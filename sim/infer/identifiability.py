@@ -41,15 +41,6 @@ def identify(fit: MapFit) -> Identified:
     return Identified(_pairs(fit), share, tuple(name for name in names if share[name] > SILENT))
 
 
-def weakest(fit: MapFit) -> Float[np.ndarray, " p"]:
-    """Unit vector [p], in prior units, of the combination of terms' parameters that is known worst."""
-    inner = [k for k, one in enumerate(fit.sought) if not one.scatters]
-    _, vectors = np.linalg.eigh(fit.covariance[np.ix_(inner, inner)])
-    vector = np.zeros(len(fit.names))
-    vector[inner] = vectors[:, -1]
-    return vector
-
-
 def _pairs(fit: MapFit) -> tuple[AliasedPair, ...]:
     """Pairs with a correlation of at least CORRELATED, strongest first, each with the combination that is fixed."""
     names, covariance = fit.names, fit.covariance * np.outer(slopes(fit), slopes(fit))

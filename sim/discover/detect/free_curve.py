@@ -84,14 +84,6 @@ def _estimate(found: Correction) -> tuple[Basis, Float[Array, " q"], Float[Array
     return basis, fit[:q], np.linalg.inv(info + penalty + 1e-12 * np.eye(len(info)))[:q, :q]
 
 
-def unseen(evidence: ScoreTable, basis: Basis) -> tuple[Float[Array, " n"], Float[Array, " q"]]:
-    """(held-out log score, coefficients fitted to all shots) with the first column's amplitude in the span of
-    `basis`; folds as in `correct`."""
-    change = by_folds(evidence, lambda train: _fitted(evidence, basis, train, 0.0))
-    found = _fit(evidence, basis, np.ones(len(basis), dtype=bool), 0.0)
-    return evidence.log_score + evidence.gain(change), found[:basis.shape[1]]
-
-
 def _basis(evidence: ScoreTable, test: Test) -> Float[Array, "n q"]:
     """The same for all; straight in the covariate and its bends, after the step where one was found; or each
     group's difference from the first; or two covariates, their product and the wave that was found."""

@@ -20,7 +20,6 @@ from truearc.sim.discover.finding import FindingRecord, FitSummary, FoundEffect,
 from truearc.sim.discover.plan.recommendations import blind_terms, has_spin, measure_blind, measure_names, next_steps
 from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report.effect_wording import say_improbable
-from truearc.sim.discover.report.formula import find_formula
 from truearc.sim.discover.select.amplitude_prior import posterior_amplitude
 from truearc.sim.discover.select.forecast_error import end_errors, side_errors, times_off
 from truearc.sim.discover.select.name_effects import Search, Step
@@ -93,7 +92,7 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
                              next=(*to_check, *steps_to_see), tracker=tracker)
     first = steps[0]
     where = _where(first, judged, search, first.naming.probability)
-    leading, *rest = (_further(step, search.seed) for step in (first, *steps[1:]))
+    leading, *rest = map(_further, (first, *steps[1:]))
     leading = leading if search.home is None else _or_tracker(leading, fitted, search.home.fitted)
     verdict = "unknown" if first.unknown else "named" if len(leading.set or ()) == 1 else "set"
     sentence = (wording.say_unknown(terms, judged.p_any, where, leading, rest, fit, place, among) if first.unknown else
@@ -165,12 +164,12 @@ def best_of(fitted: BaselineFit, steps: Sequence[Step]) -> ScoreTable:
     return named[-1] if named else without(fitted.evidence)
 
 
-def _further(step: Step, seed: int) -> FoundEffect:
+def _further(step: Step) -> FoundEffect:
     """The result of one step."""
     probability = step.naming.probability
     what = tuple(_named(step, name, probability) for name in list(step.naming.probability)[:RANKED])
     chosen = None if step.unknown else tuple(name.partition(".")[0] for name in step.naming.chosen)
-    return FoundEffect(what, chosen, _unknown(step, seed) if step.unknown else None, step.unexplained)
+    return FoundEffect(what, chosen, _unknown(step) if step.unknown else None, step.unexplained)
 
 
 def _where(step: Step, judged: Judged, search: Search, probability: dict[str, float]) -> Where:
@@ -218,14 +217,14 @@ def _follows(step: Step, judged: Judged, search: Search) -> tuple[str | None, st
     return name, direction, others
 
 
-def _unknown(step: Step, seed: int) -> Unknown | None:
+def _unknown(step: Step) -> Unknown | None:
     place = step.place
     if place is None:
         return None
     size, sd = contrast_of(place.correction, size_weights(place.correction))
     reach = wording.NINETY * sd
-    return Unknown(name_of(place.test, place.column), place.column.direction, size, place.column.unit,
-                   find_formula(place.correction, step.fitted, seed), size - reach, size + reach)
+    return Unknown(name_of(place.test, place.column), place.column.direction, size, place.column.unit, size - reach,
+                   size + reach)
 
 
 def _named(step: Step, name: str, probability: dict[str, float]) -> Named:

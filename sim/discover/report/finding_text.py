@@ -192,9 +192,7 @@ def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, leading
     if leading.what:
         nearest = (f" The nearest name is {plain(leading.what[0].term, among)}, which {falls_short}; by it "
                    f"{_effect(leading.what[0], among, False)}.")
-    formula = leading.unknown.formula
-    law = f" An empirical formula does as well as the curve: {formula}." if formula else ""
-    return f"{said}{_looks(leading.unknown, place)}{stage}.{law}{nearest}{_gained(fit)}{_chance(p_value)}"
+    return f"{said}{_looks(leading.unknown, place)}{stage}.{nearest}{_gained(fit)}{_chance(p_value)}"
 
 
 def _looks(unknown: Unknown, place: Place) -> str:

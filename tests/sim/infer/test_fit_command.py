@@ -46,9 +46,8 @@ def test_a_fit_is_told_in_words_and_written_as_a_belief(directory, tmp_path, cap
     (["--terms", ""], "--terms: got ''; expected at least one entry"),
     (["--terms", "drag,drag"], "--terms: got drag more than once; keep one"),
     (["--terms", " , "], "--terms: got ' , '; expected at least one entry"),
-    (["--seed", "1"], "--seed: applies with --posterior or several datasets only"),
-    (["--posterior", "0"], "--posterior: got 0"),
-    (["--posterior", "5", "--seed", "-1"], "--seed: got -1"),
+    (["--seed", "1"], "--seed: applies with several datasets only"),
+    (["--seed", "-1"], "--seed: got -1"),
     (["-o", "nowhere/at/all.toml"], "nowhere/at/all.toml"),
 ])
 def test_a_users_mistake_is_named(directory, capsys, arguments, message):

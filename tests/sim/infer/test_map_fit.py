@@ -6,7 +6,6 @@ import msgspec
 import numpy as np
 import pytest
 
-import truearc.sim.infer.advise
 import truearc.sim.infer.baseline_fit
 from tests.sim.infer.independent import CENTRE_M, Truth, heights, make_dataset, make_tracks
 from tests.sim.physics import reference
@@ -14,7 +13,6 @@ from tests.sim.physics.rigs import GUPPY
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Tracker
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
-from truearc.sim.infer.advise import KINDS, advise
 from truearc.sim.infer.crossval import cross_validate
 from truearc.sim.infer.identifiability import identify
 from truearc.sim.infer.likelihood.prepared_data import take_in
@@ -83,16 +81,6 @@ def test_held_out_outcomes_are_predicted_better_than_by_their_shares(outcomes):
     assert score.groups > 95         # random configurations
     assert score.log_score > score.share_log_score + 2 * score.gain_se
     assert score.accuracy > score.share_accuracy
-
-
-def test_advice_is_about_what_is_known_worst(outcomes):
-    """A camera at the exit parts drag from loss; an outcome at the very centre has no first-order information."""
-    proposals = advise(outcomes, most=4)
-    assert proposals[0].kind.startswith("exit speed")
-    ratios = {one.kind: one.sd_ratio for one in proposals}
-    assert ratios["height at the plane"] < ratios["outcome and high or low"] <= ratios["outcome"] < 1.0
-    plain, = (one for one in proposals if one.kind == "outcome")
-    assert abs(plain.aim_m) > 0.1
 
 
 @pytest.mark.slow
@@ -191,14 +179,3 @@ def test_a_fit_starts_far_from_its_heights_and_still_fits_them_all():
     dataset = make_dataset(12, 60, dataclasses.replace(TRUTH, loss=0.5), height=True)
     fit = fit_map(dataset, TERMS)
     assert deviance_at(fit, "exit_efficiency.loss", 0.5) < 9.0
-
-
-def test_a_fit_of_scatter_alone_proposes_no_shots(outcomes):
-    alone = fit_map(outcomes.dataset, ())
-    assert all(one.scatters for one in alone.sought) and advise(alone) == ()
-
-
-def test_shots_that_would_not_help_are_not_proposed(outcomes, monkeypatch):
-    silent = np.zeros((1, len(outcomes.names), len(outcomes.names)))
-    monkeypatch.setattr(truearc.sim.infer.advise, "_information", lambda *_: [silent] * len(KINDS))
-    assert advise(outcomes) == ()

@@ -122,11 +122,9 @@ def test_two_sessions_are_known_better_than_either(weeks, fits, tmp_path, capsys
     assert ta.predict(fits[0].dataset, belief).rows[0][0] == fits[0].dataset.shots.shot_id[0]
 
 
-def test_what_cannot_be_pooled_is_refused(weeks, capsys):
+def test_what_cannot_be_pooled_is_refused():
     with pytest.raises(ta.InputError, match="fits: 0 given; at least 2"):
         ta.pool([])
-    assert main(["fit", *weeks, "--posterior", "10", "--quiet"]) == 2
-    assert "--posterior: applies to one dataset only" in capsys.readouterr().err
 
 
 @pytest.mark.slow
