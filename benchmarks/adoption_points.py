@@ -12,8 +12,8 @@ from msgspec import UnsetType
 import truearc as ta
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.compile_cache import keep_compiled
-from truearc.sim.discover.adopt import make_belief, with_worth
-from truearc.sim.discover.investigate import discover
+from truearc.sim.discover.adopt import judge_adoption, make_belief
+from truearc.sim.discover.investigate import discover, with_worth
 from truearc.sim.infer.belief import Belief
 from truearc.sim.metrics import POINTS_THREE, POINTS_TWO
 from truearc.sim.world.options import Options
@@ -41,8 +41,9 @@ def run_points(rig: Rig, world: tuple[Change, int, int], apart: int) -> Line:
     seen = play_season(rig, options, own, plan_season(own, shots), "L1", ORDINARY).dataset
     found = with_worth(discover(seen, BELIEVED, seed=own))
     worth = found.finding.adoption
-    beliefs = {"believed": make_belief(replace(found, steps=())), "found": make_belief(found, threshold=None),
-               "adopted": make_belief(found)}
+    beliefs = {"believed": make_belief(replace(found, steps=())),
+               "found": make_belief(found, judge_adoption(found, threshold=None)),
+               "adopted": make_belief(found, found.choice)}
     line: Line = {"name": change.name, "shots": shots, "seed": seed, "verdict": found.finding.verdict,
                   "adopted": beliefs["adopted"][1]["adopted"], "refused": beliefs["adopted"][1].get("refused"),
                   "judged": None if isinstance(worth, UnsetType) else msgspec.to_builtins(worth)}

@@ -26,8 +26,9 @@ from benchmarks.suite import KINDS, Job, mark_job, plan_jobs, true_parameter, wo
 from truearc.cli.common import make_progress
 from truearc.errors import InputError
 from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.discover.adopt import Investigation
 from truearc.sim.discover.finding import make_json
-from truearc.sim.discover.investigate import Investigation, discover
+from truearc.sim.discover.investigate import discover
 from truearc_proof.parallel import fan_out
 from truearc_proof.report.tables import make_tables, said, share
 from truearc_proof.rounds.jsonl_store import append_line, lines_of, mend

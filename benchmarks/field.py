@@ -25,8 +25,9 @@ from benchmarks.suite import Job, plan_jobs, true_parameter, world_of
 from truearc.cli.common import make_progress
 from truearc.errors import InputError
 from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.discover.adopt import Investigation
 from truearc.sim.discover.finding import make_json
-from truearc.sim.discover.investigate import Investigation, discover
+from truearc.sim.discover.investigate import discover
 from truearc_proof.parallel import fan_out
 from truearc_proof.rivals.claim import Claim, believed_of
 from truearc_proof.rivals.registry import OURS, RIVALS, check_rivals, find_rival

@@ -30,9 +30,9 @@ from truearc.cli.common import SHIPPED, make_progress
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
 from truearc.sim.compile_cache import keep_compiled
-from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover.adopt import Investigation, make_belief
 from truearc.sim.discover.finding import make_json
-from truearc.sim.discover.investigate import Investigation, discover
+from truearc.sim.discover.investigate import discover
 from truearc.sim.infer.belief import as_table, from_table
 from truearc.sim.world.options import Options
 from truearc_proof.rounds.jsonl_store import fill

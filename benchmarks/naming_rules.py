@@ -22,9 +22,11 @@ from benchmarks.filling import fill_and_tell, parser_of
 from benchmarks.naming import Line, answer_of, are_both, is_held
 from truearc.cli.common import make_progress
 from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.discover import decide
 from truearc.sim.discover.investigate import discover
-from truearc.sim.discover.select import name_effects as rules
-from truearc.sim.discover.select import posterior
+from truearc.sim.discover.select.name_effects import Search
+from truearc.sim.discover.select.posterior import Hypotheses
+from truearc.sim.discover.select.term_ranking import Naming
 from truearc.sim.infer.baseline_fit import BaselineFit
 from truearc.sim.tables import make_text
 from truearc_proof.rounds.jsonl_store import fill
@@ -41,7 +43,7 @@ WHAT = (NATURE, NATURE_TWO, NOTHING, ODDS, LEFT, SAME, TWINS, ALONE)
 
 
 class Switch:
-    """Rules of name_effects, one of which may be off; `acted`: which had something to say."""
+    """Rules of decide, one of which may be off; `acted`: which had something to say."""
 
     def __init__(self, off: str | None) -> None:
         self.off, self.acted = off, set[str]()
@@ -56,10 +58,9 @@ class Switch:
     def turned(self) -> Iterator[None]:
         """Discovery by these rules."""
         with contextlib.ExitStack() as stack:
-            for place, name, rule in ((rules, "out_of_nature", self._nature), (rules, "_says_nothing", self._nothing),
-                                      (rules.Search, "left", self._left), (rules, "_direction", self._direction),
-                                      (rules, "with_probabilities", self._named),
-                                      (posterior.Hypotheses, "holds_more", self._more)):
+            for place, name, rule in ((decide, "out_of_nature", self._nature), (decide, "says_nothing", self._nothing),
+                                      (Search, "left", self._left), (decide, "_direction", self._direction),
+                                      (decide, "credible_set", self._named), (decide, "holds_more", self._more)):
                 stack.enter_context(patch.object(place, name, rule(getattr(place, name))))
             yield
 
@@ -71,7 +72,7 @@ class Switch:
         return lambda naming: self.act(NOTHING, rule(naming))
 
     def _left(self, rule: Callable[..., Any]) -> Callable[..., Any]:
-        def left(search: rules.Search, fitted: BaselineFit) -> Any:
+        def left(search: Search, fitted: BaselineFit) -> Any:
             found = rule(search, fitted)
             if found is None and self.act(LEFT, True):
                 return None
@@ -83,22 +84,25 @@ class Switch:
         return lambda fitted, change: rule(fitted, change) if self.act(SAME, True) else "none"
 
     def _more(self, rule: Callable[..., bool]) -> Callable[..., bool]:
-        def holds_more(found: posterior.Hypotheses) -> bool:
-            likely = found.share("two") + found.share("both") >= posterior.MORE
+        def holds_more(found: Hypotheses) -> bool:
+            likely = found.share("two") + found.share("both") >= decide.MORE
             return likely and not self.act(ODDS, not rule(found))
         return holds_more
 
-    def _named(self, rule: Callable[..., Any]) -> Callable[..., Any]:
-        def named(naming: Any, found: posterior.Hypotheses, beside: bool = False) -> Any:
+    def _named(self, rule: Callable[..., tuple[str, ...]]) -> Callable[..., tuple[str, ...]]:
+        def named(naming: Naming, found: Hypotheses | None, beside: bool = False) -> tuple[str, ...]:
             whole = rule(naming, found, beside)
+            if found is None:
+                return whole
             bare = rule(replace(naming, kin={}), found, beside)
-            if whole.chosen != bare.chosen and not self.act(TWINS, True):
+            if whole != bare and not self.act(TWINS, True):
                 whole = bare
-            with patch.object(rules, "SURE", 0.0):
-                first = rule(replace(naming, kin={}), found, beside).chosen[:1]
+            with patch.object(decide, "SURE", 0.0):
+                first = rule(replace(naming, kin={}), found, beside)[:1]
             explained = 1.0 - (found.share("unexplained") if beside else found.unexplained())
-            lone = found.held_by(first, beside) >= rules.SURE * explained and whole.probability[first[0]] < rules.SURE
-            return whole if self.act(ALONE, lone) or not lone else replace(whole, chosen=first)
+            lone = (found.held_by(first, beside) >= decide.SURE * explained
+                    and naming.probability[first[0]] < decide.SURE)
+            return whole if self.act(ALONE, lone) or not lone else first
         return named
 
 

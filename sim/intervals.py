@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import stdtrit
 
-Z95 = 1.959963984540054
+Z90, Z95 = 1.6448536269514722, 1.959963984540054      # of a normal distribution, two-sided
 
 
 def wilson(successes: int, trials: int, z: float = Z95) -> tuple[float, float]:

@@ -381,6 +381,14 @@ def usual_spot(intake: Intake, layout: ParameterLayout) -> LinearizationPoint:
     return LinearizationPoint.still(layout, len(intake.rows), values, USUAL_SCATTER)
 
 
+def believed_spot(intake: Intake, layout: ParameterLayout) -> LinearizationPoint:
+    """The usual spot, with the scatters as the belief has them."""
+    spot = usual_spot(intake, layout)
+    log_scatter = np.array([usual if column < 0 else layout.centre[column - layout.first_shared]
+                            for usual, column in zip(spot.log_scatter, layout.scatters, strict=True)])
+    return replace(spot, log_scatter=log_scatter)
+
+
 def rough_likelihood(intake: Intake, layout: ParameterLayout, points: Float[Array, "points slots"],
                      kept: Sequence[int] = ()) -> Float[Array, "points scatters"]:
     """Log-likelihood of some of the outcomes, at some sizes of one scatter of the height; with the terms of the `kept`

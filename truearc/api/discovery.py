@@ -15,8 +15,9 @@ from truearc.hw.real.clock import wall_clock
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.load import hash_dataset
 from truearc.sim.discover import investigate as engine
-from truearc.sim.discover.adopt import make_belief, with_worth
+from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.finding import FindingRecord
+from truearc.sim.discover.investigate import with_worth
 from truearc.sim.discover.report.finding_text import console_lines
 from truearc.sim.discover.report.html_report import make_report, plot_residuals
 from truearc.sim.discover.settings import FALSE_ALARM, check_chances
@@ -78,7 +79,7 @@ class Finding(FindingReport):
                 from before.
         """
         with about(self.name, ValueError):
-            belief, provenance = make_belief(self.investigation)
+            belief, provenance = make_belief(self.investigation, self.investigation.choice)
         if "at_limit" in provenance and self.investigation.belief is None:
             why, stopped = provenance.get("refused", ""), ", ".join(provenance["at_limit"])
             raise InputError(f"{self.name}: nothing is adopted: {stopped} stopped at the end of its range"

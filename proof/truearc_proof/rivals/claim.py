@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Struct
 
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.investigate import Investigation
+from truearc.sim.discover.adopt import Investigation
 from truearc.sim.discover.select.refit import Refit
 from truearc.sim.infer.baseline_fit import BaselineFit
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.sim.discover.investigate import Investigation
+from truearc.sim.discover.adopt import Investigation
 from truearc.sim.discover.select.refit import refit
 from truearc.sim.discover.select.term_ranking import ALIAS, efficient, nats_for, visible_terms
 from truearc.sim.infer.held_out import unseen_score, without

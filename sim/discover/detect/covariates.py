@@ -20,6 +20,7 @@ MOST_LEVELS = 20
 FOLLOWED = {"battery": ("battery_v",), "since_last_shot_s": ("since_last_shot_s",), "density": ("temperature_c",),
             "closing_speed_m_s": ("robot_speed_m_s",), "hood_change": ("hood_change",), "droop": ("wheel_dip",),
             "age": (WORN, "t_s")}
+IN_FLIGHT = ("speed_in_flight_m_s", "time_in_flight_s")      # what forces vary with inside one flight
 
 
 @dataclass(frozen=True)

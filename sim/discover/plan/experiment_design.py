@@ -106,7 +106,7 @@ def can_design(step: Step) -> bool:
 
 def _competing(step: Step) -> tuple[str, ...]:
     """Of the set the names that were truly refitted, whose amplitudes are known."""
-    return tuple(name for name in step.naming.chosen if name in step.naming.refits)[:MOST_NAMES]
+    return tuple(name for name in step.chosen if name in step.naming.refits)[:MOST_NAMES]
 
 
 def _contest(step: Step, names: tuple[str, ...]) -> Contest:

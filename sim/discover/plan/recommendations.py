@@ -8,9 +8,9 @@ from jaxtyping import Float
 
 from truearc.sim.data.columns import SPIN_VECTOR
 from truearc.sim.data.dataset import Dataset
+from truearc.sim.discover.detect.covariates import IN_FLIGHT
 from truearc.sim.discover.detect.test_battery import name_of
 from truearc.sim.discover.plan.detectability import sight_of
-from truearc.sim.discover.report.effect_wording import IN_FLIGHT
 from truearc.sim.discover.select.name_effects import Step
 from truearc.sim.discover.select.refit import Refit
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
@@ -36,9 +36,9 @@ def next_steps(dataset: Dataset, step: Step, chosen: tuple[str, ...] | None) -> 
     steps: list[dict[str, Any]] = [*_spin(dataset, STAND_IN in chosen),
                                    *({"do": "measure", "instrument": name, "what": what}
                                      for name, what in list(wanted.items())[:FEW])]
-    if len(step.naming.chosen) < 2:
+    if len(step.chosen) < 2:
         return tuple(steps)
-    shot = parting_shot(dataset, step, (step.naming.chosen[0], step.naming.chosen[1]))
+    shot = parting_shot(dataset, step, (step.chosen[0], step.chosen[1]))
     return (*([shot] if shot else []), *steps, *_sides(dataset))
 
 

@@ -13,7 +13,6 @@ from truearc.sim.physics.term_fields import ANGLE, LENGTH, SHARE, Phrase
 MOST_PLACES = 5                       # after the point; beyond, exponents
 WORDING = tomllib.loads((files("truearc.sim.discover.report") / "wording.toml").read_text(encoding="utf-8"))
 COLUMNS: dict[str, str] = WORDING["columns"]
-IN_FLIGHT = ("speed_in_flight_m_s", "time_in_flight_s")      # what forces vary with inside one flight
 
 
 def in_words(column: str) -> str:

@@ -17,8 +17,8 @@ from truearc.sim.discover.detect.localization import Place, joint_bands
 from truearc.sim.discover.detect.residuals import Along, Bins, Part, Residual, binned, bins_of
 from truearc.sim.discover.plan.detectability import Sight
 from truearc.sim.discover.report.effect_wording import plain, scale_of
-from truearc.sim.discover.report.finding_text import NINETY
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
+from truearc.sim.intervals import Z90
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.report import PHONE_IN, make_png, new_figure, new_panels
 
@@ -77,7 +77,7 @@ def curve_png(place: Place) -> bytes | None:
         return None
     value, sd = curve_of(place.correction)
     rows, (factor, unit) = place.correction.evidence.rows, scale_of(column.unit)
-    value, reach = value * factor, NINETY * sd * factor
+    value, reach = value * factor, Z90 * sd * factor
     figure, (axes,) = new_panels(PHONE_IN, 3.0)
     if isinstance(what, CovariatePair):
         seen = axes.scatter(what.first.values[rows], what.second.values[rows], c=value, cmap="RdBu_r", s=18,

@@ -5,6 +5,7 @@ from typing import Any
 
 from msgspec import UNSET, UnsetType
 
+from truearc.sim.discover.decide import form_of, gain_interval
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.localization import Place
 from truearc.sim.discover.detect.weight_functions import STEP
@@ -19,10 +20,7 @@ from truearc.sim.printed import left_out_lines
 
 STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", "flight": "in flight",
                "arrival": "at the target"}
-NINETY = 1.6448536269514722
 SHOWN = 6
-OUTWEIGHS = 10.0                      # times as likely as the next: these data do speak for the first
-EVEN = 0.5                            # probability of both of two names, from which they are said to be there together
 STANDS_OUT = 0.2                      # probability of a name, from which its size is said
 RARE = 0.1                            # p up to which it is stated as one dataset in how many
 WIDE = 2.0                            # standard deviations by which times differ: chance hardly does that to ten
@@ -44,7 +42,8 @@ def say_named(believed: tuple[str, ...], p_value: float, leading: FoundEffect, a
     total = sum(one.probability for one in what if one.term in names)
     members = [one for one in what if one.term in names]
     likeliest = _effect(members[0], among, topspin)
-    if len(names) == 1:
+    form = form_of([one.probability for one in members] + [0.0] * (len(names) - len(members)))
+    if form == "one":
         said = f"{_missing(believed, among)}: {likeliest}."
     else:
         listed = members[:LISTED if len(names) > LISTED + 1 else LISTED + 1]
@@ -54,15 +53,14 @@ def say_named(believed: tuple[str, ...], p_value: float, leading: FoundEffect, a
         cannot = "These data cannot tell which of these it is."
         if total > 1.0 + LEAST_SHOWN:
             cannot += " Two of them may be there together, so that the probabilities add up to more than 100%."
-        both = len(names) == 2 and total > 1.0 + EVEN
-        if both:
+        if form == "both":
             cannot = "More likely both are there than one, but these data cannot tell how large each is."
-        first = f" If it is the first{' alone' if both else ''}, {likeliest}."
+        first = f" If it is the first{' alone' if form == 'both' else ''}, {likeliest}."
         if members[0].probability < STANDS_OUT:
             first = " No name stands out."
-        listing = either(rest, "and" if both else "or")
+        listing = either(rest, "and" if form == "both" else "or")
         said = f"{_missing(believed, among)}, {either(stages)}: {listing}. {cannot}{first}"
-        if outweighs(members) and not both:
+        if form == "likely":
             said = (f"{_missing(believed, among)}: most likely {rest[0]}. If so, {likeliest}. "
                     f"{_capital(either(rest[1:]))} cannot be excluded.")
     unexplained = leading.unexplained
@@ -70,11 +68,6 @@ def say_named(believed: tuple[str, ...], p_value: float, leading: FoundEffect, a
         said += f" It may also be an effect of no term ({unexplained:.0%})."
     more = "".join(besides(further, then, among, topspin) for further, then in zip(also, THEN, strict=False))
     return said + _since(place) + more + _gained(fit) + _chance(p_value)
-
-
-def outweighs(members: Sequence[Named]) -> bool:
-    """Whether the first of a set is likely by itself, and far likelier than the next."""
-    return len(members) > 1 and members[0].probability > max(0.5, OUTWEIGHS * members[1].probability)
 
 
 def _capital(text: str) -> str:
@@ -147,12 +140,6 @@ def say_adopted(finding: FindingRecord, provenance: Mapping[str, Any]) -> str:
     listed = ", ".join(named)
     what = f"the average of {listed}, shares of these names alone" if provenance["averaged"] else listed
     return f"adopted: {what or 'nothing named, the fitted coefficients alone'}{but}"
-
-
-def say_refused(adoption: Adoption) -> str:
-    """Why what was found is not adopted: it would lose points."""
-    return (f"aimed and gated by it, hold-out shots would have scored {-adoption.gain:.2f} points per shot less "
-            f"(90 %: {adoption.low90:+.2f} to {adoption.high90:+.2f})")
 
 
 def say_points(adoption: Adoption) -> str:
@@ -328,16 +315,9 @@ def then_measured(step: dict[str, object], finding: FindingRecord, among: Catalo
     return f"; then add --measured {one.name}=VALUE,SD ({one.amplitude.meaning}{unit})"
 
 
-def gained_interval(fit: FitSummary) -> tuple[float, float] | None:
-    """90 % interval of the log score gained per shot."""
-    if fit.gain_per_shot is None or fit.gain_se is None:
-        return None
-    return fit.gain_per_shot - NINETY * fit.gain_se, fit.gain_per_shot + NINETY * fit.gain_se
-
-
 def _gained(fit: FitSummary) -> str:
     """The gain of the corrected simulation on hold-out shots."""
-    interval = gained_interval(fit)
+    interval = gain_interval(fit)
     if interval is None:
         return ""
     parts: dict[bool, list[str]] = {True: [], False: []}          # better, worse

@@ -8,13 +8,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from msgspec import UnsetType
 
-from truearc.sim.discover.detect.covariates import CovariatePair
+from truearc.sim.discover.adopt import Investigation
+from truearc.sim.discover.decide import form_of, gain_interval
+from truearc.sim.discover.detect.covariates import IN_FLIGHT, CovariatePair
 from truearc.sim.discover.detect.residuals import View, halves, views_of
 from truearc.sim.discover.finding import FindingRecord
-from truearc.sim.discover.investigate import Investigation
 from truearc.sim.discover.plan.detectability import sight_of
 from truearc.sim.discover.report import finding_text as wording
-from truearc.sim.discover.report.effect_wording import IN_FLIGHT, in_words, plain, say_effect
+from truearc.sim.discover.report.effect_wording import in_words, plain, say_effect
 from truearc.sim.discover.report.finding_plots import curve_png, field_png, flight_png, residual_figure
 from truearc.sim.discover.report.identifiability_report import sight_section, sight_sentence
 from truearc.sim.discover.select.name_effects import Step
@@ -197,7 +198,7 @@ def _names(finding: FindingRecord, among: Catalogue) -> str:
     if len(members) > 1:
         listed = wording.either([plain(name, among) for name in finding.set or ()], "and")
         cannot = f"These data cannot tell {listed} apart (orange)."
-        if wording.outweighs([one for one in finding.what if one.term in members]):
+        if form_of([one.probability for one in finding.what if one.term in members]) == "likely":
             cannot = f"In orange what cannot be excluded: {listed}."
         said = paragraph(cannot) + said
     sure = wording.say_how_sure(finding)
@@ -217,7 +218,7 @@ def _bar(name: str, probability: float, kind: str, bold: bool, note: str) -> str
 
 def _worth(finding: FindingRecord) -> str:
     fit = finding.fit
-    interval = None if fit is None else wording.gained_interval(fit)
+    interval = None if fit is None else gain_interval(fit)
     if fit is None or interval is None:
         return ""
     rows = [("outcome accuracy [%]", _percent(fit.accuracy_before), _percent(fit.accuracy_after)),

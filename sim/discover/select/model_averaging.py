@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from truearc.sim.discover.select.name_effects import Step
-from truearc.sim.discover.select.term_ranking import MASS, Naming
+from truearc.sim.discover.select.term_ranking import SURE, Naming
 from truearc.sim.infer.baseline_fit import moved, only_shared
 from truearc.sim.infer.likelihood.linearization import FAR_BELOW_M, LinearizationPoint, ParameterLayout, linearise
 from truearc.sim.infer.likelihood.score_table import Array, PlaneScores, ScoreTable
@@ -34,7 +34,7 @@ class Mixed:
 def mixed(step: Step) -> Mixed | None:
     """None where one name stands alone, and where no heights are forecast."""
     naming = step.naming
-    if naming.probability[naming.leader] >= MASS or step.fitted.evidence.plane is None:
+    if naming.probability[naming.leader] >= SURE or step.fitted.evidence.plane is None:
         return None
     share = shares(naming)
     layout = only_shared(step.fitted.layout, tuple(share))

@@ -41,8 +41,6 @@ SECONDS, FAMILIES = 10, 4             # of one step, beside a leader or alone, t
 PAIRS, GUESS = 4, 0.04                # refitted; share of its nats by which a pair's guess may be too low
 FLOWN, MINOR = 4, 0.05                # unexplained changes that are flown, and the probability from which one is
 BALLS = "ball_id"                     # balls differ; sessions may differ by chance alone
-MORE = 0.5                            # probability from which there is more than one thing,
-MORE_ODDS = 10.0                      # if the data have raised its odds that many times
 Shapes = tuple[Float[Array, "n _"], Float[Array, "m _"] | None]     # here, and the same at home
 Guesses = dict[frozenset[str], tuple[float, tuple[str, str], tuple[float, float]]]   # pair -> nats, names, amplitudes
 Bases = dict[tuple[str, ...], tuple[BaselineFit, float]]     # names -> fit with these, and its nats
@@ -94,12 +92,6 @@ class Hypotheses:
         """Probability that one of these is among what is missing; `beside` as above."""
         return float(sum(p for one, p in zip(self.hypotheses, self.probability, strict=True)
                          if (beside or kind_of(one) != "both") and any(name in names for name in one.names)))
-
-    def holds_more(self) -> bool:
-        """Whether two things are likelier than one, and that by the data: pairs have their share of the prior."""
-        one, more = self.share("one"), self.share("two") + self.share("both")
-        prior = (SHARES["two"] + SHARES["both"]) / SHARES["one"]
-        return more >= MORE and more > MORE_ODDS * prior * one
 
     def likeliest_pair(self) -> Refit | None:
         """Of those that were refitted."""

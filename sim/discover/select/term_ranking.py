@@ -1,4 +1,4 @@
-"""Which term it is: one-step evidence for all, true refits of the likely, probabilities, and what cannot be told apart.
+"""Terms ranked by evidence: one step for all, true refits of the likely, and those that cannot be told apart.
 
 Every term competes with a normal prior on its amplitude, of the size that such effects usually have: so a term that
 would have to be absurdly large to explain the data loses to one that need not, and beyond what the term allows it
@@ -7,6 +7,7 @@ cannot win at all.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ WITHIN = 7.0                          # nats of the likeliest by one step, beyon
 SHARE = 0.5                           # or this share of its nats: one step is a poor guide to large effects
 ALIAS = 0.95                          # correlation of two efficient slopes from which only words part them
 TOLD_APART = 2.0                      # nats by which one of two such fits the better, all the same
-MASS = 0.9                            # that the set of names holds
+SURE = 0.9                            # probability of one name, or that a set holds of what is explained
 LEAST_INFORMATION = 1e-4              # of a term's own, that must be left by the shared columns
 SCAN = (-3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 3.0)     # usual sizes that are flown where the fit is lost,
 FIRM = 100.0                          # and from which a refit starts, hardly drawn towards zero
@@ -49,20 +50,50 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Naming:
-    """Names ranked by probability (which sums to 1 over them). kin: of each refitted name, those that one step cannot
-    tell from it."""
+    """Names with the nats for each.
+
+    kin: of each refitted name, those that one step cannot tell from it. alike: of the name with most nats, those that a
+    true fit cannot tell from it, either. inclusion: probability that a name is among what is missing, where hypotheses
+    of more than one thing were weighed; None: exactly one of the names is missing.
+    """
 
     candidates: tuple[Candidate, ...]
     refits: dict[str, Refit]
     nats: dict[str, float]
-    probability: dict[str, float]
-    chosen: tuple[str, ...]           # the set, likeliest first
-    aliases: tuple[str, ...]          # of the likeliest, whatever its probability
+    alike: tuple[str, ...] = ()
     kin: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    inclusion: Mapping[str, float] | None = None
+
+    @cached_property
+    def probability(self) -> dict[str, float]:
+        """Of each name, likeliest first."""
+        top = max(self.nats.values())
+        weight = {name: float(np.exp(value - top)) for name, value in self.nats.items()}
+        total = sum(weight.values())
+        alone = _likeliest_first({name: value / total for name, value in weight.items()})
+        if self.inclusion is None:
+            return alone
+        return _likeliest_first({name: self.inclusion.get(name, 0.0) for name in alone})
+
+    @property
+    def ranked(self) -> list[str]:
+        """Names that may lead or be in a set, likeliest first."""
+        if self.inclusion is None:
+            return sorted(self.nats, key=lambda name: -self.nats[name])
+        return sorted(self.refits, key=lambda name: -self.probability[name])
 
     @property
     def leader(self) -> str:
-        return self.chosen[0]
+        return self.ranked[0]
+
+    @property
+    def aliases(self) -> tuple[str, ...]:
+        """Of the leader, whatever their probability."""
+        return self.alike if self.leader == max(self.nats, key=lambda name: self.nats[name]) else ()
+
+
+def _likeliest_first(probability: Mapping[str, float]) -> dict[str, float]:
+    return dict(sorted(probability.items(), key=lambda item: -item[1]))
 
 
 def one_step(evidence: ScoreTable) -> tuple[tuple[Candidate, ...], Float[Array, "K K"]]:
@@ -128,11 +159,8 @@ def name_terms(fitted: BaselineFit, progress: Progress, starts: Mapping[str, flo
     for one in kin(top.name):
         if refits[one.name].log_evidence < refits[top.name].log_evidence - TOLD_APART:
             _refit_beside(fitted, one, top, refits, nats)
-    probability = _probabilities(nats)
     ranked = sorted(nats, key=lambda name: -nats[name])
-    aliases = _aliases(fitted, ranked, [c.name for c in kin(ranked[0])], refits, nats)
-    chosen = _smallest_set(ranked, probability, aliases)
-    return Naming(candidates, refits, nats, probability, chosen, aliases,
+    return Naming(candidates, refits, nats, _aliases(fitted, ranked, [c.name for c in kin(ranked[0])], refits, nats),
                   {name: tuple(c.name for c in kin(name)) for name in refits})
 
 
@@ -219,13 +247,6 @@ def efficient(evidence: ScoreTable, columns: Int[Array, " K"],
             info[np.ix_(columns, columns)] - lift @ cross.T)
 
 
-def _probabilities(nats: dict[str, float]) -> dict[str, float]:
-    top = max(nats.values())
-    weight = {name: float(np.exp(value - top)) for name, value in nats.items()}
-    total = sum(weight.values())
-    return {name: value / total for name, value in sorted(weight.items(), key=lambda item: -item[1])}
-
-
 def _aliases(fitted: BaselineFit, ranked: Sequence[str], kin: Sequence[str], refits: Mapping[str, Refit],
              nats: Mapping[str, float]) -> tuple[str, ...]:
     """Of what one step cannot tell from the likeliest, that which a true fit cannot either, and which is possible.
@@ -236,16 +257,3 @@ def _aliases(fitted: BaselineFit, ranked: Sequence[str], kin: Sequence[str], ref
            + nats_measured(fitted.layout.measured, name, float(refits[name].amplitude[0]), 0.0) for name in kin}
     return tuple(name for name in ranked[1:]
                  if name in fit and fit[name] > fit[ranked[0]] - TOLD_APART and nats[name] > NEVER)
-
-
-def _smallest_set(ranked: Sequence[str], probability: dict[str, float], aliases: Sequence[str]) -> tuple[str, ...]:
-    """The likeliest names that hold MASS together, and the leader's aliases."""
-    chosen: list[str] = []
-    held = 0.0
-    for name in ranked:
-        if held >= MASS:
-            break
-        chosen.append(name)
-        held += probability[name]
-    return tuple(name for name in ranked if name in chosen or name in aliases)
-

@@ -11,8 +11,8 @@ import truearc as ta
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.shot_conditions import circumstances_of
-from truearc.sim.discover.adopt import make_belief, with_own_priors
-from truearc.sim.discover.investigate import Investigation, discover
+from truearc.sim.discover.adopt import Investigation, make_belief, with_own_priors
+from truearc.sim.discover.investigate import discover
 from truearc.sim.discover.report.finding_text import say_adopted
 from truearc.sim.discover.select.model_averaging import LEAST, mixed, shares
 from truearc.sim.infer.belief import load_belief, point_belief
@@ -81,7 +81,7 @@ def test_nothing_is_as_likely_beforehand_as_all_names_together(raised: tuple[Dat
 
 def test_one_name_that_stands_alone_is_adopted_alone(raised: tuple[Dataset, Investigation]) -> None:
     step = raised[1].steps[-1]
-    sure = replace(step, naming=replace(step.naming, probability={step.naming.leader: 0.95}))
+    sure = replace(step, naming=replace(step.naming, inclusion={step.naming.leader: 0.95}))
     assert mixed(sure) is None
     belief, provenance = make_belief(replace(raised[1], steps=(sure,)))
     assert provenance["adopted"] == [step.naming.leader.partition(".")[0]] and not provenance["averaged"]
