@@ -25,7 +25,7 @@ from scipy.optimize import least_squares
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.investigate import discover
-from truearc.sim.infer.likelihood.track_noise import Samples, Scatter, gather_samples, measure_scatter, whiten
+from truearc.sim.infer.likelihood.observations import Samples, Scatter, gather_samples, measure_scatter, whiten
 from truearc.sim.physics.catalogue import find_parameter, find_terms
 from truearc.sim.physics.flight import path
 from truearc.sim.physics.launch import Exit

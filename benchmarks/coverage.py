@@ -13,9 +13,9 @@ import time
 import numpy as np
 
 from tests.sim.infer.independent import Truth, make_dataset
+from truearc.sim.infer.fit import fit_map
+from truearc.sim.infer.intervals import Z90, deviance_at
 from truearc.sim.infer.likelihood.noise import SCATTER_PRIOR
-from truearc.sim.infer.map_fit import fit_map
-from truearc.sim.infer.profile import Z90, deviance_at
 from truearc.sim.intervals import wilson
 
 TERMS = ("drag", "magnus", "exit_efficiency")

@@ -41,7 +41,7 @@ from truearc.sim.discover.investigate import discover, follow_shots, score_since
 from truearc.sim.discover.proposal import BeliefFile
 from truearc.sim.infer.belief import draw
 from truearc.sim.infer.forecast import forecast
-from truearc.sim.infer.likelihood.outcome_likelihood import see_outcomes
+from truearc.sim.infer.likelihood.observations import see_outcomes
 from truearc.sim.world import season
 from truearc.sim.world.options import Options
 from truearc_proof.rounds.jsonl_store import fill

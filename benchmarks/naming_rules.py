@@ -27,7 +27,7 @@ from truearc.sim.discover.investigate import discover
 from truearc.sim.discover.select.name_effects import Search
 from truearc.sim.discover.select.posterior import Hypotheses
 from truearc.sim.discover.select.term_ranking import Naming
-from truearc.sim.infer.baseline_fit import BaselineFit
+from truearc.sim.infer.fit import BaselineFit
 from truearc.sim.tables import make_text
 from truearc_proof.rounds.jsonl_store import fill
 from truearc_proof.scoring.score_world import right_names

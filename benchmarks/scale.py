@@ -34,17 +34,11 @@ from truearc.sim.discover.detect.test_battery import TERMS
 from truearc.sim.discover.investigate import discover
 from truearc.sim.discover.select.term_ranking import one_step
 from truearc.sim.discover.settings import FALSE_ALARM
-from truearc.sim.infer.baseline_fit import moved, objective, only_shared, step_within, usual_spot
-from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
+from truearc.sim.infer.fit import moved, objective, step_within, usual_spot
+from truearc.sim.infer.likelihood.data import Intake, take_in
 from truearc.sim.infer.likelihood.forward_model import Chain, Prediction, ShotBatch, see_slopes
-from truearc.sim.infer.likelihood.linearization import (
-    Linearization,
-    LinearizationPoint,
-    ParameterLayout,
-    linearise,
-)
-from truearc.sim.infer.likelihood.normal_equations import multiply_out
-from truearc.sim.infer.likelihood.prepared_data import Intake, take_in
+from truearc.sim.infer.likelihood.layout import LinearizationPoint, ParameterLayout, groups_of, lay_out, only_shared
+from truearc.sim.infer.likelihood.linearization import Linearization, linearise, multiply_out
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc.sim.intervals import wilson
 from truearc.sim.report import make_png, new_panels

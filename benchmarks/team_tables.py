@@ -30,7 +30,7 @@ from truearc.api.terms import joined, names_of
 from truearc.cli.common import make_progress
 from truearc.robot.config.rig_spec import Air, Ball, LauncherFacts, Noise, Rig, Target, Wheel
 from truearc.sim.compile_cache import keep_compiled
-from truearc.sim.infer.map_fit import MapFit, fit_map
+from truearc.sim.infer.fit import MapFit, fit_map
 from truearc.sim.infer.plausibility.check import needed_speed
 from truearc.sim.physics.term import (
     ANGLE,

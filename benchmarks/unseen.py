@@ -3,8 +3,7 @@
 import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.infer.belief import Belief
-from truearc.sim.infer.curve import before_the_shot
+from truearc.sim.infer.belief import Belief, before_the_shot
 from truearc.sim.physics.simulate import predict
 from truearc.sim.world.season import Season
 

@@ -29,16 +29,12 @@ from truearc.sim.discover.select.name_effects import Search, Step
 from truearc.sim.discover.select.nonparametric_terms import Freed, all_freed
 from truearc.sim.discover.select.refit import Refit, further_values, refit
 from truearc.sim.discover.select.term_ranking import SURE
-from truearc.sim.infer.baseline_fit import BaselineFit, believed_spot, only_shared, stopped
-from truearc.sim.infer.belief import Belief, moved_curves
-from truearc.sim.infer.coefficients import Coefficients
-from truearc.sim.infer.curve import Curve
-from truearc.sim.infer.fitted_belief import coefficients_of, covariance_of, scatter_of
-from truearc.sim.infer.held_out import clustered_error, unseen_change, without
-from truearc.sim.infer.likelihood.design_columns import is_tracker
+from truearc.sim.infer.belief import Belief, Coefficients, Curve, moved_curves
+from truearc.sim.infer.fit import BaselineFit, believed_spot, coefficients_of, covariance_of, scatter_of, stopped
+from truearc.sim.infer.likelihood.data import Intake
+from truearc.sim.infer.likelihood.layout import is_tracker, only_shared
 from truearc.sim.infer.likelihood.linearization import linearise
-from truearc.sim.infer.likelihood.prepared_data import Intake
-from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, clustered_error, unseen_change, without
 from truearc.sim.metrics import POINTS_THREE
 from truearc.sim.physics.catalogue import Catalogue, catalogue
 from truearc.sim.physics.nonparametric import CURVE

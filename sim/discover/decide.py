@@ -48,7 +48,7 @@ from truearc.sim.discover.select.name_effects import Search, Step, Weighed, out_
 from truearc.sim.discover.select.posterior import SHARES, Hypotheses, Hypothesis
 from truearc.sim.discover.select.refit import promote
 from truearc.sim.discover.select.term_ranking import SURE, Naming
-from truearc.sim.infer.baseline_fit import BaselineFit
+from truearc.sim.infer.fit import BaselineFit
 from truearc.sim.intervals import Z90
 from truearc.sim.progress import Progress, part_of
 

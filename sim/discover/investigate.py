@@ -20,14 +20,12 @@ from truearc.sim.discover.report.build_finding import make_finding, silent
 from truearc.sim.discover.report.finding_text import say_limits
 from truearc.sim.discover.select.name_effects import Search, Step
 from truearc.sim.discover.settings import FALSE_ALARM, SIGN_DRAWS
-from truearc.sim.infer.baseline_fit import BaselineFit, believed_spot, climb, fit_believed, only_shared, usual_spot
 from truearc.sim.infer.belief import Belief, launcher_of, ranges_of
-from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
-from truearc.sim.infer.likelihood.external_measurements import Measured
-from truearc.sim.infer.likelihood.linearization import ParameterLayout, linearise
-from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc.sim.infer.fit import BaselineFit, believed_spot, climb, fit_believed, usual_spot
+from truearc.sim.infer.likelihood.data import every_column, take_in
+from truearc.sim.infer.likelihood.layout import Measured, ParameterLayout, groups_of, lay_out, only_shared
+from truearc.sim.infer.likelihood.linearization import linearise
 from truearc.sim.infer.likelihood.score_table import ScoreTable
-from truearc.sim.infer.likelihood.shot_columns import every_column
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.physics.term import Term
 from truearc.sim.progress import Progress

@@ -13,7 +13,7 @@ from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import Shots
-from truearc.sim.infer.curve import Curves, before_the_shot
+from truearc.sim.infer.belief import Curves, before_the_shot
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.simulate import classify, opening_of, predict
 from truearc.sim.progress import Progress

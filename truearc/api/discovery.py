@@ -22,8 +22,7 @@ from truearc.sim.discover.report.finding_text import console_lines
 from truearc.sim.discover.report.html_report import make_report, plot_residuals
 from truearc.sim.discover.settings import FALSE_ALARM, check_chances
 from truearc.sim.infer.belief import Belief
-from truearc.sim.infer.likelihood.design_columns import check_believed
-from truearc.sim.infer.likelihood.external_measurements import Measurement, column_of
+from truearc.sim.infer.likelihood.layout import Measurement, check_believed, column_of
 from truearc.sim.infer.plausibility.check import check_plausible
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.physics.term import Term

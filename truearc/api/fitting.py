@@ -15,11 +15,10 @@ from truearc.api.terms import check_kind, joined, names_of
 from truearc.errors import InputError, whole_file
 from truearc.sim.data.dataset import Dataset, hash_dataset
 from truearc.sim.infer.belief import Belief, launcher_of, point_belief, ranges_of
-from truearc.sim.infer.crossval import CrossValidation, cross_validate
-from truearc.sim.infer.fit_text import fit_lines
-from truearc.sim.infer.map_fit import MapFit, fit_map
+from truearc.sim.infer.fit import MapFit, fit_map
+from truearc.sim.infer.fit_report import CrossValidation, cross_validate, fit_lines
+from truearc.sim.infer.intervals import ProfileInterval, profile_interval
 from truearc.sim.infer.plausibility.check import check_plausible
-from truearc.sim.infer.profile import ProfileInterval, profile_interval
 from truearc.sim.paper.grid_fit import GridFit, fit_grid, map_deviation
 from truearc.sim.paper.grid_report import draw_map, explain, provenance_of
 from truearc.sim.paper.score import Score, score

@@ -14,9 +14,8 @@ from truearc.model_export.verify import rate_shots
 from truearc.robot.gate.model import load_gate
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.shot_conditions import circumstances_of
-from truearc.sim.infer.belief import Belief
-from truearc.sim.infer.curve import along
-from truearc.sim.infer.likelihood.shot_columns import every_column
+from truearc.sim.infer.belief import Belief, along
+from truearc.sim.infer.likelihood.data import every_column
 from truearc.sim.infer.plausibility.check import check_plausible
 from truearc.sim.physics.simulate import classify, opening_of
 from truearc.sim.physics.simulate import predict as fly_shots

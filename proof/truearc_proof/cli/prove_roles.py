@@ -10,7 +10,7 @@ from msgspec import structs
 from truearc.cli.common import make_progress, origin_of
 from truearc.errors import InputError
 from truearc.sim.compile_cache import keep_compiled
-from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS
+from truearc.sim.infer.likelihood.data import FEWEST_SHOTS
 from truearc_proof.cli.prove_apart import solve_apart
 from truearc_proof.cli.prove_check import check_packed
 from truearc_proof.cli.prove_drive import FEWEST, LEVEL, driven_of, driven_table, learn_gates, play_driven, room_of

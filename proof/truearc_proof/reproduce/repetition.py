@@ -8,7 +8,7 @@ import numpy as np
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.gate.train import train_physics_gate
-from truearc.sim.infer.map_fit import fit_map
+from truearc.sim.infer.fit import fit_map
 from truearc.sim.paper.grid_fit import fit_grid
 from truearc.sim.paper.score import Score, score
 from truearc.sim.paper.synthetic_data import grid_shots, label_grid, sample_balanced, taken_configurations

@@ -11,8 +11,9 @@ from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.select.forecast_error import end_errors
 from truearc.sim.discover.select.refit import Refit, refit
 from truearc.sim.discover.select.term_ranking import Candidate, one_step
-from truearc.sim.infer.baseline_fit import BaselineFit, only_shared
-from truearc.sim.infer.held_out import unseen_change, without
+from truearc.sim.infer.fit import BaselineFit
+from truearc.sim.infer.likelihood.layout import only_shared
+from truearc.sim.infer.likelihood.score_table import unseen_change, without
 from truearc_proof.rivals.claim import Claim, RivalBelief
 
 LIKELY = 3

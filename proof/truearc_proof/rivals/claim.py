@@ -10,7 +10,7 @@ from msgspec import Struct
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.adopt import Investigation
 from truearc.sim.discover.select.refit import Refit
-from truearc.sim.infer.baseline_fit import BaselineFit
+from truearc.sim.infer.fit import BaselineFit
 
 Array = np.ndarray
 FOLDS = 5

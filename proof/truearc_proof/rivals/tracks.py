@@ -7,7 +7,7 @@ import numpy as np
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.shot_conditions import circumstances_of
-from truearc.sim.infer.likelihood.track_noise import gather_samples
+from truearc.sim.infer.likelihood.observations import gather_samples
 from truearc.sim.physics.simulate import launch_of, launch_state, own_balls
 from truearc_proof.rivals.claim import Array
 from truearc_proof.rivals.library import Moments

@@ -7,10 +7,9 @@ import numpy as np
 
 from truearc.sim.data.dataset import Dataset, join_datasets
 from truearc.sim.discover.plan.experiment_design import Contest, worth
-from truearc.sim.infer.baseline_fit import fit_believed
-from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
-from truearc.sim.infer.likelihood.external_measurements import column_of
-from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc.sim.infer.fit import fit_believed
+from truearc.sim.infer.likelihood.data import take_in
+from truearc.sim.infer.likelihood.layout import column_of, groups_of, lay_out
 
 MOST = 64.0                           # times the first shots, up to which random ones are counted
 HALVINGS = 30

@@ -8,13 +8,11 @@ from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.shot_conditions import counts_shots
 from truearc.sim.discover.select.refit import refit
 from truearc.sim.discover.select.term_ranking import efficient
-from truearc.sim.infer.baseline_fit import BaselineFit, fit_believed
 from truearc.sim.infer.belief import Belief, point_belief
-from truearc.sim.infer.fitted_belief import coefficients_of
-from truearc.sim.infer.held_out import unseen_score, without
-from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
-from truearc.sim.infer.likelihood.prepared_data import take_in
-from truearc.sim.infer.likelihood.score_table import ScoreTable
+from truearc.sim.infer.fit import BaselineFit, coefficients_of, fit_believed
+from truearc.sim.infer.likelihood.data import take_in
+from truearc.sim.infer.likelihood.layout import groups_of, lay_out
+from truearc.sim.infer.likelihood.score_table import ScoreTable, unseen_score, without
 from truearc.sim.physics.catalogue import BUILT_IN
 from truearc_proof.scoring.oracle import FALSE_ALARM, Ceiling, ceiling_of, strength_of
 from truearc_proof.scoring.score_finding import PARAMETER

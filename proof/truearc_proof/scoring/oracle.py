@@ -11,8 +11,7 @@ import numpy as np
 from truearc.sim.discover.adopt import Investigation
 from truearc.sim.discover.select.refit import refit
 from truearc.sim.discover.select.term_ranking import ALIAS, efficient, nats_for, visible_terms
-from truearc.sim.infer.held_out import unseen_score, without
-from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, plane_terms
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, plane_terms, unseen_score, without
 from truearc_proof.scoring.score_finding import ALIASES
 
 FALSE_ALARM = 0.05

@@ -11,9 +11,8 @@ import numpy as np
 
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.shot_conditions import circumstances_of
-from truearc.sim.infer.belief import Belief
-from truearc.sim.infer.curve import along
-from truearc.sim.infer.likelihood.shot_columns import every_column
+from truearc.sim.infer.belief import Belief, along
+from truearc.sim.infer.likelihood.data import every_column
 from truearc.sim.physics.simulate import opening_of, predict
 from truearc_proof.truth.generate import play
 from truearc_proof.truth.world import make_world

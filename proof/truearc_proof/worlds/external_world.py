@@ -8,7 +8,7 @@ import msgspec
 
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset, load_dataset
-from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS
+from truearc.sim.infer.likelihood.data import FEWEST_SHOTS
 from truearc.sim.physics.catalogue import TERMS
 from truearc_proof.rounds.commitment import check_data, load_seal, make_seal, save_seal
 from truearc_proof.rounds.file_lock import alone

@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.infer.likelihood.data import WORN, Each, number_columns
 from truearc.sim.infer.likelihood.score_table import Array
-from truearc.sim.infer.likelihood.shot_columns import WORN, Each, number_columns
 from truearc.sim.physics.simulate import LAUNCH_STATE
 
 # Results of a shot, not its settings.

@@ -9,8 +9,7 @@ from scipy.linalg import block_diag
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, smooth_shapes
 from truearc.sim.discover.detect.test_battery import Test
 from truearc.sim.discover.detect.weight_functions import STEP
-from truearc.sim.infer.held_out import by_folds, go_uphill
-from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, by_folds, go_uphill
 
 Basis = Float[Array, "n q"]           # shapes of an amplitude over the shots
 Train = Bool[Array, " n"]             # the shots that are fitted to

@@ -18,7 +18,7 @@ from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Fac
 from truearc.sim.discover.detect.score_test import Scores, efficient_scores
 from truearc.sim.discover.detect.weight_functions import Look, WeightFunction, weights_of
 from truearc.sim.discover.select.refit import promote, refit
-from truearc.sim.infer.baseline_fit import BaselineFit
+from truearc.sim.infer.fit import BaselineFit
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 
 MOST = 4.0                            # times home's information that a session may have: else home's noise drowns it

@@ -16,8 +16,8 @@ from truearc.sim.discover.detect.test_battery import Asked
 from truearc.sim.discover.report.effect_wording import scale_of
 from truearc.sim.discover.select.name_effects import Step
 from truearc.sim.discover.select.refit import promote
-from truearc.sim.infer.baseline_fit import BaselineFit
-from truearc.sim.infer.likelihood import outcome_likelihood as outcomes
+from truearc.sim.infer.fit import BaselineFit
+from truearc.sim.infer.likelihood import observations as outcomes
 from truearc.sim.infer.likelihood.score_table import Array, PlaneScores, ScoreTable
 
 HEIGHT = "height at the target"

@@ -16,7 +16,7 @@ from scipy.special import logsumexp
 from scipy.stats import f as f_distribution
 from scipy.stats import multivariate_normal
 
-from truearc.sim.infer.baseline_fit import BaselineFit
+from truearc.sim.infer.fit import BaselineFit
 from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
 
 ODDS = 0.1                            # a priori, of one more number that changed, or of another term instead

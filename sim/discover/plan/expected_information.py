@@ -15,12 +15,11 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
 from truearc.sim.discover.plan.detectability import Sight, sight_of
 from truearc.sim.discover.settings import LEVELS, SEASON_SHOTS
-from truearc.sim.infer.baseline_fit import fit_believed, usual_spot
-from truearc.sim.infer.coefficients import Coefficients
-from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out, weak_prior
+from truearc.sim.infer.belief import Coefficients
+from truearc.sim.infer.fit import fit_believed, usual_spot
+from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, Intake, say_few, take_in
+from truearc.sim.infer.likelihood.layout import groups_of, lay_out, weak_prior
 from truearc.sim.infer.likelihood.linearization import linearise
-from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS, say_few
-from truearc.sim.infer.likelihood.prepared_data import Intake, take_in
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue, effective, find_terms, flight_terms
 from truearc.sim.physics.flight import path

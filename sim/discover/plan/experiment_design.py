@@ -17,7 +17,7 @@ from scipy.special import softmax
 from truearc.sim.discover.select.name_effects import Step
 from truearc.sim.discover.select.term_ranking import efficient, nats_for
 from truearc.sim.discover.settings import CONFIGURATIONS, PLANNED_SHOTS
-from truearc.sim.infer.baseline_fit import BaselineFit
+from truearc.sim.infer.fit import BaselineFit
 from truearc.sim.infer.likelihood.linearization import linearise
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue

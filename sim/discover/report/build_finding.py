@@ -23,13 +23,11 @@ from truearc.sim.discover.report.effect_wording import say_improbable
 from truearc.sim.discover.select.amplitude_prior import posterior_amplitude
 from truearc.sim.discover.select.forecast_error import end_errors, side_errors, times_off
 from truearc.sim.discover.select.name_effects import Search, Step
-from truearc.sim.infer.baseline_fit import BaselineFit, only_shared, stopped
-from truearc.sim.infer.held_out import clustered_error, unseen_change, without
-from truearc.sim.infer.likelihood import outcome_likelihood as outcomes
-from truearc.sim.infer.likelihood.prepared_data import Intake
-from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
-from truearc.sim.infer.likelihood.shot_columns import number_columns
-from truearc.sim.infer.parameters import improbable
+from truearc.sim.infer.fit import BaselineFit, improbable, stopped
+from truearc.sim.infer.likelihood import observations as outcomes
+from truearc.sim.infer.likelihood.data import Intake, number_columns
+from truearc.sim.infer.likelihood.layout import only_shared
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, clustered_error, unseen_change, without
 from truearc.sim.intervals import Z90
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.term import STAGES

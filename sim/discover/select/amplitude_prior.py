@@ -13,8 +13,8 @@ from scipy.special import log_ndtr, logsumexp, ndtr
 from scipy.stats import norm
 
 from truearc.sim.discover.select.refit import Refit, refit_at
-from truearc.sim.infer.baseline_fit import BaselineFit
-from truearc.sim.infer.likelihood.external_measurements import nats_measured
+from truearc.sim.infer.fit import BaselineFit
+from truearc.sim.infer.likelihood.layout import nats_measured
 from truearc.sim.infer.likelihood.score_table import Array
 from truearc.sim.physics.catalogue import find_parameter, find_terms
 from truearc.sim.physics.term import Term

@@ -23,12 +23,12 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import ndtr, softmax
 
-from truearc.sim.infer.held_out import folds_of, unseen_change, unseen_score
-from truearc.sim.infer.likelihood.linearization import LinearizationPoint, ParameterLayout, linearise
+from truearc.sim.infer.likelihood.data import Intake
+from truearc.sim.infer.likelihood.layout import LinearizationPoint, ParameterLayout
+from truearc.sim.infer.likelihood.linearization import linearise
 from truearc.sim.infer.likelihood.noise import LAPSE
-from truearc.sim.infer.likelihood.outcome_likelihood import OutcomeObservations
-from truearc.sim.infer.likelihood.prepared_data import Intake
-from truearc.sim.infer.likelihood.score_table import PlaneScores, ScoreTable
+from truearc.sim.infer.likelihood.observations import OutcomeObservations
+from truearc.sim.infer.likelihood.score_table import PlaneScores, ScoreTable, folds_of, unseen_change, unseen_score
 from truearc.sim.matrices import invert
 from truearc.sim.metrics import POINTS_THREE, POINTS_TWO
 

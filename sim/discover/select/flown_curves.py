@@ -12,11 +12,10 @@ from jaxtyping import Float
 
 from truearc.sim.discover.select.hypotheses import KNOTS, Part
 from truearc.sim.discover.select.refit import log_evidence_at
-from truearc.sim.infer.baseline_fit import BaselineFit, climb, objective, only_shared, usual_spot
-from truearc.sim.infer.curve import Curve
-from truearc.sim.infer.likelihood.belief_prior import with_curve
-from truearc.sim.infer.likelihood.linearization import LinearizationPoint, ParameterLayout
-from truearc.sim.infer.likelihood.prepared_data import Intake
+from truearc.sim.infer.belief import Curve
+from truearc.sim.infer.fit import BaselineFit, climb, objective, usual_spot
+from truearc.sim.infer.likelihood.data import Intake
+from truearc.sim.infer.likelihood.layout import LinearizationPoint, ParameterLayout, only_shared, with_curve
 from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
 from truearc.sim.physics.nonparametric import find_nameless
 

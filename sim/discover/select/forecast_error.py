@@ -3,12 +3,12 @@
 import numpy as np
 from jaxtyping import Float
 
-from truearc.sim.infer.likelihood.linearization import TRACK, LinearizationPoint, ParameterLayout, fly, variance_of
+from truearc.sim.infer.likelihood.data import Intake
+from truearc.sim.infer.likelihood.layout import LinearizationPoint, ParameterLayout
+from truearc.sim.infer.likelihood.linearization import LEAD, TRACK, fly, variance_of
 from truearc.sim.infer.likelihood.noise import TIMED_M
-from truearc.sim.infer.likelihood.normal_equations import LEAD
-from truearc.sim.infer.likelihood.prepared_data import Intake
+from truearc.sim.infer.likelihood.observations import timed_noise, whiten
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
-from truearc.sim.infer.likelihood.track_noise import timed_noise, whiten
 
 FORECAST = 0.4                        # of a track's samples: from these its end is forecast
 

@@ -12,8 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.linalg import block_diag
 
-from truearc.sim.infer.held_out import fit_linear
-from truearc.sim.infer.likelihood.score_table import Array, PlaneScores, ScoreTable
+from truearc.sim.infer.likelihood.score_table import Array, PlaneScores, ScoreTable, fit_linear
 from truearc.sim.matrices import invert
 
 KNOTS = 8

@@ -12,8 +12,9 @@ from jaxtyping import Float, Int
 
 from truearc.sim.discover.select.name_effects import Step
 from truearc.sim.discover.select.term_ranking import SURE, Naming
-from truearc.sim.infer.baseline_fit import moved, only_shared
-from truearc.sim.infer.likelihood.linearization import FAR_BELOW_M, LinearizationPoint, ParameterLayout, linearise
+from truearc.sim.infer.fit import moved
+from truearc.sim.infer.likelihood.layout import LinearizationPoint, ParameterLayout, only_shared
+from truearc.sim.infer.likelihood.linearization import FAR_BELOW_M, linearise
 from truearc.sim.infer.likelihood.score_table import Array, PlaneScores, ScoreTable
 
 LEAST = 0.02                          # share of the probability below which a name has no part

@@ -18,9 +18,8 @@ from truearc.sim.discover.detect.test_battery import ALLOWANCE, Asked, ask_every
 from truearc.sim.discover.select.posterior import Hypotheses, Hypothesis, weigh
 from truearc.sim.discover.select.refit import Refit, promote, refit
 from truearc.sim.discover.select.term_ranking import NEVER, Naming, name_terms
-from truearc.sim.infer.baseline_fit import BaselineFit
-from truearc.sim.infer.held_out import clustered_error, folds_of, unseen_score, without
-from truearc.sim.infer.likelihood.score_table import Array, Column
+from truearc.sim.infer.fit import BaselineFit
+from truearc.sim.infer.likelihood.score_table import Array, Column, clustered_error, folds_of, unseen_score, without
 from truearc.sim.progress import Progress, part_of
 
 DRAWS = 999                           # after the first step, whose probability is the one that is promised

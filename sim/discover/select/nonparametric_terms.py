@@ -12,9 +12,9 @@ from truearc.sim.discover.detect.test_battery import FREE, Test
 from truearc.sim.discover.select.flown_curves import climb_with, term_of
 from truearc.sim.discover.select.name_effects import Search, Step, clearly, judge_left
 from truearc.sim.discover.select.refit import promote
-from truearc.sim.infer.baseline_fit import BaselineFit, out_of_range
-from truearc.sim.infer.curve import Curve, natural
-from truearc.sim.infer.likelihood.design_columns import is_tracker
+from truearc.sim.infer.belief import Curve, natural
+from truearc.sim.infer.fit import BaselineFit, out_of_range
+from truearc.sim.infer.likelihood.layout import is_tracker
 from truearc.sim.infer.likelihood.linearization import linearise
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.simulate import LAUNCH_STATE

@@ -29,10 +29,9 @@ from truearc.sim.discover.select.hypotheses import (
 )
 from truearc.sim.discover.select.refit import Refit, promote, refit
 from truearc.sim.discover.select.term_ranking import NEVER, Candidate, Naming, efficient, is_possible, one_step
-from truearc.sim.infer.baseline_fit import BaselineFit
-from truearc.sim.infer.held_out import without
-from truearc.sim.infer.likelihood.external_measurements import nats_measured
-from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
+from truearc.sim.infer.fit import BaselineFit
+from truearc.sim.infer.likelihood.layout import nats_measured
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, without
 
 SHARES = {"one": 0.55, "varies": 0.03, "two": 0.18, "unexplained": 0.22, "both": 0.05}
 LEADERS = 3                           # likeliest terms, beside which a second thing is looked for

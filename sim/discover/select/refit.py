@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from truearc.sim.infer.baseline_fit import BaselineFit, climb, moved, objective, only_shared, top_from, usual_spot
-from truearc.sim.infer.coefficients import Coefficients
-from truearc.sim.infer.held_out import without
-from truearc.sim.infer.likelihood.linearization import LinearizationPoint, ParameterLayout, linearise
-from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
+from truearc.sim.infer.belief import Coefficients
+from truearc.sim.infer.fit import BaselineFit, climb, moved, objective, top_from, usual_spot
+from truearc.sim.infer.likelihood.layout import LinearizationPoint, ParameterLayout, only_shared
+from truearc.sim.infer.likelihood.linearization import linearise
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, without
 from truearc.sim.physics.catalogue import find_terms
 from truearc.sim.physics.scales import from_scale, to_scale
 from truearc.sim.physics.term import Parameter

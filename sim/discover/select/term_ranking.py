@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from truearc.sim.discover.select.refit import Refit, refit
-from truearc.sim.infer.baseline_fit import BaselineFit, rough_likelihood, usual_spot
-from truearc.sim.infer.likelihood.external_measurements import nats_measured
+from truearc.sim.infer.fit import BaselineFit, rough_likelihood, usual_spot
+from truearc.sim.infer.likelihood.layout import nats_measured
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import find_parameter
 from truearc.sim.progress import Progress

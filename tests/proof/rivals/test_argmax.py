@@ -6,8 +6,8 @@ import pytest
 from tests.sim.discover.made import at_least_squares, column, gaussian
 from tests.sim.discover.straight import ASKED, NAMES, lay_straight, take_straight
 from truearc.sim.discover.select.refit import Refit
-from truearc.sim.infer.baseline_fit import BaselineFit
-from truearc.sim.infer.likelihood.linearization import LinearizationPoint
+from truearc.sim.infer.fit import BaselineFit
+from truearc.sim.infer.likelihood.layout import LinearizationPoint
 from truearc.sim.infer.likelihood.noise import SCATTERS
 from truearc_proof.rivals import argmax
 from truearc_proof.rivals.claim import RivalBelief

@@ -24,13 +24,12 @@ from truearc.sim.discover.select.hypotheses import Part
 from truearc.sim.discover.select.nonparametric_terms import Freed
 from truearc.sim.discover.select.posterior import Family, Hypothesis
 from truearc.sim.discover.select.refit import refit
-from truearc.sim.infer.baseline_fit import BaselineFit, only_shared, usual_spot
-from truearc.sim.infer.belief import Belief, load_belief, point_belief
-from truearc.sim.infer.curve import Curve, before_the_shot
-from truearc.sim.infer.held_out import without
-from truearc.sim.infer.likelihood.design_columns import lay_out
+from truearc.sim.infer.belief import Belief, Curve, before_the_shot, load_belief, point_belief
+from truearc.sim.infer.fit import BaselineFit, usual_spot
+from truearc.sim.infer.likelihood.data import take_in
+from truearc.sim.infer.likelihood.layout import lay_out, only_shared
 from truearc.sim.infer.likelihood.linearization import linearise
-from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc.sim.infer.likelihood.score_table import without
 from truearc.sim.physics.catalogue import find_parameter
 from truearc.sim.physics.simulate import classify, predict
 from truearc_proof.truth.generate import shoot

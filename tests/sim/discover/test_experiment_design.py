@@ -25,9 +25,9 @@ from truearc.sim.discover.plan.experiment_design import (
     worth,
 )
 from truearc.sim.discover.select.name_effects import Search, Step
-from truearc.sim.infer.baseline_fit import fit_believed
-from truearc.sim.infer.likelihood.design_columns import lay_out
-from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc.sim.infer.fit import fit_believed
+from truearc.sim.infer.likelihood.data import take_in
+from truearc.sim.infer.likelihood.layout import lay_out
 from truearc.sim.physics.catalogue import TERMS
 from truearc.sim.physics.simulate import predict
 from truearc_proof.truth.generate import shoot

@@ -26,7 +26,7 @@ from truearc.sim.discover.detect.residuals import (
 from truearc.sim.discover.plan.detectability import sight_of
 from truearc.sim.discover.report.finding_plots import field_png, flight_png, residual_figure, sight_png
 from truearc.sim.infer.likelihood.noise import LAPSE
-from truearc.sim.infer.likelihood.outcome_likelihood import see_outcomes
+from truearc.sim.infer.likelihood.observations import see_outcomes
 from truearc.sim.infer.likelihood.score_table import Column, PlaneScores
 from truearc.sim.report import make_png
 

@@ -13,10 +13,10 @@ from truearc.sim.discover.select.flown_curves import nats_flown, term_of
 from truearc.sim.discover.select.hypotheses import Part, log_evidence, process_shapes, with_parts
 from truearc.sim.discover.select.posterior import weigh
 from truearc.sim.discover.select.term_ranking import _scan, name_terms, one_step
-from truearc.sim.infer.baseline_fit import BaselineFit, fit_believed
-from truearc.sim.infer.held_out import without
-from truearc.sim.infer.likelihood.design_columns import lay_out
-from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc.sim.infer.fit import BaselineFit, fit_believed
+from truearc.sim.infer.likelihood.data import take_in
+from truearc.sim.infer.likelihood.layout import lay_out
+from truearc.sim.infer.likelihood.score_table import without
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
 

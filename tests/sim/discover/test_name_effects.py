@@ -10,7 +10,7 @@ from truearc.sim.discover.decide import decide
 from truearc.sim.discover.select.name_effects import Search, Step, unseen_scores
 from truearc.sim.discover.select.refit import promote, refit
 from truearc.sim.discover.select.term_ranking import NEVER, name_terms
-from truearc.sim.infer.baseline_fit import BaselineFit
+from truearc.sim.infer.fit import BaselineFit
 
 
 def steps_of(fitted: BaselineFit) -> tuple[Step, ...]:

@@ -28,8 +28,8 @@ from truearc.sim.discover.select.posterior import (
     weigh,
 )
 from truearc.sim.discover.select.term_ranking import name_terms
-from truearc.sim.infer.baseline_fit import BaselineFit
-from truearc.sim.infer.held_out import without
+from truearc.sim.infer.fit import BaselineFit
+from truearc.sim.infer.likelihood.score_table import without
 
 PLANTED = {"wind_z.speed_m_s": 1.2, "added_mass.share": 0.8}
 BETWEEN = {"drag_wear.share": tuple(PLANTED)}

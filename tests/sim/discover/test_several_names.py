@@ -15,10 +15,9 @@ from truearc.sim.discover.adopt import Investigation, make_belief, with_own_prio
 from truearc.sim.discover.investigate import discover
 from truearc.sim.discover.report.finding_text import say_adopted
 from truearc.sim.discover.select.model_averaging import LEAST, mixed, shares
-from truearc.sim.infer.belief import load_belief, point_belief
-from truearc.sim.infer.coefficients import Coefficients
-from truearc.sim.infer.fitted_belief import coefficients_of
-from truearc.sim.infer.likelihood.external_measurements import Measurement
+from truearc.sim.infer.belief import Coefficients, load_belief, point_belief
+from truearc.sim.infer.fit import coefficients_of
+from truearc.sim.infer.likelihood.layout import Measurement
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc.sim.physics.catalogue import BUILT_IN
 from truearc.sim.physics.simulate import opening_of, predict

@@ -9,7 +9,7 @@ from truearc.sim.discover.detect.covariates import Covariate, Factor
 from truearc.sim.discover.detect.localization import locate
 from truearc.sim.discover.detect.score_test import Judged, judge
 from truearc.sim.discover.detect.test_battery import ALLOWANCE, FREE, PATTERN, TERMS, Asked, ask_everything, name_of
-from truearc.sim.infer.likelihood.design_columns import groups_of
+from truearc.sim.infer.likelihood.layout import groups_of
 from truearc.sim.infer.likelihood.score_table import Column, ScoreTable
 
 N = 200

@@ -16,11 +16,10 @@ from truearc.sim.discover.plan.recommendations import next_steps
 from truearc.sim.discover.report import build_finding
 from truearc.sim.discover.select.name_effects import Step
 from truearc.sim.discover.select.term_ranking import Naming
-from truearc.sim.infer.baseline_fit import BaselineFit, fit_believed
 from truearc.sim.infer.belief import Belief
-from truearc.sim.infer.likelihood.design_columns import lay_out
-from truearc.sim.infer.likelihood.prepared_data import take_in
-from truearc.sim.infer.likelihood.shot_columns import every_column
+from truearc.sim.infer.fit import BaselineFit, fit_believed
+from truearc.sim.infer.likelihood.data import every_column, take_in
+from truearc.sim.infer.likelihood.layout import lay_out
 from truearc.sim.physics.catalogue import find_terms
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-import truearc.sim.infer.baseline_fit
+import truearc.sim.infer.fit
 from tests.sim.infer.independent import make_dataset
 from truearc.cli.main import main
 from truearc.sim.data.dataset import hash_dataset, load_dataset, save_dataset
@@ -56,7 +56,7 @@ def test_a_users_mistake_is_named(directory, capsys, arguments, message):
 
 
 def test_a_fit_that_does_not_settle_writes_nothing(directory, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(truearc.sim.infer.baseline_fit, "ROUNDS", 1)
+    monkeypatch.setattr(truearc.sim.infer.fit, "ROUNDS", 1)
     out = tmp_path / "coefficients.toml"
     assert main(["fit", str(directory), "--terms", TERMS, "-o", str(out), "--quiet"]) == 1
     assert "did not settle" in capsys.readouterr().err

@@ -6,18 +6,17 @@ import msgspec
 import numpy as np
 import pytest
 
-import truearc.sim.infer.baseline_fit
+import truearc.sim.infer.fit
 from tests.sim.infer.independent import CENTRE_M, Truth, heights, make_dataset, make_tracks
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Tracker
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
-from truearc.sim.infer.crossval import cross_validate
-from truearc.sim.infer.identifiability import identify
-from truearc.sim.infer.likelihood.prepared_data import take_in
-from truearc.sim.infer.map_fit import MapFit, fit_map
-from truearc.sim.infer.profile import Z90, deviance_at, profile_interval
+from truearc.sim.infer.fit import MapFit, fit_map
+from truearc.sim.infer.fit_report import cross_validate, identify
+from truearc.sim.infer.intervals import Z90, deviance_at, profile_interval
+from truearc.sim.infer.likelihood.data import take_in
 
 TERMS = ("drag", "magnus", "exit_efficiency")
 TRUTH = Truth()
@@ -159,7 +158,7 @@ def test_nothing_to_fit_to_is_bad_input():
 
 
 def test_a_search_cut_short_does_not_claim_to_have_settled(monkeypatch):
-    monkeypatch.setattr(truearc.sim.infer.baseline_fit, "ROUNDS", 1)
+    monkeypatch.setattr(truearc.sim.infer.fit, "ROUNDS", 1)
     assert not fit_map(make_dataset(11, 100), TERMS).converged
 
 

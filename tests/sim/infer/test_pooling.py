@@ -11,7 +11,7 @@ from tests.sim.infer.test_misfit import flights
 from tests.sim.thin import thinned
 from truearc.cli.main import main
 from truearc.sim.infer.belief import load_belief
-from truearc.sim.infer.pool.partial_pooling import Said, pool_normal
+from truearc.sim.infer.intervals import Said, pool_normal
 from truearc_proof.importers.mpi import import_mpi
 
 # Effects of coaching in eight schools and their standard errors (Rubin 1981)

@@ -11,7 +11,7 @@ from benchmarks.lift import CL, RIG, tracked
 from tests.sim.few_terms import few_terms
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.discover.report.build_finding import untested
-from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc.sim.infer.likelihood.data import take_in
 from truearc.sim.infer.plausibility.check import check_plausible
 
 

@@ -30,7 +30,7 @@ def main(args: argparse.Namespace) -> int:
     from truearc.sim.discover.report.identifiability_report import sight_summary
     from truearc.sim.infer.plausibility.check import check_plausible
     keep_compiled()
-    from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS, say_few
+    from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, say_few
     dataset = check_plausible(ta.load_dataset(args.dataset), args.accept)
     print("\n".join([*dataset.lines(), *ranges(dataset), *plausibility(dataset)]))
     few = len(dataset.shots) < FEWEST_SHOTS
