@@ -27,7 +27,7 @@ from truearc.cli.common import make_progress
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.data.dataset import Dataset, Shots, join_datasets
 from truearc.sim.discover.investigate import discover
-from truearc.sim.discover.plan.experiment_design import can_design, make_design
+from truearc.sim.discover.plan.next_steps import can_design, make_design
 from truearc.sim.intervals import student_half
 from truearc_proof.rounds.jsonl_store import fill
 from truearc_proof.table import make_markdown

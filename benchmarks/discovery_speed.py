@@ -16,7 +16,7 @@ from pathlib import Path
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.investigate import detect, discover, make_search
-from truearc.sim.discover.report.html_report import make_report
+from truearc.sim.discover.report.pages import make_report
 from truearc.sim.infer.fit import fit_believed
 from truearc.sim.infer.likelihood.data import take_in
 from truearc.sim.infer.likelihood.layout import groups_of, lay_out

@@ -37,8 +37,8 @@ from truearc.robot.config.schema import load_config
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.detect.always_valid import test_change
+from truearc.sim.discover.finding import BeliefFile
 from truearc.sim.discover.investigate import discover, follow_shots, score_since, told_by_session
-from truearc.sim.discover.proposal import BeliefFile
 from truearc.sim.infer.belief import draw
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.infer.likelihood.observations import see_outcomes

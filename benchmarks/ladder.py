@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.suite import Job, true_parameter, world_of
 from truearc.sim.compile_cache import keep_compiled
-from truearc.sim.discover.select.term_ranking import efficient, visible_terms
+from truearc.sim.discover.select.terms import efficient, visible_terms
 from truearc.sim.infer.fit import fit_believed
 from truearc.sim.infer.likelihood.data import take_in
 from truearc.sim.infer.likelihood.layout import groups_of, lay_out

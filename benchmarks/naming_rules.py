@@ -24,9 +24,9 @@ from truearc.cli.common import make_progress
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.discover import decide
 from truearc.sim.discover.investigate import discover
-from truearc.sim.discover.select.name_effects import Search
+from truearc.sim.discover.select.effects import Search
 from truearc.sim.discover.select.posterior import Hypotheses
-from truearc.sim.discover.select.term_ranking import Naming
+from truearc.sim.discover.select.terms import Naming
 from truearc.sim.infer.fit import BaselineFit
 from truearc.sim.tables import make_text
 from truearc_proof.rounds.jsonl_store import fill

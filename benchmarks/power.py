@@ -23,9 +23,9 @@ from benchmarks.suite import names_of
 from truearc.cli.common import make_progress
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.data.dataset import Dataset
+from truearc.sim.discover.finding import FALSE_ALARM
 from truearc.sim.discover.investigate import detect, make_search
-from truearc.sim.discover.plan.detectability import sight_of
-from truearc.sim.discover.settings import FALSE_ALARM
+from truearc.sim.discover.plan.identifiability import sight_of
 from truearc.sim.infer.fit import BaselineFit, fit_believed
 from truearc.sim.infer.likelihood.data import take_in
 from truearc.sim.infer.likelihood.layout import groups_of, lay_out

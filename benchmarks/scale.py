@@ -29,11 +29,11 @@ from benchmarks.filling import fill_and_tell, parser_of
 from truearc.cli.common import make_progress
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.data.dataset import Dataset
+from truearc.sim.discover.detect.battery import TERMS
 from truearc.sim.discover.detect.score_test import Scores, efficient_scores, judge
-from truearc.sim.discover.detect.test_battery import TERMS
+from truearc.sim.discover.finding import FALSE_ALARM
 from truearc.sim.discover.investigate import discover
-from truearc.sim.discover.select.term_ranking import one_step
-from truearc.sim.discover.settings import FALSE_ALARM
+from truearc.sim.discover.select.terms import one_step
 from truearc.sim.infer.fit import moved, objective, step_within, usual_spot
 from truearc.sim.infer.likelihood.data import Intake, take_in
 from truearc.sim.infer.likelihood.forward_model import Chain, Prediction, ShotBatch, see_slopes

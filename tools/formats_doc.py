@@ -21,9 +21,8 @@ from truearc.robot.config.schema import Config
 from truearc.robot.hood_encoders import BY_DRIVER
 from truearc.robot.recording.session import Header
 from truearc.sim.data.columns import UNITS
-from truearc.sim.discover.finding import FindingRecord
-from truearc.sim.discover.plan.detectability import Sight
-from truearc.sim.discover.proposal import AimProposal
+from truearc.sim.discover.finding import AimProposal, FindingRecord
+from truearc.sim.discover.plan.identifiability import Sight
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE, SCHEMAS, LAUNCHER = ROOT / "docs/reference/formats.md", ROOT / "truearc/schemas", ROOT / "robot/launcher.toml"

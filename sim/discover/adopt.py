@@ -5,7 +5,7 @@ shots of that session it forecasts no worse. But the next session's balls are ot
 the session's random effects of balls taken out: one that would then forecast its shots worse, by its 90 % interval, is
 not adopted, even if this session's balls gain by it; and one that they do not gain by is, if it is not worse.
 
-Then it is judged by points (truearc.sim.discover.select.expected_points): where hold-out shots, aimed and gated by it,
+Then it is judged by points (truearc.sim.discover.select.simulations): where hold-out shots, aimed and gated by it,
 would have scored fewer than by what stays without it, it is refused. The mean decides, not its interval: what is
 believed already costs nothing to keep, and a robot is not changed for something that is expected to lose.
 """
@@ -19,16 +19,12 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from truearc.sim.discover.decide import Choice, choose, contradicted, gain_interval
-from truearc.sim.discover.detect.test_battery import Asked
+from truearc.sim.discover.detect.battery import Asked
 from truearc.sim.discover.finding import Adoption, FindingRecord
-from truearc.sim.discover.select import expected_points as worth
-from truearc.sim.discover.select.amplitude_prior import by_own_prior
-from truearc.sim.discover.select.forecast_error import track_errors
-from truearc.sim.discover.select.model_averaging import Mixed, mixed, shares
-from truearc.sim.discover.select.name_effects import Search, Step
-from truearc.sim.discover.select.nonparametric_terms import Freed, all_freed
-from truearc.sim.discover.select.refit import Refit, further_values, refit
-from truearc.sim.discover.select.term_ranking import SURE
+from truearc.sim.discover.select import simulations as worth
+from truearc.sim.discover.select.effects import Search, Step
+from truearc.sim.discover.select.simulations import Freed, Mixed, all_freed, mixed, shares, track_errors
+from truearc.sim.discover.select.terms import SURE, Refit, by_own_prior, further_values, refit
 from truearc.sim.infer.belief import Belief, Coefficients, Curve, moved_curves
 from truearc.sim.infer.fit import BaselineFit, believed_spot, coefficients_of, covariance_of, scatter_of, stopped
 from truearc.sim.infer.likelihood.data import Intake
@@ -89,7 +85,7 @@ def make_belief(investigation: Investigation,
     """(coefficients, scatter and covariance with all that was named, and the curve of the rest; provenance).
 
     Where several names of the last effect could not be told apart, the simulation is chosen that forecasts their
-    average (truearc.sim.discover.select.model_averaging). Where nothing is found, or nothing of it adopted, or even a
+    average (truearc.sim.discover.select.simulations). Where nothing is found, or nothing of it adopted, or even a
     number that was believed before stopped at the end of its range (provenance: at_limit), the belief that was started
     from stays. choice: by `judge_adoption`, which is asked if it is None. ValueError for data that carry no test.
     """

@@ -41,13 +41,12 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
+from truearc.sim.discover.detect.battery import NumberChange, rivals_of
 from truearc.sim.discover.detect.localization import Place
-from truearc.sim.discover.detect.tracker_change import NumberChange, rivals_of
 from truearc.sim.discover.finding import Adoption, FitSummary
-from truearc.sim.discover.select.name_effects import Search, Step, Weighed, out_of_nature, rest_beside, take_apart
+from truearc.sim.discover.select.effects import Search, Step, Weighed, out_of_nature, rest_beside, take_apart
 from truearc.sim.discover.select.posterior import SHARES, Hypotheses, Hypothesis
-from truearc.sim.discover.select.refit import promote
-from truearc.sim.discover.select.term_ranking import SURE, Naming
+from truearc.sim.discover.select.terms import SURE, Naming, promote
 from truearc.sim.infer.fit import BaselineFit
 from truearc.sim.intervals import Z90
 from truearc.sim.progress import Progress, part_of

@@ -11,15 +11,14 @@ from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.discover.adopt import Investigation, judge_adoption
 from truearc.sim.discover.decide import decide
 from truearc.sim.discover.detect.always_valid import ChangeTest, test_change
+from truearc.sim.discover.detect.battery import ALLOWANCE, TERMS, Asked, ReferenceSession
 from truearc.sim.discover.detect.covariates import gather_covariates, gather_factors
 from truearc.sim.discover.detect.localization import locate
-from truearc.sim.discover.detect.reference_session import ReferenceSession
 from truearc.sim.discover.detect.score_test import Judged, judge
-from truearc.sim.discover.detect.test_battery import ALLOWANCE, TERMS, Asked
+from truearc.sim.discover.finding import FALSE_ALARM, SIGN_DRAWS
 from truearc.sim.discover.report.build_finding import make_finding, silent
 from truearc.sim.discover.report.finding_text import say_limits
-from truearc.sim.discover.select.name_effects import Search, Step
-from truearc.sim.discover.settings import FALSE_ALARM, SIGN_DRAWS
+from truearc.sim.discover.select.effects import Search, Step
 from truearc.sim.infer.belief import Belief, launcher_of, ranges_of
 from truearc.sim.infer.fit import BaselineFit, believed_spot, climb, fit_believed, usual_spot
 from truearc.sim.infer.likelihood.data import every_column, take_in
@@ -43,7 +42,7 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
 
     believed: names of terms, the rig's own list when None; gravity always is. belief: of this very rig, from an earlier
     session: its terms and their posterior are the baseline, and whether one of them has changed is tested, too. since:
-    that very session; misfit of the belief there is then not a change (truearc.sim.discover.detect.reference_session).
+    that very session; misfit of the belief there is then not a change (truearc.sim.discover.detect.battery).
     measured: external measurements of terms; they bear on which term it is, not on whether anything is missing. terms:
     the hypotheses to test, such as [*catalogue(), HoodFlex()]; the believed ones are among them; those of the belief,
     else the built-in ones and those of installed distributions, when None. The same data and seed give the same answer.

@@ -27,9 +27,8 @@ from truearc.robot.operator_ui.server import OperatorPage
 from truearc.robot.processes.aim_inbox import AimInbox
 from truearc.sim.data.model import Tracks, join_datasets
 from truearc.sim.discover.adopt import make_belief
-from truearc.sim.discover.finding import Adoption
+from truearc.sim.discover.finding import Adoption, AimProposal, BeliefFile
 from truearc.sim.discover.investigate import discover
-from truearc.sim.discover.proposal import AimProposal, BeliefFile
 from truearc.sim.progress import Progress
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world

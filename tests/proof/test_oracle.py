@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import norm
 
 from tests.sim.discover.made import column, gaussian, heights
-from truearc.sim.discover.select.term_ranking import efficient
+from truearc.sim.discover.select.terms import efficient
 from truearc.sim.infer.likelihood.score_table import PlaneScores, ScoreTable, make_evidence
 from truearc_proof.scoring.information_bound import measure
 from truearc_proof.scoring.oracle import FALSE_ALARM, ceiling_of, strength_of

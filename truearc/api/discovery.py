@@ -16,11 +16,10 @@ from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.load import hash_dataset
 from truearc.sim.discover import investigate as engine
 from truearc.sim.discover.adopt import make_belief
-from truearc.sim.discover.finding import FindingRecord
+from truearc.sim.discover.finding import FALSE_ALARM, FindingRecord, check_chances
 from truearc.sim.discover.investigate import with_worth
 from truearc.sim.discover.report.finding_text import console_lines
-from truearc.sim.discover.report.html_report import make_report, plot_residuals
-from truearc.sim.discover.settings import FALSE_ALARM, check_chances
+from truearc.sim.discover.report.pages import make_report, plot_residuals
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.likelihood.layout import Measurement, check_believed, column_of
 from truearc.sim.infer.plausibility.check import check_plausible

@@ -15,13 +15,10 @@ from truearc.hw.real.clock import wall_clock
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.load import hash_dataset
-from truearc.sim.discover.finding import make_json
-from truearc.sim.discover.plan.detectability import Sight
-from truearc.sim.discover.plan.expected_information import foresee, foresee_dataset, is_planned
-from truearc.sim.discover.plan.experiment_design import can_design, make_design
-from truearc.sim.discover.report.design_report import SCHEMA, design_lines, design_table
-from truearc.sim.discover.report.identifiability_report import make_sight_page, sight_lines
-from truearc.sim.discover.settings import CONFIGURATIONS, LEVEL, PLANNED_SHOTS, SEASON_SHOTS
+from truearc.sim.discover.finding import CONFIGURATIONS, LEVEL, PLANNED_SHOTS, SEASON_SHOTS, make_json
+from truearc.sim.discover.plan.identifiability import Sight, foresee, foresee_dataset, is_planned
+from truearc.sim.discover.plan.next_steps import can_design, make_design
+from truearc.sim.discover.report.pages import SCHEMA, design_lines, design_table, make_sight_page, sight_lines
 from truearc.sim.infer.plausibility.check import check_plausible
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.physics.term import Term

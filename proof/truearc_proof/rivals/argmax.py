@@ -8,9 +8,8 @@ is by log likelihood of the shots that were fitted, not held out, without a prio
 import numpy as np
 
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.select.forecast_error import end_errors
-from truearc.sim.discover.select.refit import Refit, refit
-from truearc.sim.discover.select.term_ranking import Candidate, one_step
+from truearc.sim.discover.select.simulations import end_errors
+from truearc.sim.discover.select.terms import Candidate, Refit, one_step, refit
 from truearc.sim.infer.fit import BaselineFit
 from truearc.sim.infer.likelihood.layout import only_shared
 from truearc.sim.infer.likelihood.score_table import unseen_change, without

@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.adopt import Investigation
-from truearc.sim.discover.select.refit import Refit
+from truearc.sim.discover.select.terms import Refit
 from truearc.sim.infer.fit import BaselineFit
 
 Array = np.ndarray

@@ -1,13 +1,13 @@
 """Forecast of the height at a track's end, from its beginning by a law of library columns.
 
-The same question that truearc's own figure answers (truearc.sim.discover.select.forecast_error): the first 40 % of a
+The same question that truearc's own figure answers (truearc.sim.discover.select.simulations): the first 40 % of a
 track's samples tell how the ball left, the law flies it on. truearc also knows wheels and hood when it does so; a law
 of accelerations does not, so compare each entrant's after with its own before.
 """
 
 import numpy as np
 
-from truearc.sim.discover.select.forecast_error import FORECAST
+from truearc.sim.discover.select.simulations import FORECAST
 from truearc_proof.rivals.claim import Array
 from truearc_proof.rivals.library import Moments, accelerations, gravity
 from truearc_proof.rivals.tracks import Flights

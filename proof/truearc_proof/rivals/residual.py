@@ -15,7 +15,7 @@ import numpy as np
 
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.detect.covariates import FOLLOWED, Covariate, gather_covariates
-from truearc.sim.discover.select.forecast_error import track_errors
+from truearc.sim.discover.select.simulations import track_errors
 from truearc.sim.infer.likelihood.layout import only_shared
 from truearc.sim.infer.likelihood.score_table import unseen_change, without
 from truearc.sim.physics.catalogue import TERMS

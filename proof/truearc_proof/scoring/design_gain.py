@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from truearc.sim.data.dataset import Dataset, join_datasets
-from truearc.sim.discover.plan.experiment_design import Contest, worth
+from truearc.sim.discover.plan.next_steps import Contest, worth
 from truearc.sim.infer.fit import fit_believed
 from truearc.sim.infer.likelihood.data import take_in
 from truearc.sim.infer.likelihood.layout import column_of, groups_of, lay_out
@@ -19,7 +19,7 @@ def random_worth(first: Dataset, more: Dataset, finding: Mapping[str, Any]) -> i
     """By what the given shots themselves say of the amplitudes of the set's names, each as large and as likely as was
     claimed before; None beyond MOST times the first shots, or for fewer than two names.
 
-    Worth is the design's (truearc.sim.discover.plan.experiment_design.worth), with the information of shots that were
+    Worth is the design's (truearc.sim.discover.plan.next_steps.worth), with the information of shots that were
     really shot.
     """
     what = {one["term"]: one for one in finding["what"] if one["term"] in (finding["set"] or ())}

@@ -6,8 +6,7 @@ import numpy as np
 
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.shot_conditions import counts_shots
-from truearc.sim.discover.select.refit import refit
-from truearc.sim.discover.select.term_ranking import efficient
+from truearc.sim.discover.select.terms import efficient, refit
 from truearc.sim.infer.belief import Belief, point_belief
 from truearc.sim.infer.fit import BaselineFit, coefficients_of, fit_believed
 from truearc.sim.infer.likelihood.data import take_in

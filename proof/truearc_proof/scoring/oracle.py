@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from truearc.sim.discover.adopt import Investigation
-from truearc.sim.discover.select.refit import refit
-from truearc.sim.discover.select.term_ranking import ALIAS, efficient, nats_for, visible_terms
+from truearc.sim.discover.select.terms import ALIAS, efficient, nats_for, refit, visible_terms
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, plane_terms, unseen_score, without
 from truearc_proof.scoring.score_finding import ALIASES
 

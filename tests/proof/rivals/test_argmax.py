@@ -5,7 +5,7 @@ import pytest
 
 from tests.sim.discover.made import at_least_squares, column, gaussian
 from tests.sim.discover.straight import ASKED, NAMES, lay_straight, take_straight
-from truearc.sim.discover.select.refit import Refit
+from truearc.sim.discover.select.terms import Refit
 from truearc.sim.infer.fit import BaselineFit
 from truearc.sim.infer.likelihood.layout import LinearizationPoint
 from truearc.sim.infer.likelihood.noise import SCATTERS

@@ -14,16 +14,14 @@ from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.discover import adopt
 from truearc.sim.discover.adopt import Investigation, judge_adoption, make_belief
-from truearc.sim.discover.detect.free_curve import Correction
+from truearc.sim.discover.detect.localization import Correction
 from truearc.sim.discover.finding import Adoption
 from truearc.sim.discover.investigate import discover, with_worth
 from truearc.sim.discover.report.finding_text import console_lines, say_adopted
-from truearc.sim.discover.select import nonparametric_terms as freed
-from truearc.sim.discover.select.expected_points import HoldOut, JudgedFit, hold_out
-from truearc.sim.discover.select.hypotheses import Part
-from truearc.sim.discover.select.nonparametric_terms import Freed
-from truearc.sim.discover.select.posterior import Family, Hypothesis
-from truearc.sim.discover.select.refit import refit
+from truearc.sim.discover.select import simulations as freed
+from truearc.sim.discover.select.posterior import Family, Hypothesis, Part
+from truearc.sim.discover.select.simulations import Freed, HoldOut, JudgedFit, hold_out
+from truearc.sim.discover.select.terms import refit
 from truearc.sim.infer.belief import Belief, Curve, before_the_shot, load_belief, point_belief
 from truearc.sim.infer.fit import BaselineFit, usual_spot
 from truearc.sim.infer.likelihood.data import take_in

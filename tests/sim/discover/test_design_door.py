@@ -16,9 +16,9 @@ from tests.sim.discover.worlds import FACTS
 from truearc.api.planning import ShotDesign
 from truearc.sim.data.dataset import Dataset, Shots, save_dataset
 from truearc.sim.discover.decide import decide
-from truearc.sim.discover.plan.experiment_design import Block, Design, make_design
-from truearc.sim.discover.report.design_report import design_lines, design_table
-from truearc.sim.discover.select.name_effects import Search, Step
+from truearc.sim.discover.plan.next_steps import Block, Design, make_design
+from truearc.sim.discover.report.pages import design_lines, design_table
+from truearc.sim.discover.select.effects import Search, Step
 from truearc.sim.physics.catalogue import as_catalogue
 
 

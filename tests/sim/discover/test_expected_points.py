@@ -5,7 +5,7 @@ import pytest
 
 from truearc.robot.config.rig_spec import Target
 from truearc.sim.data.dataset import Shots
-from truearc.sim.discover.select.expected_points import HoldOut, ShotPoints, points_of, scored_points
+from truearc.sim.discover.select.simulations import HoldOut, ShotPoints, points_of, scored_points
 from truearc.sim.infer.likelihood.observations import OutcomeObservations, see_outcomes
 
 THREE_M, TWO_M, SCATTER_M = 0.07, 0.35, 0.08

@@ -11,7 +11,7 @@ from tests.sim.discover.made import at_least_squares
 from tests.sim.discover.straight import ASKED, NAMES, SHARED, fit_straight, slopes_and_y
 from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.decide import decide
-from truearc.sim.discover.plan.experiment_design import (
+from truearc.sim.discover.plan.next_steps import (
     PACES,
     SURE,
     Contest,
@@ -24,7 +24,7 @@ from truearc.sim.discover.plan.experiment_design import (
     within_reach,
     worth,
 )
-from truearc.sim.discover.select.name_effects import Search, Step
+from truearc.sim.discover.select.effects import Search, Step
 from truearc.sim.infer.fit import fit_believed
 from truearc.sim.infer.likelihood.data import take_in
 from truearc.sim.infer.likelihood.layout import lay_out

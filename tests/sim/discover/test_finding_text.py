@@ -8,10 +8,9 @@ import pytest
 
 from tests.sim.discover.made import stand_in
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Wheel
+from truearc.sim.discover.detect.battery import Test
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
-from truearc.sim.discover.detect.free_curve import Correction
-from truearc.sim.discover.detect.localization import Place
-from truearc.sim.discover.detect.test_battery import Test
+from truearc.sim.discover.detect.localization import Correction, Place
 from truearc.sim.discover.finding import (
     Adoption,
     DataSummary,
@@ -24,15 +23,18 @@ from truearc.sim.discover.finding import (
     Unknown,
     Where,
 )
-from truearc.sim.discover.report.effect_wording import plain, say_effect, scale_of, size_of
 from truearc.sim.discover.report.finding_text import (
     console_lines,
+    plain,
     say_chance,
+    say_effect,
     say_named,
     say_none,
     say_points,
     say_step,
     say_unknown,
+    scale_of,
+    size_of,
     too_little,
 )
 from truearc.sim.infer.likelihood.score_table import Column

@@ -15,7 +15,7 @@ from truearc.sim.data.dataset import Dataset, Shots, join_datasets
 from truearc.sim.discover.adopt import Investigation
 from truearc.sim.discover.finding import FindingRecord, make_json
 from truearc.sim.discover.investigate import discover
-from truearc.sim.discover.select.refit import promote
+from truearc.sim.discover.select.terms import promote
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
 

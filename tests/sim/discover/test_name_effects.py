@@ -7,9 +7,8 @@ import pytest
 
 from tests.sim.discover.straight import ASKED, SHARED, fit_straight
 from truearc.sim.discover.decide import decide
-from truearc.sim.discover.select.name_effects import Search, Step, unseen_scores
-from truearc.sim.discover.select.refit import promote, refit
-from truearc.sim.discover.select.term_ranking import NEVER, name_terms
+from truearc.sim.discover.select.effects import Search, Step, unseen_scores
+from truearc.sim.discover.select.terms import NEVER, name_terms, promote, refit
 from truearc.sim.infer.fit import BaselineFit
 
 

@@ -10,24 +10,21 @@ from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
 
 from tests.sim.discover.straight import ASKED, fit_straight
+from truearc.sim.discover.detect.battery import ReferenceSession
 from truearc.sim.discover.detect.covariates import Covariate, Factor
-from truearc.sim.discover.detect.reference_session import ReferenceSession
-from truearc.sim.discover.select.amplitude_prior import nats_in_range
-from truearc.sim.discover.select.hypotheses import (
-    Part,
-    Projected,
-    Projector,
-    log_evidence,
-    process_shapes,
-    with_parts,
-)
 from truearc.sim.discover.select.posterior import (
     Hypotheses,
     Hypothesis,
+    Part,
+    Projected,
+    Projector,
     families_of,
+    log_evidence,
+    process_shapes,
     weigh,
+    with_parts,
 )
-from truearc.sim.discover.select.term_ranking import name_terms
+from truearc.sim.discover.select.terms import name_terms, nats_in_range
 from truearc.sim.infer.fit import BaselineFit
 from truearc.sim.infer.likelihood.score_table import without
 

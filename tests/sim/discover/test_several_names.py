@@ -14,7 +14,7 @@ from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.discover.adopt import Investigation, make_belief, with_own_priors
 from truearc.sim.discover.investigate import discover
 from truearc.sim.discover.report.finding_text import say_adopted
-from truearc.sim.discover.select.model_averaging import LEAST, mixed, shares
+from truearc.sim.discover.select.simulations import LEAST_SHARE, mixed, shares
 from truearc.sim.infer.belief import Coefficients, load_belief, point_belief
 from truearc.sim.infer.fit import coefficients_of
 from truearc.sim.infer.likelihood.layout import Measurement
@@ -74,7 +74,7 @@ def test_nothing_is_as_likely_beforehand_as_all_names_together(raised: tuple[Dat
     share = shares(naming)
     odds = {name: np.exp(naming.nats[name]) / sum(one.visible for one in naming.candidates) for name in naming.refits}
     whole = 1.0 + sum(odds.values())
-    assert share == pytest.approx({name: value / whole for name, value in odds.items() if value / whole >= LEAST})
+    assert share == pytest.approx({name: value / whole for name, value in odds.items() if value / whole >= LEAST_SHARE})
     assert list(share.values()) == sorted(share.values(), reverse=True)
 
 

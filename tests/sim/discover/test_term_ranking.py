@@ -12,8 +12,7 @@ from tests.sim.discover.straight import ASKED, NAMES, SHARED, fit_straight, slop
 from tests.sim.few_terms import few_terms
 from truearc.sim.discover.decide import credible_set
 from truearc.sim.discover.investigate import discover
-from truearc.sim.discover.select.refit import Refit
-from truearc.sim.discover.select.term_ranking import NEVER, Naming, is_possible, name_terms, nats_for, one_step
+from truearc.sim.discover.select.terms import NEVER, Naming, Refit, is_possible, name_terms, nats_for, one_step
 from truearc.sim.infer.fit import BaselineFit
 from truearc.sim.physics.catalogue import BUILT_IN
 from truearc_proof.truth.generate import shoot

@@ -9,13 +9,18 @@ import pytest
 from tests.sim.discover.odd_rigs import make_drops
 from truearc.robot.config.rig_spec import Site, Tracker
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.detect.reference_session import ReferenceSession
-from truearc.sim.discover.detect.tracker_change import TrackerChange, can_compare, compare_trackers, rivals_of
+from truearc.sim.discover.detect.battery import (
+    ReferenceSession,
+    TrackerChange,
+    can_compare,
+    compare_trackers,
+    rivals_of,
+)
 from truearc.sim.discover.investigate import make_search
-from truearc.sim.discover.plan.recommendations import next_steps
+from truearc.sim.discover.plan.next_steps import next_steps
 from truearc.sim.discover.report import build_finding
-from truearc.sim.discover.select.name_effects import Step
-from truearc.sim.discover.select.term_ranking import Naming
+from truearc.sim.discover.select.effects import Step
+from truearc.sim.discover.select.terms import Naming
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.fit import BaselineFit, fit_believed
 from truearc.sim.infer.likelihood.data import every_column, take_in

@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Return 0 where the dataset is plausible."""
     from truearc.sim.compile_cache import keep_compiled
-    from truearc.sim.discover.report.identifiability_report import sight_summary
+    from truearc.sim.discover.report.pages import sight_summary
     from truearc.sim.infer.plausibility.check import check_plausible
     keep_compiled()
     from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, say_few

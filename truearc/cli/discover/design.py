@@ -10,7 +10,7 @@ import truearc as ta
 from truearc.cli.common import number, write_out
 from truearc.cli.discover.discover import add_baseline, investigate
 from truearc.cli.outputs import out_file
-from truearc.sim.discover.settings import CONFIGURATIONS, PLANNED_SHOTS
+from truearc.sim.discover.finding import CONFIGURATIONS, PLANNED_SHOTS
 
 EXAMPLE = "truearc design shots/ --shots 100 --json next.json"
 

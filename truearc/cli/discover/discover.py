@@ -13,7 +13,7 @@ import truearc as ta
 from truearc.cli import common
 from truearc.cli.outputs import out_file
 from truearc.errors import about
-from truearc.sim.discover.settings import FALSE_ALARM, check_chances
+from truearc.sim.discover.finding import FALSE_ALARM, check_chances
 
 LIKELY = 0.1                          # probability of a name, from which it is compared with its measurement
 FAR = 4.0                             # standard deviations by which they contradict each other

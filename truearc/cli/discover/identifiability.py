@@ -7,7 +7,7 @@ import truearc as ta
 from truearc.cli.common import add_accept, catalogue_of, make_progress, number, origin_of, refuse, write_out
 from truearc.cli.discover.discover import add_believe, add_reports
 from truearc.errors import about
-from truearc.sim.discover.settings import LEVEL, LEVELS, SEASON_SHOTS
+from truearc.sim.discover.finding import LEVEL, LEVELS, SEASON_SHOTS
 
 EXAMPLE = "truearc identifiability rig.toml --level L1 --shots 300 --report sight.html"
 

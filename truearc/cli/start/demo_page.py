@@ -7,8 +7,7 @@ from matplotlib.figure import Figure
 
 from truearc.cli.start.demo_acts import Act
 from truearc.cli.start.demo_effects import NOTHING, Envelope
-from truearc.sim.discover.report.effect_wording import plain, size_of
-from truearc.sim.discover.report.finding_text import either
+from truearc.sim.discover.report.finding_text import either, plain, size_of
 from truearc.sim.plots import COLOURS
 from truearc.sim.report import PHONE_IN, Origin, make_page, make_png, new_panels, paragraph, picture, table
 from truearc.sim.tables import make_text

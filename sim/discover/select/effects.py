@@ -10,14 +10,12 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import logsumexp
 
+from truearc.sim.discover.detect.battery import ALLOWANCE, Asked, ReferenceSession, ask_everything
 from truearc.sim.discover.detect.covariates import Covariate, Factor
 from truearc.sim.discover.detect.localization import Place, locate
-from truearc.sim.discover.detect.reference_session import ReferenceSession
 from truearc.sim.discover.detect.score_test import Judged, judge
-from truearc.sim.discover.detect.test_battery import ALLOWANCE, Asked, ask_everything
 from truearc.sim.discover.select.posterior import Hypotheses, Hypothesis, weigh
-from truearc.sim.discover.select.refit import Refit, promote, refit
-from truearc.sim.discover.select.term_ranking import NEVER, Naming, name_terms
+from truearc.sim.discover.select.terms import NEVER, Naming, Refit, name_terms, promote, refit
 from truearc.sim.infer.fit import BaselineFit
 from truearc.sim.infer.likelihood.score_table import Array, Column, clustered_error, folds_of, unseen_score, without
 from truearc.sim.progress import Progress, part_of
