@@ -9,14 +9,11 @@ from msgspec import Struct
 from truearc.errors import (
     InputError,
     joined,
-    line_of,
     line_of_key,
     load_text,
-    missing_keys,
     near_key,
-    near_tables,
+    parse_struct,
     parse_table,
-    reworded,
     struct_in,
     unknown_keys,
 )
@@ -301,19 +298,7 @@ def load_toml(path: str | Path, kind: type[Kind]) -> Kind:
 
 def parse_toml(text: str, kind: type[Kind], name: str) -> Kind:
     """As load_toml, of text that came from somewhere called `name`."""
-    table = parse_table(text, name)
-    try:
-        return msgspec.convert(table, kind, dec_hook=read_axis)
-    except msgspec.ValidationError as error:
-        message, missing = joined(str(error)), missing_keys(table, kind, struct_of=table_struct)
-        said = reworded(message, table, _known)
-        unknown = said.endswith(": unknown key")
-        near = near_key(said.removesuffix(": unknown key"), kind, table, table_struct) if unknown else ""
-        here = f"{name}{line_of(text, message)}: {said}{near}"
-        if len(missing) > 1 and not near:
-            lacks = f"keys are missing: {', '.join(missing)}{near_tables(table, kind)}"
-            here = f"{here}; {lacks}" if unknown else f"{name}: {lacks}"
-        raise InputError(here) from error
+    return parse_struct(text, kind, name, read_axis, table_struct, _known)
 
 
 def read_axis(kind: type, table: Any) -> Axis | HoodEncoder:
