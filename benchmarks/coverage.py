@@ -14,9 +14,9 @@ import numpy as np
 
 from tests.sim.infer.independent import Truth, make_dataset
 from truearc.sim.infer.fit import fit_map
-from truearc.sim.infer.intervals import Z90, deviance_at
+from truearc.sim.infer.intervals import deviance_at
 from truearc.sim.infer.likelihood.noise import SCATTER_PRIOR
-from truearc.sim.intervals import wilson
+from truearc.sim.intervals import Z90, wilson
 
 TERMS = ("drag", "magnus", "exit_efficiency")
 LOW, HIGH = 0.86, 0.94                # coverage that every parameter must have

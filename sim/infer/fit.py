@@ -55,7 +55,7 @@ WORTH = 0.02                          # nats: a fifth of a standard error
 PART = 0.1                            # of a step that is flown to see whether it gains
 TIGHT = 0.1                           # of a tracker's usual errors, where a climb begins
 LEAST_ROUNDS = 2                      # with tracks, whose shots' own deviations must settle too
-FARTHEST = 2.0                        # usual sizes that a column may move by in one step: all is linear nearby only
+LARGEST_STEP = 2.0                        # usual sizes that a column may move by in one step: all is linear nearby only
 SLACK = 0.3                           # nats a step may lose with tracks: scores leave out that slopes change the spread
 LEAST_LOG = -9.0                      # of a scatter
 MOST_LOG = np.array([np.log(SCATTER_MOST[name]) if name in SCATTER_MOST else 1.0 for name in SCATTERS])
@@ -212,7 +212,7 @@ def _climb_linear(intake: Intake, layout: ParameterLayout, start: _Visited, free
         if worth < SETTLED or not np.isfinite(step).all():
             break
         room = (reach * usual - np.sign(step) * (evidence.point - start.evidence.point)) / np.maximum(abs(step), 1e-300)
-        step = step * min(1.0, FARTHEST / max(float(np.abs(step / usual).max(initial=0.0)), 1e-300),
+        step = step * min(1.0, LARGEST_STEP / max(float(np.abs(step / usual).max(initial=0.0)), 1e-300),
                           max(float(room.min(initial=np.inf)), 0.0))
         for halving in range(HALVINGS):
             tried = moved(layout, spot, step * 0.5**halving)

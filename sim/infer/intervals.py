@@ -36,8 +36,8 @@ from truearc.sim.infer.fit import MapFit, Sought, climb, limits_of, moved
 from truearc.sim.infer.likelihood.layout import MOVES, own_slope
 from truearc.sim.infer.likelihood.noise import WEAKER
 from truearc.sim.infer.likelihood.score_table import ScoreTable, fit_linear, log_posterior
+from truearc.sim.intervals import Z90
 
-Z90 = 1.6448536269514722              # two-sided 90 %
 WIDEST = 8.0                          # prior standard deviations from the optimum; further is open
 GROWTH = 1.5                          # of a step that has not yet come to the end
 NEARBY = 1.5                          # standard errors, in which the adjusted optimum is looked for

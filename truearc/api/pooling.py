@@ -15,7 +15,8 @@ from truearc.errors import InputError
 from truearc.sim.data.dataset import hash_dataset
 from truearc.sim.infer.belief import Belief, launcher_of, point_belief, replace_values, scale_of
 from truearc.sim.infer.fit_report import number_text
-from truearc.sim.infer.intervals import Z90, Pooling, one_rig, pool_normal, said_by
+from truearc.sim.infer.intervals import Pooling, one_rig, pool_normal, said_by
+from truearc.sim.intervals import Z90
 from truearc.sim.physics.scales import LINEAR, from_scale
 from truearc.sim.printed import Printed
 from truearc.sim.tables import make_text

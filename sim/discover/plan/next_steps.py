@@ -31,7 +31,7 @@ from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.term import Term, WatchTerm
 from truearc.sim.physics.term_fields import Instrument
 
-LEAST_CHANCE = 1e-300                        # of a name that is out of the question, so that it has a logarithm
+LEAST_CHANCE = 1e-300                 # of a name that is out of the question, so that it has a logarithm
 DRAWS = 4000
 PACES = (1.0, 0.94, 0.97, 1.03, 1.06)             # of the wheels, times the recorded one
 KEPT = 300                            # of the candidates, the best by themselves, that further blocks are chosen from

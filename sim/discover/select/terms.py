@@ -31,7 +31,7 @@ from truearc.sim.physics.scales import from_scale, to_scale
 from truearc.sim.physics.term import Parameter, Term
 from truearc.sim.progress import Progress
 
-NO_FLIGHT = -1e6                          # nats, of what does not fly
+NO_FLIGHT = -1e6                      # nats, of what does not fly
 SHAPE_REACH = 3.0                     # standard deviations from a shape parameter's prior centre: the end of the search
 PLAIN = 2.0                           # standard errors of an amplitude, from which its term's shape is fitted, too
 

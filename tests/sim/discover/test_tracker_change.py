@@ -73,7 +73,7 @@ def test_what_has_no_name_is_measured_by_its_nearest_name_or_the_wind_outdoors(h
     """The fall of a ball is on film already, and in a hall there is no wind to speak of."""
     rig = msgspec.structs.replace(home.intake.rig, site=Site(indoor=indoor))
     fitted, nobody = replace(home, intake=replace(home.intake, rig=rig)), np.zeros(0)
-    step = Step(Naming((), {}, {}, {}, (leader,), ()), None, nobody, nobody, nobody, None, True, (), fitted)
+    step = Step(Naming((), {}, {leader: 0.0}), None, nobody, nobody, nobody, None, (), fitted, unknown=True)
     found = [one["instrument"] for one in next_steps(seen(5), step, None) if "instrument" in one]
     assert found == ([instrument] if instrument else [])
 
@@ -88,7 +88,7 @@ def test_what_may_be_lift_asks_for_the_spin_where_nobody_knows_it(known: bool, l
     intake = take_in(dataset)
     fitted = fit_believed(intake, lay_out(intake, ("gravity", "drag")))
     name = f"{leader}.{find_terms([leader])[0].parameters[0].name}"
-    step = Step(Naming((), {}, {}, {}, (name,), ()), None, nobody, nobody, nobody, None, False, (), fitted)
+    step = Step(Naming((), {}, {name: 0.0}), None, nobody, nobody, nobody, None, (), fitted, chosen=(name,))
     assert [one.get("record") == "exit_spin_rev_s" for one in next_steps(dataset, step, (leader,))].count(True) == asked
 
 

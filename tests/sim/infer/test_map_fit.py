@@ -15,8 +15,9 @@ from truearc.robot.config.rig_spec import Tracker
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
 from truearc.sim.infer.fit import MapFit, fit_map
 from truearc.sim.infer.fit_report import cross_validate, identify
-from truearc.sim.infer.intervals import Z90, deviance_at, profile_interval
+from truearc.sim.infer.intervals import deviance_at, profile_interval
 from truearc.sim.infer.likelihood.data import take_in
+from truearc.sim.intervals import Z90
 
 TERMS = ("drag", "magnus", "exit_efficiency")
 TRUTH = Truth()
