@@ -31,12 +31,12 @@ from truearc.sim.infer.likelihood.data import Intake
 from truearc.sim.infer.likelihood.layout import is_tracker, only_shared
 from truearc.sim.infer.likelihood.linearization import linearise
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, clustered_error, unseen_change, without
+from truearc.sim.intervals import Z90
 from truearc.sim.metrics import POINTS_THREE
 from truearc.sim.physics.catalogue import Catalogue, catalogue
 from truearc.sim.physics.nonparametric import CURVE
 
 Gain = Callable[[ScoreTable, ScoreTable], tuple[float, float]]
-NINETY = 1.645
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def usual_score(evidence: ScoreTable) -> Float[Array, " n"]:
 def usual_gain(before: ScoreTable, after: ScoreTable) -> tuple[float, float]:
     """90 % interval of the log score that a shot gains by `after` in place of `before`, columns all shared in both."""
     gain = usual_score(after) - usual_score(before)
-    error = NINETY * clustered_error(gain, after.rows)
+    error = Z90 * clustered_error(gain, after.rows)
     return float(gain.mean() - error), float(gain.mean() + error)
 
 
@@ -255,7 +255,7 @@ def judge_points(investigation: Investigation, taken: Simulation,
     before, after = (worth.points_of(seen, one, (old, new), threshold) for one in (old, new))
     scored, held = worth.scored_points(seen), POINTS_THREE * threshold
     gain = after.worth(held) - before.worth(held)
-    error = NINETY * clustered_error(gain, fitted.together[rows])
+    error = Z90 * clustered_error(gain, fitted.together[rows])
     passed = [float(scored[one.fires].mean()) if one.fires.any() else None for one in (before, after)]
     return Adoption(len(rows), threshold, float(before.aimed.mean()), float(after.aimed.mean()),
                     float(before.fires.mean()), float(after.fires.mean()), passed[0], passed[1], float(gain.mean()),
