@@ -32,7 +32,7 @@ from truearc.sim.discover.detect.always_valid import test_change
 from truearc.sim.discover.investigate import discover, follow_shots, score_since, told_by_session
 from truearc.sim.infer.belief import draw
 from truearc.sim.infer.forecast import forecast
-from truearc.sim.infer.likelihood.outcome_likelihood import see_outcomes
+from truearc.sim.infer.likelihood.observations import see_outcomes
 from truearc.sim.world.options import Options
 from truearc_proof.table import Table
 from truearc_proof.truth.generate import shoot

@@ -17,12 +17,12 @@ import numpy as np
 from benchmarks.worlds import Line, fill_and_tell, names_of, parser_of
 from truearc.sim.compute import keep_compiled
 from truearc.sim.data.dataset import Dataset
+from truearc.sim.discover.finding import FALSE_ALARM
 from truearc.sim.discover.investigate import detect, make_search
-from truearc.sim.discover.plan.detectability import sight_of
-from truearc.sim.discover.settings import FALSE_ALARM
-from truearc.sim.infer.baseline_fit import BaselineFit, fit_believed
-from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
-from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc.sim.discover.plan.identifiability import sight_of
+from truearc.sim.infer.fit import BaselineFit, fit_believed
+from truearc.sim.infer.likelihood.data import take_in
+from truearc.sim.infer.likelihood.layout import groups_of, lay_out
 from truearc.sim.printed import make_text
 from truearc_proof.scoring.score_finding import in_catalogue
 from truearc_proof.truth.generate import shoot

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
 from msgspec import Struct
@@ -32,6 +32,7 @@ LIMITS = {">=": "of at least", "<=": "of at most", ">": "above", "<": "below"}
 LONGEST = 40                          # characters of a text that are shown
 _INNER_PLACE = re.compile(r" - at `\$([^`]*)` - at `\$([^`]*)`$")      # of an axis's key, and of the axis
 # the struct of a field's table, by its annotation and the value in the file; None where it has none
+Kind = TypeVar("Kind")
 StructOf = Callable[[Any, Any], Any]
 
 
@@ -238,6 +239,32 @@ def near_key(key: str, kind: Any, table: Any, struct_of: StructOf = lambda kind,
         annotation = types.get(re.sub(r"\[.*?\]", "", part))
         kind = struct_of(annotation, _at(table, ".".join(above[:number])))
     return "" if kind is None else did_you_mean(name, kind.__struct_fields__)
+
+
+def parse_struct(text: str, kind: type[Kind], name: str, dec_hook: Callable[[type, Any], Any] | None = None,
+                 struct_of: StructOf = lambda kind, value: struct_in(kind),
+                 known: Callable[[str], Iterable[str]] = lambda key: ()) -> Kind:
+    """Decode TOML text that came from somewhere called `name` as a struct.
+
+    dec_hook: msgspec's, for types that it does not know. struct_of: the struct of a field's table, by its annotation
+    and value. known: the values of a key that takes few.
+
+    Raises:
+        InputError: the text is no TOML, or a key is unknown, missing or of the wrong type; with its line.
+    """
+    table = parse_table(text, name)
+    try:
+        return msgspec.convert(table, kind, dec_hook=dec_hook)
+    except msgspec.ValidationError as error:
+        message, missing = joined(str(error)), missing_keys(table, kind, struct_of=struct_of)
+        said = reworded(message, table, known)
+        unknown = said.endswith(": unknown key")
+        near = near_key(said.removesuffix(": unknown key"), kind, table, struct_of) if unknown else ""
+        here = f"{name}{line_of(text, message)}: {said}{near}"
+        if len(missing) > 1 and not near:
+            lacks = f"keys are missing: {', '.join(missing)}{near_tables(table, kind)}"
+            here = f"{here}; {lacks}" if unknown else f"{name}: {lacks}"
+        raise InputError(here) from error
 
 
 def near_tables(table: Any, kind: Any, prefix: str = "") -> str:

@@ -292,19 +292,7 @@ def load_toml(path: str | Path, kind: type[Kind]) -> Kind:
 
 def parse_toml(text: str, kind: type[Kind], name: str) -> Kind:
     """As load_toml, of text that came from somewhere called `name`."""
-    table = errors.parse_table(text, name)
-    try:
-        return msgspec.convert(table, kind, dec_hook=read_axis)
-    except msgspec.ValidationError as error:
-        message, missing = errors.joined(str(error)), errors.missing_keys(table, kind, struct_of=table_struct)
-        said = errors.reworded(message, table, _known)
-        unknown = said.endswith(": unknown key")
-        near = errors.near_key(said.removesuffix(": unknown key"), kind, table, table_struct) if unknown else ""
-        here = f"{name}{errors.line_of(text, message)}: {said}{near}"
-        if len(missing) > 1 and not near:
-            lacks = f"keys are missing: {', '.join(missing)}{errors.near_tables(table, kind)}"
-            here = f"{here}; {lacks}" if unknown else f"{name}: {lacks}"
-        raise InputError(here) from error
+    return errors.parse_struct(text, kind, name, read_axis, table_struct, _known)
 
 
 def read_axis(kind: type, table: Any) -> Axis | HoodEncoder:

@@ -14,10 +14,9 @@ from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.aim.solve import LEAST_POINTS, SAFE_SHARE, Chances, Solved, chances_of, solve
 from truearc.sim.data.dataset import Shots
-from truearc.sim.infer.belief import Belief
-from truearc.sim.infer.curve import before_the_shot
-from truearc.sim.infer.likelihood.heights import Values, configured
-from truearc.sim.infer.likelihood.launch_inputs import Given, given_of
+from truearc.sim.infer.belief import Belief, before_the_shot
+from truearc.sim.infer.forecast import Values, configured
+from truearc.sim.infer.likelihood.data import Given, given_of
 from truearc.sim.physics.catalogue import Catalogue, flight_terms
 from truearc.sim.physics.flight import make_law, reach_plane
 from truearc.sim.printed import Progress

@@ -27,7 +27,7 @@ class Circumstances(NamedTuple):
     hood_change: Any = 0.0            # sign of this hood_deg less that of the session's shot before
     closing_speed_m_s: Any = 0.0      # of the robot, toward the target positive
     ball: Any = 0.0                   # a ball's own departure in units of the balls' spread; unknown: 0
-    free_speed: Any = 0.0             # sizes of unexplained effects, by truearc.sim.infer.curve,
+    free_speed: Any = 0.0             # sizes of unexplained effects, by truearc.sim.infer.belief,
     free_elevation: Any = 0.0
     free_distance: Any = 0.0
     free_push: Any = 0.0

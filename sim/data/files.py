@@ -11,9 +11,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from truearc.errors import InputError, load_text, make_toml, near_key, parse_table, unknown_keys
+from truearc.errors import InputError, load_text, make_toml, near_key, parse_struct, parse_table, unknown_keys
 from truearc.robot.config.rig_spec import Rig, rig_errors
-from truearc.robot.config.schema import parse_toml
 from truearc.sim.data import columns as cols
 from truearc.sim.data.dataset import Dataset, Shots, Times, Traces, Tracks
 from truearc.sim.data.table import Problems, RawTable, find_table, gathered, load_table
@@ -291,7 +290,7 @@ def load_rig(path: str | Path) -> Rig:
     text = load_text(path)
     for key in unknown_keys(parse_table(text, str(path)), Rig):
         print(f"warning: {path}: key {key} is not known and has no effect{near_key(key, Rig, None)}", file=sys.stderr)
-    return check_rig(parse_toml(text, Rig, str(path)), path)
+    return check_rig(parse_struct(text, Rig, str(path)), path)
 
 
 def states_three(rig: Rig | str | Path | Mapping[str, Any]) -> bool:

@@ -29,10 +29,9 @@ from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.conditions import ORDINARY, Circumstances
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import check_free, hash_dataset, save_dataset
-from truearc.sim.infer.belief import SCATTERS, Belief, draw, load_belief
-from truearc.sim.infer.curve import Curves, before_the_shot, owners, resized
+from truearc.sim.infer.belief import SCATTERS, Belief, Curves, before_the_shot, draw, load_belief, owners, resized
 from truearc.sim.infer.forecast import forecast
-from truearc.sim.infer.likelihood.launch_inputs import given_of
+from truearc.sim.infer.likelihood.data import given_of
 from truearc.sim.paper.network import load_json
 from truearc.sim.physics.catalogue import Catalogue, effective
 from truearc.sim.physics.launch import Exit

@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import norm
 
 from tests.sim.discover.made import column, gaussian, heights
-from truearc.sim.discover.select.term_ranking import efficient
+from truearc.sim.discover.select.terms import efficient
 from truearc.sim.infer.belief import Belief, point_belief
 from truearc.sim.infer.likelihood.score_table import PlaneScores, ScoreTable, make_evidence
 from truearc_proof.scoring.oracle import (

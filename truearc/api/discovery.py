@@ -19,19 +19,32 @@ from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import hash_dataset
 from truearc.sim.discover import investigate as engine
-from truearc.sim.discover.adopt import make_belief, with_worth
-from truearc.sim.discover.finding import FindingRecord, make_json
-from truearc.sim.discover.plan.detectability import Sight
-from truearc.sim.discover.plan.expected_information import foresee, foresee_dataset, is_planned
-from truearc.sim.discover.plan.experiment_design import can_design, make_design
-from truearc.sim.discover.report.design_report import SCHEMA, design_lines, design_table
+from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover.finding import (
+    CONFIGURATIONS,
+    FALSE_ALARM,
+    LEVEL,
+    PLANNED_SHOTS,
+    SEASON_SHOTS,
+    FindingRecord,
+    check_chances,
+    make_json,
+)
+from truearc.sim.discover.investigate import with_worth
+from truearc.sim.discover.plan.identifiability import Sight, foresee, foresee_dataset, is_planned
+from truearc.sim.discover.plan.next_steps import can_design, make_design
 from truearc.sim.discover.report.finding_text import console_lines
-from truearc.sim.discover.report.html_report import make_report, plot_residuals
-from truearc.sim.discover.report.identifiability_report import make_sight_page, sight_lines
-from truearc.sim.discover.settings import CONFIGURATIONS, FALSE_ALARM, LEVEL, PLANNED_SHOTS, SEASON_SHOTS, check_chances
+from truearc.sim.discover.report.pages import (
+    SCHEMA,
+    design_lines,
+    design_table,
+    make_report,
+    make_sight_page,
+    plot_residuals,
+    sight_lines,
+)
 from truearc.sim.infer.belief import Belief
-from truearc.sim.infer.likelihood.design_columns import check_believed
-from truearc.sim.infer.likelihood.external_measurements import Measurement, column_of
+from truearc.sim.infer.likelihood.layout import Measurement, check_believed, column_of
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.physics.term import Term
 from truearc.sim.printed import Printed, Progress
@@ -91,7 +104,7 @@ class Finding(FindingReport):
                 from before.
         """
         with about(self.name, ValueError):
-            belief, provenance = make_belief(self.investigation)
+            belief, provenance = make_belief(self.investigation, self.investigation.choice)
         if "at_limit" in provenance and self.investigation.belief is None:
             why, stopped = provenance.get("refused", ""), ", ".join(provenance["at_limit"])
             raise InputError(f"{self.name}: nothing is adopted: {stopped} stopped at the end of its range"

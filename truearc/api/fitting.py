@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, overload
+from typing import Any, Literal, overload
 
 import numpy as np
 from jaxtyping import Float
@@ -17,21 +17,16 @@ from truearc.errors import InputError, whole_file
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import hash_dataset
-from truearc.sim.infer.advise import Proposal, advise
 from truearc.sim.infer.belief import Belief, launcher_of, point_belief, ranges_of, replace_values, scale_of
-from truearc.sim.infer.crossval import CrossValidation, cross_validate
-from truearc.sim.infer.fit_text import fit_lines, number_text
-from truearc.sim.infer.map_fit import MapFit, fit_map
-from truearc.sim.infer.pool.partial_pooling import Pooling, one_rig, pool_normal, said_by
-from truearc.sim.infer.profile import Z90, ProfileInterval, profile_interval
+from truearc.sim.infer.fit import MapFit, fit_map
+from truearc.sim.infer.fit_report import CrossValidation, cross_validate, fit_lines, number_text
+from truearc.sim.infer.intervals import Pooling, ProfileInterval, one_rig, pool_normal, profile_interval, said_by
 from truearc.sim.paper.grid_fit import GridFit, Score, draw_map, explain, fit_grid, map_deviation, provenance_of, score
 from truearc.sim.paper.settings import STEP
 from truearc.sim.physics.term import Term
 from truearc.sim.physics.term_fields import LINEAR, from_scale
 from truearc.sim.printed import Printed, Progress, make_text
-
-if TYPE_CHECKING:
-    from truearc.sim.infer.posterior import Posterior
+from truearc.sim.statistics import Z90
 
 COLUMNS = ("parameter", "value", "low90", "high90", "unit", "closed")
 FEWEST = 2
@@ -44,14 +39,13 @@ class Fit(Printed):
 
     `intervals`: 90 % profile intervals, one per parameter, in its own unit; empty where the search did not converge.
     `holdout`: how well outcomes are predicted that the fit had not seen; None with fewer than two groups of outcomes.
-    `proposals`: shots that would tell more, best first. `solution`: the optimum with its curvature.
+    `solution`: the optimum with its curvature.
     """
 
     dataset: Dataset
     solution: MapFit
     intervals: tuple[ProfileInterval, ...]
     holdout: CrossValidation | None
-    proposals: tuple[Proposal, ...]
 
     @property
     def converged(self) -> bool:
@@ -72,21 +66,10 @@ class Fit(Printed):
         return Table(COLUMNS, tuple((one.name, one.value, one.low90, one.high90, units[one.name], one.closed)
                                     for one in self.intervals))
 
-    def sample(self, draws: int, seed: int = 0, progress: Progress = lambda done, note: None) -> "Posterior":
-        """Draw `draws` samples of the posterior by importance resampling; the same seed gives the same samples.
-
-        Raises:
-            InputError: `draws` is below 1 or `seed` is negative.
-        """
-        from truearc.sim.infer.posterior import sample
-        if draws < 1 or seed < 0:
-            raise InputError(f"draws is {draws}, at least 1 is needed; seed is {seed}, it cannot be negative")
-        return sample(self.solution, draws, seed, progress)
-
     def lines(self) -> list[str]:
-        """Return the report: data used, what cannot be told apart, estimates, scatter, hold-out score, next shots."""
+        """Return the report: data used, what cannot be told apart, estimates, scatter, hold-out score."""
         return [*(f"warning: {line}" for line in self.dataset.accepted),
-                *fit_lines(self.solution, self.intervals, self.holdout, self.proposals)]
+                *fit_lines(self.solution, self.intervals, self.holdout)]
 
     def _provenance(self) -> dict[str, Any]:
         fit = self.solution
@@ -203,15 +186,14 @@ def _fit_map(dataset: Dataset, terms: Iterable[str | Term] | None, progress: Pro
     solution = fit_map(dataset, names_of(terms, where, among) or (), lambda done, note: progress(0.4 * done, note),
                        among)
     if not solution.converged:
-        return Fit(dataset, solution, (), None, ())
+        return Fit(dataset, solution, (), None)
     intervals = []
     for number, name in enumerate(solution.names, 1):
         intervals.append(profile_interval(solution, name))
         progress(0.4 + 0.4 * number / len(solution.names), name)
     held = cross_validate(solution, lambda done, note: progress(0.8 + 0.15 * done, note))
-    proposals = advise(solution)
     progress(1.0, "done")
-    return Fit(dataset, solution, tuple(intervals), held, proposals)
+    return Fit(dataset, solution, tuple(intervals), held)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,12 +19,18 @@ from truearc.sim.aim.solve import chances_of
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.detect.always_valid import ChangeTest
-from truearc.sim.discover.finding import make_json
+from truearc.sim.discover.finding import (
+    FALSE_ALARM,
+    AimProposal,
+    BeliefFile,
+    ProposedEffect,
+    SetPointChange,
+    check_chances,
+    make_json,
+    with_id,
+)
 from truearc.sim.discover.investigate import follow_shots
-from truearc.sim.discover.proposal import AimProposal, BeliefFile, ProposedEffect, SetPointChange, with_id
-from truearc.sim.discover.report.effect_wording import plain, say_effect
-from truearc.sim.discover.report.finding_text import either
-from truearc.sim.discover.settings import FALSE_ALARM, check_chances
+from truearc.sim.discover.report.finding_text import either, plain, say_effect
 from truearc.sim.infer.belief import Belief
 from truearc.sim.printed import Printed, Progress
 

@@ -24,9 +24,8 @@ from truearc.sim.aim.make_table import RPM, AimRow, draw_aim, make_rows
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.conditions import circumstances_of
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.infer.belief import Belief
-from truearc.sim.infer.curve import along
-from truearc.sim.infer.likelihood.shot_columns import every_column
+from truearc.sim.infer.belief import Belief, along
+from truearc.sim.infer.likelihood.data import every_column
 from truearc.sim.physics.simulate import classify, opening_of
 from truearc.sim.physics.simulate import predict as fly_shots
 from truearc.sim.printed import Printed, Progress, make_text

@@ -120,9 +120,9 @@ def check(args: argparse.Namespace) -> int:
     """
     from truearc.sim.check.check import check_plausible
     from truearc.sim.compute import keep_compiled
-    from truearc.sim.discover.report.identifiability_report import sight_summary
+    from truearc.sim.discover.report.pages import sight_summary
     keep_compiled()
-    from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS, say_few
+    from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, say_few
     dataset = check_plausible(ta.load_dataset(args.dataset), args.accept)
     print("\n".join([*dataset.lines(), *ranges(dataset), *plausibility(dataset)]))
     few = len(dataset.shots) < FEWEST_SHOTS

@@ -10,7 +10,7 @@ import truearc as ta
 from truearc.cli import common
 from truearc.cli.outputs import out_file
 from truearc.errors import about
-from truearc.sim.discover import settings
+from truearc.sim.discover.plan.identifiability import settings
 
 LIKELY = 0.1                          # probability of a name, from which it is compared with its measurement
 FAR = 4.0                             # standard deviations by which they contradict each other
@@ -86,7 +86,7 @@ def discover(args: argparse.Namespace) -> int:
 
 def _contradicted(found: "ta.Finding", measured: Sequence[str]) -> list[str]:
     """A line for each likely name whose fitted size its measurement contradicts."""
-    from truearc.sim.infer.likelihood.external_measurements import read_measured
+    from truearc.sim.infer.likelihood.layout import read_measured
     sizes = {name.partition(".")[0]: size for name, size in read_measured(
         [word for word in measured if word.partition("=")[0] in {one.term for one in found.effects}], "--measured",
         found.investigation.catalogue).items()}
@@ -109,8 +109,7 @@ def investigate(args: argparse.Namespace, what: str, measured: Sequence[str] = (
     """The dataset and the finding in it, by the options of `add_baseline`; measured: as in --measured."""
     _check(args)
     from truearc.sim.compute import keep_compiled
-    from truearc.sim.infer.likelihood.design_columns import check_believed
-    from truearc.sim.infer.likelihood.external_measurements import read_measured
+    from truearc.sim.infer.likelihood.layout import check_believed, read_measured
     among = common.catalogue_of(args)
     with about("--believe"):
         check_believed(args.believe or (), among)

@@ -2,13 +2,10 @@
 
 import argparse
 import sys
-from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import truearc as ta
 from truearc.cli import common
-from truearc.cli.outputs import out_file, refuse_file
+from truearc.cli.outputs import out_file
 from truearc.sim.printed import Progress, part_of
 
 LONG = 50_000                         # shots that take over two seconds: progress is shown
@@ -22,32 +19,25 @@ def fit_options(parser: argparse.ArgumentParser) -> None:
                         help="terms to fit, comma-separated (default: [believe] of rig.toml)")
     common.add_terms_from(parser)
     common.add_accept(parser)
-    parser.add_argument("--posterior", type=common.number(int, 1), metavar="N",
-                        help="draw N samples of the posterior too, and save them beside --out as .npz")
-    parser.add_argument("--seed", type=common.number(int, 0), help="seed of --posterior, or of pooling (default 0)")
+    parser.add_argument("--seed", type=common.number(int, 0), help="seed of pooling (default 0)")
 
 
 def fit(args: argparse.Namespace) -> int:
     """Fit coefficients and shot-to-shot scatter by maximum a posteriori, from everything that a dataset has.
 
     Report 90 % intervals and which parameters the shots cannot tell apart. The paper's grid search is `truearc paper
-    fit`. Exit 1 where the fit did not settle or the posterior's chains did not mix.
+    fit`. Exit 1 where the fit did not settle.
     """
     if len(args.datasets) > 1:
-        common.refuse(args, ("--posterior",), "applies to one dataset only")
         return _pool(args)
-    if args.posterior is None:
-        common.refuse(args, ("--seed",), "applies with --posterior or several datasets only")
-    elif args.out is not None:
-        refuse_file(draws_path(args.out), args.force)
+    common.refuse(args, ("--seed",), "applies with several datasets only")
     fit = _fit(args, args.datasets[0], common.make_progress("fit", args.quiet))
     print(fit)
     if not fit.converged:
         return _refuse_unsettled(args.datasets[0])
-    more, mixed = ({}, True) if args.posterior is None else _sample(fit, args)
     if args.out is not None:
-        replace(fit.belief, provenance=fit.belief.provenance | more).save(args.out)
-    return 0 if mixed else 1
+        fit.belief.save(args.out)
+    return 0
 
 
 def _fit(args: argparse.Namespace, path: str, progress: Progress) -> "ta.Fit":
@@ -75,23 +65,6 @@ def _pool(args: argparse.Namespace) -> int:
     if args.out is not None:
         pooled.belief.save(args.out)
     return 0
-
-
-def _sample(fit: "ta.Fit", args: argparse.Namespace) -> tuple[dict[str, Any], bool]:
-    """(what the coefficients file says of the posterior, whether its chains have mixed); draws saved beside --out."""
-    from truearc.sim.infer.posterior import save_draws, say_posterior
-    drawn = fit.sample(args.posterior, args.seed or 0, common.make_progress("posterior", args.quiet))
-    print("\nposterior:", *say_posterior(drawn), sep="\n")
-    if args.out is not None:
-        path = draws_path(args.out)
-        save_draws(path, drawn)
-        print(f"{path}: {args.posterior} draws")
-    return {"posterior": {"seed": drawn.seed, "draws": drawn.count}}, drawn.converged
-
-
-def draws_path(out: Path) -> Path:
-    """Where the draws go: home.toml -> home.posterior.npz."""
-    return out.with_suffix(".posterior.npz")
 
 
 def predict_options(parser: argparse.ArgumentParser) -> None:

@@ -20,7 +20,7 @@ from truearc.cli.aim import parse_distances
 from truearc.cli.outputs import OutFolder
 from truearc.errors import about, load_bytes, naming
 from truearc.robot.aim_file import LONGEST_NOTE
-from truearc.sim.discover.settings import FALSE_ALARM, check_chances
+from truearc.sim.discover.finding import FALSE_ALARM, check_chances
 
 if TYPE_CHECKING:
     from truearc.api.following import Following, Proposed
@@ -128,7 +128,7 @@ class ShotWatch:
 
     def _propose(self, found: "Following", rig: "ta.Rig") -> None:
         from truearc.api.following import propose, sealed
-        from truearc.sim.discover.proposal import BeliefFile
+        from truearc.sim.discover.finding import BeliefFile
         progress = common.make_progress("discover", self.args.quiet)
         before = BeliefFile(self.args.belief, hashlib.sha256(load_bytes(self.args.belief)).hexdigest())
         try:

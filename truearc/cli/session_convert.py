@@ -95,9 +95,8 @@ def _flights(args: argparse.Namespace) -> Flights:
         from truearc.sim.compute import keep_compiled
         from truearc.sim.data.conditions import circumstances_of
         from truearc.sim.data.recordings import shots_from_sessions
-        from truearc.sim.infer.belief import load_belief
-        from truearc.sim.infer.curve import along
-        from truearc.sim.infer.likelihood.shot_columns import every_column
+        from truearc.sim.infer.belief import along, load_belief
+        from truearc.sim.infer.likelihood.data import every_column
         from truearc.sim.physics.simulate import trajectories
     except ModuleNotFoundError as error:
         raise InputError(f"--belief: needs {error.name}, which the robot's base install leaves out: "

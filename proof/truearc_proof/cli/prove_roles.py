@@ -13,7 +13,7 @@ from msgspec import structs
 from truearc.cli.common import make_progress, origin_of
 from truearc.errors import InputError
 from truearc.sim.compute import keep_compiled
-from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS
+from truearc.sim.infer.likelihood.data import FEWEST_SHOTS
 from truearc_proof.cli.prove_drive import FEWEST, LEVEL, driven_of, driven_table, learn_gates, play_driven, room_of
 from truearc_proof.report.html_page import make_proof_page, verdict
 from truearc_proof.report.tables import make_tables

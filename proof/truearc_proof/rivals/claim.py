@@ -14,12 +14,12 @@ import numpy as np
 from msgspec import Struct
 
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.investigate import Investigation
-from truearc.sim.discover.select.forecast_error import end_errors
-from truearc.sim.discover.select.refit import Refit, refit
-from truearc.sim.discover.select.term_ranking import Candidate, one_step
-from truearc.sim.infer.baseline_fit import BaselineFit, only_shared
-from truearc.sim.infer.held_out import unseen_change, without
+from truearc.sim.discover.adopt import Investigation
+from truearc.sim.discover.select.simulations import end_errors
+from truearc.sim.discover.select.terms import Candidate, Refit, one_step, refit
+from truearc.sim.infer.fit import BaselineFit
+from truearc.sim.infer.likelihood.layout import only_shared
+from truearc.sim.infer.likelihood.score_table import unseen_change, without
 
 Array = np.ndarray
 FOLDS = 5

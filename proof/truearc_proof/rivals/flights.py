@@ -42,8 +42,8 @@ import numpy as np
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.conditions import circumstances_of
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.select.forecast_error import FORECAST
-from truearc.sim.infer.likelihood.track_noise import gather_samples
+from truearc.sim.discover.select.simulations import FORECAST
+from truearc.sim.infer.likelihood.observations import gather_samples
 from truearc.sim.physics.catalogue import find_terms
 from truearc.sim.physics.simulate import launch_of, launch_state, own_balls
 

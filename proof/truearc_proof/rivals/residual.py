@@ -22,9 +22,9 @@ from threadpoolctl import threadpool_limits
 
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.detect.covariates import FOLLOWED, Covariate, gather_covariates
-from truearc.sim.discover.select.forecast_error import track_errors
-from truearc.sim.infer.baseline_fit import only_shared
-from truearc.sim.infer.held_out import unseen_change, without
+from truearc.sim.discover.select.simulations import track_errors
+from truearc.sim.infer.likelihood.layout import only_shared
+from truearc.sim.infer.likelihood.score_table import unseen_change, without
 from truearc.sim.physics.catalogue import TERMS
 from truearc_proof.rivals.claim import Array, Claim, RivalBelief, folds, rms
 

@@ -22,7 +22,7 @@ from msgspec import Struct
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import load_dataset
-from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS
+from truearc.sim.infer.likelihood.data import FEWEST_SHOTS
 from truearc.sim.physics.catalogue import TERMS
 from truearc.sim.printed import Progress
 from truearc_proof.parallel import fan_out

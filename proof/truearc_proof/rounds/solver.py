@@ -128,7 +128,8 @@ def believed_by(found: ta.Finding) -> dict[str, Any]:
     """Return the beliefs before and after the finding, which the sealed test compares by their forecasts."""
     if not found.investigation.steps:
         return {}
-    before, after = (make_belief(one)[0] for one in (replace(found.investigation, steps=()), found.investigation))
+    before = make_belief(replace(found.investigation, steps=()))[0]
+    after = make_belief(found.investigation, found.investigation.choice)[0]
     return {"believed": {"before": as_table(before), "after": as_table(after)}}
 
 

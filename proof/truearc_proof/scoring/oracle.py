@@ -14,20 +14,14 @@ import numpy as np
 
 from truearc.sim.data.conditions import circumstances_of, counts_shots
 from truearc.sim.data.dataset import Dataset, join_datasets
-from truearc.sim.discover.investigate import Investigation
-from truearc.sim.discover.plan.experiment_design import Contest, worth
-from truearc.sim.discover.select.refit import refit
-from truearc.sim.discover.select.term_ranking import ALIAS, efficient, nats_for, visible_terms
-from truearc.sim.infer.baseline_fit import BaselineFit, fit_believed
-from truearc.sim.infer.belief import Belief, point_belief
-from truearc.sim.infer.curve import along
-from truearc.sim.infer.fitted_belief import coefficients_of
-from truearc.sim.infer.held_out import unseen_score, without
-from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
-from truearc.sim.infer.likelihood.external_measurements import column_of
-from truearc.sim.infer.likelihood.prepared_data import take_in
-from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, plane_terms
-from truearc.sim.infer.likelihood.shot_columns import every_column
+from truearc.sim.discover.adopt import Investigation
+from truearc.sim.discover.plan.next_steps import Contest, worth
+from truearc.sim.discover.select.terms import ALIAS, efficient, nats_for, refit, visible_terms
+from truearc.sim.infer.belief import Belief, along, point_belief
+from truearc.sim.infer.fit import BaselineFit, coefficients_of, fit_believed
+from truearc.sim.infer.likelihood.data import every_column, take_in
+from truearc.sim.infer.likelihood.layout import column_of, groups_of, lay_out
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, plane_terms, unseen_score, without
 from truearc.sim.physics.catalogue import BUILT_IN
 from truearc.sim.physics.simulate import opening_of, predict
 from truearc_proof.scoring.score_finding import ALIASES, PARAMETER

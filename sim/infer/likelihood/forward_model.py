@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float, Int
 from truearc.robot.config.rig_spec import Ball, Rig
 from truearc.sim.compute import each_core
 from truearc.sim.data.conditions import Circumstances
-from truearc.sim.infer.curve import resized
+from truearc.sim.infer.belief import resized
 from truearc.sim.physics import catalogue as stages
 from truearc.sim.physics.catalogue import BUILT_IN, Catalogue, effective, find_terms
 from truearc.sim.physics.flight import AHEAD, SHARE, SLOWEST_M_S, Law, apart, make_law, together

@@ -7,9 +7,9 @@ from benchmarks.compare import claim_of
 from tests.sim.discover.made import at_least_squares, column, gaussian
 from tests.sim.discover.straight import ASKED, NAMES, lay_straight, take_straight
 from truearc.errors import InputError
-from truearc.sim.discover.select.refit import Refit
-from truearc.sim.infer.baseline_fit import BaselineFit
-from truearc.sim.infer.likelihood.linearization import LinearizationPoint
+from truearc.sim.discover.select.terms import Refit
+from truearc.sim.infer.fit import BaselineFit
+from truearc.sim.infer.likelihood.layout import LinearizationPoint
 from truearc.sim.infer.likelihood.noise import SCATTERS
 from truearc_proof import rivals as entrants
 from truearc_proof.rivals.claim import RivalBelief, answer_argmax

@@ -15,14 +15,13 @@ from truearc.api.discovery import _check_since
 from truearc.errors import InputError
 from truearc.sim.data.importers.imported import doubts_of, only
 from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover.detect.battery import compare_trackers
 from truearc.sim.discover.detect.localization import locate
-from truearc.sim.discover.detect.tracker_change import compare_trackers
 from truearc.sim.discover.investigate import detect, discover, make_search
-from truearc.sim.infer.baseline_fit import fit_believed
 from truearc.sim.infer.belief import point_belief
-from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
-from truearc.sim.infer.likelihood.prepared_data import take_in
-from truearc.sim.infer.map_fit import fit_map
+from truearc.sim.infer.fit import fit_believed, fit_map
+from truearc.sim.infer.likelihood.data import take_in
+from truearc.sim.infer.likelihood.layout import groups_of, lay_out
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.simulate import predict
 from truearc_proof.importers.ball_butler import import_ball_butler

@@ -13,8 +13,17 @@ from truearc.robot.config.rig_spec import Noise
 from truearc.sim.data.conditions import ORDINARY
 from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.detect.covariates import smooth_shapes, spline_knots
-from truearc.sim.infer.belief import Belief, draw, load_belief, point_belief, replace_values
-from truearc.sim.infer.curve import Curve, along, before_the_shot, natural
+from truearc.sim.infer.belief import (
+    Belief,
+    Curve,
+    along,
+    before_the_shot,
+    draw,
+    load_belief,
+    natural,
+    point_belief,
+    replace_values,
+)
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.paper.synthetic import assign, fly_draws
 from truearc.sim.physics.catalogue import effective, flight_terms

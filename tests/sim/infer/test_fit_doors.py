@@ -106,7 +106,7 @@ def test_a_cell_that_is_empty_is_named_with_file_shot_and_column(home, capsys):
     assert f"{path}: shots late: distance_m is needed and missing" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("option", "value"), [("--terms", ""), ("--terms", "drag"), ("--posterior", "5")])
+@pytest.mark.parametrize(("option", "value"), [("--terms", ""), ("--terms", "drag"), ("--seed", "5")])
 def test_paper_fit_refuses_options_of_fit(home, capsys, option, value):
     assert main(["paper", "fit", str(home), option, value, "--quiet"]) == 2
     assert f": {option}: there is no such option" in capsys.readouterr().err

@@ -13,7 +13,7 @@ from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noi
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
 from truearc.sim.discover.report.build_finding import untested
-from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc.sim.infer.likelihood.data import take_in
 
 MASS, RADIUS, AIR, CD, CL, NOISE_M = 0.14, 0.0889, 1.2, 0.5, 0.12, 0.004
 RIG = Rig(Ball(MASS, RADIUS), LauncherFacts(release_height_m=1.0), air=Air(AIR), noise=Noise(track_m=NOISE_M),

@@ -1,6 +1,7 @@
-"""A dataset -> arrays for the chain and the likelihood: what was believed of each shot, and what was seen of it."""
+"""A dataset as arrays for the chain and the likelihood: what was believed of each shot, and what was seen of it."""
 
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -9,11 +10,10 @@ from jaxtyping import Bool, Float, Int
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Believe, Noise, Rig
 from truearc.sim.data.columns import SPIN_VECTOR
-from truearc.sim.data.conditions import Circumstances, circumstances_of
+from truearc.sim.data.conditions import Circumstances, circumstances_of, counts_shots, gather_circumstances
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.infer.curve import Curves, along
+from truearc.sim.infer.belief import Curves, along
 from truearc.sim.infer.likelihood.forward_model import DEVIATES, ShotBatch
-from truearc.sim.infer.likelihood.launch_inputs import given_of
 from truearc.sim.infer.likelihood.noise import (
     EXIT_DEG,
     EXIT_SPEED_M_S,
@@ -24,13 +24,206 @@ from truearc.sim.infer.likelihood.noise import (
     PLACE_M,
     SPIN_SHARE,
 )
-from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS, say_few, say_left_out
-from truearc.sim.infer.likelihood.outcome_likelihood import OutcomeObservations, see_outcomes
+from truearc.sim.infer.likelihood.observations import (
+    OutcomeObservations,
+    Samples,
+    Scatter,
+    gather_samples,
+    gather_times,
+    measure_scatter,
+    see_outcomes,
+)
 from truearc.sim.infer.likelihood.score_table import Array
-from truearc.sim.infer.likelihood.shot_columns import every_column
-from truearc.sim.infer.likelihood.track_noise import Samples, Scatter, gather_samples, gather_times, measure_scatter
 from truearc.sim.physics.launch import Exit, exit_no_slip, is_opposed
-from truearc.sim.physics.simulate import has_wheels, own_balls
+from truearc.sim.physics.simulate import (
+    ORDINARY,
+    by_wheels,
+    has_wheels,
+    launch_of,
+    launch_state,
+    own_balls,
+    require,
+    roll,
+)
+
+FEWEST_SHOTS = 10                     # by which a simulation is judged
+
+Which = Bool[np.ndarray, " n"]
+
+
+def say_few(count: int) -> str:
+    """Say what so few shots cannot tell."""
+    few = "1 shot is" if count == 1 else f"{count} shots are"
+    return f"{few} too few to judge a simulation by; {FEWEST_SHOTS} at least"
+
+
+def say_left_out(rig: Rig, shots: Shots, use: Which, marked: Which, tracked: Which) -> tuple[str, ...]:
+    """A line for each reason why a shot, or its outcome, is not used.
+
+    use: any of it is. marked: it has an outcome, side or height that tells how high it was. tracked: it has a track.
+    """
+    sped = has_wheels(rig, shots) | np.isfinite(shots.number("exit_speed_m_s"))
+    aimed = np.isfinite(shots.number("hood_deg")) | np.isfinite(shots.number("exit_deg"))
+    beside = np.isin(shots.text("side"), ("left", "right")) & ~marked
+    placed = np.isfinite(shots.number("distance_m"))
+    launched = sped & aimed
+    reasons = (
+        (~use & launched & beside, "missed left or right, without information about the height"),
+        (~use & launched & ~marked & ~beside,
+         "nothing was seen of their flight: no outcome, side, miss_height_m, exit_*, track or time"),
+        (~use & marked & ~placed, "no distance_m"),
+        (use & marked & launched & ~placed, "their outcome only: no distance_m"),
+        (~use & ~sped, "no launch speed: motor_ratio (with launcher.free_speed_rad_s in rig.toml), every "
+                       "wheel_<name>_rad_s, or exit_speed_m_s"),
+        (~use & ~aimed, "no hood_deg or exit_deg"),
+        (marked & tracked & ~launched, "their outcome only: no launch, the track alone counts"),
+    )
+    return tuple(f"{int(which.sum())} of {len(shots)} shots: {why} ({_names(shots, which)})" for which, why in reasons
+                 if which.any())
+
+
+def _names(shots: Shots, which: Which, most: int = 3) -> str:
+    names = [shots.shot_id[row] for row in np.flatnonzero(which)]
+    return ", ".join(names[:most]) + (", ..." if len(names) > most else "")
+
+
+ENERGY = "energy_of_wheels"           # taken by a shot, (rad/s)^2: times their inertia it is in joules
+WORN = "shots_of_ball"                # that its ball had before, by the most that any has had
+Each = Float[np.ndarray, " n"]        # a number of each shot
+
+
+def every_column(dataset: Dataset) -> dict[str, Any]:
+    """All that is known of each shot by name: numbers [n], and texts."""
+    return {**{name: dataset.shots.text(name) for name in dataset.shots.texts}, **number_columns(dataset)}
+
+
+def number_columns(dataset: Dataset) -> dict[str, Each]:
+    """Every number a shot, by name: as recorded, and derived."""
+    columns = {"t_s": dataset.shots.number("t_s"), **dataset.shots.numbers}
+    derived = launch_state(dataset.facts, dataset.shots), *(
+        derive(dataset) for derive in (_time_columns, _circumstance_columns, _trace_columns))
+    for more in derived:
+        columns |= {name: values for name, values in more.items() if name not in columns}
+    return columns
+
+
+def _time_columns(dataset: Dataset) -> dict[str, Each]:
+    """Place of each shot in its session, and the wait since the shot before; none where a shot has no time."""
+    shots = dataset.shots
+    if not shots.timed:
+        return {}
+    sessions = np.array(shots.text("session"))
+    order, wait = np.zeros(len(shots)), np.full(len(shots), np.nan)
+    for session in np.unique(sessions):
+        rows = np.flatnonzero(sessions == session)
+        rows = rows[np.argsort(shots.number("t_s")[rows], kind="stable")]
+        order[rows] = np.arange(len(rows))
+        wait[rows[1:]] = np.diff(shots.number("t_s")[rows])
+    return {"order_in_session": order, "since_last_shot_s": wait}
+
+
+def _circumstance_columns(dataset: Dataset) -> dict[str, Each]:
+    """What terms follow and no column says as it is: the way the hood came, the wheels' dip, the ball's earlier shots.
+    """
+    wanted = {"hood_change": "hood_change", "droop": "wheel_dip"}
+    wanted |= {"age": WORN} if counts_shots(dataset.shots) else {}
+    found = gather_circumstances(dataset)
+    return {name: np.where(found[field].said, found[field].value, np.nan) for field, name in wanted.items()}
+
+
+def _trace_columns(dataset: Dataset) -> dict[str, Each]:
+    """Of each telemetry signal its value when the ball is fed, and how far it dips below that; the wheels' energy."""
+    if dataset.traces is None:
+        return {}
+    traces, n = dataset.traces, len(dataset.shots)
+    signals = np.array(traces.signal)
+    columns: dict[str, Each] = {}
+    for signal in np.unique(signals):
+        first, lowest = np.full(n, np.nan), np.full(n, np.nan)
+        here = np.flatnonzero(signals == signal)
+        here = here[np.lexsort((traces.t_s[here], traces.shot[here]))]
+        shots, starts = np.unique(traces.shot[here], return_index=True)
+        for shot, rows in zip(shots, np.split(here, starts[1:]), strict=True):
+            fed = np.abs(traces.t_s[rows]).argmin()
+            first[shot] = traces.value[rows[fed]]
+            lowest[shot] = first[shot] - traces.value[rows[fed:]].min()
+        columns |= {f"fed_{signal}": first, f"dip_{signal}": lowest}
+    return columns | _energy_column(columns)
+
+
+def _energy_column(columns: dict[str, Each]) -> dict[str, Each]:
+    """Energy that the wheels give the ball or lose beside it: half the drop of their squared speeds, summed, which
+    is energy over the inertia that no file states. A ball that leaves slower than what it took would have it has lost
+    the rest: squeezed, slipped, rubbed."""
+    wheels = [name.removeprefix("fed_") for name in columns if name.startswith("fed_wheel_")]
+    if not wheels:
+        return {}
+    drops = [0.5 * (columns[f"fed_{one}"]**2 - (columns[f"fed_{one}"] - columns[f"dip_{one}"])**2) for one in wheels]
+    return {ENERGY: np.sum(drops, axis=0)}
+
+
+SLOWEST_M_S = 0.1                     # a slower launch goes nowhere, whatever its uncertainty
+
+
+class Given(NamedTuple):
+    """Launches as the robot's own instruments have them before the shot; numpy arrays.
+
+    rolling: by the wheels without launch terms and the hood; a speed, elevation or spin that was measured on the ball
+    has `rolled`, `hooded` or `spun` False, and no scatter of the launch comes on top of it. wheel_log_speed and
+    wheel_spin_rev_s: what one standard deviation of each wheel's noise does to the log of that speed and to the
+    spin. elevation_sd_rad and distance_sd_m: standard deviations.
+    """
+
+    rolling: Exit
+    rolled: Bool[Any, " n"]
+    hooded: Bool[Any, " n"]
+    spun: Bool[Any, " n"]
+    distance_m: Float[Any, " n"]
+    wheel_log_speed: Float[Any, "n w"]
+    wheel_spin_rev_s: Float[Any, "n w"]
+    elevation_sd_rad: Float[Any, " n"]
+    distance_sd_m: Float[Any, " n"]
+    circumstances: Circumstances = ORDINARY
+
+    @property
+    def whose(self) -> Exit:
+        """Which parts of the launch are the robot's own, as truearc.sim.physics.simulate wants it."""
+        return Exit(self.rolled, self.hooded, self.spun, True)
+
+
+def given_of(rig: Rig, shots: Shots, circumstances: Circumstances = ORDINARY) -> Given:
+    """Launches of shots with wheel speeds (or motor_ratio) and hood_deg; InputError names shots that lack one.
+
+    Measured exit columns take precedence as in truearc.sim.physics.simulate.launch_of, with the uncertainty above.
+    circumstances: of these shots.
+    """
+    speed_m_s = shots.number("exit_speed_m_s")
+    by_camera, spin_seen = (~np.isnan(shots.number(name)) for name in ("exit_deg", "exit_spin_rev_s"))
+    exit = launch_of(rig, shots)
+    log_speed, spin_rev_s = _by_deviation(rig, exit, ~np.isnan(speed_m_s), spin_seen)
+    return Given(exit, by_wheels(shots), ~by_camera, ~spin_seen, require(shots, "distance_m"), log_speed, spin_rev_s,
+                 np.radians(np.where(by_camera, EXIT_DEG, rig.noise.hood_deg)),
+                 np.full(len(shots), rig.noise.distance_m), circumstances)
+
+
+def _by_deviation(rig: Rig, exit: Exit, speed_seen: Bool[np.ndarray, " n"],
+                  spin_seen: Bool[np.ndarray, " n"]) -> tuple[Float[np.ndarray, "n w"], Float[np.ndarray, "n w"]]:
+    """What one deviation of each wheel, of a measured speed and of a measured spin does: [n, wheels + 2] twice.
+
+    Launches are linear in the wheels' speeds, so that of one wheel alone is the derivative. Wheels are read apart;
+    for those on one belt (speeds by motor_ratio) this overstates the uncertainty of the spin a little.
+    """
+    radius_m = np.array([wheel.radius_m for wheel in rig.launcher.wheel])
+    one_speed, one_spin = np.zeros((2, 0))
+    if radius_m.size:
+        one_speed, one_spin = roll(rig, np.diag(radius_m) * rig.noise.wheel_rad_s)
+    per_m_s = 1.0 / np.maximum(exit.speed_m_s, SLOWEST_M_S)
+    zero = np.zeros_like(per_m_s)
+    speed = np.outer(~speed_seen * per_m_s, one_speed)
+    spin = np.outer(~spin_seen, one_spin)
+    return (np.column_stack([speed, speed_seen * per_m_s * EXIT_SPEED_M_S, zero]),
+            np.column_stack([spin, zero, spin_seen * EXIT_SPIN_REV_S]))
+
 
 NONE: Curves = {}
 AT_REST_M_S = 1e-3                    # drag has no slope where there is no speed

@@ -1,27 +1,232 @@
-"""The report for a driver coach: verdict, where, what, what it is worth, what to do next; then the fine print."""
+"""Reports as pages and as lines on the terminal: of a finding, of what data could tell, of a plan of further shots."""
 
 import html
+from collections import Counter
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from msgspec import UnsetType
 
-from truearc.sim.discover.detect.covariates import CovariatePair
-from truearc.sim.discover.detect.residuals import View, halves, views_of
+from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.discover.adopt import Investigation
+from truearc.sim.discover.decide import form_of, gain_interval
+from truearc.sim.discover.detect.covariates import IN_FLIGHT, CovariatePair
 from truearc.sim.discover.finding import FindingRecord
-from truearc.sim.discover.investigate import Investigation
-from truearc.sim.discover.plan.detectability import sight_of
+from truearc.sim.discover.plan.identifiability import TAKEN, Fittable, Sight, TermIdentifiability, sight_of
+from truearc.sim.discover.plan.next_steps import MOST_RANDOM, Block, Design
 from truearc.sim.discover.report import finding_text as wording
-from truearc.sim.discover.report.effect_wording import IN_FLIGHT, in_words, plain, say_effect
-from truearc.sim.discover.report.finding_plots import curve_png, field_png, flight_png, residual_figure
-from truearc.sim.discover.report.identifiability_report import sight_section, sight_sentence
-from truearc.sim.discover.select.name_effects import Step
+from truearc.sim.discover.report.finding_text import WORDING, in_words, plain, say_effect, size_of
+from truearc.sim.discover.report.pictures import (
+    View,
+    curve_png,
+    field_png,
+    flight_png,
+    halves,
+    residual_figure,
+    sight_png,
+    views_of,
+)
+from truearc.sim.discover.select.effects import Step
 from truearc.sim.infer.likelihood.score_table import Array
-from truearc.sim.physics.catalogue import Catalogue
+from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_terms
+from truearc.sim.printed import make_text
 from truearc.sim.report import NO_ORIGIN, Origin, make_page, make_png, paragraph, picture, table
 from truearc.sim.statistics import POINTS_THREE
+
+MOST_SHOTS = 10_000                   # beyond which the number is no longer said
+NEXT = 4                              # effects beyond what is shown that a summary lists
+SURE = 0.8                            # power that counts as "would be seen"
+METHOD = (
+    "Expected Fisher information: what is left of each effect's after the fitted coefficients, scatters and the random "
+    "effects of balls (or sessions) have absorbed what they can. Seen means that truearc discover reports a mismatch "
+    "four times in five, at 5 % false alarms over all terms, if this one effect is there at its usual size and no "
+    "other; naming it takes more shots. Effects whose patterns over the shots are alike to 0.95 or more are listed as "
+    "one. Small effects are assumed, so that everything is linear in them.")
+
+
+def sight_lines(sight: Sight, among: Catalogue | None = None) -> list[str]:
+    """The table on the terminal."""
+    lines = [sight_sentence(sight), ""]
+    head = ("effect", "stage", "usual size", "left", "shots needed", "like")
+    rows = [_row(one, among) for one in sight.terms if one.shots_needed is not None]
+    lines += make_text(head, rows, right=(3, 4))
+    lines += ["", *(f"one and the same to these data, while small: {', '.join(group)}" for group in sight.classes)]
+    lines += [f"never seen: {one.term}: {why_not(one, among)}" for one in sight.terms if one.shots_needed is None]
+    lines.append("fitted anyway: " + ", ".join(f"{one.name} {_uncertainty(one, one.after)}" for one in sight.fitted))
+    return lines
+
+
+def sight_summary(sight: Sight, among: Catalogue | None = None) -> list[str]:
+    """What these shots would show, and which effects the next few shots would add, in three lines at most."""
+    possible = sorted((one.shots_needed, one.term, one.power) for one in sight.terms if one.shots_needed is not None)
+    shown = [plain(term, among) for _, term, power in possible if power >= SURE]
+    more = [f"{plain(term, among)} ({_shots(needed)})" for needed, term, power in possible if power < SURE]
+    said = (("would be seen", shown), ("with more shots", more[:NEXT]))
+    return [sight_sentence(sight), *(f"  {what}: {', '.join(names)}" for what, names in said if names)]
+
+
+def _row(one: TermIdentifiability, among: Catalogue | None) -> tuple[str, ...]:
+    like = "" if one.like is None else f"{one.like} {one.correlation:+.2f}"
+    return (one.term, one.stage, size_of(one.term, one.usual, one.unit, among), f"{one.share_left:.1%}",
+            _shots(one.shots_needed or 0), like)
+
+
+def _shots(needed: int) -> str:
+    """The number of shots, up to MOST_SHOTS."""
+    return str(needed) if needed <= MOST_SHOTS else f"over {MOST_SHOTS}"
+
+
+def sight_sentence(sight: Sight) -> str:
+    """How many effects would be seen, and the one thing to keep in mind."""
+    shown = [one for one in sight.terms if one.power >= SURE]
+    possible = [one for one in sight.terms if one.shots_needed is not None]
+    more, never = len(possible) - len(shown), len(sight.terms) - len(possible)
+    said = (f"{sight.shots} shots of this kind ({sight.level}) would show {len(shown)} of {len(sight.terms)} effects "
+            "at their usual size, four times in five")
+    said += f"; {more} more need more shots" if more else ""
+    said += f"; {never} {'is' if never == 1 else 'are'} undetectable with any number of shots" if never else ""
+    return f"{said}."
+
+
+def why_not(one: TermIdentifiability, among: Catalogue | None = None) -> str:
+    """Why no number of shots would show it, and what would."""
+    term = as_catalogue(among).get(one.term)
+    if term is not None and term.unseen:
+        return term.unseen
+    record = f"; record {term.record}" if term is not None and term.record else ""
+    if one.why == TAKEN:
+        return f"what it does, {', '.join(one.taken_by) or 'the fit'} would absorb{record}"
+    varied = ", not always the same" if record else ""
+    return f"nothing in these data depends on it{record}{varied}"
+
+
+def sight_section(sight: Sight, opened: bool = False, among: Catalogue | None = None) -> str:
+    """The summary, with picture and tables to unfold; or these opened, for where the summary stands already."""
+    inner = picture(sight_png(sight, among), "shots needed for each effect",
+                    "Full colour: fewer than these shots will do.")
+    inner += _table(sight, among) + _never(sight, among) + _fitted(sight) + paragraph(METHOD, dim=True)
+    if opened:
+        return _alike(sight, among) + inner
+    return (paragraph(sight_sentence(sight)) + _alike(sight, among)
+            + f"<details><summary>Effect by effect</summary>{inner}</details>")
+
+
+def make_sight_page(name: str, sight: Sight, among: Catalogue | None = None, origin: Origin = NO_ORIGIN) -> str:
+    """HTML page of what data of the rig `name` could tell."""
+    believed = ", ".join(plain(one, among) for one in sight.believed)
+    return make_page(f"truearc identifiability: {name}", sight_sentence(sight), [
+        ("Before any data", paragraph(f"Believed: {believed}. Tested: every other effect of the catalogue.")
+         + sight_section(sight, True, among))], origin)
+
+
+def _alike(sight: Sight, among: Catalogue | None) -> str:
+    if not sight.classes:
+        return ""
+    items = "".join(f"<li>{html.escape(' = '.join(plain(one, among) for one in group))}</li>"
+                    for group in sight.classes)
+    return ("<p>While they are small, these are one and the same to these data, and only a measurement tells which:</p>"
+            f"<ul>{items}</ul>")
+
+
+def _table(sight: Sight, among: Catalogue | None) -> str:
+    rows = [(plain(one.term, among), one.stage, size_of(one.term, one.usual, one.unit, among),
+             size_of(one.term, one.smallest or 0.0, one.unit, among), f"{one.power:.0%}", _shots(one.shots_needed or 0),
+             f"{one.share_left:.1%}", "" if one.like is None else f"{plain(one.like, among)} ({one.correlation:+.2f})")
+            for one in sight.terms if one.shots_needed is not None]
+    return table(("effect", "stage", "usual size", f"seen from, with {sight.shots} shots", "seen at usual size",
+                  "shots needed", "left after the fit", "most alike"), rows)
+
+
+def _never(sight: Sight, among: Catalogue | None) -> str:
+    rows = [(plain(one.term, among), one.stage, why_not(one, among)) for one in sight.terms if one.shots_needed is None]
+    return paragraph("No number of these shots would show:") + table(("effect", "stage", "why"), rows) if rows else ""
+
+
+def _fitted(sight: Sight) -> str:
+    rows = [(one.name, _uncertainty(one, one.before), _uncertainty(one, one.after)) for one in sight.fitted]
+    return paragraph("Fitted anyway:") + table(("number", "uncertainty before", "after these shots"), rows)
+
+
+def _uncertainty(one: Fittable, sd: float) -> str:
+    """A standard deviation; of scatters, which are known by their logs, a factor."""
+    if one.name.startswith("scatter."):
+        return f"within a factor of {np.exp(sd):.2f}"
+    return f"± {sd:.2g}" + ("" if one.unit == "1" else f" {one.unit}")
+
+
+SCHEMA = "truearc.design/1"
+# How a shot must be like the one it is named after, where a name that competes follows a circumstance.
+AS_THEN: dict[str, str] = WORDING["as_then"]
+LEAST_GAIN = 0.01                     # probability by which a plan must raise that of one name that stands alone
+SETTINGS = ("distance_m", "hood_deg", "motor_ratio", "exit_speed_m_s", "exit_deg")
+
+
+def design_table(design: Design, dataset: Dataset, step: Step, among: Catalogue | None = None) -> dict[str, Any]:
+    """Return the plan as plain values, without schema and verdict; `next` as in truearc.finding/1."""
+    names = [name.partition(".")[0] for name in design.names]
+    rows = step.fitted.evidence.rows
+    shoot = [{"do": "shoot", **_settings(dataset.shots, int(rows[block.row]), block.pace), "shots": block.shots,
+              "separates": names}
+             for block in _together(design.blocks)]
+    measure = [{"do": "measure", "instrument": one.instrument.id, "what": one.instrument.what,
+                "separates": list(one.terms), "probability": one.probability}
+               for one in design.measurements if not (one.instrument.filmed and dataset.tracks is not None)]
+    follow = [term.follows for term in find_terms(names, among)]
+    return {"names": dict(zip(names, map(float, design.probability), strict=True)),
+            "as_then": [AS_THEN[one] for one in dict.fromkeys(follow) if one in AS_THEN],
+            "probability_before": design.before, "probability_after": design.after,
+            "random_shots_worth_as_much": design.random, "next": shoot + measure}
+
+
+def design_lines(table: dict[str, Any], among: Catalogue | None = None) -> list[str]:
+    """Return the plan as text, line by line."""
+    names = ", ".join(f"{plain(name, among)} ({share:.0%})" for name, share in table["names"].items())
+    shoot = [one for one in table["next"] if one["do"] == "shoot"]
+    total = sum(one["shots"] for one in shoot)
+    lines = [f"To tell apart: {names}."]
+    for one in shoot:
+        where = ", ".join(f"{name} {value:.4g}" for name, value in one.items() if name in SETTINGS)
+        pace = one.get("pace", 1.0)
+        wheels = "" if pace == 1.0 else f", wheels {abs(pace - 1.0):.0%} {'faster' if pace > 1.0 else 'slower'}"
+        lines.append(f"  {one['shots']:4d} shots at {where} (as shot {one['like']}{wheels})")
+    if table["as_then"]:
+        lines.append(f"As then also with {', '.join(table['as_then'])}: a name that is left follows that.")
+    random = table["random_shots_worth_as_much"]
+    worth = f"more than {MOST_RANDOM} times as many as there are" if random is None else f"{random}"
+    before, after = table["probability_before"], table["probability_after"]
+    if after < before + LEAST_GAIN:
+        lines.append(f"Such shots hardly help, if one of these it is: the right one stands alone (95 % sure) with a "
+                     f"probability of {before:.0%} now.")
+        return lines + _measurements(table, before)
+    lines.append(f"After these {total} shots the right one stands alone (95 % sure) with a probability of "
+                 f"{after:.0%}, now {before:.0%}; of shots like the present "
+                 f"ones it would take {worth} to part them as well.")
+    return lines + _measurements(table, before)
+
+
+def _measurements(table: dict[str, Any], before: float) -> list[str]:
+    """Those that part the names better than the present shots do."""
+    return [f"Or measure {one['what']}: {one['probability']:.0%}." for one in table["next"]
+            if one["do"] == "measure" and one["probability"] > before]
+
+
+def _together(blocks: tuple[Block, ...]) -> list[Block]:
+    """Blocks of one configuration as one."""
+    times = Counter(blocks)
+    return [replace(block, shots=block.shots * count) for block, count in times.items()]
+
+
+def _settings(shots: Shots, row: int, pace: float) -> dict[str, Any]:
+    wheels = [name for name in shots.numbers if name.startswith("wheel_") and name.endswith("_rad_s")]
+    driven = {"motor_ratio", "exit_speed_m_s", *wheels}
+    known = {name: float(shots.number(name)[row]) * (pace if name in driven else 1.0) for name in (*SETTINGS, *wheels)}
+    like = {"like": shots.shot_id[row], **({} if pace == 1.0 else {"pace": pace})}
+    return {**like, **{name: round(value, 4) for name, value in known.items() if value == value}}
+
 
 HERE = files("truearc.sim.discover.report")
 STYLE = (HERE / "finding.css").read_text(encoding="utf-8")
@@ -197,7 +402,7 @@ def _names(finding: FindingRecord, among: Catalogue) -> str:
     if len(members) > 1:
         listed = wording.either([plain(name, among) for name in finding.set or ()], "and")
         cannot = f"These data cannot tell {listed} apart (orange)."
-        if wording.outweighs([one for one in finding.what if one.term in members]):
+        if form_of([one.probability for one in finding.what if one.term in members]) == "likely":
             cannot = f"In orange what cannot be excluded: {listed}."
         said = paragraph(cannot) + said
     sure = wording.say_how_sure(finding)
@@ -217,7 +422,7 @@ def _bar(name: str, probability: float, kind: str, bold: bool, note: str) -> str
 
 def _worth(finding: FindingRecord) -> str:
     fit = finding.fit
-    interval = None if fit is None else wording.gained_interval(fit)
+    interval = None if fit is None else gain_interval(fit)
     if fit is None or interval is None:
         return ""
     rows = [("outcome accuracy [%]", _percent(fit.accuracy_before), _percent(fit.accuracy_after)),

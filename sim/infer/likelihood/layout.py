@@ -1,18 +1,25 @@
-"""The columns that are tested, for one dataset and belief: free changes, terms, and shared parameters."""
+"""The columns that are fitted and tested, for one dataset and belief, with their priors.
 
-from collections.abc import Iterable
-from dataclasses import replace
+Columns are free changes, terms, and shared parameters. Priors are the catalogue's wide ones, the posterior of an
+earlier session, or what was measured without a shot, by a tape, a scale, an inclinometer:
+
+    {"target_height.rise_m": Measurement(0.04, 0.01)}
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
+from scipy.linalg import block_diag
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig, Tracker
 from truearc.sim.data.dataset import Shots
-from truearc.sim.infer.belief import Belief
-from truearc.sim.infer.likelihood.belief_prior import bent, inform, may_have_moved
-from truearc.sim.infer.likelihood.forward_model import Chain
-from truearc.sim.infer.likelihood.linearization import Groups, ParameterLayout
+from truearc.sim.infer.belief import SCATTER, Belief, Curve, scale_of
+from truearc.sim.infer.likelihood.data import Intake
+from truearc.sim.infer.likelihood.forward_model import Chain, Prediction
 from truearc.sim.infer.likelihood.noise import (
     BALL_SPEED,
     BALLS_PART,
@@ -24,11 +31,147 @@ from truearc.sim.infer.likelihood.noise import (
     UNMEASURED_M,
     WEAKER,
 )
-from truearc.sim.infer.likelihood.prepared_data import Intake
 from truearc.sim.infer.likelihood.score_table import Array, Column
-from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_terms
-from truearc.sim.physics.nonparametric import NAMELESS
-from truearc.sim.physics.term import DIRECTIONS, STAGES, Parameter, Term, WatchTerm
+from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_parameter, find_terms, flight_terms
+from truearc.sim.physics.nonparametric import CURVE, NAMELESS, find_nameless
+from truearc.sim.physics.term import DIRECTIONS, STAGES, Parameter, Term, WatchTerm, complete
+from truearc.sim.physics.term_fields import LEFT, LOG
+
+
+class Measurement(NamedTuple):
+    """In the unit of the term's amplitude; 0: nothing of the kind is there."""
+
+    value: float
+    sd: float
+
+
+Measured = Mapping[str, Measurement]  # by the column "term.parameter"
+
+
+@dataclass(frozen=True)
+class Groups:
+    """Things that shots share a few at a time and that differ at random, such as balls: each its own small effects.
+
+    label [n] numbers each shot's thing, below `count`; inputs, scale [B]: the chain's inputs that an effect moves, and
+    by how much a unit of it does.
+    """
+
+    label: Int[Array, " n"]
+    count: int
+    inputs: Int[Array, " B"]
+    scale: Float[Array, " B"]
+
+
+@dataclass(frozen=True)
+class ParameterLayout:
+    """Which columns of the evidence are which inputs of the chain.
+
+    columns: free, terms, then shared. source [P]: for each column its input of the chain (slot, deviate or push), or
+    -1 for a scatter, -2 for a group's effect (those come last, effect by effect, group by group). scatters: columns of
+    the logs of SCATTERS, in that order, -1 where not fitted. precision [p, p], centre [p]: the shared columns' prior.
+    usual [slots]: the chain's parameters by default. measured: external measurements of candidate terms. see: flies the
+    chain in place of see_slopes. steady: the spread of heights at the plane is taken not to change with the inputs.
+    """
+
+    chain: Chain
+    columns: tuple[Column, ...]
+    source: Int[Array, " P"]
+    scatters: tuple[int, ...]
+    precision: Float[Array, "p p"]
+    centre: Float[Array, " p"]
+    edges_s: Float[Array, " edges"]
+    usual: Float[Array, " slots"]
+    groups: Groups | None = None
+    measured: Measured = field(default_factory=dict)
+    see: Callable[..., tuple[Prediction, Prediction]] | None = None
+    steady: bool = False
+
+    @property
+    def inputs(self) -> Int[Array, " inputs"]:
+        """The chain's inputs that are flown, those of groups last."""
+        own = self.source[self.source >= 0]
+        return own if self.groups is None else np.concatenate([own, self.groups.inputs])
+
+    @property
+    def first_shared(self) -> int:
+        return len(self.columns) - len(self.precision)
+
+    @property
+    def in_slot(self) -> Bool[Array, " P"]:
+        """Which columns are parameters of terms."""
+        return (self.source >= 0) & (self.source < len(self.chain.slots))
+
+    @property
+    def grouped(self) -> int:
+        """How many columns are effects of groups."""
+        return int((self.source == -2).sum())
+
+
+@dataclass(frozen=True)
+class LinearizationPoint:
+    """Where the chain is linearised: `values` [slots], log scatters [S], each shot's deviates [n, D], and the effects
+    of groups [Q], to which all is taken to be linear."""
+
+    values: Float[Array, " slots"]
+    log_scatter: Float[Array, " S"]
+    deviates: Float[Array, "n D"]
+    effects: Float[Array, " Q"]
+
+    @staticmethod
+    def still(layout: ParameterLayout, shots: int, values: Float[Array, " slots"],
+              log_scatter: Float[Array, " S"]) -> "LinearizationPoint":
+        """Of `shots` without deviations."""
+        deviates = np.zeros((shots, layout.chain.deviates))
+        return LinearizationPoint(values, log_scatter, deviates, np.zeros(layout.grouped))
+
+
+def column_of(term: str, among: Catalogue | None = None) -> str:
+    """The column of a term's amplitude, its first parameter. InputError for a term that there is none of."""
+    (found,) = find_terms([term], among)
+    return f"{term}.{found.parameters[0].name}"
+
+
+def nats_measured(measured: Measured, column: str, amplitude: float, sd: float) -> float:
+    """Log likelihood ratio of what was measured of this column: of an amplitude ~ N(amplitude, sd^2), to nothing of the
+    kind. 0 where nothing was measured."""
+    if column not in measured:
+        return 0.0
+    value, own = measured[column]
+    variance = own**2 + sd**2
+    return float(0.5 * (np.log(own**2 / variance) + value**2 / own**2 - (value - amplitude)**2 / variance))
+
+
+class MeasuredPrior(NamedTuple):
+    centre: float
+    precision: float
+
+
+def prior_of(measured: Measured, column: str, usual: float) -> MeasuredPrior:
+    """Of a term's amplitude that is usually of that size, once it was measured."""
+    if column not in measured:
+        return MeasuredPrior(0.0, usual**-2.0)
+    value, sd = measured[column]
+    precision = usual**-2.0 + sd**-2.0
+    return MeasuredPrior(value * sd**-2.0 / precision, precision)
+
+
+def read_measured(words: Sequence[str], option: str, among: Catalogue | None = None) -> Measured:
+    """From TERM=VALUE,SD, one a word; InputError names the option and what is wrong."""
+    found = {}
+    for word in words:
+        term, _, numbers = word.partition("=")
+        try:
+            value, sd = map(float, numbers.split(","))
+        except ValueError as error:
+            raise InputError(f"{option} {word}: not TERM=VALUE,SD, such as target_height=0.04,0.01") from error
+        if not np.isfinite([value, sd]).all() or sd <= 0.0:
+            raise InputError(f"{option} {word}: a finite value and a standard deviation above 0 are needed")
+        try:
+            found[column_of(term, among)] = Measurement(value, sd)
+        except InputError as error:
+            raise InputError(f"{option} {word}: {error}") from error
+    return found
+
 
 BANDS = 6                             # of the flight's time, with tracks
 LONGEST_STEP_S, MOST_DOUBLINGS = 0.02, 4          # of Runge-Kutta in a track
@@ -282,3 +425,142 @@ def _substeps(intake: Intake) -> int:
         return 1
     wanted = np.diff(intake.samples.time_s, axis=1).max(initial=0.0) / LONGEST_STEP_S
     return int(2 ** np.clip(np.ceil(np.log2(max(wanted, 1.0))), 0, MOST_DOUBLINGS))
+
+
+# Names of scatters here -> in a belief; the others are of sensors, not of the launch.
+SCATTER_NAMES = {"scatter.speed": "speed", "scatter.elevation_rad": "elevation_deg"}
+SUREST = 1e-4                         # of the catalogue's deviation: a belief may have some combination as exact
+MOVES = 0.3                           # of a parameter's prior deviation, by which one and the same rig may have changed
+
+
+def believed_name(name: str) -> str:
+    """Return the column's name in a belief."""
+    return f"{SCATTER}.{SCATTER_NAMES[name]}" if name in SCATTER_NAMES else name
+
+
+def own_value(belief: Belief, name: str) -> float:
+    """The belief's value of a column that it knows, in the column's unit (scatters: the logarithm)."""
+    value = belief.value(believed_name(name))
+    if name not in SCATTER_NAMES:
+        return value
+    return float(np.log(np.radians(value) if name.endswith("_rad") else value))
+
+
+def own_slope(name: str, value: float, among: Catalogue) -> float:
+    """d(column) / d(number on its scale), on which beliefs have their covariance; `value` in the column's unit."""
+    if name in SCATTER_NAMES:
+        return 1.0                    # columns of scatters are logarithms already
+    return {LOG: value, LEFT: 1.0 - value}.get(scale_of(name, among), 1.0)
+
+
+def inform(layout: ParameterLayout, belief: Belief, sure: bool = True) -> ParameterLayout:
+    """The layout, whose priors are independent, with what the belief knows better.
+
+    A coefficient that the belief states without uncertainty keeps its width and takes the belief's value; so do all
+    where it is not `sure`.
+    """
+    first = layout.first_shared
+    columns = [replace(column, told=column.told or believed_name(column.name) in belief.names)
+               for column in layout.columns[first:]]
+    centre, covariance = layout.centre.copy(), np.diag(1.0 / np.diag(layout.precision))
+    usual = np.sqrt(np.diag(covariance))
+    for k, column in enumerate(columns):
+        if belief.has(believed_name(column.name)):
+            centre[k] = own_value(belief, column.name)
+    if not sure:
+        return replace(layout, centre=centre)
+    known = [k for k, column in enumerate(columns) if believed_name(column.name) in belief.names]
+    number = [belief.names.index(believed_name(columns[k].name)) for k in known]
+    slope = np.array([own_slope(columns[k].name, centre[k], belief.catalogue) for k in known])
+    covariance[np.ix_(known, known)] = belief.covariance[np.ix_(number, number)] * np.outer(slope, slope)
+    covariance += np.diag((SUREST * usual)**2)
+    return replace(layout, columns=(*layout.columns[:first], *columns), centre=centre,
+                   precision=np.linalg.inv(covariance))
+
+
+def may_have_moved(belief: Belief | None, name: str) -> float | None:
+    """By how much a parameter that the belief knows usually changes, in its own unit; None where it knows none."""
+    if belief is None or name in SCATTER_NAMES or name not in belief.names:
+        return None
+    prior = find_parameter(name, belief.catalogue).prior
+    if prior is None:
+        return None
+    return MOVES * prior.sd * {LOG: prior.centre, LEFT: 1.0 - prior.centre}.get(prior.scale, 1.0)
+
+
+def widened(precision: Float[Array, "p p"], by: Iterable[tuple[int, float]]) -> Float[Array, "p p"]:
+    """The prior's precision once numbers [(place, standard deviation)] may have changed (Sherman and Morrison)."""
+    for place, sd in by:
+        row = precision[place]
+        precision = precision - np.outer(row, row) * sd**2 / (1.0 + sd**2 * row[place])
+    return precision
+
+
+def bent(layout: ParameterLayout, belief: Belief) -> ParameterLayout:
+    """The layout with the belief's unexplained effects, and the points of their curves among the shared columns."""
+    for name, curve in belief.curves.items():
+        layout = with_curve(layout, name, belief.coefficients[name], curve)
+    return layout
+
+
+def with_curve(layout: ParameterLayout, name: str, values: Mapping[str, float], curve: Curve) -> ParameterLayout:
+    """The layout with the nameless term `name`, its parameters fixed, and the curve's points in front of the shared
+    columns; they start where the curve has them."""
+    chain, term = layout.chain, find_nameless(name)
+    whole = complete(term, values)
+    old, first = len(chain.slots), layout.first_shared
+    slots = (*((name, key) for key in whole), *((CURVE, f"{name}.{key}") for key in curve.keys))
+    points = old + len(whole) + np.arange(len(curve.fitted))
+    columns = [Column(f"{CURVE}.{name}.{key}", "shared", term.stage, "along", term.amplitude.unit, term.usual)
+               for key in curve.fitted]
+    more = len(columns)
+    source = _shifted(layout.source, old, len(slots))
+    groups = layout.groups
+    return replace(
+        layout, chain=replace(chain, terms=(*chain.terms, name), slots=(*chain.slots, *slots)),
+        columns=(*layout.columns[:first], *columns, *layout.columns[first:]),
+        source=np.concatenate([source[:first], points, source[first:]]),
+        scatters=tuple(place + more if place >= first else place for place in layout.scatters),
+        precision=block_diag(np.diag(np.full(more, term.usual**-2.0)), layout.precision),
+        centre=np.concatenate([[curve.point(key) for key in curve.fitted], layout.centre]),
+        usual=np.concatenate([layout.usual, list(whole.values()), curve.points]),
+        groups=groups and replace(groups, inputs=_shifted(groups.inputs, old, len(slots))))
+
+
+def _shifted(inputs: Int[np.ndarray, " k"], first: int, by: int) -> Int[np.ndarray, " k"]:
+    """Numbers of the chain's inputs once `by` slots have come after the `first` ones."""
+    return np.where(inputs >= first, inputs + by, inputs)
+
+
+def only_shared(layout: ParameterLayout, more: Iterable[str] = ()) -> ParameterLayout:
+    """The layout without free columns and terms, except the named ones, which become shared with their usual size
+    as a prior. One that is a change of a shared number widens that one's prior instead, and puts it in front."""
+    first = layout.first_shared
+    asked = {column.name: k for k, column in enumerate(layout.columns[:first]) if column.name in set(more)}
+    shared = {column.name: k for k, column in enumerate(layout.columns) if k >= first}
+    changed = [shared[name] for name in asked if name in shared]
+    named = [k for name, k in asked.items() if name not in shared]
+    rest = [k for k in range(first, len(layout.columns)) if k not in changed]
+    kept = [*named, *changed, *rest]
+    place = {column: number for number, column in enumerate(kept)}
+    known = widened(layout.precision, [(k - first, layout.columns[asked[layout.columns[k].name]].usual)
+                                       for k in changed])
+    order = np.array([*changed, *rest], dtype=int) - first
+    own = [prior_of(layout.measured, layout.columns[k].name, layout.columns[k].usual) for k in named]
+    precision = block_diag(np.diag([one.precision for one in own]), known[np.ix_(order, order)])
+    return ParameterLayout(lean_chain(layout, kept), tuple(layout.columns[k] for k in kept), layout.source[kept],
+                  tuple(place.get(column, -1) for column in layout.scatters), precision,
+                  np.concatenate([[one.centre for one in own], layout.centre[order]]), layout.edges_s, layout.usual,
+                  layout.groups, layout.measured, layout.see, layout.steady)
+
+
+def lean_chain(layout: ParameterLayout, kept: list[int]) -> Chain:
+    """The chain with as few terms in the air as these columns need, but one of two: compiled code is shared."""
+    chain = layout.chain
+    airborne = {term.name for term in flight_terms(chain.terms, chain.catalogue)}
+    known = {column.term for column in layout.columns[layout.first_shared:]}
+    known |= {*chain.catalogue.always, *(term.name for term in NAMELESS)}
+    named = {layout.columns[k].term for k in kept}
+    if named & airborne - known:
+        return chain
+    return replace(chain, terms=tuple(name for name in chain.terms if name not in airborne or name in known))

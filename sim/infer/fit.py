@@ -1,7 +1,7 @@
-"""The believed simulation fitted to a dataset: coefficients and scatter that all shots share."""
+"""A simulation fitted to a dataset: coefficients and scatter that all shots share, and the belief made of them."""
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import NamedTuple
@@ -9,26 +9,32 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.linalg import block_diag
 
-from truearc.sim.infer.likelihood import outcome_likelihood as outcomes
-from truearc.sim.infer.likelihood.belief_prior import widened
-from truearc.sim.infer.likelihood.design_columns import is_tracker
-from truearc.sim.infer.likelihood.external_measurements import prior_of
-from truearc.sim.infer.likelihood.forward_model import Chain, plane_grid
-from truearc.sim.infer.likelihood.linearization import (
-    Linearization,
+from truearc.errors import InputError
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.infer.belief import SCATTER, Belief, Coefficients, scale_of
+from truearc.sim.infer.likelihood import observations as outcomes
+from truearc.sim.infer.likelihood.data import Intake, take_in
+from truearc.sim.infer.likelihood.forward_model import plane_grid
+from truearc.sim.infer.likelihood.layout import (
+    SCATTER_NAMES,
     LinearizationPoint,
     ParameterLayout,
-    fly,
-    linearise,
+    believed_name,
+    groups_of,
+    is_tracker,
+    lay_out,
+    lean_chain,
+    only_shared,
+    own_slope,
 )
+from truearc.sim.infer.likelihood.linearization import Linearization, fly, linearise
 from truearc.sim.infer.likelihood.noise import SCATTER_MOST, SCATTER_PRIOR, SCATTERS
-from truearc.sim.infer.likelihood.prepared_data import Intake
-from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
-from truearc.sim.physics.catalogue import Catalogue, find_parameter, flight_terms
+from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
+from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_parameter, find_terms
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS
-from truearc.sim.physics.term_fields import LOG
+from truearc.sim.physics.term import WatchTerm, complete
+from truearc.sim.physics.term_fields import LOG, fits_scale
 from truearc.sim.printed import Progress, part_of
 
 GRID = (-1.0, -0.5, 0.0, 0.5, 1.0)    # of each coefficient's prior, in standard deviations, where the fit may start
@@ -49,7 +55,7 @@ WORTH = 0.02                          # nats: a fifth of a standard error
 PART = 0.1                            # of a step that is flown to see whether it gains
 TIGHT = 0.1                           # of a tracker's usual errors, where a climb begins
 LEAST_ROUNDS = 2                      # with tracks, whose shots' own deviations must settle too
-FARTHEST = 2.0                        # usual sizes that a column may move by in one step: all is linear nearby only
+LARGEST_STEP = 2.0                        # usual sizes that a column may move by in one step: all is linear nearby only
 SLACK = 0.3                           # nats a step may lose with tracks: scores leave out that slopes change the spread
 LEAST_LOG = -9.0                      # of a scatter
 MOST_LOG = np.array([np.log(SCATTER_MOST[name]) if name in SCATTER_MOST else 1.0 for name in SCATTERS])
@@ -206,7 +212,7 @@ def _climb_linear(intake: Intake, layout: ParameterLayout, start: _Visited, free
         if worth < SETTLED or not np.isfinite(step).all():
             break
         room = (reach * usual - np.sign(step) * (evidence.point - start.evidence.point)) / np.maximum(abs(step), 1e-300)
-        step = step * min(1.0, FARTHEST / max(float(np.abs(step / usual).max(initial=0.0)), 1e-300),
+        step = step * min(1.0, LARGEST_STEP / max(float(np.abs(step / usual).max(initial=0.0)), 1e-300),
                           max(float(room.min(initial=np.inf)), 0.0))
         for halving in range(HALVINGS):
             tried = moved(layout, spot, step * 0.5**halving)
@@ -314,38 +320,8 @@ def _bounds(slots: tuple[tuple[str, str], ...],
     return np.array(low), np.array([one.high for one in parameters])
 
 
-def only_shared(layout: ParameterLayout, more: Iterable[str] = ()) -> ParameterLayout:
-    """The layout without free columns and terms, except the named ones, which become shared with their usual size
-    as a prior. One that is a change of a shared number widens that one's prior instead, and puts it in front."""
-    first = layout.first_shared
-    asked = {column.name: k for k, column in enumerate(layout.columns[:first]) if column.name in set(more)}
-    shared = {column.name: k for k, column in enumerate(layout.columns) if k >= first}
-    changed = [shared[name] for name in asked if name in shared]
-    named = [k for name, k in asked.items() if name not in shared]
-    rest = [k for k in range(first, len(layout.columns)) if k not in changed]
-    kept = [*named, *changed, *rest]
-    place = {column: number for number, column in enumerate(kept)}
-    known = widened(layout.precision, [(k - first, layout.columns[asked[layout.columns[k].name]].usual)
-                                       for k in changed])
-    order = np.array([*changed, *rest], dtype=int) - first
-    own = [prior_of(layout.measured, layout.columns[k].name, layout.columns[k].usual) for k in named]
-    precision = block_diag(np.diag([one.precision for one in own]), known[np.ix_(order, order)])
-    return ParameterLayout(_lean(layout, kept), tuple(layout.columns[k] for k in kept), layout.source[kept],
-                  tuple(place.get(column, -1) for column in layout.scatters), precision,
-                  np.concatenate([[one.centre for one in own], layout.centre[order]]), layout.edges_s, layout.usual,
-                  layout.groups, layout.measured, layout.see, layout.steady)
 
 
-def _lean(layout: ParameterLayout, kept: list[int]) -> Chain:
-    """The chain with as few terms in the air as these columns need, but one of two: compiled code is shared."""
-    chain = layout.chain
-    airborne = {term.name for term in flight_terms(chain.terms, chain.catalogue)}
-    known = {column.term for column in layout.columns[layout.first_shared:]}
-    known |= {*chain.catalogue.always, *(term.name for term in NAMELESS)}
-    named = {layout.columns[k].term for k in kept}
-    if named & airborne - known:
-        return chain
-    return replace(chain, terms=tuple(name for name in chain.terms if name not in airborne or name in known))
 
 
 def _slack(intake: Intake) -> float:
@@ -381,6 +357,14 @@ def usual_spot(intake: Intake, layout: ParameterLayout) -> LinearizationPoint:
     return LinearizationPoint.still(layout, len(intake.rows), values, USUAL_SCATTER)
 
 
+def believed_spot(intake: Intake, layout: ParameterLayout) -> LinearizationPoint:
+    """The usual spot, with the scatters as the belief has them."""
+    spot = usual_spot(intake, layout)
+    log_scatter = np.array([usual if column < 0 else layout.centre[column - layout.first_shared]
+                            for usual, column in zip(spot.log_scatter, layout.scatters, strict=True)])
+    return replace(spot, log_scatter=log_scatter)
+
+
 def rough_likelihood(intake: Intake, layout: ParameterLayout, points: Float[Array, "points slots"],
                      kept: Sequence[int] = ()) -> Float[Array, "points scatters"]:
     """Log-likelihood of some of the outcomes, at some sizes of one scatter of the height; with the terms of the `kept`
@@ -388,8 +372,205 @@ def rough_likelihood(intake: Intake, layout: ParameterLayout, points: Float[Arra
     some = np.arange(len(intake.marked))[::-(-len(intake.marked) // SOME)]
     lanes = intake.lanes.take(np.resize(intake.marked[some], SOME))
     mean, near = (np.asarray(part)[:, :len(some)]
-                  for part in plane_grid(_lean(layout, list(kept)), lanes, jnp.asarray(points)))
+                  for part in plane_grid(lean_chain(layout, list(kept)), lanes, jnp.asarray(points)))
     mean = np.where(near, mean, -10.0)
     seen = intake.seen.take(some)
     return np.array([[outcomes.log_likelihood(seen, row, np.full(len(row), 0.08 * factor)).sum()
                       for factor in SCATTER_GRID] for row in mean])
+
+
+SCATTERED = {"scatter.speed": ("of the exit speed", "exit speed from shot to shot (sd)"),
+             "scatter.elevation_deg": ("deg", "exit angle from shot to shot (sd)")}
+
+IMPROBABLE = 2.58                     # prior standard deviations that a hundredth of the prior lies beyond
+
+
+@dataclass(frozen=True)
+class Sought:
+    """One fitted number.
+
+    column: its place in the fit. Its prior has `centre` and `sd` in the parameter's own unit; of a scatter they are the
+    logarithm's, in the column's unit. percent: shown in per cent.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    percent: bool
+    column: int
+    centre: float
+    sd: float
+
+    @property
+    def scatters(self) -> bool:
+        return self.name.startswith(SCATTER + ".")
+
+    def value(self, at: float) -> float:
+        """The number itself where its column is `at`."""
+        if not self.scatters:
+            return at
+        return float(np.degrees(np.exp(at)) if self.name.endswith("_deg") else np.exp(at))
+
+    def at(self, value: float) -> float:
+        """The inverse of `value`."""
+        if not self.scatters:
+            return value
+        return float(np.log(np.radians(value) if self.name.endswith("_deg") else value))
+
+    def improbable(self, value: float) -> bool:
+        """Whether it was believed all but impossible."""
+        return abs(self.at(value) - self.centre) > IMPROBABLE * self.sd
+
+    def slope(self, at: float) -> float:
+        """d value / d column."""
+        return self.value(at) if self.scatters else 1.0
+
+
+def improbable(layout: ParameterLayout, point: Float[np.ndarray, " p"]) -> dict[str, float]:
+    """Return the fitted numbers of terms that were believed all but impossible: {name: value at `point`}."""
+    found = {one.name: (one, one.value(float(point[one.column]))) for one in sought_of(layout) if not one.scatters}
+    return {name: value for name, (one, value) in found.items() if one.improbable(value)}
+
+
+def sought_of(layout: ParameterLayout) -> tuple[Sought, ...]:
+    """The numbers of terms, a tracker's among them, and of the launch's scatter; not random effects, nor scatters that
+    no belief keeps."""
+    sd: Float[np.ndarray, " p"] = np.sqrt(np.diag(np.linalg.inv(layout.precision)))
+    found = []
+    first = layout.first_shared
+    for k, column in enumerate(layout.columns[first:], first):
+        name, centre, wide = believed_name(column.name), float(layout.centre[k - first]), float(sd[k - first])
+        if name in SCATTERED:
+            unit, meaning = SCATTERED[name]
+            found.append(Sought(name, unit, meaning, name == "scatter.speed", k, centre, wide))
+        elif layout.in_slot[k]:
+            one = find_parameter(name, layout.chain.catalogue)
+            found.append(Sought(name, one.unit, one.meaning, one.percent, k, centre, wide))
+    return tuple(found)
+
+
+def belongs(column: Column, among: Catalogue) -> bool:
+    """A parameter of the simulation or a scatter of the launch, not a ball's random effect or a tracker's calibration.
+    """
+    if column.kind == "group" or is_tracker(column, among):
+        return False
+    return column.name in SCATTER_NAMES or not column.name.startswith(SCATTER + ".")
+
+
+def believed_columns(evidence: ScoreTable, among: Catalogue) -> list[int]:
+    """Places of the shared columns that belong to a belief."""
+    return [k for k in range(evidence.first_shared, len(evidence.columns)) if belongs(evidence.columns[k], among)]
+
+
+def coefficients_of(evidence: ScoreTable, believed: tuple[str, ...], among: Catalogue) -> Coefficients:
+    """Every believed and named term of the catalogue, with parameters that were not fitted at their defaults."""
+    tracker = (term.name for term in among if isinstance(term, WatchTerm))
+    apart = {*among.always, *tracker, *(term.name for term in NAMELESS)}
+    given: Coefficients = {name: {} for name in believed if name not in apart}
+    for k in believed_columns(evidence, among):
+        term, _, parameter = evidence.columns[k].name.partition(".")
+        if term not in (SCATTER, CURVE):
+            given.setdefault(term, {})[parameter] = float(evidence.point[k])
+    return {name: {key: float(value) for key, value in complete(find_terms([name], among)[0], values).items()}
+            for name, values in given.items()}
+
+
+def scatter_of(evidence: ScoreTable) -> dict[str, float]:
+    """Scatters of the launch by their names in a belief."""
+    found = {column.name: float(np.exp(value)) for column, value in zip(evidence.columns, evidence.point, strict=True)
+             if column.name in SCATTER_NAMES}
+    return {SCATTER_NAMES[name]: float(np.degrees(value)) if name.endswith("_rad") else value
+            for name, value in found.items()}
+
+
+def covariance_of(evidence: ScoreTable, among: Catalogue) -> tuple[tuple[str, ...], Float[np.ndarray, "p p"]]:
+    """(names, covariance on their scales); a number that does not fit on its scale counts as exact."""
+    whole = evidence.covariance
+    columns = believed_columns(evidence, among)
+    names = {k: believed_name(evidence.columns[k].name) for k in columns}
+    kept = [k for k in columns if evidence.columns[k].name in SCATTER_NAMES
+            or fits_scale(scale_of(names[k], among), float(evidence.point[k]))]
+    slope = np.array([1.0 / own_slope(evidence.columns[k].name, float(evidence.point[k]), among) for k in kept])
+    return tuple(names[k] for k in kept), whole[np.ix_(kept, kept)] * np.outer(slope, slope)
+
+
+@dataclass(frozen=True, eq=False)
+class MapFit:
+    """The fit of `terms` (gravity always among them) to a dataset, whose shots are in order."""
+
+    dataset: Dataset
+    terms: tuple[str, ...]
+    fitted: BaselineFit
+
+    @property
+    def evidence(self) -> ScoreTable:
+        return self.fitted.evidence
+
+    @property
+    def catalogue(self) -> Catalogue:
+        return self.fitted.layout.chain.catalogue
+
+    @property
+    def converged(self) -> bool:
+        return self.fitted.settled
+
+    @property
+    def log_posterior(self) -> float:
+        """At the fit, up to a constant."""
+        return objective(self.evidence, self.fitted.layout)
+
+    @property
+    def at_limit(self) -> dict[str, float]:
+        """Fitted numbers that stopped at the end of their range, by name."""
+        return stopped(self.evidence, self.catalogue)
+
+    @cached_property
+    def sought(self) -> tuple[Sought, ...]:
+        """The fitted numbers that are reported, a tracker's errors among them."""
+        return sought_of(self.fitted.layout)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of these."""
+        return tuple(one.name for one in self.sought)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """{name: most probable value} of these."""
+        return {one.name: one.value(float(self.evidence.point[one.column])) for one in self.sought}
+
+    @cached_property
+    def covariance(self) -> Float[np.ndarray, "p p"]:
+        """Of these, in units of their priors' standard deviations: the inverse of prior and expected information."""
+        whole = self.evidence.covariance
+        columns = [one.column for one in self.sought]
+        sd = np.array([one.sd for one in self.sought])
+        return np.asarray(whole[np.ix_(columns, columns)] / np.outer(sd, sd))
+
+    @cached_property
+    def belief(self) -> Belief:
+        """For whoever forecasts or simulates: without the tracker's errors and random effects."""
+        coefficients = coefficients_of(self.evidence, self.terms, self.catalogue)
+        names, covariance = covariance_of(self.evidence, self.catalogue)
+        return Belief(coefficients, scatter_of(self.evidence), names, covariance, catalogue=self.catalogue)
+
+
+def fit_map(dataset: Dataset, terms: tuple[str, ...], progress: Progress = lambda done, note: None,
+            among: Catalogue | None = None) -> MapFit:
+    """Fit the named terms (gravity always among them) and the scatter of the launch to a dataset.
+
+    among: the catalogue of the terms, truearc.sim.physics.catalogue.catalogue() when not given.
+
+    Deterministic. A fit that did not settle says so in `converged`. InputError: unknown terms, or nothing to fit to.
+    """
+    catalogue = as_catalogue(among)
+    catalogue.find(terms)
+    names = (*catalogue.always, *(name for name in terms if name not in catalogue.always))
+    dataset = dataset.in_order()
+    intake = take_in(dataset, fewest=1)
+    if not len(intake.rows):
+        why = "; ".join(intake.left_out) or "there are no shots"
+        raise InputError(f"{dataset.shots.source}: there is nothing to fit to, neither a track nor a shot with both a "
+                         f"launch and something seen of its flight: {why}")
+    layout = only_shared(lay_out(intake, names, groups_of(dataset.shots, intake.rows), catalogue))
+    return MapFit(dataset, names, fit_believed(intake, layout, progress))
