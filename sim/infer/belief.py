@@ -18,8 +18,8 @@ A fit by likelihood adds two tables, which the grid does not write:
     matrix = [[0.01, 0.0], [0.0, 0.04]]
 
 The matrix is that of the numbers on each parameter's own scale (truearc.sim.physics.term_fields, named by its prior in
-the catalogue; scatters: their logarithm), on which the belief is about normal. An unexplained effect is a free curve: how
-its size goes with a covariate.
+the catalogue; scatters: their logarithm), on which the belief is about normal. An unexplained effect is a free curve:
+how its size goes with a covariate.
 
     [free_speed]                      # what it changes, a term of truearc.sim.physics.nonparametric
     share = 1.0
@@ -50,11 +50,11 @@ from scipy.interpolate import CubicSpline
 from truearc.errors import InputError, load_text, make_toml, parse_table, reworded, save_whole
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.columns import WHEEL
-from truearc.sim.data.conditions import Circumstances
+from truearc.sim.data.conditions import ORDINARY, Circumstances
 from truearc.sim.data.dataset import Shots
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, catalogue, find_parameter, find_terms
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS
-from truearc.sim.physics.simulate import ORDINARY, launch_state
+from truearc.sim.physics.simulate import launch_state
 from truearc.sim.physics.term_fields import LINEAR, LOG, fits_scale, from_scale, to_scale
 from truearc.sim.printed import Printed
 

@@ -19,7 +19,7 @@ from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import hash_dataset
 from truearc.sim.discover import investigate as engine
-from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover.adopt import Investigation, make_belief
 from truearc.sim.discover.finding import (
     CONFIGURATIONS,
     FALSE_ALARM,
@@ -66,7 +66,7 @@ class Finding(FindingReport):
     """
 
     name: str
-    investigation: engine.Investigation
+    investigation: Investigation
 
     @property
     def record(self) -> FindingRecord:

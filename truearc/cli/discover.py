@@ -10,7 +10,7 @@ import truearc as ta
 from truearc.cli import common
 from truearc.cli.outputs import out_file
 from truearc.errors import about
-from truearc.sim.discover.plan.identifiability import settings
+from truearc.sim.discover import finding as settings
 
 LIKELY = 0.1                          # probability of a name, from which it is compared with its measurement
 FAR = 4.0                             # standard deviations by which they contradict each other

@@ -185,7 +185,6 @@ class Look:
     at: Callable[[Covariate | Factor], Shaped[Array, " n"]]
 
 
-Each = Float[Array, " n"]             # a number of each shot
 Law = Callable[[Array], Each]         # by the covariate [n], or the place [2, n] of two
 
 

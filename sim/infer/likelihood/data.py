@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Believe, Noise, Rig
 from truearc.sim.data.columns import SPIN_VECTOR
-from truearc.sim.data.conditions import Circumstances, circumstances_of, counts_shots, gather_circumstances
+from truearc.sim.data.conditions import ORDINARY, Circumstances, circumstances_of, counts_shots, gather_circumstances
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.infer.belief import Curves, along
 from truearc.sim.infer.likelihood.forward_model import DEVIATES, ShotBatch
@@ -36,7 +36,6 @@ from truearc.sim.infer.likelihood.observations import (
 from truearc.sim.infer.likelihood.score_table import Array
 from truearc.sim.physics.launch import Exit, exit_no_slip, is_opposed
 from truearc.sim.physics.simulate import (
-    ORDINARY,
     by_wheels,
     has_wheels,
     launch_of,
