@@ -20,7 +20,7 @@ HEAVY = {"numpy", "jax", "scipy", "mujoco", "cv2", "cantools", "pandas", "polars
 UNWANTED = {"jax", "scipy", "mujoco", "cv2", "cantools"}
 SHOTS = Path(__file__).parents[2] / "examples" / "spreadsheet"
 APART = {("demo_effects.py", "world.options"),   # the demo plays a world, too, and its page has the hash of the shots
-         ("demo.py", "data.load"),
+         ("demo.py", "data.files"),
          *(("demo_acts.py", module) for module in ("aim.solve", "data.dataset", "discover.adopt", "world.options",
                                                    "world.season"))}
 REFERENCE = Path(__file__).parents[1] / "golden" / "reference"
@@ -130,9 +130,8 @@ def test_every_lazy_name_is_one_that_type_checkers_see() -> None:
 
 def test_commands_reach_the_engine_through_the_api() -> None:
     """Of the companion they import defaults, texts, tables and pictures; robot commands their own parts of it."""
-    helpers = ("compile_cache", "data.columns", "data.importers", "data.units", "discover.report",
-               "discover.settings", "intervals", "metrics", "paper.settings", "physics.catalogue", "physics.plugins",
-               "plots", "progress", "report", "tables")
+    helpers = ("compute", "data.columns", "data.importers", "discover.report", "discover.settings", "paper.settings",
+               "physics.catalogue", "printed", "report", "statistics")
     root = Path(ta.__file__).parent / "cli"
     for path in sorted([*(root / "gate").glob("*.py"), *(root / "paper").glob("*.py"), *(root / "start").glob("*.py")]):
         for module in re.findall(r"from truearc\.sim\.([\w.]+) import", path.read_text(encoding="utf-8")):
