@@ -113,7 +113,8 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
     last = MotionMemory(armed_t_ns=t_ns, active_t_ns=t_ns) if memory.motion is UNSET else memory.motion
     axes, wheels, hood, cause, why = config.axes, last.wheels, last.hood, None, None
     # another controller's motors are not moved by our torques, nor released by us
-    owns_wheels, owns_hood = family_of(axes.flywheels[0]).is_commanded, family_of(axes.hood).is_commanded
+    owns_wheels, owns_hood = any(
+        family_of(axis).is_commanded for axis in axes.flywheels), family_of(axes.hood).is_commanded
     if owns_wheels:
         wheels, cause = _wheels(inputs, wanted.wheels_rad_s, wheels, last.flywheel_torque_nm, config)
     if owns_hood:
