@@ -44,6 +44,7 @@ BACKWARDS, HOOD_BACKWARDS = 0.05, 0.25            # shares of the set point and 
 LAG_NS = 20_000_000                   # a torque shows in readings that are so much younger: two ticks and a reading
 FULL, FULL_NS = 0.8, 200_000_000      # share of the torque limit that moves every wheel, and how long it may not
 SLOW, RISING = 0.05, 0.01             # shares of the set point: hardly turning, and turning faster than before
+LEVEL_S = 0.05                        # a noisy speed is averaged over this, and has to rise by its noise, too
 # A joint's stated friction is what just moves it; three times as much moves it unless it is jammed
 HARD, HARD_NS, PUSH_NS = 3.0, 300_000_000, 460_000_000      # half a second with what the wires add
 UNKNOWN = 2.0                         # times the stated friction, which sysid is to measure
@@ -266,6 +267,26 @@ def _turning(joint: Joint, slowest: float, wanted_rad_s: float, asked_nm: float,
     if (full and t_ns - joint.hard_t_ns >= FULL_NS) or t_ns - joint.stuck_t_ns >= PUSH_NS:
         return joint, because.JOINT_NOT_TURNING(joint=WHEELS, torque_nm=asked_nm)
     return joint, None
+
+
+def _level(joint: Joint, slowest: float, wanted_rad_s: float, is_hard: bool, longest_ns: int, t_ns: int,
+           config: Config) -> tuple[Joint, bool]:
+    """The averages of a speed under a torque that must turn it, and whether they have not risen for `longest_ns`.
+
+    A peak of an encoder's noise is no rise: its average has to rise by its own mean deviation from the readings, too.
+    """
+    if not is_hard:
+        if joint.slow_t_ns:
+            joint = replace(joint, slow_t_ns=0, slow_rad_s=0.0, level_rad_s=0.0, noise_rad_s=0.0)
+        return joint, False
+    part = 1.0 / (1.0 + LEVEL_S * config.tick_hz)
+    level = joint.level_rad_s + part * (slowest - joint.level_rad_s)
+    noise = joint.noise_rad_s + part * (abs(slowest - level) - joint.noise_rad_s)
+    since_ns, was = joint.slow_t_ns, joint.slow_rad_s
+    if not since_ns or level >= SLOW * wanted_rad_s or level > was + RISING * wanted_rad_s + noise:
+        since_ns, was = t_ns, level
+    joint = replace(joint, slow_t_ns=since_ns, slow_rad_s=was, level_rad_s=level, noise_rad_s=noise)
+    return joint, t_ns - since_ns >= longest_ns
 
 
 def _is_driven(inputs: Inputs, config: Config) -> bool:

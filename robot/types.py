@@ -150,6 +150,10 @@ class Joint(Struct, frozen=True, omit_defaults=True):
     push_t_ns: int = 0                            # ... and when that was
     stuck_t_ns: int = 0                           # driven without motion since then
     hard_t_ns: int = 0                            # ... with a torque that moves what is free
+    slow_t_ns: int = 0                            # wheels: averages have not risen since then, while driven
+    slow_rad_s: float = 0.0                       # ... and the average speed then
+    level_rad_s: float = 0.0                      # ... average speed
+    noise_rad_s: float = 0.0                      # ... average deviation of readings from it
     stuck_at: float = 0.0                         # hood: angle then (rad); wheels: speed then (rad/s)
     jams: int = 0                                 # hood: without motion between them
     dropped_deg: float | None = None              # hood: set point that a small push did not reach

@@ -5,6 +5,7 @@ tests/loops/test_motion_faults.py.
 """
 
 import math
+import random
 from collections.abc import Callable
 from typing import Any
 
@@ -315,6 +316,25 @@ def test_wheels_run_down_without_target_and_request_and_come_back_with_it() -> N
     never.seen = False
     never.run(15.0)
     assert abs(never.wheel_rad_s - SET_RAD_S) < 5.0
+
+
+@pytest.mark.parametrize("sd_rad_s", [6.0, 10.0])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_noise_of_dead_wheel_encoders_does_not_pass_for_motion(sd_rad_s: float, seed: int) -> None:
+    launcher, rng = Launcher(), random.Random(seed)
+
+    def spoil(inputs: Inputs) -> Inputs:
+        return replace(inputs, flywheels=tuple(replace(one, position_rad=0.0, velocity_rad_s=rng.gauss(0.0, sd_rad_s))
+                                               for one in inputs.flywheels))
+    launcher.spoil = spoil
+    launcher.run(0.1)
+    launcher.arm()
+    launcher.run(0.6)
+    assert latched(launcher) and launcher.wheel_rad_s <= 1.15 * SET_RAD_S
+
+
+def test_wheels_whose_stated_friction_is_below_zero_run() -> None:
+    running(replace(AIMED, flywheel=replace(AIMED.flywheel, ks_nm=-0.01)))
 
 
 # --- hood
