@@ -26,7 +26,13 @@ from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config, Hood
 from truearc.robot.estimate import is_fresh
 from truearc.robot.gate.doubts import Doubts
-from truearc.robot.geometry import elevation_from_screw_deg, elevation_per_rad, screw_travel_rad
+from truearc.robot.geometry import (
+    elevation_from_encoder_deg,
+    elevation_from_screw_deg,
+    elevation_per_rad,
+    screw_rad,
+    screw_travel_rad,
+)
 from truearc.robot.motors import HOOD_OVERSPEED
 from truearc.robot.types import Estimate, Inputs, Joint, Memory, MotionMemory
 
@@ -203,7 +209,7 @@ def _follow(joint: Joint, latching: Reason | None, passing: Reason | None, t_ns:
         if not uncounted and oldest and t_ns - oldest < REPEAT_NS:
             return Joint(because.RELEASED_REPEATEDLY(count=REPEATS, window_s=REPEAT_NS * NS, cause=passing), True)
         return replace(joint, cause=passing, good_t_ns=0, releases_t_ns=recent, push=0, stuck_t_ns=0, hard_t_ns=0,
-                       differ=0, homing_t_ns=0)
+                       differ=0, homing_t_ns=0, began_t_ns=0, began_rad=0.0, began_screw_rad=0.0)
     if joint.cause is None:
         return joint
     if not joint.good_t_ns:
@@ -301,7 +307,7 @@ def _is_driven(inputs: Inputs, config: Config) -> bool:
 def _hood(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, joint: Joint, asked_nm: float,
           config: Config) -> tuple[Joint, Reason | None]:
     """The hood's memory and what is wrong with its motion."""
-    joint, differing = _compared(inputs, estimate, memory, joint, config)
+    joint, differing = _compared(inputs, estimate, memory, joint, asked_nm, config)
     if joint.cause is not None:
         return joint, None
     speed = inputs.hood_motor.velocity_rad_s
@@ -323,28 +329,68 @@ def _hood(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, jo
     return (joint, cause) if cause is not None else _homing(inputs, estimate.hood_deg, memory, joint, asked_nm, config)
 
 
-def _compared(inputs: Inputs, estimate: Estimate, memory: Memory, joint: Joint,
+def _compared(inputs: Inputs, estimate: Estimate, memory: Memory, joint: Joint, asked_nm: float,
               config: Config) -> tuple[Joint, Reason | None]:
-    """Count encoder readings in a row that disagree with the screw at their own time; keep the encoder's rate."""
+    """Count encoder readings in a row that disagree with the screw at their own time; keep the encoder's rate.
+
+    Until the switch says where the screw is, their changes since the hood was first driven are compared.
+    """
     angle, motor, encoder_deg = inputs.hood_angle, inputs.hood_motor, estimate.hood_deg
-    if angle is None or encoder_deg is None or not config.hood_encoder.is_heard or angle.t_ns == joint.angle_t_ns:
+    if angle is None or not config.hood_encoder.is_heard or angle.t_ns == joint.angle_t_ns:
         return joint, None
-    gap_ns = angle.t_ns - joint.angle_t_ns
-    rate = joint.angle_deg_s
-    if gap_ns >= RATE_NS:
-        rate = (encoder_deg - joint.angle_deg) / (gap_ns * NS) if joint.angle_t_ns else 0.0
-    differ, screw_deg = 0, None
-    if memory.homed and is_fresh(inputs, angle.t_ns, config) and is_fresh(inputs, motor.t_ns, config):
+    rate = _rate_deg_s(angle.t_ns, encoder_deg, joint, config)
+    differ, reads_deg = 0, encoder_deg or 0.0
+    screw_deg: float | None = reads_deg
+    if is_fresh(inputs, angle.t_ns, config) and is_fresh(inputs, motor.t_ns, config):
         then_rad = motor.position_rad - motor.velocity_rad_s * (motor.t_ns - angle.t_ns) * NS
-        screw_deg = elevation_from_screw_deg(then_rad - memory.screw_zero_rad, config.hood)
-        if screw_deg is None or not abs(encoder_deg - screw_deg) <= config.hood.crosscheck_deg:
+        if memory.homed:
+            screw_deg = elevation_from_screw_deg(then_rad - memory.screw_zero_rad, config.hood)
+        elif joint.began_t_ns:
+            reads_deg, screw_deg = _since_began(angle.angle_rad, then_rad, encoder_deg, joint, config)
+        elif asked_nm != 0.0:
+            joint = replace(joint, began_t_ns=angle.t_ns, began_rad=angle.angle_rad, began_screw_rad=then_rad)
+        if screw_deg is None or not abs(reads_deg - screw_deg) <= config.hood.crosscheck_deg:
             differ = joint.differ + 1
-    joint = replace(joint, differ=differ, angle_t_ns=angle.t_ns, angle_deg=encoder_deg, angle_deg_s=rate)
+    if memory.homed and joint.began_t_ns:
+        joint = replace(joint, began_t_ns=0, began_rad=0.0, began_screw_rad=0.0)
+    joint = replace(joint, differ=differ, angle_t_ns=angle.t_ns, angle_deg=encoder_deg or 0.0, angle_deg_s=rate)
     if differ < DIFFERENT:
         return joint, None
     if screw_deg is None:
         return joint, because.HOOD_UNKNOWN()
-    return joint, because.HOOD_ENCODERS_DISAGREE(encoder_deg=encoder_deg, screw_deg=screw_deg)
+    return joint, because.HOOD_ENCODERS_DISAGREE(encoder_deg=reads_deg, screw_deg=screw_deg)
+
+
+def _rate_deg_s(t_ns: int, encoder_deg: float | None, joint: Joint, config: Config) -> float:
+    """The encoder's rate since its reading before; 0 while its zero is not known, or has just become known."""
+    gap_ns = t_ns - joint.angle_t_ns
+    if encoder_deg is None or (joint.began_t_ns and config.hood_encoder.zero_deg is None):
+        return 0.0
+    if gap_ns < RATE_NS:
+        return joint.angle_deg_s
+    return (encoder_deg - joint.angle_deg) / (gap_ns * NS) if joint.angle_t_ns else 0.0
+
+
+def _since_began(angle_rad: float, motor_rad: float, encoder_deg: float | None, joint: Joint,
+                 config: Config) -> tuple[float, float | None]:
+    """Where encoder and screw say that the hood is since they are compared; changes where its zero is not known."""
+    changed_deg = elevation_from_encoder_deg(angle_rad, config.hood_encoder, math.degrees(joint.began_rad))
+    began_deg = None if encoder_deg is None else encoder_deg - changed_deg
+    reads_deg = (began_deg or 0.0) + changed_deg
+    return reads_deg, _nearest_deg(reads_deg, began_deg, motor_rad - joint.began_screw_rad, config.hood)
+
+
+def _nearest_deg(reads_deg: float, began_deg: float | None, turned_rad: float, hood: Hood) -> float | None:
+    """Where the hood is by its screw, from where it began; from an unknown place (None), by how much it has moved,
+    the nearest to `reads_deg` that is possible. None beyond the linkage."""
+    places = ([hood.low_deg + (hood.high_deg - hood.low_deg) * part / 6.0 for part in range(7)] if began_deg is None
+              else [min(max(began_deg, hood.low_deg), hood.high_deg)])
+    moved = []
+    for place_deg in places:
+        at_deg = elevation_from_screw_deg(screw_rad(place_deg, hood) + turned_rad, hood)
+        if at_deg is not None:
+            moved.append((began_deg or 0.0) + at_deg - place_deg)
+    return min(max(reads_deg, min(moved)), max(moved)) if moved else None
 
 
 def _moving(inputs: Inputs, wanted_deg: float | None, memory: Memory, joint: Joint, asked_nm: float,

@@ -13,6 +13,7 @@ import pytest
 from msgspec.structs import replace
 
 from tests.robot.alike import codes
+from tests.robot.encoders import COUNTING
 from tests.robot.good_tick import CONFIG, good_inputs
 from truearc.hw import fault_codes as hw
 from truearc.hw.devices.odrive.frames import CLOSED_LOOP
@@ -21,7 +22,7 @@ from truearc.hw.protocols import AngleReading, ButtonEvent, MotorReading
 from truearc.hw.reason import FAULT, Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config, Prescribed
-from truearc.robot.geometry import elevation_from_screw_deg, elevation_per_rad, screw_travel_rad
+from truearc.robot.geometry import elevation_from_screw_deg, elevation_per_rad, screw_rad, screw_travel_rad
 from truearc.robot.motion import RECOVER_NS
 from truearc.robot.operator_ui.driver_messages import tell
 from truearc.robot.tick import step
@@ -37,11 +38,11 @@ AIMED: Config = replace(CONFIG, collect=replace(CONFIG.collect, repeats=1000, pr
 class Launcher:
     """Wheels and hood under the tick's torques, their sensors, and what breaks them."""
 
-    def __init__(self, config: Config = AIMED, hood_kg_m2: float = HOOD_KG_M2) -> None:
+    def __init__(self, config: Config = AIMED, hood_kg_m2: float = HOOD_KG_M2, hood_deg: float = 0.0) -> None:
         self.config, self.memory, self.hood_kg_m2 = config, Memory(), hood_kg_m2
         self.t_s = 10.0
         self.wheel_rad_s = self.wheel_rad = self.hood_rad_s = 0.0
-        self.screw_rad = 0.5 * screw_travel_rad(config.hood)
+        self.screw_rad = screw_rad(hood_deg, config.hood) if hood_deg else 0.5 * screw_travel_rad(config.hood)
         self.start_rad = self.screw_rad
         self.jammed = False
         self.seen = True
@@ -338,6 +339,46 @@ def test_wheels_whose_stated_friction_is_below_zero_run() -> None:
 
 
 # --- hood
+
+def turned(launcher: Launcher, change: Callable[[float], float]) -> Callable[[Inputs], Inputs]:
+    """The hood encoder says so much of its change since rest."""
+    began_rad = math.radians(launcher.hood_deg + (launcher.config.hood_encoder.zero_deg or 0.0))
+    return lambda inputs: replace(inputs, hood_angle=replace(inputs.hood_angle, angle_rad=(
+        began_rad + change(inputs.hood_angle.angle_rad - began_rad))))
+
+
+def most_moved_deg(launcher: Launcher, seconds: float) -> float:
+    began_deg, most = launcher.hood_deg, 0.0
+    for _ in range(round(seconds / TICK_S)):
+        launcher.run(TICK_S)
+        most = max(most, abs(launcher.hood_deg - began_deg))
+    return most
+
+
+@pytest.mark.parametrize("what", ["frozen", "reversed", "jumps", "motor zero"])
+@pytest.mark.parametrize("config", [AIMED, replace(AIMED, hood_encoder=COUNTING.hood_encoder, rig=COUNTING.rig)],
+                         ids=["absolute", "counting"])
+def test_a_hood_that_homes_with_a_wrong_encoder_goes_no_further_than_five_degrees(what: str, config: Config) -> None:
+    launcher = Launcher(config, hood_deg=60.0)
+    launcher.spoil = {"frozen": turned(launcher, lambda rad: 0.0), "reversed": turned(launcher, lambda rad: -rad),
+                      "jumps": turned(launcher, lambda rad: rad - math.radians(10.0) * (rad < -0.01)),
+                      "motor zero": hood(position_rad=0.0, velocity_rad_s=0.0)}[what]
+    launcher.run(0.1)
+    launcher.arm()
+    assert most_moved_deg(launcher, 1.0) <= 5.0
+    assert latched(launcher) == ["hood_encoders_disagree"] and not launcher.memory.homed
+
+
+def test_a_hood_homes_on_a_noisy_encoder_that_counts_and_wraps() -> None:
+    launcher = Launcher(replace(AIMED, hood_encoder=COUNTING.hood_encoder, rig=COUNTING.rig), hood_deg=70.0)
+    rng = random.Random(1)
+    launcher.spoil = lambda inputs: replace(inputs, hood_angle=replace(inputs.hood_angle, angle_rad=(
+        inputs.hood_angle.angle_rad + math.radians(rng.gauss(300.0, 0.2))) % math.tau))
+    launcher.run(0.1)
+    launcher.arm()
+    launcher.run(6.0)
+    assert launcher.memory.homed and not latched(launcher)
+
 
 @pytest.mark.parametrize("hood_kg_m2", [1.5e-5, HOOD_KG_M2])
 def test_the_hood_keeps_to_its_speed_limit_homing_too(hood_kg_m2: float) -> None:
