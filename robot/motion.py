@@ -55,6 +55,11 @@ LEVEL_S = 0.05                        # a noisy speed is averaged over this, and
 HARD, HARD_NS, PUSH_NS = 3.0, 300_000_000, 460_000_000      # half a second with what the wires add
 UNKNOWN = 2.0                         # times the stated friction, which sysid is to measure
 MOVED_RAD = 1.0                       # of the hood motor, 0.2 degrees of the shipped hood: more than its play
+# Without a hood encoder nothing else shows a motor's encoder that stands still. Until motion shows, and SHOWN_S after
+# it last did, the torque is so many times the stated friction: the shipped screw, free, then goes 3 degrees in BLIND_NS,
+# and one that sticks by half as much again as it rubs still breaks away
+BLIND, BLIND_NS, SHOWN_S = 1.75, 250_000_000, 0.06
+FAILURES = 3                          # in a row, each of which may have moved a hood whose motion is not known
 DIFFERENT = 3                         # readings in a row
 RATE_NS = 5_000_000                   # between encoder readings, for a rate: closer ones were held up on their way
 SWITCH_NS = 250_000_000               # the limit switch is read every 20 ms; ten answers in a row may be lost
@@ -65,6 +70,10 @@ LATCHING = frozenset((ENCODER_STUCK.name, ENCODER_MISMATCH.name, SPEED_JUMPED.na
 # With these no reading can be trusted to be of our device, of this moment, or ours to act on
 EVERYWHERE = frozenset((because.CAN_LOST.name, because.TICKS_STALLED.name, FOREIGN_HOST.name, DUPLICATE_ID.name))
 STALLS = frozenset((because.TICKS_STALLED.name, DUPLICATE_ID.name))      # frames that waited look like another device's
+# Latched for these, and without a hood encoder for those, the hood may have moved further than is known
+UNKNOWN_MOTION = frozenset((because.HOOD_ENCODERS_DISAGREE.name, because.HOOD_UNKNOWN.name))
+UNSEEN_MOTION = frozenset((because.SWITCH_NOT_REACHED.name, because.JOINT_NOT_TURNING.name, because.HOOD_JAMMED.name,
+                           ENCODER_STUCK.name, ENCODER_MISMATCH.name))
 FREE = Joint()
 
 
@@ -82,6 +91,7 @@ class Watch(NamedTuple):
     active_t_ns: int = 0
     is_idle: bool = False
     is_short: bool = False            # the hood does not reach its set point, and is not pushed any more
+    failures: int = 0                 # of the hood, in a row, in each of which it may have moved unseen
 
     def remember(self, flywheel_torque_nm: float, hood_torque_nm: float) -> MotionMemory:
         """For the next tick, with the torques that this one has decided on."""
@@ -139,6 +149,7 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
     if owns_hood and (doubt or why or hood.cause or switch or inputs.faults):
         passing, latching = by_axis[1]
         hood = _follow(hood, latching or why, everywhere or doubt or switch or passing, t_ns, uncounted)
+    hood, failures = _counted(hood, last.hood, memory, config)
     feeder_ready = not of_feeder and by_axis[2] == (None, None)
     seen, idle_s = memory.last_sighting, config.flywheel.idle_s
     active_t_ns = last.active_t_ns
@@ -149,7 +160,7 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
     is_short = (hood.dropped_deg is not None and estimate.hood_deg is not None
                 and not abs(estimate.hood_deg - hood.dropped_deg) <= config.hood.tolerance_deg)
     return Watch(wheels, hood, doubts, wheels_ready, hood_ready, feeder_ready, everywhere is None, last.armed_t_ns,
-                 active_t_ns, idle_s > 0.0 and (t_ns - active_t_ns) * NS > idle_s, is_short)
+                 active_t_ns, idle_s > 0.0 and (t_ns - active_t_ns) * NS > idle_s, is_short, failures)
 
 
 # --- faults and doubts
@@ -217,6 +228,22 @@ def _follow(joint: Joint, latching: Reason | None, passing: Reason | None, t_ns:
     return replace(joint, cause=None, good_t_ns=0) if t_ns - joint.good_t_ns >= RECOVER_NS else joint
 
 
+def _counted(hood: Joint, before: Joint, memory: Memory, config: Config) -> tuple[Joint, int]:
+    """The hood and how many times in a row it was latched while it may have moved unseen: after FAILURES for good."""
+    failures, is_blind = memory.failures, not config.hood_encoder.is_heard
+    if failures is UNSET:
+        failures = 0
+    if failures and (hood.moved_t_ns > 1 if is_blind else memory.homed):
+        failures = 0
+    if hood.is_latched and not before.is_latched and hood.cause is not None:
+        codes = {hood.cause.code, getattr(hood.cause.params.get("cause"), "code", "")}
+        failures += bool(codes & UNSEEN_MOTION and before.moved_t_ns <= 1 if is_blind
+                         else codes & UNKNOWN_MOTION and not memory.homed)
+    if failures >= FAILURES and not hood.is_latched:
+        return Joint(because.HOOD_GIVEN_UP(count=failures), True), failures
+    return hood, failures
+
+
 # --- wheels
 
 def _wheels(inputs: Inputs, wanted_rad_s: float, joint: Joint, asked_nm: float,
@@ -264,7 +291,11 @@ def _turning(joint: Joint, slowest: float, wanted_rad_s: float, asked_nm: float,
              config: Config) -> tuple[Joint, Reason | None]:
     """Whether the slower of the wheels' motors answers to a torque that must turn it."""
     full = asked_nm >= FULL * config.flywheel.pid.output_high
-    if not (full or asked_nm > HARD * config.flywheel.ks_nm) or slowest >= SLOW * wanted_rad_s:
+    is_hard = full or asked_nm > HARD * config.flywheel.ks_nm > 0.0
+    joint, noisy = _level(joint, slowest, wanted_rad_s, is_hard, FULL_NS if full else PUSH_NS, t_ns, config)
+    if noisy:
+        return joint, because.JOINT_NOT_TURNING(joint=WHEELS, torque_nm=asked_nm)
+    if not is_hard or slowest >= SLOW * wanted_rad_s:
         return (replace(joint, stuck_t_ns=0, hard_t_ns=0) if joint.stuck_t_ns else joint), None
     if not joint.stuck_t_ns or slowest > joint.stuck_at + RISING * wanted_rad_s:
         return replace(joint, stuck_t_ns=t_ns, hard_t_ns=t_ns if full else 0, stuck_at=slowest), None
@@ -397,6 +428,9 @@ def _moving(inputs: Inputs, wanted_deg: float | None, memory: Memory, joint: Joi
             config: Config) -> tuple[Joint, Reason | None]:
     """Whether the hood moves under a torque that its stated friction cannot hold."""
     t_ns, at_rad, friction_nm = inputs.t_ns, inputs.hood_motor.position_rad, config.hood.friction_nm
+    is_blind = not config.hood_encoder.is_heard
+    if is_blind and (not joint.moved_t_ns or abs(at_rad - joint.moved_rad) > MOVED_RAD):
+        joint = replace(joint, moved_t_ns=t_ns if joint.moved_t_ns else 1, moved_rad=at_rad)
     if joint.dropped_deg is not None and not (
             wanted_deg is not None and abs(wanted_deg - joint.dropped_deg) <= config.hood.tolerance_deg):
         joint = replace(joint, dropped_deg=None)
@@ -411,13 +445,14 @@ def _moving(inputs: Inputs, wanted_deg: float | None, memory: Memory, joint: Joi
         joint = replace(joint, hard_t_ns=t_ns if hard else 0)
     if hard and t_ns - joint.hard_t_ns >= HARD_NS:
         return replace(joint, jams=joint.jams + 1), because.HOOD_JAMMED(torque_nm=asked_nm)
-    if t_ns - joint.stuck_t_ns < PUSH_NS:
+    is_full = is_blind and (not memory.homed or abs(asked_nm) > 0.99 * BLIND * friction_nm)
+    if t_ns - joint.stuck_t_ns < (BLIND_NS if is_full else PUSH_NS):
         return joint, None
     if not memory.homed:
         return joint, because.SWITCH_NOT_REACHED(limit_s=(t_ns - (joint.homing_t_ns or t_ns)) * NS)
-    if wanted_deg is None:
+    if wanted_deg is None or is_full or (is_blind and joint.jams):
         return joint, because.JOINT_NOT_TURNING(joint=HOOD, torque_nm=asked_nm)
-    return replace(joint, dropped_deg=wanted_deg, stuck_t_ns=0, hard_t_ns=0), None
+    return replace(joint, dropped_deg=wanted_deg, stuck_t_ns=0, hard_t_ns=0, jams=joint.jams + is_blind), None
 
 
 def _homing(inputs: Inputs, hood_deg: float | None, memory: Memory, joint: Joint, asked_nm: float,

@@ -166,6 +166,8 @@ class Joint(Struct, frozen=True, omit_defaults=True):
     began_t_ns: int = 0                           # hood: encoder and screw are compared since then, until it is homed
     began_rad: float = 0.0                        # ... the encoder's reading then
     began_screw_rad: float = 0.0                  # ... and the motor's
+    moved_t_ns: int = 0                           # hood without encoder: its motor was seen to move then; 1: not yet
+    moved_rad: float = 0.0                        # ... and was here
 
 
 class MotionMemory(Struct, frozen=True, omit_defaults=True):
@@ -285,6 +287,7 @@ class Memory(Struct, frozen=True):
     count: Count | UnsetType = UNSET              # only without a hood encoder
     zero_deg: float | UnsetType = UNSET           # of a hood encoder that homing zeroes; absent until it has
     motion: MotionMemory | UnsetType = UNSET            # only while armed
+    failures: int | UnsetType = UNSET             # of the hood, latched without its motion being known; absent: none
 
 
 class Tick(Struct, frozen=True):

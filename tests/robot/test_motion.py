@@ -13,7 +13,7 @@ import pytest
 from msgspec.structs import replace
 
 from tests.robot.alike import codes
-from tests.robot.encoders import COUNTING
+from tests.robot.encoders import COUNTING, NONE
 from tests.robot.good_tick import CONFIG, good_inputs
 from truearc.hw import fault_codes as hw
 from truearc.hw.devices.odrive.frames import CLOSED_LOOP
@@ -378,6 +378,35 @@ def test_a_hood_homes_on_a_noisy_encoder_that_counts_and_wraps() -> None:
     launcher.arm()
     launcher.run(6.0)
     assert launcher.memory.homed and not latched(launcher)
+
+
+BLIND = replace(AIMED, hood_encoder=NONE.hood_encoder, rig=NONE.rig)
+
+
+@pytest.mark.parametrize("hood_deg", [60.0, 15.05])
+def test_without_hood_encoder_a_motor_whose_encoder_is_dead_moves_little_and_not_again_and_again(
+        hood_deg: float) -> None:
+    launcher = Launcher(BLIND, hood_deg=hood_deg)
+    launcher.spoil = hood(position_rad=0.0, velocity_rad_s=0.0)
+    launcher.run(0.1)
+    moved = []
+    for _ in range(5):
+        launcher.arm()
+        moved.append(most_moved_deg(launcher, 0.8))
+        launcher.arm()
+        launcher.run(0.05)
+    assert max(moved) <= 5.0 and moved[3:] == [0.0, 0.0]
+    launcher.arm()
+    launcher.run(0.1)
+    assert latched(launcher) == [because.HOOD_GIVEN_UP.name]
+
+
+def test_without_hood_encoder_a_sound_hood_homes_and_rises() -> None:
+    launcher = Launcher(BLIND, hood_deg=40.0)
+    launcher.run(0.1)
+    launcher.arm()
+    launcher.run(6.0)
+    assert abs(launcher.hood_deg - HOOD_DEG) < 0.5 and not latched(launcher)
 
 
 @pytest.mark.parametrize("hood_kg_m2", [1.5e-5, HOOD_KG_M2])
