@@ -26,7 +26,7 @@ from truearc.robot.config.schema import Config
 from truearc.robot.control import RELEASED
 from truearc.robot.estimate import is_fresh
 from truearc.robot.gate.model import Gate
-from truearc.robot.motors import elevation_from_encoder_deg, elevation_from_screw_deg, name_axes, screw_length_m
+from truearc.robot.motors import elevation_from_encoder_deg, elevation_from_screw_deg, name_axes, screw_rad
 from truearc.robot.reasons import BOX_GONE, FRAMES_NOT_SENT, IDENTIFY_DONE, IDENTIFY_RELEASED, text
 from truearc.robot.sysid import CREEP, FLYWHEEL, HOOD, PAUSE, STILL, Phase
 from truearc.robot.types import Inputs, Memory, Progress, Sent, Tick, Verdict
@@ -91,14 +91,7 @@ def describe(config: Config, program: tuple[Phase, ...]) -> str:
 def rad_per_deg(config: Config) -> float:
     """How far the hood's motor turns in a degree of elevation, in the middle of its travel."""
     middle_deg = (config.hood.low_deg + config.hood.high_deg) / 2.0
-    return abs(screw_rad(middle_deg + 0.5, config) - screw_rad(middle_deg - 0.5, config))
-
-
-def screw_rad(elevation_deg: float, config: Config) -> float:
-    """How far the hood's motor has turned up from the limit switch at this elevation."""
-    hood = config.hood
-    turned_m = screw_length_m(elevation_deg, hood) - screw_length_m(hood.low_deg, hood)
-    return 2.0 * math.pi * turned_m / (hood.screw_lead_m * hood.screw_gear)
+    return abs(screw_rad(middle_deg + 0.5, config.hood) - screw_rad(middle_deg - 0.5, config.hood))
 
 
 def _nudges(joint: str, sign: int, most_nm: float, top_rad_s: float, long_s: float, ends_rad_s: float) -> list[Phase]:
@@ -190,7 +183,7 @@ class SmallMotion:
                     f"own, more than {most_deg:g}")
         began_deg, at_deg = hood_angle_deg(self._start, config), hood_angle_deg(inputs, config)
         if began_deg is not None and at_deg is not None:
-            screw_deg = elevation_from_screw_deg(screw_rad(began_deg, config) + turned_rad, config.hood)
+            screw_deg = elevation_from_screw_deg(screw_rad(began_deg, config.hood) + turned_rad, config.hood)
             if screw_deg is None or not abs(screw_deg - at_deg) <= config.hood.crosscheck_deg:
                 return (f"the hood has moved by {at_deg - began_deg:.1f} deg by its encoder, by its motor's about "
                         f"{turned_deg:.1f}: is one of them stuck, scaled, late or the wrong way round?")

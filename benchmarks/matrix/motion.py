@@ -21,6 +21,7 @@ from benchmarks.matrix.run import Span, frame_id, is_odrive, with_launcher
 from truearc.cli.common import SHIPPED
 from truearc.hw.codec import load_codec
 from truearc.hw.devices.canandmag.frames import frame_id as encoder_id
+from truearc.hw.devices.no_encoder import NoEncoder
 from truearc.hw.emulated.nodes import MotorTruth, Node, Twin
 from truearc.hw.protocols import CameraFrame, Clock, Frame
 from truearc.hw.reason import FAULT, Reason
@@ -93,6 +94,9 @@ def make_motion_config(row: Row, motion: Motion) -> Config:
     aim = Prescribed(distance_m=PLACE_M, motor_ratio=SET_RAD_S / FREE_RAD_S, hood_deg=motion.hood_deg)
     config = replace(config, collect=replace(config.collect, repeats=1 << 30, prescribed=(aim,)),
                      hood=replace(config.hood, high_deg=motion.high_deg))
+    if not motion.has_encoder:
+        noise = replace(config.rig.noise, hood_deg=0.6)
+        config = replace(config, hood_encoder=NoEncoder(), rig=replace(config.rig, noise=noise))
     return with_launcher(config, row.launcher)
 
 
@@ -106,7 +110,8 @@ class MotionSide:
         self._config, self._row, self._motion = config, row, row.breaking
         self._box, self._span, self._now_ns = box, span, now_ns
         is_low = self._motion.what == "encoder 0.8 degrees low"
-        self._world = MovingWorld(1, Options(hood_offset_deg=-0.8 if is_low else 0.0))
+        self._world = MovingWorld(1, Options(hood_offset_deg=-0.8 if is_low else 0.0),
+                                  self._motion.start_deg)
         self._nodes = make_sick_nodes(config, self._world)
         self._endstop = self._nodes["hood"].node._endstop if self._motion.what == NO_ANSWER else None
         self._twin = Twin(self._world, TappedBus(wire, self._listen), tuple(self._nodes.values()),
@@ -173,6 +178,8 @@ class MotionSide:
         belt, hood, when = self._world.belt, self._world.hood, self._motion.when
         if when == "spinning":
             return belt.speed_rad_s > SPINNING_RAD_S
+        if when == "hood homes":
+            return hood.speed_rad_s < -STILL_RAD_S
         if when == "hood rises":
             return hood.speed_rad_s > STILL_RAD_S and hood.elevation_deg > RISING_DEG
         is_near = (abs(belt.speed_rad_s - SET_RAD_S) < NEAR_RAD_S
@@ -342,7 +349,7 @@ def _judge_return(row: Row, motion: Motion, moved: Moved, plant: Plant, result: 
 
 
 STEP_NS = 1_000_000                   # the plant is looked at this often
-START_DEG = 22.0                      # where the hood is found
+START_DEG = 22.0                      # where the hood is found, unless a row says otherwise
 STIFF_NM = 0.03                       # beside its own 0.02: twice and a half of what the configuration knows
 NAMES = ("flywheel_a", "flywheel_b", "hood")
 COLUMNS = ("t_s", "asked_a_nm", "asked_b_nm", "asked_hood_nm", "wheel_rad_s", "hood_deg", "screw_rad_s")
@@ -400,11 +407,11 @@ class SickBelt(Belt):
 class MovingWorld(World):
     """The world, in steps of at most a millisecond, each of which leaves a line of COLUMNS."""
 
-    def __init__(self, seed: int, options: Options | None = None) -> None:
+    def __init__(self, seed: int, options: Options | None = None, start_deg: float = START_DEG) -> None:
         super().__init__(seed, options)
         options = options or Options()
         self.belt: SickBelt = SickBelt(options)
-        self.hood: SickHood = SickHood(START_DEG, options)
+        self.hood: SickHood = SickHood(start_deg, options)
         self.lines: list[tuple[float, ...]] = []
         self.trouble = ""
 
@@ -511,6 +518,12 @@ def change_reading(what: str, frame: Frame, first: Frame, velocity_first: bool) 
             values = codec.parse("POSITION_OUTPUT", frame.data)
             values["absolute_rev"] = round((values["absolute_rev"] + 10.0 / 360.0) * COUNTS) % COUNTS / COUNTS
             return frame._replace(data=codec.make("POSITION_OUTPUT", values))
+        case "angle reversed":
+            codec = load_codec("canandmag")
+            began, values = codec.parse("POSITION_OUTPUT", first.data), codec.parse("POSITION_OUTPUT", frame.data)
+            turned_rev = 2.0 * began["absolute_rev"] - values["absolute_rev"]
+            values["absolute_rev"] = round(turned_rev * COUNTS) % COUNTS / COUNTS
+            return frame._replace(data=codec.make("POSITION_OUTPUT", values))
     start, (velocity, position) = (
         PAIR.unpack(data)[::1 if velocity_first else -1] for data in (first.data, frame.data))
     velocity, position = {
@@ -526,7 +539,8 @@ def make_sick_nodes(config: Config, world: MovingWorld) -> dict[str, Any]:
     axes = (*config.axes.flywheels, config.axes.hood, config.axes.feeder)
     readings = [(frame_id(axis, "Get_Encoder_Estimates" if is_odrive(axis) else "STATUS_2"), not is_odrive(axis))
                 for axis in axes]
-    readings.append((encoder_id(config.hood_encoder.device, "POSITION_OUTPUT"), False))
+    if config.hood_encoder.is_heard:
+        readings.append((encoder_id(config.hood_encoder.device, "POSITION_OUTPUT"), False))
     nodes = make_nodes(config, world, NO_WATCHDOG)
     return {name: SickNode(node, *reading) for (name, node), reading in zip(nodes.items(), readings, strict=True)}
 

@@ -67,7 +67,8 @@ LIMITS: tuple[Limit, ...] = (
           f"below, nothing turns; {NO_STRONGER}"),
     Limit("flywheel.pid.output_low", (-STRONGEST_NM, "-1 * axes.flywheels.stall_torque_nm"), 0,
           "below, the motor gives no more; above 0 it would drive wheels that are too fast"),
-    Limit("flywheel.ks_nm", -0.01, "0.5 * flywheel.pid.output_high", "below, nothing rubs; above, wheels are stuck"),
+    Limit("flywheel.ks_nm", -0.01, "0.5 * flywheel.pid.output_high",
+          "below, nothing rubs (a line through bent friction may be a little below 0); above, wheels are stuck"),
     Limit("flywheel.kv_nm_s", -1e-4, "flywheel.pid.output_high / rig.launcher.free_speed_rad_s",
           "below, friction falls with speed; above, it takes all torque at free speed"),
     Limit("flywheel.ka_nm_s2", 0, 0.1, "inertia for each motor in kg m2: a steel disc of 10 kg and 0.28 m has 0.1"),
@@ -247,6 +248,9 @@ def _of_motors(config: Any) -> Iterator[tuple[str, str]]:
     if bent[0] <= bent[1] and not 0.0 < bent[0] <= bent[1] < 180.0:
         yield "hood.included_deg", (f"from low_deg to high_deg the angle motor, pivot, nut goes from {bent[0]:g} to "
                                     f"{bent[1]:g} degrees; it stays between 0 and 180")
+    if len({family_of(axis).is_commanded for axis in config.axes.flywheels}) > 1:
+        yield "axes.flywheels", ("some are \"advisory\", which another controller drives, and some are driven here; "
+                                 "the motors of one belt have one master")
     named = [(f"axes.flywheels[{number}]", axis) for number, axis in enumerate(config.axes.flywheels)]
     encoder = getattr(config.hood_encoder, "controller", None)
     owner: dict[tuple[str, int], str] = {}

@@ -203,3 +203,11 @@ def test_bounds_name_only_rows_above_and_keys_that_there_are() -> None:
     for limit in LIMITS:
         for key in keys_in(limit):
             assert key in known and (key not in rows or rows.index(key) < rows.index(limit.key)), (limit.key, key)
+
+
+def test_wheels_of_one_belt_have_one_master(place: Path) -> None:
+    tables = make_tables(False)
+    theirs = {"driver": "advisory", "listens_to": "odrive", "device": 1, "direction": 1, "has_endstop": False}
+    tables["axes"]["flywheels"] = [theirs, tables["axes"]["flywheels"][1]]
+    _, key, said = refusal(tables, place)
+    assert key == "axes.flywheels" and "advisory" in said and "one master" in said
