@@ -25,11 +25,6 @@ from truearc.robot.sysid.tick import POLICY, make_step
 from truearc.robot.tick import step
 from truearc.robot.types import Sent, Tick
 
-# Of the interlocks' memory, which recordings from before these were there lack
-ADDED = frozenset(f"tick.memory.motion.{name}" for name in (
-    "hood.began_t_ns", "hood.began_rad", "hood.began_screw_rad", "hood.moved_t_ns", "hood.moved_rad",
-    "wheels.slow_t_ns", "wheels.slow_rad_s", "wheels.level_rad_s", "wheels.noise_rad_s"))
-
 
 class Difference(Exception):
     """The first recomputed value that is not the recorded one; the message names tick and field."""
@@ -50,8 +45,8 @@ class Comparer:
 
     def record(self, tick: Tick, sent: Sent) -> None:
         again = self._rows.format.encode_tick(replace(tick, sent=sent))
-        if again != self._rows.current and (told := _first_difference(self._rows.current, again)):
-            raise Difference(told)
+        if again != self._rows.current:
+            raise Difference(_first_difference(self._rows.current, again))
 
     def keep_picture(self, picture: CameraFrame) -> None: ...
 
@@ -117,13 +112,8 @@ def matched(ticks: int, reader: TickReader) -> Replayed:
 
 
 def _first_difference(was: bytes, now: bytes) -> str:
-    """What differs; nothing where that is only what ADDED says."""
     old, new = msgspec.json.decode(was), msgspec.json.decode(now)
-    found = list(find_differences(old, new, "tick.")) or [("tick", old, new)]
-    told = [one for one in found if not (one[0] in ADDED and one[1] is None)]
-    if not told:
-        return ""
-    path, before, after = told[0]
+    path, before, after = next(find_differences(old, new, "tick."), ("tick", old, new))
     return f"cycle {old['inputs']['cycle']}: {path} was {before!r}, is now {after!r}"
 
 
