@@ -56,8 +56,8 @@ HARD, HARD_NS, PUSH_NS = 3.0, 300_000_000, 460_000_000      # half a second with
 UNKNOWN = 2.0                         # times the stated friction, which sysid is to measure
 MOVED_RAD = 1.0                       # of the hood motor, 0.2 degrees of the shipped hood: more than its play
 # Without a hood encoder nothing else shows a motor's encoder that stands still. Until motion shows, and SHOWN_S after
-# it last did, the torque is so many times the stated friction: the shipped screw, free, then goes 3 degrees in BLIND_NS,
-# and one that sticks by half as much again as it rubs still breaks away
+# it last did, the torque is so many times the stated friction: the shipped screw, free, then goes 3 degrees in
+# BLIND_NS, and one that sticks by half as much again as it rubs still breaks away
 BLIND, BLIND_NS, SHOWN_S = 1.75, 250_000_000, 0.06
 FAILURES = 3                          # in a row, each of which may have moved a hood whose motion is not known
 DIFFERENT = 3                         # readings in a row
