@@ -126,7 +126,7 @@ def test_a_trial_that_only_the_ticks_have_is_said(session: Path) -> None:
 
 
 @pytest.mark.parametrize(("text", "said"), [("{}", "tick_hz"), ("[]", "table"), ("null", "table"),
-                                            ('{"rig":5}', "tick_hz")])
+                                            ('{"rig":5}', "rig: a table is expected")])
 @pytest.mark.parametrize("command", [
     ["session", "replay", "--check"], ["shots"], ["session", "convert", "--to", "csv"]], ids=lambda words: words[-1])
 def test_a_configuration_that_is_none_is_named(session: Path, tmp_path: Path, command: list[str], text: str, said: str,
