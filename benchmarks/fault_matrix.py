@@ -53,6 +53,8 @@ def main() -> int:
     if args.table:
         results = load(args.table)
     else:
+        if args.folder is not None:
+            args.folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=args.folder) as folder:
             results = _run_all(args, Path(args.folder or folder))
     table = make_table(results)

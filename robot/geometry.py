@@ -31,10 +31,15 @@ def elevation_per_rad(elevation_deg: float, hood: Hood) -> float:
     return math.degrees(hood.screw_gear * hood.screw_lead_m / (2.0 * math.pi) / lever)
 
 
+def screw_rad(elevation_deg: float, hood: Hood) -> float:
+    """How far the screw motor has turned up from the limit switch at a launch elevation."""
+    travel_m = screw_length_m(elevation_deg, hood) - screw_length_m(hood.low_deg, hood)
+    return travel_m / (hood.screw_gear * hood.screw_lead_m) * 2.0 * math.pi
+
+
 def screw_travel_rad(hood: Hood) -> float:
     """How far the screw motor turns from the hood's lowest elevation to its highest."""
-    travel_m = screw_length_m(hood.high_deg, hood) - screw_length_m(hood.low_deg, hood)
-    return travel_m / (hood.screw_gear * hood.screw_lead_m) * 2.0 * math.pi
+    return screw_rad(hood.high_deg, hood)
 
 
 def elevation_from_encoder_deg(angle_rad: float, encoder: HoodEncoder, zero_deg: float) -> float:

@@ -94,7 +94,7 @@ class Motion(Struct, frozen=True):
 
     what: str                         # of benchmarks.matrix.moving
     names: tuple[str, ...]            # devices whose frames it spoils; none: it is in the plant
-    when: str                         # "start", "spinning", "settled", "hood rises"
+    when: str                         # "start", "spinning", "settled", "hood homes", "hood rises"
     axis: str                         # that has to be released: "wheels", "hood"; "": none
     since: str                        # what the row's time counts from: "reading" (the last true one), "fault", "push"
     code: str                         # of benchmarks.matrix.motion_rows.CODES: what the page has to say
@@ -102,6 +102,8 @@ class Motion(Struct, frozen=True):
     hood_deg: float = 45.0            # set point
     high_deg: float = 75.0            # soft limit; the plant's own stop is at 75
     travel_deg: float = math.inf      # the hood's after the fault
+    start_deg: float = 22.0           # where the hood is found
+    has_encoder: bool = True          # a hood encoder; without one its motor's count is all that is known
 
 
 Breaking = Device | Both | Inside | Wire | Box | Camera | Disk | Model | Time | Process | Start | Key | Motion

@@ -21,6 +21,7 @@ from benchmarks.matrix.moving import COLUMNS, NAMES, MovingWorld, make_sick_node
 from benchmarks.matrix.row import ITSELF, REARM, Row
 from benchmarks.matrix.span import Span
 from truearc.cli.common import SHIPPED
+from truearc.hw.devices.no_encoder import NoEncoder
 from truearc.hw.emulated.emulated_robot import Twin
 from truearc.hw.protocols import CameraFrame, Clock
 from truearc.hw.reason import FAULT, Reason
@@ -89,6 +90,9 @@ def make_motion_config(row: Row, motion: Motion) -> Config:
     aim = Prescribed(distance_m=PLACE_M, motor_ratio=SET_RAD_S / FREE_RAD_S, hood_deg=motion.hood_deg)
     config = replace(config, collect=replace(config.collect, repeats=1 << 30, prescribed=(aim,)),
                      hood=replace(config.hood, high_deg=motion.high_deg))
+    if not motion.has_encoder:
+        noise = replace(config.rig.noise, hood_deg=0.6)
+        config = replace(config, hood_encoder=NoEncoder(), rig=replace(config.rig, noise=noise))
     return with_launcher(config, row.launcher)
 
 
@@ -102,7 +106,8 @@ class MotionSide:
         self._config, self._row, self._motion = config, row, row.breaking
         self._box, self._span, self._now_ns = box, span, now_ns
         is_low = self._motion.what == "encoder 0.8 degrees low"
-        self._world = MovingWorld(1, Options(hood_offset_deg=-0.8 if is_low else 0.0))
+        self._world = MovingWorld(1, Options(hood_offset_deg=-0.8 if is_low else 0.0),
+                                  self._motion.start_deg)
         self._nodes = make_sick_nodes(config, self._world)
         self._endstop = self._nodes["hood"].node._endstop if self._motion.what == NO_ANSWER else None
         self._twin = Twin(self._world, TappedBus(wire, self._listen), tuple(self._nodes.values()),
@@ -169,6 +174,8 @@ class MotionSide:
         belt, hood, when = self._world.belt, self._world.hood, self._motion.when
         if when == "spinning":
             return belt.speed_rad_s > SPINNING_RAD_S
+        if when == "hood homes":
+            return hood.speed_rad_s < -STILL_RAD_S
         if when == "hood rises":
             return hood.speed_rad_s > STILL_RAD_S and hood.elevation_deg > RISING_DEG
         is_near = (abs(belt.speed_rad_s - SET_RAD_S) < NEAR_RAD_S

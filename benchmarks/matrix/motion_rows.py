@@ -12,6 +12,7 @@ EITHER = "by itself, or arm again"    # how it is told from what latches depends
 STALE_S, WRONG_S, REST_S = 0.12, 0.08, 0.25   # readings stop; freeze under torque or jump; are wrong since rest
 NEVER_S = 0.01                        # not driven at all
 TRAVEL_DEG = 5.0
+HOMING_S = 0.4                        # until encoder and screw are 1.5 degrees apart, from rest
 BOTH = ("flywheel_a", "flywheel_b")
 
 # What the page may say of each kind of fault, as codes of truearc.robot.reasons: one of these; none, any fault; None,
@@ -97,9 +98,24 @@ def _hood() -> Iterator[Row]:
                   0.45)
     # down from where it is found, and the stop's push, and once more
     yield _hooded("its limit switch never closes", Motion("switch dead", (), "start", "hood", "push", "homing", 2),
-                  1.25, REARM)
+                  1.35, REARM)
     yield _hooded("its screw has come loose of the motor",
-                  Motion("hood comes loose", (), "start", "hood", "push", "homing"), 8.0, REARM, 12.0)
+                  Motion("hood comes loose", (), "start", "hood", "push", "encoders"), 1.0, REARM, 4.0)
+    for name, what, names, code in (("its encoder is frozen", "frozen", encoder, "encoders"),
+                                    ("its encoder is reversed", "angle reversed", encoder, "encoders"),
+                                    ("its motor's encoder reads 0", "zero", ("hood",), "encoders")):
+        yield _hooded(f"{name} while it homes from 60 degrees",
+                      Motion(what, names, "start", "hood", "push", code, travel_deg=TRAVEL_DEG, start_deg=60.0),
+                      HOMING_S, REARM)
+    yield _hooded("its encoder jumps by 10 degrees while it homes from 60 degrees",
+                  Motion("10 degrees off", encoder, "hood homes", "hood", "fault", "encoders", travel_deg=TRAVEL_DEG,
+                         start_deg=60.0), REST_S, REARM)
+    yield _hooded("has no encoder, and its motor's reads 0",
+                  Motion("zero", ("hood",), "start", "hood", "push", "homing", travel_deg=TRAVEL_DEG, start_deg=60.0,
+                         has_encoder=False), 0.35, REARM)
+    yield _hooded("has no encoder, homes from 60 degrees and rises",
+                  Motion("nothing", (), "start", "", "fault", "none", start_deg=60.0, has_encoder=False), 0.0, KEEPS,
+                  9.0)
     yield _hooded("its screw is stiff", Motion("hood is stiff", (), "start", "", "fault", "none"), 0.0, KEEPS, 6.0)
     yield _hooded("its encoder reads 0.8 degrees low, set point at the soft limit",
                   Motion("encoder 0.8 degrees low", (), "start", "", "fault", "none", hood_deg=60.0, high_deg=60.0),

@@ -21,7 +21,7 @@ from truearc.sim.world.parts.hood import COULOMB_NM, Hood
 from truearc.sim.world.world import World
 
 STEP_NS = 1_000_000                   # the plant is looked at this often
-START_DEG = 22.0                      # where the hood is found
+START_DEG = 22.0                      # where the hood is found, unless a row says otherwise
 STIFF_NM = 0.03                       # beside its own 0.02: twice and a half of what the configuration knows
 NAMES = ("flywheel_a", "flywheel_b", "hood")
 COLUMNS = ("t_s", "asked_a_nm", "asked_b_nm", "asked_hood_nm", "wheel_rad_s", "hood_deg", "screw_rad_s")
@@ -79,11 +79,11 @@ class SickBelt(Belt):
 class MovingWorld(World):
     """The world, in steps of at most a millisecond, each of which leaves a line of COLUMNS."""
 
-    def __init__(self, seed: int, options: Options | None = None) -> None:
+    def __init__(self, seed: int, options: Options | None = None, start_deg: float = START_DEG) -> None:
         super().__init__(seed, options)
         options = options or Options()
         self.belt: SickBelt = SickBelt(options)
-        self.hood: SickHood = SickHood(START_DEG, options)
+        self.hood: SickHood = SickHood(start_deg, options)
         self.lines: list[tuple[float, ...]] = []
         self.trouble = ""
 
@@ -190,6 +190,12 @@ def change_reading(what: str, frame: Frame, first: Frame, velocity_first: bool) 
             values = codec.parse("POSITION_OUTPUT", frame.data)
             values["absolute_rev"] = round((values["absolute_rev"] + 10.0 / 360.0) * COUNTS) % COUNTS / COUNTS
             return frame._replace(data=codec.make("POSITION_OUTPUT", values))
+        case "angle reversed":
+            codec = load_codec("canandmag")
+            began, values = codec.parse("POSITION_OUTPUT", first.data), codec.parse("POSITION_OUTPUT", frame.data)
+            turned_rev = 2.0 * began["absolute_rev"] - values["absolute_rev"]
+            values["absolute_rev"] = round(turned_rev * COUNTS) % COUNTS / COUNTS
+            return frame._replace(data=codec.make("POSITION_OUTPUT", values))
     start, (velocity, position) = (
         PAIR.unpack(data)[::1 if velocity_first else -1] for data in (first.data, frame.data))
     velocity, position = {
@@ -205,7 +211,8 @@ def make_sick_nodes(config: Config, world: MovingWorld) -> dict[str, Any]:
     axes = (*config.axes.flywheels, config.axes.hood, config.axes.feeder)
     readings = [(frame_id(axis, "Get_Encoder_Estimates" if is_odrive(axis) else "STATUS_2"), not is_odrive(axis))
                 for axis in axes]
-    readings.append((encoder_id(config.hood_encoder.device, "POSITION_OUTPUT"), False))
+    if config.hood_encoder.is_heard:
+        readings.append((encoder_id(config.hood_encoder.device, "POSITION_OUTPUT"), False))
     nodes = make_nodes(config, world, NO_WATCHDOG)
     return {name: SickNode(node, *reading) for (name, node), reading in zip(nodes.items(), readings, strict=True)}
 

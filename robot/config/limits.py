@@ -60,6 +60,9 @@ def _of_motors(config: Any) -> Iterator[tuple[str, str]]:
     if bent[0] <= bent[1] and not 0.0 < bent[0] <= bent[1] < 180.0:
         yield "hood.included_deg", (f"from low_deg to high_deg the angle motor, pivot, nut goes from {bent[0]:g} to "
                                     f"{bent[1]:g} degrees; it stays between 0 and 180")
+    if len({family_of(axis).is_commanded for axis in config.axes.flywheels}) > 1:
+        yield "axes.flywheels", ("some are \"advisory\", which another controller drives, and some are driven here; "
+                                 "the motors of one belt have one master")
     named = [(f"axes.flywheels[{number}]", axis) for number, axis in enumerate(config.axes.flywheels)]
     encoder = getattr(config.hood_encoder, "controller", None)
     owner: dict[tuple[str, int], str] = {}

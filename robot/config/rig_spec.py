@@ -206,5 +206,5 @@ def with_nan(table: dict[str, Any], kind: Any = Rig) -> dict[str, Any]:
         elif inner is not None and isinstance(value, dict):
             filled[one.name] = with_nan(value, inner)
         elif inner is not None and isinstance(value, list):
-            filled[one.name] = [with_nan(row, inner) for row in value]
+            filled[one.name] = [with_nan(row, inner) if isinstance(row, dict) else row for row in value]
     return filled

@@ -19,9 +19,16 @@ from truearc.robot.config.schema import Config
 from truearc.robot.control import RELEASED
 from truearc.robot.estimate import NS, is_fresh
 from truearc.robot.gate.model import Gate
-from truearc.robot.geometry import elevation_from_encoder_deg, elevation_from_screw_deg, screw_length_m
+from truearc.robot.geometry import elevation_from_encoder_deg, screw_rad
 from truearc.robot.motors import name_axes
-from truearc.robot.reasons import BOX_GONE, FRAMES_NOT_SENT, IDENTIFY_DONE, IDENTIFY_RELEASED, text
+from truearc.robot.reasons import (
+    BOX_GONE,
+    FRAMES_NOT_SENT,
+    HOOD_ENCODERS_DISAGREE,
+    IDENTIFY_DONE,
+    IDENTIFY_RELEASED,
+    text,
+)
 from truearc.robot.sysid.program import (
     CREEP,
     CREEP_UP_DEG,
@@ -98,14 +105,7 @@ def describe(config: Config, program: tuple[Phase, ...]) -> str:
 def rad_per_deg(config: Config) -> float:
     """How far the hood's motor turns in a degree of elevation, in the middle of its travel."""
     middle_deg = (config.hood.low_deg + config.hood.high_deg) / 2.0
-    return abs(screw_rad(middle_deg + 0.5, config) - screw_rad(middle_deg - 0.5, config))
-
-
-def screw_rad(elevation_deg: float, config: Config) -> float:
-    """How far the hood's motor has turned up from the limit switch at this elevation."""
-    hood = config.hood
-    turned_m = screw_length_m(elevation_deg, hood) - screw_length_m(hood.low_deg, hood)
-    return 2.0 * math.pi * turned_m / (hood.screw_lead_m * hood.screw_gear)
+    return abs(screw_rad(middle_deg + 0.5, config.hood) - screw_rad(middle_deg - 0.5, config.hood))
 
 
 def _nudges(joint: str, sign: int, most_nm: float, top_rad_s: float, long_s: float, ends_rad_s: float) -> list[Phase]:
@@ -150,8 +150,7 @@ class SmallMotion:
                            memory=replace(tick.memory, armed=False, identify=over))
             self.over = doubt
         elif progress.over is not None:
-            self.over = self.over or (
-                "" if progress.over.code == IDENTIFY_DONE.name else text(progress.over).removeprefix("identify: "))
+            self.over = self.over or ("" if progress.over.code == IDENTIFY_DONE.name else _words(progress.over))
         if self.over is not None:
             self._over_ns = self._over_ns or inputs.t_ns
             self.is_finished = (inputs.t_ns - self._over_ns) * NS > COAST_S
@@ -194,12 +193,6 @@ class SmallMotion:
         if not max(abs(turned_deg), abs(pivoted_deg)) <= most_deg:
             return (f"the hood has moved by {turned_deg:.1f} deg by its motor's encoder and {pivoted_deg:.1f} by its "
                     f"own, more than {most_deg:g}")
-        began_deg, at_deg = hood_angle_deg(self._start, config), hood_angle_deg(inputs, config)
-        if began_deg is not None and at_deg is not None:
-            screw_deg = elevation_from_screw_deg(screw_rad(began_deg, config) + turned_rad, config.hood)
-            if screw_deg is None or not abs(screw_deg - at_deg) <= config.hood.crosscheck_deg:
-                return (f"the hood has moved by {at_deg - began_deg:.1f} deg by its encoder, by its motor's about "
-                        f"{turned_deg:.1f}: is one of them stuck, scaled, late or the wrong way round?")
         return self._creep_doubt(inputs, phase, down, turned_deg) if phase.kind == CREEP else None
 
     def _creep_doubt(self, inputs: Inputs, phase: Phase, down: bool, turned_deg: float) -> str | None:
@@ -230,6 +223,14 @@ def hood_angle_deg(inputs: Inputs, config: Config) -> float | None:
     if zero_deg is None or inputs.hood_angle is None or not config.hood_encoder.is_heard:
         return None
     return elevation_from_encoder_deg(inputs.hood_angle.angle_rad, config.hood_encoder, zero_deg)
+
+
+def _words(over: Reason) -> str:
+    """Why system identification's tick has released the motors, and of two hood encoders what to look for."""
+    causes, words = over.params.get("causes"), text(over).removeprefix("identify: ")
+    if isinstance(causes, tuple) and HOOD_ENCODERS_DISAGREE.name in (getattr(cause, "code", "") for cause in causes):
+        return f"{words}: is one of them stuck, scaled, late or the wrong way round?"
+    return words
 
 
 def _runaway(name: str, motor: MotorReading, start: MotorReading, phase: Phase) -> str | None:

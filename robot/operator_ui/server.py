@@ -206,7 +206,7 @@ class _Handler(LocalHandler):
     def _admit(self, page: OperatorPage) -> None:
         # the page's own script can only name the token in the address
         token = parse_qs(self.path.partition("?")[2]).get("token", [""])[0]
-        is_known = self.server.orders is not None and self.server.orders.is_token(token)
+        is_known = None if self.server.orders is None else self.server.orders.is_token(token)
         with self.server.place(self.connection, LOOKING, is_known) as is_free:
             if is_free:
                 self._tell(page)

@@ -93,11 +93,15 @@ class LocalServer(ThreadingHTTPServer):
             super().shutdown_request(request)
 
     @contextmanager
-    def place(self, client: socket, places: Places, is_known: bool = False) -> Iterator[bool]:
-        """Whether there is one of these places for `client`, which then keeps it meanwhile."""
+    def place(self, client: socket, places: Places, is_known: bool | None = False) -> Iterator[bool]:
+        """Whether there is one of these places for `client`, which then keeps it meanwhile.
+
+        is_known: None where no client can be known; the last place is then for an address that has none yet.
+        """
         with self._lock:
             address = self._clients.get(client)   # None: it has been replaced
             taken = [self._clients[one] for one, kind in self._placed.items() if kind is places]
+            is_known = address not in taken if is_known is None else is_known
             is_free = address is not None and len(taken) < places.most and (
                 is_known or (len(taken) < places.most - 1 and taken.count(address) < places.of_address))
             if is_free:

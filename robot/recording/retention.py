@@ -1,7 +1,8 @@
 """What earlier sessions may take of the disk, as [recording] says: the oldest give up telemetry and images first.
 
 `session.json`, `config.json`, `trials.jsonl`, models and aim files always stay, as does every file that is none of a
-recording's. Sessions are the folders beside the running one that have a session.json; links are not followed.
+recording's. Sessions are the folders beside the running one that have a session.json, or a damaged one and telemetry;
+links are not followed.
 """
 
 import os
@@ -82,11 +83,15 @@ def _folders(running: Path) -> list[Path]:
 
 def _look(folder: Path) -> _Session | None:
     """That session; None when it is none of this program's."""
+    telemetry = folder / layout.TELEMETRY
     try:
         layout.load_header(folder)
-        telemetry = folder / layout.TELEMETRY
+    except InputError:                # of another program, or damaged as when the power fails
+        if not ((folder / layout.HEADER).is_file() and telemetry.is_file()):
+            return None
+    try:
         ended_s = (telemetry if telemetry.exists() else folder / layout.HEADER).stat().st_mtime
-    except (InputError, OSError):
+    except OSError:
         return None
     bulk = sum(_bytes(folder, name) for name in BULK)
     return _Session(ended_s, folder, bulk, sum(_bytes(folder, name) for name in _names(folder)) - bulk)

@@ -101,6 +101,8 @@ def load_session_config(session: Path) -> Config:
         except msgspec.ValidationError:
             # recorded before rigs were checked: a number that was none is null
             table = msgspec.json.decode(load_bytes(path))
+            if not isinstance(table, dict) or not isinstance(table.get("rig"), dict):
+                raise
             config = msgspec.convert({**table, "rig": with_nan(table["rig"])}, Config, dec_hook=read_axis)
     if not is_hash_of(header.config_sha256, config):
         raise InputError(f"{path}: changed since the recording was made (hash differs from {HEADER})")

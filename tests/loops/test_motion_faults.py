@@ -38,7 +38,10 @@ QUICK = ("wheels: both encoders read 0, since rest", "wheels: both speeds read 4
          "hood: is jammed", "hood: is jammed for 0.45 s", "hood: its limit switch never closes",
          "hood: its limit switch never answers", "hood: its screw has come loose of the motor",
          "hood: its screw is stiff", "hood: its encoder reads 0.8 degrees low, set point at the soft limit",
-         "hood: rises from its switch to 70 degrees")
+         "hood: rises from its switch to 70 degrees", "hood: its encoder is frozen while it homes from 60 degrees",
+         "hood: its encoder is reversed while it homes from 60 degrees",
+         "hood: its motor's encoder reads 0 while it homes from 60 degrees",
+         "hood: has no encoder, and its motor's reads 0", "hood: has no encoder, homes from 60 degrees and rises")
 SPARK = ("wheels: both encoders read 0, since rest", "hood: its encoder is frozen while it rises")
 REAL = ("motion, wheels: both encoders read 0, since rest",
         "motion, wheels: both encoders: readings stop, heartbeats go on while spinning up",

@@ -28,6 +28,7 @@ from truearc.robot.config.can_policy import guard
 from truearc.robot.config.hashing import config_hash
 from truearc.robot.config.schema import Config, load_config, read_axis
 from truearc.robot.hood_encoders import FAMILIES, encoder_family_of
+from truearc.robot.motion import BLIND
 from truearc.robot.motors import around_encoder
 from truearc.robot.tick import step
 from truearc.robot.types import Count, Inputs, Memory
@@ -207,7 +208,7 @@ def test_a_count_that_is_lost_is_a_hold_until_it_is_homed(change: dict[str, floa
     tick = step(inputs, memory, NONE, None)
     assert not tick.verdict.fire and not tick.memory.homed and tick.estimate.hood_deg is None
     assert because.HOOD_NOT_HOMED() in tick.verdict.reasons
-    assert tick.command.hood_torque_nm == NONE.hood.homing_torque_nm
+    assert tick.command.hood_torque_nm == -BLIND * NONE.hood.friction_nm       # until its motor shows that it moves
     later = replace(inputs, hood_motor=replace(inputs.hood_motor, endstop=True, endstop_t_ns=inputs.hood_motor.t_ns))
     homed = step(later, tick.memory, NONE, None)
     assert homed.memory.homed and homed.estimate.hood_deg == pytest.approx(NONE.hood.low_deg)

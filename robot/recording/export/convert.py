@@ -18,7 +18,7 @@ from truearc.robot.recording.export.wpilog import SignalChanges, WpilogWriter, m
 from truearc.robot.recording.files import TickFile
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.rows import Trial
-from truearc.robot.recording.session import load_header, load_session_config, load_trials
+from truearc.robot.recording.session import load_header, load_session_config, load_trials, make_trials
 from truearc.robot.types import Tick
 
 TRIAL_COLUMNS = (
@@ -31,14 +31,21 @@ TRIAL_COLUMNS = (
 
 
 class ExportRows:
-    """A session's ticks, flat, as `columns` says; afterwards `count` of them and the reader's `cut_short`."""
+    """A session's ticks, flat, as `columns` says; afterwards `count` of them and the reader's `cut_short`.
+
+    Trials that trials.jsonl lacks are taken from the ticks, and `missing` counts them; `unlike` those of which the two
+    say different things, where trials.jsonl counts.
+    """
 
     def __init__(self, session: Path, progress: Callable[[float, str], None]) -> None:
         self.session, self.header, self.config = session, load_header(session), load_session_config(session)
         self.flat = FlatTicks(len(self.config.axes.flywheels))
         self.columns = self.flat.columns
         self.trials = load_trials(session)
-        self.count = 0
+        self.count = self.missing = self.unlike = 0
+        self._filed = {trial.outcome.trial: trial for trial in self.trials}
+        self._told: dict[int, Trial] = {}         # what the ticks say
+        self._due: deque[Trial] = deque()
         self.reader = TickReader(session)
         self._progress = progress
 
@@ -50,10 +57,24 @@ class ExportRows:
         for tick, data in self.reader:
             self.count += 1
             self._progress(min(self.reader.share, 0.99), f"{self.count} ticks")
+            if tick.outcomes:
+                self._compare(tick)
             yield tick, data
+        missing = [trial for number, trial in self._told.items() if number not in self._filed]
+        self.missing = len(missing)
+        self.unlike = sum(trial != self._filed.get(number, trial) for number, trial in self._told.items())
+        self.trials = sorted([*self.trials, *missing], key=lambda trial: trial.outcome.trial)
+
+    def _compare(self, tick: Tick) -> None:
+        for trial in make_trials(tick):
+            self._told[trial.outcome.trial] = trial
+            if trial.outcome.trial not in self._filed:
+                self._due.appendleft(trial)       # it was marked in this tick
 
     def trials_in_time(self) -> deque[Trial]:
-        return deque(sorted(self.trials, key=lambda trial: trial.outcome.t_ns))
+        """Trials that are still to be written, by when they were marked; ticks may add to it as they are read."""
+        self._due = deque(sorted(self.trials, key=lambda trial: trial.outcome.t_ns))
+        return self._due
 
 
 def trial_row(trial: Trial) -> list[Value]:

@@ -174,7 +174,7 @@ def test_what_is_wrong_with_wheels_is_found(wrap, check, words, most_rad_s):
     (on(("hood",), floats(lambda turns, speed: (0.0, 0.0))), "motion", "hood does not turn", 1.0),
     (on(("hood",), swap), "hood motor, estimates", "big-endian", 1.0),
     (on(("hood",), floats(lambda turns, speed: (turns / 2.0, speed / 2.0))), "motion", "scaled", 5.0),
-    (on(("hood_encoder",), frozen()), "motion", "by 0.0 deg by its encoder", 3.0),
+    (on(("hood_encoder",), frozen()), "motion", "stuck, scaled, late", 3.0),
     (on(("hood_encoder",), angles(lambda turns: 2 * 80.0 / 360.0 - turns)), "motion", "the wrong way round", 3.0),
     (on(("hood_encoder",), angles(lambda turns: 2.0 * turns)), "motion", "scaled", 3.0),
     (on(("hood",), switch(1)), "motion", "hood encoder reads 39.3 deg, its screw 15.0", 1.0),

@@ -127,6 +127,19 @@ def test_a_trial_that_only_the_ticks_have_is_said(session: Path) -> None:
     assert [line for line in left_out if "trial 0: is not as the telemetry has it" in line]
 
 
+@pytest.mark.parametrize(("text", "said"), [("{}", "tick_hz"), ("[]", "table"), ("null", "table"),
+                                            ('{"rig":5}', "rig: a table is expected")])
+@pytest.mark.parametrize("command", [
+    ["session", "replay", "--check"], ["shots"], ["session", "convert", "--to", "csv"]], ids=lambda words: words[-1])
+def test_a_configuration_that_is_none_is_named(session: Path, tmp_path: Path, command: list[str], text: str, said: str,
+                                               capsys: pytest.CaptureFixture[str]) -> None:
+    (session / "config.json").write_text(text)
+    out = [] if "replay" in command else ["-o", str(tmp_path / "out")]
+    assert main([*command, str(session), *out]) == 2
+    error = capsys.readouterr().err
+    assert f"{session / 'config.json'}: " in error and said in error
+
+
 def test_lines_that_are_no_text_are_named_or_left_out(session: Path) -> None:
     line = (session / TRIALS).read_bytes()
     (session / TRIALS).write_bytes(line.replace(b'"outcome":"', b'"outcome":"\xff', 1))

@@ -73,6 +73,15 @@ def test_a_clock_that_is_behind_deletes_nothing(out):
     assert prune(out / "5", RecordingConfig(keep_days=1.0), 0.0) == []
 
 
+@pytest.mark.parametrize("header", ["", "{", "[]"])
+def test_a_session_whose_head_is_damaged_counts_and_goes_in_its_turn(out, header):
+    for name in "25":
+        (out / name / "session.json").write_text(header)
+    assert [path.name for path in prune(out / "5", RecordingConfig(keep_gb=0.2), NOW_S)] == ["1", "2"]
+    assert whole(out) == ["3", "4", "5"]
+    assert {"session.json", "config.json", "trials.jsonl"} <= {path.name for path in (out / "2").iterdir()}
+
+
 def test_a_link_in_a_session_goes_and_what_it_names_stays(out):
     (out / "other" / "photo.png").write_bytes(b"photo")
     (out / "1" / "frames" / "1.png").unlink()

@@ -16,6 +16,7 @@ from truearc.robot.recording.export.convert import TRIAL_COLUMNS, ExportRows
 from truearc.robot.recording.export.field_pose import in_target_frame
 from truearc.robot.recording.export.tabular import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Column, Value
 from truearc.robot.recording.export.viewer_mcap import NO_FLIGHTS, Flights
+from truearc.robot.recording.session import TRIALS
 
 GROUP_ROWS = 10_000                   # of a Parquet file
 WriteRows = Callable[[tuple[Column, ...], Iterator[list[Value]], Path], None]
@@ -44,6 +45,11 @@ def convert(args: argparse.Namespace) -> int:
             _part(path).unlink(missing_ok=True)
     progress(1.0, f"{rows.count} ticks")
     print(f"{', '.join(map(str, made))}: {rows.count} ticks, {len(rows.trials)} trials")
+    for count, what in ((rows.missing, "were missing, and are taken from the telemetry"),
+                        (rows.unlike, "are not as the telemetry has them")):
+        if count:
+            print(f"warning: {args.session / TRIALS}: {count} of {len(rows.trials)} trials {what}: truearc session "
+                  f"recover {args.session}", file=sys.stderr)
     if rows.reader.cut_short:
         print(f"{rows.reader.cut_short}; what follows is missing: truearc session recover", file=sys.stderr)
     return 0
