@@ -22,9 +22,8 @@ from truearc.hw.protocols import AngleReading, ButtonEvent, MotorReading
 from truearc.hw.reason import FAULT, Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config, Prescribed
-from truearc.robot.geometry import screw_rad
 from truearc.robot.motion import RECOVER_NS
-from truearc.robot.motors import elevation_from_screw_deg, elevation_per_rad, screw_travel_rad
+from truearc.robot.motors import elevation_from_screw_deg, elevation_per_rad, screw_rad, screw_travel_rad
 from truearc.robot.operator_ui.view import tell
 from truearc.robot.tick import step
 from truearc.robot.types import Inputs, Memory, Sighting, Tick
