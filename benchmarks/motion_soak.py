@@ -18,13 +18,12 @@ from pathlib import Path
 import msgspec
 from msgspec.structs import replace
 
-from benchmarks.matrix.launchers import with_launcher
-from benchmarks.matrix.motion import FREE_RAD_S, GOOD_S, PLACE_M, SET_RAD_S, ToldEyes
-from benchmarks.matrix.motion_rows import INTERLOCKS
-from benchmarks.matrix.moving import MovingWorld, make_sick_nodes
+from benchmarks.matrix.motion import FREE_RAD_S, GOOD_S, PLACE_M, SET_RAD_S, MovingWorld, ToldEyes, make_sick_nodes
+from benchmarks.matrix.rows import INTERLOCKS
+from benchmarks.matrix.run import with_launcher
 from truearc.cli.common import SHIPPED
-from truearc.hw.devices.button_box.emulator import open_button_box
-from truearc.hw.emulated.clock import StepClock
+from truearc.hw.devices.button_box import open_button_box
+from truearc.hw.emulated.nodes import StepClock
 from truearc.hw.protocols import CameraFrame
 from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config, Prescribed, load_config

@@ -8,14 +8,14 @@ import math
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from truearc.hw.protocols import NS
 from truearc.robot.aim import NOWHERE
 from truearc.robot.config.schema import Config, PidGains
 from truearc.robot.estimate import is_fresh
-from truearc.robot.geometry import elevation_per_rad
 from truearc.robot.motion import BLIND, SHOWN_S, SWITCH_DEG, Watch, here_deg
+from truearc.robot.motors import elevation_per_rad
 from truearc.robot.types import Aim, Command, Estimate, Inputs, Joint, Memory, Pid, Verdict
 
-NS = 1e-9
 RELEASED, AT_REST = Command(), Pid()
 NEAR_PER_S = 10.0                     # the hood's speed limit, per degree that is left to a soft limit
 # Torque beyond friction that accelerates the hood: SPARE times the friction, but at least SPARE_SHARE of the torque

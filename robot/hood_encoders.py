@@ -3,11 +3,9 @@
 from types import MappingProxyType
 from typing import Any
 
-from truearc.hw.devices.axis import HoodEncoder, driver_of
 from truearc.hw.devices.canandmag.family import CANANDMAG
-from truearc.hw.devices.hood_encoder import EncoderFamily
-from truearc.hw.devices.motor_encoder import MOTOR
-from truearc.hw.devices.no_encoder import NONE
+from truearc.hw.devices.family import EncoderFamily, HoodEncoder, driver_of
+from truearc.hw.devices.motor_encoder import MOTOR, NONE
 from truearc.hw.devices.spark.encoder import SPARK_ENCODER
 from truearc.robot.nt_encoder import NT4
 

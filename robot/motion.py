@@ -12,32 +12,25 @@ from typing import NamedTuple
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from truearc.hw import fault_codes as codes
 from truearc.hw.devices.registry import family_of
-from truearc.hw.fault_codes import (
-    DUPLICATE_ID,
-    ENCODER_MISMATCH,
-    ENCODER_STUCK,
-    FOREIGN_HOST,
-    SPARK_NOT_DRIVING,
-    SPEED_JUMPED,
-)
+from truearc.hw.protocols import NS, NS_PER_S
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config, Hood
 from truearc.robot.estimate import is_fresh
 from truearc.robot.gate.doubts import Doubts
-from truearc.robot.geometry import (
+from truearc.robot.motors import (
+    HOOD_OVERSPEED,
     elevation_from_encoder_deg,
     elevation_from_screw_deg,
     elevation_per_rad,
     screw_rad,
     screw_travel_rad,
 )
-from truearc.robot.motors import HOOD_OVERSPEED
 from truearc.robot.types import Estimate, Inputs, Joint, Memory, MotionMemory
 
 WHEELS, HOOD, SWITCH = "wheels", "hood", "hood limit switch"
-NS, NS_PER_S = 1e-9, 1_000_000_000
 RECOVER_NS = 300_000_000              # of good readings: three heartbeats of a device, in which it would tell errors
 BEAT_S = 0.35                         # of a heartbeat, where readings come: two in a row may be lost
 START_NS = 500_000_000                # after arming, in which a device's old errors are cleared and it is taken over
@@ -66,14 +59,14 @@ SWITCH_NS = 250_000_000               # the limit switch is read every 50 ms at 
 HOMING_TRAVEL, HOMING_TIMES = 1.1, 3.0            # times the whole travel, and the time that it takes at the limit
 SWITCH_OPEN_DEG = 3.0                 # above the switch it is open
 SWITCH_DEG = 0.9                      # homing ends so far below the switch: the encoder is off, or the switch dead
-LATCHING = frozenset((ENCODER_STUCK.name, ENCODER_MISMATCH.name, SPEED_JUMPED.name))
+LATCHING = frozenset((codes.ENCODER_STUCK.name, codes.ENCODER_MISMATCH.name, codes.SPEED_JUMPED.name))
+STALLS = frozenset((because.TICKS_STALLED.name, codes.DUPLICATE_ID.name))    # waiting frames look like another device's
 # With these no reading can be trusted to be of our device, of this moment, or ours to act on
-EVERYWHERE = frozenset((because.CAN_LOST.name, because.TICKS_STALLED.name, FOREIGN_HOST.name, DUPLICATE_ID.name))
-STALLS = frozenset((because.TICKS_STALLED.name, DUPLICATE_ID.name))      # frames that waited look like another device's
+EVERYWHERE = STALLS | {because.CAN_LOST.name, codes.FOREIGN_HOST.name}
 # Latched for these, and without a hood encoder for those, the hood may have moved further than is known
 UNKNOWN_MOTION = frozenset((because.HOOD_ENCODERS_DISAGREE.name, because.HOOD_UNKNOWN.name))
 UNSEEN_MOTION = frozenset((because.SWITCH_NOT_REACHED.name, because.JOINT_NOT_TURNING.name, because.HOOD_JAMMED.name,
-                           ENCODER_STUCK.name, ENCODER_MISMATCH.name))
+                           codes.ENCODER_STUCK.name, codes.ENCODER_MISMATCH.name))
 FREE = Joint()
 
 
@@ -177,7 +170,7 @@ def _sorted_faults(inputs: Inputs) -> tuple[Reason | None, ByAxis]:
         if fault.code in EVERYWHERE:
             everywhere = fault
         motor = str(fault.params.get("motor", ""))
-        if motor and fault.code != SPARK_NOT_DRIVING.name:      # with that one nothing is driven anyway
+        if motor and fault.code != codes.SPARK_NOT_DRIVING.name:      # with that one nothing is driven anyway
             axis = 0 if motor.startswith("flywheel") else 1 if motor.startswith("hood") else 2
             found[axis][fault.code in LATCHING] = fault
     return everywhere, tuple((one[0], one[1]) for one in found)

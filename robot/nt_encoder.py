@@ -7,11 +7,21 @@ from typing import Literal, Protocol
 from msgspec import Struct
 
 from truearc.errors import InputError
-from truearc.hw.devices.axis import Direction, Finite, HoodEncoder
-from truearc.hw.devices.family import Heard
-from truearc.hw.devices.hood_encoder import CHECK, Around, Encoder, EncoderFamily
-from truearc.hw.emulated.nodes import MS, Plant
-from truearc.hw.finding import Finding, failure, ok
+from truearc.hw.devices.family import (
+    CHECK,
+    Around,
+    Direction,
+    Encoder,
+    EncoderFamily,
+    Finding,
+    Finite,
+    Heard,
+    HoodEncoder,
+    failure,
+    ok,
+)
+from truearc.hw.emulated.nodes import Plant
+from truearc.hw.protocols import NS_PER_MS as MS
 from truearc.hw.protocols import AngleReading
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.reason import Reason

@@ -221,7 +221,7 @@ class Outcome(Struct, frozen=True):
 class Progress(Struct, frozen=True):
     """How far `truearc sysid` has come: the phase that runs, since when, and what ended it all."""
 
-    phase: int = 0                                # index into truearc.robot.sysid.program.phases
+    phase: int = 0                                # index into truearc.robot.sysid.phases
     since_t_ns: int = 0                           # 0 = the operator has not armed yet
     over: Reason | None = None                    # done, or why it was stopped; nothing is driven any more
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from truearc.hw.devices.axis import Positive
+from truearc.hw.devices.family import Positive
 
 TEAM = re.compile(r"0*([1-9][0-9]{0,3}|1[0-9]{4}|2[0-4][0-9]{3}|25[0-5][0-9]{2})")   # as 10.TE.AM.2 can say
 PORT = re.compile(r"[1-9][0-9]{0,4}")

@@ -1,26 +1,16 @@
-"""The launcher's configuration: one TOML file, no defaults, so that a typo cannot become one."""
+"""The launcher's configuration: one TOML file, no defaults, so that a typo cannot become one; and its hash."""
 
+import hashlib
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
-from msgspec import Struct
+from msgspec import UNSET, Struct
 
-from truearc.errors import (
-    InputError,
-    joined,
-    line_of,
-    line_of_key,
-    load_text,
-    missing_keys,
-    near_key,
-    near_tables,
-    parse_table,
-    reworded,
-    struct_in,
-    unknown_keys,
-)
-from truearc.hw.devices.axis import Axis, Finite, HoodEncoder, Positive
+from truearc import errors
+from truearc.errors import InputError, line_of_key, load_text, struct_in
+from truearc.hw.devices import registry
+from truearc.hw.devices.family import Axis, Finite, HoodEncoder, Positive
 from truearc.robot.config.limits import cannot_throw, contradictions, warn_of_pitch, warn_of_terms
 from truearc.robot.config.nt4 import Nt4
 from truearc.robot.config.rig_spec import Rig, rig_errors
@@ -203,7 +193,7 @@ class Collect(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tru
     efficiency: Positive                 # first guess of vacuum exit speed / mean wheel surface speed, air included
     walk_start: tuple[Finite, Finite, Finite]    # where the walk begins: level, slope in distance, slope in elevation
     walk_step: Finite                  # log speed per high/low mark
-    prescribed: tuple[Prescribed, ...] = ()       # what `--plan` gives; see truearc.robot.config.shot_plan
+    prescribed: tuple[Prescribed, ...] = ()       # what `--plan` gives; see truearc.robot.config.overrides
 
 
 class AimConfig(Struct, frozen=True, forbid_unknown_fields=True):
@@ -284,8 +274,9 @@ def load_config(path: str | Path) -> Config:
     """Read launcher.toml; InputError names file, key and line, or the key of a number that cannot be true."""
     text = load_text(path)
     config = parse_toml(text, Config, str(path))
-    for key in unknown_keys(parse_table(text, str(path))["rig"], Rig):
-        raise InputError(f"{path}{line_of_key(text, f'rig.{key}')}: rig.{key}: unknown key{near_key(key, Rig, None)}")
+    for key in errors.unknown_keys(errors.parse_table(text, str(path))["rig"], Rig):
+        raise InputError(f"{path}{line_of_key(text, f'rig.{key}')}: rig.{key}: unknown key"
+                         f"{errors.near_key(key, Rig, None)}")
     for key, what in (*((f"rig.{key}", what) for key, what in rig_errors(config.rig)), *contradictions(config),
                       *cannot_throw(config.rig)):
         raise InputError(f"{path}{line_of_key(text, key)}: {key}: {what}")
@@ -301,19 +292,7 @@ def load_toml(path: str | Path, kind: type[Kind]) -> Kind:
 
 def parse_toml(text: str, kind: type[Kind], name: str) -> Kind:
     """As load_toml, of text that came from somewhere called `name`."""
-    table = parse_table(text, name)
-    try:
-        return msgspec.convert(table, kind, dec_hook=read_axis)
-    except msgspec.ValidationError as error:
-        message, missing = joined(str(error)), missing_keys(table, kind, struct_of=table_struct)
-        said = reworded(message, table, _known)
-        unknown = said.endswith(": unknown key")
-        near = near_key(said.removesuffix(": unknown key"), kind, table, table_struct) if unknown else ""
-        here = f"{name}{line_of(text, message)}: {said}{near}"
-        if len(missing) > 1 and not near:
-            lacks = f"keys are missing: {', '.join(missing)}{near_tables(table, kind)}"
-            here = f"{here}; {lacks}" if unknown else f"{name}: {lacks}"
-        raise InputError(here) from error
+    return errors.parse_struct(text, kind, name, read_axis, table_struct, _known)
 
 
 def read_axis(kind: type, table: Any) -> Axis | HoodEncoder:
@@ -327,19 +306,18 @@ def read_axis(kind: type, table: Any) -> Axis | HoodEncoder:
     except LookupError:
         raise ValueError(f"Invalid value {driver!r} - at `$.driver`") from None
     except msgspec.ValidationError as error:
-        raise ValueError(joined(str(error))) from error
+        raise ValueError(errors.joined(str(error))) from error
 
 
 def table_struct(annotation: Any, table: Any) -> Any:
     """The struct of a field's table: by its annotation, or a device's by its driver; None where there is none."""
-    from truearc.hw.plugins import PluginError
     if (plain := struct_in(annotation)) is not None:
         return plain
     driver = table.get("driver") if isinstance(table, dict) else None
     kind = _device(annotation)
     try:
         return table_of(kind, driver) if kind is not None and isinstance(driver, str) else None
-    except (LookupError, PluginError):
+    except (LookupError, errors.PluginError):
         return None
 
 
@@ -351,12 +329,10 @@ def _device(annotation: Any) -> Any:
 
 def table_of(kind: Any, driver: str) -> Any:
     """The struct of a device's table, by its driver; kind: Axis or HoodEncoder. Raises as find_family."""
-    # drivers need cantools, which most commands do without
     if kind is HoodEncoder:
         from truearc.robot.hood_encoders import BY_DRIVER
         return BY_DRIVER[driver].table
-    from truearc.hw.devices.registry import find_family
-    return find_family(driver).axis
+    return registry.find_family(driver).axis
 
 
 def _known(key: str) -> list[str]:
@@ -365,7 +341,41 @@ def _known(key: str) -> list[str]:
         from truearc.robot.hood_encoders import BY_DRIVER
         return list(BY_DRIVER)
     if key.endswith(".driver") or key == "hood_encoder.controller":
-        from truearc.hw.devices.registry import drivers
-        return list(drivers())
+        return list(registry.drivers())
     few = {"aim.policy": ["plan", "belief"]}
     return ["1", "-1"] if key.endswith(".direction") else few.get(key, [])
+
+
+# --- by which a recording names what it ran with
+
+def config_hash(config: Config) -> str:
+    """SHA-256 of what the configuration says, however its file was written or the value came here.
+
+    A key that may be left out and has its default counts as left out, so that a later version may add keys.
+    """
+    return _sha256(_stated(config))
+
+
+def is_hash_of(sha256: str, config: Config) -> bool:
+    """Whether a recording's hash is this configuration's.
+
+    Recordings made until November 2026 hash the encoded text, in which a default was left out only if it was the very
+    same object; read back from its own file, a configuration still encodes as it did then.
+    """
+    return sha256 in (config_hash(config), _sha256(config))
+
+
+def _sha256(content: object) -> str:
+    return hashlib.sha256(msgspec.json.encode(content, order="deterministic")).hexdigest()
+
+
+def _stated(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_stated(part) for part in value]
+    if not isinstance(value, Struct):
+        return value
+    settings = value.__struct_config__
+    tag = {settings.tag_field: settings.tag} if settings.tag_field else {}
+    fields = ((field, getattr(value, field.name)) for field in msgspec.structs.fields(value))
+    return tag | {field.encode_name: _stated(said) for field, said in fields
+                  if said is not UNSET and not (settings.omit_defaults and said == field.default)}

@@ -1,4 +1,4 @@
-"""Whatever shows ticks to people: the operator's page, topics of NetworkTables."""
+"""Screens, which show ticks to people: the operator's page, topics of NetworkTables."""
 
 from collections.abc import Callable, Sequence
 from typing import Protocol

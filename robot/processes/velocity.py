@@ -5,7 +5,7 @@ from collections.abc import Callable
 import msgspec
 from msgspec.structs import replace
 
-from truearc.hw.shared_latest import Capacity, Slots
+from truearc.hw.real.processes import Capacity, Slots
 from truearc.robot.advice.nt_velocity import Velocity
 from truearc.robot.runtime import RigLayer, RobotIo
 from truearc.robot.types import Inputs, RobotVelocity

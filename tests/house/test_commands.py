@@ -23,12 +23,11 @@ import pytest
 
 from tests.house.here import ROOT, run_module
 from tests.sim.data.stranger_log import write_stranger_log
+from truearc.cli.commands import find_command, make_parser
 from truearc.cli.main import main
-from truearc.cli.parsers import make_parser
-from truearc.cli.registry import find_command
 from truearc.errors import InputError
 from truearc.sim.gate import surrogate
-from truearc_proof.cli import prove_apart
+from truearc_proof.cli import prove_roles
 from truearc_proof.rounds import solver
 
 ROWS = 16                             # of the datasets that a reader brings
@@ -68,13 +67,13 @@ ELSEWHERE = {
     r"^truearc advise ": "goes on until it is stopped; tests/loops/test_advise.py has it beside a robot",
     r"^truearc doctor.* --(set|move)": "writes to devices, or moves them; tests/robot/doctor does",
     r"^truearc doctor --nt": "asks the server of a robot; tests/robot/doctor/test_network.py has one",
-    r"^python -m tools\.(site_reference|measured_doc|formats_doc)": "writes pages, which other tests compare",
+    r"^python -m tools\.pages": "writes pages, which tests/house/test_site.py compares",
     r"^truearc serve ": "goes on until it is stopped; tests/cli/test_serve.py runs it and ends it by Ctrl-C",
     r"^truearc emulate .*--bus slcan:auto": "waits for a robot in another process; tests/loops/test_loops.py has both",
     r"^truearc sysid --config": "drives a real launcher; `sysid --emulate` runs here",
     r"^truearc sysid --csv": "needs a step test of a real launcher; tests/sim/sysid reads such tables",
     r"^truearc vision": "needs photographs, a board or a person; tests/robot/test_vision*.py run it on drawn ones",
-    r"^python -m benchmarks\.(?!archives|proof)": "test_benchmarks.py runs every benchmark",
+    r"^python -m benchmarks\.(?!proof)": "test_benchmarks.py runs every benchmark",
     r"^python -m truearc_proof.world.survey": "plays hundreds of worlds",
     r"^truearc prove drive": "tests/loops/test_prove_drive.py plays a world of it",
     r"^truearc reproduce": "tests/proof/reproduce runs it in a small form",
@@ -82,7 +81,7 @@ ELSEWHERE = {
                                                                 "test_round.py solves one without its keeper",
     r"^truearc discover (examples/tracks|my_tracks)": "tests/sim/discover/test_tutorial_tracks.py asks it",
     r"^truearc (discover (mpi|drops|falls|bb|two-weeks|new-and-old)|fit (mpi|bb))":
-        "takes long; test_real.py, test_misfit.py, test_import_sepia_drops.py ask it",
+        "takes long; test_real.py, test_misfit.py, test_import_ball_drops.py ask it",
 }
 # Exit codes that are documented: no launcher is there, six shots are too few
 EXIT = {r"^truearc doctor": 1, r"^truearc discover old --belief": 2}
@@ -205,7 +204,7 @@ def check_options(command: str) -> None:
         actions = make_parser(found)._actions
         assert options <= {option for action in actions for option in action.option_strings}, command
     elif words[:2] == ["python", "-m"] and words[2].startswith("benchmarks."):
-        paths = [ROOT / f"{words[2].replace('.', '/')}.py", ROOT / "benchmarks" / "filling.py"]
+        paths = [ROOT / f"{words[2].replace('.', '/')}.py", ROOT / "benchmarks" / "worlds.py"]
         said = "".join(path.read_text(encoding="utf-8") for path in paths)
         assert {option for option in options if f'"{option}"' not in said} <= {"-m"}, command
 
@@ -277,7 +276,7 @@ def workspace(tmp_path: Path, data_dir: Path, monday: Path, monkeypatch: pytest.
     monkeypatch.setattr(solver, "forbid", lambda directory: None)
     monkeypatch.setattr(surrogate, "CHECKED", 3000)       # tests/model_export has a gate's graph as it is
     monkeypatch.setattr(surrogate, "LEARNED", 2000)
-    monkeypatch.setattr(prove_apart, "subprocess", SimpleNamespace(run=run_here))
+    monkeypatch.setattr(prove_roles, "subprocess", SimpleNamespace(run=run_here))
     return Workspace(folder, monkeypatch)
 
 

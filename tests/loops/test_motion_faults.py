@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 
 import truearc.robot.tick
-from benchmarks.matrix.breaking import Motion
+from benchmarks.matrix.fault import REARM, Motion, Row
 from benchmarks.matrix.judge import Result, judge
-from benchmarks.matrix.motion import SET_RAD_S, Moved, judge_motion
-from benchmarks.matrix.motion_rows import CODES, MOTION_ROWS
-from benchmarks.matrix.moving import COLUMNS, MovingWorld, SickNode, change_reading
+from benchmarks.matrix.motion import COLUMNS, SET_RAD_S, Moved, MovingWorld, SickNode, change_reading, judge_motion
 from benchmarks.matrix.play import play
-from benchmarks.matrix.row import REARM, Row
+from benchmarks.matrix.rows import CODES, MOTION_ROWS
 from benchmarks.motion_soak import CASES, Case, soak
 from tests.hw.host_speed import excuse_stalls
 from truearc.hw.protocols import Frame

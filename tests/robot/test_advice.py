@@ -11,9 +11,9 @@ import pytest
 from msgspec.structs import replace
 
 from tests.robot.aim_files import CONTENT, HOOD, LEAD, RATIO, write
+from truearc.cli.advise_robot import keys_of
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
-from truearc.cli.robot.advise_robot import keys_of
 from truearc.errors import InputError
 from truearc.robot.advice.advice_io import AdviceIo, Adviser, advised_columns
 from truearc.robot.advice.nt_keys import NtKeys, Reading, names_of, parse_server
@@ -22,9 +22,9 @@ from truearc.robot.aim_file import Segment, load_aim
 from truearc.robot.config.schema import AimConfig, Config, load_config
 from truearc.robot.config.shot_map import Detection, OutcomeKeys, ShotMap, Signal
 from truearc.robot.gate.model import load_gate
-from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials, make_header
+from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.runtime import run
 from truearc.robot.types import Tick
 

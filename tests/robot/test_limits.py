@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from truearc.cli.common import SHIPPED
 from truearc.errors import InputError
-from truearc.robot.config.limit_table import LIMITS, Limit, narrowest, numbers
+from truearc.robot.config.limits import LIMITS, Limit, narrowest, numbers
 from truearc.robot.config.schema import load_config
 
 # what the shipped file leaves out

@@ -16,15 +16,15 @@ from tests.robot.alike import codes
 from tests.robot.encoders import COUNTING, NONE
 from tests.robot.good_tick import CONFIG, good_inputs
 from truearc.hw import fault_codes as hw
+from truearc.hw.devices.drivers import OWN_LAG_S, Agreement
 from truearc.hw.devices.odrive.frames import CLOSED_LOOP
-from truearc.hw.encoder_plausibility import OWN_LAG_S, Agreement
 from truearc.hw.protocols import AngleReading, ButtonEvent, MotorReading
 from truearc.hw.reason import FAULT, Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config, Prescribed
-from truearc.robot.geometry import elevation_from_screw_deg, elevation_per_rad, screw_rad, screw_travel_rad
 from truearc.robot.motion import RECOVER_NS
-from truearc.robot.operator_ui.driver_messages import tell
+from truearc.robot.motors import elevation_from_screw_deg, elevation_per_rad, screw_rad, screw_travel_rad
+from truearc.robot.operator_ui.view import tell
 from truearc.robot.tick import step
 from truearc.robot.types import Inputs, Memory, Sighting, Tick
 

@@ -19,7 +19,7 @@ from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.hw.protocols import LinkLost
-from truearc.hw.shared_latest import Slots
+from truearc.hw.real.processes import Slots
 from truearc.robot.advice.advice_io import AdviceIo, Adviser, advised_columns
 from truearc.robot.advice.nt_camera import NtCamera, OwnNtCamera, keys_of_camera
 from truearc.robot.advice.nt_keys import Reading
@@ -28,9 +28,9 @@ from truearc.robot.config.nt4 import Nt4, Nt4Vision
 from truearc.robot.config.schema import AprilTag, Config, load_config
 from truearc.robot.gate.model import load_gate
 from truearc.robot.processes.vision import FarEyes, make_room, relay
-from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import make_header
+from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.runtime import run
 from truearc.robot.types import Sighting
 

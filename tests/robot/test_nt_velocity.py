@@ -16,7 +16,7 @@ from tests.robot.nt_server import Table
 from tests.robot.test_advice import NS, Clock
 from truearc.cli.common import SHIPPED
 from truearc.hw.real.clock import MonotonicClock
-from truearc.hw.shared_latest import Slots
+from truearc.hw.real.processes import Slots
 from truearc.robot.advice.nt_keys import Reading
 from truearc.robot.advice.nt_velocity import NtVelocity, OwnNtVelocity, keys_of_velocity
 from truearc.robot.config.nt4 import Nt4, Nt4Velocity

@@ -1,7 +1,6 @@
 """launcher.toml is strict: whatever is wrong is named with its file, line and key."""
 
 import hashlib
-import math
 import os
 import pickle
 import re
@@ -11,21 +10,19 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
-from truearc.cli.common import SHIPPED, load_any_rig
-from truearc.cli.robot.vision_tools.camera_file import CAMERAS, load_camera
-from truearc.cli.robot.vision_tools.images import load_image
+from truearc.cli.common import CAMERAS, SHIPPED, load_any_rig, load_camera
+from truearc.cli.vision_images import load_image
 from truearc.errors import InputError, unknown_keys
 from truearc.robot.aim_file import load_aim
-from truearc.robot.config.hashing import config_hash, is_hash_of
 from truearc.robot.config.rig_spec import TERMS, Rig
-from truearc.robot.config.schema import Config, load_config, parse_toml, read_axis
-from truearc.robot.doctor.devices import load_endpoints
+from truearc.robot.config.schema import Config, config_hash, is_hash_of, load_config, parse_toml, read_axis
+from truearc.robot.doctor import load_endpoints
 from truearc.robot.gate.model import load_gate
 from truearc.robot.recording.files import make_folder, session_contents
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.recover import recover
 from truearc.robot.recording.session import load_header, load_session_config, load_trials, make_header
-from truearc.sim.data.rig import load_rig
+from truearc.sim.data.files import load_rig
 from truearc.sim.discover.finding import load_record as load_finding
 from truearc.sim.paper.network import load_json
 from truearc.sim.physics.catalogue import BUILT_IN
@@ -225,14 +222,14 @@ def test_a_session_of_a_device_or_a_pipe_is_refused(tmp_path, name):
             (load_trials(tmp_path / "s"), load_session_config(tmp_path / "s"), list(TickReader(tmp_path / "s")))
 
 
-def test_a_session_recorded_with_a_rig_that_cannot_be_is_still_read(tmp_path):
+def test_a_session_recorded_with_a_rig_that_cannot_be_is_refused(tmp_path):
     broken = TEXT.replace("mass_kg = 0.14", "mass_kg = nan").replace("\ngear = ", "\ngear = nan # ")
     config = parse_toml(broken, Config, "a")
     header = make_header(config, None, None)
     (tmp_path / "session.json").write_bytes(msgspec.json.encode(header))
     (tmp_path / "config.json").write_bytes(msgspec.json.encode(config))
-    rig = load_session_config(tmp_path).rig
-    assert math.isnan(rig.ball.mass_kg) and all(math.isnan(wheel.gear) for wheel in rig.launcher.wheel)
+    with pytest.raises(InputError, match=r"config\.json: rig\.ball\.mass_kg: a number is expected"):
+        load_session_config(tmp_path)
 
 
 @pytest.mark.parametrize(("old", "new", "near"), [

@@ -12,7 +12,7 @@ import numpy as np
 
 from truearc.errors import InputError, load_bytes
 from truearc.sim.data.columns import parse_number
-from truearc.sim.data.model import Floats
+from truearc.sim.data.dataset import Floats
 from truearc.sim.data.table import Cell, RawTable, gathered, load_table
 
 MOST_BYTES = 2_000_000_000            # of one WPILOG

@@ -12,14 +12,14 @@ from msgspec.structs import replace
 
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
-from truearc.hw.finding import FAILURE, OK, WARNING
+from truearc.hw.devices.family import FAILURE, OK, WARNING
 from truearc.robot.advice.advice_io import scaled_columns
 from truearc.robot.advice.nt_camera import calibration_key, keys_of_camera
 from truearc.robot.advice.nt_keys import Reading
 from truearc.robot.config.nt4 import Nt4, Nt4Velocity, Nt4Vision
 from truearc.robot.config.schema import AprilTag, Config, load_config
 from truearc.robot.config.shot_map import load_map
-from truearc.robot.doctor.network import HeardKeys, check_network, check_tags, keys_wanted
+from truearc.robot.doctor_network import HeardKeys, check_network, check_tags, keys_wanted
 
 CONFIG = load_config(SHIPPED)
 MAP = """schema = "truearc.shot-map/1"

@@ -22,7 +22,7 @@ from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from tests.robot.operator_ui.browser import BROWSER, Browser
 from tests.robot.operator_ui.test_browser import Shower
 from truearc.hw.real.clock import MonotonicClock
-from truearc.robot.operator_ui.aim_orders import AimOrders
+from truearc.robot.operator_ui.aim_inbox import AimOrders
 from truearc.robot.operator_ui.server import LOOKING, OperatorPage
 from truearc.robot.operator_ui.serving import MAX_CONNECTIONS, MAX_OF_ADDRESS
 from truearc.robot.tick import step
@@ -179,7 +179,7 @@ def test_browser_with_the_token_has_a_place_behind_the_attackers_address(page, t
     try:
         with attacked(page, "events", LOOKING.most, DRIVER):
             browser.open(page.url)
-            browser.wait("document.getElementById('why')?.innerText.includes('too many browsers look')")
+            browser.wait("document.getElementById('why')?.innerText.includes('too many browsers are connected')")
             browser.open(f"{page.url}#token={(tmp_path / 'token').read_text().strip()}")
             browser.wait("document.title === 'FIRE'")
             assert browser.evaluate("location.href") == page.url
