@@ -27,7 +27,6 @@ from truearc.hw.emulated.nodes import StepClock
 from truearc.hw.protocols import CameraFrame
 from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config, Prescribed, load_config
-from truearc.robot.motion import START_NS
 from truearc.robot.runtime import run
 from truearc.robot.types import Sent, Tick
 from truearc.sim.world.emulated_robot import emulated_rig
@@ -36,7 +35,6 @@ from truearc.sim.world.options import Options
 NS = 1e-9
 SETTLE_S, FIRE_S, MARK_S = 1.0, 2.0, 1.2      # the driver arms, asks for a ball so often, and marks it so much later
 SHORT_WHEEL, SHORT_DEG = 0.03, 1.0    # an axis that is further from its set point is to be driven
-TICK_LATE_S = 0.05                    # from the driver's press to the tick that arms
 DIP_S = 0.0009                        # a dip is what is lost in at least so long
 
 
@@ -94,7 +92,7 @@ class Watcher:
         result, lines = self._result, self._world.lines
         result.fires += tick.verdict.fire
         for reason in tick.verdict.reasons:
-            is_set_up = _is_set_up(reason) and tick.inputs.t_ns * NS < SETTLE_S + START_NS * NS + TICK_LATE_S
+            is_set_up = _is_set_up(reason) and not any(self._was_driven)
             (self._interlocks if reason.code in INTERLOCKS and not is_set_up else self._holds)[reason.code] += 1
         wanted_rad_s, memory = tick.aim.motor_ratio * FREE_RAD_S, tick.memory
         for line in lines:
@@ -122,9 +120,10 @@ class Watcher:
 
 
 def _is_set_up(reason: Reason) -> bool:
-    """Whether an axis is released because its SPARK is still being set up."""
+    """Whether an axis is released because its SPARK is still being set up, which answers that are lost delay."""
     cause = reason.params.get("cause")
-    return isinstance(cause, Reason) and cause.code in ("spark_status_off", "spark_settings_unconfirmed")
+    return isinstance(cause, Reason) and cause.code in (
+        "spark_firmware_unknown", "spark_status_off", "spark_settings_unconfirmed")
 
 
 def soak(name: str, case: Case, launcher: str, seconds: float, seed: int = 1) -> Soaked:
