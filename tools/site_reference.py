@@ -10,6 +10,7 @@ from typing import Any
 import truearc
 from truearc.cli.parsers import make_parser
 from truearc.cli.registry import COMMANDS, GROUPS, Command, load_plugins
+from truearc.hw.plugins import INSTALL_HINTS
 
 REFERENCE = Path(__file__).resolve().parents[1] / "docs" / "reference"
 UNLISTED = ("help", "quiet", "force")
@@ -28,7 +29,7 @@ Made from the code by `python -m tools.site_reference`.
 
 def commands_page() -> str:
     """The page of commands: a table for each group."""
-    commands = sorted((*COMMANDS, *(one for one in load_plugins() if one.distribution == "truearc-proof")),
+    commands = sorted((*COMMANDS, *(one for one in load_plugins() if one.distribution in INSTALL_HINTS)),
                       key=lambda one: [*GROUPS, one.group].index(one.group))
     lines = [COMMANDS_HEAD]
     for group, members in itertools.groupby(commands, key=lambda one: one.group):

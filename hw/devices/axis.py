@@ -30,7 +30,8 @@ class Axis:
 
 
 class HoodEncoder:
-    """Base of the structs that a family declares for [hood_encoder], beside msgspec.Struct; tagged as an Axis's are."""
+    """Base of the structs that a family declares for [hood_encoder], beside msgspec.Struct; tagged as an Axis's are, or
+    with a key `driver`."""
 
     __slots__ = ()
     __struct_config__: ClassVar[Any]
@@ -53,7 +54,7 @@ class HoodEncoder:
 
 def driver_of(axis: Axis | HoodEncoder) -> str:
     """The `driver` of the table."""
-    return str(axis.__struct_config__.tag)
+    return str(axis.__struct_config__.tag or getattr(axis, "driver"))  # noqa: B009
 
 
 class Bounds(NamedTuple):

@@ -1,7 +1,7 @@
 """Everything that a kind of hood encoder declares about itself, one EncoderFamily value."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -65,7 +65,7 @@ class Around(NamedTuple):
     """The part of the rest of the configuration that an encoder may need."""
 
     longest_age_s: float              # of an angle that may still fire
-    nt_server: str                    # of [nt4]; "" without that table
+    readings: Mapping[str, Mapping[str, Any]]     # tables of other distributions, by name
 
 
 class EncoderFamily(Struct, Generic[Table], frozen=True, kw_only=True, eq=False):

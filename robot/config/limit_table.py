@@ -124,9 +124,6 @@ LIMITS: tuple[Limit, ...] = (
     Limit("collect.walk_start", -3, 3, "log speed; 0 corrects nothing"),
     Limit("collect.walk_step", 0, 0.2, "log speed a mark: 0.02 corrects it by 2 %"),
     Limit("aim.correction_step", 0, 0.2, "log speed a mark: 0.005 corrects it by 0.5 %"),
-    Limit("nt4.velocity.most_m_s", 0.01, 6, "above, no robot drives; this may be another unit"),
-    Limit("nt4.velocity.pointing_deg", 0.1, 15, "below, no heading is so exact; above, every ball misses"),
-    Limit("nt4.velocity.delay_s", 0, 1, "above, no ball is so late"),
 
     Limit("identify.flywheel.repeats", 0, 20, "above, the motor is hot before the end; 0 leaves it alone"),
     Limit("identify.flywheel.step_nm", 0.001, "flywheel.pid.output_high", "above, it is cut; below, nothing turns"),
@@ -142,12 +139,12 @@ LIMITS: tuple[Limit, ...] = (
 )
 
 
-def out_of_range(config: Any) -> Iterator[tuple[str, str]]:
+def out_of_range(config: Any, limits: tuple[Limit, ...] = LIMITS) -> Iterator[tuple[str, str]]:
     """Yield the key of each number that is outside its limits, and what it is, what it may be and why.
 
-    config: truearc.robot.config.schema.Config.
+    config: truearc.robot.config.schema.Config, or whatever has the keys of the limits.
     """
-    for limit in LIMITS:
+    for limit in limits:
         for key, value in numbers(config, limit.key):
             (least, low), (most, high) = narrowest(limit.low, config, max), narrowest(limit.high, config, min)
             slack = ROUNDING * abs(value)

@@ -7,11 +7,13 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from truearc.errors import did_you_mean
 from truearc.hw.devices.axis import driver_of
 from truearc.hw.devices.registry import family_of
 from truearc.robot.config.limit_table import out_of_range
-from truearc.robot.config.nt4 import nt4_errors
+from truearc.robot.config.reading_tables import find_table
 from truearc.robot.config.rig_spec import AIR_KG_M3, DENSEST_KG_M3, TERMS, Rig, too_large
 
 
@@ -39,16 +41,21 @@ def _of_choices(config: Any) -> Iterator[tuple[str, str]]:
         yield "gate.policy", f"{config.gate.policy!r} is not known here; there are collect, model"
     if config.camera.target == "apriltag" and config.apriltag is None:
         yield "camera.target", "an AprilTag is to be seen, and there is no [apriltag] with ids, side_m, centre_height_m"
-    if config.nt4 is not None:
-        yield from nt4_errors(config.nt4, config.apriltag is not None)
+    for name, stated in config.readings.items():
+        other = find_table(name)
+        yield from other.errors(msgspec.convert(stated, other.table), config)
 
 
 def _of_encoder(config: Any) -> Iterator[tuple[str, str]]:
-    from truearc.robot.hood_encoders import encoder_family_of  # drivers need cantools, which most commands do without
+    # drivers need cantools, which most commands do without
+    from truearc.robot.hood_encoders import RECORDED, ReadEncoder, encoder_family_of
 
-    family = encoder_family_of(config.hood_encoder)
-    if family.driver == "nt4" and config.nt4 is None:
-        yield "hood_encoder.driver", "'nt4' needs [nt4] with its server"
+    family, driver = encoder_family_of(config.hood_encoder), driver_of(config.hood_encoder)
+    if isinstance(config.hood_encoder, ReadEncoder):
+        if driver not in config.readings:
+            yield "hood_encoder.driver", f"{driver!r} needs [{driver}]"
+        elif family is RECORDED:
+            yield "hood_encoder.driver", f"[{driver}] gives no angle of a hood"
     if config.rig.noise.hood_deg < family.least_sigma_deg:
         yield "rig.noise.hood_deg", (f"{config.rig.noise.hood_deg:g} is too small: hood_encoder.driver "
                                      f"{family.driver!r} knows the angle to {family.least_sigma_deg:g} deg at best")

@@ -1,5 +1,6 @@
 """The launcher's configuration: one TOML file, no defaults, so that a typo cannot become one."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -21,8 +22,9 @@ from truearc.errors import (
     unknown_keys,
 )
 from truearc.hw.devices.axis import Axis, Finite, HoodEncoder, Positive
+from truearc.hw.plugins import ELSEWHERE, PluginError, needs
 from truearc.robot.config.limits import cannot_throw, contradictions, warn_of_pitch, warn_of_terms
-from truearc.robot.config.nt4 import Nt4
+from truearc.robot.config.reading_tables import Driving, ReadingTable, find_table, stated, table_names
 from truearc.robot.config.rig_spec import Rig, rig_errors
 
 Kind = TypeVar("Kind")
@@ -267,8 +269,19 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True
     identify: Identify | None = None
     aim: AimConfig = AimConfig("plan", 0.0)
     apriltag: AprilTag | None = None
-    nt4: Nt4 | None = None
     recording: RecordingConfig | None = None
+    readings: dict[str, dict[str, Any]] = {}      # tables of other distributions, by name, as plain data
+
+    @property
+    def driving(self) -> Driving | None:
+        """What the tick must know of a robot that tells how it drives; None: it is to stand when it shoots."""
+        found = next((table["velocity"] for table in self.readings.values() if "velocity" in table), None)
+        return found and Driving(found["most_m_s"], found["pointing_deg"], found.get("delay_s", 0.0))
+
+    @property
+    def is_seen_elsewhere(self) -> bool:
+        """Whether another camera than [camera]'s sees the target."""
+        return any("vision" in table for table in self.readings.values())
 
 
 class CameraFile(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -302,18 +315,56 @@ def load_toml(path: str | Path, kind: type[Kind]) -> Kind:
 def parse_toml(text: str, kind: type[Kind], name: str) -> Kind:
     """As load_toml, of text that came from somewhere called `name`."""
     table = parse_table(text, name)
+    others = _other_tables(table, text, name) if kind is Config else ()
+    wide: Any = _beside(kind, others)
     try:
-        return msgspec.convert(table, kind, dec_hook=read_axis)
+        read: Kind = _as_plain(msgspec.convert(table, wide, dec_hook=read_axis), kind, others)
+        return read
     except msgspec.ValidationError as error:
-        message, missing = joined(str(error)), missing_keys(table, kind, struct_of=table_struct)
+        message, missing = joined(str(error)), missing_keys(table, wide, struct_of=table_struct)
         said = reworded(message, table, _known)
         unknown = said.endswith(": unknown key")
-        near = near_key(said.removesuffix(": unknown key"), kind, table, table_struct) if unknown else ""
+        near = near_key(said.removesuffix(": unknown key"), wide, table, table_struct) if unknown else ""
         here = f"{name}{line_of(text, message)}: {said}{near}"
         if len(missing) > 1 and not near:
-            lacks = f"keys are missing: {', '.join(missing)}{near_tables(table, kind)}"
+            lacks = f"keys are missing: {', '.join(missing)}{near_tables(table, wide)}"
             here = f"{here}; {lacks}" if unknown else f"{name}: {lacks}"
         raise InputError(here) from error
+
+
+def _other_tables(table: dict[str, Any], text: str, name: str) -> tuple[ReadingTable, ...]:
+    """The tables of other distributions, where there is one that is not truearc's own.
+
+    Raises:
+        InputError: one is of a distribution that is not installed, or that cannot be loaded.
+    """
+    if "readings" in table:
+        raise InputError(f"{name}{line_of_key(text, 'readings')}: readings: unknown key")
+    if table.keys() <= set(Config.__struct_fields__):
+        return ()
+    installed = table_names()
+    for absent in sorted((table.keys() & ELSEWHERE.keys()) - {*installed}):
+        raise InputError(f"{name}: [{absent}]: {needs(absent)}")
+    try:
+        return tuple(map(find_table, installed))
+    except PluginError as error:
+        raise InputError(f"{name}: {error}") from error
+
+
+def _beside(kind: Any, others: Sequence[ReadingTable]) -> Any:
+    """The struct with a field for each of these tables, so that what is wrong in one is said as of truearc's own."""
+    if not others:
+        return kind
+    return msgspec.defstruct(kind.__name__, [(one.name, one.table | None, None) for one in others], bases=(kind,),
+                             frozen=True, forbid_unknown_fields=True, omit_defaults=True)
+
+
+def _as_plain(found: Any, kind: Any, others: Sequence[ReadingTable]) -> Any:
+    """What was read, with those tables as plain data in `readings`."""
+    if not others:
+        return found
+    read = {one.name: stated(getattr(found, one.name)) for one in others if getattr(found, one.name) is not None}
+    return kind(**{field: getattr(found, field) for field in kind.__struct_fields__} | {"readings": read})
 
 
 def read_axis(kind: type, table: Any) -> Axis | HoodEncoder:
@@ -321,7 +372,7 @@ def read_axis(kind: type, table: Any) -> Axis | HoodEncoder:
     wrong."""
     driver = table.get("driver") if isinstance(table, dict) else None
     try:
-        struct: Any = table_of(kind, driver) if isinstance(driver, str) else _AnyDevice
+        struct: Any = table_of(kind, table) if isinstance(driver, str) else _AnyDevice
         read: Axis | HoodEncoder = msgspec.convert(table, struct, dec_hook=read_axis)
         return read
     except LookupError:
@@ -332,13 +383,12 @@ def read_axis(kind: type, table: Any) -> Axis | HoodEncoder:
 
 def table_struct(annotation: Any, table: Any) -> Any:
     """The struct of a field's table: by its annotation, or a device's by its driver; None where there is none."""
-    from truearc.hw.plugins import PluginError
     if (plain := struct_in(annotation)) is not None:
         return plain
     driver = table.get("driver") if isinstance(table, dict) else None
     kind = _device(annotation)
     try:
-        return table_of(kind, driver) if kind is not None and isinstance(driver, str) else None
+        return table_of(kind, table) if kind is not None and isinstance(driver, str) else None
     except (LookupError, PluginError):
         return None
 
@@ -349,21 +399,21 @@ def _device(annotation: Any) -> Any:
     return next(filter(None, map(_device, getattr(annotation, "__args__", ()))), None)
 
 
-def table_of(kind: Any, driver: str) -> Any:
+def table_of(kind: Any, table: dict[str, Any]) -> Any:
     """The struct of a device's table, by its driver; kind: Axis or HoodEncoder. Raises as find_family."""
     # drivers need cantools, which most commands do without
     if kind is HoodEncoder:
-        from truearc.robot.hood_encoders import BY_DRIVER
-        return BY_DRIVER[driver].table
+        from truearc.robot.hood_encoders import encoder_table
+        return encoder_table(table["driver"], "key" in table)
     from truearc.hw.devices.registry import find_family
-    return find_family(driver).axis
+    return find_family(table["driver"]).axis
 
 
 def _known(key: str) -> list[str]:
     """The values of a key that takes few."""
     if key == "hood_encoder.driver":
-        from truearc.robot.hood_encoders import BY_DRIVER
-        return list(BY_DRIVER)
+        from truearc.robot.hood_encoders import encoder_drivers
+        return list(encoder_drivers())
     if key.endswith(".driver") or key == "hood_encoder.controller":
         from truearc.hw.devices.registry import drivers
         return list(drivers())

@@ -1,4 +1,4 @@
-"""Whatever shows ticks to people: the operator's page, topics of NetworkTables."""
+"""Whatever shows ticks to people: the operator's page, and what other distributions publish."""
 
 from collections.abc import Callable, Sequence
 from typing import Protocol

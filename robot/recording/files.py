@@ -17,6 +17,7 @@ from mcap.writer import CompressionType, Writer
 
 from truearc.errors import NO_JSON, InputError, load_bytes
 from truearc.hw.protocols import CameraFrame, Frame
+from truearc.robot.config.hashing import table_of
 from truearc.robot.config.schema import Config
 from truearc.robot.reasons import IMAGE_NOT_ENCODED
 from truearc.robot.recording import session as layout
@@ -166,7 +167,7 @@ class SessionFiles:
 def session_contents(header: Header, config: Config, model: bytes | None = None,
                      aim: bytes | None = None) -> dict[str, bytes]:
     """Name -> bytes of a session's files that do not grow. The header comes last: it makes the folder a session."""
-    contents = {layout.CONFIG: _make_json(config), layout.MODEL: model, layout.AIM: aim,
+    contents = {layout.CONFIG: _make_json(table_of(config)), layout.MODEL: model, layout.AIM: aim,
                 layout.HEADER: _make_json(header)}
     return {name: data for name, data in contents.items() if data is not None}
 
@@ -227,5 +228,5 @@ def load_image(session: Path, picture: Picture) -> CameraFrame | None:
     return None if image is None else CameraFrame(picture.t_ns, np.asarray(image, dtype=np.uint8))
 
 
-def _make_json(value: Config | Header) -> bytes:
+def _make_json(value: object) -> bytes:
     return msgspec.json.format(msgspec.json.encode(value)) + b"\n"

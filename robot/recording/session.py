@@ -15,15 +15,16 @@ import hashlib
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import msgspec
 from msgspec import UNSET, Struct, UnsetType
 
 from truearc.errors import MAX_TEXT_BYTES, NO_JSON, InputError, in_words, load_bytes, naming
 from truearc.robot.aim_file import AimFile, Aims, load_aim
-from truearc.robot.config.hashing import config_hash, is_hash_of
+from truearc.robot.config.hashing import config_hash, config_of, is_hash_of
 from truearc.robot.config.rig_spec import with_nan
-from truearc.robot.config.schema import Config, read_axis
+from truearc.robot.config.schema import Config
 from truearc.robot.gate.model import Gate, load_gate
 from truearc.robot.recording.rows import RowFormat, Rows2, Trial
 from truearc.robot.types import Tick
@@ -96,12 +97,12 @@ def load_session_config(session: Path) -> Config:
     """The configuration a session ran with; InputError when it is not the one its header names."""
     header, path = load_header(session), session / CONFIG
     with naming(path):
+        table = msgspec.json.decode(load_bytes(path, MAX_TEXT_BYTES), type=dict[str, Any])
         try:
-            config = msgspec.json.decode(load_bytes(path, MAX_TEXT_BYTES), type=Config, dec_hook=read_axis)
+            config = config_of(table)
         except msgspec.ValidationError:
             # recorded before rigs were checked: a number that was none is null
-            table = msgspec.json.decode(load_bytes(path))
-            config = msgspec.convert({**table, "rig": with_nan(table["rig"])}, Config, dec_hook=read_axis)
+            config = config_of({**table, "rig": with_nan(table["rig"])})
     if not is_hash_of(header.config_sha256, config):
         raise InputError(f"{path}: changed since the recording was made (hash differs from {HEADER})")
     return config

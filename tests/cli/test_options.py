@@ -14,7 +14,7 @@ from truearc.cli.parsers import make_parser
 from truearc.cli.registry import Command, list_commands
 
 ALWAYS = {"help", "force"}            # of every command, and of every one with outputs (test_outputs.py)
-PACKAGES = ("truearc.cli", "truearc_proof.cli")
+PACKAGES = ("truearc.cli", "truearc_proof.cli", "truearc_frc")
 
 
 @pytest.mark.parametrize("command", list_commands(), ids=lambda command: command.name)

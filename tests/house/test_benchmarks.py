@@ -63,7 +63,7 @@ QUICK = {
     "vision_tag": "--frames 4 --distractors 4",
 }
 ELSEWHERE = {
-    "advise": "tests/loops/test_advise.py plays it, well and with a key that is gone",
+    "advise": "tests/frc/test_advise_session.py plays it, well and with a key that is gone",
     "soak": "tests/loops/test_soak.py runs it",
     "stand_in_robot": "the robot of `advise`, above",
     "archives": "prints and unpacks an archive of git; test_commands.py runs it as the pages print it",

@@ -14,7 +14,7 @@ from tests.house.wheels import build_wheels
 from tools.count_lines import WHEEL, count_files, python_files
 
 ROOT = Path(__file__).parents[2]
-TOPS = ("hw", "robot", "sim", "model_export", "truearc", "proof")
+TOPS = ("hw", "robot", "sim", "model_export", "truearc", "proof", "frc")
 FILES = sorted(path for top in TOPS for path in (ROOT / top).rglob("*.py"))
 LONGEST_FILE, LONGEST_FUNCTION = 600, 60
 MOST_LINES = 36800                   # of code in the wheel, by tools/count_lines.py; interlocks of motion took 2,000
@@ -24,7 +24,8 @@ LINT = ("import sys; sys.meta_path[:] = [one for one in sys.meta_path if 'editab
         "from importlinter.cli import lint_imports_command; lint_imports_command()")
 CYCLES = ("import sys; sys.meta_path[:] = [one for one in sys.meta_path if 'editable' not in repr(one).lower()]; "
           "sys.path[:] = [{site!r}] + [one for one in sys.path if one]; import graphlib, grimp; "
-          "graph = grimp.build_graph('truearc', 'truearc_proof', cache_dir=None); graphlib.TopologicalSorter("
+          "graph = grimp.build_graph('truearc', 'truearc_proof', 'truearc_frc', cache_dir=None); "
+          "graphlib.TopologicalSorter("
           "{{one: graph.find_modules_directly_imported_by(one) for one in graph.modules}}).prepare()")
 BINARY = re.compile(r"[rwxa+]*b[rwxa+]*")
 OTHER_OPENS = ("os", "tarfile", "Image", "stream")

@@ -14,7 +14,8 @@ import pytest
 from tests.house.wheels import ROOT, build_wheels
 
 PLACES = {"truearc": "truearc", "hw": "truearc/hw", "robot": "truearc/robot", "sim": "truearc/sim",
-          "model_export": "truearc/model_export", "proof/truearc_proof": "truearc_proof"}
+          "model_export": "truearc/model_export", "proof/truearc_proof": "truearc_proof",
+          "frc/truearc_frc": "truearc_frc"}
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +40,7 @@ def test_wheels_hold_what_git_tracks(site: Path) -> None:
 
 def test_wheel_has_one_top_level_name(site: Path) -> None:
     names = {path.name for path in site.iterdir() if not path.name.endswith(".dist-info")}
-    assert names == {"truearc", "truearc_proof"}
+    assert names == {"truearc", "truearc_proof", "truearc_frc"}
 
 
 def test_source_distribution_holds_what_git_tracks(tmp_path: Path) -> None:

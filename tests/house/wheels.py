@@ -1,4 +1,4 @@
-"""The two wheels, built from clean copies of the checkout, as an installer would unpack them."""
+"""The three wheels, built from clean copies of the checkout, as an installer would unpack them."""
 
 import shutil
 import subprocess
@@ -12,12 +12,12 @@ ROOT = Path(__file__).parents[2]
 
 
 def build_wheels(folder: Path) -> Path:
-    """Build both wheels and unpack them side by side; returns the folder that holds the packages."""
+    """Build all wheels and unpack them side by side; returns the folder that holds the packages."""
     source = copy_source(ROOT, folder / "source")
     ignore = shutil.ignore_patterns("__pycache__", "*.egg-info", "build")
-    shutil.copytree(ROOT / "proof", source / "proof", ignore=ignore)
+    others = [shutil.copytree(ROOT / name, source / name, ignore=ignore) for name in ("proof", "frc")]
     done = subprocess.run([sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation",
-                           "--wheel-dir", str(folder), str(source), str(source / "proof")],
+                           "--wheel-dir", str(folder), str(source), *map(str, others)],
                           capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     site = folder / "site"

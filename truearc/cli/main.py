@@ -8,8 +8,9 @@ import truearc
 from truearc.cli.old_names import RENAMED, forward
 from truearc.cli.outputs import fresh_outputs
 from truearc.cli.parsers import load_module, make_parser
-from truearc.cli.registry import ABSENT, COMMANDS, GROUPS, NAMES, Command, find_command, install_hint, list_commands
+from truearc.cli.registry import COMMANDS, GROUPS, NAMES, Command, find_command, install_hint, list_commands
 from truearc.errors import InputError
+from truearc.hw.plugins import ELSEWHERE, needs
 
 # Arrays here are small: threads of the linear algebra would only wait for one another and, where another process keeps
 # a core busy, for that. Set before NumPy is imported.
@@ -37,7 +38,7 @@ def main(argv: list[str] | None = None) -> int:
         return _run(command, argv[len(command.name.split()):])
     except ModuleNotFoundError as error:
         package = (error.name or "").partition(".")[0]
-        if package in ("", "truearc", "truearc_proof"):
+        if package in ("", "truearc", "truearc_proof", "truearc_frc"):
             raise                     # ours: a defect, not an install without the companion
         print(f"truearc {command.name}: needs {error.name}, which is not installed: {install_hint(command)}",
               file=sys.stderr)
@@ -84,7 +85,8 @@ def _explain(argv: list[str]) -> int:
     if not words:
         print(_list(prefix), file=sys.stderr)
         return 2
-    refusal = ABSENT.get(argv[0]) or (f"was renamed; use: truearc {RENAMED[argv[0]]}" if argv[0] in RENAMED else "")
+    refusal = needs(argv[0]) if argv[0] in ELSEWHERE else (
+        f"was renamed; use: truearc {RENAMED[argv[0]]}" if argv[0] in RENAMED else "")
     if refusal:
         print(f"truearc {argv[0]}: {refusal}", file=sys.stderr)
         return 2

@@ -13,8 +13,8 @@ from msgspec.structs import replace
 
 from truearc.errors import InputError
 from truearc.hw.protocols import CameraFrame
-from truearc.robot.advice.tick import POLICY as ADVICE
-from truearc.robot.advice.tick import step as advise
+from truearc.robot.advice import POLICY as ADVICE
+from truearc.robot.advice import step as advise
 from truearc.robot.config.schema import Config
 from truearc.robot.recording import session as layout
 from truearc.robot.recording.reader import TickReader

@@ -7,6 +7,7 @@ from msgspec import Struct
 
 from truearc.hw.protocols import CameraFrame
 from truearc.hw.reason import Reason
+from truearc.robot.config.hashing import table_of
 from truearc.robot.config.schema import Config
 from truearc.robot.gate.model import Gate
 from truearc.robot.recording.export.tabular import FlatTicks, Value
@@ -70,7 +71,7 @@ def find_changes(session: Path, config: Config, gate: Gate | None) -> Changes:
 
 def config_changes(was: Config, now: Config) -> list[str]:
     """Each key that differs, as 'flywheel.pid.kp: 0.03 -> 0.04'."""
-    differences = find_differences(msgspec.to_builtins(was), msgspec.to_builtins(now))
+    differences = find_differences(table_of(was), table_of(now))
     return [f"{name}: {old} -> {new}" for name, old, new in differences]
 
 

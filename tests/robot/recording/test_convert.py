@@ -20,9 +20,9 @@ from truearc.cli.main import main
 from truearc.hw.reason import unit_of
 from truearc.robot.reasons import texts
 from truearc.robot.recording.export.tabular import FLOAT, INT, TEXTS, FlatTicks
-from truearc.robot.recording.export.wpilog import WpilogWriter, make_payload
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials
+from truearc_frc.wpilog_export import WpilogWriter, make_payload
 
 HERE = Path(__file__).parent
 

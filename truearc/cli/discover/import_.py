@@ -7,9 +7,10 @@ from pathlib import Path
 import truearc as ta
 from truearc.cli.common import make_progress
 from truearc.cli.outputs import DATASET, OutFolder
+from truearc.hw.plugins import needs
 from truearc.sim.data.importers.registry import load_importers
 
-EXAMPLE = "truearc import wpilog monday.wpilog --guess --rig rig.toml -o data/monday"
+EXAMPLE = "truearc import csv monday.csv --guess --rig rig.toml -o data/monday"
 MAP = "shots.toml"
 
 
@@ -17,17 +18,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     importers = load_importers()
     known = "; ".join(f"{importer.name}: {', or '.join(importer.ways)}" for importer in importers)
-    parser.add_argument("source", choices=[importer.name for importer in importers],
-                        help="wpilog or csv: any team's; others: whose recordings (more come with pip install "
-                        "./proof in a checkout)")
+    parser.add_argument("source", choices=sorted({"wpilog", *(importer.name for importer in importers)}),
+                        help="csv, or wpilog with truearc-frc: any team's; others: whose recordings (more come with "
+                        "pip install ./proof in a checkout)")
     parser.add_argument("files", nargs="+", metavar="FILE", help=f"the public originals, or tables of them: {known}")
     parser.add_argument("-o", "--out", type=OutFolder(DATASET), required=True, metavar="DIR",
                         help="dataset directory to write")
     parser.add_argument("--only", metavar="COLUMN=TEXT,...", help="of the dataset's shots those with one of these "
                         "texts in the column (ball_quality=new), to compare parts with each other")
     how = parser.add_mutually_exclusive_group()
-    how.add_argument("--map", metavar="MAP", help="wpilog, csv: which keys say what: a shots.toml, or one that comes "
-                     "with truearc: advantagekit, wpilib, truearc, viking-2928, ftc-csv, tracker, kinovea")
+    how.add_argument("--map", metavar="MAP", help="wpilog, csv: which keys say what: a shots.toml, or one that is "
+                     "installed: truearc, ftc-csv, tracker, kinovea, with truearc-frc advantagekit, wpilib and "
+                     "viking-2928")
     how.add_argument("--guess", action="store_true", help="propose that map from the names, units and numbers in the "
                      f"first file, write it to DIR/{MAP}, and import by it; a CSV without a column Timestamp has a row "
                      "per shot")
@@ -39,7 +41,9 @@ def main(args: argparse.Namespace) -> int:
     """Read, say what came of it, write."""
     from truearc.sim.data.importers.imported import doubts_of, only
     from truearc.sim.printed import left_out_lines
-    importer = next(importer for importer in load_importers() if importer.name == args.source)
+    importer = next((importer for importer in load_importers() if importer.name == args.source), None)
+    if importer is None:
+        raise ta.InputError(f"{args.source}: {needs(args.source)}")
     if not importer.takes(args.files):
         raise ta.InputError(f"{args.source} takes {', or '.join(importer.ways)}; not {' '.join(args.files)}")
     shot_map = ""

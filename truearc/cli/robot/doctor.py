@@ -14,10 +14,7 @@ PROGRESS = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--config", type=Path, help="launcher.toml; needed without --nt")
-    parser.add_argument("--nt", metavar="TEAM|ADDRESS", help="look at the keys that truearc advise --map reads, and "
-                        "at nothing else")
-    parser.add_argument("--map", metavar="MAP", help="as for truearc advise; with --nt")
+    parser.add_argument("--config", type=Path, required=True, help="launcher.toml")
     parser.add_argument("--gate", type=Path, help="model, as for truearc run")
     parser.add_argument("--aim", type=Path, metavar="FILE", help="aim file, as for truearc run")
     parser.add_argument("--out", type=Path, default=Path("sessions"), help="folder for sessions, as for truearc run")
@@ -27,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         "switch and back, once you have typed yes: directions, scales, lags, the switch")
     parser.add_argument("--priority", type=number(int, 1, 99), default=50, metavar="P", help="as for truearc run")
     parser.add_argument("--seconds", type=number(float, 0.5, 600.0), default=2.0, metavar="S",
-                        help="to listen to the bus, or to --nt")
+                        help="to listen to the bus")
     parser.add_argument("--set", action="store_true", help="compare the watchdogs and limits that the axes keep with "
                         "the rig, and write and save what differs after a yes; with --endpoints")
     parser.add_argument("--yes", action="store_true", help="with --set or --move: do not ask; with --move, "

@@ -40,8 +40,6 @@ def check_move(args: argparse.Namespace) -> None:
     """InputError for options that do not go together, before anything is opened."""
     if not args.move:
         refuse(args, ("--yes",), "applies with --move or --set only")
-    elif args.nt or args.map:
-        raise InputError("--move: applies to a robot that truearc drives, not with --nt and --map")
     elif not args.yes and not sys.stdin.isatty():
         raise InputError("--move: asks before it moves anything, and there is no terminal to answer; give --yes where "
                          "all balls are out and hands away")

@@ -45,8 +45,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Return 0 when every trial is over."""
     config = load_config(args.config)
-    if config.nt4 is not None:        # it stands still, and sees with a camera of its own
-        config = replace(config, nt4=replace(config.nt4, vision=None, velocity=None))
+    # the emulated robot stands still, and sees with a camera of its own
+    config = replace(config, readings={
+        name: {key: value for key, value in table.items() if key not in ("vision", "velocity")}
+        for name, table in config.readings.items()})
     config = with_plan(config, load_plan(args.plan, config) if args.plan else (), args.repeats)
     trials = _trials(args.trials, config)
     print(_serve(args, config, trials) if args.bus != VIRTUAL else _emulate(args, config, trials))
@@ -61,13 +63,13 @@ def _emulate(args: argparse.Namespace, config: Config, trials: int) -> "Emulatio
         raise InputError(f"{args.config}: gate.policy is 'model', so --gate is needed")
     from truearc.cli.gate.answer import make_command
     from truearc.hw.real.clock import MonotonicClock
-    from truearc.robot.advice.nt_publisher import open_publisher
     from truearc.robot.operator_ui.screens import open_screens
     from truearc.robot.operator_ui.server import open_page
+    from truearc.robot.readings import open_their_screens
     from truearc.sim.world.options import load_options
     asks = make_command(args.gate, config) if args.gate else ()
     page = open_screens((partial(open_page, args.page, config, args.out.name, gate_command=asks),
-                         partial(open_publisher, config, args.gate, True)), MonotonicClock())
+                         partial(open_their_screens, config, args.gate, True)), MonotonicClock())
     try:
         return ta.emulate(config, args.out, trials, args.seed, load_options(args.world), args.gate,
                           make_progress("emulate", args.quiet), page=page, aim_path=args.aim)

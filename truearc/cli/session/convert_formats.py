@@ -4,6 +4,7 @@ import argparse
 import sys
 from collections.abc import Callable, Iterator
 from functools import partial
+from importlib.metadata import entry_points
 from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
@@ -11,6 +12,7 @@ from typing import BinaryIO
 from truearc.cli.common import catalogue_of, make_progress, refuse
 from truearc.cli.outputs import refuse_file
 from truearc.errors import InputError
+from truearc.hw.plugins import EXPORTS, PluginError, load_plugin, needs, only_point
 from truearc.robot.recording.export import convert as exports
 from truearc.robot.recording.export.convert import TRIAL_COLUMNS, ExportRows
 from truearc.robot.recording.export.field_pose import in_target_frame
@@ -32,6 +34,8 @@ def convert(args: argparse.Namespace) -> int:
     progress = make_progress("convert", args.quiet)
     rows = ExportRows(args.session, progress)
     formats = FORMATS | {"mcap": partial(_to_one_file, partial(_write_mcap, flights=_flights(args)))}
+    if args.to not in formats:
+        formats[args.to] = partial(_to_one_file, _find_export(args.to))
     try:
         made = formats[args.to](rows, args.out)
         if rows.count == 0:
@@ -47,6 +51,18 @@ def convert(args: argparse.Namespace) -> int:
     if rows.reader.cut_short:
         print(f"{rows.reader.cut_short}; what follows is missing: truearc session recover", file=sys.stderr)
     return 0
+
+
+def _find_export(name: str) -> Callable[[ExportRows, BinaryIO], None]:
+    """The function of another distribution that writes a format."""
+    try:
+        write: Callable[[ExportRows, BinaryIO], None] = load_plugin(only_point(
+            tuple(entry_points(group=EXPORTS, name=name)), name))
+        return write
+    except LookupError as error:
+        raise InputError(f"--to {name}: {needs(name)}") from error
+    except PluginError as error:
+        raise InputError(str(error)) from error
 
 
 def _to_two_files(write: WriteRows, rows: ExportRows, out: Path) -> tuple[Path, ...]:
@@ -127,5 +143,4 @@ def _part(path: Path) -> Path:
 
 
 FORMATS: dict[str, Callable[[ExportRows, Path], tuple[Path, ...]]] = {
-    "csv": partial(_to_two_files, exports.write_csv), "parquet": partial(_to_two_files, _write_parquet),
-    "wpilog": partial(_to_one_file, exports.write_wpilog)}
+    "csv": partial(_to_two_files, exports.write_csv), "parquet": partial(_to_two_files, _write_parquet)}

@@ -11,8 +11,7 @@ from truearc.errors import InputError
 from truearc.hw.protocols import AngleReading, ButtonEvent, CameraFrame, Clock, LinkLost, MotorReading
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
-from truearc.robot.advice.nt_keys import Reading
-from truearc.robot.advice.tick import POLICY
+from truearc.robot.advice import POLICY
 from truearc.robot.aim import NOWHERE, as_at_rest
 from truearc.robot.config.schema import Config
 from truearc.robot.config.shot_map import NOT_MARKED, ShotMap, Signal, as_signal, plain
@@ -22,6 +21,7 @@ from truearc.robot.gate.model import Gate
 from truearc.robot.reasons import texts
 from truearc.robot.runtime import Recorder
 from truearc.robot.types import Command, Inputs, RobotVelocity, Sent, Sighting, Tick
+from truearc_frc.keys import Reading
 
 NS_PER_S = 1_000_000_000
 STALE = {code.name for code in (
@@ -221,8 +221,7 @@ def advised_columns(shot_map: ShotMap, config: Config) -> dict[str, str | Signal
     speed = next((one for one in columns if one == MOTOR or WHEEL.fullmatch(one)), None)
     if speed is None:
         raise InputError(f"the map's columns name no {MOTOR} and no wheel: the gate needs a speed")
-    seen = config.nt4 is not None and config.nt4.vision is not None       # a camera measures the distance
-    needed = [column for column in NEEDED if not (seen and column == DISTANCE)]
+    needed = [column for column in NEEDED if not (config.is_seen_elsewhere and column == DISTANCE)]
     for column in needed:
         if column not in columns:
             raise InputError(f"the map has no columns.{column}, which advice needs")

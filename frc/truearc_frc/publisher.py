@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Protocol
 
 from truearc.hw.protocols import Clock
-from truearc.robot.advice.advice_io import NS_PER_S, advice_of
-from truearc.robot.advice.nt_keys import NtKeys
 from truearc.robot.config.schema import Config
 from truearc.robot.gate.model import Gate, load_gate
 from truearc.robot.types import Tick
+from truearc_frc.advice import NS_PER_S, advice_of
+from truearc_frc.table import nt4_of
 
 LOOK_S = 0.02                         # between looks for a newer tick
 PATIENCE_S = 3.0                      # with a server that does not answer, before that is said
@@ -78,17 +78,6 @@ class NtPublisher:
         return advice
 
     def _say(self, connected: bool) -> None:
-        server = self._config.nt4.server if self._config.nt4 else ""
-        print(f"truearc: NetworkTables server {server}: " + ("connected" if connected else
+        nt4 = nt4_of(self._config)
+        print(f"truearc: NetworkTables server {nt4.server if nt4 else ''}: " + ("connected" if connected else
               "does not answer; nothing is published until it does"), file=sys.stderr)
-
-
-def open_publisher(config: Config, gate_path: Path | None, own_time: bool, clock: Clock) -> NtPublisher | None:
-    """As `[nt4]` says; None without it. own_time: the ticks' time is another than that of `clock`.
-
-    Raises:
-        InputError: WPILib's library is not installed.
-    """
-    if config.nt4 is None:
-        return None
-    return NtPublisher(config, NtKeys(config.nt4.server, ()), gate_path, None if own_time else clock)
