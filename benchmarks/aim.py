@@ -1,6 +1,6 @@
 """Does `truearc aim` find the best set points?
 
-    python -m benchmarks.aim [--rigs 1000] [--seed 1000] [--out FILE]
+    python -m benchmarks.aim [--rigs 1000] [--seed 1000]
 
 Random launchers, balls and targets, three distances each. The truth is an exhaustive search with a simulation of its
 own (drag and gravity, fourth-order Runge-Kutta over time): every hood angle by whole degrees, and 61 speeds about the
@@ -10,9 +10,7 @@ distances at which the search finds under 0.05 points are counted apart.
 """
 
 import argparse
-import json
 import sys
-from pathlib import Path
 from typing import NamedTuple
 
 import jax
@@ -31,7 +29,6 @@ HOOD_DEG = (25.0, 70.0)
 DISTANCES = 3
 SCORES = 0.05                         # points; with less by search a distance is counted apart
 QUANTILES = (0.5, 0.9, 0.99, 0.999)
-WORST = 5                             # distances that are listed
 
 
 class Case(NamedTuple):
@@ -171,41 +168,30 @@ def shortfalls(case: Case) -> list[float]:
     return [one.short for one in judge(case) if one.best >= SCORES]
 
 
-def report(judged: dict[int, list[Judged]]) -> list[str]:
-    """Lines of the result; judged: by the seed of the rig."""
-    every = [(one.short, seed, one) for seed, ones in judged.items() for one in ones if one.best >= SCORES]
-    none = [one for ones in judged.values() for one in ones if one.best < SCORES]
-    short = np.array([one[0] for one in every])
+def report(judged: list[list[Judged]]) -> list[str]:
+    """Lines of the result; judged: of each rig."""
+    every = [one for ones in judged for one in ones if one.best >= SCORES]
+    none = [one for ones in judged for one in ones if one.best < SCORES]
+    short = np.array([one.short for one in every])
     lines = [f"{len(judged)} rigs, {len(every)} distances that score by search; "
-             f"{sum(one.got is None for *_, one in every)} of them refused by aim",
+             f"{sum(one.got is None for one in every)} of them refused by aim",
              f"{len(none)} distances with less than {SCORES} points by search; "
              f"{sum(one.got is not None for one in none)} of them with a set point by aim"]
     if every:
         told = ", ".join(f"{q:.1%} {np.quantile(short, q):.3%}" for q in QUANTILES)
         lines.append(f"points short of the best, quantiles: {told}, worst {short.max():.3%}; "
                      f"over 1 %: {(short > 0.01).sum()}")
-        lines.append(f"best points from {min(one.best for *_, one in every):.2f} to "
-                     f"{max(one.best for *_, one in every):.2f}; farthest short:")
-        lines += [f"  seed {seed}, {one.distance_m:.2f} m: {one.got or 0.0:.3f} points of {one.best:.3f}, {lacking:.3%}"
-                  for lacking, seed, one in sorted(every, reverse=True)[:WORST]]
     return lines
 
 
-def main(argv: list[str] | None = None) -> int:
+def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rigs", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1000, help="of the first rig")
-    parser.add_argument("--out", type=Path, help="keeps a line per rig; rigs that are in it are not judged again")
-    args = parser.parse_args(argv)
-    seeds = range(args.seed, args.seed + args.rigs)
-    kept = args.out.read_text(encoding="utf-8").splitlines() if args.out and args.out.exists() else []
-    known = {line["seed"]: [Judged(*one) for one in line["distances"]] for line in map(json.loads, kept)}
-    show, judged = make_progress("aim"), dict[int, list[Judged]]()
-    for seed in seeds:
-        judged[seed] = known.get(seed) or judge(make_case(seed))
-        if args.out and seed not in known:
-            with args.out.open("a", encoding="utf-8") as file:
-                file.write(json.dumps({"seed": seed, "distances": judged[seed]}) + "\n")
+    args = parser.parse_args()
+    show, judged = make_progress("aim"), list[list[Judged]]()
+    for seed in range(args.seed, args.seed + args.rigs):
+        judged.append(judge(make_case(seed)))
         jax.clear_caches()                                # each rig is compiled for
         show(len(judged) / args.rigs, f"{len(judged)} rigs")
     print("\n".join(report(judged)))

@@ -3,36 +3,31 @@
     python -m benchmarks.demo_seeds --seeds 30 --out FILE
     python -m benchmarks.demo_seeds --table FILE
 
-For each seed the acts of `truearc demo` (truearc.cli.start.demo_acts): practice, an event for each effect of EVENTS,
+For each seed the acts of `truearc demo` (truearc.cli.demo_acts): practice, an event for each effect of EVENTS,
 and the control, in which nothing has changed. All 300 shots of practice are the season's; the robot with images and CAN
 frames is left out. Before and after are the same balls from the same places; threes of 120. `significant`: two-sided
 test of two proportions over all acts of all seeds, adjusted by Holm's method. A line of FILE a seed, with every act's
 outcome; one that is there is not run again. Development used seeds below 5030.
 """
 
-import argparse
 import math
 import sys
 from collections.abc import Iterable, Sequence
 from functools import partial
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import truearc as ta
-from benchmarks.filling import fill_and_tell, parser_of
-from truearc.cli.common import SHIPPED, make_progress
-from truearc.cli.start.demo_acts import Act, Sizes, play_event, practise
-from truearc.cli.start.demo_effects import EFFECTS, NOTHING, WorldChange
+from benchmarks.worlds import Line, fill_and_tell, parser_of
+from truearc.cli.common import SHIPPED
+from truearc.cli.demo_acts import EFFECTS, NOTHING, Act, Sizes, WorldChange, play_event, practise
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
-from truearc.sim.compile_cache import keep_compiled
-from truearc.sim.tables import make_text
-from truearc_proof.rounds.jsonl_store import fill
+from truearc.sim.compute import keep_compiled
+from truearc.sim.printed import make_text
 
 EVENTS = (NOTHING, *EFFECTS[:4])      # the control, and the effects of the published table
 PRACTICE = WorldChange("practice", NOTHING.options, ("wheel_slip",))    # which the paper's physics lacks
 LEVEL = 0.05
-Line = dict[str, Any]
 
 
 class Row(NamedTuple):
@@ -144,14 +139,9 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=1000, metavar="SEED", help="the first seed; the next is one more")
     parser.add_argument("--quick", action="store_true", help="a few of the shots, and one event: to try this script")
     args = parser.parse_args()
-    return fill_and_tell(args, partial(_run_all, args), make_table)
-
-
-def _run_all(args: argparse.Namespace, path: Path) -> dict[str, Line]:
     sizes, events = (Sizes(16, 0, 12, 4), EVENTS[1:2]) if args.quick else (Sizes(), EVENTS)
     jobs = {f"{seed}/{sizes.practice}": seed for seed in range(args.first, args.first + args.seeds)}
-    one = partial(run, load_config(SHIPPED).rig, sizes, events)
-    return fill(path, jobs, one, make_progress("seeds"), args.processes)
+    return fill_and_tell(args, lambda: jobs, partial(run, load_config(SHIPPED).rig, sizes, events), make_table)
 
 
 if __name__ == "__main__":

@@ -13,13 +13,13 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.compute import keep_compiled
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.investigate import detect, discover, make_search
-from truearc.sim.discover.report.html_report import make_report
-from truearc.sim.infer.baseline_fit import fit_believed
-from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
-from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc.sim.discover.report.pages import make_report
+from truearc.sim.infer.fit import fit_believed
+from truearc.sim.infer.likelihood.data import take_in
+from truearc.sim.infer.likelihood.layout import groups_of, lay_out
 from truearc.sim.physics.catalogue import BUILT_IN, TERMS, Catalogue
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world

@@ -1,7 +1,7 @@
 """Fault matrix: every fault on every bus, played and judged.
 
     python -m benchmarks.fault_matrix [--bus virtual,slcan,socketcan] [--only PATTERN] [--out FILE] [--folder DIR]
-    python -m benchmarks.fault_matrix --table FILE [--write archive/fault-matrix.md]
+    python -m benchmarks.fault_matrix --table FILE
 
 Each row of benchmarks/matrix/rows.py is played on each bus that there is (socketcan: where vcan0 is), on the robot's
 own code with emulated devices: it fires, then something breaks, then it is repaired. Rows that begin with "motion"
@@ -19,12 +19,10 @@ from pathlib import Path
 
 import msgspec
 
-from benchmarks.archives import stored_file
-from benchmarks.matrix.judge import Result, judge
+from benchmarks.matrix.fault import Row
+from benchmarks.matrix.judge import Result, judge, make_table
 from benchmarks.matrix.play import play
-from benchmarks.matrix.row import Row
 from benchmarks.matrix.rows import ROWS
-from benchmarks.matrix.table import make_table, write_between
 
 BUSES = ("virtual", "slcan", "socketcan")
 VCAN = Path("/sys/class/net/vcan0")
@@ -53,12 +51,11 @@ def main() -> int:
     if args.table:
         results = load(args.table)
     else:
+        if args.folder is not None:
+            args.folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=args.folder) as folder:
             results = _run_all(args, Path(args.folder or folder))
-    table = make_table(results)
-    print(table)
-    if args.write:
-        write_between(args.write, table)
+    print(make_table(results))
     return int(any(result.wrong for result in results))
 
 
@@ -93,8 +90,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--only", default="", metavar="PATTERN", help="faults whose names match")
     parser.add_argument("--out", type=Path, metavar="FILE", help="a line a cell; goes on where it ended")
     parser.add_argument("--folder", type=Path, metavar="DIR", help="keep what went wrong here")
-    parser.add_argument("--table", type=stored_file, metavar="FILE", help="print what is there, play nothing")
-    parser.add_argument("--write", type=Path, metavar="PAGE", help="put the table between this page's markers, too")
+    parser.add_argument("--table", type=Path, metavar="FILE", help="print what is there, play nothing")
     return parser.parse_args()
 
 

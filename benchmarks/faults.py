@@ -1,89 +1,128 @@
 """Is a fault of the tracker mistaken for physics of the ball?
 
     python -m benchmarks.faults --worlds 10 --seed 61 --out FILE
-    python -m benchmarks.faults --tracks DIR --believe gravity,drag,magnus [--since] --out FILE
     python -m benchmarks.faults --table FILE
 
-The tracks of worlds in which nothing is hidden (truearc_proof.truth, L2), or those of a recorded dataset,
-are corrupted as by a bad tracker (tracker_faults.py). Discovery runs on each, and on the original tracks. --since: the
-corrupted tracks are compared with the belief adopted from the original ones. FILE has one line per finding; findings
-in it are not computed again.
+The tracks of worlds in which nothing is hidden (truearc_proof.truth, L2) are corrupted as by a bad tracker, with
+nothing of truearc.sim.physics. Discovery runs on each, and on the original tracks.
 """
 
-import argparse
+import math
 import sys
-from functools import partial
-from pathlib import Path
-from typing import Any
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import msgspec
+import numpy as np
 
-from benchmarks.fault_table import make_table
-from benchmarks.filling import fill_and_tell, parser_of
-from benchmarks.suite import Job, world_of
-from benchmarks.tracker_faults import FAULTS, with_fault
-from truearc.cli.common import make_progress
-from truearc.errors import InputError
-from truearc.sim.compile_cache import keep_compiled
-from truearc.sim.data.dataset import Dataset, load_dataset
-from truearc.sim.discover.adopt import make_belief
+from benchmarks.worlds import Job, Line, fill_and_tell, parser_of, world_of
+from truearc.sim.compute import keep_compiled
+from truearc.sim.data.dataset import Tracks
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.investigate import discover
-from truearc.sim.infer.belief import Belief
-from truearc_proof.rounds.jsonl_store import fill
+from truearc_proof.report.tables import said
+from truearc_proof.table import make_markdown
 from truearc_proof.truth.generate import shoot
 
-NONE = "none"
-SINCE = ", since"
-SHOTS = 300
+NONE, SHOTS = "none", 300
+LONG = 1.05                           # too long a metre, too slow a clock
+TILT_DEG, TURN_DEG = 4.0, 5.0
+SHRINKING = -0.02                     # of the scale, per m of height
+LOST_FRAMES = 2                       # in the middle of a flight, without saying so
 
 
-def run(recorded: Dataset | None, believed: tuple[str, ...] | None, belief: Belief | None,
-        job: tuple[str, Job]) -> dict[str, Any]:
+def scaled(tracks: Tracks, scale: float | np.ndarray) -> Tracks:
+    return replace(tracks, x_m=scale * tracks.x_m, y_m=scale * tracks.y_m, z_m=scale * tracks.z_m)
+
+
+def lost_frames(tracks: Tracks) -> Tracks:
+    """In the middle of each track the camera drops frames, and what follows is stamped as if it had not."""
+    t_s, kept = tracks.t_s.copy(), np.ones(len(tracks.t_s), dtype=bool)
+    for shot in np.unique(tracks.shot):
+        mine = np.flatnonzero(tracks.shot == shot)
+        mine = mine[np.argsort(t_s[mine])]
+        lost, later = np.split(mine[len(mine) // 2:], [LOST_FRAMES])
+        kept[lost] = False
+        t_s[later] -= LOST_FRAMES * np.median(np.diff(tracks.t_s[mine]))
+    return Tracks(tracks.shot[kept], t_s[kept], tracks.x_m[kept], tracks.y_m[kept], tracks.z_m[kept])
+
+
+def tilted(tracks: Tracks) -> Tracks:
+    """The camera's horizon is not level: what lies ahead seems higher."""
+    cosine, sine = math.cos(math.radians(TILT_DEG)), math.sin(math.radians(TILT_DEG))
+    return replace(tracks, x_m=cosine * tracks.x_m - sine * tracks.z_m, z_m=cosine * tracks.z_m + sine * tracks.x_m)
+
+
+def turned(tracks: Tracks) -> Tracks:
+    """The tracker's frame is not the launcher's: its x axis points beside the target."""
+    cosine, sine = math.cos(math.radians(TURN_DEG)), math.sin(math.radians(TURN_DEG))
+    return replace(tracks, x_m=cosine * tracks.x_m - sine * tracks.y_m, y_m=cosine * tracks.y_m + sine * tracks.x_m)
+
+
+FAULTS: dict[str, Callable[[Tracks], Tracks]] = {
+    "scale 5 % too long": lambda tracks: scaled(tracks, LONG),     # a metre measured in the wrong plane
+    "clock 5 % slow": lambda tracks: replace(tracks, t_s=LONG * tracks.t_s),
+    "2 frames lost": lost_frames, "tilted 4 deg": tilted, "turned 5 deg": turned,
+    "2 % smaller per m": lambda tracks: scaled(tracks, 1.0 + SHRINKING * tracks.z_m)}     # it looks up
+
+
+def run(job: tuple[str, Job]) -> Line:
     """What discovery says of one set of tracks with one fault (or none)."""
     keep_compiled()
     fault, world = job
-    dataset = shoot(world_of(world)) if recorded is None else recorded
-    tracks = dataset if fault == NONE else with_fault(dataset, fault)
-    found = discover(tracks, believed, seed=world.index, belief=belief, since=None if belief is None else recorded)
-    finding = msgspec.json.decode(make_json(found.finding))
-    return {"fault": fault, "source": dataset.name + (SINCE if belief is not None else ""), "number": world.index,
-            "found": finding["mismatch"]["found"],
+    dataset = shoot(world_of(world))
+    assert dataset.tracks is not None
+    tracks = dataset.tracks if fault == NONE else FAULTS[fault](dataset.tracks)
+    finding = msgspec.json.decode(make_json(discover(replace(dataset, tracks=tracks), seed=world.index).finding))
+    return {"fault": fault, "number": world.index, "found": finding["mismatch"]["found"],
             **{key: finding[key] for key in ("verdict", "where", "sentence", "what", "set", "also")}}
 
 
+def make_table(lines: Sequence[Line]) -> str:
+    """Markdown: one row a fault. Shares have Wilson 95 % intervals and counts."""
+    rows = []
+    for fault in dict.fromkeys(one["fault"] for one in lines):
+        mine = [one for one in lines if one["fault"] == fault]
+        rows.append([fault, "simulated", *(said(sum(marks), len(marks)) for marks in (
+            [one["found"] for one in mine], [blames_the_air(one) for one in mine])),
+            counted(one["verdict"] for one in mine), counted(_names(mine))])
+    head = ("fault", "tracks", "something found", "attributed to the air alone", "verdicts", "names")
+    return make_markdown(head, rows)
+
+
+def blames_the_air(line: Line) -> bool:
+    """Return True if the first effect found is of the flight, and all its candidate terms are."""
+    left = [one["stage"] for one in line["what"] if one["term"] in (line["set"] or ())]
+    return bool(line["found"]) and all(stage == "flight" for stage in left or [line["where"]["stage"]])
+
+
+def _names(lines: Sequence[Line]) -> Iterator[str]:
+    for line in lines:
+        for each in (line, *line["also"]) if line["found"] else ():
+            yield " or ".join(each["set"]) if each["set"] else "unexplained effect"
+
+
+def counted(words: Iterator[str]) -> str:
+    """How often each word comes, the commonest first; "-" where there is none."""
+    return ", ".join(f"{count} {word}" for word, count in Counter(words).most_common()) or "-"
+
+
 def main() -> int:
-    args = _arguments()
-    return fill_and_tell(args, partial(_run_all, args), make_table)
-
-
-def _run_all(args: argparse.Namespace, path: Path) -> dict[str, dict[str, Any]]:
-    recorded = None if args.tracks is None else load_dataset(args.tracks)
-    if recorded is not None and recorded.tracks is None:
-        raise InputError(f"{args.tracks}: has no tracks")
-    believed = None if args.believe is None else tuple(args.believe.split(","))
-    if args.since and recorded is None:
-        raise InputError("--since: of which --tracks?")
-    simulated = "simulated" if args.shots == SHOTS else f"simulated, {args.shots} shots"
-    name, worlds = (simulated, args.worlds) if recorded is None else (recorded.name + SINCE * args.since, 1)
-    belief = make_belief(discover(recorded, believed))[0] if args.since and recorded is not None else None
-    jobs = {f"{fault}/{name}/{args.seed}/{index}":
-            (fault, Job("nulls", "clean", "L2", args.shots, 0.0, args.seed, index))
-            for index in range(worlds) for fault in (NONE, *FAULTS)
-            if args.only is None or fault in args.only.split(",")}
-    return fill(path, jobs, partial(run, recorded, believed, belief), make_progress("tracks"), args.processes)
-
-
-def _arguments() -> argparse.Namespace:
     parser = parser_of(__doc__)
-    parser.add_argument("--tracks", metavar="DIR", help="corrupt this dataset's instead of simulated ones")
-    parser.add_argument("--believe", help="terms, comma-separated (as the dataset says)")
-    parser.add_argument("--since", action="store_true", help="with --tracks: compare with the originals' belief")
     parser.add_argument("--worlds", type=int, default=10)
-    parser.add_argument("--shots", type=int, default=SHOTS, help="of each simulated world (%(default)s)")
+    parser.add_argument("--shots", type=int, default=SHOTS, help="of each world (%(default)s)")
     parser.add_argument("--only", help="faults, comma-separated; else all, and none")
-    parser.add_argument("--seed", type=int, default=11, help="of the simulated worlds; below 1000 to develop on")
-    return parser.parse_args()
+    parser.add_argument("--seed", type=int, default=11, help="below 1000 to develop on")
+    args = parser.parse_args()
+
+    def plan() -> dict[str, tuple[str, Job]]:
+        return {f"{fault}/simulated/{args.seed}/{index}":
+                (fault, Job("nulls", "clean", "L2", args.shots, 0.0, args.seed, index))
+                for index in range(args.worlds) for fault in (NONE, *FAULTS)
+                if args.only is None or fault in args.only.split(",")}
+
+    return fill_and_tell(args, plan, run, make_table)
 
 
 if __name__ == "__main__":

@@ -1,18 +1,15 @@
 """Does the always-valid test keep its rate when it is looked at after every shot, and how soon does it see a change?
 
-    python -m benchmarks.follow --practices 20 --sessions 50 --seasons 6 --aimed 6 --seed 700 --out FILE
+    python -m benchmarks.follow --practices 20 --sessions 50 --seasons 6 --seed 700 --out FILE
     python -m benchmarks.follow --table FILE
 
 A practice of 300 shots gives a belief (its fit of the believed terms; nothing is named). Sessions of 80 marked shots
 are then tested after each shot. Kinds of sessions: belief: the launcher's numbers are drawn from the belief's posterior
 (in the sense of which the rate is exact), heights from its forecast; robot: the very launcher of the practice, by the
 concealed worlds' own engine (truearc_proof.truth); season: MuJoCo's launcher, with what discovery adopted of its
-practice, from gravity, drag and lift on; aimed: the demo's robot, whose shots are aimed by what practice taught it, one
-set point a distance. There, after an alarm, the proposal is made as by `truearc follow`, and 120 balls are shot with
-the aim before and the proposed one. Changed sessions show how many shots an alarm takes. The
-naive test beside it, in the same run: an alarm where the same number is among the largest 5 % of unchanged sessions
-after as many shots, which is a test of 5 % at each look.
-FILE has a line per practice and kind; what is there is not run again.
+practice, from gravity, drag and lift on. Changed sessions show how many shots an alarm takes. The naive test beside it,
+in the same run: an alarm where the same number is among the largest 5 % of unchanged sessions after as many shots,
+which is a test of 5 % at each look. FILE has a line per practice and kind.
 """
 
 import argparse
@@ -20,36 +17,27 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.stats import beta
 
 import truearc as ta
-from benchmarks.demo_seeds import names_of
-from benchmarks.filling import fill_and_tell, parser_of
-from truearc.api.following import propose
-from truearc.cli.common import SHIPPED, make_progress
-from truearc.cli.start.demo_acts import APART, DISTANCES_M, Act, Sizes, aimed_settings, fire, practise
+from benchmarks.worlds import Line, fill_and_tell, parser_of
+from truearc.cli.common import SHIPPED
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
-from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.compute import keep_compiled
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.detect.always_valid import test_change
 from truearc.sim.discover.investigate import discover, follow_shots, score_since, told_by_session
-from truearc.sim.discover.proposal import BeliefFile
 from truearc.sim.infer.belief import draw
 from truearc.sim.infer.forecast import forecast
-from truearc.sim.infer.likelihood.outcome_likelihood import see_outcomes
-from truearc.sim.world import season
+from truearc.sim.infer.likelihood.observations import see_outcomes
 from truearc.sim.world.options import Options
-from truearc_proof.rounds.jsonl_store import fill
 from truearc_proof.table import Table
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import World, make_world
-from truearc_proof.world.practice import plan_season
-from truearc_proof.world.season import ORDINARY, play_season
+from truearc_proof.world.season import ORDINARY, plan_season, play_season
 
 PRACTICE, SHOTS = 300, 80
 ALARM = 0.05
@@ -59,13 +47,9 @@ CHANGED: dict[str, dict[str, float]] = {"wind 1.5 m/s": {"wind_x": -1.5}, "hood 
 SEASONS: dict[str, dict[str, float]] = {
     SAME: {}, "wind 1.5 m/s": {"wind_x_m_s": -1.5}, "hood 1.5 deg": {"hood_offset_deg": 1.5},
     "worn balls": {"ball_radius_scale": 0.98, "ball_friction_scale": 0.85}}
-TERMS = {SAME: set(), "wind 1.5 m/s": {"wind_x"}, "hood 1.5 deg": {"hood_offset"}, "worn balls": set()}    # right ones
-BALLS = 120
 UNCHANGED_SEASONS, CHANGED_SESSIONS = 5, 5     # of each practice
-NAMES = {"belief": "drawn from the belief", "robot": "the launcher of the practice", "season": "MuJoCo's launcher",
-         "aimed": "MuJoCo's launcher, aimed by its practice"}
+NAMES = {"belief": "drawn from the belief", "robot": "the launcher of the practice", "season": "MuJoCo's launcher"}
 
-Line = dict[str, Any]
 Job = tuple[str, int, int]
 
 
@@ -75,8 +59,6 @@ def run(rig: Rig, job: Job) -> Line:
     kind, seed, sessions = job
     if kind == "season":
         return {"kind": kind, "seed": seed, "sessions": _seasons(rig, seed)}
-    if kind == "aimed":
-        return {"kind": kind, "seed": seed, **_aimed(rig, seed)}
     home = make_world({}, "L1", PRACTICE, seed, side=True)
     belief = make_belief(replace(discover(shoot(home), seed=seed), steps=()))[0]
     if kind == "belief":
@@ -139,37 +121,6 @@ def _seasons(rig: Rig, seed: int) -> dict[str, list[list[float]]]:
     return found
 
 
-def _aimed(rig: Rig, seed: int) -> Line:
-    """Sessions of the demo's robot, aimed by its practice, and what became of the proposals."""
-    practice = practise(rig, seed, Sizes(robot=0), None, lambda done, note: None)
-    found: dict[str, list[list[float]]] = {}
-    proposals: list[Line] = []
-    for number, (name, options) in enumerate(SEASONS.items(), 1):
-        world, own = Options(**options), APART * seed + 100 * number
-        count = UNCHANGED_SEASONS if name == SAME else 1
-        found[name] = []
-        for session in range(own, own + count):
-            shots = season.play_season(rig, world, session, aimed_settings(practice.aims[1], world, session, SHOTS),
-                                       "L1").dataset
-            following = ta.follow(shots, practice.adopted, seed=seed)
-            found[name].append(_rounded(following.test.e_value))
-            if following.can_be_named:
-                proposals.append({"change": name, **_proposed(rig, practice, following, world, session)})
-    return {"sessions": found, "proposals": proposals}
-
-
-def _proposed(rig: Rig, practice: Act, following: ta.Following, world: Options, seed: int) -> Line:
-    """Names, and threes of the same balls with the aim before and the one proposed, or why none is."""
-    finding = following.find()
-    said: Line = {"names": names_of(finding), "verdict": finding.record.verdict}
-    try:
-        made = propose(following, finding, rig, (BeliefFile("practice", ""), "proposed"), DISTANCES_M)
-    except ta.InputError as error:
-        return {**said, "refused": str(error)}
-    return {**said, "threes": [fire(rig, world, seed + 50, one, BALLS).threes for one in (
-        practice.aims[1], made.after)]}
-
-
 def make_table(lines: Sequence[Line]) -> str:
     """Markdown: the rate over unchanged sessions, and shots until the alarm over changed ones."""
     rates, powers = [], []
@@ -194,20 +145,7 @@ def make_table(lines: Sequence[Line]) -> str:
         "share (95 %)"), rates).markdown()
     power = Table("Changed sessions", ("sessions", "changed", "sessions", "alarms", "shots to the alarm, median",
                                        "nine in ten"), powers).markdown()
-    return "\n\n".join([rate, power, *_proposal_table([line for line in lines if line["kind"] == "aimed"])])
-
-
-def _proposal_table(lines: Sequence[Line]) -> list[str]:
-    """Of the proposals after an alarm, by change: how many, names, and threes of the balls before and after."""
-    rows = []
-    for change in SEASONS:
-        mine = [one for line in lines for one in line["proposals"] if one["change"] == change]
-        offered = [one for one in mine if "threes" in one]
-        threes = ", ".join(f"{before}->{after}" for before, after in (one["threes"] for one in offered))
-        right = sum(bool(set(one["names"]) & TERMS[change]) for one in mine)
-        rows.append([change, f"{len(mine)}", f"{right}" if TERMS[change] else "", f"{len(offered)}", threes])
-    return [Table(f"Proposals after an alarm, threes of {BALLS} balls with the aim before and the proposed one", (
-        "changed", "alarms", "right name in the set", "offered", "threes"), rows).markdown()] if lines else []
+    return "\n\n".join([rate, power])
 
 
 def _first(logs: Sequence[float]) -> int | None:
@@ -233,16 +171,10 @@ def _share(count: int, of: int) -> str:
 
 def main() -> int:
     args = _arguments()
-    return fill_and_tell(args, partial(_run_all, args), make_table)
-
-
-def _run_all(args: argparse.Namespace, path: Path) -> dict[str, Line]:
-    rig = load_config(SHIPPED).rig
     jobs: dict[str, Job] = {f"{kind}/{args.seed + number}/{args.sessions}": (kind, args.seed + number, args.sessions)
                             for number in range(args.practices) for kind in ("belief", "robot")}
-    jobs |= {f"aimed/{args.seed + number}": ("aimed", args.seed + number, 1) for number in range(args.aimed)}
     jobs |= {f"season/{args.seed + number}": ("season", args.seed + number, 1) for number in range(args.seasons)}
-    return fill(path, jobs, partial(run, rig), make_progress("practices"), args.processes)
+    return fill_and_tell(args, lambda: jobs, partial(run, load_config(SHIPPED).rig), make_table)
 
 
 def _arguments() -> argparse.Namespace:
@@ -250,7 +182,6 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--practices", type=int, default=20, help="with sessions of the concealed worlds' engine")
     parser.add_argument("--sessions", type=int, default=50, help="unchanged ones of each practice and kind")
     parser.add_argument("--seasons", type=int, default=6, help="practices of MuJoCo's launcher")
-    parser.add_argument("--aimed", type=int, default=6, help="practices of MuJoCo's launcher that aims by them")
     parser.add_argument("--seed", type=int, default=700, help="of the first practice; the next has the next")
     return parser.parse_args()
 

@@ -17,17 +17,16 @@ from truearc.robot.aim_file import load_aim
 from truearc.robot.config.schema import CameraFile, load_config, load_toml
 from truearc.robot.config.shot_map import load_map
 from truearc.robot.gate.model import load_gate
-from truearc.robot.recording.candump import parse_candump
 from truearc.robot.recording.export.convert import ExportRows
+from truearc.robot.recording.files import parse_candump
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.recover import recover
-from truearc.robot.recording.replay.recompute import Difference, replay_frames
+from truearc.robot.recording.replay import Difference, replay_frames
 from truearc.robot.recording.session import load_session_aims, load_session_config, load_trials
+from truearc.sim.data.files import load_dataset, load_rig
 from truearc.sim.data.importers.any_team import import_shots
-from truearc.sim.data.load import load_dataset
 from truearc.sim.data.recordings import shots_from_sessions
-from truearc.sim.data.rig import load_rig
-from truearc.sim.sysid.table import load_steps
+from truearc.sim.sysid.session import load_steps
 from truearc_frc.wpilog_export import write_wpilog
 
 ROOT = Path(__file__).parents[1]
@@ -176,7 +175,7 @@ def make(home: Path) -> None:
     logs, tables, dataset, parquet, toml = (home / name for name in ("logs", "tables", "dataset", "parquet", "toml"))
     for folder in (logs, tables, dataset, parquet, toml):
         folder.mkdir()
-    from truearc.sim.data.rig import save_rig
+    from truearc.sim.data.files import save_rig
     for folder in (logs, tables, dataset, parquet, toml):
         save_rig(folder / "rig.toml", config.rig)
     with (logs / "log.wpilog").open("wb") as file:

@@ -26,12 +26,10 @@ from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target, Whee
 from truearc.robot.gate.contract import FEATURES
 from truearc.robot.gate.model import load_gate
 from truearc.sim.data.dataset import Shots
-from truearc.sim.gate.model import physics_of, save_physics_gate
-from truearc.sim.gate.novelty import fit_novelty, novelty_record
+from truearc.sim.gate.model import fit_novelty, novelty_record, physics_of, save_physics_gate
 from truearc.sim.gate.train import train_physics_gate
 from truearc.sim.infer.belief import point_belief
-from truearc.sim.paper.network import Network, initial_layers, save_weights, standardisation
-from truearc.sim.paper.training import domain_of
+from truearc.sim.paper.network import Network, domain_of, initial_layers, save_weights, standardisation
 
 LIMIT_US = 50.0
 WARM_UP = 500

@@ -27,7 +27,7 @@ from truearc.sim.physics.compiled import facts_values, load_kernel, make_source
 from truearc.sim.physics.flight import fly
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import classify, fly_rows
-from truearc_proof.reproduce.paper import exit_seed
+from truearc_proof.reproduce.collect import exit_seed
 
 FACTS = Rig(ball=Ball(0.14, 0.0889), launcher=LauncherFacts(0.75, 594.0, (
     Wheel("lower", 0.0508, 1.0, 180.0), Wheel("upper", 0.0349, 0.5625, 0.0))), target=Target(2.44), air=Air(1.2),
@@ -63,15 +63,6 @@ def main() -> None:
     print("\nagainst flying every point (short steps; checked against the JAX law below)")
     for name, shots in (("random", random), ("scoring", scoring)):
         check_labels(name, shots, axis[::8] if args.quick else axis, args.quick)
-    check_heights(scoring)
-    tries = min(3, args.runs)
-    print(f"\nhow it grows (fastest of {tries})")
-    for more in (count // 4, count // 2, count, 2 * count):
-        some = draw_shots(more, 11, True, MANY * 2 * count)        # of one number flown: it is compiled once
-        print(f"  {more:4d} launches, 1001 x 1001: {time_ours(some, tries)[0]:.3f} s")
-    for step in (0.02, 0.01, 0.005):
-        seconds = time_ours(scoring, tries, step)[0]
-        print(f"  {count:4d} launches, {make_axis(step).size:4d} x {make_axis(step).size:4d}: {seconds:.3f} s")
 
 
 def draw_shots(count: int, seed: int, score: bool, among: int | None = None) -> Shots:
@@ -253,23 +244,6 @@ def check_labels(name: str, shots: Shots, axis: np.ndarray, sparse: bool) -> Non
         same = np.array_equal(tied, np.flatnonzero(fit.tied.T.ravel())) and tuple(chosen[:2]) == (fit.cd, fit.cl)
         print(f"           tied pairs ({len(tied)}) and chosen pair {'the same' if same else 'DIFFER'}: "
               f"cd {chosen[0]:.3f}, cl {chosen[1]:.3f}")
-
-
-def check_heights(shots: Shots) -> None:
-    """Heights of compiled flights against truearc.sim.physics.flight's, over the whole grid and near the choice."""
-    scoring = make_scoring(FACTS, shots)
-    rng = np.random.default_rng(3)
-    for what, most in (("pairs anywhere", (5.0, 5.0)), ("cd below 2, cl below 0.3", (2.0, 0.3))):
-        cd, cl = rng.uniform(0, most[0], 400), rng.uniform(0, most[1], 400)
-        ours = fly_pairs(scoring.flyer, cd, cl)
-        exit = exit_seed(FACTS, shots.number("motor_ratio"), shots.number("hood_deg"))
-        law = fly(FACTS, TERMS, {"drag": {"cd": cd[:, None]}, "magnus": {"cl": cl[:, None]}}, exit,
-                  shots.number("distance_m"))
-        theirs = np.asarray(law.height_m)
-        apart = np.isnan(ours) != np.isnan(theirs)
-        off_m = np.abs(ours - theirs)
-        print(f"  heights against the JAX law, {ours.size} flights, {what}: {np.isfinite(theirs).sum()} reach, largest "
-              f"difference {np.nanmax(off_m):.1e} m; reached by one and not the other: {apart.sum()}")
 
 
 if __name__ == "__main__":

@@ -25,16 +25,15 @@ from typing import NamedTuple
 from msgspec.structs import replace
 
 from truearc.cli.common import SHIPPED
-from truearc.cli.robot.run_processes import RecorderProcess
+from truearc.cli.run_processes import RecorderProcess
 from truearc.hw.protocols import CameraFrame, Frame
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import load_config
-from truearc.robot.recording.candump import parse_candump
-from truearc.robot.recording.encoder import SessionWriter
-from truearc.robot.recording.files import load_image, load_pictures
+from truearc.robot.recording.files import load_image, load_pictures, parse_candump
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.recover import recover
 from truearc.robot.recording.session import CAN, load_header, load_session_config, load_trials
+from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.types import Outcome, Tick
 
 MARK_TICKS = 50

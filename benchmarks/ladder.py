@@ -15,17 +15,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.suite import Job, true_parameter, world_of
-from truearc.sim.compile_cache import keep_compiled
-from truearc.sim.discover.select.term_ranking import efficient, visible_terms
-from truearc.sim.infer.baseline_fit import fit_believed
-from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
-from truearc.sim.infer.likelihood.prepared_data import take_in
+from benchmarks.worlds import Job, true_parameter, world_of
+from truearc.sim.compute import keep_compiled
+from truearc.sim.discover.select.terms import efficient, visible_terms
+from truearc.sim.infer.fit import fit_believed
+from truearc.sim.infer.likelihood.data import take_in
+from truearc.sim.infer.likelihood.layout import groups_of, lay_out
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc_proof.scoring.oracle import strength_of
-from truearc_proof.truth.effects import ABSORBED, EFFECTS
 from truearc_proof.truth.generate import shift_m, shoot
-from truearc_proof.truth.world import BELIEVED, LEVELS, World
+from truearc_proof.truth.world import ABSORBED, BELIEVED, EFFECTS, LEVELS, World
 
 SHOTS = 300
 

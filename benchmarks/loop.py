@@ -2,12 +2,9 @@
 
     python -m benchmarks.loop [--trials 50]
     python -m benchmarks.loop --lateness [--seconds 20] [--rates 100,200,500] [--loads idle,busy]
-                              [--layouts one,three] [--priority 50] [--core N] [--gate FILE]
-    python -m benchmarks.loop --frames [--seconds 2] [--buses virtual,slcan,socketcan]
+                              [--layouts one,three] [--priority 50] [--core N]
 
-`--lateness`: how late the ticks of `truearc run` come, idle and with all cores busy, in one process and in three; load
-`asked`: while, by turns, the page's gate (`--gate`) is asked for maps as often as it answers, and is not.
-`--frames`: how many CAN frames a second each bus brings to the tick without losing one.
+`--lateness`: how late the ticks of `truearc run` come, idle and with all cores busy, in one process and in three.
 """
 
 import argparse
@@ -17,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks import loop_frames, loop_lateness
+from benchmarks import loop_lateness
 from truearc.cli.common import SHIPPED
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.replay.recompute import replay
+from truearc.robot.recording.replay import replay
 from truearc.robot.tick import step
 from truearc.robot.types import Memory
 from truearc.sim.world.emulated_robot import emulate
@@ -31,23 +28,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=50)
     parser.add_argument("--lateness", action="store_true")
-    parser.add_argument("--frames", action="store_true")
-    parser.add_argument("--seconds", type=float, help="of each measurement (default: 20; 2 with --frames)")
+    parser.add_argument("--seconds", type=float, default=20.0, help="of each measurement")
     parser.add_argument("--rates", default="100,200,500", help="ticks a second")
     parser.add_argument("--loads", default="idle,busy")
     parser.add_argument("--layouts", default="one,three")
-    parser.add_argument("--most", type=float, default=loop_frames.MOST_HZ, help="frames a second to try, with --frames")
-    parser.add_argument("--buses", default="virtual,slcan,socketcan", help="with --frames")
     parser.add_argument("--priority", default="50", help="as `truearc run` has it")
     parser.add_argument("--core", help="as `truearc run` has it")
-    parser.add_argument("--gate", help="as `truearc run` has it; needed for the load `asked`")
     args = parser.parse_args()
-    if args.frames:
-        return loop_frames.report(args.seconds or 2.0, args.buses.split(","), args.most)
     if args.lateness:
-        options = ("--priority", args.priority, *(("--core", args.core) if args.core else ()),
-                   *(("--gate", args.gate) if args.gate else ()))
-        return loop_lateness.report([int(rate) for rate in args.rates.split(",")], args.seconds or 20.0, options,
+        options = ("--priority", args.priority, *(("--core", args.core) if args.core else ()))
+        return loop_lateness.report([int(rate) for rate in args.rates.split(",")], args.seconds, options,
                                     args.loads.split(","), args.layouts.split(","))
     return time_stepped(args.trials)
 

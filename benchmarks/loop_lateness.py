@@ -1,21 +1,22 @@
 """How late the ticks of `truearc run` come, by rate, load and layout.
 
 The robot itself, with camera, vision and recording; another process plays its devices over slcan on a pseudo-terminal.
+Beside it, on each core, a loop at the highest real-time priority that only sleeps (`python -m benchmarks.loop_lateness
+FILE CORE`, until SIGTERM): when that is late, no program on this machine is spared. FILE then has pairs of 64-bit
+integers: when it should have woken, and when it did, in monotonic nanoseconds.
 """
 
-import json
+import gc
 import os
+import signal
 import socket
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from array import array
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
-from http.client import HTTPConnection
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,13 +24,10 @@ import numpy as np
 
 from benchmarks.real_robot import PATIENT, ROOT, RealRobot, save_config
 
-TIMED, BARE = (str(Path(__file__).with_name(name)) for name in ("timed_run.py", "bare_loop.py"))
+TIMED = str(Path(__file__).with_name("timed_run.py"))
+PERIOD_NS, LATE_NS, PRIORITY = 2_000_000, 1_000_000, 98        # of the bare loops
 WARM_S = 2.0                          # at the start: first images, first rows, the homing
-LOADS = {"idle": "idle", "busy": "all cores busy", "asked": "page not asked"}
-WINDOW_NS = 4_000_000_000             # of the load `asked`: so long the page is left alone, so long it is asked
-QUESTION = json.dumps({"distance_m": [2.0 + 0.09 * k for k in range(64)],         # a map, as the page asks for it
-                       "motor_ratio": [0.4 + 0.006 * k for k in range(48)], "hood_deg": 50.0}).encode()
-LAYOUTS = ("one", "three")
+LOADS = {"idle": "idle", "busy": "all cores busy"}
 
 
 class Late(NamedTuple):
@@ -44,11 +42,8 @@ class Late(NamedTuple):
     stalls_us: np.ndarray             # how late the loops that only sleep were, where they were
 
 
-def measure(tick_hz: int, layout: str, seconds: float, options: tuple[str, ...], asked: bool = False) -> list[Late]:
-    """One run of the robot, beside a loop on each core that only sleeps.
-
-    `asked`: every other four seconds its page is asked at its limit; the ticks while it is not, and while it is.
-    """
+def measure(tick_hz: int, layout: str, seconds: float, options: tuple[str, ...]) -> Late:
+    """One run of the robot, beside a loop on each core that only sleeps."""
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = int(free.getsockname()[1])
     with tempfile.TemporaryDirectory() as name, bare_loops(Path(name)) as stalls:
@@ -58,22 +53,15 @@ def measure(tick_hz: int, layout: str, seconds: float, options: tuple[str, ...],
         robot = RealRobot(config, folder / "out", ("--layout", layout, "--page", str(port), *options),
                           run=(TIMED, str(notes)))
         try:
-            with questions(port, asked) as began_ns:
-                robot.rest(seconds + WARM_S)
+            robot.rest(seconds + WARM_S)
         finally:
             robot.end()
         noted = array("q", notes.read_bytes())
     cpu_ns = noted.pop()
-    t_ns, late_ns = np.array(noted).reshape(-1, 2).T
+    t_ns, late_ns = np.array(noted).reshape(-1, 2)[round(WARM_S * tick_hz):].T
     said = [line.removeprefix("truearc run: ").strip() for line in robot.said if "granted" in line or "REFUSED" in line]
-    warm = slice(round(WARM_S * tick_hz), None)
-    t_ns, late_ns, cpu_us = t_ns[warm], late_ns[warm], 1e-3 * cpu_ns / len(t_ns)
-    window = (t_ns - began_ns) // WINDOW_NS
-    odd = window % 2 == 1
-    if asked:
-        print(_windows(window, late_ns))
-    return [judge(t_ns[kept], late_ns[kept], 1e9 / tick_hz, np.array(stalls, np.int64).reshape(-1, 2), cpu_us, said)
-            for kept in ([~odd, odd] if asked else [np.ones(len(t_ns), bool)])]
+    return judge(t_ns, late_ns, 1e9 / tick_hz, np.array(stalls, np.int64).reshape(-1, 2),
+                 1e-3 * cpu_ns / (len(noted) // 2), said)
 
 
 def judge(t_ns: np.ndarray, late_ns: np.ndarray, period_ns: float, stalls_ns: np.ndarray, cpu_us: float,
@@ -94,7 +82,7 @@ def bare_loops(folder: Path) -> Iterator[list[int]]:
     stalls: list[int] = []
     cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
     files = [folder / f"bare{core}" for core in cores]
-    loops = [subprocess.Popen([sys.executable, BARE, str(file), str(core)], cwd=ROOT, stderr=subprocess.DEVNULL)
+    loops = [subprocess.Popen([sys.executable, __file__, str(file), str(core)], cwd=ROOT, stderr=subprocess.DEVNULL)
              for core, file in zip(cores, files, strict=True)]
     try:
         yield stalls
@@ -107,46 +95,21 @@ def bare_loops(folder: Path) -> Iterator[list[int]]:
                 stalls.extend(array("q", file.read_bytes()))
 
 
-def _windows(window: np.ndarray, late_ns: np.ndarray) -> str:
-    """p99 of the median window, which a stall of the machine hardly changes, and which window of a pair was later."""
-    p99_ms = {int(one): np.percentile(late_ns[window == one], 99) / 1e6 for one in np.unique(window)[:-1]}
-    pairs = np.array([(p99_ms[one], p99_ms[one + 1]) for one in p99_ms if one % 2 == 0 and one + 1 in p99_ms])
-    if not len(pairs):
-        return "no whole pair of windows"
-    alone, asked = np.median(pairs, axis=0)
-    return (f"median window of {WINDOW_NS * 1e-9:g} s: p99 {alone:.3f} ms not asked, {asked:.3f} ms asked "
-            f"({asked / alone:.2f} x); later while asked in {(pairs[:, 1] > pairs[:, 0]).sum()} of {len(pairs)} pairs")
-
-
-@contextmanager
-def questions(port: int, wanted: bool) -> Iterator[int]:
-    """In every second window the page computes maps, the next as soon as it allows one; when the first window began."""
-    over, answers, began_ns = threading.Event(), Counter[int](), time.monotonic_ns()
-
-    def ask() -> None:
-        while not over.is_set():
-            if (time.monotonic_ns() - began_ns) // WINDOW_NS % 2 == 0:
-                over.wait(0.02)
-                continue
-            line = HTTPConnection("127.0.0.1", port, timeout=60)
-            line.request("POST", "/predict", QUESTION, {"Content-Type": "application/json", "Accept-Encoding": "gzip"})
-            answer = line.getresponse()
-            answer.read()
-            answers[answer.status] += 1
-            over.wait(float(answer.headers.get("Retry-After", 0.0)))
-            line.close()
-
-    asking = threading.Thread(target=ask)
-    if wanted:
-        asking.start()
-    try:
-        yield began_ns
-    finally:
-        over.set()
-        if wanted:
-            asking.join()
-            print(f"maps: {answers[200]} answered, {answers[429]} refused as too many")
-            assert answers[200], "no map: is --gate given, and a layout whose page has one?"
+def sleep_only(file: Path, core: int) -> None:
+    """A bare loop, until SIGTERM; PermissionError without real-time priority."""
+    os.sched_setaffinity(0, {core})
+    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    gc.disable()
+    late, ended = array("q"), []
+    signal.signal(signal.SIGTERM, lambda *_: ended.append(True))
+    due_ns = time.monotonic_ns() + PERIOD_NS
+    while not ended:
+        time.sleep(max(due_ns - time.monotonic_ns(), 0) * 1e-9)
+        now_ns = time.monotonic_ns()
+        if now_ns - due_ns > LATE_NS and not ended:
+            late.extend((due_ns, now_ns))
+        due_ns = max(due_ns + PERIOD_NS, now_ns)
+    file.write_bytes(late.tobytes())
 
 
 def report(rates: list[int], seconds: float, options: tuple[str, ...], loads: list[str], layouts: list[str]) -> None:
@@ -165,12 +128,11 @@ def report(rates: list[int], seconds: float, options: tuple[str, ...], loads: li
             base = 0.0
             for layout in layouts:
                 with busy(load == "busy"):
-                    parts = measure(tick_hz, layout, seconds, options, load == "asked")
-                for late, what in zip(parts, (LOADS[load], "page asked"), strict=False):
-                    p99 = float(np.percentile(late.late_us, 99))
-                    base = base or p99
-                    print(_row(tick_hz, what, layout, late, p99 / base), flush=True)
-                    told = late.real_time
+                    late = measure(tick_hz, layout, seconds, options)
+                p99 = float(np.percentile(late.late_us, 99))
+                base = base or p99
+                print(_row(tick_hz, LOADS[load], layout, late, p99 / base), flush=True)
+                told = late.real_time
     print(*told, sep="\n")
 
 
@@ -192,3 +154,7 @@ def busy(wanted: bool) -> Iterator[None]:
         for hog in hogs:
             hog.kill()
             hog.wait()
+
+
+if __name__ == "__main__":
+    sleep_only(Path(sys.argv[1]), int(sys.argv[2]))

@@ -18,15 +18,16 @@ from pathlib import Path
 import msgspec
 from msgspec.structs import replace
 
-from benchmarks.matrix.launchers import with_launcher
-from benchmarks.matrix.motion import FREE_RAD_S, GOOD_S, PLACE_M, SET_RAD_S, ToldEyes
-from benchmarks.matrix.motion_rows import INTERLOCKS
-from benchmarks.matrix.moving import MovingWorld, make_sick_nodes
+from benchmarks.matrix.motion import FREE_RAD_S, GOOD_S, PLACE_M, SET_RAD_S, MovingWorld, ToldEyes, make_sick_nodes
+from benchmarks.matrix.rows import INTERLOCKS
+from benchmarks.matrix.run import with_launcher
 from truearc.cli.common import SHIPPED
-from truearc.hw.devices.button_box.emulator import open_button_box
-from truearc.hw.emulated.clock import StepClock
+from truearc.hw.devices.button_box import open_button_box
+from truearc.hw.emulated.nodes import StepClock
 from truearc.hw.protocols import CameraFrame
+from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config, Prescribed, load_config
+from truearc.robot.motion import START_NS
 from truearc.robot.runtime import run
 from truearc.robot.types import Sent, Tick
 from truearc.sim.world.emulated_robot import emulated_rig
@@ -35,6 +36,7 @@ from truearc.sim.world.options import Options
 NS = 1e-9
 SETTLE_S, FIRE_S, MARK_S = 1.0, 2.0, 1.2      # the driver arms, asks for a ball so often, and marks it so much later
 SHORT_WHEEL, SHORT_DEG = 0.03, 1.0    # an axis that is further from its set point is to be driven
+TICK_LATE_S = 0.05                    # from the driver's press to the tick that arms
 DIP_S = 0.0009                        # a dip is what is lost in at least so long
 
 
@@ -92,7 +94,8 @@ class Watcher:
         result, lines = self._result, self._world.lines
         result.fires += tick.verdict.fire
         for reason in tick.verdict.reasons:
-            (self._interlocks if reason.code in INTERLOCKS else self._holds)[reason.code] += 1
+            is_set_up = _is_set_up(reason) and tick.inputs.t_ns * NS < SETTLE_S + START_NS * NS + TICK_LATE_S
+            (self._interlocks if reason.code in INTERLOCKS and not is_set_up else self._holds)[reason.code] += 1
         wanted_rad_s, memory = tick.aim.motor_ratio * FREE_RAD_S, tick.memory
         for line in lines:
             t_s, a_nm, b_nm, hood_nm, wheel_rad_s, hood_deg, _ = line
@@ -116,6 +119,12 @@ class Watcher:
         result.interlocks, result.holds = dict(self._interlocks), dict(self._holds)
 
     def keep_picture(self, picture: CameraFrame) -> None: ...
+
+
+def _is_set_up(reason: Reason) -> bool:
+    """Whether an axis is released because its SPARK is still being set up."""
+    cause = reason.params.get("cause")
+    return isinstance(cause, Reason) and cause.code in ("spark_status_off", "spark_settings_unconfirmed")
 
 
 def soak(name: str, case: Case, launcher: str, seconds: float, seed: int = 1) -> Soaked:

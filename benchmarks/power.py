@@ -5,40 +5,31 @@
 
 A world that hides nothing says how large each effect must be (`smallest` of `truearc identifiability` on its shots).
 Then the same world hides one effect of that very size, and discovery's test is made at 5 %. Between 70 and 90 % should
-be reported. Effects that must be over twice as large as usual are left out: the statement is linear in their size. A
-line of FILE a world; none is run again. Development worlds: none is sealed.
+be reported. Effects that must be over twice as large as usual are left out: the statement is linear in their size.
 """
 
-import argparse
 import sys
 from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from benchmarks.filling import fill_and_tell, parser_of
-from benchmarks.suite import names_of
-from truearc.cli.common import make_progress
-from truearc.sim.compile_cache import keep_compiled
+from benchmarks.worlds import Line, fill_and_tell, names_of, parser_of
+from truearc.sim.compute import keep_compiled
 from truearc.sim.data.dataset import Dataset
+from truearc.sim.discover.finding import FALSE_ALARM
 from truearc.sim.discover.investigate import detect, make_search
-from truearc.sim.discover.plan.detectability import sight_of
-from truearc.sim.discover.settings import FALSE_ALARM
-from truearc.sim.infer.baseline_fit import BaselineFit, fit_believed
-from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
-from truearc.sim.infer.likelihood.prepared_data import take_in
-from truearc.sim.tables import make_text
-from truearc_proof.rounds.jsonl_store import fill
+from truearc.sim.discover.plan.identifiability import sight_of
+from truearc.sim.infer.fit import BaselineFit, fit_believed
+from truearc.sim.infer.likelihood.data import take_in
+from truearc.sim.infer.likelihood.layout import groups_of, lay_out
+from truearc.sim.printed import make_text
 from truearc_proof.scoring.score_finding import in_catalogue
-from truearc_proof.truth.effects import find_effect
 from truearc_proof.truth.generate import shoot
-from truearc_proof.truth.world import BELIEVED, make_world
+from truearc_proof.truth.world import BELIEVED, find_effect, make_world
 
 LARGEST = 2.0                         # times the usual size
 TURNS = 4                             # worlds by which each effect is hidden once
-Line = dict[str, Any]
 
 
 def run(level: str, shots: int, seed: int) -> Line:
@@ -54,8 +45,7 @@ def run(level: str, shots: int, seed: int) -> Line:
         if place % TURNS != seed % TURNS or known is None or size is None or size > LARGEST * usual:
             continue
         sign = -1.0 if effect.signed and seed // TURNS % 2 else 1.0
-        amount = sign * effect.typical * size / abs(known[1])
-        world = shoot(make_world({name: amount}, level, shots, seed))
+        world = shoot(make_world({name: sign * effect.typical * size / abs(known[1])}, level, shots, seed))
         _, judged = detect(fitted(world), make_search(world), lambda done, note: None)
         found[name] = judged.p_any <= FALSE_ALARM
     return {"level": level, "shots": shots, "found": found}
@@ -91,12 +81,9 @@ def main() -> int:
     parser.add_argument("--shots", type=int, default=300)
     parser.add_argument("--seed", type=int, default=730)
     args = parser.parse_args()
-    return fill_and_tell(args, partial(_run_all, args), make_table)
-
-
-def _run_all(args: argparse.Namespace, path: Path) -> dict[str, Line]:
-    jobs = {f"{args.level}/{args.shots}/{seed}": seed for seed in range(args.seed, args.seed + args.worlds)}
-    return fill(path, jobs, partial(run, args.level, args.shots), make_progress("worlds"), args.processes)
+    return fill_and_tell(args, lambda: {f"{args.level}/{args.shots}/{seed}": seed
+                                        for seed in range(args.seed, args.seed + args.worlds)},
+                         partial(run, args.level, args.shots), make_table)
 
 
 if __name__ == "__main__":

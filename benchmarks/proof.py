@@ -1,11 +1,9 @@
 """The tables of packed rounds of proof, as docs/measured/proof.md has them.
 
-    truearc prove pack --out ROUND --packed benchmarks/results/round4-L0a.tar.xz
-    python -m benchmarks.proof benchmarks/results/round*.tar.xz [--write FILE] [--reliability FILE.png]
-    python -m benchmarks.proof docs/measured/sealed/*.tar.xz --posterior --write docs/measured/sealed.md
-    python -m benchmarks.proof benchmarks/results/round4-L0*.tar.xz --beside OWN.tar.xz      # drawn from other entropy
+    truearc prove pack --out ROUND --packed round.tar.xz
+    python -m benchmarks.proof round.tar.xz [--reliability FILE.png]
+    python -m benchmarks.proof docs/measured/sealed/*.tar.xz --write docs/measured/sealed.md
 
-benchmarks/results/MANIFEST.md says how to fetch the published rounds.
 Rounds of one level and as many shots, gathered over several sittings, are marked as one.
 Nothing is checked here but the ledger's chain: `truearc prove check --packed FILE --out DIR` makes worlds again.
 """
@@ -19,17 +17,12 @@ from typing import NamedTuple
 
 import msgspec
 
-from benchmarks.archives import stored_file
-from truearc_proof.report.compare_rounds import beside
-from truearc_proof.report.html_page import verdict
-from truearc_proof.report.plots import reliability_png
-from truearc_proof.report.posterior_targets import posterior_rows
-from truearc_proof.report.tables import make_tables
+from truearc_proof.report.html_page import reliability_png
+from truearc_proof.report.targets import posterior_rows
 from truearc_proof.rounds.archive import unpack
 from truearc_proof.rounds.committer import load_plan
 from truearc_proof.rounds.grader import Graded, graded_of
-from truearc_proof.rounds.ledger import last_digest, read_ledger
-from truearc_proof.rounds.round_layout import Room
+from truearc_proof.rounds.ledger import Room, last_digest, read_ledger
 from truearc_proof.table import make_markdown
 
 BEGIN, END = "<!-- rounds: begin -->\n", "<!-- rounds: end -->\n"
@@ -37,23 +30,17 @@ BEGIN, END = "<!-- rounds: begin -->\n", "<!-- rounds: end -->\n"
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("packed", type=stored_file, nargs="+")
+    parser.add_argument("packed", type=Path, nargs="+")
     parser.add_argument("--write", type=Path, metavar="PAGE", help="put it between that page's marks")
-    parser.add_argument("--posterior", action="store_true", help="of each level the targets of the posterior alone")
     parser.add_argument("--reliability", type=Path, metavar="PNG", help="picture: probabilities beside what was right")
-    parser.add_argument("--beside", type=stored_file, metavar="PACKED", help="another round at that level")
     args = parser.parse_args()
-    if args.beside is not None:
-        print(tell_beside(args.packed, args.beside))
-        return
     rounds = sorted(map(load, args.packed), key=lambda one: one.setting)
     if args.reliability is not None:
         drawn = reliability_png([one.first for packed in rounds for one in packed.graded])
         if drawn is None:
             raise SystemExit("these rounds were marked without the probabilities that were claimed")
         args.reliability.write_bytes(drawn)
-    describe = tell_posterior if args.posterior else tell
-    text = "\n".join(describe(list(group)) for _, group in groupby(rounds, key=lambda one: one.setting))
+    text = "\n".join(tell_posterior(list(group)) for _, group in groupby(rounds, key=lambda one: one.setting))
     if args.write is None:
         print(text)
         return
@@ -61,16 +48,6 @@ def main() -> None:
     before, rest = page.split(BEGIN)
     _, after = rest.split(END)
     args.write.write_text(before + BEGIN + text + END + after, encoding="utf-8")
-
-
-def tell_beside(paths: Sequence[Path], other: Path) -> str:
-    """SystemExit when they are not of one level and as many shots."""
-    ours, theirs = ([one.first for path in files for one in load(path).graded] for files in (paths, [other]))
-    settings = {(one.level, one.shots) for one in (*ours, *theirs)}
-    names = ", ".join(path.name for path in paths)
-    if len(settings) > 1:
-        raise SystemExit(f"{names}, {other}: not of one level and as many shots: {sorted(settings)}")
-    return f"{names}: {len(ours)} worlds; {other.name}: {len(theirs)}\n\n{beside(ours, theirs).markdown()}\n"
 
 
 class Packed(NamedTuple):
@@ -92,16 +69,6 @@ def load(path: Path) -> Packed:
              f"{', '.join(f'`{one[:16]}`' for one in solvers)}. Ledger: {len(entries)} lines, SHA-256 of the last "
              f"`{last[:16]}`. File: `{path.name}`.")
     return Packed((plan.level, plan.shots), graded, facts)
-
-
-def tell(rounds: Sequence[Packed]) -> str:
-    """Rounds of one level and as many shots, marked as one: what each was drawn from, and their tables."""
-    level, shots = rounds[0].setting
-    graded = [one for packed in rounds for one in packed.graded]
-    marks, again = [one.first for one in graded], [(one.first, one.again) for one in graded if one.again is not None]
-    facts = "\n\n".join(packed.facts for packed in rounds)
-    tables = "\n\n".join(one.markdown() for one in make_tables(marks, again))
-    return f"## {level}, {shots} shots\n{facts}\n\n{verdict(marks)}\n\n{tables}\n"
 
 
 def tell_posterior(rounds: Sequence[Packed]) -> str:

@@ -22,7 +22,7 @@ import numpy as np
 
 from benchmarks.real_robot import PATIENT, RealRobot, save_config
 from truearc.robot.config.schema import load_config
-from truearc.robot.processes.tick_timing import Second
+from truearc.robot.processes.loop_health import Second
 from truearc.robot.recording.files import load_image, load_pictures
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import LATENESS, load_trials

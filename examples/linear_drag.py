@@ -3,8 +3,8 @@
     truearc discover drops/ --terms-from examples/linear_drag.py --believe gravity,linear_drag
 """
 
-from truearc.sim.physics.air import drag_per_m
 from truearc.sim.physics.term import BallState, FlightTerm, Forces, Instrument, Rig, Values, Vec, amplitude, either_way
+from truearc.sim.physics.terms.flight import drag_per_m
 from truearc.sim.physics.vector import scale
 
 

@@ -1,1 +1,1 @@
-"""The wires: bytes, device units, clocks. This room has never heard of a launcher."""
+"""Wires: protocols, frames, devices and clocks, real or emulated. Nothing here knows of a launcher."""

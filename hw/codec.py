@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from truearc.hw.fault_codes import FRAME_LENGTH, FRAME_SIGNALS, FRAME_VALUE
-from truearc.hw.protocols import BadFrame
+from truearc.hw.protocols import BadFrame, Frame
 
 if TYPE_CHECKING:
     from cantools.database.can.message import Message
@@ -86,6 +86,13 @@ class Codec:
             values = dict(zip(entry.layout.names, entry.layout.packer.unpack(data), strict=True))
         self._check(message, entry, values)
         return values
+
+    def parse_frame(self, message: str, frame: Frame, device: str, data: bytes | None = None) -> dict[str, float]:
+        """As `parse`, of a frame, or of `data` in its place; a refusal names the device and the frame, too."""
+        try:
+            return self.parse(message, frame.data if data is None else data)
+        except BadFrame as error:
+            raise BadFrame(error.reason.about(device=device, frame=frame.name)) from error
 
     def _check(self, message: str, entry: _Entry, values: Values) -> None:
         for name, low, high in entry.limits:

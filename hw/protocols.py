@@ -12,6 +12,8 @@ if TYPE_CHECKING:                     # every command loads this module, and mos
     import numpy as np
     import numpy.typing as npt
 
+NS, NS_PER_MS, NS_PER_S = 1e-9, 1_000_000, 1_000_000_000          # seconds in a nanosecond, and nanoseconds in others
+
 ErrorTable = tuple[tuple[int, Code], ...]         # bit of a controller's error field, and its meaning
 
 
@@ -57,7 +59,7 @@ class ButtonEvent(Struct, frozen=True):
 
     t_ns: int
     seq: int                          # counted by the box modulo 65536; a gap means lost presses
-    button: str                       # one of truearc.hw.devices.button_box.frames.BUTTONS
+    button: str                       # one of truearc.hw.devices.button_box.BUTTONS
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from onnx import NodeProto, helper
 
 from truearc.robot.gate.contract import INPUT, NOVELTY, OUTPUT
 from truearc.sim.gate.likelihood import LAPSE_CELLS, GateShape
-from truearc.sim.gate.novelty import Novelty
+from truearc.sim.gate.model import Novelty
 from truearc.sim.gate.surrogate import Surrogate, as_cosines
 from truearc.sim.paper.network import Network
 

@@ -8,14 +8,14 @@ import math
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from truearc.hw.protocols import NS
 from truearc.robot.aim import NOWHERE
 from truearc.robot.config.schema import Config, PidGains
 from truearc.robot.estimate import is_fresh
-from truearc.robot.geometry import elevation_per_rad
-from truearc.robot.motion import SWITCH_DEG, Watch, here_deg
+from truearc.robot.motion import BLIND, SHOWN_S, SWITCH_DEG, Watch, here_deg
+from truearc.robot.motors import elevation_per_rad
 from truearc.robot.types import Aim, Command, Estimate, Inputs, Joint, Memory, Pid, Verdict
 
-NS = 1e-9
 RELEASED, AT_REST = Command(), Pid()
 NEAR_PER_S = 10.0                     # the hood's speed limit, per degree that is left to a soft limit
 # Torque beyond friction that accelerates the hood: SPARE times the friction, but at least SPARE_SHARE of the torque
@@ -63,7 +63,7 @@ def control(inputs: Inputs, estimate: Estimate, aim: Aim, verdict: Verdict, memo
     command = Command(wheels_on, hood_on, watched.feeder_on, flywheel, hood,
                       config.feeder.torque_nm if feeding else 0.0)
     return command, replace(memory, flywheel=wheel_pid, hood=hood_pid, feed_t_ns=feed_t_ns,
-                            motion=watched.remember(flywheel, hood),
+                            motion=watched.remember(flywheel, hood), failures=watched.failures or UNSET,
                             steady_t_ns=_steady_since(inputs, estimate, aim, memory, config))
 
 
@@ -115,6 +115,7 @@ def slow_down(torque_nm: float, inputs: Inputs, estimate: Estimate, joint: Joint
     What the torque has beyond friction fades linearly to nothing at the limit, and brakes beyond it: the speed then
     settles like a first-order lag. The faster of screw and encoder counts; only a young speed of the screw is braked.
     There is little of it, so that the lag of the readings makes no light screw swing, and more while nothing moves.
+    Where only the motor's own encoder shows motion, there is next to none until it does.
 
     Args:
         joint: What the interlocks know of the hood.
@@ -131,6 +132,8 @@ def slow_down(torque_nm: float, inputs: Inputs, estimate: Estimate, joint: Joint
     rate_deg_s = max(screw_deg_s, sign * joint.angle_deg_s)
     limit_deg_s = min(hood.max_deg_s, NEAR_PER_S * left_deg) * max(1.0 - age_s / old_s, LEAST_SHARE)
     size_nm = abs(torque_nm)
+    if not config.hood_encoder.is_heard and (t_ns - joint.moved_t_ns) * NS > SHOWN_S:
+        size_nm = min(size_nm, BLIND * hood.friction_nm)
     most = hood.pid.output_high if torque_nm > 0.0 else -hood.pid.output_low
     spare_nm = max(SPARE * hood.friction_nm, SPARE_SHARE * most)
     if joint.stuck_t_ns:

@@ -5,12 +5,12 @@ import math
 from msgspec import UNSET, UnsetType
 from msgspec.structs import replace
 
+from truearc.hw.protocols import NS
 from truearc.robot.aim_file import needs_aim
 from truearc.robot.config.schema import Config
-from truearc.robot.geometry import elevation_from_encoder_deg, elevation_from_screw_deg, exit_distance_m
+from truearc.robot.motors import elevation_from_encoder_deg, elevation_from_screw_deg, exit_distance_m
 from truearc.robot.types import Count, Estimate, Inputs, Memory, Sighting, Track
 
-NS = 1e-9
 MEMORY_S = 0.15                       # time constant of the filter of distances
 LONGEST_GAP_S, LARGEST_JUMP_M = 0.5, 0.5      # between sightings: beyond, the filter starts again
 # A step of the hood motor's position between readings: what is more than this, and this times its speed, is a jump

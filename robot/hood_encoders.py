@@ -6,14 +6,11 @@ from typing import Any, Literal, NoReturn
 
 from msgspec import Struct
 
-from truearc.errors import InputError
-from truearc.hw.devices.axis import Direction, Finite, HoodEncoder, driver_of
+from truearc.errors import ELSEWHERE, InputError, PluginError
 from truearc.hw.devices.canandmag.family import CANANDMAG
-from truearc.hw.devices.hood_encoder import EncoderFamily
-from truearc.hw.devices.motor_encoder import MOTOR
-from truearc.hw.devices.no_encoder import NONE
+from truearc.hw.devices.family import Direction, EncoderFamily, Finite, HoodEncoder, driver_of
+from truearc.hw.devices.motor_encoder import MOTOR, NONE
 from truearc.hw.devices.spark.encoder import SPARK_ENCODER
-from truearc.hw.plugins import ELSEWHERE, PluginError
 from truearc.robot.config.reading_tables import find_table, table_names
 
 FAMILIES: tuple[EncoderFamily[Any], ...] = (CANANDMAG, SPARK_ENCODER, MOTOR, NONE)

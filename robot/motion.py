@@ -12,26 +12,25 @@ from typing import NamedTuple
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from truearc.hw import fault_codes as codes
 from truearc.hw.devices.registry import family_of
-from truearc.hw.fault_codes import (
-    DUPLICATE_ID,
-    ENCODER_MISMATCH,
-    ENCODER_STUCK,
-    FOREIGN_HOST,
-    SPARK_NOT_DRIVING,
-    SPEED_JUMPED,
-)
+from truearc.hw.protocols import NS, NS_PER_S
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config, Hood
 from truearc.robot.estimate import is_fresh
 from truearc.robot.gate.doubts import Doubts
-from truearc.robot.geometry import elevation_from_screw_deg, elevation_per_rad, screw_travel_rad
-from truearc.robot.motors import HOOD_OVERSPEED
+from truearc.robot.motors import (
+    HOOD_OVERSPEED,
+    elevation_from_encoder_deg,
+    elevation_from_screw_deg,
+    elevation_per_rad,
+    screw_rad,
+    screw_travel_rad,
+)
 from truearc.robot.types import Estimate, Inputs, Joint, Memory, MotionMemory
 
 WHEELS, HOOD, SWITCH = "wheels", "hood", "hood limit switch"
-NS, NS_PER_S = 1e-9, 1_000_000_000
 RECOVER_NS = 300_000_000              # of good readings: three heartbeats of a device, in which it would tell errors
 BEAT_S = 0.35                         # of a heartbeat, where readings come: two in a row may be lost
 START_NS = 500_000_000                # after arming, in which a device's old errors are cleared and it is taken over
@@ -44,20 +43,30 @@ BACKWARDS, HOOD_BACKWARDS = 0.05, 0.25            # shares of the set point and 
 LAG_NS = 20_000_000                   # a torque shows in readings that are so much younger: two ticks and a reading
 FULL, FULL_NS = 0.8, 200_000_000      # share of the torque limit that moves every wheel, and how long it may not
 SLOW, RISING = 0.05, 0.01             # shares of the set point: hardly turning, and turning faster than before
+LEVEL_S = 0.05                        # a noisy speed is averaged over this, and has to rise by its noise, too
 # A joint's stated friction is what just moves it; three times as much moves it unless it is jammed
 HARD, HARD_NS, PUSH_NS = 3.0, 300_000_000, 460_000_000      # half a second with what the wires add
 UNKNOWN = 2.0                         # times the stated friction, which sysid is to measure
 MOVED_RAD = 1.0                       # of the hood motor, 0.2 degrees of the shipped hood: more than its play
+# Without a hood encoder nothing else shows a motor's encoder that stands still. Until motion shows, and SHOWN_S after
+# it last did, the torque is so many times the stated friction: the shipped screw, free, then goes 3 degrees in
+# BLIND_NS, and one that sticks by half as much again as it rubs still breaks away
+BLIND, BLIND_NS, SHOWN_S = 1.75, 250_000_000, 0.06
+FAILURES = 3                          # in a row, each of which may have moved a hood whose motion is not known
 DIFFERENT = 3                         # readings in a row
 RATE_NS = 5_000_000                   # between encoder readings, for a rate: closer ones were held up on their way
 SWITCH_NS = 250_000_000               # the limit switch is read every 50 ms at most; four answers may be lost
 HOMING_TRAVEL, HOMING_TIMES = 1.1, 3.0            # times the whole travel, and the time that it takes at the limit
 SWITCH_OPEN_DEG = 3.0                 # above the switch it is open
 SWITCH_DEG = 0.9                      # homing ends so far below the switch: the encoder is off, or the switch dead
-LATCHING = frozenset((ENCODER_STUCK.name, ENCODER_MISMATCH.name, SPEED_JUMPED.name))
+LATCHING = frozenset((codes.ENCODER_STUCK.name, codes.ENCODER_MISMATCH.name, codes.SPEED_JUMPED.name))
+STALLS = frozenset((because.TICKS_STALLED.name, codes.DUPLICATE_ID.name))    # waiting frames look like another device's
 # With these no reading can be trusted to be of our device, of this moment, or ours to act on
-EVERYWHERE = frozenset((because.CAN_LOST.name, because.TICKS_STALLED.name, FOREIGN_HOST.name, DUPLICATE_ID.name))
-STALLS = frozenset((because.TICKS_STALLED.name, DUPLICATE_ID.name))      # frames that waited look like another device's
+EVERYWHERE = STALLS | {because.CAN_LOST.name, codes.FOREIGN_HOST.name}
+# Latched for these, and without a hood encoder for those, the hood may have moved further than is known
+UNKNOWN_MOTION = frozenset((because.HOOD_ENCODERS_DISAGREE.name, because.HOOD_UNKNOWN.name))
+UNSEEN_MOTION = frozenset((because.SWITCH_NOT_REACHED.name, because.JOINT_NOT_TURNING.name, because.HOOD_JAMMED.name,
+                           codes.ENCODER_STUCK.name, codes.ENCODER_MISMATCH.name))
 FREE = Joint()
 
 
@@ -75,6 +84,7 @@ class Watch(NamedTuple):
     active_t_ns: int = 0
     is_idle: bool = False
     is_short: bool = False            # the hood does not reach its set point, and is not pushed any more
+    failures: int = 0                 # of the hood, in a row, in each of which it may have moved unseen
 
     def remember(self, flywheel_torque_nm: float, hood_torque_nm: float) -> MotionMemory:
         """For the next tick, with the torques that this one has decided on."""
@@ -113,7 +123,8 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
     last = MotionMemory(armed_t_ns=t_ns, active_t_ns=t_ns) if memory.motion is UNSET else memory.motion
     axes, wheels, hood, cause, why = config.axes, last.wheels, last.hood, None, None
     # another controller's motors are not moved by our torques, nor released by us
-    owns_wheels, owns_hood = family_of(axes.flywheels[0]).is_commanded, family_of(axes.hood).is_commanded
+    owns_wheels, owns_hood = any(
+        family_of(axis).is_commanded for axis in axes.flywheels), family_of(axes.hood).is_commanded
     if owns_wheels:
         wheels, cause = _wheels(inputs, wanted.wheels_rad_s, wheels, last.flywheel_torque_nm, config)
     if owns_hood:
@@ -131,6 +142,7 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
     if owns_hood and (doubt or why or hood.cause or switch or inputs.faults):
         passing, latching = by_axis[1]
         hood = _follow(hood, latching or why, everywhere or doubt or switch or passing, t_ns, uncounted)
+    hood, failures = _counted(hood, last.hood, memory, config)
     feeder_ready = not of_feeder and by_axis[2] == (None, None)
     seen, idle_s = memory.last_sighting, config.flywheel.idle_s
     active_t_ns = last.active_t_ns
@@ -141,7 +153,7 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
     is_short = (hood.dropped_deg is not None and estimate.hood_deg is not None
                 and not abs(estimate.hood_deg - hood.dropped_deg) <= config.hood.tolerance_deg)
     return Watch(wheels, hood, doubts, wheels_ready, hood_ready, feeder_ready, everywhere is None, last.armed_t_ns,
-                 active_t_ns, idle_s > 0.0 and (t_ns - active_t_ns) * NS > idle_s, is_short)
+                 active_t_ns, idle_s > 0.0 and (t_ns - active_t_ns) * NS > idle_s, is_short, failures)
 
 
 # --- faults and doubts
@@ -158,7 +170,7 @@ def _sorted_faults(inputs: Inputs) -> tuple[Reason | None, ByAxis]:
         if fault.code in EVERYWHERE:
             everywhere = fault
         motor = str(fault.params.get("motor", ""))
-        if motor and fault.code != SPARK_NOT_DRIVING.name:      # with that one nothing is driven anyway
+        if motor and fault.code != codes.SPARK_NOT_DRIVING.name:      # with that one nothing is driven anyway
             axis = 0 if motor.startswith("flywheel") else 1 if motor.startswith("hood") else 2
             found[axis][fault.code in LATCHING] = fault
     return everywhere, tuple((one[0], one[1]) for one in found)
@@ -201,12 +213,28 @@ def _follow(joint: Joint, latching: Reason | None, passing: Reason | None, t_ns:
         if not uncounted and oldest and t_ns - oldest < REPEAT_NS:
             return Joint(because.RELEASED_REPEATEDLY(count=REPEATS, window_s=REPEAT_NS * NS, cause=passing), True)
         return replace(joint, cause=passing, good_t_ns=0, releases_t_ns=recent, push=0, stuck_t_ns=0, hard_t_ns=0,
-                       differ=0, homing_t_ns=0)
+                       differ=0, homing_t_ns=0, began_t_ns=0, began_rad=0.0, began_screw_rad=0.0)
     if joint.cause is None:
         return joint
     if not joint.good_t_ns:
         return replace(joint, good_t_ns=t_ns)
     return replace(joint, cause=None, good_t_ns=0) if t_ns - joint.good_t_ns >= RECOVER_NS else joint
+
+
+def _counted(hood: Joint, before: Joint, memory: Memory, config: Config) -> tuple[Joint, int]:
+    """The hood and how many times in a row it was latched while it may have moved unseen: after FAILURES for good."""
+    failures, is_blind = memory.failures, not config.hood_encoder.is_heard
+    if failures is UNSET:
+        failures = 0
+    if failures and (hood.moved_t_ns > 1 if is_blind else memory.homed):
+        failures = 0
+    if hood.is_latched and not before.is_latched and hood.cause is not None:
+        codes = {hood.cause.code, getattr(hood.cause.params.get("cause"), "code", "")}
+        failures += bool(codes & UNSEEN_MOTION and before.moved_t_ns <= 1 if is_blind
+                         else codes & UNKNOWN_MOTION and not memory.homed)
+    if failures >= FAILURES and not hood.is_latched:
+        return Joint(because.HOOD_GIVEN_UP(count=failures), True), failures
+    return hood, failures
 
 
 # --- wheels
@@ -256,7 +284,11 @@ def _turning(joint: Joint, slowest: float, wanted_rad_s: float, asked_nm: float,
              config: Config) -> tuple[Joint, Reason | None]:
     """Whether the slower of the wheels' motors answers to a torque that must turn it."""
     full = asked_nm >= FULL * config.flywheel.pid.output_high
-    if not (full or asked_nm > HARD * config.flywheel.ks_nm) or slowest >= SLOW * wanted_rad_s:
+    is_hard = full or asked_nm > HARD * config.flywheel.ks_nm > 0.0
+    joint, noisy = _level(joint, slowest, wanted_rad_s, is_hard, FULL_NS if full else PUSH_NS, t_ns, config)
+    if noisy:
+        return joint, because.JOINT_NOT_TURNING(joint=WHEELS, torque_nm=asked_nm)
+    if not is_hard or slowest >= SLOW * wanted_rad_s:
         return (replace(joint, stuck_t_ns=0, hard_t_ns=0) if joint.stuck_t_ns else joint), None
     if not joint.stuck_t_ns or slowest > joint.stuck_at + RISING * wanted_rad_s:
         return replace(joint, stuck_t_ns=t_ns, hard_t_ns=t_ns if full else 0, stuck_at=slowest), None
@@ -265,6 +297,26 @@ def _turning(joint: Joint, slowest: float, wanted_rad_s: float, asked_nm: float,
     if (full and t_ns - joint.hard_t_ns >= FULL_NS) or t_ns - joint.stuck_t_ns >= PUSH_NS:
         return joint, because.JOINT_NOT_TURNING(joint=WHEELS, torque_nm=asked_nm)
     return joint, None
+
+
+def _level(joint: Joint, slowest: float, wanted_rad_s: float, is_hard: bool, longest_ns: int, t_ns: int,
+           config: Config) -> tuple[Joint, bool]:
+    """The averages of a speed under a torque that must turn it, and whether they have not risen for `longest_ns`.
+
+    A peak of an encoder's noise is no rise: its average has to rise by its own mean deviation from the readings, too.
+    """
+    if not is_hard:
+        if joint.slow_t_ns:
+            joint = replace(joint, slow_t_ns=0, slow_rad_s=0.0, level_rad_s=0.0, noise_rad_s=0.0)
+        return joint, False
+    part = 1.0 / (1.0 + LEVEL_S * config.tick_hz)
+    level = joint.level_rad_s + part * (slowest - joint.level_rad_s)
+    noise = joint.noise_rad_s + part * (abs(slowest - level) - joint.noise_rad_s)
+    since_ns, was = joint.slow_t_ns, joint.slow_rad_s
+    if not since_ns or level >= SLOW * wanted_rad_s or level > was + RISING * wanted_rad_s + noise:
+        since_ns, was = t_ns, level
+    joint = replace(joint, slow_t_ns=since_ns, slow_rad_s=was, level_rad_s=level, noise_rad_s=noise)
+    return joint, t_ns - since_ns >= longest_ns
 
 
 def _is_driven(inputs: Inputs, config: Config) -> bool:
@@ -279,7 +331,7 @@ def _is_driven(inputs: Inputs, config: Config) -> bool:
 def _hood(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, joint: Joint, asked_nm: float,
           config: Config) -> tuple[Joint, Reason | None]:
     """The hood's memory and what is wrong with its motion."""
-    joint, differing = _compared(inputs, estimate, memory, joint, config)
+    joint, differing = _compared(inputs, estimate, memory, joint, asked_nm, config)
     if joint.cause is not None:
         return joint, None
     speed = inputs.hood_motor.velocity_rad_s
@@ -301,34 +353,77 @@ def _hood(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, jo
     return (joint, cause) if cause is not None else _homing(inputs, estimate.hood_deg, memory, joint, asked_nm, config)
 
 
-def _compared(inputs: Inputs, estimate: Estimate, memory: Memory, joint: Joint,
+def _compared(inputs: Inputs, estimate: Estimate, memory: Memory, joint: Joint, asked_nm: float,
               config: Config) -> tuple[Joint, Reason | None]:
-    """Count encoder readings in a row that disagree with the screw at their own time; keep the encoder's rate."""
+    """Count encoder readings in a row that disagree with the screw at their own time; keep the encoder's rate.
+
+    Until the switch says where the screw is, their changes since the hood was first driven are compared.
+    """
     angle, motor, encoder_deg = inputs.hood_angle, inputs.hood_motor, estimate.hood_deg
-    if angle is None or encoder_deg is None or not config.hood_encoder.is_heard or angle.t_ns == joint.angle_t_ns:
+    if angle is None or not config.hood_encoder.is_heard or angle.t_ns == joint.angle_t_ns:
         return joint, None
-    gap_ns = angle.t_ns - joint.angle_t_ns
-    rate = joint.angle_deg_s
-    if gap_ns >= RATE_NS:
-        rate = (encoder_deg - joint.angle_deg) / (gap_ns * NS) if joint.angle_t_ns else 0.0
-    differ, screw_deg = 0, None
-    if memory.homed and is_fresh(inputs, angle.t_ns, config) and is_fresh(inputs, motor.t_ns, config):
+    rate = _rate_deg_s(angle.t_ns, encoder_deg, joint, config)
+    differ, reads_deg = 0, encoder_deg or 0.0
+    screw_deg: float | None = reads_deg
+    if is_fresh(inputs, angle.t_ns, config) and is_fresh(inputs, motor.t_ns, config):
         then_rad = motor.position_rad - motor.velocity_rad_s * (motor.t_ns - angle.t_ns) * NS
-        screw_deg = elevation_from_screw_deg(then_rad - memory.screw_zero_rad, config.hood)
-        if screw_deg is None or not abs(encoder_deg - screw_deg) <= config.hood.crosscheck_deg:
+        if memory.homed:
+            screw_deg = elevation_from_screw_deg(then_rad - memory.screw_zero_rad, config.hood)
+        elif joint.began_t_ns:
+            reads_deg, screw_deg = _since_began(angle.angle_rad, then_rad, encoder_deg, joint, config)
+        elif asked_nm != 0.0:
+            joint = replace(joint, began_t_ns=angle.t_ns, began_rad=angle.angle_rad, began_screw_rad=then_rad)
+        if screw_deg is None or not abs(reads_deg - screw_deg) <= config.hood.crosscheck_deg:
             differ = joint.differ + 1
-    joint = replace(joint, differ=differ, angle_t_ns=angle.t_ns, angle_deg=encoder_deg, angle_deg_s=rate)
+    if memory.homed and joint.began_t_ns:
+        joint = replace(joint, began_t_ns=0, began_rad=0.0, began_screw_rad=0.0)
+    joint = replace(joint, differ=differ, angle_t_ns=angle.t_ns, angle_deg=encoder_deg or 0.0, angle_deg_s=rate)
     if differ < DIFFERENT:
         return joint, None
     if screw_deg is None:
         return joint, because.HOOD_UNKNOWN()
-    return joint, because.HOOD_ENCODERS_DISAGREE(encoder_deg=encoder_deg, screw_deg=screw_deg)
+    return joint, because.HOOD_ENCODERS_DISAGREE(encoder_deg=reads_deg, screw_deg=screw_deg)
+
+
+def _rate_deg_s(t_ns: int, encoder_deg: float | None, joint: Joint, config: Config) -> float:
+    """The encoder's rate since its reading before; 0 while its zero is not known, or has just become known."""
+    gap_ns = t_ns - joint.angle_t_ns
+    if encoder_deg is None or (joint.began_t_ns and config.hood_encoder.zero_deg is None):
+        return 0.0
+    if gap_ns < RATE_NS:
+        return joint.angle_deg_s
+    return (encoder_deg - joint.angle_deg) / (gap_ns * NS) if joint.angle_t_ns else 0.0
+
+
+def _since_began(angle_rad: float, motor_rad: float, encoder_deg: float | None, joint: Joint,
+                 config: Config) -> tuple[float, float | None]:
+    """Where encoder and screw say that the hood is since they are compared; changes where its zero is not known."""
+    changed_deg = elevation_from_encoder_deg(angle_rad, config.hood_encoder, math.degrees(joint.began_rad))
+    began_deg = None if encoder_deg is None else encoder_deg - changed_deg
+    reads_deg = (began_deg or 0.0) + changed_deg
+    return reads_deg, _nearest_deg(reads_deg, began_deg, motor_rad - joint.began_screw_rad, config.hood)
+
+
+def _nearest_deg(reads_deg: float, began_deg: float | None, turned_rad: float, hood: Hood) -> float | None:
+    """Where the hood is by its screw, from where it began; from an unknown place (None), by how much it has moved,
+    the nearest to `reads_deg` that is possible. None beyond the linkage."""
+    places = ([hood.low_deg + (hood.high_deg - hood.low_deg) * part / 6.0 for part in range(7)] if began_deg is None
+              else [min(max(began_deg, hood.low_deg), hood.high_deg)])
+    moved = []
+    for place_deg in places:
+        at_deg = elevation_from_screw_deg(screw_rad(place_deg, hood) + turned_rad, hood)
+        if at_deg is not None:
+            moved.append((began_deg or 0.0) + at_deg - place_deg)
+    return min(max(reads_deg, min(moved)), max(moved)) if moved else None
 
 
 def _moving(inputs: Inputs, wanted_deg: float | None, memory: Memory, joint: Joint, asked_nm: float,
             config: Config) -> tuple[Joint, Reason | None]:
     """Whether the hood moves under a torque that its stated friction cannot hold."""
     t_ns, at_rad, friction_nm = inputs.t_ns, inputs.hood_motor.position_rad, config.hood.friction_nm
+    is_blind = not config.hood_encoder.is_heard
+    if is_blind and (not joint.moved_t_ns or abs(at_rad - joint.moved_rad) > MOVED_RAD):
+        joint = replace(joint, moved_t_ns=t_ns if joint.moved_t_ns else 1, moved_rad=at_rad)
     if joint.dropped_deg is not None and not (
             wanted_deg is not None and abs(wanted_deg - joint.dropped_deg) <= config.hood.tolerance_deg):
         joint = replace(joint, dropped_deg=None)
@@ -343,13 +438,14 @@ def _moving(inputs: Inputs, wanted_deg: float | None, memory: Memory, joint: Joi
         joint = replace(joint, hard_t_ns=t_ns if hard else 0)
     if hard and t_ns - joint.hard_t_ns >= HARD_NS:
         return replace(joint, jams=joint.jams + 1), because.HOOD_JAMMED(torque_nm=asked_nm)
-    if t_ns - joint.stuck_t_ns < PUSH_NS:
+    is_full = is_blind and (not memory.homed or abs(asked_nm) > 0.99 * BLIND * friction_nm)
+    if t_ns - joint.stuck_t_ns < (BLIND_NS if is_full else PUSH_NS):
         return joint, None
     if not memory.homed:
         return joint, because.SWITCH_NOT_REACHED(limit_s=(t_ns - (joint.homing_t_ns or t_ns)) * NS)
-    if wanted_deg is None:
+    if wanted_deg is None or is_full or (is_blind and joint.jams):
         return joint, because.JOINT_NOT_TURNING(joint=HOOD, torque_nm=asked_nm)
-    return replace(joint, dropped_deg=wanted_deg, stuck_t_ns=0, hard_t_ns=0), None
+    return replace(joint, dropped_deg=wanted_deg, stuck_t_ns=0, hard_t_ns=0, jams=joint.jams + is_blind), None
 
 
 def _homing(inputs: Inputs, hood_deg: float | None, memory: Memory, joint: Joint, asked_nm: float,

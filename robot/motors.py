@@ -1,14 +1,66 @@
-"""The motor axes of the configuration, their names and drivers; what its hood encoder needs of it."""
+"""The launcher's axes: their names, drivers, limits and bus rules, and the geometry of the hood's screw."""
 
 import math
+from collections import Counter
 
 from truearc.errors import InputError
-from truearc.hw.devices.axis import Axis, Bounds
-from truearc.hw.devices.hood_encoder import Around
+from truearc.hw.bus_rules import WINDOW_NS, AllowedBus, MonitoredBus, Rules
+from truearc.hw.devices.family import Around, Axis, Bounds, HoodEncoder
 from truearc.hw.devices.registry import family_of
-from truearc.hw.protocols import Motor
-from truearc.robot.config.schema import Config
-from truearc.robot.geometry import screw_length_m
+from truearc.hw.protocols import NS_PER_S, Bus, Clock, Motor
+from truearc.robot.config.schema import CameraConfig, Config, Hood
+from truearc.robot.hood_encoders import encoder_family_of
+
+# --- the hood's screw
+
+def screw_length_m(elevation_deg: float, hood: Hood) -> float:
+    """Distance from the screw motor's pivot to the nut at a launch elevation (law of cosines)."""
+    included = math.radians(hood.included_deg + elevation_deg)
+    a, b = hood.pivot_to_motor_m, hood.pivot_to_nut_m
+    return math.sqrt(a * a + b * b - 2.0 * a * b * math.cos(included))
+
+
+def elevation_from_screw_deg(turned_rad: float, hood: Hood) -> float | None:
+    """Launch elevation when the screw motor has turned this far up from the limit switch; None beyond the linkage."""
+    a, b = hood.pivot_to_motor_m, hood.pivot_to_nut_m
+    travel = turned_rad * hood.screw_gear * hood.screw_lead_m / (2.0 * math.pi)
+    length = screw_length_m(hood.low_deg, hood) + travel
+    cosine = (a * a + b * b - length * length) / (2.0 * a * b)
+    if not -1.0 <= cosine <= 1.0:
+        return None
+    return math.degrees(math.acos(cosine)) - hood.included_deg
+
+
+def elevation_per_rad(elevation_deg: float, hood: Hood) -> float:
+    """Degrees of elevation per radian of the screw motor, at a launch elevation."""
+    included = math.radians(hood.included_deg + elevation_deg)
+    lever = hood.pivot_to_motor_m * hood.pivot_to_nut_m * math.sin(included) / screw_length_m(elevation_deg, hood)
+    return math.degrees(hood.screw_gear * hood.screw_lead_m / (2.0 * math.pi) / lever)
+
+
+def screw_rad(elevation_deg: float, hood: Hood) -> float:
+    """How far the screw motor has turned up from the limit switch at a launch elevation."""
+    travel_m = screw_length_m(elevation_deg, hood) - screw_length_m(hood.low_deg, hood)
+    return travel_m / (hood.screw_gear * hood.screw_lead_m) * 2.0 * math.pi
+
+
+def screw_travel_rad(hood: Hood) -> float:
+    """How far the screw motor turns from the hood's lowest elevation to its highest."""
+    return screw_rad(hood.high_deg, hood)
+
+
+def elevation_from_encoder_deg(angle_rad: float, encoder: HoodEncoder, zero_deg: float) -> float:
+    """Launch elevation from the encoder on the hood pivot, in (-180, 180]; zero_deg: its reading where that is 0."""
+    turned = (math.degrees(angle_rad) - zero_deg) * encoder.direction
+    return 180.0 - (180.0 - turned) % 360.0
+
+
+def exit_distance_m(lens_distance_m: float, camera: CameraConfig) -> float:
+    """Horizontal distance from the ball's exit point to the target plane, given that of the lens."""
+    return lens_distance_m - camera.behind_exit_m
+
+
+# --- axes
 
 HOOD_OVERSPEED = 1.5                  # times the hood's speed limit, which its loop keeps to a fifth: it is released
 
@@ -72,3 +124,28 @@ def _hood_top_rad_s(config: Config) -> float:
 def around_encoder(config: Config) -> Around:
     """The part of the configuration beside its own table that the hood's encoder may need."""
     return Around(config.gate.reading_age_s, config.readings)
+
+
+# --- rules of the bus
+
+SPARE = 1.5                           # a set point is sent once a tick at most, but after a late tick the next is early
+
+
+def guard(bus: Bus, config: Config, clock: Clock, tally: Counter[str]) -> Bus:
+    """`bus` with these rules on it: what breaks them is counted in `tally` and is a fault."""
+    rules = make_rules(config)
+    allowed = [kind for one in rules for kind in one.allowed]
+    ours = {(kind.arbitration_id, kind.is_extended, kind.is_remote) for kind in allowed}
+    # what we could send to our devices but never do is ours, too; an advisory one is another host's to command
+    ours |= {kind for one in rules if one.allowed for kind in one.by_host}
+    known = {kind for one in rules for kind in (*one.by_device, *one.by_host)} - ours
+    pulses = {kind: period_ns for one in rules for kind, period_ns in one.pulse.items()}
+    return MonitoredBus(AllowedBus(bus, allowed, clock, tally), known, ours, pulses, clock, tally)
+
+
+def make_rules(config: Config) -> tuple[Rules, ...]:
+    """Of every device of the launcher."""
+    each_tick = math.ceil(SPARE * config.tick_hz * WINDOW_NS / NS_PER_S) + 1
+    encoder = config.hood_encoder
+    return (*encoder_family_of(encoder).make_rules(encoder, each_tick),
+            *(family_of(axis).make_rules(axis, each_tick) for _, axis in name_axes(config)))

@@ -5,7 +5,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Protocol
 
-from truearc.hw.finding import Finding
+from truearc.hw.devices.family import Finding
 from truearc.hw.protocols import Clock
 from truearc.robot.config.reading_tables import find_table
 from truearc.robot.config.schema import Config

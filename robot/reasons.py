@@ -77,6 +77,8 @@ HOOD_PUSH_DROPPED = Code("hood_push_dropped", "hood does not reach {wanted_deg:.
                          "it")
 SWITCH_NOT_REACHED = Code("switch_not_reached", "the hood's limit switch was not reached in {limit_s:g} s")
 SWITCH_STUCK = Code("switch_stuck", "the hood's limit switch is still closed at {angle_deg:.1f} deg")
+HOOD_GIVEN_UP = Code("hood_given_up", "{count} times in a row its motion was not known; restart truearc",
+                     {"count": "count"})
 RELEASED_REPEATEDLY = Code("released_repeatedly", "{count} times in {window_s:g} s, last: {cause}",
                            {"count": "count"})
 WHEELS_IDLE = Code("wheels_idle", "wheels idle: no target and no request")

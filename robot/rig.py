@@ -9,9 +9,10 @@ from msgspec import UNSET
 from msgspec.structs import replace
 
 from truearc.hw import protocols as hw
-from truearc.hw.devices.button_box.frames import PressCount, parse_lines
-from truearc.hw.devices.hood_encoder import CHECK, Encoder
+from truearc.hw.devices.button_box import PressCount, parse_lines
+from truearc.hw.devices.family import CHECK, Encoder
 from truearc.hw.fault_codes import SPEED_JUMPED
+from truearc.hw.protocols import NS_PER_S
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config
@@ -21,7 +22,6 @@ from truearc.robot.runtime import RigLayer, RobotIo
 from truearc.robot.types import Command, Inputs, Sent, Sighting, Tick
 from truearc.robot.vision_source import Eyes
 
-NS_PER_S = 1_000_000_000
 BOX_SILENT_NS = 1_500_000_000         # three missed heartbeats of the button box
 UNUSABLE = 3                          # frames in a row, of one kind; 30 ms of estimates at their usual rate
 STALL_NS = 500_000_000                # for so long after ticks have stood still what comes in may have waited meanwhile

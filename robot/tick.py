@@ -4,6 +4,7 @@ replay is exact."""
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from truearc.hw.protocols import NS
 from truearc.robot.aim import aim as aim_at
 from truearc.robot.aim import config_id, from_here, is_left, is_moving, is_planned, place_m, speed_m_s
 from truearc.robot.aim_file import NO_AIMS, Aims
@@ -16,8 +17,6 @@ from truearc.robot.gate.model import Gate
 from truearc.robot.gate.verdict import judge, only_the_model_doubts
 from truearc.robot.motion import Wanted, watch
 from truearc.robot.types import Aim, Estimate, Inputs, Memory, Outcome, Shot, Tick, Verdict
-
-NS = 1e-9
 
 
 def step(inputs: Inputs, memory: Memory, config: Config, gate: Gate | None, aims: Aims = NO_AIMS) -> Tick:

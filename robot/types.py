@@ -150,6 +150,10 @@ class Joint(Struct, frozen=True, omit_defaults=True):
     push_t_ns: int = 0                            # ... and when that was
     stuck_t_ns: int = 0                           # driven without motion since then
     hard_t_ns: int = 0                            # ... with a torque that moves what is free
+    slow_t_ns: int = 0                            # wheels: averages have not risen since then, while driven
+    slow_rad_s: float = 0.0                       # ... and the average speed then
+    level_rad_s: float = 0.0                      # ... average speed
+    noise_rad_s: float = 0.0                      # ... average deviation of readings from it
     stuck_at: float = 0.0                         # hood: angle then (rad); wheels: speed then (rad/s)
     jams: int = 0                                 # hood: without motion between them
     dropped_deg: float | None = None              # hood: set point that a small push did not reach
@@ -159,6 +163,11 @@ class Joint(Struct, frozen=True, omit_defaults=True):
     angle_t_ns: int = 0                           # hood: its encoder's newest reading
     angle_deg: float = 0.0
     angle_deg_s: float = 0.0                      # ... and its rate from the one before
+    began_t_ns: int = 0                           # hood: encoder and screw are compared since then, until it is homed
+    began_rad: float = 0.0                        # ... the encoder's reading then
+    began_screw_rad: float = 0.0                  # ... and the motor's
+    moved_t_ns: int = 0                           # hood without encoder: its motor was seen to move then; 1: not yet
+    moved_rad: float = 0.0                        # ... and was here
 
 
 class MotionMemory(Struct, frozen=True, omit_defaults=True):
@@ -212,7 +221,7 @@ class Outcome(Struct, frozen=True):
 class Progress(Struct, frozen=True):
     """How far `truearc sysid` has come: the phase that runs, since when, and what ended it all."""
 
-    phase: int = 0                                # index into truearc.robot.sysid.program.phases
+    phase: int = 0                                # index into truearc.robot.sysid.phases
     since_t_ns: int = 0                           # 0 = the operator has not armed yet
     over: Reason | None = None                    # done, or why it was stopped; nothing is driven any more
 
@@ -278,6 +287,7 @@ class Memory(Struct, frozen=True):
     count: Count | UnsetType = UNSET              # only without a hood encoder
     zero_deg: float | UnsetType = UNSET           # of a hood encoder that homing zeroes; absent until it has
     motion: MotionMemory | UnsetType = UNSET            # only while armed
+    failures: int | UnsetType = UNSET             # of the hood, latched without its motion being known; absent: none
 
 
 class Tick(Struct, frozen=True):

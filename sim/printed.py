@@ -1,10 +1,17 @@
-"""Results that print as a report: on a terminal as text, in a notebook as HTML."""
+"""Results and progress as text: reports on a terminal and in a notebook, aligned tables, CSV files."""
 
+import csv
 import html
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from truearc.errors import whole_file
 
 MOST = 8                              # lines of one kind on a terminal
+Row = Sequence[str]
+Progress = Callable[[float, str], None]          # share done, 0 to 1; a note
 
 
 def left_out_lines(reasons: Sequence[str]) -> list[str]:
@@ -25,3 +32,24 @@ class Printed(ABC):
 
     def _repr_html_(self) -> str:
         return f"<pre>{html.escape(str(self))}</pre>"
+
+
+def make_text(header: Row, rows: Iterable[Row], right: Collection[int] = ()) -> list[str]:
+    """Return lines of aligned columns, header first; right: columns of numbers, aligned at their end."""
+    lines = [header, *rows]
+    widths = [max(len(line[k]) for line in lines) for k in range(len(header))]
+    return ["  ".join(cell.rjust(widths[k]) if k in right else cell.ljust(widths[k])
+                      for k, cell in enumerate(line)).rstrip() for line in lines]
+
+
+def save_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+    """Write a CSV file in UTF-8, with "\\n" at the end of each line; OSError where it cannot be written."""
+    with whole_file(path) as new, new.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(header)
+        writer.writerows(rows)
+
+
+def part_of(progress: Progress, begin: float, share: float) -> Progress:
+    """Progress of a part that begins at `begin` and is `share` of the whole."""
+    return lambda done, note: progress(begin + share * done, note)

@@ -1,4 +1,4 @@
-"""A self-contained HTML page: its origin, the verdict, pictures, the fine print. Nothing is fetched from anywhere."""
+"""Self-contained HTML pages and their pictures. Nothing is fetched from anywhere."""
 
 import base64
 import html
@@ -9,9 +9,13 @@ from importlib.metadata import version
 from importlib.resources import files
 from typing import Any, NamedTuple
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+
+from truearc.robot.gate.contract import OUTPUTS
+from truearc.sim.statistics import reliability, wilson
 
 STYLE = (files("truearc.sim") / "report.css").read_text(encoding="utf-8")
 DPI = 130
@@ -19,6 +23,7 @@ PHONE_IN = 4.4                        # width of a picture whose letters are leg
 LEAST_SCALE = 0.6                     # of a picture; a wider one scrolls in its own box
 SHOWN = 16                            # digits of a hash
 FIRST_SENTENCE = re.compile(r"(.+?[.!?])\s+(?=[A-Z])(.*)", re.DOTALL)
+COLOURS = {"three": "#1b7f3b", "two": "#d99000", "miss": "#b3261e"}
 
 
 class Origin(NamedTuple):
@@ -112,3 +117,20 @@ def _cell(cell: Any) -> str:
     if isinstance(cell, int):
         return f"<td class=\"number\">{cell}</td>"
     return f"<td>{'–' if cell is None else html.escape(str(cell))}</td>"
+
+
+def draw_reliability(p: np.ndarray, level: np.ndarray) -> Figure:
+    """Reliability of both outputs: p [n, 2] (two, three) against level [n] (0 miss, 1 two, 2 three), 95 % intervals."""
+    figure = new_figure(7.5, 3.8)
+    for k, axes in enumerate(figure.subplots(1, 2, sharey=True)):
+        table = reliability(p[:, k], level >= k + 1)
+        hits = np.rint(table.came_true * table.count).astype(int)
+        low, high = np.array([wilson(int(one), int(tries)) for one, tries in zip(hits, table.count, strict=True)]).T
+        axes.plot([0, 1], [0, 1], color="#999999", linewidth=1)
+        axes.errorbar(table.stated, table.came_true, yerr=np.abs([table.came_true - low, high - table.came_true]),
+                      fmt="o", color="#1b5e9b", capsize=2)
+        for x, y, count in zip(table.stated, table.came_true, table.count, strict=True):
+            axes.annotate(str(int(count)), (x, y), xytext=(5, -10), textcoords="offset points", fontsize=7)
+        axes.set(xlabel=f"stated {OUTPUTS[k]}", xlim=(-0.02, 1.02), ylim=(-0.02, 1.02))
+    figure.axes[0].set_ylabel("share that came true")
+    return figure

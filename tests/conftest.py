@@ -20,8 +20,15 @@ from hypothesis import settings
 from tests import shape_checks
 
 DATA = Path(os.environ.get("TRUEARC_DATA", Path(__file__).parents[2] / "shared" / "data"))
-MEDIUM = (Path(__file__).with_name("medium.txt").read_text(encoding="utf-8")).split("\n")[1:]
 VCAN0 = Path("/sys/class/net/vcan0")
+# Folders, files or tests (beginnings of their ids) that `make test-long` runs although no mark of theirs says so.
+LONG = (
+    "tests/golden/test_proof_1.py::test_weights_export_to_the_gate_that_they_did", "tests/house/test_benchmarks.py",
+    "tests/proof/importers/test_import_sepia_drops.py::test_drag_with_the_square_of_the_speed_is_named",
+    "tests/proof/reproduce", "tests/proof/rivals/test_pysindy.py", "tests/sim/discover/test_example_term.py",
+    "tests/sim/discover/test_no_information.py", "tests/sim/discover/test_none_found.py",
+    "tests/sim/discover/test_row_order.py", "tests/sim/infer/test_times.py", "tests/sim/test_one_core.py",
+)
 MOST_WORKERS = 4                      # each holds JAX and what it has compiled: a gigabyte
 
 # Arrays of tests are small, threads that wait for work of theirs take it from other processes. A fresh run compiles
@@ -151,14 +158,15 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     return min(len(os.sched_getaffinity(0)) + 1, MOST_WORKERS) if whole else 0
 
 
+@pytest.hookimpl(tryfirst=True)       # before -m selects
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.get_closest_marker("data") and not DATA.is_dir():
             item.add_marker(pytest.mark.skip(reason="needs the shared recordings (TRUEARC_DATA)"))
         if item.get_closest_marker("socketcan") and not VCAN0.exists():
             item.add_marker(pytest.mark.skip(reason="needs SocketCAN interface vcan0"))
-        if item.nodeid.partition("::")[0] in MEDIUM or item.nodeid in MEDIUM:
-            item.add_marker("medium")
+        if item.nodeid.startswith(LONG):
+            item.add_marker("slow")
     # workers take files in this order: the long ones first, so that none of them runs alone at the end
     slow = {item.path for item in items if "slow" in item.keywords}
     items.sort(key=lambda item: item.path not in slow)

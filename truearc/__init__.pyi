@@ -1,24 +1,20 @@
 # The public names, for static tools; truearc/__init__.py imports each from here when it is first used.
 from truearc.api import paper
-from truearc.api.aiming import AimTable, aim, export_aim, verify_aim
-from truearc.api.discovery import Finding, discover
+from truearc.api.discovery import Finding, Identifiability, ShotDesign, design_shots, discover, identifiability
 from truearc.api.emulation import emulate
-from truearc.api.finding_report import load_finding
-from truearc.api.fitting import Fit, fit
+from truearc.api.fitting import Fit, Pooled, fit, pool
 from truearc.api.following import Following, follow
+from truearc.api.forecasting import AimTable, aim, export_aim, predict, verify_aim
 from truearc.api.gate import GateTraining, train_gate
-from truearc.api.planning import Identifiability, ShotDesign, design_shots, identifiability
-from truearc.api.pooling import Pooled, pool
-from truearc.api.prediction import predict
-from truearc.api.recording import Recording
-from truearc.api.table import Table
+from truearc.api.results import Recording, Table, load_finding
 from truearc.errors import InputError
 from truearc.model_export.graph import export_weights
 from truearc.model_export.verify import verify_gate
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
-from truearc.sim.aim.compare import Comparison, SetPoints, compare, load_set_points
-from truearc.sim.data.dataset import Dataset, dataset, load_dataset, load_rig, save_dataset
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import load_dataset, load_rig, save_dataset
+from truearc.sim.data.frames import dataset
 from truearc.sim.data.importers.any_team import import_shots
 from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.infer.belief import Belief, load_belief
@@ -35,13 +31,12 @@ from truearc.sim.physics.term import (
 )
 
 __all__ = [
-    "AimTable", "AirTerm", "ArrivalTerm", "Belief", "Comparison", "Dataset", "Finding", "Fit", "FlightTerm",
-    "Following", "GateTraining", "Identifiability", "InputError", "LaunchTerm", "Parameter", "Pooled", "Prior",
-    "Recording", "Rig", "SensingTerm", "SetPoints", "ShotDesign", "Table", "WatchTerm", "aim", "catalogue", "compare",
-    "dataset", "design_shots", "discover", "emulate", "export_aim", "export_weights", "fit", "follow",
-    "identifiability", "import_shots", "load_belief", "load_config", "load_dataset", "load_finding", "load_rig",
-    "load_set_points", "paper", "pool", "predict", "save_dataset", "shots_from_sessions", "train_gate", "verify_aim",
-    "verify_gate",
+    "AimTable", "AirTerm", "ArrivalTerm", "Belief", "Dataset", "Finding", "Fit", "FlightTerm", "Following",
+    "GateTraining", "Identifiability", "InputError", "LaunchTerm", "Parameter", "Pooled", "Prior", "Recording",
+    "Rig", "SensingTerm", "ShotDesign", "Table", "WatchTerm", "aim", "catalogue", "dataset", "design_shots",
+    "discover", "emulate", "export_aim", "export_weights", "fit", "follow", "identifiability", "import_shots",
+    "load_belief", "load_config", "load_dataset", "load_finding", "load_rig", "paper", "pool", "predict",
+    "save_dataset", "shots_from_sessions", "train_gate", "verify_aim", "verify_gate",
 ]
 
 __version__: str

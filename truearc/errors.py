@@ -1,4 +1,4 @@
-"""The error of wrong input, and readers and writers of text and TOML whose messages name file, line and key.
+"""The errors of wrong input and of plug-ins; readers and writers of text and TOML that name file, line and key.
 
 All other modules may import this one, which imports nothing of truearc.
 """
@@ -13,11 +13,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
 from msgspec import Struct
 from msgspec.structs import fields
+
+if TYPE_CHECKING:                     # slow to import
+    from importlib.metadata import EntryPoint
 
 MAX_LINE = 20_000                     # characters: longer ones take minutes to parse
 DEEP_KEY = re.compile(r"""(?:[\w"'-]+\s*\.\s*){16}""")     # no key of ours has as many parts; 9000 take half a minute
@@ -29,6 +32,7 @@ LIMITS = {">=": "of at least", "<=": "of at most", ">": "above", "<": "below"}
 LONGEST = 40                          # characters of a text that are shown
 _INNER_PLACE = re.compile(r" - at `\$([^`]*)` - at `\$([^`]*)`$")      # of an axis's key, and of the axis
 # the struct of a field's table, by its annotation and the value in the file; None where it has none
+Kind = TypeVar("Kind")
 StructOf = Callable[[Any, Any], Any]
 
 
@@ -237,6 +241,32 @@ def near_key(key: str, kind: Any, table: Any, struct_of: StructOf = lambda kind,
     return "" if kind is None else did_you_mean(name, kind.__struct_fields__)
 
 
+def parse_struct(text: str, kind: type[Kind], name: str, dec_hook: Callable[[type, Any], Any] | None = None,
+                 struct_of: StructOf = lambda kind, value: struct_in(kind),
+                 known: Callable[[str], Iterable[str]] = lambda key: ()) -> Kind:
+    """Decode TOML text that came from somewhere called `name` as a struct.
+
+    dec_hook: msgspec's, for types that it does not know. struct_of: the struct of a field's table, by its annotation
+    and value. known: the values of a key that takes few.
+
+    Raises:
+        InputError: the text is no TOML, or a key is unknown, missing or of the wrong type; with its line.
+    """
+    table = parse_table(text, name)
+    try:
+        return msgspec.convert(table, kind, dec_hook=dec_hook)
+    except msgspec.ValidationError as error:
+        message, missing = joined(str(error)), missing_keys(table, kind, struct_of=struct_of)
+        said = reworded(message, table, known)
+        unknown = said.endswith(": unknown key")
+        near = near_key(said.removesuffix(": unknown key"), kind, table, struct_of) if unknown else ""
+        here = f"{name}{line_of(text, message)}: {said}{near}"
+        if len(missing) > 1 and not near:
+            lacks = f"keys are missing: {', '.join(missing)}{near_tables(table, kind)}"
+            here = f"{here}; {lacks}" if unknown else f"{name}: {lacks}"
+        raise InputError(here) from error
+
+
 def near_tables(table: Any, kind: Any, prefix: str = "") -> str:
     """`; [PLACE] is unknown; did you mean ...?` for each table that the struct `kind` does not have but nearly has."""
     own, said = {one.encode_name: struct_in(one.type) for one in fields(kind)}, ""
@@ -319,3 +349,59 @@ def line_of_key(text: str, key: str) -> str:
     """':line' of a dotted key, else of its table; '' where several tables have that name, or none has."""
     table = key.rpartition(".")[0]
     return line_of(text, f"`{key}`") if len(re.findall(rf"(?m)^\s*\[+\s*{re.escape(table)}\s*\]", text)) <= 1 else ""
+
+
+# --- entry points of installed distributions
+
+PROOF, FRC = "truearc-proof", "truearc-frc"             # distributions in the repository's folders proof/ and frc/
+INSTALL_HINTS = {name: f"pip install ./{name.removeprefix('truearc-')} (in a checkout of the repository)"
+                 for name in (PROOF, FRC)}
+OTHER_FORMATS = ("wpilog",)           # of truearc-frc
+# command, table of launcher.toml, or format -> the distribution that has it
+ELSEWHERE = {"prove": PROOF, "reproduce": PROOF, "advise": FRC, "nt4": FRC, **dict.fromkeys(OTHER_FORMATS, FRC)}
+EXPORTS = "truearc.exports"           # group: format -> function of (ExportRows, binary file)
+
+
+class PluginError(ValueError):
+    """An entry point cannot be used; the message names its distribution."""
+
+
+def needs(name: str) -> str:
+    """Say which distribution has one of ELSEWHERE, and how to install it."""
+    return f"needs {ELSEWHERE[name]}: {INSTALL_HINTS[ELSEWHERE[name]]}"
+
+
+def distribution_of(point: "EntryPoint") -> str:
+    """Name and version of the distribution that declares it."""
+    return f"{point.dist.name} {point.dist.version}" if point.dist else "an unknown distribution"
+
+
+def place_of(point: "EntryPoint") -> str:
+    """Distribution, group, name and value, for messages."""
+    return f"{distribution_of(point)}: entry point {point.group}: {point.name} = {point.value}"
+
+
+def load_plugin(point: "EntryPoint") -> Any:
+    """Import what the entry point names.
+
+    Raises:
+        PluginError: it cannot be imported, whatever the reason.
+    """
+    try:
+        return point.load()
+    except Exception as error:
+        raise PluginError(f"{place_of(point)}: {type(error).__name__}: {error}; fix or uninstall it") from error
+
+
+def only_point(points: "tuple[EntryPoint, ...]", name: str) -> "EntryPoint":
+    """The one entry point of a name.
+
+    Raises:
+        LookupError: there is none.
+        PluginError: there are several.
+    """
+    if not points:
+        raise LookupError(name)
+    if len(points) > 1:
+        raise PluginError(f"{place_of(points[0])}: {place_of(points[1])} has the same name; uninstall one of them")
+    return points[0]

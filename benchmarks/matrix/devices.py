@@ -1,30 +1,26 @@
-"""The devices' side of a run: nodes on a bus, a button box, the driver who presses it, and whatever breaks of these."""
+"""The devices' side of a run: a small launcher, nodes on a bus, and the driver, who also knows when what breaks."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
+import numpy as np
 
-from benchmarks.matrix.ages import frame_id
-from benchmarks.matrix.box import BrokenBox
-from benchmarks.matrix.breaking import Both, Box, Device, Inside, Wire
-from benchmarks.matrix.far_wire import FarWire
-from benchmarks.matrix.plant import AdvisedPlant, Ball, SmallPlant
-from benchmarks.matrix.row import Row
-from benchmarks.matrix.span import Span
-from benchmarks.matrix.spark_troubles import begin_trouble, end_trouble
+from benchmarks.matrix.broken import BrokenBox, FarWire, begin_trouble, end_trouble
+from benchmarks.matrix.fault import Both, Box, Device, Inside, Row, Wire
+from benchmarks.matrix.run import Span, frame_id
 from truearc.hw.codec import load_codec
-from truearc.hw.devices.canandmag.emulator import CanandmagNode
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.emulator import OdriveNode
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.emulator import SparkNode
-from truearc.hw.emulated.emulated_robot import Twin
-from truearc.hw.emulated.nodes import NEVER_NS
+from truearc.hw.devices.spark.family import SparkConfig
+from truearc.hw.emulated.nodes import NEVER_NS, MotorTruth, Twin, View
 from truearc.robot.config.schema import Config
-from truearc.robot.motors import name_axes
-from truearc.robot.recording.candump import TappedBus
+from truearc.robot.motors import elevation_from_screw_deg, name_axes
+from truearc.robot.recording.files import TappedBus
 from truearc.sim.world.emulated_robot import WATCHDOG_MS, make_nodes
 from truearc_proof.world.faults import Fault, FaultyNode
 
@@ -169,17 +165,16 @@ class FarSide:
 
     def _break(self, t_ns: int) -> None:
         match self._breaking:
-            case Device():
-                self._node(self._breaking.name).suffer(self._fault(self._breaking, t_ns))
-            case Both(one=one, other=other):
-                for breaking in (one, other):
-                    self._node(breaking.name).suffer(self._fault(breaking, t_ns))
+            case Device() | Both():
+                one = self._breaking
+                for breaking in (one.one, one.other) if isinstance(one, Both) else (one,):
+                    self._nodes[breaking.name].suffer(self._fault(breaking, t_ns))
             case Inside(name=name, what=what):
-                node = self._node(name).node
+                node = self._nodes[name].node
                 if isinstance(node, SparkNode):
                     begin_trouble(node, what, t_ns)
                 else:
-                    self._inside(self._breaking, t_ns)
+                    self._inside(node, what, t_ns)
             case Wire():
                 self._wire.begin(self._breaking.what)
             case Box():
@@ -187,14 +182,14 @@ class FarSide:
 
     def _mend(self, t_ns: int) -> None:
         match self._breaking:
-            case Inside(name=name, what=what) if isinstance(theirs := self._node(name).node, SparkNode):
+            case Inside(name=name, what=what) if isinstance(theirs := self._nodes[name].node, SparkNode):
                 end_trouble(theirs, what, t_ns)
                 if self._is_advised:              # what was sticky its own controller clears
                     theirs.clear_faults()
             case Inside(name=name, what="magnet"):
-                self._encoder(name).magnet_ok = True
+                self._nodes[name].node.magnet_ok = True
             case Inside(name=name, what="settings lost"):
-                node = self._axis(name)
+                node = self._nodes[name].node
                 node.settings = self._settings
                 node.restart(t_ns)
             case Wire(what=what):
@@ -204,16 +199,15 @@ class FarSide:
             case Box():
                 self._box.end()
 
-    def _inside(self, breaking: Inside, t_ns: int) -> None:
-        match breaking.what:
+    def _inside(self, node: Any, what: str, t_ns: int) -> None:
+        match what:
             case "error":
-                self._axis(breaking.name).disarm(SPINOUT)
+                node.disarm(SPINOUT)
             case "idle":
-                self._axis(breaking.name).disarm(0)
+                node.disarm(0)
             case "magnet":
-                self._encoder(breaking.name).magnet_ok = False
+                node.magnet_ok = False
             case "settings lost":             # reporting rates are stored settings of an ODrive
-                node = self._axis(breaking.name)
                 self._settings = node.settings
                 node.settings = msgspec.structs.replace(node.settings, encoder_ms=0, current_ms=0, bus_ms=0)
                 node.restart(t_ns)
@@ -242,21 +236,6 @@ class FarSide:
     def _sparks(self) -> list[SparkNode]:
         return [node.node for node in self._nodes.values() if isinstance(node.node, SparkNode)]
 
-    def _node(self, name: str) -> FaultyNode:
-        node = self._nodes[name]
-        assert isinstance(node, FaultyNode)
-        return node
-
-    def _axis(self, name: str) -> OdriveNode:
-        node = self._node(name).node
-        assert isinstance(node, OdriveNode)
-        return node
-
-    def _encoder(self, name: str) -> CanandmagNode:
-        node = self._node(name).node
-        assert isinstance(node, CanandmagNode)
-        return node
-
 
 def is_driving(node: object) -> bool:
     """Whether a device has its motor in hand."""
@@ -266,3 +245,97 @@ def is_driving(node: object) -> bool:
         case SparkNode():
             return node.output != 0.0
     return False
+
+
+TORQUE_NM_A = 0.02
+BELT_KG_M2 = 0.0067                   # both flywheels, both motors
+SCREW_NM_S = 0.0015                   # what the hood's screw needs to turn ...
+STIFF_NM_S = 0.006                    # ... that is without inertia, so on a duty more than the motor's own 0.0044
+START_DEG = 1.0                       # above its limit switch the hood is found
+BALL_NM = 0.05                        # with this on the feeder a ball goes in
+STEP_S = 0.005
+
+
+class Ball(NamedTuple):
+    """True values when a ball went in."""
+
+    t_ns: int
+    motor_rad_s: float
+    hood_deg: float
+
+
+class SmallPlant:
+    """truearc.hw.emulated.nodes.Plant: two motors on one belt, a hood on a screw that locks itself, a feeder."""
+
+    motors = ("flywheel_a", "flywheel_b", "hood", "feeder")
+
+    def __init__(self, config: Config) -> None:
+        self.balls: list[Ball] = []
+        self._config = config
+        self._screw_nm_s = STIFF_NM_S if isinstance(config.axes.hood, SparkConfig) else SCREW_NM_S
+        self._t_ns = 0
+        self._belt_rad = self._belt_rad_s = 0.0
+        self._screw_rad = START_DEG / 0.2
+        self._feeder_rad = self._screw_rad_s = self._feeder_rad_s = 0.0
+        self._torque_nm = dict.fromkeys(self.motors, 0.0)
+
+    def advance(self, t_ns: int, torque_nm: Mapping[str, float]) -> None:
+        before_nm = self._torque_nm["feeder"]
+        self._torque_nm = {name: torque_nm.get(name, 0.0) for name in self.motors}
+        left_s = (t_ns - self._t_ns) * 1e-9
+        while left_s > 0.0:
+            self._step(min(left_s, STEP_S))
+            left_s -= STEP_S
+        self._t_ns = t_ns
+        if self._torque_nm["feeder"] > BALL_NM >= before_nm:
+            self.balls.append(Ball(t_ns, self._belt_rad_s, self.hood_deg()))
+
+    def motor(self, name: str) -> MotorTruth:
+        torque_nm = self._torque_nm[name]
+        position_rad, velocity_rad_s = {"hood": (self._screw_rad, self._screw_rad_s), "feeder": (self._feeder_rad,
+            self._feeder_rad_s)}.get(name, (self._belt_rad, self._belt_rad_s))
+        return MotorTruth(position_rad, velocity_rad_s, torque_nm, torque_nm / TORQUE_NM_A)
+
+    def bus_v(self) -> float:
+        return 12.25
+
+    def hood_deg(self) -> float:
+        hood = self._config.hood
+        return elevation_from_screw_deg(self._screw_rad, hood) or hood.high_deg
+
+    def hood_encoder_rad(self) -> float:
+        return math.radians(self.hood_deg())
+
+    def hood_at_limit(self) -> bool:
+        return self._screw_rad <= 0.0
+
+    def view(self) -> View:
+        return View(np.eye(4), 1.0, 1.0)
+
+    def _step(self, step_s: float) -> None:
+        wheel, torque_nm = self._config.flywheel, self._torque_nm
+        drag_nm = 2.0 * (wheel.ks_nm + wheel.kv_nm_s * self._belt_rad_s) if self._belt_rad_s > 0.0 else 0.0
+        push_nm = torque_nm["flywheel_a"] + torque_nm["flywheel_b"] - drag_nm
+        self._belt_rad_s = max(self._belt_rad_s + push_nm / BELT_KG_M2 * step_s, 0.0)
+        self._belt_rad += self._belt_rad_s * step_s
+        hood_nm = torque_nm["hood"]
+        free_nm = math.copysign(max(abs(hood_nm) - self._config.hood.friction_nm, 0.0), hood_nm)
+        screw_rad = max(self._screw_rad + free_nm / self._screw_nm_s * step_s, 0.0)
+        self._screw_rad, self._screw_rad_s = screw_rad, (screw_rad - self._screw_rad) / step_s
+        self._feeder_rad_s = torque_nm["feeder"] * 100.0
+        self._feeder_rad += self._feeder_rad_s * step_s
+
+
+class AdvisedPlant(SmallPlant):
+    """The launcher of another controller, which does as it is advised; what hangs on the bus drives nothing."""
+
+    def __init__(self, config: Config, advice: Callable[[], tuple[float, float, float]]) -> None:
+        """`advice`: torques for each flywheel motor, the hood and the feeder."""
+        super().__init__(config)
+        self._advice = advice
+
+    def advance(self, t_ns: int, torque_nm: Mapping[str, float]) -> None:
+        wheel_nm, hood_nm, feeder_nm = self._advice()
+        super().advance(t_ns, dict(zip(self.motors, (wheel_nm, wheel_nm, hood_nm, feeder_nm), strict=True)))
+
+

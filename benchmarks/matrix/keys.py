@@ -13,20 +13,18 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
-from benchmarks.matrix.breaking import Key
-from benchmarks.matrix.row import Row
-from benchmarks.matrix.signs import find
+from benchmarks.matrix.fault import Key, Row, find
 from truearc.cli.common import SHIPPED
-from truearc.hw.emulated.clock import StepClock
+from truearc.hw.emulated.nodes import StepClock
 from truearc.robot.advice import POLICY, step
 from truearc.robot.config.schema import AprilTag, Config, load_config
 from truearc.robot.config.shot_map import ShotMap, Signal
 from truearc.robot.gate.model import Rating
 from truearc.robot.reasons import text
-from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.replay.recompute import Comparer, Difference, RecordedRows
+from truearc.robot.recording.replay import Comparer, Difference, RecordedRows
 from truearc.robot.recording.session import make_header
+from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import ReplayRig
 from truearc.robot.runtime import run
 from truearc_frc.advice import AdviceIo
@@ -64,6 +62,9 @@ class Agrees:
 
     def rate(self, distance_m: float, motor_ratio: float, hood_deg: float) -> Rating:
         return Rating(0.9, 0.9, True, 0.0)
+
+
+AGREES: Any = Agrees()
 
 
 class Robot:
@@ -125,7 +126,7 @@ def play_keys(row: Row, trouble: Key, folder: Path) -> None:
     began_ns = clock.now_ns()
     begin_ns = began_ns + round(BEGIN_S * NS)
     end_ns = begin_ns + round(row.lasts_s * NS)
-    robot, gate = Robot(trouble, begin_ns, end_ns), Agrees()
+    robot = Robot(trouble, begin_ns, end_ns)
     nt4 = nt4_of(config)
     assert nt4 is not None
     rig = AdviceIo(config, MAP, robot, clock, lambda: clock.now_ns() >= end_ns + AFTER_S * NS, 0.05,
@@ -133,7 +134,7 @@ def play_keys(row: Row, trouble: Key, folder: Path) -> None:
                    NtVelocity(config, robot, clock) if nt4.velocity else None)
     header = replace(make_header(config, None, None), policy=POLICY)
     recorder = SessionWriter(folder / "session", header, config, None, lossless=True)
-    run(rig, config, _as_gate(gate), recorder, step)
+    run(rig, config, AGREES, recorder, step)
     recorder.close()
     (folder / "keys.json").write_bytes(msgspec.json.encode((begin_ns, end_ns)))
 
@@ -165,11 +166,7 @@ def judge_keys(row: Row, trouble: Key, folder: Path, result: Any) -> None:
 def _judge_replay(trouble: Key, folder: Path, result: Any) -> None:
     rows = RecordedRows(TickReader(folder / "session"))
     try:
-        run(ReplayRig(rows), make_config(trouble), _as_gate(Agrees()), Comparer(rows), partial(step, aims={}))
+        run(ReplayRig(rows), make_config(trouble), AGREES, Comparer(rows), partial(step, aims={}))
     except Difference as difference:
         result.wrong.append(f"replays otherwise: {difference}")
-
-
-def _as_gate(gate: Agrees) -> Any:
-    return gate
 

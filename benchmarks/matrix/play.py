@@ -6,34 +6,28 @@ import multiprocessing
 import os
 import shutil
 import signal
-import sys
 import threading
 from collections.abc import Callable
 from multiprocessing.process import BaseProcess
 from pathlib import Path
+from types import SimpleNamespace
 from typing import NamedTuple
 
 from msgspec.structs import replace
 
-from benchmarks.matrix.box import BrokenBox
-from benchmarks.matrix.breaking import Breaking, Disk, Key, Model, Motion, Process, Start, Time
+from benchmarks.matrix.broken import BrokenBox, FarWire
 from benchmarks.matrix.devices import FarSide
-from benchmarks.matrix.disks import mount_small_disk, unmount
-from benchmarks.matrix.far_wire import FarWire
-from benchmarks.matrix.hurry import hurry, in_a_hurry
+from benchmarks.matrix.fault import DISARMS, REARM, Breaking, Disk, Key, Model, Motion, Process, Row, Start, Time
 from benchmarks.matrix.keys import play_keys
-from benchmarks.matrix.launchers import with_launcher
-from benchmarks.matrix.models import write_model
 from benchmarks.matrix.motion import MotionSide, make_motion_config
-from benchmarks.matrix.robot_side import run_robot
-from benchmarks.matrix.row import DISARMS, REARM, Row
-from benchmarks.matrix.span import Span
+from benchmarks.matrix.robot_side import mount_small_disk, run_robot, unmount, write_model
+from benchmarks.matrix.run import Span, hurry, in_a_hurry, with_launcher
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main as truearc
-from truearc.hw.emulated.clock import StepClock
+from truearc.hw.emulated.nodes import StepClock
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import Config, Prescribed, load_config
-from truearc.sim.world.device_server import keep_time
+from truearc.sim.world.emulated_robot import keep_time
 
 AIM = Prescribed(distance_m=4.0, motor_ratio=0.3, hood_deg=20.0)
 WATCHDOG_MS = 200                     # in real time: a machine that is shared may stall for longer than a robot's
@@ -93,7 +87,7 @@ def play(row: Row, bus: str, folder: Path, stepped: bool) -> str:
     if stepped:
         _play_stepped(place)
     else:
-        small = row.breaking == Disk("full") and _mount(folder)
+        small = row.breaking == Disk("full") and mount_small_disk(folder)
         try:
             _play_real(place)
         finally:
@@ -121,7 +115,7 @@ class _SteppedWorld:
     def __init__(self, place: Place, span: Span, now_ns: Callable[[], int]) -> None:
         self.box = BrokenBox(place.folder / "box", prompt=True)
         self._place, self._span, self._now_ns = place, span, now_ns
-        self._wire = FarWire(*place.bus, _Now(now_ns))
+        self._wire = FarWire(*place.bus, SimpleNamespace(now_ns=now_ns))
         self._far = self._make()
         self._stood_ns = 0                        # how long it has stood still in all
         self._at_ns = 0
@@ -156,12 +150,6 @@ def _make_far_side(place: Place, wire: FarWire, box: BrokenBox, span: Span,
         return MotionSide(place.config, place.row, wire, box, span, now_ns)
     parts = place.config, place.row, place.arms, wire, box, span, now_ns
     return FarSide(*parts) if place.stepped else FarSide(*parts, WATCHDOG_MS)
-
-
-class _Now(NamedTuple):
-    """A clock for frames only."""
-
-    now_ns: Callable[[], int]
 
 
 # --- in real time
@@ -263,10 +251,6 @@ def _wait_for(process: BaseProcess) -> None:
     if process.is_alive():
         process.kill()
         process.join()
-
-
-def _mount(folder: Path) -> bool:
-    return sys.platform == "linux" and mount_small_disk(folder)
 
 
 def _unmount(folder: Path) -> None:

@@ -1,36 +1,50 @@
-"""The robot's side of a run: the code that runs on the robot, and whatever breaks on this side of the wires."""
+"""The robot's side of a run: the code that runs on the robot, and what breaks on this side of the wires.
 
+Bus and clocks, disks, the gate's model, and vision and recorder as processes of their own.
+"""
+
+import errno
+import os
+import resource
+import subprocess
+import threading
+import time
 from collections import Counter
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any
 
+import can
+import cv2
 import msgspec
+import numpy as np
+from onnx import helper
 
-from benchmarks.matrix.beside import Beside
-from benchmarks.matrix.breaking import Breaking, Camera, Disk, Model, Motion, Process, Time, Wire
-from benchmarks.matrix.disks import break_disk
-from benchmarks.matrix.models import BrokenGate
+from benchmarks.matrix.camera import Scenery, SteppedCamera, open_camera
+from benchmarks.matrix.fault import Breaking, Camera, Disk, Model, Motion, Process, Time, Wire
 from benchmarks.matrix.motion import ToldEyes
-from benchmarks.matrix.pictures import Scenery, SteppedCamera, open_camera
-from benchmarks.matrix.span import Span
-from benchmarks.matrix.wires import FlakyBus, StallingClock, StandingWall
-from truearc.cli.robot.run_processes import make_see
-from truearc.hw.protocols import Bus, CameraFrame, Clock, Stream
+from benchmarks.matrix.run import Span
+from truearc.cli.run_processes import CLOSE_S, RecorderProcess, make_see
+from truearc.hw.fault_codes import CAN_ADAPTER_ERROR
+from truearc.hw.protocols import NS_PER_S, Bus, CameraFrame, Clock, LinkLost, Stream
 from truearc.hw.protocols import Camera as CameraLink
-from truearc.hw.real.can_bus import CanBus, open_can
-from truearc.hw.real.reconnect import MendedCamera, MendedStream
-from truearc.hw.real.serial_port import open_serial
-from truearc.hw.real.supervised_bus import ROOM, WAIT_S, SupervisedBus
-from truearc.robot.config.can_policy import guard
+from truearc.hw.real.can_bus import ROOM, WAIT_S, CanBus, SupervisedBus, open_can
+from truearc.hw.real.clock import MonotonicClock
+from truearc.hw.real.processes import Capacity, Child, Line, Slots, make_shared
+from truearc.hw.real.wires import MendedCamera, MendedStream, open_serial
+from truearc.model_export.graph import make_model
+from truearc.model_export.parts import Part
 from truearc.robot.config.schema import Config
-from truearc.robot.gate.model import Rating
-from truearc.robot.processes.tick_timing import Lateness, TimedRig
-from truearc.robot.processes.watchdog_rig import WatchedRig
-from truearc.robot.recording.candump import TappedBus
-from truearc.robot.recording.encoder import SessionWriter
+from truearc.robot.gate.contract import INPUT, NOVELTY, OUTPUT
+from truearc.robot.gate.model import Gate, Rating
+from truearc.robot.motors import guard
+from truearc.robot.processes.loop_health import Lateness, TimedRig, WatchedRig
+from truearc.robot.processes.vision import FarEyes, make_room, watch
+from truearc.robot.recording.files import TappedBus
 from truearc.robot.recording.session import make_header
-from truearc.robot.rig import NS_PER_S, HardwareRig, RecordingRig
+from truearc.robot.recording.writer import Keeper, SessionWriter
+from truearc.robot.rig import HardwareRig, RecordingRig
 from truearc.robot.runtime import RobotIo, run
 from truearc.robot.types import Command, Inputs, Sent
 from truearc.robot.vision_source import Eyes, InlineEyes
@@ -72,7 +86,7 @@ def run_robot(config: Config, breaking: Breaking, bus: tuple[str, str], box_port
     tally: Counter[str] = Counter()
     clock = StallingClock(clock, span, breaking in (Time("late ticks"), Wire("overrun")))
     gate = BrokenGate(breaking.what, span.stands, clock) if isinstance(breaking, Model) else None
-    with ExitStack() as wires, StandingWall(breaking, span):
+    with ExitStack() as wires, standing_wall(breaking, span):
         beside = Beside(config, folder, wires) if is_beside(breaking) else None
         hurry()                                   # as on the robot: vision and recorder have no real time
         wire, box = _open(config, breaking, bus, box_port, span, clock, stepped, tally, wires)
@@ -103,10 +117,12 @@ def _open(config: Config, breaking: Breaking, bus: tuple[str, str], box_port: st
     what = breaking.what if isinstance(breaking, Wire) else ""
 
     def open_flaky() -> CanBus:
+        if what == "adapter out" and span.stands():
+            raise LinkLost(CAN_ADAPTER_ERROR(bus="CAN", detail="no such device"))
         return FlakyBus.over(open_can(*bus, config.can.bitrate, clock, WAIT_S, tally), what, span)
 
     wire: CanBus | SupervisedBus = open_can(*bus, config.can.bitrate, clock, 0.0, tally) if stepped else SupervisedBus(
-        _watching(open_flaky, what, span), clock, tally, SMALL_ROOM if what == "overrun" else ROOM)
+        open_flaky, clock, tally, SMALL_ROOM if what == "overrun" else ROOM)
     if stepped:
         FlakyBus.over(wire, what, span)
     wires.callback(wire.close)
@@ -126,9 +142,248 @@ def _open_eyes(config: Config, breaking: Breaking, span: Span, clock: Clock, ste
     return InlineEyes(camera, make_see(config))
 
 
-def _watching(open_flaky: Callable[[], CanBus], what: str, span: Span) -> Callable[[], CanBus]:
-    """Opening fails, too, while the adapter is out."""
-    def open_again() -> CanBus:
-        FlakyBus.check(what, span)
-        return open_flaky()
-    return open_again
+class Beside:
+    """Both processes; their numbers are in `folder`/vision.pid and recorder.pid, for who wants to stop or kill them."""
+
+    def __init__(self, config: Config, folder: Path, wires: ExitStack) -> None:
+        room = make_room(config.camera.width_px, config.camera.height_px)
+        memory = make_shared(room.bytes)
+        self._folder, self._sightings = folder, Slots(memory, room)
+        self._vision = Child("vision", look, (config, memory, room), restarts=True, mortal=True)
+        wires.callback(self._vision.close, CLOSE_S)
+        self._recorder = RecorderProcess(wires)
+
+    def open_eyes(self, clock: Clock) -> FarEyes:
+        self._vision.wait()
+        self._tell("vision", self._vision)
+        return FarEyes(self._sightings, lambda: self._vision.trouble, clock)
+
+    def open_keeper(self, folder: Path, contents: Mapping[str, bytes]) -> Keeper:
+        keeper = self._recorder.open_keeper(folder, contents)
+        self._tell("recorder", self._recorder.child)
+        return keeper
+
+    def _tell(self, name: str, child: Child) -> None:
+        (self._folder / f"{name}.pid").write_text(str(child.pid))
+
+
+def look(line: Line, is_first: bool, config: Config, memory: object, room: Capacity) -> None:
+    """The vision process."""
+    cv2.setNumThreads(1)
+    clock = MonotonicClock()
+    camera = open_camera(Scenery(config, "", lambda: False), config.camera.fps, clock)
+    line.say(None)
+    watch(camera, make_see(config), Slots(memory, room), clock, line.is_over)
+    camera.close()
+
+
+HOUR_S = 3600.0
+
+
+class FlakyBus:
+    """A python-can bus whose transmit queue is full, or that is gone, while the span stands."""
+
+    def __init__(self, bus: Any, what: str, span: Span) -> None:
+        self._bus, self._what, self._span = bus, what, span
+
+    @staticmethod
+    def over(bus: CanBus, what: str, span: Span) -> CanBus:
+        """`bus`, with a flaky one underneath where one is wanted."""
+        if what in ("queue full", "adapter out"):
+            bus._bus = FlakyBus(bus._bus, what, span)
+        return bus
+
+    def recv(self, wait_s: float) -> can.Message | None:
+        self._look()
+        return self._bus.recv(wait_s)
+
+    def send(self, message: can.Message, timeout: float | None = None) -> None:
+        self._look()
+        if self._what == "queue full" and self._span.stands():
+            raise can.CanOperationError("Transmit buffer full", errno.ENOBUFS)
+        self._bus.send(message, timeout)
+
+    def shutdown(self) -> None:
+        self._bus.shutdown()
+
+    def _look(self) -> None:
+        if self._what == "adapter out" and self._span.stands():
+            raise can.CanOperationError("no such device", errno.ENODEV)
+
+
+class StallingClock:
+    """A clock on which one sleep takes until the span is over: nothing else of the process stands still."""
+
+    def __init__(self, clock: Clock, span: Span, stalls: bool) -> None:
+        self._clock, self._span, self._stalls = clock, span, stalls
+
+    def now_ns(self) -> int:
+        return self._clock.now_ns()
+
+    def sleep_until_ns(self, t_ns: int) -> None:
+        self._clock.sleep_until_ns(t_ns)
+        while self._stalls and self._span.stands():
+            self._clock.sleep_until_ns(self._clock.now_ns() + 2_000_000)
+
+
+@contextmanager
+def standing_wall(breaking: Breaking, span: Span) -> Iterator[None]:
+    """The process reads another time of day while the span stands; the machine's own clock is left alone."""
+    jump_s = {"clock +1 h": HOUR_S, "clock -1 h": -HOUR_S}.get(breaking.what if isinstance(breaking, Time) else "", 0.0)
+    true = time.time
+    if jump_s:
+        time.time = lambda: true() + (jump_s if span.stands() else 0.0)
+    try:
+        yield
+    finally:
+        time.time = true
+
+
+DISK_MB, LOOK_S = 48, 0.005
+
+
+def mount_small_disk(folder: Path) -> bool:
+    """A disk of its own at `folder`, where this user may have one; ENOSPC is real there."""
+    command = ["mount", "-t", "tmpfs", "-o", f"size={DISK_MB}m", "truearc-small-disk", str(folder)]
+    return subprocess.run(command, capture_output=True, check=False).returncode == 0
+
+
+def unmount(folder: Path) -> None:
+    subprocess.run(["umount", "-l", str(folder)], capture_output=True, check=False)
+
+
+def break_disk(recorder: SessionWriter, what: str, span: Span) -> Callable[[], None]:
+    """Break it as long as the span stands; what ends that for good is returned."""
+    if what in ("hangs", "turns read-only"):
+        files = recorder._keeper._files
+        for appender in (files._telemetry, files._can, files._trials, files._index):
+            appender._file = _BadFile(appender._file, what, span)
+        return lambda: None
+    over = threading.Event()
+    work = {"full": _fill, "loses a folder": _lose}[what]
+    thread = threading.Thread(target=_wait_and, args=(work, recorder.folder, span, over), daemon=True)
+    thread.start()
+
+    def end() -> None:
+        over.set()
+        thread.join()
+    return end
+
+
+class _BadFile:
+    """An open file that hangs or refuses."""
+
+    def __init__(self, file: Any, what: str, span: Span) -> None:
+        self._file, self._what, self._span = file, what, span
+        self._wait = threading.Event()
+
+    def write(self, data: bytes) -> int:
+        while self._what == "hangs" and self._span.stands():
+            self._wait.wait(LOOK_S)
+        if self._what == "turns read-only" and self._span.stands():
+            raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+        return int(self._file.write(data))
+
+    def fileno(self) -> int:
+        return int(self._file.fileno())
+
+    def close(self) -> None:
+        self._file.close()
+
+
+def _wait_and(work: Callable[[Path, bool], None], folder: Path, span: Span, over: threading.Event) -> None:
+    while not span.stands():
+        if over.wait(LOOK_S):
+            return
+    work(folder, True)
+    while span.stands() and not over.wait(LOOK_S):
+        pass
+    work(folder, False)
+
+
+def _fill(folder: Path, begins: bool) -> None:
+    """A real ENOSPC where the disk is small; else no file of this process may grow (EFBIG)."""
+    ballast = folder.parent / "ballast"
+    if os.path.ismount(folder.parent):
+        if not begins:
+            ballast.unlink()
+            return
+        with ballast.open("wb", buffering=0) as file:
+            for size in (1 << 20, 1 << 12, 1):
+                try:
+                    while True:
+                        file.write(bytes(size))
+                except OSError:
+                    continue
+        return
+    largest = max(path.stat().st_size for path in folder.iterdir()) if begins else resource.RLIM_INFINITY
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1 if begins else largest, resource.RLIM_INFINITY))
+
+
+def _lose(folder: Path, begins: bool) -> None:
+    here, there = folder / "frames", folder / "frames-away"
+    (here if begins else there).rename(there if begins else here)
+
+
+BOX = {"distance_m": [2.0, 8.0], "motor_ratio": [0.1, 0.9], "hood_deg": [15.0, 60.0]}
+SLOW_NS = 300_000_000
+GOOD = Rating(0.9, 0.8, True, 0.2)
+RATINGS = {"no number": Rating(None, None, False), "not a number": Rating(0.9, float("nan"), True, 0.2), "outside":
+           Rating(0.9, 0.8, False, 0.2), "novel": Rating(0.9, 0.8, False, 3.0), "doubts": Rating(0.9, 0.1, True, 0.2)}
+
+
+class BrokenGate(Gate):
+    """A gate that agrees until the fault begins. `answers` keeps what it said: None where it raised."""
+
+    def __init__(self, what: str, stands: Callable[[], bool], clock: Clock) -> None:
+        self.answers: list[Rating | None] = []
+        self.sha256 = "0" * 64
+        self._what, self._stands, self._clock = what, stands, clock
+
+    def rate(self, distance_m: float, motor_ratio: float, hood_deg: float) -> Rating:
+        if not self._stands():
+            self.answers.append(GOOD)
+        elif self._what == "raises":
+            self.answers.append(None)
+            raise RuntimeError("the model has broken")
+        else:
+            if self._what == "slow":
+                self._clock.sleep_until_ns(self._clock.now_ns() + SLOW_NS)
+            self.answers.append(RATINGS.get(self._what, GOOD))
+        return self.answers[-1] or GOOD
+
+
+class AnswersAgain(Gate):
+    """For replay: what the gate of a run had said, in order."""
+
+    def __init__(self, answers: list[Rating | None]) -> None:
+        self._answers = iter(answers)
+
+    def rate(self, distance_m: float, motor_ratio: float, hood_deg: float) -> Rating:
+        answer = next(self._answers)
+        if answer is None:
+            raise RuntimeError("the model had broken")
+        return answer
+
+
+def write_model(path: Path, what: str) -> None:
+    """A model file with this wrong with it: "corrupted", "truncated", "foreign", "no number" (in its domain)."""
+    data = _make("Log" if what == "no number" else "Sigmoid")
+    if what == "corrupted":
+        middle = len(data) // 2
+        data = data[:middle] + bytes([data[middle] ^ 0xFF]) + data[middle + 1:]
+    elif what == "truncated":
+        data = data[:len(data) // 2]
+    elif what == "foreign":
+        data = data.replace(b'"hood_deg"', b'"hood_rad"')
+    path.write_bytes(data)
+
+
+def _make(last: str) -> bytes:
+    nodes = [helper.make_node("Gemm", [INPUT, "w", "b"], ["z"]), helper.make_node(last, ["z"], [OUTPUT]),
+             helper.make_node("Gemm", [INPUT, "n", "m"], ["far"]), helper.make_node("Abs", ["far"], [NOVELTY])]
+    weights = {"w": np.array([[0.1, 0.1], [-9.0, -9.0], [0.0, 0.0]]), "b": np.zeros(2), "n": np.zeros((3, 1)),
+               "m": np.array([0.2])}
+    return make_model([Part(nodes, weights)], BOX, {"k": 3}, {"seed": 3})
+
+

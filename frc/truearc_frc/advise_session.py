@@ -10,8 +10,8 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from truearc.cli.robot.doctor_checks import report
-from truearc.cli.robot.run_robot import Ending, make_room
+from truearc.cli.doctor_checks import report
+from truearc.cli.run_robot import Ending, make_room
 from truearc.errors import InputError
 from truearc.hw.real.clock import MonotonicClock, wall_clock, wall_offset_ns
 from truearc.robot.advice import POLICY, step
@@ -20,15 +20,15 @@ from truearc.robot.config.rig_spec import Rig, rig_errors
 from truearc.robot.config.schema import AimConfig, Config, load_config, load_toml
 from truearc.robot.config.shot_map import ShotMap, as_signal, load_map
 from truearc.robot.gate.model import load_gate
-from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.session import make_header
+from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import RecordingRig
 from truearc.robot.runtime import run
-from truearc_frc.advice import AdviceIo, Adviser, advised_columns
+from truearc_frc.advice import AdviceIo, advised_columns
 from truearc_frc.camera import NtCamera, keys_of_camera
 from truearc_frc.doctor import look_beside
 from truearc_frc.keys import NtKeys
-from truearc_frc.publisher import PATIENCE_S
+from truearc_frc.publisher import PATIENCE_S, Adviser
 from truearc_frc.table import LISTEN_S, nt4_of
 from truearc_frc.velocity import NtVelocity, keys_of_velocity
 

@@ -6,8 +6,8 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from truearc.errors import InputError
-from truearc.hw.finding import Finding, failure, ok, warning
-from truearc.hw.protocols import Clock
+from truearc.hw.devices.family import Finding, failure, ok, warning
+from truearc.hw.protocols import NS_PER_S, Clock
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import Config
 from truearc.robot.config.shot_map import ShotMap, as_signal
@@ -17,7 +17,6 @@ from truearc_frc.keys import NtKeys, Reading
 from truearc_frc.table import LISTEN_S, nt4_of
 from truearc_frc.velocity import keys_of_velocity
 
-NS_PER_S = 1_000_000_000
 LOOK_NS = 10_000_000
 CONNECT_S = 5.0                       # for the library to find the server
 AHEAD_S = 0.05                        # stamps from the future: more than rounding

@@ -5,10 +5,9 @@ from collections.abc import Iterator, Mapping
 from typing import Protocol
 
 from truearc.errors import InputError
-from truearc.hw.devices.family import Heard
-from truearc.hw.devices.hood_encoder import CHECK, Around, Encoder, EncoderFamily
-from truearc.hw.emulated.nodes import MS, Plant
-from truearc.hw.finding import Finding, failure, ok
+from truearc.hw.devices.family import CHECK, Around, Encoder, EncoderFamily, Finding, Heard, failure, ok
+from truearc.hw.emulated.nodes import Plant
+from truearc.hw.protocols import NS_PER_MS as MS
 from truearc.hw.protocols import AngleReading
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.reason import Reason

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from contextlib import ExitStack
 from pathlib import Path
 
-from truearc.hw.finding import Finding
+from truearc.hw.devices.family import Finding
 from truearc.hw.protocols import Clock
 from truearc.robot.config.reading_tables import ReadingTable
 from truearc.robot.config.schema import Config

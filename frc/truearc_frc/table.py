@@ -9,8 +9,8 @@ import msgspec
 from msgspec import Meta, Struct
 from msgspec.structs import replace
 
-from truearc.hw.devices.axis import Positive
-from truearc.robot.config.limit_table import Limit, out_of_range
+from truearc.hw.devices.family import Positive
+from truearc.robot.config.limits import Limit, out_of_range
 from truearc.robot.config.reading_tables import stated
 from truearc.robot.config.schema import Config
 

@@ -12,15 +12,14 @@ from typing import Protocol
 import msgspec
 from msgspec.structs import replace
 
-from truearc.hw.protocols import Clock
-from truearc.hw.real.child_process import Child, Line, make_shared
+from truearc.hw.protocols import NS_PER_S, Clock
 from truearc.hw.real.clock import MonotonicClock
-from truearc.hw.shared_latest import Capacity, Slots
+from truearc.hw.real.processes import Capacity, Child, Line, Slots, make_shared
 from truearc.robot.advice import CALM_S
 from truearc.robot.config.schema import Config
 from truearc.robot.runtime import RigLayer, RobotIo
 from truearc.robot.types import Inputs, RobotVelocity
-from truearc_frc.advice import NS_PER_S, Keys
+from truearc_frc.advice import Keys
 from truearc_frc.keys import NtKeys, Reading
 from truearc_frc.table import Nt4Velocity, nt4_of
 

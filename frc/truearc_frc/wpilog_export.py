@@ -16,8 +16,7 @@ import msgspec
 from truearc.robot.recording.export.convert import ExportRows, due
 from truearc.robot.recording.export.field_pose import ASSUMED, FieldPose, pose_of
 from truearc.robot.recording.export.tabular import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Column, Value
-from truearc.robot.recording.export.wall_time import wall_time
-from truearc.robot.recording.rows import Trial
+from truearc.robot.recording.session import Trial, wall_time
 
 TYPES = {FLOAT: "double", INT: "int64", BOOL: "boolean", TEXT: "string", TEXTS: "string[]", FLOATS: "double[]",
          "json": "json", "structschema": "structschema", "struct:Pose2d": "struct:Pose2d"}
@@ -107,7 +106,7 @@ def _start(log: WpilogWriter, column: Column, t_us: int) -> int:
 
 def _write_wall_time(log: WpilogWriter, rows: ExportRows, t_ns: int) -> None:
     """WPILib's own entry for it; none of an emulated robot."""
-    wall = wall_time(rows.header, t_ns)
+    wall = wall_time(rows.header)
     if wall.offset_ns:
         number = log.start("systemTime", INT, _said(source=wall.how, format="time_t_us"), t_ns // 1000)
         log.append(number, t_ns // 1000, make_payload(INT, (t_ns + wall.offset_ns) // 1000) or b"")

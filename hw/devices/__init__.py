@@ -1,1 +1,1 @@
-"""Device families: one folder each, with pure frames, a motor driver and an emulator."""
+"""Device families: a file each, or a folder where the family has a DBC file."""

@@ -1,25 +1,134 @@
-"""Everything that a family of motor controllers declares about itself, one MotorFamily value; listening to devices."""
+"""Declaration of a device family: its tables in launcher.toml, one MotorFamily or EncoderFamily value, its doctor."""
 
 import contextlib
 import math
 import statistics
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Generic, NamedTuple, TypeVar
+from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, TypeVar
 
+import msgspec
 from msgspec import Struct
+from msgspec.structs import replace
 
-from truearc.hw.devices.axis import Axis, Bounds
-from truearc.hw.devices.bus_rules import Rules
+from truearc.hw.bus_rules import Rules
+from truearc.hw.devices.drivers import LAG_S, MOVING_RAD_S, Agreement, RoundTrip, is_byte_swapped
 from truearc.hw.emulated.nodes import Node, Plant
-from truearc.hw.encoder_plausibility import LAG_S, MOVING_RAD_S, Agreement, is_byte_swapped
 from truearc.hw.fault_codes import BY_NAME
-from truearc.hw.finding import Finding, failure, ok, warning
-from truearc.hw.protocols import BadFrame, Bus, Clock, Frame, Motor, MotorReading
+from truearc.hw.protocols import NS_PER_S, AngleReading, BadFrame, Bus, Clock, Frame, Motor, MotorReading
 from truearc.hw.reason import Message, Reason, render
 
+# --- what one check found
+
+OK, WARNING, FAILURE = "ok", "warning", "failure"
+
+
+class Finding(Struct, frozen=True):
+    """One line: what was looked at, how it is, and what to do about it (empty when it is well)."""
+
+    check: str
+    level: str                        # OK, WARNING (it runs, with something less) or FAILURE (it will not run well)
+    says: str
+    do: str = ""
+
+
+def ok(check: str, says: str) -> Finding:
+    return Finding(check, OK, says)
+
+
+def warning(check: str, says: str, do: str) -> Finding:
+    return Finding(check, WARNING, says, do)
+
+
+def failure(check: str, says: str, do: str) -> Finding:
+    return Finding(check, FAILURE, says, do)
+
+
+def line(finding: Finding) -> str:
+    """The finding as it is printed; a failure is in capitals."""
+    level = finding.level.upper() if finding.level == FAILURE else finding.level
+    return f"{level:8s} {finding.check}: {finding.says}" + (f" -> {finding.do}" if finding.do else "")
+
+
+# --- tables of axes and of the hood encoder
+
+Finite = Annotated[float, msgspec.Meta(gt=-1e9, lt=1e9)]
+Positive = Annotated[float, msgspec.Meta(gt=0.0, lt=1e9)]
+CanNode = Annotated[int, msgspec.Meta(ge=0, le=62)]     # 63 addresses every ODrive, and every device of the FRC
+TorquePerAmp = Annotated[float, msgspec.Meta(ge=0.0, le=10.0)]      # Nm/A: a motor of 10 kW has 1
+Direction = Literal[-1, 1]            # sign that makes positive launch a ball or raise the hood
+
+SPEED_SPARE = 1.15                    # times the top speed: an ODrive's torque fades as its speed nears the limit
+CURRENT_SPARE = 1.1                   # times the current of the top torque, so that no rounding cuts it
+
+
+class Axis:
+    """Base of the structs that a family declares for its table, beside msgspec.Struct.
+
+    Such a struct has `forbid_unknown_fields=True`, `tag_field="driver"` and its family's name as `tag`. No key has a
+    default but one that earlier files lack, and then `omit_defaults=True`: their recordings keep their hash.
+    """
+
+    __slots__ = ()
+    __struct_config__: ClassVar[Any]
+
+
+class HoodEncoder:
+    """Base of the structs that a family declares for [hood_encoder], beside msgspec.Struct; tagged as an Axis's are, or
+    with a key `driver`."""
+
+    __slots__ = ()
+    __struct_config__: ClassVar[Any]
+
+    @property
+    def is_heard(self) -> bool:
+        """Whether there is one. If not, the hood's angle is the count of its screw since homing."""
+        return True
+
+    @property
+    def zero_deg(self) -> float | None:
+        """Its reading where the launch elevation is 0; None: it counts from 0, and homing tells."""
+        return 0.0
+
+    @property
+    def direction(self) -> int:
+        """+1 if its reading grows with the elevation, else -1."""
+        return 1
+
+
+def driver_of(axis: Axis | HoodEncoder) -> str:
+    """The `driver` of the table."""
+    return str(axis.__struct_config__.tag or getattr(axis, "driver"))  # noqa: B009
+
+
+class Bounds(NamedTuple):
+    """Of one axis, at the motor's shaft, from the rest of the configuration; None: nothing is known of it.
+
+    top_rad_s, top_nm: speed and torque that it never passes while all is well.
+    brakes: whether it is to brake when it is let go, rather than coast.
+    """
+
+    top_rad_s: float | None = None
+    top_nm: float | None = None
+    brakes: bool | None = None
+
+
+def speed_limit_rad_s(bounds: Bounds) -> float | None:
+    """The controller's own limit; None where the axis has none."""
+    return None if bounds.top_rad_s is None else SPEED_SPARE * bounds.top_rad_s
+
+
+def current_limit_a(bounds: Bounds, torque_nm_a: float) -> float | None:
+    """The controller's own limit, of a motor that gives so much torque per A; None where that is 0, for unknown."""
+    if bounds.top_nm is None or not torque_nm_a:
+        return None
+    asked_a = CURRENT_SPARE * bounds.top_nm / torque_nm_a
+    return float(math.ceil(asked_a)) if math.isfinite(asked_a) else asked_a
+
+
+# --- motor controllers
+
 Reading = TypeVar("Reading")
-NS_PER_S = 1_000_000_000
 LOOK_NS = 5_000_000                   # between looks at the bus
 AxisKind = TypeVar("AxisKind", bound=Axis)
 
@@ -202,3 +311,87 @@ class MotorFamily(Struct, Generic[AxisKind], frozen=True, kw_only=True, eq=False
     messages: tuple[Message, ...] = ()
     signs_current: bool = True
     stored_settings: Callable[[AxisKind, Bounds, Endpoints], StoredSettings] | None = None
+
+
+# --- hood encoders
+
+CHECK = "hood encoder"                # as the doctor and reasons name it
+
+
+Table = TypeVar("Table", bound=HoodEncoder)
+
+
+class Encoder:
+    """A hood encoder at work, here one that is not there. It never waits: `take` is given the frames that came."""
+
+    reading: AngleReading | None = None
+
+    def ids(self) -> tuple[tuple[int, bool], ...]:
+        """(arbitration id, is extended) of every frame that `take` understands."""
+        return ()
+
+    def take(self, frame: Frame) -> None:
+        """Bring `reading` up to date by one frame that is not remote; BadFrame leaves it as it was."""
+
+    def read(self, t_ns: int) -> AngleReading | None:
+        """Once a tick: the newest angle; None before the first."""
+        return self.reading
+
+    def faults(self, t_ns: int) -> tuple[Reason, ...]:
+        """Faults that the reading does not hold and that stand in the way of firing; of its device, about a "motor"."""
+        return ()
+
+    def frames(self, t_ns: int) -> tuple[Frame, ...]:
+        """Once a tick, while there is a bus: frames to send."""
+        return ()
+
+
+def aged(reading: AngleReading | None, by_ns: int) -> AngleReading | None:
+    """A reading whose device has been found to be later by so much than it was known to be."""
+    if reading is None or not by_ns:
+        return reading
+    faults_t_ns = reading.faults_t_ns and reading.faults_t_ns - by_ns       # 0 and absent stay so
+    return replace(reading, t_ns=reading.t_ns - by_ns, faults_t_ns=faults_t_ns)
+
+
+def trip_faults(trip: RoundTrip, t_ns: int) -> tuple[Reason, ...]:
+    """Once a tick: why the encoder may not be believed, as far as how late it comes tells."""
+    trip.tick(t_ns)
+    fault = trip.fault()
+    return () if fault is None else (fault.about(motor=CHECK),)
+
+
+class Around(NamedTuple):
+    """The part of the rest of the configuration that an encoder may need."""
+
+    longest_age_s: float              # of an angle that may still fire
+    readings: Mapping[str, Mapping[str, Any]]     # tables of other distributions, by name
+
+
+class EncoderFamily(Struct, Generic[Table], frozen=True, kw_only=True, eq=False):
+    """One kind of hood encoder.
+
+    driver: its name, `driver` in launcher.toml.
+    table: struct of [hood_encoder].
+    example: such a table, for tests.
+    least_sigma_deg: [rig.noise] hood_deg may not be smaller, which is how well a dataset says the angle is known.
+    make: what reads it on the robot.
+    make_rules: frames of it, and how often within WINDOW_NS one may be sent that each tick sends once.
+    questions: what the doctor asks; no answer may need a change of the device.
+    errors: why a reading with these `faults` (of AngleReading) is not to be believed, about a "motor".
+    examine: the doctor's findings from what was heard.
+    make_node: the emulated device, given those of the motors by name; None where one of them has it on board.
+    make_off_bus: for one that is not on the bus, what reads it on the emulated robot. It is not replayed from frames.
+    """
+
+    driver: str
+    table: type[Table]
+    example: Table
+    least_sigma_deg: float
+    make: Callable[[Table, Around], Encoder]
+    make_rules: Callable[[Table, int], Sequence[Rules]]
+    questions: Callable[[Table], Sequence[Frame]]
+    examine: Callable[[Table, Around, Heard], Iterable[Finding]]
+    make_node: Callable[[Table, Plant, Mapping[str, Node]], Node | None]
+    errors: Callable[[Table, int], Sequence[Reason]] = lambda table, faults: ()
+    make_off_bus: Callable[[Table, Plant], Encoder] | None = None

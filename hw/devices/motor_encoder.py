@@ -1,4 +1,4 @@
-"""An encoder that a motor controller of any MotorFamily reports as its position; the controller is never driven."""
+"""Hood encoders without a device of their own: a motor controller's encoder, and none at all."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -6,14 +6,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from msgspec import Struct
 
 from truearc.hw import fault_codes as codes
-from truearc.hw.devices.axis import Axis, Bounds, Finite, HoodEncoder, Positive
-from truearc.hw.devices.bus_rules import Rules
-from truearc.hw.devices.family import AttachedMotor, AxisCheck, Heard
-from truearc.hw.devices.hood_encoder import CHECK, Around, Encoder, EncoderFamily
+from truearc.hw.devices import family
+from truearc.hw.devices.family import CHECK, Around, AttachedMotor, Encoder, EncoderFamily, Finding, HoodEncoder, ok
 from truearc.hw.devices.odrive.family import OdriveConfig
 from truearc.hw.devices.registry import family_of
 from truearc.hw.emulated.nodes import MotorTruth, Node, Plant
-from truearc.hw.finding import Finding
 from truearc.hw.protocols import AngleReading, Frame, Motor, MotorReading
 from truearc.hw.reason import Reason
 
@@ -27,16 +24,16 @@ class MotorEncoderConfig(Struct, HoodEncoder, frozen=True, forbid_unknown_fields
                          tag_field="driver", tag="motor"):
     """A controller whose encoder turns with the hood; its own direction makes a rising hood positive."""
 
-    controller: Axis
-    gear: Positive                    # turns of the encoder per turn of the hood
-    zero_deg: Finite | None = None    # reading where the launch elevation is 0; absent: it counts, the switch tells
+    controller: family.Axis
+    gear: family.Positive                    # turns of the encoder per turn of the hood
+    zero_deg: family.Finite | None = None     # reading at a launch elevation of 0; absent: it counts, the switch tells
 
 
 class MotorEncoder(Encoder):
     """A motor of which only the position is used."""
 
     def __init__(self, table: MotorEncoderConfig) -> None:
-        motors: Sequence[Motor] = family_of(table.controller).make_motors([table.controller], [Bounds()])
+        motors: Sequence[Motor] = family_of(table.controller).make_motors([table.controller], [family.Bounds()])
         self._motor, self._table = motors[0], table
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
@@ -66,19 +63,9 @@ def errors_of(table: MotorEncoderConfig, axis_error: int) -> tuple[Reason, ...]:
     return tuple(error for error in errors if error.code not in DRIVING)
 
 
-def make_rules(table: MotorEncoderConfig, each_tick: int) -> tuple[Rules]:
-    rules: Rules = family_of(table.controller).make_rules(table.controller, each_tick)
-    return (rules,)
-
-
-def questions(table: MotorEncoderConfig) -> Sequence[Frame]:
-    asked: Sequence[Frame] = family_of(table.controller).questions(table.controller, None)
-    return asked
-
-
-def examine(table: MotorEncoderConfig, around: Around, heard: Heard) -> Iterator[Finding]:
+def examine(table: MotorEncoderConfig, around: Around, heard: family.Heard) -> Iterator[Finding]:
     """Its controller's findings."""
-    yield from family_of(table.controller).examine(table.controller, AxisCheck(CHECK, TICK_HZ, None), heard)
+    yield from family_of(table.controller).examine(table.controller, family.AxisCheck(CHECK, TICK_HZ, None), heard)
 
 
 class _Pivot:
@@ -107,5 +94,26 @@ def make_node(table: MotorEncoderConfig, plant: Plant, nodes: Mapping[str, Node]
 
 MOTOR = EncoderFamily(
     driver="motor", table=MotorEncoderConfig, example=MotorEncoderConfig(OdriveConfig(6, 1, 0), 1.0),
-    least_sigma_deg=SIGMA_DEG, make=lambda table, around: MotorEncoder(table), make_rules=make_rules,
-    questions=questions, errors=errors_of, examine=examine, make_node=make_node)
+    least_sigma_deg=SIGMA_DEG, make=lambda table, around: MotorEncoder(table),
+    make_rules=lambda table, each_tick: (family_of(table.controller).make_rules(table.controller, each_tick),),
+    questions=lambda table: family_of(table.controller).questions(table.controller, None),
+    errors=errors_of, examine=examine, make_node=make_node)
+
+
+# Play of the nut, where the switch closes, and a jump of the count that is too small to show: nothing corrects them
+COUNT_SIGMA_DEG = 0.5
+
+
+class NoEncoder(Struct, HoodEncoder, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="none"):
+    """There is none, so nothing checks the count."""
+
+    @property
+    def is_heard(self) -> bool:
+        return False
+
+
+NONE = EncoderFamily(
+    driver="none", table=NoEncoder, example=NoEncoder(), least_sigma_deg=COUNT_SIGMA_DEG,
+    make=lambda table, around: Encoder(), make_rules=lambda table, each_tick: (), questions=lambda table: (),
+    examine=lambda table, around, heard: (ok(CHECK, "there is none: the screw's count since homing is not checked"),),
+    make_node=lambda table, plant, nodes: None)

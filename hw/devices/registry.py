@@ -12,12 +12,11 @@ from importlib.metadata import entry_points
 from types import MappingProxyType
 from typing import Any
 
-from truearc.hw.devices.advisory.family import ADVISORY
-from truearc.hw.devices.axis import Axis, driver_of
-from truearc.hw.devices.family import MotorFamily
+from truearc.errors import PluginError, load_plugin, only_point, place_of
+from truearc.hw.devices.advisory import ADVISORY
+from truearc.hw.devices.family import Axis, MotorFamily, driver_of
 from truearc.hw.devices.odrive.family import ODRIVE
 from truearc.hw.devices.spark.family import SPARK
-from truearc.hw.plugins import PluginError, load_plugin, only_point, place_of
 from truearc.hw.reason import Message
 
 GROUP = "truearc.motors"

@@ -1,4 +1,4 @@
-"""Emulated devices on the CAN bus, and all that they may ask of the world that they are attached to.
+"""Emulated devices on the CAN bus, the world that they ask, and the clock that advances both.
 
 `truearc.sim.world` implements `Plant`; the devices only quantise, delay and put on the wire.
 """
@@ -7,13 +7,12 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from truearc.hw.codec import Codec, Values
-from truearc.hw.protocols import BadFrame, Frame
+from truearc.hw.protocols import BadFrame, Bus, Frame
 
 if TYPE_CHECKING:                     # every command loads this module, and most use no arrays
     import numpy as np
     import numpy.typing as npt
 
-MS = 1_000_000                                    # ns
 
 
 class MotorTruth(NamedTuple):
@@ -141,3 +140,67 @@ class ReportingNode:
         except BadFrame:
             self.bad_frames += 1
             return None
+
+
+# --- all of them together
+
+Stepper = Callable[[int], None]
+
+
+class Twin:
+    """Emulated devices on `bus`, and the plant that they are attached to.
+
+    Within one `advance` the world stops whenever a device has something to do, so every frame says what was true when
+    it was due, whatever the robot's own cadence. `steppers` (button box, camera, driver) run at its end, in order.
+    """
+
+    def __init__(self, plant: Plant, bus: Bus, nodes: tuple[Node, ...], steppers: tuple[Stepper, ...] = ()) -> None:
+        self._plant, self._bus, self._nodes, self._steppers = plant, bus, nodes, steppers
+        self._drives = tuple((node.motor, node) for node in nodes if node.motor is not None)
+        self._t_ns = 0
+        self._listeners: dict[tuple[int, bool], list[Node]] = {}
+        for node in nodes:
+            for key in node.ids():
+                self._listeners.setdefault(key, []).append(node)
+
+    def advance(self, t_ns: int) -> None:
+        """Let the devices hear what was sent, bring the world to `t_ns`, and let them speak when they are due."""
+        self._hear()
+        self._speak()
+        while self._t_ns < t_ns:
+            due_ns = min((node.due_ns() for node in self._nodes), default=t_ns)
+            self._t_ns = min(t_ns, max(due_ns, self._t_ns + 1))
+            self._plant.advance(self._t_ns, {motor: node.torque_nm() for motor, node in self._drives})
+            self._speak()
+        for step in self._steppers:
+            step(t_ns)
+
+    def _hear(self) -> None:
+        for frame in self._bus.read():
+            for node in self._listeners.get((frame.arbitration_id, frame.is_extended), ()):
+                for answer in node.receive(frame, self._t_ns):
+                    self._bus.write(answer)
+
+    def _speak(self) -> None:
+        for node in self._nodes:
+            if node.due_ns() <= self._t_ns:
+                for frame in node.step(self._t_ns):
+                    self._bus.write(frame)
+
+
+class StepClock:
+    """truearc.hw.protocols.Clock of a twin: sleeping makes the emulated world advance, as fast as it can be
+    computed."""
+
+    def __init__(self, advance: Callable[[int], None]) -> None:
+        self._advance = advance
+        self._now_ns = 0
+
+    def now_ns(self) -> int:
+        return self._now_ns
+
+    def sleep_until_ns(self, t_ns: int) -> None:
+        """Bring the world to `t_ns`, and then the clock; nothing happens when that is past."""
+        if t_ns > self._now_ns:
+            self._advance(t_ns)
+            self._now_ns = t_ns

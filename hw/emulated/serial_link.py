@@ -1,8 +1,12 @@
-"""The cable of a serial device: a pseudo-terminal, or a loopback socket where there are none."""
+"""The emulated ends of serial cables, and a serial CAN adapter at one of them."""
 
 import contextlib
+import re
 import socket
 from typing import Protocol
+
+from truearc.hw.protocols import Frame
+from truearc.hw.reason import Reason
 
 CHUNK = 65536
 FULL = 65536                                      # unread bytes: the rest is lost
@@ -85,3 +89,91 @@ def open_cable(prompt: bool) -> Cable:
         return PtyCable(prompt)
     except (ImportError, OSError):                # ImportError: Windows
         return SocketCable()
+
+
+# --- a CAN adapter
+
+CR, BEL = b"\r", b"\a"
+VERSION, SERIAL = b"V1013\r", b"NT254\r"
+BITRATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
+LONGEST = 32                                      # characters; no command is longer
+
+_FRAME = re.compile(rb"(?:([tr])([0-7][0-9A-F]{2})|([TR])([01][0-9A-F]{7}))([0-8])((?:[0-9A-F]{2})*)", re.IGNORECASE)
+
+
+class SlcanAdapter:
+    """truearc.hw.protocols.Bus as the emulated devices see it, through an adapter to a host who opens `port`.
+
+    While the host has not opened the channel, nothing reaches it and nothing of it reaches the devices.
+    """
+
+    def __init__(self, cable: Cable) -> None:
+        self.port = cable.port
+        self.bitrate: int | None = None
+        self.is_open = self.is_listening = False
+        self._cable = cable
+        self._pending = b""
+
+    def read(self) -> list[Frame]:
+        """Frames that the host has sent since the last call; its other commands are obeyed on the way."""
+        *lines, self._pending = (self._pending + self._cable.read()).split(CR)
+        frames: list[Frame] = []
+        for line in lines:
+            answer, frame = self._obey(line)
+            if frame is not None:
+                frames.append(frame)
+            self._cable.write(answer)
+        if len(self._pending) > LONGEST:
+            self._pending = b""
+            self._cable.write(BEL)
+        return frames
+
+    def write(self, frame: Frame) -> bool:
+        """Pass a device's frame on; False when the host does not fetch what it is sent."""
+        return not self.is_open or self._cable.write(make_line(frame))
+
+    def faults(self) -> list[Reason]:
+        return []
+
+    def close(self) -> None:
+        self._cable.close()
+
+    def _obey(self, line: bytes) -> tuple[bytes, Frame | None]:
+        if line[:1] in (b"t", b"T", b"r", b"R"):
+            frame = parse_line(line) if self.is_open and not self.is_listening else None
+            return (BEL if frame is None else b"Z\r" if frame.is_extended else b"z\r"), frame
+        return self._command(line), None
+
+    def _command(self, line: bytes) -> bytes:
+        if line == b"":
+            return CR
+        if line in (b"O", b"L") and not self.is_open:
+            self.is_open, self.is_listening = True, line == b"L"
+            return CR
+        if line == b"C" and self.is_open:
+            self.is_open = self.is_listening = False
+            return CR
+        if not self.is_open and re.fullmatch(rb"S[0-8]|s[0-9A-Fa-f]{4}", line):
+            self.bitrate = BITRATES[int(line[1:])] if line[:1] == b"S" else None
+            return CR
+        answers = {b"V": VERSION, b"N": SERIAL} | ({b"F": b"F00\r"} if self.is_open else {})
+        return answers.get(line, BEL)
+
+
+def make_line(frame: Frame) -> bytes:
+    """The line that hands a received frame to the host."""
+    kind = ("R" if frame.is_extended else "r") if frame.is_remote else ("T" if frame.is_extended else "t")
+    name = f"{frame.arbitration_id:08X}" if frame.is_extended else f"{frame.arbitration_id:03X}"
+    return f"{kind}{name}{len(frame.data)}{frame.data.hex().upper()}\r".encode("ascii")
+
+
+def parse_line(line: bytes) -> Frame | None:
+    """The frame that a line without its end asks to be sent; None when it is no such line, to the letter."""
+    match = _FRAME.fullmatch(line)
+    if match is None:
+        return None
+    kind, data = match[1] or match[3], bytes.fromhex(match[6].decode("ascii"))
+    is_remote = kind in (b"r", b"R")
+    if len(data) != (0 if is_remote else int(match[5])):
+        return None
+    return Frame(0, int(match[2] or match[4], 16), data, match[3] is not None, is_remote)

@@ -7,10 +7,9 @@ import cv2
 import numpy as np
 
 from truearc.hw import fault_codes
-from truearc.hw.protocols import CameraFrame, Clock, LinkLost
+from truearc.hw.protocols import NS_PER_MS, CameraFrame, Clock, LinkLost
 from truearc.hw.reason import Reason
 
-NS_PER_MS = 1_000_000
 SILENT_NS = 2_000_000_000                         # without an image for this long the camera is lost
 FAILURES = 10                                     # refused images in a row
 MANUAL = 1.0                                      # V4L2_EXPOSURE_MANUAL

@@ -12,7 +12,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
 from truearc.errors import InputError
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")

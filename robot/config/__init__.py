@@ -1,1 +1,1 @@
-"""The launcher's configuration: schema, rig specification, shot plan and CAN policy."""
+"""The launcher's configuration: schema, limits, rig specification, shot maps and units."""

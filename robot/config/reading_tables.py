@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 from msgspec import UNSET, Struct
 from msgspec.structs import fields
 
-from truearc.hw.plugins import PluginError, load_plugin, only_point, place_of
+from truearc.errors import PluginError, load_plugin, only_point, place_of
 
 GROUP = "truearc.readings"
 

@@ -11,8 +11,6 @@ from typing import Any
 import msgspec
 from msgspec import UNSET, Struct, UnsetType, field
 
-from truearc.errors import struct_in
-
 POSITIVE = ("ball.mass_kg", "ball.radius_m", "launcher.free_speed_rad_s", "launcher.wheel.radius_m",
             "target.two_half_height_m", "world.gravity_m_s2",
             "tracker.scale_sd", "tracker.tilt_sd_deg", "tracker.clock_sd")
@@ -194,17 +192,3 @@ def _leaves(value: Any, key: str) -> list[tuple[str, Any]]:
     if isinstance(value, list | tuple):
         return [leaf for part in value for leaf in _leaves(part, key)]
     return [(key, value)]
-
-
-def with_nan(table: dict[str, Any], kind: Any = Rig) -> dict[str, Any]:
-    """Return the JSON of a rig with NaN where a number is null, as JSON writes it; null stays where None may be."""
-    filled = dict(table)
-    for one in msgspec.structs.fields(kind):
-        value, inner = filled.get(one.name), struct_in(kind.__annotations__[one.name])
-        if one.type is float and one.name in filled and value is None:
-            filled[one.name] = math.nan
-        elif inner is not None and isinstance(value, dict):
-            filled[one.name] = with_nan(value, inner)
-        elif inner is not None and isinstance(value, list):
-            filled[one.name] = [with_nan(row, inner) for row in value]
-    return filled

@@ -1,5 +1,6 @@
-"""The launcher's configuration: one TOML file, no defaults, so that a typo cannot become one."""
+"""The launcher's configuration: one TOML file, no defaults, so that a typo cannot become one; and its hash."""
 
+import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -7,22 +8,10 @@ from typing import Annotated, Any, Literal, TypeVar
 import msgspec
 from msgspec import Struct
 
-from truearc.errors import (
-    InputError,
-    joined,
-    line_of,
-    line_of_key,
-    load_text,
-    missing_keys,
-    near_key,
-    near_tables,
-    parse_table,
-    reworded,
-    struct_in,
-    unknown_keys,
-)
-from truearc.hw.devices.axis import Axis, Finite, HoodEncoder, Positive
-from truearc.hw.plugins import ELSEWHERE, PluginError, needs
+from truearc import errors
+from truearc.errors import ELSEWHERE, InputError, PluginError, line_of_key, load_text, needs, struct_in
+from truearc.hw.devices import registry
+from truearc.hw.devices.family import Axis, Finite, HoodEncoder, Positive
 from truearc.robot.config.limits import cannot_throw, contradictions, warn_of_pitch, warn_of_terms
 from truearc.robot.config.reading_tables import Driving, ReadingTable, find_table, stated, table_names
 from truearc.robot.config.rig_spec import Rig, rig_errors
@@ -205,7 +194,7 @@ class Collect(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tru
     efficiency: Positive                 # first guess of vacuum exit speed / mean wheel surface speed, air included
     walk_start: tuple[Finite, Finite, Finite]    # where the walk begins: level, slope in distance, slope in elevation
     walk_step: Finite                  # log speed per high/low mark
-    prescribed: tuple[Prescribed, ...] = ()       # what `--plan` gives; see truearc.robot.config.shot_plan
+    prescribed: tuple[Prescribed, ...] = ()       # what `--plan` gives; see truearc.robot.config.overrides
 
 
 class AimConfig(Struct, frozen=True, forbid_unknown_fields=True):
@@ -297,8 +286,9 @@ def load_config(path: str | Path) -> Config:
     """Read launcher.toml; InputError names file, key and line, or the key of a number that cannot be true."""
     text = load_text(path)
     config = parse_toml(text, Config, str(path))
-    for key in unknown_keys(parse_table(text, str(path))["rig"], Rig):
-        raise InputError(f"{path}{line_of_key(text, f'rig.{key}')}: rig.{key}: unknown key{near_key(key, Rig, None)}")
+    for key in errors.unknown_keys(errors.parse_table(text, str(path))["rig"], Rig):
+        raise InputError(f"{path}{line_of_key(text, f'rig.{key}')}: rig.{key}: unknown key"
+                         f"{errors.near_key(key, Rig, None)}")
     for key, what in (*((f"rig.{key}", what) for key, what in rig_errors(config.rig)), *contradictions(config),
                       *cannot_throw(config.rig)):
         raise InputError(f"{path}{line_of_key(text, key)}: {key}: {what}")
@@ -314,22 +304,9 @@ def load_toml(path: str | Path, kind: type[Kind]) -> Kind:
 
 def parse_toml(text: str, kind: type[Kind], name: str) -> Kind:
     """As load_toml, of text that came from somewhere called `name`."""
-    table = parse_table(text, name)
-    others = _other_tables(table, text, name) if kind is Config else ()
-    wide: Any = _beside(kind, others)
-    try:
-        read: Kind = _as_plain(msgspec.convert(table, wide, dec_hook=read_axis), kind, others)
-        return read
-    except msgspec.ValidationError as error:
-        message, missing = joined(str(error)), missing_keys(table, wide, struct_of=table_struct)
-        said = reworded(message, table, _known)
-        unknown = said.endswith(": unknown key")
-        near = near_key(said.removesuffix(": unknown key"), wide, table, table_struct) if unknown else ""
-        here = f"{name}{line_of(text, message)}: {said}{near}"
-        if len(missing) > 1 and not near:
-            lacks = f"keys are missing: {', '.join(missing)}{near_tables(table, wide)}"
-            here = f"{here}; {lacks}" if unknown else f"{name}: {lacks}"
-        raise InputError(here) from error
+    others = _other_tables(errors.parse_table(text, name), text, name) if kind is Config else ()
+    return _as_plain(errors.parse_struct(text, _beside(kind, others), name, read_axis, table_struct, _known), kind,
+                     others)
 
 
 def _other_tables(table: dict[str, Any], text: str, name: str) -> tuple[ReadingTable, ...]:
@@ -378,7 +355,7 @@ def read_axis(kind: type, table: Any) -> Axis | HoodEncoder:
     except LookupError:
         raise ValueError(f"Invalid value {driver!r} - at `$.driver`") from None
     except msgspec.ValidationError as error:
-        raise ValueError(joined(str(error))) from error
+        raise ValueError(errors.joined(str(error))) from error
 
 
 def table_struct(annotation: Any, table: Any) -> Any:
@@ -401,12 +378,10 @@ def _device(annotation: Any) -> Any:
 
 def table_of(kind: Any, table: dict[str, Any]) -> Any:
     """The struct of a device's table, by its driver; kind: Axis or HoodEncoder. Raises as find_family."""
-    # drivers need cantools, which most commands do without
     if kind is HoodEncoder:
         from truearc.robot.hood_encoders import encoder_table
         return encoder_table(table["driver"], "key" in table)
-    from truearc.hw.devices.registry import find_family
-    return find_family(table["driver"]).axis
+    return registry.find_family(table["driver"]).axis
 
 
 def _known(key: str) -> list[str]:
@@ -415,7 +390,59 @@ def _known(key: str) -> list[str]:
         from truearc.robot.hood_encoders import encoder_drivers
         return list(encoder_drivers())
     if key.endswith(".driver") or key == "hood_encoder.controller":
-        from truearc.hw.devices.registry import drivers
-        return list(drivers())
+        return list(registry.drivers())
     few = {"aim.policy": ["plan", "belief"]}
     return ["1", "-1"] if key.endswith(".direction") else few.get(key, [])
+
+
+# --- as a recording keeps it: config.json, and the hash by which session.json names it
+
+def config_hash(config: Config) -> str:
+    """SHA-256 of what the configuration says, however its file was written or the value came here.
+
+    A key that may be left out and has its default counts as left out, so that a later version may add keys.
+    """
+    table = stated(config)
+    return _sha256(table | table.pop("readings", {}))
+
+
+def is_hash_of(sha256: str, config: Config) -> bool:
+    """Whether a recording's hash is this configuration's.
+
+    Recordings made until November 2026 hash the encoded text, in which a default was left out only if it was the very
+    same object; read back from its own file, a configuration still encodes as it did then.
+    """
+    return sha256 in (config_hash(config), hashlib.sha256(msgspec.json.encode(plain_table(config))).hexdigest())
+
+
+def plain_table(config: Config) -> dict[str, Any]:
+    """The configuration as config.json has it: tables of other distributions stand beside truearc's own."""
+    table: dict[str, Any] = msgspec.to_builtins(config)
+    others: dict[str, Any] = table.pop("readings", {})
+    last = {key: table.pop(key) for key in ("recording",) if key in table}
+    return table | others | last
+
+
+def config_of(data: dict[str, Any]) -> Config:
+    """The configuration of what config.json has; msgspec.ValidationError where it is none.
+
+    A table that is not truearc's own is taken as it is, also where its distribution is not installed.
+    """
+    others = {name: part for name, part in data.items()
+              if name not in Config.__struct_fields__ and isinstance(part, dict)}
+    own = {name: part for name, part in data.items() if name not in others}
+    return msgspec.convert(own | {"readings": {name: _without_defaults(name, part) for name, part in others.items()}},
+                           Config, dec_hook=read_axis)
+
+
+def _without_defaults(name: str, table: dict[str, Any]) -> dict[str, Any]:
+    """The table as a hash takes it; as it is where nothing installed knows it."""
+    try:
+        plain: dict[str, Any] = stated(msgspec.convert(table, find_table(name).table))
+        return plain
+    except (LookupError, PluginError):
+        return table
+
+
+def _sha256(content: object) -> str:
+    return hashlib.sha256(msgspec.json.encode(content, order="deterministic")).hexdigest()

@@ -4,7 +4,7 @@ import math
 
 from msgspec import UNSET, UnsetType
 
-from truearc.hw.devices.axis import Axis
+from truearc.hw.devices.family import Axis
 from truearc.hw.devices.registry import family_of
 from truearc.hw.protocols import AngleReading, MotorReading
 from truearc.hw.reason import Reason

@@ -1,6 +1,13 @@
-"""The gate's model: an ONNX file that carries its own contract, and one onnxruntime session over it."""
+"""The gate's model: an ONNX file that carries its own contract, and one onnxruntime session for it.
+
+A file is first tried in another process, which a limit of time or memory can end: onnxruntime computes while it loads
+(constants are folded), and nothing can stop it inside a process. That process is `python -m truearc.robot.gate.model`;
+it receives the file's bytes on standard input and does everything that loading does.
+"""
 
 import hashlib
+import signal
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,15 +19,17 @@ import onnxruntime
 
 from truearc.errors import InputError, load_bytes, naming
 from truearc.robot.gate import contract
-from truearc.robot.gate.onnx_file import check_graph, read_metadata
-from truearc.robot.gate.seal import KEY_SEAL, is_intact
-from truearc.robot.gate.trial import limit_self, try_gate
 
 Box = tuple[tuple[float, float], ...]             # (low, high) of each feature, in the contract's order
 
 
 Floats = npt.NDArray[np.float64]
 Nodes = list[tuple[str, str, list[Any]]]        # name, type, shape: each a size, a name, or None
+# Of computing: starting the process takes 0.6 s of it here, loading 5 ms; a Raspberry Pi 4 is some five times slower.
+LIMIT_S = 10
+PATIENCE = 12                         # times that, by the clock: the page's process got a twentieth of a busy core
+DATA_BYTES = 400 << 20                # that it may ask for: a gate of 65 kB takes 60 MB
+_passed: set[str] = set()             # SHA-256 of the files that this process has had tried
 
 
 class Rating(NamedTuple):
@@ -110,7 +119,7 @@ def load_gate(path: str | Path) -> Gate:
     Refused: unreadable, not ONNX, no contract or another one, a seal that does not fit; before onnxruntime has seen
     any of it. Then operations other than a gate's, other inputs or outputs, no usable domain, no word on what novelty
     is measured from, no provenance, and a p that is not a probability or a novelty that is not a number anywhere on a
-    grid of 27 points over the domain. Another process goes first (truearc.robot.gate.trial), whose time is limited.
+    grid of 27 points over the domain. Another process goes first (truearc.robot.gate.model), whose time is limited.
     """
     data = load_bytes(path, MOST_BYTES)
     check_file(path, data)
@@ -122,16 +131,17 @@ def load_gate(path: str | Path) -> Gate:
 def check_file(path: str | Path, data: bytes) -> dict[str, str]:
     """The metadata of an intact gate, from its bytes alone; InputError as load_gate."""
     try:
-        metadata = read_metadata(data)
+        metadata = contract.read_metadata(data)
     except ValueError as error:
         raise InputError(f"{path}: not a usable ONNX model ({error})") from error
     _check_contract(path, metadata)
-    if not is_intact(data, metadata.get(KEY_SEAL, "")):
-        raise InputError(f"{path}: damaged or altered since it was exported (metadata key {KEY_SEAL!r} does not fit)")
+    if not contract.is_intact(data, metadata.get(contract.KEY_SEAL, "")):
+        raise InputError(f"{path}: damaged or altered since it was exported (metadata key {contract.KEY_SEAL!r} does "
+                         "not fit)")
     try:
-        check_graph(data)
+        contract.check_graph(data)
     except ValueError as error:
-        raise InputError(f"{path}: not a gate of truearc's: {error}") from error
+        raise InputError(f"{path}: not a gate exported by truearc: {error}") from error
     return metadata
 
 
@@ -157,7 +167,7 @@ def _open_session(path: str | Path, data: bytes) -> tuple[Any, Nodes, Nodes]:
     options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")    # a spin-wait would eat the tick's core
     options.add_session_config_entry("session.inter_op.allow_spinning", "0")
-    options.log_severity_level = 4                # what goes wrong is raised, and said once
+    options.log_severity_level = 4                # errors are raised, and reported once
     try:
         # Without the fallback: it would print, and try the same again.
         session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"], enable_fallback=0)
@@ -177,7 +187,7 @@ def _check_contract(path: str | Path, metadata: dict[str, str]) -> None:
         raise InputError(f"{path}: made for another contract (sha256 {stamped[:12]}..., this robot's is "
                        f"{contract.contract_hash()[:12]}...): {metadata[contract.KEY_CONTRACT][:300]}")
     if metadata[contract.KEY_CONTRACT].encode() != contract.contract_json():
-        raise InputError(f"{path}: metadata key {contract.KEY_CONTRACT!r} does not say what its hash stands for")
+        raise InputError(f"{path}: metadata key {contract.KEY_CONTRACT!r} does not match its hash")
 
 
 def _check_nodes(path: str | Path, kind: str, nodes: Nodes, wanted: dict[str, int]) -> None:
@@ -232,6 +242,41 @@ def _probe(path: str | Path, gate: Gate) -> None:
 
 def _first_line(error: Exception) -> str:
     return (str(error).splitlines() or [type(error).__name__])[0][:200]
+
+
+def try_gate(path: object, data: bytes, sha256: str) -> None:
+    """Try a model, once in a process.
+
+    InputError when it is not a gate, takes too long or too much memory, or crashes.
+    """
+    if sha256 in _passed:
+        return
+    command = [sys.executable, "-P", "-m", "truearc.robot.gate.model", str(path), str(LIMIT_S)]
+    try:
+        done = subprocess.run(command, input=data, capture_output=True, timeout=PATIENCE * LIMIT_S, check=False)
+    except subprocess.TimeoutExpired as error:
+        raise InputError(f"{path}: takes longer than {PATIENCE * LIMIT_S} s to load and to rate a configuration; is "
+                         "this computer overloaded?") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be tried ({error.strerror})") from error
+    if done.returncode == -getattr(signal, "SIGXCPU", 0) != 0:
+        raise InputError(f"{path}: takes more than {LIMIT_S} s of processor time to load and to rate a configuration")
+    if done.returncode == 2:
+        raise InputError(done.stdout.decode(errors="replace").strip())
+    if done.returncode:
+        raise InputError(f"{path}: not a usable ONNX model (its trial ended with exit code {done.returncode})")
+    _passed.add(sha256)
+
+
+def limit_self(limit_s: int) -> None:
+    """Limit time and data of this process where the system can; its parent may have died."""
+    try:
+        import resource
+    except ImportError:
+        return
+    resource.setrlimit(resource.RLIMIT_DATA, (DATA_BYTES, DATA_BYTES))
+    resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s + 2))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
 def main(name: str, limit_s: str) -> int:

@@ -135,7 +135,7 @@ def judge_model(estimate: Estimate, config: GateConfig,
         return None, None, [] if config.policy == "collect" else [because.MODEL_NO_INPUT()]
     try:
         rating = gate.rate(estimate.distance_m, estimate.motor_ratio, estimate.hood_deg)
-    except Exception as error:        # whatever onnxruntime may raise, the answer is HOLD and the loop goes on
+    except Exception as error:        # anything that onnxruntime raises is a HOLD, and the loop goes on
         return None, None, [because.MODEL_FAILED(error=type(error).__name__)]
     if config.policy == "collect":
         return rating.p_two, rating.p_three, []

@@ -1,4 +1,4 @@
-"""Whatever shows ticks to people: the operator's page, and what other distributions publish."""
+"""Screens, which show ticks to people: the operator's page, and what other distributions publish."""
 
 from collections.abc import Callable, Sequence
 from typing import Protocol

@@ -1,7 +1,7 @@
-"""The operator's page over HTTP: one page, Server-Sent Events that tell it the newest tick, and the gate's answers.
+"""The operator's page over HTTP: one page, Server-Sent Events with the newest tick, and the gate's answers.
 
-A question to the gate (`POST /predict`) is answered here and goes no further. The orders that it takes, an aim file
-(`PUT /aim`) and its acceptance (`POST /accept`), need a token (truearc.robot.operator_ui.aim_orders).
+A question to the gate (`POST /predict`) is answered here and does not reach the robot. The two orders, an aim file
+(`PUT /aim`) and its acceptance (`POST /accept`), need a token (truearc.robot.operator_ui.aim_inbox).
 """
 
 import gzip
@@ -18,13 +18,12 @@ import msgspec
 
 from truearc.hw.protocols import Clock
 from truearc.robot.config.schema import Config
+from truearc.robot.operator_ui import parse_page
 from truearc.robot.operator_ui import what_if as asking
-from truearc.robot.operator_ui.aim_orders import MAX_AIM_BYTES, AimOrders
-from truearc.robot.operator_ui.page_option import parse_page
-from truearc.robot.operator_ui.page_state import Glance, look
+from truearc.robot.operator_ui.aim_inbox import MAX_AIM_BYTES, AimOrders
 from truearc.robot.operator_ui.serving import LocalHandler, LocalServer, Places
-from truearc.robot.operator_ui.view import describe
-from truearc.robot.operator_ui.what_if_process import WhatIfProcess
+from truearc.robot.operator_ui.view import Glance, describe, look
+from truearc.robot.operator_ui.what_if import WhatIfProcess
 from truearc.robot.types import Tick
 
 PERIOD_S = 0.05                       # between two events for one browser
@@ -40,10 +39,10 @@ LIMITS = {("POST", ASKED): asking.MAX_BODY_BYTES, ("POST", ACCEPTED): asking.MAX
 
 
 class OperatorPage:
-    """Shows whoever opens `url` the ticks that it is shown; OSError when it cannot listen there.
+    """Serves the ticks passed to `show` to every browser at `url`; OSError when it cannot listen there.
 
-    `show` only keeps a tick; all else is done by the threads of the browsers that look, each as often as it can take
-    it, from whatever is newest then. `clock` stamps what is sent, so that a browser can tell how old it is.
+    `show` only keeps a tick. The threads of the connected browsers do the rest, each at the rate that its browser
+    accepts, and always with the newest tick. `clock` stamps what is sent, so that a browser can tell how old it is.
     `recording`: where ticks are recorded, "" = nowhere. `what_if`: answers the page's questions to the gate. `orders`:
     takes aim files.
     """
@@ -99,8 +98,8 @@ def open_page(text: str, config: Config, recording: str, clock: Clock,
         orders = None if inbox is None else AimOrders(inbox, config)
         page = OperatorPage(config, recording, *where, clock, what_if, orders)
     except OSError as error:
-        print(f"truearc: no operator's page on {text} ({error.strerror or error}); --page takes another port",
-              file=sys.stderr)
+        print(f"truearc: cannot serve the operator's page on {text} ({error.strerror or error}); choose another port "
+              "with --page", file=sys.stderr)
         return None
     print(f"operator's page: {page.url}", file=sys.stderr)
     return page
@@ -180,7 +179,7 @@ class _Handler(LocalHandler):
         # also of a refused one, which must hear of it
         body = self.rfile.read(min(length or 0, max(most or 0, DISCARD_BYTES)))
         if not self.is_ours():
-            raise asking.QuestionError(403, f"asked from another site; open {self.server.url}, or this machine's "
+            raise asking.QuestionError(403, f"requested from another site; open {self.server.url}, or this machine's "
                                        "address")
         if most is None:
             ways = ", ".join(f"{method} {at}" for method, at in LIMITS)
@@ -206,13 +205,13 @@ class _Handler(LocalHandler):
     def _admit(self, page: OperatorPage) -> None:
         # the page's own script can only name the token in the address
         token = parse_qs(self.path.partition("?")[2]).get("token", [""])[0]
-        is_known = self.server.orders is not None and self.server.orders.is_token(token)
+        is_known = None if self.server.orders is None else self.server.orders.is_token(token)
         with self.server.place(self.connection, LOOKING, is_known) as is_free:
             if is_free:
                 self._tell(page)
             else:
                 page.over.wait(REFUSED_S)
-                self.give(503, "text/plain", b"too many browsers look already; one with the token has a place")
+                self.give(503, "text/plain", b"too many browsers are connected; one with the token may still connect")
 
     def _tell(self, page: OperatorPage) -> None:
         """Send events of ticks from now on, for as long as the browser takes them."""

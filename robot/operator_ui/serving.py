@@ -1,7 +1,7 @@
-"""Pages for the people at this robot, served by the standard library alone; all that they load comes from here.
+"""Local HTTP server for pages at the robot: standard library only, and pages load nothing from elsewhere.
 
-No client takes a page away from the others, nor from whoever shares its address (a tunnel, the robot's own screen): a
-connection too many ends the oldest one that is still asking or being answered, and answers that last have places.
+No client can block the others, not even from a shared address (a tunnel, the robot's own screen). A connection too many
+ends the oldest one whose request is still being read or answered; long answers have a limited number of places.
 """
 
 import socketserver
@@ -22,7 +22,7 @@ MAX_CONNECTIONS = 96                  # of all clients; each is a thread, togeth
 MAX_OF_ADDRESS = 48                   # far more than all its places: a request has 0.1 s before 48 later ones end it
 CROWDED_NS = 2_000_000                # between two clients when there are too many: no more than 500 threads a second
 REQUEST_NS = 5_000_000_000            # for a whole request: an aim file of 256 KiB at half a megabit per second
-PATIENCE_S = 2.0                      # with whoever does not listen, for each part of an answer
+PATIENCE_S = 2.0                      # for a client to accept each part of an answer
 # A page loads nothing from anywhere, and other sites' pages get nothing from here.
 POLICY = ("default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src 'self' data:; "
           "connect-src 'self'")
@@ -54,7 +54,7 @@ class LocalServer(ThreadingHTTPServer):
         self.url = f"http://{'localhost' if host in WILD else shown}:{self.server_port}/"
 
     def is_own_name(self, host: str) -> bool:
-        """Whether a Host header names this machine: by an address, by its name or by the one that it was told to serve.
+        """Whether a Host header names this machine: by an address, by its name or by the one that it serves.
 
         Another site can make its own name point here (DNS rebinding), and cannot make its name one of these.
         """
@@ -93,11 +93,15 @@ class LocalServer(ThreadingHTTPServer):
             super().shutdown_request(request)
 
     @contextmanager
-    def place(self, client: socket, places: Places, is_known: bool = False) -> Iterator[bool]:
-        """Whether there is one of these places for `client`, which then keeps it meanwhile."""
+    def place(self, client: socket, places: Places, is_known: bool | None = False) -> Iterator[bool]:
+        """Whether there is one of these places for `client`, which then keeps it meanwhile.
+
+        is_known: None where no client can be known; the last place is then for an address that has none yet.
+        """
         with self._lock:
             address = self._clients.get(client)   # None: it has been replaced
             taken = [self._clients[one] for one, kind in self._placed.items() if kind is places]
+            is_known = address not in taken if is_known is None else is_known
             is_free = address is not None and len(taken) < places.most and (
                 is_known or (len(taken) < places.most - 1 and taken.count(address) < places.of_address))
             if is_free:
@@ -109,7 +113,7 @@ class LocalServer(ThreadingHTTPServer):
                 self._placed.pop(client, None)
 
     def handle_error(self, request: socket | tuple[bytes, socket], client_address: Any) -> None:
-        """Ignore a browser that went away in the middle of an answer."""
+        """Ignore a browser that disconnects in the middle of an answer."""
         if not isinstance(sys.exception(), OSError):
             super().handle_error(request, client_address)
 

@@ -1,26 +1,153 @@
-"""A Glance as the page shows it: words and numbers with their units, ready to be put on a screen. Pure."""
+"""What the operator's page shows of the newest tick: words, and numbers with their units. Pure.
+
+`look` keeps the newest tick, sighting and outcomes in a Glance; `describe` turns a Glance into one event for the
+browser. `tell` explains to the driver what each reason for a HOLD means and what to do about it: the texts are in
+`driver_messages.toml`, in the order of importance, and `docs/reference/reasons.md` shows them all.
+"""
 
 import math
+import tomllib
+from collections.abc import Iterable, Iterator
+from importlib.resources import files
+from itertools import product
+from operator import itemgetter
 
-from msgspec import UNSET, Struct, UnsetType
+from msgspec import UNSET, Struct, UnsetType, field
+from msgspec.structs import replace
 
+from truearc.hw.devices.registry import find_messages
 from truearc.hw.protocols import MotorReading
-from truearc.hw.reason import FAULT, YOU
+from truearc.hw.reason import FAULT, YOU, Message, Reason, fill
+from truearc.robot import reasons as bot
 from truearc.robot.config.schema import Config
 from truearc.robot.gate.doubts import HEARTBEAT_S
 from truearc.robot.motors import name_axes
-from truearc.robot.operator_ui.driver_messages import Told, tell
-from truearc.robot.operator_ui.page_state import Glance, PageTrial
 from truearc.robot.reasons import BOX_GONE, FIRE_NOT_REQUESTED, NOT_RECORDING, text
-from truearc.robot.types import Sighting, Tick
+from truearc.robot.types import Outcome, Shot, Sighting, Tick
 
 NS = 1e-9
 FIRED_S = 0.5                         # a verdict of FIRE lasts one tick; the tile stays for as long as one can read it
 ABSENT = "–"
+RECENT = 6                            # trials that are listed
+SEVERAL = ("motor", "device", "joint")           # reasons that differ in these alone are shown as one ...
+PASSING = ("age_s",)                  # ... regardless of these
+
+
+class PageTrial(Struct, frozen=True):
+    """One shot, or a request that was never granted; `outcome` is "" until it is known."""
+
+    trial: int
+    shot: Shot | None = None
+    outcome: str = ""
+    reasons: tuple[Reason, ...] = ()
+
+
+class Glance(Struct, frozen=True):
+    """State of the page, replaced as a whole with every tick, so that its parts belong together."""
+
+    seq: int = 0
+    tick: Tick | None = None
+    sighting: Sighting | None = None              # newest, whatever it showed
+    shots: int = 0
+    outcomes: dict[str, int] = field(default_factory=dict)
+    recent: tuple[PageTrial, ...] = ()                # oldest first
+
+
+def look(glance: Glance, tick: Tick) -> Glance:
+    """The glance after one more tick, in a time that does not depend on the session's length."""
+    for outcome in tick.outcomes:
+        glance = _with_outcome(glance, outcome)
+    if (shot := tick.shot) is not None:
+        recent = (*glance.recent, PageTrial(shot.trial, shot))[-RECENT:]
+        glance = replace(glance, shots=glance.shots + 1, recent=recent)
+    sighting = tick.inputs.sighting
+    return replace(glance, seq=glance.seq + 1, tick=tick, sighting=glance.sighting if sighting is None else sighting)
+
+
+def _with_outcome(glance: Glance, outcome: Outcome) -> Glance:
+    """An earlier outcome of the same trial, such as a mark that is rejected now, no longer counts."""
+    before = next((one for one in glance.recent if one.trial == outcome.trial), PageTrial(outcome.trial))
+    now = replace(before, outcome=outcome.outcome, reasons=outcome.reasons)
+    counts = dict(glance.outcomes)
+    if before.outcome:
+        counts[before.outcome] -= 1
+    counts[now.outcome] = counts.get(now.outcome, 0) + 1
+    others = (one for one in glance.recent if one.trial != outcome.trial)
+    recent = tuple(sorted((*others, now), key=lambda one: one.trial))
+    return replace(glance, outcomes=counts, recent=recent[-RECENT:])
+
+
+class Told(Struct, frozen=True):
+    """One or several reasons in the page's words; `reasons`: their log texts."""
+
+    kind: str
+    means: str
+    do: str
+    reasons: tuple[str, ...]
+
+
+def load_messages() -> Iterator[Message]:
+    """The messages of driver_messages.toml, most important first."""
+    text = (files("truearc.robot.operator_ui") / "driver_messages.toml").read_text(encoding="utf-8")
+    for row in tomllib.loads(text)["message"]:
+        for code, case in product(_listed(row["code"]), _listed(row.get("case", ""))):
+            yield Message(bot.BY_NAME[code], row["kind"], row["means"], row.get("do", ""), case)
+
+
+def _listed(names: str | list[str]) -> list[str]:
+    return [names] if isinstance(names, str) else names
+
+
+MESSAGES = tuple(load_messages())
+RANKS = {(message.code.name, message.case): rank for rank, message in enumerate(MESSAGES)}
+
+
+def tell(reasons: Iterable[Reason]) -> tuple[Told, ...]:
+    """The reasons as messages, most important first.
+
+    Those of other distributions' motors come before all, and so does one without a message, as its log text.
+    """
+    groups: dict[tuple[object, ...], tuple[int, Message | None, list[Reason]]] = {}
+    for reason in reasons:
+        message = find_message(reason)
+        rank = -1 if message is None else RANKS.get((message.code.name, message.case), -1)
+        alike = (bot.text(reason),) if message is None else (reason.code, *_differing(reason))
+        groups.setdefault((rank, *alike), (rank, message, []))[2].append(reason)
+    return tuple(_together(message, members) for _, message, members in sorted(groups.values(), key=itemgetter(0)))
+
+
+def find_message(reason: Reason) -> Message | None:
+    """The message for a reason; None where there is none."""
+    case = _case(reason)
+    own = find_messages(case if reason.code == bot.MOTOR_ERROR.name else reason.code)
+    rank = RANKS.get((reason.code, case), RANKS.get((reason.code, "")))
+    return next((message for message in own if message.case in ("", case)), None if rank is None else MESSAGES[rank])
+
+
+def _case(reason: Reason) -> str:
+    cause, errors = reason.params.get("cause"), reason.params.get("errors", ())
+    only = errors[0] if isinstance(errors, tuple | list) and len(errors) == 1 else cause
+    return only.code if isinstance(only, Reason) else ""
+
+
+def _differing(reason: Reason) -> tuple[object, ...]:
+    return tuple(str(value) for name, value in reason.params.items() if name not in SEVERAL + PASSING)
+
+
+def _together(message: Message | None, members: list[Reason]) -> Told:
+    reasons = tuple(bot.texts(members))
+    if message is None:
+        return Told(FAULT, reasons[0], "", reasons)
+    params = dict(members[0].params)
+    for name in SEVERAL:
+        if name in params:
+            params[name] = tuple(str(member.params[name]) for member in members)
+    means = fill(message.means, params, bot.BY_NAME)
+    return Told(message.kind, means[:1].upper() + means[1:], fill(message.do, params, bot.BY_NAME), reasons)
 
 
 class Line(Struct, frozen=True):
-    """One value and what it is called; `ok` is false where it stands in the way."""
+    """One value and its name; `ok` is false where it prevents firing."""
 
     name: str
     value: str
@@ -137,7 +264,7 @@ def _robot(tick: Tick, recording: str) -> Block:
     return Block("Robot", (
         Line("armed", "yes" if memory.armed else "no", memory.armed),
         Line("homed", "yes" if memory.homed else "no", memory.homed),
-        Line("shot asked for", _age((tick.inputs.t_ns - memory.request_t_ns) * NS) + " ago" if memory.request_t_ns
+        Line("shot requested", _age((tick.inputs.t_ns - memory.request_t_ns) * NS) + " ago" if memory.request_t_ns
              else "no"),
         Line("trial", str(memory.trial)),
         Line("battery", f"{battery_v:.1f} V" if battery_v else ABSENT),

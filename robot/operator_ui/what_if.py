@@ -1,14 +1,21 @@
 """Questions to the gate about configurations that the robot need not be in: parsed, limited in number, answered.
 
-An answer is the tick's own: Gate.rate on one configuration at a time, and the verdict's reasons against it. No part of
+An answer is the tick's own: Gate.rate for one configuration at a time, and the verdict's reasons against it. No part of
 a question or an answer reaches the tick.
+
+WhatIfProcess answers in a process of its own, so that neither the tick nor the recorder waits for the model. One end of
+a connection is that process's standard input: it receives a question's text, or None for the facts, and sends an
+answer. The first question starts it, and it ends when the connection does, however this process ended.
 """
 
+import contextlib
 import gzip
 import itertools
 import json
 import math
+import subprocess
 import threading
+from multiprocessing.connection import Connection, Pipe
 from typing import Any, NamedTuple, Protocol
 
 from truearc.hw.protocols import Clock
@@ -28,6 +35,7 @@ NAMES = tuple(feature.name for feature in FEATURES)
 EXPECTED = f"expected {', '.join(NAMES)}"
 GZIP = b"\x1f\x8b"                    # its first bytes; JSON never begins so
 SHOWN = 40                            # characters of a request that a message repeats
+PATIENCE_S = 30.0                     # with an answer: its start included, on a small computer that is busy
 
 
 class QuestionError(Exception):
@@ -172,7 +180,7 @@ class WhatIf:
         try:
             rating = self._gate.rate(distance_m, motor_ratio, hood_deg)
             reasons = doubt_rating(rating, self._threshold)
-        except Exception:             # as in the tick: whatever onnxruntime may raise, the answer is HOLD
+        except Exception:             # as in the tick, anything that onnxruntime raises is a HOLD
             rating = NO_RATING
         return (rating.p_two, rating.p_three, rating.novelty, "hold" if reasons else "fire",
                 [reason.code for reason in reasons])
@@ -185,3 +193,56 @@ class WhatIf:
         if count > self._budget:
             raise QuestionError(429, "too many questions", retry_s=math.ceil((count - self._budget) / self._rate_per_s))
         self._budget -= count
+
+
+class WhatIfProcess:
+    """An Answerer in a process of its own, which `command` starts: one that calls serve_questions."""
+
+    def __init__(self, command: tuple[str, ...]) -> None:
+        self._command = command
+        self._lock = threading.Lock()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._line: Connection[bytes | None, Answer]
+
+    def facts(self) -> Answer:
+        return self._ask(None)
+
+    def answer(self, body: bytes) -> Answer:
+        return self._ask(body)
+
+    def close(self) -> None:
+        """End the process."""
+        with self._lock:
+            self._end()
+
+    def _ask(self, question: bytes | None) -> Answer:
+        """The answer; 503 where the process ends or does not answer in time. The next question starts another."""
+        with self._lock:
+            try:
+                if self._process is None:
+                    self._line, theirs = Pipe()
+                    with theirs:
+                        self._process = subprocess.Popen(self._command, stdin=theirs.fileno())
+                self._line.send(question)
+                if not self._line.poll(PATIENCE_S):
+                    raise OSError("no answer in time")
+                return Answer(*self._line.recv())
+            except (OSError, EOFError) as error:
+                self._end()
+                why = "it has ended" if isinstance(error, EOFError) else error
+                return make_refusal(QuestionError(503, f"the gate's process does not answer ({why})"))
+
+    def _end(self) -> None:
+        if self._process is not None:
+            self._line.close()
+            self._process.kill()
+            self._process.wait()
+            self._process = None
+
+
+def serve_questions(answerer: Answerer, line: "Connection[Answer, bytes | None]") -> None:
+    """Answer questions until there are no more."""
+    with contextlib.suppress(EOFError):
+        while True:
+            question = line.recv()
+            line.send(answerer.facts() if question is None else answerer.answer(question))

@@ -1,10 +1,14 @@
-"""The recorder in a process of its own: takes messages from the control loop, and hands what they hold to the files."""
+"""The recorder in a process of its own, and FarKeeper, the control loop's end of it.
+
+`Desk` takes messages from the control loop and passes their contents to the files. FarKeeper is a
+truearc.robot.recording.writer.Keeper for files that another process owns.
+"""
 
 import sys
 import threading
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Protocol
 
 import msgspec
 import numpy as np
@@ -12,17 +16,22 @@ from msgspec import Struct
 
 from truearc.errors import InputError, in_words
 from truearc.hw.protocols import CameraFrame, Clock, LinkLost
+from truearc.hw.real.processes import Capacity, Child, Inbox, Outbox, Slots
 from truearc.hw.reason import Reason
-from truearc.hw.shared_latest import Capacity, Slots
-from truearc.robot.reasons import text
-from truearc.robot.recording.file_writers import LaneKeeper
-from truearc.robot.recording.files import Row
+from truearc.robot.reasons import RECORDER_UNRESPONSIVE, text
+from truearc.robot.recording.files import Row, append_trials
+from truearc.robot.recording.writer import MARK_S, LaneKeeper
 
 SAY_S = 1.0                           # between lines on the console: what is refused now may be taken a moment later
 LOOK_S = 0.1                          # it says this often, at least, that it is alive and how the files are
 NEWS = Capacity(4, 4096)
 LONGEST_WORDS = 1000
 NS_PER_S = 1_000_000_000
+SILENT_S = 1.5                        # a recorder that has not stirred for so long does not answer
+LOOK_NS = 200_000                     # between looks at whether a trial has been kept
+OPEN_S = 30.0                         # for files to be opened
+CLOSE_S, LONGEST_S = 10.0, 60.0       # for all that waits to be written: since the recorder stirred last, and in all
+PENDING_BYTES = 64 << 20              # for a recorder that takes nothing: over two minutes of ticks
 
 
 class Open(Struct, frozen=True, tag="open"):
@@ -73,12 +82,6 @@ class Status(Struct, frozen=True):
     failed: str = ""                  # why not all was kept; the end
 
 
-class Mail(Protocol):
-    """Where messages come from."""
-
-    def read(self, wait_s: float) -> list[bytes]: ...
-
-
 class Desk:
     """Handles messages until the last one.
 
@@ -97,7 +100,7 @@ class Desk:
         self._said_ns = 0
         self._is_over = False
 
-    def serve(self, mail: Mail) -> None:
+    def serve(self, mail: Inbox) -> None:
         """Handle messages until End, or until the sender is gone."""
         while not self._is_over:
             self._slots.beat(self._clock.now_ns())
@@ -115,7 +118,7 @@ class Desk:
             self._tell(msgspec.structs.replace(self._status(), is_done=True, failed=failed[:LONGEST_WORDS]))
 
     def _close(self, keeper: LaneKeeper) -> None:
-        """However long that takes, it is said meanwhile that this process is alive."""
+        """Close the keeper, and report meanwhile that this process is alive."""
         closing = threading.Thread(target=keeper.close, name="closing", daemon=True)
         closing.start()
         while closing.is_alive():
@@ -159,7 +162,7 @@ class Desk:
         return Status(True, self._keeper.trials_kept, self._keeper.dropped, self._keeper.trouble())
 
     def _say(self, trouble: Reason | None) -> None:
-        """On the console, when that changes: a robot that holds its fire may have no page open."""
+        """Print a change of trouble on the console: a robot that holds fire may have no page open."""
         now_ns = self._clock.now_ns()
         if trouble != self._said and now_ns - self._said_ns > SAY_S * NS_PER_S:
             self._said, self._said_ns = trouble, now_ns
@@ -171,3 +174,107 @@ class Desk:
         if status != self._told:
             self._told = status
             self._slots.put(msgspec.json.encode(status))
+
+
+class FarKeeper:
+    """Forwards everything, and keeps trials until the recorder reports that the system has their rows.
+
+    On `close` it appends to the recording the trials that the recorder never reached.
+    """
+
+    def __init__(self, folder: Path, contents: Mapping[str, bytes], sender: Outbox, slots: Slots, process: Child,
+                 clock: Clock) -> None:
+        """Raise InputError when the folder cannot be made, for any other reason than a full disk."""
+        self.failed: Exception | None = None
+        self._folder, self._sender, self._slots, self._process, self._clock = folder, sender, slots, process, clock
+        self._encoder, self._decoder = msgspec.msgpack.Encoder(), msgspec.json.Decoder(Status)
+        self._newest = Status()
+        self._lost = 0
+        self._trials: deque[bytes] = deque()      # not reported as kept
+        self._trials_kept = 0
+        self._send(Open(str(folder), dict(contents)))
+        self._wait(OPEN_S, lambda: self._status().is_open or bool(self._newest.failed))
+        if not self._newest.is_open:
+            raise InputError(self._newest.failed or text(self._process.trouble or RECORDER_UNRESPONSIVE()))
+
+    @property
+    def dropped(self) -> int:
+        return self._lost + self._status().dropped
+
+    def keep_rows(self, rows: list[Row]) -> None:
+        self._send_if_room(RecorderRows(rows))
+
+    def keep_trial(self, row: bytes) -> None:
+        self._trials.append(row)
+        self._send(TrialRow(row))
+        self._wait(MARK_S, lambda: not self._unkept())
+
+    def keep_picture(self, picture: CameraFrame) -> None:
+        height, width, _ = picture.image.shape
+        pixels = np.ascontiguousarray(picture.image).reshape(-1).data
+        self._send_if_room(PictureRow(picture.t_ns, height, width, pixels))
+
+    def keep_lateness(self, row: bytes) -> None:
+        self._send_if_room(LatenessRow(row))
+
+    def sync(self) -> None:
+        self._send_if_room(Sync())
+
+    def push(self) -> None:
+        self._sender.push()
+        self._unkept()
+
+    def trouble(self) -> Reason | None:
+        if self._process.trouble is not None:
+            return self._process.trouble
+        if self._silent_s() > SILENT_S:
+            return RECORDER_UNRESPONSIVE()
+        return self._status().trouble
+
+    def is_gone(self) -> bool:
+        return self._process.is_gone()
+
+    def close(self) -> None:
+        self._send(End())
+        self._wait(LONGEST_S, lambda: self._status().is_done or self._silent_s() > CLOSE_S)
+        words = self._newest.failed if self._newest.is_done else text(self.trouble() or RECORDER_UNRESPONSIVE())
+        self._process.close(CLOSE_S if self._newest.is_done else 0.0)     # from here on no process has the files open
+        try:
+            if rows := self._unkept():
+                append_trials(self._folder, list(rows))
+        except OSError as error:
+            words = f"{words}; {len(rows)} marked trials are lost: {in_words(error)}"
+        self.failed = OSError(words) if words else None
+
+    def _silent_s(self) -> float:
+        return (self._clock.now_ns() - self._slots.beaten_ns()) / NS_PER_S
+
+    def _send(self, message: Message) -> None:
+        self._sender.put(self._encoder.encode(message))
+
+    def _send_if_room(self, message: Message) -> None:
+        if self._process.trouble or self._sender.waiting > PENDING_BYTES:
+            self._lost += 1
+        else:
+            self._send(message)
+
+    def _status(self) -> Status:
+        text = self._slots.read()
+        if text is not None:
+            self._newest = self._decoder.decode(text)
+        return self._newest
+
+    def _unkept(self) -> deque[bytes]:
+        """Trials that the recorder has not reported as kept yet."""
+        kept = self._status().trials_kept
+        while self._trials and self._trials_kept < kept:
+            self._trials.popleft()
+            self._trials_kept += 1
+        return self._trials
+
+    def _wait(self, limit_s: float, true: Callable[[], bool]) -> None:
+        """Wait until the condition is true, the process has ended, or the time is over."""
+        end_ns = self._clock.now_ns() + round(limit_s * NS_PER_S)
+        while not true() and not self._process.trouble and (now_ns := self._clock.now_ns()) < end_ns:
+            self._sender.push()
+            self._clock.sleep_until_ns(now_ns + LOOK_NS)

@@ -1,4 +1,4 @@
-"""Vision in a process of its own: what it does there, and what the control process sees of it."""
+"""Vision in a process of its own, and FarEyes, the control process's end of it."""
 
 from collections.abc import Callable
 
@@ -8,14 +8,14 @@ import numpy.typing as npt
 from msgspec import Struct
 
 from truearc.hw.protocols import Camera, CameraFrame, Clock, LinkLost
+from truearc.hw.real.processes import Capacity, Slots
 from truearc.hw.reason import Reason
-from truearc.hw.shared_latest import Capacity, Slots
 from truearc.robot.reasons import VISION_UNRESPONSIVE
 from truearc.robot.types import Sighting
 from truearc.robot.vision_source import LONGEST_DETAIL, Eyes, vision_failed
 
 LOOK_S = 0.002                        # between looks at whether there is a new image
-SILENT_NS = 1_500_000_000             # a process that has not stirred for so long does not answer
+SILENT_NS = 1_500_000_000             # without a sign of life for so long, the process does not respond
 TEXT_BYTES, IMAGES = 4096, 4          # with four, the newest image stays whole for two more at least
 
 See = Callable[[CameraFrame], Sighting]
@@ -23,7 +23,7 @@ Seen = tuple[Sighting, npt.NDArray[np.uint8] | None]
 
 
 class News(Struct, frozen=True):
-    """What vision has to say: what it made of an image, or why there is none."""
+    """Result of vision: a sighting, or why there is no image."""
 
     sighting: Sighting | None
     lost: Reason | None = None
@@ -35,21 +35,13 @@ def make_room(width_px: int, height_px: int) -> Capacity:
 
 
 def watch(camera: Camera, see: See, slots: Slots, clock: Clock, is_over: Callable[[float], bool]) -> None:
-    """Tell of every image that comes, until `is_over`, which is asked how long to wait for that."""
-    def look() -> Seen | None:
-        frame = camera.read()
-        return None if frame is None else (see(frame), frame.image)
-
-    _watch(look, slots, clock, is_over)
+    """Report every image until `is_over(wait_s)` is true; it waits that long."""
+    _watch(lambda: None if (frame := camera.read()) is None else (see(frame), frame.image), slots, clock, is_over)
 
 
 def relay(eyes: Eyes, slots: Slots, clock: Clock, is_over: Callable[[float], bool]) -> None:
-    """Tell of every sighting of eyes that have no images, likewise."""
-    def look() -> Seen | None:
-        sighting = eyes.read()
-        return None if sighting is None else (sighting, None)
-
-    _watch(look, slots, clock, is_over)
+    """Report every sighting of eyes that have no images, likewise."""
+    _watch(lambda: None if (sighting := eyes.read()) is None else (sighting, None), slots, clock, is_over)
 
 
 def _watch(look: Callable[[], Seen | None], slots: Slots, clock: Clock, is_over: Callable[[float], bool]) -> None:
@@ -64,7 +56,7 @@ def _watch(look: Callable[[], Seen | None], slots: Slots, clock: Clock, is_over:
             told = None
         except LinkLost as error:
             told = tell(slots, error.reason, told)
-        except Exception as error:    # whatever vision or its libraries may raise: never silent, and the next may do
+        except Exception as error:    # whatever is raised is reported; the next image may succeed
             told = tell(slots, vision_failed(error), told)
 
 

@@ -1,25 +1,28 @@
-"""Makes a session that was cut short whole again: nothing whole is lost, and what is replaced is kept in damaged/."""
+"""Recovery of a session that was cut short: nothing whole is lost, and replaced files are kept in damaged/."""
 
 import contextlib
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from io import BytesIO
+from itertools import chain, count
 from pathlib import Path
 
 import msgspec
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Chunk
 from msgspec import Struct
 
 from truearc.errors import NO_JSON, InputError, check_file, in_words
 from truearc.robot.recording import session as layout
-from truearc.robot.recording.append_file import Appender, claim
-from truearc.robot.recording.candump import parse_candump
-from truearc.robot.recording.chunks import TooLarge
-from truearc.robot.recording.encoder import BATCH_NS
-from truearc.robot.recording.files import TickFile, load_image, save_synced
-from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.rows import RowFormat, Trial
-from truearc.robot.recording.salvage import salvage
-from truearc.robot.recording.session import Picture, load_row_format, load_session_config, make_trials
+from truearc.robot.recording.files import Appender, TickFile, load_image, lock_trouble, parse_candump, save_synced
+from truearc.robot.recording.reader import BROKEN, MESSAGE, TickReader, TooLarge, split, unpack
+from truearc.robot.recording.writer import BATCH_NS
 from truearc.robot.types import Tick
+
+NAME_AT = 37                          # where in a chunk the name of the compression stands ...
+NAME = b"\x04\x00\x00\x00zstd"        # ... which is how a chunk is found again
+TICKS = 1                             # TickFile's first channel; the record that names it may be lost
 
 
 class Recovered(Struct):
@@ -35,12 +38,12 @@ class _Told:
 
     def __init__(self) -> None:
         self.ticks = self.last_cycle = 0
-        self.trials: list[Trial] = []
+        self.trials: list[layout.Trial] = []
 
     def hear(self, tick: Tick) -> None:
         self.ticks += 1
         self.last_cycle = tick.inputs.cycle
-        self.trials += make_trials(tick)
+        self.trials += layout.make_trials(tick)
 
 
 def recover(session: Path) -> Recovered:
@@ -49,10 +52,11 @@ def recover(session: Path) -> Recovered:
     Ticks: a readable MCAP file with a summary, of no tick if none is whole. Trials: no torn line, and those that only
     the ticks know. CAN: whole lines. Images: an index of those that are there. Running it again changes nothing.
     """
-    load_session_config(session)
+    layout.load_session_config(session)
     for name in (layout.TELEMETRY, layout.TRIALS, layout.CAN, layout.INDEX):
         check_file(session / name)
-    _check_not_recording(session)
+    if isinstance(trouble := lock_trouble(session / layout.TELEMETRY), BlockingIOError):
+        raise InputError(f"{session / layout.TELEMETRY}: is being recorded") from trouble
     repairs: list[str] = []
     told = _recover_ticks(session, repairs)
     trials = _recover_trials(session, told, repairs)
@@ -60,17 +64,6 @@ def recover(session: Path) -> Recovered:
                    lambda line: parse_candump(line.decode("ascii", "replace") + "\n") is not None, repairs)
     _recover_lines(session, layout.INDEX, "images", lambda line: _has_image(session, line), repairs)
     return Recovered(told.ticks, trials, repairs)
-
-
-def _check_not_recording(session: Path) -> None:
-    path = session / layout.TELEMETRY
-    try:
-        with path.open("rb") as file:
-            claim(file)
-    except BlockingIOError as error:
-        raise InputError(f"{path}: is being recorded") from error
-    except OSError:                   # no such file, or a file system without locks
-        return
 
 
 def _recover_ticks(session: Path, repairs: list[str]) -> _Told:
@@ -84,23 +77,23 @@ def _recover_ticks(session: Path, repairs: list[str]) -> _Told:
             if not reader.cut_short:
                 return told
     told = _Told()
-    _replace(path, session, lambda new: _write_ticks(new, path, told, reader.rows))
+    _replace(path, session, lambda new: _write_ticks(new, path, told))
     missing = told.last_cycle - told.ticks
     repairs.append(f"{layout.TELEMETRY}: {told.ticks} ticks kept"
                    + (f", {missing} before the last of them were damaged or never written" if missing else ""))
     return told
 
 
-def _write_ticks(new: Path, damaged: Path, told: _Told, rows: RowFormat) -> None:
+def _write_ticks(new: Path, damaged: Path, told: _Told) -> None:
     file, flushed_ns = Appender(new), 0
-    ticks = TickFile(file, rows)
+    ticks = TickFile(file)
     try:
         for row in salvage(damaged.read_bytes() if damaged.exists() else b""):
-            tick = rows.decode_tick(row)
+            tick = layout.decode_tick(row)
             if told.ticks and tick.inputs.cycle <= told.last_cycle:
                 continue              # a chunk that stands there twice
             told.hear(tick)
-            ticks.write(tick.inputs.t_ns, row, [rows.encode_trial(trial) for trial in make_trials(tick)])
+            ticks.write(tick.inputs.t_ns, row, list(map(layout.encode_row, layout.make_trials(tick))))
             if tick.inputs.t_ns - flushed_ns >= BATCH_NS:
                 flushed_ns = tick.inputs.t_ns
                 ticks.flush()
@@ -113,21 +106,21 @@ def _write_ticks(new: Path, damaged: Path, told: _Told, rows: RowFormat) -> None
 
 
 def _recover_trials(session: Path, told: _Told, repairs: list[str]) -> int:
-    path, rows = session / layout.TRIALS, load_row_format(session)
+    path = session / layout.TRIALS
     lines = path.read_bytes().split(b"\n") if path.exists() else []
-    trials: list[Trial] = []
+    trials: list[layout.Trial] = []
     torn = 0
     for line in filter(None, lines):
         try:
-            trials.append(rows.decode_trial(line))
+            trials.append(layout.decode_trial(line))
         except NO_JSON:
             torn += 1
     known = [trial for trial in told.trials if trial not in trials]
     if torn or known or (lines and lines[-1]):
         trials = sorted(trials + known, key=lambda trial: trial.outcome.t_ns)
-        text = b"".join(rows.encode_trial(trial) + b"\n" for trial in trials)
+        text = b"".join(layout.encode_row(trial) + b"\n" for trial in trials)
         _replace(path, session, lambda new: save_synced(new, text))
-        repairs.append(f"{layout.TRIALS}: {len(trials)} rows kept, {torn} torn, {len(known)} put back from the ticks")
+        repairs.append(f"{layout.TRIALS}: {len(trials)} rows kept, {torn} torn, {len(known)} restored from the ticks")
     return len({trial.outcome.trial for trial in trials})
 
 
@@ -147,7 +140,7 @@ def _recover_lines(session: Path, name: str, what: str, is_whole: Callable[[byte
 
 def _has_image(session: Path, line: bytes) -> bool:
     try:
-        return load_image(session, msgspec.json.decode(line, type=Picture)) is not None
+        return load_image(session, msgspec.json.decode(line, type=layout.Picture)) is not None
     except NO_JSON:
         return False
 
@@ -169,9 +162,30 @@ def _replace(path: Path, session: Path, write: Callable[[Path], None]) -> None:
 
 def _keep_aside(path: Path, damaged: Path) -> None:
     damaged.mkdir(exist_ok=True)
-    aside = damaged / path.name
-    number = 1
-    while aside.exists():
-        number += 1
-        aside = damaged / f"{path.stem}-{number}{path.suffix}"
-    shutil.copy2(path, aside)
+    names = chain((path.name,), (f"{path.stem}-{number}{path.suffix}" for number in count(2)))
+    shutil.copy2(path, next(damaged / name for name in names if not (damaged / name).exists()))
+
+
+def salvage(data: bytes) -> Iterator[bytes]:
+    """The ticks of each chunk whose checksum holds, wherever in `data` it lies, in the file's order."""
+    file, at = BytesIO(data), data.find(NAME)
+    while at >= 0:
+        rows = _read_chunk(file, at - NAME_AT)
+        yield from rows
+        at = data.find(NAME, file.tell() if rows else at + 1)
+
+
+def _read_chunk(file: BytesIO, start: int) -> list[bytes]:
+    """Return the ticks of the chunk that begins at `start`, none when it is not whole. `file` is then at its end."""
+    file.seek(max(start, 0))
+    stream = ReadDataStream(file)
+    try:
+        if stream.read1() != Opcode.CHUNK:
+            return []
+        stream.read8()
+        chunk = Chunk.read(stream)
+        records = split(unpack(chunk, "")) if chunk.uncompressed_crc else ()
+        return [content[MESSAGE.size:] for opcode, content in records
+                if opcode == Opcode.MESSAGE and MESSAGE.unpack_from(content)[0] == TICKS]
+    except (*BROKEN, TooLarge):
+        return []

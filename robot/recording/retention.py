@@ -1,7 +1,8 @@
-"""What earlier sessions may take of the disk, as [recording] says: the oldest give up telemetry and images first.
+"""Retention of earlier sessions within the limits of [recording]: the oldest lose telemetry and images first.
 
-`session.json`, `config.json`, `trials.jsonl`, models and aim files always stay, as does every file that is none of a
-recording's. Sessions are the folders beside the running one that have a session.json; links are not followed.
+`session.json`, `config.json`, `trials.jsonl`, models and aim files always stay, as do files that are not part of a
+recording. Sessions are the folders beside the running one that have a session.json,
+or a damaged one and telemetry; links are not followed.
 """
 
 import os
@@ -15,7 +16,7 @@ from typing import NamedTuple
 from truearc.errors import InputError
 from truearc.robot.config.schema import RecordingConfig
 from truearc.robot.recording import session as layout
-from truearc.robot.recording.append_file import claim
+from truearc.robot.recording.files import lock_trouble
 
 BULK = (layout.TELEMETRY, layout.CAN, layout.FRAMES, layout.LATENESS, layout.DAMAGED)
 BYTES_PER_GB, S_PER_DAY = 1_000_000_000, 86_400.0
@@ -43,7 +44,8 @@ def prune(running: Path, limits: RecordingConfig, now_s: float) -> list[Path]:
     for one in sessions:
         is_old = limits.keep_days is not None and now_s - one.ended_s > limits.keep_days * S_PER_DAY
         is_much = limits.keep_gb is not None and total > limits.keep_gb * BYTES_PER_GB
-        if one.bulk_bytes and (is_old or is_much) and not _is_recording(one.folder):
+        if one.bulk_bytes and (is_old or is_much) and isinstance(       # unless another process may be writing it
+                lock_trouble(one.folder / layout.TELEMETRY), FileNotFoundError | None):
             _delete_bulk(one.folder)
             total -= one.bulk_bytes - sum(_bytes(one.folder, name) for name in BULK)
             pruned.append(one.folder)
@@ -67,7 +69,7 @@ def _keep_pruning(limits: RecordingConfig, unix_s: Callable[[], float], running:
                 print(f"truearc run: [recording]: telemetry and images of {len(pruned)} earlier sessions deleted, up "
                       f"to {pruned[-1].name}", file=sys.stderr, flush=True)
         except OSError as error:      # recording goes on; the next look may succeed
-            print(f"truearc run: [recording]: earlier sessions stay: {error}", file=sys.stderr, flush=True)
+            print(f"truearc run: [recording]: earlier sessions were not deleted: {error}", file=sys.stderr, flush=True)
         pause.wait(LOOK_S)
 
 
@@ -81,12 +83,16 @@ def _folders(running: Path) -> list[Path]:
 
 
 def _look(folder: Path) -> _Session | None:
-    """That session; None when it is none of this program's."""
+    """The session in a folder; None when the folder holds none."""
+    telemetry = folder / layout.TELEMETRY
     try:
         layout.load_header(folder)
-        telemetry = folder / layout.TELEMETRY
+    except InputError:                # of another program, or damaged as when the power fails
+        if not ((folder / layout.HEADER).is_file() and telemetry.is_file()):
+            return None
+    try:
         ended_s = (telemetry if telemetry.exists() else folder / layout.HEADER).stat().st_mtime
-    except (InputError, OSError):
+    except OSError:
         return None
     bulk = sum(_bytes(folder, name) for name in BULK)
     return _Session(ended_s, folder, bulk, sum(_bytes(folder, name) for name in _names(folder)) - bulk)
@@ -107,18 +113,6 @@ def _bytes(folder: Path, name: str) -> int:
                 continue
             total += stat.st_size
     return total
-
-
-def _is_recording(folder: Path) -> bool:
-    """Whether another process holds the telemetry open to write it."""
-    try:
-        with (folder / layout.TELEMETRY).open("rb") as file:
-            claim(file)
-    except FileNotFoundError:
-        return False
-    except OSError:
-        return True
-    return False
 
 
 def _delete_bulk(folder: Path) -> None:

@@ -3,31 +3,27 @@
     session.json     what made it: versions, configuration and model hashes
     config.json      the configuration it ran with; model.onnx the gate, if there was one
     aim.json         the aim file that it started with, if there was one; aims/SHA256.json those offered meanwhile
-    telemetry.mcap   JSON messages: on /tick the whole Tick, on /trial each line of trials.jsonl (older ones lack it)
+    telemetry.mcap   JSON messages: on /tick the whole Tick, on /trial each line of trials.jsonl
     can0.log         every CAN frame both ways, candump text
-    trials.jsonl     one fsynced line an outcome
+    trials.jsonl     one line per outcome, each fsynced
     frames/          the image behind each shot, and frames.jsonl
-    lateness.jsonl   one line a second: how late ticks came (truearc.robot.processes.tick_timing); on a real robot only
-    damaged/         what `truearc session recover` has replaced, if it had to
+    lateness.jsonl   one line per second: how late ticks came (truearc.robot.processes.loop_health); real robots only
+    damaged/         the files that `truearc session recover` has replaced
 """
 
 import hashlib
-from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 from msgspec import UNSET, Struct, UnsetType
 
 from truearc.errors import MAX_TEXT_BYTES, NO_JSON, InputError, in_words, load_bytes, naming
 from truearc.robot.aim_file import AimFile, Aims, load_aim
-from truearc.robot.config.hashing import config_hash, config_of, is_hash_of
-from truearc.robot.config.rig_spec import with_nan
-from truearc.robot.config.schema import Config
+from truearc.robot.config.schema import Config, config_hash, config_of, is_hash_of
 from truearc.robot.gate.model import Gate, load_gate
-from truearc.robot.recording.rows import RowFormat, Rows2, Trial
-from truearc.robot.types import Tick
+from truearc.robot.types import Outcome, Shot, Tick
 
 FORMAT = "truearc.session/2"
 HEADER, CONFIG, MODEL, TELEMETRY, CAN, TRIALS, FRAMES, LATENESS = (
@@ -48,7 +44,7 @@ class Header(Struct, frozen=True):
     policy: str                       # collect | model
     started: str | None               # wall clock, ISO 8601; null on the twin, whose clock starts at zero
     aim_sha256: str | UnsetType = UNSET           # of aim.json; absent: there was none
-    wall_offset_ns: int | UnsetType = UNSET       # wall clock (Unix) less the robot's at the start; absent: unknown
+    wall_offset_ns: int | UnsetType = UNSET       # wall clock (Unix) less the robot's at the start; absent on the twin
 
 
 class Picture(Struct, frozen=True):
@@ -58,7 +54,31 @@ class Picture(Struct, frozen=True):
     file: str
 
 
-FORMATS: dict[str, Callable[[], RowFormat]] = {FORMAT: Rows2}
+class Trial(Struct, frozen=True):
+    """One line of trials.jsonl; a later line for the same trial replaces it."""
+
+    outcome: Outcome
+    shot: Shot | None
+
+
+class WallTime(NamedTuple):
+    """Wall clock (Unix) less the robot's clock in ns, and how that is known."""
+
+    offset_ns: int
+    how: str
+
+
+encode_row = msgspec.json.Encoder().encode        # a line of a session's files, or a message of its telemetry
+decode_tick = msgspec.json.Decoder(Tick).decode
+decode_trial = msgspec.json.Decoder(Trial).decode
+
+
+def row_schema(kind: type[Tick] | type[Trial]) -> bytes:
+    """JSON schema of a tick or a trial. Its root says that it is an object: viewers refuse a root that is a reference.
+    """
+    schema = msgspec.json.schema(kind)
+    return encode_row({"type": "object", "properties": {}, "allOf": [{"$ref": schema["$ref"]}],
+                       "$defs": schema["$defs"]})
 
 
 def make_trials(tick: Tick) -> list[Trial]:
@@ -83,26 +103,16 @@ def load_header(session: Path) -> Header:
     data = load_bytes(path, MAX_TEXT_BYTES)
     with naming(f"{path}: not a recording"):
         header = msgspec.json.decode(data, type=Header)
-    if header.format not in FORMATS:
-        raise InputError(f"{path}: format {header.format}, this version reads {' and '.join(FORMATS)}")
+    if header.format != FORMAT:
+        raise InputError(f"{path}: format {header.format}, this version reads {FORMAT}")
     return header
-
-
-def load_row_format(session: Path) -> RowFormat:
-    """How the session's ticks and trials are written; InputError as load_header."""
-    return FORMATS[load_header(session).format]()
 
 
 def load_session_config(session: Path) -> Config:
     """The configuration a session ran with; InputError when it is not the one its header names."""
     header, path = load_header(session), session / CONFIG
     with naming(path):
-        table = msgspec.json.decode(load_bytes(path, MAX_TEXT_BYTES), type=dict[str, Any])
-        try:
-            config = config_of(table)
-        except msgspec.ValidationError:
-            # recorded before rigs were checked: a number that was none is null
-            config = config_of({**table, "rig": with_nan(table["rig"])})
+        config = config_of(msgspec.json.decode(load_bytes(path, MAX_TEXT_BYTES), type=dict[str, Any]))
     if not is_hash_of(header.config_sha256, config):
         raise InputError(f"{path}: changed since the recording was made (hash differs from {HEADER})")
     return config
@@ -114,9 +124,9 @@ def load_session_gate(session: Path) -> Gate | None:
     if header.model_sha256 is None:
         return None
     if not path.exists():
-        raise InputError(f"{path}: the recording was gated by a model that is not here")
+        raise InputError(f"{path}: the model that gated the recording is missing")
     if hashlib.sha256(load_bytes(path)).hexdigest() != header.model_sha256:
-        raise InputError(f"{path}: not the model that the recording was gated by")
+        raise InputError(f"{path}: not the model that gated the recording")
     return load_gate(path)
 
 
@@ -126,10 +136,10 @@ def load_session_aims(session: Path) -> Aims:
     aims = {one.sha256: one for one in map(load_aim, sorted((session / AIMS).glob("*.json")))}
     if header.aim_sha256 is not UNSET:
         if not path.exists():
-            raise InputError(f"{path}: the recording was aimed by a file that is not here")
+            raise InputError(f"{path}: the aim file of the recording is missing")
         aims[""] = load_aim(path)
         if aims[""].sha256 != header.aim_sha256:
-            raise InputError(f"{path}: not the aim file that the recording was aimed by")
+            raise InputError(f"{path}: not the aim file of the recording")
     return aims
 
 
@@ -138,17 +148,26 @@ def load_trials(session: Path) -> list[Trial]:
 
     A last line cut short by a power loss is dropped; any other broken line is InputError with its number.
     """
-    path, rows = session / TRIALS, load_row_format(session)
+    load_header(session)
+    path = session / TRIALS
     lines = load_bytes(path).split(b"\n") if path.exists() else []
     trials: dict[int, Trial] = {}
     for number, line in enumerate(lines, 1):
         if not line:
             continue
         try:
-            trial = rows.decode_trial(line)
+            trial = decode_trial(line)
         except NO_JSON as error:
             if number == len(lines):
                 break
             raise InputError(f"{path}:{number}: {in_words(error)}") from error
         trials[trial.outcome.trial] = trial
     return [trials[key] for key in sorted(trials)]
+
+
+def wall_time(header: Header) -> WallTime:
+    """How to date a session. The robot's clock is monotonic and begins anywhere; that the wall clock was set later
+    makes no difference."""
+    if header.wall_offset_ns is UNSET:
+        return WallTime(0, "an emulated robot's clock, which begins at zero (1970)")
+    return WallTime(header.wall_offset_ns, "wall clock, as at the start of the session")

@@ -13,11 +13,11 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from truearc.hw.reason import Reason
+from truearc.hw.reason import Code, Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import AprilTag, CameraConfig, Tape
-from truearc.robot.vision.optics import Array, Optics
-from truearc.robot.vision.shape import make_shape, tag_corners_m
+from truearc.robot.types import Sighting
+from truearc.robot.vision.geometry import Array, Optics, make_shape, tag_corners_m
 
 STEPS = 6                             # Gauss-Newton from IPPE's start is at rest after two or three
 AT_REST = 1e-2                        # squared last step in standard deviations; what is left after it is its square
@@ -38,6 +38,22 @@ class Pose(NamedTuple):
     reprojection_px: float            # root mean square over the marks, beyond the uncertainty of the camera
     cost: float                       # sum of squared normalised residuals, beliefs included
     doubt: Reason | None              # what the pose says against itself
+
+
+def judge_pose(pose: Pose | None, most_px: float, off_shape: Code) -> Pose | Reason:
+    """The pose; or why it cannot be the target's: `off_shape` where the marks are further than `most_px` off."""
+    if pose is None:
+        return because.NO_POSE()
+    if pose.doubt is not None:
+        return pose.doubt
+    return off_shape(error_px=pose.reprojection_px) if pose.reprojection_px > most_px else pose
+
+
+def make_sighting(t_ns: int, pose: Pose, camera: CameraConfig, corners_px: Array, behind_m: float = 0.0) -> Sighting:
+    """The sighting of a target that is `behind_m` further away than what the pose is of."""
+    return Sighting(t_ns=t_ns, found=True, distance_m=pose.distance_m + behind_m - camera.bias_m,
+                    sigma_m=math.hypot(pose.sigma_m, camera.bias_sigma_m), bearing_deg=math.degrees(pose.bearing_rad),
+                    corners_px=tuple((float(x), float(y)) for x, y in corners_px))
 
 
 def solve_pose(ideal_px: Array, spread_px2: Array, optics: Optics, camera: CameraConfig,

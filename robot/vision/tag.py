@@ -16,8 +16,9 @@ from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import AprilTag, CameraConfig, Vision
 from truearc.robot.types import Sighting
-from truearc.robot.vision.optics import Array, Optics, make_optics
-from truearc.robot.vision.pose import Pose, solve_pose
+from truearc.robot.vision.geometry import Array, Optics, make_optics
+from truearc.robot.vision.pose import Pose, judge_pose, make_sighting, solve_pose
+from truearc.robot.vision.threshold import check_size
 
 APART_SIGMAS = 4.0                    # two tags that say distances so far apart contradict each other
 CELLS = 8                             # of a tag's black square, its border one cell wide
@@ -40,10 +41,9 @@ def detect_tag(frame: CameraFrame, camera: CameraConfig, tag: AprilTag, vision: 
     `bearing_deg` is positive when the tag is right of the axis. Of several tags the one known best counts. Never raises
     on an image's content: a doubtful one has found=False and a reason.
     """
-    height_px, width_px = frame.image.shape[:2]
-    if min(height_px, width_px) < 8:
-        return _lost(frame, because.IMAGE_TOO_SMALL(width_px=width_px, height_px=height_px))
-    optics = make_optics(camera, width_px, height_px)
+    if (unusable := check_size(frame.image)) is not None:
+        return Sighting(frame.t_ns, False, unusable)
+    optics = make_optics(camera, frame.image.shape[1], frame.image.shape[0])
     grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
     found, doubts = list[tuple[Pose, Array]](), list[Reason]()
     for number, rough in find_tags(grey):
@@ -56,14 +56,12 @@ def detect_tag(frame: CameraFrame, camera: CameraConfig, tag: AprilTag, vision: 
         else:
             found.append(answer)
     if not found:
-        return _lost(frame, doubts[0] if doubts else because.NO_TAG())
+        return Sighting(frame.t_ns, False, doubts[0] if doubts else because.NO_TAG())
     pose, seen = min(found, key=lambda one: one[0].sigma_m)
     if any(abs(pose.distance_m - other.distance_m) > APART_SIGMAS * math.hypot(pose.sigma_m, other.sigma_m)
            for other, _ in found):
-        return _lost(frame, because.SEVERAL_TARGETS(count=len(found)))
-    return Sighting(t_ns=frame.t_ns, found=True, distance_m=pose.distance_m + tag.behind_m - camera.bias_m,
-                    sigma_m=math.hypot(pose.sigma_m, camera.bias_sigma_m), bearing_deg=math.degrees(pose.bearing_rad),
-                    corners_px=tuple((float(x), float(y)) for x, y in seen))
+        return Sighting(frame.t_ns, False, because.SEVERAL_TARGETS(count=len(found)))
+    return make_sighting(frame.t_ns, pose, camera, seen, tag.behind_m)
 
 
 def explain_tag(quad_px: Array, optics: Optics, camera: CameraConfig, tag: AprilTag,
@@ -74,14 +72,8 @@ def explain_tag(quad_px: Array, optics: Optics, camera: CameraConfig, tag: April
         return because.REGION_SMALL()
     ideal = optics.undistort(quad_px)
     spread = ((tag.corner_sigma_px * optics.scale)**2 + (SMALL_PX2 * CELLS / side_px)**2) * np.eye(8)
-    pose = solve_pose(ideal, spread, optics, camera, tag)
-    if pose is None:
-        return because.NO_POSE()
-    if pose.doubt is not None:
-        return pose.doubt
-    if pose.reprojection_px > vision.max_reprojection_px:
-        return because.TAG_OFF_SHAPE(error_px=pose.reprojection_px)
-    return pose, quad_px
+    pose = judge_pose(solve_pose(ideal, spread, optics, camera, tag), vision.max_reprojection_px, because.TAG_OFF_SHAPE)
+    return pose if isinstance(pose, Reason) else (pose, quad_px)
 
 
 def find_tags(grey: Any) -> list[tuple[int, Array]]:
@@ -101,8 +93,6 @@ def refine_corners(grey: Any, quad_px: Array) -> Array | None:
     level = np.asarray(grey, dtype=np.float32)
     for _ in range(2):
         lines = [_edge(level, quad_px[k], quad_px[(k + 1) % 4]) for k in range(4)]
-        if any(line is None for line in lines):
-            return None
         corners = [_meet(lines[k - 1], lines[k]) for k in range(4)]
         if any(corner is None for corner in corners):
             return None
@@ -156,7 +146,3 @@ def _detector() -> cv2.aruco.ArucoDetector:
     how.errorCorrectionRate = BITS
     how.minMarkerPerimeterRate = 0.02             # of the image's larger side
     return cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), how)
-
-
-def _lost(frame: CameraFrame, reason: Reason) -> Sighting:
-    return Sighting(t_ns=frame.t_ns, found=False, reason=reason)

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Vision
-from truearc.robot.reasons import IMAGE_BRIGHT, IMAGE_BURNT
+from truearc.robot.reasons import IMAGE_BRIGHT, IMAGE_BURNT, IMAGE_TOO_SMALL
 
 Image = npt.NDArray[np.uint8]
 
@@ -25,6 +25,7 @@ HUES = 180                            # OpenCV's 8-bit hue
 SPARSE = 16                           # pixels looked at: every sixteenth column of every sixteenth row
 BRIGHT = 150                          # of 255: more than half of an image this bright is not a dark one
 BURNT, BURNT_SHARE = 250, 0.3
+LEAST_PX = 8                          # of an image, either way
 
 
 class Region(NamedTuple):
@@ -90,6 +91,12 @@ def _regions_in(patch: Image, vision: Vision, min_area_px: float, x0_px: int, y0
     contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     return [Region(contour, area_px, mask, value, x0_px, y0_px) for contour in contours
             if (area_px := float(cv2.contourArea(contour))) >= min_area_px]
+
+
+def check_size(image: Image) -> Reason | None:
+    """None for an image that is large enough to search; else why not."""
+    height_px, width_px = image.shape[:2]
+    return IMAGE_TOO_SMALL(width_px=width_px, height_px=height_px) if min(height_px, width_px) < LEAST_PX else None
 
 
 def check_exposure(image: Image) -> Reason | None:

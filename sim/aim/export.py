@@ -1,5 +1,7 @@
-"""The robot's aim file of a table of set points, and its check against the simulator."""
+"""Set points for robots: the aim file, its check against the simulator, and lines to paste into robot code."""
 
+import json
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -13,9 +15,9 @@ from scipy.interpolate import PchipInterpolator
 from truearc.errors import InputError
 from truearc.robot.aim_file import SCHEMA, AimContent, AimFile, Curve, Motion, Segment, contract_hash, rig_of
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.gate.seal import UNSEALED, seal
+from truearc.robot.gate.contract import UNSEALED, seal
+from truearc.sim.aim.make_table import RPM, AimRow
 from truearc.sim.aim.on_the_move import on_the_move
-from truearc.sim.aim.set_point import AimRow
 from truearc.sim.aim.solve import chances_of, solve
 from truearc.sim.infer.belief import Belief
 from truearc.sim.printed import Printed
@@ -24,6 +26,8 @@ FLOWN, SET = ("distance_m", "hood_deg", "motor_ratio", "flight_s"), ("hood_deg",
 CHECKED = 40                          # distances at which a file is checked
 MOST_LOST = 0.05                      # points that a set point of the file may fall short of the best by
 Rows = Float[np.ndarray, " n"]
+LEAST_LEAD_DEG = 0.05                 # what is less is left out
+INCH_M = 0.0254
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,3 +102,79 @@ def _segment(rows: Sequence[AimRow], moving: Float[np.ndarray, "n 5"]) -> Segmen
     carry, sideways, trim, bend, sink = map(curve, filled.T)
     return Segment(tuple(map(float, x)), hood, ratio, lead,
                    Motion(carry, sideways, trim, bend, sink, float(x[known[0]]), float(x[known[-1]])))
+
+
+def has_lead(rows: Iterable[Any]) -> bool:
+    """Whether a set point is aimed beside the target."""
+    return any(abs(row.lead_deg) >= LEAST_LEAD_DEG for row in rows)
+
+
+def _doubt(row: Any) -> list[str]:
+    """A comment above a set point that the shots of the belief do not cover."""
+    return [f"// {row.distance_m:.3f} m: {row.note}"] if row.note else []
+
+
+def java_text(rows: Iterable[Any]) -> str:
+    """Statements for two edu.wpi.first.math.interpolation.InterpolatingDoubleTreeMap, keyed by distance in m."""
+    rows = tuple(rows)
+    lead = has_lead(rows)
+    lines = ["// by truearc aim: distance (m) -> hood (deg above the horizontal), motor (rpm)"
+             + ", lead (deg to the left)" * lead]
+    for row in rows:
+        lines += [*_doubt(row), f"hoodDeg.put({row.distance_m:.3f}, {row.hood_deg:.2f});",
+                  f"motorRpm.put({row.distance_m:.3f}, {row.motor_rad_s * RPM:.1f});"]
+        lines += [f"leadDeg.put({row.distance_m:.3f}, {row.lead_deg:.2f});"] if lead else []
+    return "\n".join(lines) + "\n"
+
+
+def cpp_text(rows: Iterable[Any]) -> str:
+    """An array that needs no library."""
+    rows = tuple(rows)
+    lead = has_lead(rows)
+    lines = ["// by truearc aim: distance (m), hood (deg above the horizontal), motor (rpm)"
+             + ", lead (deg to the left)" * lead, f"struct SetPoint {{ double distance_m, hood_deg, motor_rpm"
+             f"{', lead_deg' * lead}; }};", "constexpr SetPoint kSetPoints[] = {"]
+    for row in rows:
+        lines += [*(f"    {line}" for line in _doubt(row)),
+                  f"    {{{row.distance_m:.3f}, {row.hood_deg:.2f}, {row.motor_rad_s * RPM:.1f}"
+                  + f", {row.lead_deg:.2f}" * lead + "},"]
+    return "\n".join([*lines, "};"]) + "\n"
+
+
+def java_6328_text(rows: Iterable[Any]) -> str:
+    """Statements as in team 6328's ShotCalculator of 2026: hood in degrees from the vertical, motor in rad/s, time of
+    flight in s, in InterpolatingTreeMap and InterpolatingDoubleTreeMap of WPILib."""
+    lines = ["// by truearc aim: distance (m) -> hood (deg from the vertical), motor (rad/s), time of flight (s)"]
+    for row in rows:
+        at = f"{row.distance_m:.3f}"
+        lines += [*_doubt(row), f"shotHoodAngleMap.put({at}, Rotation2d.fromDegrees({90.0 - row.hood_deg:.2f}));",
+                  f"shotFlywheelSpeedMap.put({at}, {row.motor_rad_s:.2f});",
+                  f"timeOfFlightMap.put({at}, {row.flight_s:.3f});"]
+    return "\n".join(lines) + "\n"
+
+
+def java_254_text(rows: Iterable[Any]) -> str:
+    """Statements as in team 254's Constants of 2020: inches -> hood in degrees above the horizontal, motor in rpm."""
+    lines = ["// by truearc aim: distance (in) -> hood (deg above the horizontal), motor (rpm)"]
+    for row in rows:
+        at = f"new InterpolatingDouble({row.distance_m / INCH_M:.2f})"
+        lines += [*_doubt(row), f"kLaserNewHoodMap.put({at}, new InterpolatingDouble({row.hood_deg:.2f}));",
+                  f"kLaserRPMMap.put({at}, new InterpolatingDouble({row.motor_rad_s * RPM:.1f}));"]
+    return "\n".join(lines) + "\n"
+
+
+def csv_2928_text(rows: Iterable[Any]) -> str:
+    """A file as team 2928's robot of 2026 loads it: distance in m, hood in degrees, motor in rev/s."""
+    lines = ["distance_m,hood_angle_deg,velocity_rps"]
+    lines += [f"{row.distance_m:.3f},{row.hood_deg:.2f},{row.motor_rad_s / (2.0 * math.pi):.3f}" for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def json_3476_text(rows: Iterable[Any]) -> str:
+    """A file as team 3476's shooterconfig.json of 2020: distance in inches, hood in degrees, motor in rpm."""
+    configs = [{"distance": round(row.distance_m / INCH_M, 2), "hoodEjectAngle": round(row.hood_deg, 2),
+                "flywheelSpeed": round(row.motor_rad_s * RPM, 1)} for row in rows]
+    return json.dumps({"shooterConfigs": configs}, indent=2) + "\n"
+
+
+TEAMS = {"java-6328": java_6328_text, "java-254": java_254_text, "csv-2928": csv_2928_text, "json-3476": json_3476_text}

@@ -1,32 +1,68 @@
-"""A belief and a rig -> the table of set points, with what errors cost and the band of speeds that score."""
+"""The table of set points by a belief, with what errors cost and the band of speeds that score; and its picture."""
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 from jaxtyping import Float
+from matplotlib.figure import Figure
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.aim.set_point import DISTANCE_M, HOOD_DEG, SPEED_RPM, AimRow
-from truearc.sim.aim.snippets import RPM
 from truearc.sim.aim.solve import LEAST_POINTS, SAFE_SHARE, Chances, Solved, chances_of, solve
 from truearc.sim.data.dataset import Shots
-from truearc.sim.infer.belief import Belief
-from truearc.sim.infer.curve import before_the_shot
-from truearc.sim.infer.likelihood.heights import Values, configured
-from truearc.sim.infer.likelihood.launch_inputs import Given, given_of
+from truearc.sim.infer.belief import Belief, before_the_shot
+from truearc.sim.infer.forecast import Values, configured
+from truearc.sim.infer.likelihood.data import Given, given_of
 from truearc.sim.physics.catalogue import Catalogue, flight_terms
-from truearc.sim.physics.flight import make_law
-from truearc.sim.physics.flight_over_x import reach_plane
-from truearc.sim.progress import Progress
+from truearc.sim.physics.flight import make_law, reach_plane
+from truearc.sim.printed import Progress
+from truearc.sim.report import new_panels
 
+RPM = 60.0 / (2.0 * math.pi)          # of one rad/s
+DISTANCE_M, HOOD_DEG, SPEED_RPM = 0.10, 1.0, 50.0       # errors whose cost is reported
 BAND = np.linspace(-0.25, 0.25, 101)  # of the log of the motor's speed, in which the band is sought
 ROWS_AT_ONCE = 64
 
 Rows = Float[np.ndarray, " n"]
+
+
+class AimRow(NamedTuple):
+    """A set point.
+
+    Fields:
+        distance_m: For which it is.
+        hood_deg: Launch elevation.
+        motor_ratio: Motor speed over free speed.
+        motor_rad_s: Motor speed.
+        lead_deg: By how much to aim to the left of the target, against wind across.
+        flight_s: From the exit to the target.
+        p_two, p_three: Probability of at least two points, and of three.
+        points: Expected.
+        lost_10cm, lost_1deg, lost_50rpm: Points that such an error of distance, hood or motor speed costs, the mean of
+            both directions.
+        slowest_rad_s, fastest_rad_s: Motor speeds between which at least half of the points are left.
+        note: What of it is outside the range of the shots that the belief was fitted to.
+    """
+
+    distance_m: float
+    hood_deg: float
+    motor_ratio: float
+    motor_rad_s: float
+    lead_deg: float
+    flight_s: float
+    p_two: float
+    p_three: float
+    points: float
+    lost_10cm: float
+    lost_1deg: float
+    lost_50rpm: float
+    slowest_rad_s: float
+    fastest_rad_s: float
+    note: str
 
 
 def make_rows(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: tuple[float, float],
@@ -120,3 +156,26 @@ def _flown(rig: Rig, values: Values, given: Given, among: Catalogue) -> tuple[An
     plane = reach_plane(rig, law, exit, distance_m, timed=True)
     nan = jax.numpy.nan
     return jax.numpy.where(plane.near, plane.side_m, nan), jax.numpy.where(plane.near, plane.flown_s, nan)
+
+
+def draw_aim(rows: Sequence[Any], refused: Sequence[tuple[float, str]]) -> Figure:
+    """Hood angle, motor speed with the band in which half of the points are left, and probabilities, over distance."""
+    figure, (hood, speed, chance) = new_panels(7.0, 7.0, 3, sharex=True)
+    x = np.array([row.distance_m for row in rows])
+    hood.plot(x, [row.hood_deg for row in rows], "o-", color="#1b5e9b", markersize=3)
+    hood.set_ylabel("hood, deg")
+    speed.fill_between(x, [row.slowest_rad_s * RPM for row in rows], [row.fastest_rad_s * RPM for row in rows],
+                       color="#9cc4e4", label="at least half of the points")
+    speed.plot(x, [row.motor_rad_s * RPM for row in rows], "o-", color="#1b5e9b", markersize=3, label="set point")
+    speed.set_ylabel("motor, rpm")
+    speed.legend(frameon=False)
+    threes = [row.p_three for row in rows]
+    chance.plot(x, [row.p_two for row in rows], color="#d9822b", label="two or three points" if any(threes) else "hit")
+    if any(threes):
+        chance.plot(x, threes, color="#2b8a3e", label="three points")
+    chance.set(ylim=(0.0, 1.02), ylabel="probability", xlabel="distance, m")
+    chance.legend(frameon=False)
+    for distance_m, _ in refused:
+        for axes in (hood, speed, chance):
+            axes.axvline(distance_m, color="#b02a37", linewidth=1, linestyle=":")
+    return figure

@@ -17,13 +17,11 @@ from jaxtyping import Float
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Shots
-from truearc.sim.infer.belief import Belief
-from truearc.sim.infer.curve import before_the_shot
-from truearc.sim.infer.likelihood.heights import Values, configured
-from truearc.sim.infer.likelihood.launch_inputs import Given, given_of
+from truearc.sim.infer.belief import Belief, before_the_shot
+from truearc.sim.infer.forecast import Values, configured
+from truearc.sim.infer.likelihood.data import Given, given_of
 from truearc.sim.physics.catalogue import Catalogue, flight_terms
-from truearc.sim.physics.flight import make_law, rk4, start_of
-from truearc.sim.physics.flight_over_x import reach_plane
+from truearc.sim.physics.flight import make_law, reach_plane, rk4, start_of
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.term import BallState
 from truearc.sim.physics.vector import Vec, plus

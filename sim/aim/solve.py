@@ -16,9 +16,9 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.forecast import forecast
-from truearc.sim.metrics import POINTS_THREE, POINTS_TWO
 from truearc.sim.physics.simulate import opening_of
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
+from truearc.sim.statistics import POINTS_THREE, POINTS_TWO
 
 STEP_DEG = 1.0                        # of the hood angles that are tried
 RATIOS = np.geomspace(0.08, 1.0, 20)  # motor speeds over free speed, between which the height is interpolated

@@ -9,9 +9,8 @@ import numpy as np
 
 from truearc.errors import InputError, near_key, reworded, unknown_keys
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.data.load import assemble
-from truearc.sim.data.model import Dataset
-from truearc.sim.data.rig import check_rig, load_rig, states_three
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import assemble, check_rig, load_rig, states_three
 from truearc.sim.data.table import Cell, RawTable, as_cell, gathered
 
 

@@ -1,51 +1,62 @@
-"""Make a belief of a finding: the fitted coefficients with every named effect, and their covariance.
+"""An investigation, and the belief made of it: fitted coefficients with every named effect, and their covariance.
 
 A later session's balls may be others, and a fit that may say so attributes much of a change of the robot to them: on
 shots of that session it forecasts no worse. But the next session's balls are others again. So a belief is judged with
 the session's random effects of balls taken out: one that would then forecast its shots worse, by its 90 % interval, is
 not adopted, even if this session's balls gain by it; and one that they do not gain by is, if it is not worse.
 
-Then it is judged by points (truearc.sim.discover.select.expected_points): where hold-out shots, aimed and gated by it,
+Then it is judged by points (truearc.sim.discover.select.simulations): where hold-out shots, aimed and gated by it,
 would have scored fewer than by what stays without it, it is refused. The mean decides, not its interval: what is
 believed already costs nothing to keep, and a robot is not changed for something that is expected to lose.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
-from msgspec import structs
 
-from truearc.sim.discover.finding import Adoption
-from truearc.sim.discover.investigate import Investigation, believed_spot
-from truearc.sim.discover.report.finding_text import gained_interval, say_limits, say_refused
-from truearc.sim.discover.select import expected_points as worth
-from truearc.sim.discover.select.amplitude_prior import by_own_prior
-from truearc.sim.discover.select.forecast_error import track_errors
-from truearc.sim.discover.select.model_averaging import Mixed, mixed, shares
-from truearc.sim.discover.select.name_effects import Step
-from truearc.sim.discover.select.nonparametric_terms import Freed, all_freed
-from truearc.sim.discover.select.refit import Refit, further_values, refit
-from truearc.sim.discover.select.term_ranking import MASS
-from truearc.sim.infer.baseline_fit import BaselineFit, only_shared, stopped
-from truearc.sim.infer.belief import Belief, moved_curves
-from truearc.sim.infer.coefficients import Coefficients
-from truearc.sim.infer.curve import Curve
-from truearc.sim.infer.fitted_belief import coefficients_of, covariance_of, scatter_of
-from truearc.sim.infer.held_out import clustered_error, unseen_change, without
-from truearc.sim.infer.likelihood.design_columns import is_tracker
+from truearc.sim.discover.decide import Choice, choose, contradicted, gain_interval
+from truearc.sim.discover.detect.battery import Asked
+from truearc.sim.discover.finding import Adoption, FindingRecord
+from truearc.sim.discover.select import simulations as worth
+from truearc.sim.discover.select.effects import Search, Step
+from truearc.sim.discover.select.simulations import Freed, Mixed, all_freed, mixed, shares, track_errors
+from truearc.sim.discover.select.terms import SURE, Refit, by_own_prior, further_values, refit
+from truearc.sim.infer.belief import Belief, Coefficients, Curve, moved_curves
+from truearc.sim.infer.fit import BaselineFit, believed_spot, coefficients_of, covariance_of, scatter_of, stopped
+from truearc.sim.infer.likelihood.data import Intake
+from truearc.sim.infer.likelihood.layout import is_tracker, only_shared
 from truearc.sim.infer.likelihood.linearization import linearise
-from truearc.sim.infer.likelihood.prepared_data import Intake
-from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
-from truearc.sim.metrics import POINTS_THREE
-from truearc.sim.physics.catalogue import Catalogue
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, clustered_error, unseen_change, without
+from truearc.sim.physics.catalogue import Catalogue, catalogue
 from truearc.sim.physics.nonparametric import CURVE
+from truearc.sim.statistics import POINTS_THREE, Z90
 
 Gain = Callable[[ScoreTable, ScoreTable], tuple[float, float]]
-NINETY = 1.645
-CLEARLY = 2.0                         # standard errors
+
+
+@dataclass(frozen=True)
+class Investigation:
+    """The finding, and the data behind the report's pictures. `steps`: one per effect; all but finding are None where
+    the data carry no test. belief: of the earlier session that was started from; search: settings of every step's
+    tests; catalogue: of the terms that were tested; ranges: of the shots' settings; launcher: ball and wheels.
+    choice: what is adopted of the steps, once that is judged. threshold: the statistic, in standard deviations, from
+    which a term's test is an alarm."""
+
+    finding: FindingRecord
+    fitted: BaselineFit | None = None
+    asked: Asked | None = None
+    steps: tuple[Step, ...] = ()
+    belief: Belief | None = None
+    search: Search | None = None
+    catalogue: Catalogue = field(default_factory=catalogue)
+    ranges: dict[str, list[float]] = field(default_factory=dict)
+    launcher: dict[str, float] = field(default_factory=dict)
+    choice: "Choice[Simulation] | None" = None
+    threshold: float | None = None
 
 
 def ball_effects(evidence: ScoreTable) -> Int[Array, " k"]:
@@ -64,52 +75,149 @@ def usual_score(evidence: ScoreTable) -> Float[Array, " n"]:
 def usual_gain(before: ScoreTable, after: ScoreTable) -> tuple[float, float]:
     """90 % interval of the log score that a shot gains by `after` in place of `before`, columns all shared in both."""
     gain = usual_score(after) - usual_score(before)
-    error = NINETY * clustered_error(gain, after.rows)
+    error = Z90 * clustered_error(gain, after.rows)
     return float(gain.mean() - error), float(gain.mean() + error)
 
 
-def make_belief(investigation: Investigation, gain: Gain = usual_gain,
-                threshold: float | None = worth.THRESHOLD) -> tuple[Belief, dict[str, Any]]:
+def make_belief(investigation: Investigation,
+                choice: "Choice[Simulation] | None" = None) -> tuple[Belief, dict[str, Any]]:
     """(coefficients, scatter and covariance with all that was named, and the curve of the rest; provenance).
 
     Where several names of the last effect could not be told apart, the simulation is chosen that forecasts their
-    average (truearc.sim.discover.select.model_averaging). gain: bounds of the forecasts' gain where the balls are
-    others. threshold: of the gate by which points are judged; None: they are not. Where nothing is found, or nothing
-    of it adopted, or even a number that was believed before stopped at the end of its range (provenance: at_limit), the
-    belief that was started from stays. ValueError for data that carry no test.
+    average (truearc.sim.discover.select.simulations). Where nothing is found, or nothing of it adopted, or even a
+    number that was believed before stopped at the end of its range (provenance: at_limit), the belief that was started
+    from stays. choice: by `judge_adoption`, which is asked if it is None. ValueError for data that carry no test.
     """
-    if investigation.fitted is None:
-        raise ValueError("the data carry no test, so nothing was fitted")
-    _, taken, worse, _, _ = _chosen(investigation, gain, threshold)
+    choice = choice or judge_adoption(investigation)
+    taken, among, finding = choice.trial, investigation.catalogue, investigation.finding
     named, free, several, evidence = taken.named, taken.free, taken.several, taken.evidence
-    among = investigation.catalogue
     put_in = {column.name for column in evidence.columns[evidence.first_shared:]}      # not what a rival overtook
     names = [name for step in named[:-1 if several else None] for name in step.refit.names if name in put_in]
     coefficients, curves = _nameless(evidence, free, investigation.belief)
-    coefficients |= coefficients_of(evidence, investigation.finding.data.believed, among)
+    coefficients |= coefficients_of(evidence, finding.data.believed, among)
     further = further_values(named[-1].refit.layout, named[-1].refit.spot, tuple(names)) if names else {}
     coefficients |= {term: {**coefficients[term], **values} for term, values in further.items()}
     kept, covariance = covariance_of(evidence, among)
     if further:
         covariance = _widened(kept, covariance, named[-1].refit, further)
-    finding = investigation.finding
     provenance = {"method": "discover", "shots": finding.data.shots, "level": finding.data.level,
                   "verdict": finding.verdict,
                   "adopted": [name.partition(".")[0] for name in names] + [one.said for one in free] + _parts(several),
                   "averaged": several is not None,
                   "p_value": finding.mismatch.p_value if finding.mismatch.p_value is not None else "none"}
-    why, at_limit = worse or taken.why, list(stopped(evidence, among))
-    if investigation.steps and not named and not free:
+    why, at_limit = choice.why or taken.why, list(taken.at_limit)
+    if investigation.steps and taken.empty:
         at_limit = at_limit or list(finding.data.at_limit or ())
     refused: dict[str, Any] = {"refused": why} if why else {}
     if at_limit:                      # of what was believed before anything was found
         refused["at_limit"] = at_limit
-    if not named and not free and (unfit := _ill_flown(investigation, taken)):
+    if taken.empty and (unfit := contradicted(taken.beaten)):
         refused["unfit"] = unfit
-    if investigation.belief is not None and (at_limit or (not named and not free)):
+    if investigation.belief is not None and (at_limit or taken.empty):
         # of what is missing its numbers would take a part, and of nothing, what these few shots happened to do
         return investigation.belief, {"kept": True, **refused, **provenance}
     return Belief(coefficients, scatter_of(evidence), kept, covariance, curves, among), {**refused, **provenance}
+
+
+def judge_adoption(investigation: Investigation, gain: "Gain | None" = None,
+                   threshold: float | None = worth.THRESHOLD) -> "Choice[Simulation]":
+    """Choose what is adopted of an investigation's effects.
+
+    gain: bounds of the forecasts' gain where the balls are others, `usual_gain` if None. threshold: of the gate by
+    which points are judged; None: they are not. ValueError for data that carry no test.
+    """
+    if investigation.fitted is None:
+        raise ValueError("the data carry no test, so nothing was fitted")
+    measures = gain or usual_gain, threshold
+    everything, why = _best_flown(investigation)
+    named = tuple(step for step in everything if not step.unknown)
+    tried = (everything, named) if 0 < len(named) < len(everything) else (everything,) if everything else ()
+    trials = (Simulation.of(investigation, steps, *measures) for steps in tried)
+    nearest = tuple(replace(step, unknown=False) for step in everything)
+    return choose(trials, (lambda: Simulation.of(investigation, nearest, *measures))
+                  if threshold is not None and everything and not named else None,
+                  Simulation.of(investigation, (), *measures), why)
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """A simulation that may be adopted, with its measures on hold-out shots (truearc.sim.discover.decide.Trial).
+
+    named: effects with a name, each beside those before it; free: curves of unexplained ones; several: the average of
+    the last names where they are several; evidence: of it all; why: reason why a curve is not in it.
+    """
+
+    investigation: Investigation
+    named: tuple[Step, ...]
+    free: tuple[Freed, ...]
+    several: Mixed | None
+    evidence: ScoreTable
+    why: str
+    usual: Gain
+    threshold: float | None
+
+    @staticmethod
+    def of(investigation: Investigation, steps: tuple[Step, ...], gain: Gain, threshold: float | None) -> "Simulation":
+        """With these effects in it, as far as a simulation can hold them."""
+        named = tuple(step for step in steps if not step.unknown)
+        free, why = (all_freed(steps[-1], investigation.search)
+                     if steps and steps[-1].unknown and investigation.search is not None else ((), ""))
+        if free and (name := free[0].beside):
+            naming = steps[-1].naming
+            named += (replace(steps[-1], naming=replace(naming, refits={name: naming.refits[name]},
+                                                        inclusion={name: 1.0})),)
+        elif named:
+            named = (*named[:-1], with_own_priors(named))
+        several = mixed(named[-1]) if named and not free else None
+        evidence = (free[-1].evidence if free else several.evidence if several else named[-1].refit.evidence if named
+                    else without(_fitted(investigation).evidence))
+        return Simulation(investigation, named, free, several, evidence, why, gain, threshold)
+
+    @property
+    def empty(self) -> bool:
+        return not self.named and not self.free
+
+    @cached_property
+    def at_limit(self) -> dict[str, float]:
+        return stopped(self.evidence, self.investigation.catalogue)
+
+    @property
+    def ends_m(self) -> tuple[float, float] | None:
+        fitted, among = _fitted(self.investigation), self.investigation.catalogue
+        if not self.named or not fitted.intake.filmed:
+            return None
+        before_m, after_m = (flown_error(fitted.intake, one, among)
+                             for one in (_without(fitted), self.named[-1].refit))
+        return before_m, after_m
+
+    @property
+    def beaten(self) -> float | None:
+        fitted = _fitted(self.investigation)
+        plane = fitted.evidence.plane
+        if not fitted.intake.filmed or plane is None or self.evidence.plane is None:
+            return None
+        models = ([_without(fitted)], [0.0]) if self.empty else _models(self)
+        return worth.shares_beaten(plane.seen, worth.hold_out(*models))
+
+    @property
+    def other_balls(self) -> bool:
+        return len(ball_effects(without(_fitted(self.investigation).evidence))) > 0
+
+    @property
+    def gain(self) -> tuple[float, float] | None:
+        if self.other_balls:
+            return self.usual(without(_fitted(self.investigation).evidence), self.evidence)
+        fit = self.investigation.finding.fit
+        return None if fit is None else gain_interval(fit)
+
+    @property
+    def points(self) -> Adoption | None:
+        return None if self.threshold is None else judge_points(self.investigation, self, self.threshold)
+
+
+def _fitted(investigation: Investigation) -> BaselineFit:
+    assert investigation.fitted is not None
+    return investigation.fitted
 
 
 def _widened(names: tuple[str, ...], covariance: Float[Array, "p p"], found: Refit,
@@ -129,84 +237,13 @@ def _parts(several: Mixed | None) -> list[str]:
     return [f"{name.partition('.')[0]} ({value:.0%})" for name, value in share.items()]
 
 
-class _Taken(NamedTuple):
-    """Named steps, curves of unexplained effects, the average of the last names where they were several, the evidence
-    of it all, and why a curve was not adopted."""
-
-    named: tuple[Step, ...]
-    free: tuple[Freed, ...]
-    several: Mixed | None
-    evidence: ScoreTable
-    why: str
-
-
-def with_worth(investigation: Investigation) -> Investigation:
-    """The same, its finding with what it is worth in points, and whether it is adopted."""
-    if not investigation.steps or investigation.fitted is None:
-        return investigation
-    chosen = _chosen(investigation, usual_gain, worth.THRESHOLD)
-    why, judged, limits = chosen.why, chosen.judged, chosen.limits
-    found = investigation.finding
-    if new := {name: at for name, at in limits.items() if name not in found.data.at_limit}:
-        data = structs.replace(found.data, at_limit=found.data.at_limit | new)
-        found = structs.replace(found, data=data, sentence=found.sentence + say_limits(new))
-    if judged is not None:
-        found = structs.replace(found, adoption=structs.replace(judged, refused=why or None))
-    return replace(investigation, finding=found, chosen=chosen)
-
-
-class _Chosen(NamedTuple):
-    """What `_best` says of these steps."""
-
-    steps: tuple[Step, ...]
-    taken: _Taken
-    why: str
-    judged: Adoption | None
-    limits: dict[str, float]
-
-
-def _chosen(investigation: Investigation, gain: Gain, threshold: float | None) -> _Chosen:
-    """As with_worth has found it, or found now."""
-    known = investigation.chosen
-    if (isinstance(known, _Chosen) and known.steps is investigation.steps
-            and (gain, threshold) == (usual_gain, worth.THRESHOLD)):
-        return known
-    return _Chosen(investigation.steps, *_best(investigation, gain, threshold))
-
-
-def _best(investigation: Investigation, gain: Gain,
-          threshold: float | None) -> tuple[_Taken, str, Adoption | None, dict[str, float]]:
-    """(all that was found; else what has a name; else, of an unexplained effect, the average of the names that come
-    nearest, if that clearly scores more; else nothing; why not all; worth of the first that was judged; numbers of what
-    was looked at that stopped at the end of their range)."""
-    everything, worse = _best_flown(investigation)
-    named = tuple(step for step in everything if not step.unknown)
-    first: Adoption | None = None
-    limits: dict[str, float] = {}
-    for steps in (everything, named) if 0 < len(named) < len(everything) else (everything,):
-        taken = _take(investigation, steps)
-        limits |= stopped(taken.evidence, investigation.catalogue) if taken.named or taken.free else {}
-        why, judged = _worse(investigation, taken, gain), None
-        if not why and threshold is not None:
-            judged = judge_points(investigation, taken, threshold)
-            why = say_refused(judged) if judged is not None and judged.gain < 0.0 else ""
-        if not why and (taken.named or taken.free or not steps):
-            return taken, worse, first or judged, limits
-        first, worse = first or judged, worse or why or taken.why
-    if threshold is not None and everything and not named:
-        taken = _take(investigation, tuple(replace(step, unknown=False) for step in everything))
-        judged = None if _worse(investigation, taken, gain) else judge_points(investigation, taken, threshold)
-        if judged is not None and judged.low90 > 0.0:
-            return taken, worse, judged, limits
-    return _take(investigation, ()), worse, first, limits
-
-
-def judge_points(investigation: Investigation, taken: _Taken, threshold: float = worth.THRESHOLD) -> Adoption | None:
+def judge_points(investigation: Investigation, taken: Simulation,
+                 threshold: float = worth.THRESHOLD) -> Adoption | None:
     """Points on hold-out shots by what was taken, and by what stays without it: the belief that was started from, as it
     is, else the fit of what was believed. None where nothing was taken, or no target tells points. threshold: of the
     gate."""
     fitted = investigation.fitted
-    if fitted is None or not (taken.named or taken.free) or fitted.intake.rig.target is None:
+    if fitted is None or taken.empty or fitted.intake.rig.target is None:
         return None
     if fitted.evidence.plane is None or taken.evidence.plane is None:
         return None
@@ -217,7 +254,7 @@ def judge_points(investigation: Investigation, taken: _Taken, threshold: float =
     before, after = (worth.points_of(seen, one, (old, new), threshold) for one in (old, new))
     scored, held = worth.scored_points(seen), POINTS_THREE * threshold
     gain = after.worth(held) - before.worth(held)
-    error = NINETY * clustered_error(gain, fitted.together[rows])
+    error = Z90 * clustered_error(gain, fitted.together[rows])
     passed = [float(scored[one.fires].mean()) if one.fires.any() else None for one in (before, after)]
     return Adoption(len(rows), threshold, float(before.aimed.mean()), float(after.aimed.mean()),
                     float(before.fires.mean()), float(after.fires.mean()), passed[0], passed[1], float(gain.mean()),
@@ -236,7 +273,7 @@ def unfitted(fitted: BaselineFit) -> worth.JudgedFit:
     return worth.JudgedFit(fitted.intake, layout, spot, linearise(fitted.intake, layout, spot)[0])
 
 
-def _models(taken: _Taken) -> tuple[list[worth.JudgedFit], list[float]]:
+def _models(taken: Simulation) -> tuple[list[worth.JudgedFit], list[float]]:
     """The simulations whose average is taken, and the nats of each."""
     if taken.free:
         fitted = taken.free[-1].fitted
@@ -277,75 +314,19 @@ def _cut(fitted: BaselineFit, steps: tuple[Step, ...]) -> tuple[Step, ...]:
         return steps
     name = last.naming.leader
     alone = refit(fitted, (name,), last.refit.amplitude)
-    naming = replace(last.naming, refits={name: alone}, nats={name: alone.log_evidence}, chosen=(name,), aliases=())
-    return (*steps[:-1], replace(last, naming=naming, base=(), fitted=fitted))
-
-
-def _take(investigation: Investigation, steps: tuple[Step, ...]) -> _Taken:
-    assert investigation.fitted is not None
-    named = tuple(step for step in steps if not step.unknown)
-    free, why = _free(investigation, steps)
-    if free and (name := free[0].beside):
-        naming = replace(steps[-1].naming, chosen=(name,))
-        named += (replace(steps[-1], unknown=False, naming=naming),)
-    elif named:
-        named = (*named[:-1], with_own_priors(named))
-    several = mixed(named[-1]) if named and not free else None
-    evidence = (free[-1].evidence if free else several.evidence if several else named[-1].refit.evidence if named
-                else without(investigation.fitted.evidence))
-    return _Taken(named, free, several, evidence, why)
+    naming = replace(last.naming, refits={name: alone}, nats={name: alone.log_evidence}, alike=(),
+                     inclusion=last.naming.probability)
+    return (*steps[:-1], replace(last, naming=naming, chosen=(name,), base=(), fitted=fitted))
 
 
 def with_own_priors(named: tuple[Step, ...]) -> Step:
     """The last step, its refits by the amplitudes' own priors: by normal ones large effects come out too small."""
     last = named[-1]
-    parts = {last.naming.leader} if last.naming.probability[last.naming.leader] >= MASS else shares(last.naming)
+    parts = {last.naming.leader} if last.naming.probability[last.naming.leader] >= SURE else shares(last.naming)
     beside = [(one.fitted, one.refit) for one in named[:-1] if set(one.refit.names) <= set(last.base)]
     refits = {name: by_own_prior(last.fitted, found, beside) if name in parts else found
               for name, found in last.naming.refits.items()}
     return replace(last, naming=replace(last.naming, refits=refits))
-
-
-def _worse(investigation: Investigation, taken: _Taken, gain: Gain) -> str:
-    """Why the effects found are not adopted. Where a later session's balls may be others, their effects are left out.
-    """
-    if not investigation.steps or investigation.fitted is None:
-        return ""
-    evidence = taken.evidence
-    if at_limit := stopped(evidence, investigation.catalogue):
-        return f"beside them {', '.join(at_limit)} stopped at the end of its range"
-    if taken.named and investigation.fitted.intake.filmed:
-        fitted, among = investigation.fitted, investigation.catalogue
-        before_m, after_m = (flown_error(fitted.intake, one, among)
-                             for one in (_without(fitted), taken.named[-1].refit))
-        if after_m >= before_m:
-            return (f"without the tracker's own errors hold-out tracks end {after_m:.3f} m from where they are "
-                    f"forecast to, by what is believed {before_m:.3f} m")
-    if (taken.named or taken.free) and (unfit := _ill_flown(investigation, taken)):
-        return unfit
-    before = without(investigation.fitted.evidence)
-    if len(ball_effects(before)):
-        high = gain(before, evidence)[1]
-        return "forecasts of other balls than this session's would be worse (90 % interval)" if high < 0.0 else ""
-    fit = investigation.finding.fit
-    interval = None if fit is None else gained_interval(fit)
-    return "forecasts of hold-out shots are worse (90 % interval)" if interval and interval[1] < 0.0 else ""
-
-
-def _ill_flown(investigation: Investigation, taken: _Taken) -> str:
-    """Why tracks and outcomes contradict each other: outcomes are forecast clearly worse from the settings than by
-    their plain shares; "" where they do not."""
-    fitted = investigation.fitted
-    if fitted is None or not fitted.intake.filmed:
-        return ""
-    plane = fitted.evidence.plane
-    if plane is None or taken.evidence.plane is None:
-        return ""
-    models = _models(taken) if taken.named or taken.free else ([_without(fitted)], [0.0])
-    beaten = worth.shares_beaten(plane.seen, worth.hold_out(*models))
-    return "" if beaten is None or beaten > -CLEARLY else (
-        "from the settings alone it forecasts outcomes worse than their plain shares do: tracks and outcomes "
-        "contradict each other")
 
 
 def flown_error(intake: Intake, found: Refit | worth.JudgedFit, among: Catalogue) -> float:
@@ -358,13 +339,6 @@ def flown_error(intake: Intake, found: Refit | worth.JudgedFit, among: Catalogue
     change[:, tracker] = 0.0
     errors_m = track_errors(intake, layout, replace(spot, values=values), change, 0.0)
     return float(np.sqrt(np.mean(np.sum(errors_m**2, axis=1))))
-
-
-def _free(investigation: Investigation, steps: tuple[Step, ...]) -> tuple[tuple[Freed, ...], str]:
-    """(curves of unexplained effects, why one is not adopted)."""
-    if not steps or not steps[-1].unknown or investigation.search is None:
-        return (), ""
-    return all_freed(steps[-1], investigation.search)
 
 
 def _nameless(evidence: ScoreTable, free: tuple[Freed, ...],

@@ -1,5 +1,10 @@
-"""Result of a discovery: the fields of `truearc.finding/1`. Fields that do not apply are None (null in JSON)."""
+"""Records that discovery writes, `truearc.finding/1` and `truearc.proposal/1`, and its defaults and limits.
 
+Without heavy imports: the command line shows the defaults in --help. Fields that do not apply are None (null in JSON).
+Nothing on a robot is changed by a proposal.
+"""
+
+import hashlib
 from pathlib import Path
 from typing import Any
 
@@ -7,6 +12,28 @@ import msgspec
 from msgspec import UNSET, Struct, UnsetType
 
 from truearc.errors import InputError, load_bytes, naming
+
+FALSE_ALARM = 0.05
+SIGN_DRAWS = 1999                     # sign flips behind a p-value, which is therefore 1 / 2000 at least
+LEAST_FALSE_ALARM = 0.002             # a p of at least 1 in 1000 can decide about it
+LEVELS = ("L0", "L1", "L2")           # outcomes | with telemetry | with tracks
+LEVEL = "L0"
+SEASON_SHOTS = 300                    # of a planned season
+PLANNED_SHOTS, CONFIGURATIONS = 100, 5    # of a design
+
+
+def check_chances(false_alarm: float, seed: int, names: tuple[str, str] = ("false_alarm", "seed")) -> None:
+    """Refuse what no discovery can be run with.
+
+    Raises:
+        InputError: names the argument, by `names`: a false alarm not from LEAST_FALSE_ALARM to 1, or a negative seed.
+    """
+    if not LEAST_FALSE_ALARM <= false_alarm < 1.0:
+        raise InputError(f"{names[0]}: {false_alarm} is not between {LEAST_FALSE_ALARM} (rarer alarms would take more "
+                         "draws than are made) and 1")
+    if seed < 0:
+        raise InputError(f"{names[1]}: {seed} is negative")
+
 
 SCHEMA = "truearc.finding/1"
 
@@ -90,7 +117,6 @@ class Unknown(Struct, frozen=True, omit_defaults=True):
     direction: str                    # along | lateral | vertical
     amplitude: float                  # over the covariate's range, in `unit`
     unit: str                         # of `amplitude`
-    formula: str | None               # a power law where the data show one
     low90: float | None = None        # lower end of the 90 % interval of `amplitude`, the shape taken as found
     high90: float | None = None       # upper end
 
@@ -174,3 +200,62 @@ def load_record(path: str | Path) -> FindingRecord:
 def make_json(result: Struct) -> bytes:
     """JSON text of a finding, or of another result; numbers that are not finite become null."""
     return msgspec.json.format(msgspec.json.encode(result), indent=1) + b"\n"
+
+
+PROPOSAL_SCHEMA = "truearc.proposal/1"
+
+
+class BeliefFile(Struct, frozen=True):
+    """A belief and the file that holds it."""
+
+    file: str                         # its path, as given; beside the proposal where it has no folder
+    sha256: str                       # of the file's bytes
+
+
+class ProposedEffect(Struct, frozen=True):
+    """One effect that the proposed belief has and the former did not."""
+
+    term: str                         # name in docs/reference/terms.md
+    probability: float                # that it is this term, of all candidates and an unknown one
+    value: float                      # in `unit`
+    low90: float                      # lower end of the 90 % interval
+    high90: float                     # upper end
+    unit: str                         # as in docs/reference/terms.md; 1: a share
+    sentence: str                     # for people
+
+
+class SetPointChange(Struct, frozen=True):
+    """Set points of one distance by both beliefs; null: by that belief none scores there."""
+
+    distance_m: float                 # from exit to target
+    hood_before_deg: float | None     # launch elevation
+    hood_after_deg: float | None      # proposed
+    motor_before_rad_s: float | None  # motor speed
+    motor_after_rad_s: float | None   # proposed
+    points_after: float | None        # expected by the proposed belief
+    points_kept: float | None         # expected by the proposed belief, if the former set point is kept
+
+
+class AimProposal(Struct, frozen=True):
+    """A new belief with its aim, to accept or not."""
+
+    id: str                           # of the content; another proposal has another
+    t: str | None                     # when it was made, ISO 8601, UTC
+    sentence: str                     # for people, one line
+    effects: tuple[ProposedEffect, ...]            # likeliest first
+    since_shot: str                   # shot_id from which on the change is likeliest
+    since_number: int                 # the same, counted from 1 among the marked shots that were followed
+    alarm_shot: str                   # shot_id of the alarm
+    shots: int                        # marked shots that were followed
+    e_value: float                    # largest so far; an alarm from 1 / false_alarm on
+    false_alarm: float                # probability of an alarm where nothing changes
+    before: BeliefFile                # belief that was followed
+    after: BeliefFile                 # proposed belief
+    rows: tuple[SetPointChange, ...]  # by distance
+    schema: str = PROPOSAL_SCHEMA              # truearc.proposal/1
+
+
+def with_id(proposal: AimProposal) -> AimProposal:
+    """The same with the id of its content, its time aside."""
+    content = msgspec.json.encode(msgspec.structs.replace(proposal, id="", t=None))
+    return msgspec.structs.replace(proposal, id=hashlib.sha256(content).hexdigest()[:16])

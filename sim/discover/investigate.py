@@ -1,58 +1,37 @@
 """Discovery: is there a mismatch, where is it, what is it, and how much better is a simulation that has it?"""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
+from msgspec import structs
 
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.discover.adopt import Investigation, judge_adoption
+from truearc.sim.discover.decide import decide
 from truearc.sim.discover.detect.always_valid import ChangeTest, test_change
+from truearc.sim.discover.detect.battery import ALLOWANCE, TERMS, Asked, ReferenceSession
 from truearc.sim.discover.detect.covariates import gather_covariates, gather_factors
 from truearc.sim.discover.detect.localization import locate
-from truearc.sim.discover.detect.reference_session import ReferenceSession
 from truearc.sim.discover.detect.score_test import Judged, judge
-from truearc.sim.discover.detect.test_battery import ALLOWANCE, TERMS, Asked
-from truearc.sim.discover.finding import FindingRecord
+from truearc.sim.discover.finding import FALSE_ALARM, SIGN_DRAWS
 from truearc.sim.discover.report.build_finding import make_finding, silent
-from truearc.sim.discover.select.name_effects import Search, Step, name_effects
-from truearc.sim.discover.settings import FALSE_ALARM, SIGN_DRAWS
-from truearc.sim.infer.baseline_fit import BaselineFit, climb, fit_believed, only_shared, usual_spot
+from truearc.sim.discover.report.finding_text import say_limits
+from truearc.sim.discover.select.effects import Search, Step
 from truearc.sim.infer.belief import Belief, launcher_of, ranges_of
-from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
-from truearc.sim.infer.likelihood.external_measurements import Measured
-from truearc.sim.infer.likelihood.linearization import LinearizationPoint, ParameterLayout, linearise
-from truearc.sim.infer.likelihood.prepared_data import Intake, take_in
+from truearc.sim.infer.fit import BaselineFit, believed_spot, climb, fit_believed, usual_spot
+from truearc.sim.infer.likelihood.data import every_column, take_in
+from truearc.sim.infer.likelihood.layout import Measured, ParameterLayout, groups_of, lay_out, only_shared
+from truearc.sim.infer.likelihood.linearization import linearise
 from truearc.sim.infer.likelihood.score_table import ScoreTable
-from truearc.sim.infer.likelihood.shot_columns import every_column
-from truearc.sim.physics.catalogue import Catalogue, as_catalogue, catalogue
+from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.physics.term import Term
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 
 # Circumstances that compare a shot with the whole session: with each further shot they would be others.
 OF_SESSION = ("age", "battery", "density", "droop")
 LAUNCHED = ("exit_speed_m_s", "exit_deg", "exit_spin_rev_s")
-
-
-@dataclass(frozen=True)
-class Investigation:
-    """The finding, and the data behind the report's pictures. `steps`: one per effect; all but finding are None where
-    the data carry no test. belief: of the earlier session that was started from; search: settings of every step's
-    tests; catalogue: of the terms that were tested; ranges: of the shots' settings; launcher: ball and wheels.
-    chosen: what is adopted of the steps, once truearc.sim.discover.adopt has judged them. threshold: the statistic, in
-    standard deviations, from which a term's test is an alarm."""
-
-    finding: FindingRecord
-    fitted: BaselineFit | None = None
-    asked: Asked | None = None
-    steps: tuple[Step, ...] = ()
-    belief: Belief | None = None
-    search: Search | None = None
-    catalogue: Catalogue = field(default_factory=catalogue)
-    ranges: dict[str, list[float]] = field(default_factory=dict)
-    launcher: dict[str, float] = field(default_factory=dict)
-    chosen: object = None
-    threshold: float | None = None
 
 
 def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alarm: float = FALSE_ALARM, seed: int = 0,
@@ -63,7 +42,7 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
 
     believed: names of terms, the rig's own list when None; gravity always is. belief: of this very rig, from an earlier
     session: its terms and their posterior are the baseline, and whether one of them has changed is tested, too. since:
-    that very session; misfit of the belief there is then not a change (truearc.sim.discover.detect.reference_session).
+    that very session; misfit of the belief there is then not a change (truearc.sim.discover.detect.battery).
     measured: external measurements of terms; they bear on which term it is, not on whether anything is missing. terms:
     the hypotheses to test, such as [*catalogue(), HoodFlex()]; the believed ones are among them; those of the belief,
     else the built-in ones and those of installed distributions, when None. The same data and seed give the same answer.
@@ -87,11 +66,24 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
     place = locate(fitted.evidence, asked, judged, false_alarm, search.shots, seed)
     steps: tuple[Step, ...] = ()
     if judged.p_any <= false_alarm:
-        steps = name_effects(fitted, place, search, lambda done, note: progress(0.5 + 0.5 * done, note))
+        steps = decide(fitted, place, search, lambda done, note: progress(0.5 + 0.5 * done, note))
     progress(1.0, "done")
     finding = make_finding(dataset, names, fitted, asked, judged, place, steps, search)
     return Investigation(finding, fitted, asked, steps, belief, search, among, ranges_of(dataset.shots),
                          launcher_of(dataset.rig), threshold=judged.threshold(TERMS, false_alarm))
+
+
+def with_worth(investigation: Investigation) -> Investigation:
+    """The same with what is adopted of it, and its finding with what that is worth in points."""
+    if not investigation.steps or investigation.fitted is None:
+        return investigation
+    choice, found = judge_adoption(investigation), investigation.finding
+    if new := {name: at for name, at in choice.at_limit.items() if name not in found.data.at_limit}:
+        data = structs.replace(found.data, at_limit=found.data.at_limit | new)
+        found = structs.replace(found, data=data, sentence=found.sentence + say_limits(new))
+    if choice.points is not None:
+        found = structs.replace(found, adoption=structs.replace(choice.points, refused=choice.why or None))
+    return replace(investigation, finding=found, choice=choice)
 
 
 def believed_names(dataset: Dataset, believed: Sequence[str] | None, among: Catalogue) -> tuple[str, ...]:
@@ -162,14 +154,6 @@ def score_since(dataset: Dataset, belief: Belief) -> ScoreTable | None:
         return None
     layout = lay_out(intake, names, None, belief.catalogue, belief)
     return linearise(intake, layout, believed_spot(intake, layout))[0]
-
-
-def believed_spot(intake: Intake, layout: ParameterLayout) -> LinearizationPoint:
-    """The usual spot, with the scatters as the belief has them."""
-    spot = usual_spot(intake, layout)
-    log_scatter = np.array([usual if column < 0 else layout.centre[column - layout.first_shared]
-                            for usual, column in zip(spot.log_scatter, layout.scatters, strict=True)])
-    return replace(spot, log_scatter=log_scatter)
 
 
 def before_flight(dataset: Dataset) -> Dataset:

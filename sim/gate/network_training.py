@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from truearc.sim.data.dataset import Dataset, hash_dataset
-from truearc.sim.gate.novelty import fit_novelty, novelty_record
-from truearc.sim.paper.network import save_weights
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import hash_dataset
+from truearc.sim.gate.model import fit_novelty, novelty_record
+from truearc.sim.paper.network import Rows, accuracy, domain_of, save_weights, split_heldout, training_rows
 from truearc.sim.paper.settings import Recipe
-from truearc.sim.paper.sweep import Job, Trained, batches_per_epoch, check_job, train_many
-from truearc.sim.paper.training import Rows, accuracy, domain_of, split_heldout, training_rows
-from truearc.sim.printed import Printed
-from truearc.sim.progress import Progress
+from truearc.sim.paper.train_many import Job, Trained, batches_per_epoch, check_job, train_many
+from truearc.sim.printed import Printed, Progress
 
 CURVE_POINTS = 50
 FEW_HELDOUT = 15                      # held-out shots, fewer than which are remarked on

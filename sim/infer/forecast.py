@@ -1,18 +1,131 @@
-"""A belief and a configuration -> the height at the plane before the shot, with all that makes it uncertain."""
+"""Heights at the plane forecast from a belief before the shot, with all that makes them uncertain (JAX)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Shots
-from truearc.sim.infer.belief import SCATTER, Belief, scale_of
-from truearc.sim.infer.curve import before_the_shot, owners
-from truearc.sim.infer.likelihood.heights import Number, sensor_variance, slopes_at
-from truearc.sim.infer.likelihood.launch_inputs import Given, given_of
+from truearc.sim.infer.belief import SCATTER, Belief, before_the_shot, owners, scale_of
+from truearc.sim.infer.likelihood.data import Given, given_of
+from truearc.sim.physics.catalogue import Catalogue, effective, flight_terms
+from truearc.sim.physics.flight import make_law, reach_plane
+from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.nonparametric import CURVE
+from truearc.sim.physics.simulate import leave, sense
+from truearc.sim.physics.term_fields import from_scale
+
+STEPS = (1e-3, 1e-3, 1e-2)            # of a launch's deviations, for the heights' derivatives by them
+
+Values = Mapping[str, Mapping[str, Any]]
+Number = tuple[str, str, str]         # term, parameter, scale
+
+
+class Height(NamedTuple):
+    """At the plane, through the floor if need be.
+
+    `near` False: the ball turns back, and the rest has no meaning. by_launch: derivatives of the height by a shot's own
+    log speed, elevation (rad) and spin (rev/s); by_distance: by the plane's distance.
+    """
+
+    height_m: Float[Any, " n"]
+    by_launch: Float[Any, "n 3"]
+    by_distance: Float[Any, " n"]
+    near: Bool[Any, " n"]
+
+
+def height_at(rig: Rig, values: Values, given: Given, among: Catalogue, log_speed: Float[Any, " n"] | float = 0.0,
+              elevation_rad: Float[Any, " n"] | float = 0.0) -> Height:
+    """Heights of launches that leave with these deviations, with their derivatives.
+
+    values: {term: {parameter: value}}; gravity is always at work. A deviation acts on the ball as it leaves, after the
+    launch terms. The derivatives by it are central differences of flights side by side, within 1e-5 of their size:
+    nesting them into the derivatives by parameters costs a hundred times as much.
+    """
+    at, exit, distance_m = configured(rig, values, given, among)
+    law = make_law(rig, flight_terms({"gravity", *values}, among), at)
+    steps = jnp.concatenate([jnp.zeros((1, 3)), jnp.diag(jnp.array(STEPS)), -jnp.diag(jnp.array(STEPS))]).T[:, :, None]
+    leaving = Exit(exit.speed_m_s * jnp.exp(log_speed + steps[0]), exit.elevation_rad + elevation_rad + steps[1],
+                   exit.spin_rev_s + steps[2], exit.above_m)
+    plane = reach_plane(rig, law, leaving, jnp.broadcast_to(distance_m, (7, *jnp.shape(given.distance_m))))
+    by_launch = (plane.height_m[1:4] - plane.height_m[4:]) / (2.0 * jnp.array(STEPS)[:, None])
+    return Height(plane.height_m[0], by_launch.T, plane.climb[0], plane.near.all(0))
+
+
+def configured(rig: Rig, values: Values, given: Given,
+               among: Catalogue) -> tuple[dict[str, dict[str, Any]], Exit, Float[Any, " n"]]:
+    """(effective values, launch, distance in m) of shots as they are in truth, by sensing and launch terms."""
+    at = effective(values, given.circumstances, among)
+    exit, distance_m = sense(rig, at, Exit(*map(jnp.asarray, given.rolling)), given.distance_m, given.whose, among)
+    return at, leave(rig, at, exit, given.whose, among), distance_m
+
+
+def speed_gain(rig: Rig, values: Values, given: Given, among: Catalogue) -> Float[Any, " n"]:
+    """d log(exit speed) / d log(speed by the wheels) [n]: 1 where no launch term depends on the speed."""
+    def log_speed(change: Float[Any, ""] | float) -> Float[Any, " n"]:
+        faster = given.rolling._replace(speed_m_s=given.rolling.speed_m_s * jnp.exp(change))
+        return jnp.log(configured(rig, values, given._replace(rolling=faster), among)[1].speed_m_s)
+
+    return jax.jacfwd(log_speed)(0.0)
+
+
+class Slopes(NamedTuple):
+    """Heights with derivatives by a launch's deviations and by numbers on the parameters' scales [n, p]."""
+
+    height: Height
+    by_number: Float[Any, "n p"]
+    gain: Float[Any, " n"]
+
+
+@partial(jax.jit, static_argnames=("rig", "numbers", "among"))
+def slopes_at(rig: Rig, fixed: Values, numbers: tuple[Number, ...], at: Float[Any, " p"], given: Given,
+              among: Catalogue) -> Slopes:
+    """Heights and exact derivatives; `numbers` names what `at` [p] holds, `fixed` has the values of the rest.
+
+    A point of the given circumstances' curves is called by its term and its place among all their points.
+    """
+    def height(at: Float[Any, " p"]) -> tuple[Float[Any, " n"], Height]:
+        flown = height_at(rig, with_numbers(fixed, numbers, at), along_curve(given, numbers, at), among)
+        return flown.height_m, flown
+
+    by_number, flown = jax.jacfwd(height, has_aux=True)(at)
+    return Slopes(flown, by_number, speed_gain(rig, with_numbers(fixed, numbers, at), given, among))
+
+
+def with_numbers(fixed: Values, numbers: tuple[Number, ...], at: Float[Any, " p"]) -> dict[str, dict[str, Any]]:
+    """`fixed` with the numbers' values in it."""
+    values = {name: dict(part) for name, part in fixed.items()}
+    for index, (term, parameter, scale) in enumerate(numbers):
+        if term != CURVE:
+            values.setdefault(term, {})[parameter] = from_scale(scale, at[index])
+    return values
+
+
+def along_curve(given: Given, numbers: tuple[Number, ...], at: Float[Any, " p"]) -> Given:
+    """The same, with derivatives by those of the numbers that are points of its curves."""
+    around = given.circumstances
+    for index, (table, point, _) in enumerate(numbers):
+        if table == CURVE:
+            term, _, place = point.partition(".")
+            nothing = at[index] - jax.lax.stop_gradient(at[index])
+            size = getattr(around, term) + around.curve_by[:, int(place)] * nothing
+            around = around._replace(**{term: size})
+    return given._replace(circumstances=around)
+
+
+def sensor_variance(height: Height, gain: Float[Any, " n"], given: Given) -> Float[Any, " n"]:
+    """Variance of the height [n] in m2 that the instruments' noise makes: wheels, elevation, distance."""
+    by_speed, by_elevation, by_spin = (height.by_launch[:, column] for column in range(3))
+    wheels = (by_speed * gain)[:, None] * given.wheel_log_speed + by_spin[:, None] * given.wheel_spin_rev_s
+    return ((wheels**2).sum(1) + (by_elevation * given.elevation_sd_rad)**2
+            + (height.by_distance * given.distance_sd_m)**2)
+
 
 LANES = 256                           # rows fly in multiples of this, since each size is compiled
 

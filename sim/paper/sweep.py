@@ -1,202 +1,163 @@
-"""The paper's training, many networks at once: recorded minibatches paired with simulated ones (III-D, Eq. 15).
-
-Choices that the paper leaves open are made here. Features are standardised with the mean and standard deviation of the
-recorded training rows; the two outputs' cross-entropies are summed and averaged over the ten rows. Length is counted
-in steps (minibatches, Adam updates), not epochs: an epoch is once through the simulated rows, so equal epochs would
-give a network with 1250 simulated rows two and a half times the updates of one with 500, and the sweep over sizes
-would measure the length of training. With validation rows the weights kept are those with the least cross-entropy on
-them, and a network stops once `patience` steps have brought none better. The lengths were chosen on one session of
-the emulated robot (seed 11, 119 shots, 900 simulated, 32 splits; a fifth held out, a quarter of the rest to validate):
-held-out cross-entropy 0.857 +- 0.026 with these, 0.869 with half the patience. Without stopping, what the validation
-rows say is 0.90 after 200 000 steps and 1.23 after 2 million: the network learns its hundred shots by heart.
-"""
+"""A sweep over amounts and weights of simulated data: who is trained on what, and what came of it."""
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from truearc.errors import InputError
-from truearc.sim.each_core import usable_cores
-from truearc.sim.paper.network import SHAPES, Layers, Network, initial_layers, standardisation
-from truearc.sim.paper.settings import DEFAULT_RECIPE, Recipe
-from truearc.sim.paper.sweep_kernel import BATCH, COLUMNS, LANES, PARAMETERS, Decks, Real, advance, mean_losses
-from truearc.sim.paper.training import Rows
-from truearc.sim.progress import Progress
+from truearc.sim.paper.network import Rows, accuracy, mean_loss, split_heldout
+from truearc.sim.paper.train_many import Job, Trained
+from truearc.sim.report import new_panels
+from truearc.sim.statistics import student_half
 
-SPANS = 3                             # recorded, simulated and validation rows, in this order
+COLOURS = ("#1f5fa8", "#d99000", "#1b7f3b", "#b3261e", "#6b4fa0", "#9aa3af")
 
 
+class SweepSetting(NamedTuple):
+    """How many simulated shots, and their weight in the loss (the paper's lambda); without any the weight is 0."""
 
-class Job(NamedTuple):
-    """One network to train; `validation` rows decide when to stop and which weights to keep."""
+    size: int
+    weight: float
 
-    real: Rows
-    simulated: Rows | None = None
-    validation: Rows | None = None
-    simulated_weight: float = 0.01    # the paper's lambda
-    seed: int = 0                     # of first weights and minibatches
+    def words(self) -> str:
+        return f"{self.size} simulated shots, lambda {self.weight:g}" if self.size else "no simulated shots"
 
 
-class CurvePoint(NamedTuple):
-    """Mean cross-entropy a row (summed over the two outputs) after `step` steps; NaN where there are no rows."""
+class SweepNetwork(NamedTuple):
+    """One network of a sweep before it is trained."""
 
+    setting: SweepSetting
+    seed: int
+    job: Job
+    heldout: Rows
+
+
+class SweepScore(NamedTuple):
+    """What became of one network; losses are mean cross-entropies a shot, accuracies shares of the held-out shots."""
+
+    size: int
+    weight: float
+    seed: int
     step: int
-    real: float
-    simulated: float
-    validation: float
+    validation_loss: float
+    heldout_loss: float
+    outcome: float
+    two: float
+    three: float
 
 
-@dataclass(frozen=True)
-class Trained:
-    """A network with the weights of `step`, `epoch` times through its rows; `curve` goes on to where training ended."""
+class Mean(NamedTuple):
+    """Mean over seeds and half the width of its 95 % interval by Student's t; the half is NaN for a single seed."""
 
-    network: Network
-    step: int
-    epoch: int
-    curve: tuple[CurvePoint, ...]
+    value: float
+    half: float
 
 
-def check_job(job: Job) -> None:
-    """InputError names what is wrong with one network's rows, lambda or seed."""
-    if job.seed < 0:
-        raise InputError(f"--seed is {job.seed}; it cannot be negative")
-    if not 0.0 <= job.simulated_weight < math.inf:
-        raise InputError(f"--lambda is {job.simulated_weight}; it must be 0 or more")
-    if not len(job.real.features):
-        raise InputError("no recorded shots to train on")
+class Verdict(NamedTuple):
+    """The best setting by validation, and its held-out loss less that of a rival, seed by seed."""
+
+    best: SweepSetting
+    rival: SweepSetting
+    gain: Mean                        # positive: the best is better
 
 
-def batches_per_epoch(real: int, simulated: int) -> int:
-    """Minibatches of once through the simulated rows, or the recorded ones where there are no others."""
-    return -(-(simulated or real) // BATCH)
+def settings_of(sizes: Sequence[int], weights: Sequence[float]) -> list[SweepSetting]:
+    """Every size with every weight; size 0 once. InputError on nonsense."""
+    for size in sizes:
+        if size < 0:
+            raise InputError(f"--sizes: {size} is less than 0")
+    for weight in weights:
+        if not 0.0 <= weight < math.inf:
+            raise InputError(f"--lambdas: {weight} is not 0 or more")
+    settings = [SweepSetting(size, weight if size else 0.0) for size in sizes for weight in weights]
+    return list(dict.fromkeys(settings))
 
 
-def train_many(jobs: Sequence[Job], recipe: Recipe = DEFAULT_RECIPE, progress: Progress = lambda done, note: None,
-               threads: int | None = None) -> list[Trained]:
-    """Train every job's network, all in one batch; a network's numbers depend on its own job and recipe alone.
+def plan(real: Rows, simulated: Rows | None, settings: Sequence[SweepSetting], seeds: Sequence[int], holdout: float,
+         validation: float) -> list[SweepNetwork]:
+    """Settings x seeds. A seed draws the splits, first weights and which simulated shots; settings share all that.
 
-    Networks advance LANES at a time, groups of them on `threads` (as many as cores), in float32. InputError when
-    a job has nothing to train on, job or recipe is nonsense, or a loss stops being a number.
+    So settings can be compared seed by seed; fewer simulated shots are a part of more of them.
     """
-    for job in jobs:
-        check_job(job)
-    batch = _Batch(jobs)
-    active = np.arange(len(jobs))
-    with ThreadPoolExecutor(threads or usable_cores()) as pool:
-        for first in range(0, recipe.steps, recipe.check):
-            steps = min(recipe.check, recipe.steps - first)
-            groups = [active[start:start + LANES] for start in range(0, len(active), LANES)]
-            moves = [pool.submit(batch.advance, group, first, steps, recipe.learning_rate) for group in groups]
-            for move in moves:
-                move.result()
-            active = batch.judge(active, first + steps, recipe.patience)
-            if not len(active):
-                break
-            progress((first + steps) / recipe.steps, f"{len(active)} of {len(jobs)} still learning")
-    progress(1.0, f"{len(jobs)} trained")
-    return [batch.trained(number) for number in range(len(jobs))]
+    most = max(setting.size for setting in settings)
+    there = 0 if simulated is None else len(simulated.features)
+    if most > there:
+        raise InputError(f"--sizes: {most} simulated shots are asked for and --sim has {there}")
+    networks = []
+    for seed in seeds:
+        kept, heldout = split_heldout(real, holdout, seed)
+        learnt, watched = split_heldout(kept, validation, seed, "--validation")
+        for name, rows in (("--holdout", heldout), ("--validation", watched)):
+            if not len(rows.features):
+                raise InputError(f"{name} leaves no shot to judge by ({len(real.features)} recorded shots in all)")
+        order = np.zeros(0, int) if simulated is None else balanced_order(simulated, seed)
+        for setting in settings:
+            part = (None if simulated is None or not setting.size
+                    else Rows(*(array[order[:setting.size]] for array in simulated)))
+            networks.append(SweepNetwork(setting, seed, Job(learnt, part, watched, setting.weight, seed), heldout))
+    return networks
 
 
-class _Batch:
-    """All networks of one batch; the network is the last axis of what the kernel works on."""
-
-    def __init__(self, jobs: Sequence[Job]) -> None:
-        count = len(jobs)
-        self.jobs = jobs
-        self.scalings = [standardisation(job.real.features) for job in jobs]
-        tables = [_table(job, *scaling) for job, scaling in zip(jobs, self.scalings, strict=True)]
-        self.ends = np.array([ends for _, ends in tables])
-        self.rows, self.table = _stack([rows.astype(Real) for rows, _ in tables])
-        share = np.array([job.simulated_weight if _count(job.simulated) else 0.0 for job in jobs])
-        self.weights = (np.stack([np.ones(count), share]) / BATCH).astype(Real)
-        self.state = np.zeros((3, PARAMETERS, count), Real)
-        generators = [np.random.default_rng(job.seed) for job in jobs]
-        for number, rng in enumerate(generators):
-            self.state[0, :, number] = pack(initial_layers(rng))
-        self.decks = make_decks(generators, [(len(job.real.features), _count(job.simulated)) for job in jobs])
-        self.losses = np.full((count, SPANS), np.nan)
-        self.best_loss = np.full(count, np.inf)
-        self.best = self.state[0].copy()
-        self.best_step = np.zeros(count, np.int64)
-        self.curves: list[list[CurvePoint]] = [[] for _ in jobs]
-
-    def advance(self, group: np.ndarray, first: int, steps: int, learning_rate: float) -> None:
-        """Steps of at most LANES networks, and their losses; spare lanes repeat networks and are discarded."""
-        lanes = np.resize(group, LANES)
-        state = np.ascontiguousarray(self.state[:, :, lanes])
-        weights = np.ascontiguousarray(self.weights[:, lanes])
-        advance(self.rows, self.table[lanes], self.decks, lanes, len(group), weights, state, first, steps,
-                learning_rate)
-        self.state[:, :, group] = state[:, :, :len(group)]
-        for lane, number in enumerate(group):
-            mean_losses(state[0, :, lane].astype(float), self.rows[self.table[number]], self.ends[number],
-                        self.losses[number])
-
-    def judge(self, active: np.ndarray, step: int, patience: int) -> np.ndarray:
-        """Keep the weights that are the best so far; the networks that go on."""
-        self._check_finite(active, step)
-        for number in active:
-            self.curves[number].append(CurvePoint(step, *self.losses[number].tolist()))
-        watched = self.losses[active, -1]
-        better = active[np.isnan(watched) | (watched < self.best_loss[active])]
-        self.best_loss[better] = self.losses[better, -1]
-        self.best[:, better] = self.state[0][:, better]
-        self.best_step[better] = step
-        return np.asarray(active[step - self.best_step[active] < patience])
-
-    def _check_finite(self, active: np.ndarray, step: int) -> None:
-        sound = np.isfinite(self.losses[active, 0]) & np.isfinite(self.state[0][:, active]).all(axis=0)
-        for number in active[~sound][:1]:
-            raise InputError(f"training diverged within {step} steps (seed {self.jobs[number].seed}): the loss is "
-                           f"{self.losses[number, 0]}; lower --learning-rate")
-
-    def trained(self, number: int) -> Trained:
-        step = int(self.best_step[number])
-        return Trained(Network(*self.scalings[number], unpack(self.best[:, number])), step,
-                       round(step / batches_per_epoch(*self.decks.sizes[number].tolist())), tuple(self.curves[number]))
+def balanced_order(rows: Rows, seed: int) -> np.ndarray:
+    """All rows, drawn by seed, in an order whose every beginning is as evenly mixed by class as it can be."""
+    rng = np.random.default_rng([seed, 3])
+    level = rows.labels.sum(axis=1)
+    turn = np.empty(len(level))
+    for value in np.unique(level):
+        members = rng.permutation(np.flatnonzero(level == value))
+        turn[members] = np.arange(len(members))
+    return np.lexsort((level, turn))
 
 
-def make_decks(generators: Sequence[np.random.Generator], sizes: Sequence[tuple[int, int]]) -> Decks:
-    """What deals the minibatches of networks with (recorded, simulated) rows; each generator gives one seed."""
-    dice = np.array([rng.integers(1, 2**63, dtype=np.uint64) for rng in generators])
-    cards = np.tile(np.arange(max(map(sum, sizes)), dtype=np.int32), (len(sizes), 1))
-    return Decks(dice, cards, np.array(sizes, np.int64).reshape(-1, 2), np.zeros((len(sizes), 3), np.int64))
+def judge(network: SweepNetwork, trained: Trained) -> SweepScore:
+    """A trained network against the shots it was not trained on."""
+    right = accuracy(trained.network, network.heldout)
+    assert network.job.validation is not None
+    return SweepScore(*network.setting, network.seed, trained.step, mean_loss(trained.network, network.job.validation),
+                 mean_loss(trained.network, network.heldout), right["outcome"], right["two"], right["three"])
 
 
-def pack(layers: Layers) -> np.ndarray:
-    """The parameters [50] in the kernel's order."""
-    return np.concatenate([np.ravel(part) for part in layers])
+def mean_of(values: Sequence[float]) -> Mean:
+    """Mean and half its 95 % interval. Seeds share shots, so the interval covers the draw, not another session."""
+    numbers = np.asarray(values, float)
+    return Mean(float(numbers.mean()), student_half(numbers))
 
 
-def unpack(parameters: np.ndarray) -> Layers:
-    """Layers of parameters [50]."""
-    ends = np.cumsum([math.prod(shape) for shape in SHAPES])
-    return Layers(*(part.reshape(shape).astype(float) for part, shape in
-                    zip(np.split(np.asarray(parameters), ends[:-1]), SHAPES, strict=True)))
+def of_setting(scores: Sequence[SweepScore], setting: SweepSetting) -> list[SweepScore]:
+    """The scores of one setting, in the order of their seeds."""
+    return sorted((score for score in scores if (score.size, score.weight) == setting), key=lambda score: score.seed)
 
 
-def _table(job: Job, mean: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, list[int]]:
-    """Standardised rows with labels [n, 5] of the three spans, and where each begins and ends [4]."""
-    parts = [np.hstack([(rows.features - mean) * scale, rows.labels]) if rows is not None and len(rows.features)
-             else np.zeros((0, COLUMNS))
-             for rows in (job.real, job.simulated, job.validation)]
-    return np.concatenate(parts), [0, *np.cumsum([len(part) for part in parts]).tolist()]
+def compare(scores: Sequence[SweepScore], settings: Sequence[SweepSetting]) -> Verdict | None:
+    """The setting with the least mean validation loss against its rival: no simulated shots, or else the next best.
+
+    The held-out shots have no say in which is best. None when there is a single setting.
+    """
+    ranked = sorted(settings, key=lambda setting: mean_of([score.validation_loss
+                                                           for score in of_setting(scores, setting)]).value)
+    if len(ranked) < 2:
+        return None
+    plain = [setting for setting in ranked[1:] if not setting.size]
+    rival = plain[0] if plain else ranked[1]
+    pairs = zip(of_setting(scores, ranked[0]), of_setting(scores, rival), strict=True)
+    return Verdict(ranked[0], rival, mean_of([other.heldout_loss - one.heldout_loss for one, other in pairs]))
 
 
-def _stack(tables: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """(different tables [tables, longest, 5], padded; which one each network has): a sweep's networks share a few, and
-    rows that several of them have just read are near at hand."""
-    different: dict[bytes, tuple[int, np.ndarray]] = {}
-    which = [different.setdefault(table.tobytes(), (len(different), table))[0] for table in tables]
-    stacked = np.zeros((len(different), max(map(len, tables)), COLUMNS), Real)
-    for number, table in different.values():
-        stacked[number, :len(table)] = table
-    return stacked, np.array(which)
-
-
-def _count(rows: Rows | None) -> int:
-    return 0 if rows is None else len(rows.features)
+def draw_sweep(scores: Sequence[SweepScore], settings: Sequence[SweepSetting]) -> Figure:
+    """Held-out cross-entropy and accuracy by amount of simulated data, one line a lambda, 95 % intervals."""
+    figure, panels = new_panels(8.0, 5.6, 2, sharex=True)
+    weights = sorted({setting.weight for setting in settings if setting.size}) or [0.0]
+    for place, weight in enumerate(weights):
+        shown = sorted(setting for setting in settings if not setting.size or setting.weight == weight)
+        for axes, name in zip(panels, ("heldout_loss", "outcome"), strict=True):
+            means = [mean_of([getattr(score, name) for score in of_setting(scores, setting)]) for setting in shown]
+            half = np.nan_to_num([mean.half for mean in means])
+            axes.errorbar([setting.size for setting in shown], [mean.value for mean in means], half, marker="o",
+                          capsize=3, color=COLOURS[place % len(COLOURS)], label=f"lambda {weight:g}")
+    panels[0].set_ylabel("cross-entropy, held out")
+    panels[1].set(ylabel="outcome right, held out", xlabel="simulated shots")
+    panels[0].legend(frameon=False)
+    return figure

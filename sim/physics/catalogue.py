@@ -1,26 +1,39 @@
 """What could be true: the hypotheses that fit, synth, discovery and the generic tests know, in the order they act.
 
 A Catalogue is a value that is passed down: to whoever names terms, by name or by themselves. Where none is given, it is
-catalogue(): the built-in terms and those of installed distributions (entry points truearc.terms,
-truearc.sim.physics.plugins).
+catalogue(): the built-in terms and those of installed distributions. An entry point of these names a term, a class of
+one, or an iterable of either; a file that a user names defines them at module level:
+
+    [project.entry-points."truearc.terms"]
+    hood_flex = "truearc_hoodflex:HoodFlex"
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+import copyreg
+import hashlib
+import inspect
+import sys
+import traceback
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache
 from importlib import import_module
+from importlib.metadata import entry_points
+from pathlib import Path
 from pkgutil import walk_packages
+from types import ModuleType
 from typing import Any
 
-from truearc.errors import InputError
+from truearc.errors import InputError, PluginError, distribution_of, load_plugin, load_text, place_of
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.physics import terms as built_in
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS, POINT
-from truearc.sim.physics.plugins import check_unique, terms_in, terms_of_distributions
 from truearc.sim.physics.term import STAGES, ArrivalTerm, InFlight, LaunchTerm, SensingTerm, Term, WatchTerm, complete
 from truearc.sim.physics.term_check import check_term
 from truearc.sim.physics.term_fields import Parameter
+
+GROUP = "truearc.terms"
+PREFIX = "truearc_terms_from_"        # of modules made of files, followed by the digest of path and text
 
 
 @dataclass(frozen=True)
@@ -70,12 +83,6 @@ class Catalogue:
             like = f" (did you mean {' or '.join(map(repr, near))}?)" if near else ""
             raise InputError(f"there is no term {name!r}{like}; the catalogue has {', '.join(sorted(self.names))}")
         return tuple(term for term in (*self.terms, *NAMELESS) if term.name in wanted)
-
-
-# One of each class in the modules of truearc.sim.physics.terms: a new file there is a new term.
-BUILT_IN = Catalogue(tuple(kind() for module in walk_packages(built_in.__path__, f"{built_in.__name__}.")
-                           for kind in terms_in(import_module(module.name))))
-TERMS = BUILT_IN.terms
 
 
 @cache
@@ -146,3 +153,117 @@ def find_parameter(name: str, among: Catalogue | None = None) -> Parameter:
         if parameter.name == key:
             return parameter
     raise InputError(f"{name}: {term_name} has no such parameter")
+
+
+def terms_of_distributions(known: Sequence[Term]) -> tuple[Term, ...]:
+    """Terms of all entry points of the group, beside the `known` ones.
+
+    Raises:
+        InputError: names the distribution and entry point that cannot be loaded, are incomplete, or have a taken name.
+    """
+    found: list[Term] = []
+    for point in sorted(entry_points(group=GROUP), key=lambda point: (distribution_of(point), point.name)):
+        where = place_of(point)
+        try:
+            loaded = load_plugin(point)
+        except PluginError as error:
+            raise InputError(str(error)) from error
+        found += _checked(_as_terms(loaded, where), [*known, *found], where)
+    return tuple(found)
+
+
+def terms_of_file(path: str | Path, known: Iterable[Term]) -> tuple[Term, ...]:
+    """Terms that a Python file defines at module level, by classes or instances, beside the `known` ones.
+
+    They can be sent to other processes, which get the file's text along with them.
+
+    Raises:
+        InputError: names the file, and the line where it fails; a term that is incomplete, or whose name is taken.
+    """
+    module = _module_of(str(path), load_text(path))
+    found = _checked(_as_terms(terms_in(module), str(path)), list(known), str(path))
+    if not found:
+        raise InputError(f"{path}: defines no term (a subclass of LaunchTerm, FlightTerm, ... or an instance of one)")
+    return found
+
+
+def terms_in(module: ModuleType) -> list[Any]:
+    """Terms at the module's top level, and classes of terms that it defines itself."""
+    return [value for value in vars(module).values() if isinstance(value, Term) or _is_own_class(value, module)]
+
+
+def check_unique(terms: Iterable[Term]) -> None:
+    """InputError names the first term whose name another has."""
+    seen: set[str] = set()
+    for term in terms:
+        if term.name in seen:
+            raise InputError(f"{type(term).__name__}: there is a term {term.name!r} already; give it another name")
+        seen.add(term.name)
+
+
+def _as_terms(loaded: Any, where: str) -> tuple[Term, ...]:
+    """The terms of a term, a class of one, or an iterable of either; each once."""
+    parts = loaded if isinstance(loaded, Iterable) and not isinstance(loaded, type) else (loaded,)
+    try:
+        return tuple(dict.fromkeys(part() if isinstance(part, type) else part for part in parts))
+    except Exception as error:
+        raise InputError(f"{where}: {type(error).__name__}: {error}") from error
+
+
+def _checked(found: Sequence[Term], known: Sequence[Term], where: str) -> tuple[Term, ...]:
+    try:
+        for term in found:
+            check_term(term)
+        check_unique([*known, *found])
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+    return tuple(found)
+
+
+def _is_own_class(value: Any, module: ModuleType) -> bool:
+    """Whether a class is one of the terms to load; an abstract class whose `name` is not set is a base of others."""
+    return (isinstance(value, type) and issubclass(value, Term) and value.__module__ == module.__name__
+            and not (inspect.isabstract(value) and "name" not in vars(value)) and not value.__name__.startswith("_"))
+
+
+def _module_of(path: str, text: str) -> ModuleType:
+    """The module that the text makes; the same path and text give the same module, so that its classes stay equal."""
+    name = PREFIX + hashlib.sha256(f"{path}\0{text}".encode()).hexdigest()[:16]
+    if name in sys.modules:
+        return sys.modules[name]
+    module = ModuleType(name)
+    module.__file__ = path
+    sys.modules[name] = module        # dataclasses and pickle look a class's module up there
+    try:
+        exec(compile(text, path, "exec"), vars(module))
+    except Exception as error:
+        del sys.modules[name]
+        raise InputError(f"{_line_of(error, path)}: {type(error).__name__}: {error}") from error
+    for value in vars(module).values():
+        if _is_own_class(value, module):
+            copyreg.pickle(value, lambda term: (_rebuilt, (path, text, type(term).__qualname__, vars(term))))
+    return module
+
+
+def _line_of(error: Exception, path: str) -> str:
+    """path:line of the file's own line that failed."""
+    if isinstance(error, SyntaxError) and error.filename == path:
+        return f"{path}:{error.lineno}"
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == path]
+    return f"{path}:{lines[-1]}" if lines else path
+
+
+def _rebuilt(path: str, text: str, name: str, state: dict[str, Any]) -> Term:
+    """A term of a file in another process."""
+    kind: Any = _module_of(path, text)
+    for part in name.split("."):
+        kind = getattr(kind, part)
+    term: Term = object.__new__(kind)
+    vars(term).update(state)
+    return term
+
+
+# One of each class on the pages of truearc.sim.physics.terms: a new class there is a new term.
+BUILT_IN = Catalogue(tuple(kind() for module in walk_packages(built_in.__path__, f"{built_in.__name__}.")
+                           for kind in terms_in(import_module(module.name))))
+TERMS = BUILT_IN.terms

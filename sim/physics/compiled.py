@@ -22,8 +22,7 @@ import numba
 import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.physics.flight import make_law, needs_time
-from truearc.sim.physics.rig_numbers import numbers_of, with_numbers, without_wheels
+from truearc.sim.physics.flight import make_law, needs_time, numbers_of, with_numbers, without_wheels
 from truearc.sim.physics.term import BallState, InFlight
 from truearc.sim.physics.vector import Vec, absent
 

@@ -1,6 +1,6 @@
 """Unexplained effects: a free change of the launch, the distance or the flight, as fitted.
 
-Each amplitude is multiplied by the circumstance of the term's name, which truearc.sim.infer.curve works out for every
+Each amplitude is multiplied by the circumstance of the term's name, which truearc.sim.infer.belief works out for every
 shot. They are not hypotheses: no discovery tests them. A curve's points are numbers like a term's:
 "curve.free_speed.0", ...
 """

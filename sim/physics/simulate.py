@@ -8,13 +8,13 @@ import numpy as np
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.data.conditions import Circumstances
+from truearc.sim.data.conditions import ORDINARY, Circumstances
 from truearc.sim.data.dataset import Shots
 from truearc.sim.physics import catalogue as known
 from truearc.sim.physics.flight import STEP_S, Balls, Crossing, fly, path, with_balls
 from truearc.sim.physics.launch import Exit, exit_no_slip, exit_opposed, is_opposed
 from truearc.sim.physics.term import Opening, complete
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 
 MISS, TWO, THREE = "miss", "two", "three"
 BLOCK = 4096                          # rows flown at once
@@ -23,7 +23,6 @@ DIGITS = 9                            # of derived columns: rounding errors must
 POINT_S, POINTS = 0.01, 400           # of a trajectory; straight lines between its points are within 0.2 mm of it
 LANES = 256                           # flown at once for trajectories
 NAMED = 5                             # shots that a message names before it only counts
-ORDINARY = Circumstances()
 
 Values = Mapping[str, Mapping[str, Any]]
 
@@ -35,7 +34,7 @@ def predict(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Sh
     """Fly each recorded configuration to its plane with gravity and the terms that `coefficients` names.
 
     Sensing terms correct what the robot's sensors say and launch terms what the wheels do, never what was measured on
-    the ball. Returns numpy arrays, one row a shot. circumstances: of these shots (truearc.sim.data.shot_conditions);
+    the ball. Returns numpy arrays, one row a shot. circumstances: of these shots (truearc.sim.data.conditions);
     terms that follow one are absent from ordinary shots. among: the catalogue of the terms,
     truearc.sim.physics.catalogue.catalogue() when not given, here and below. step_s: the longest step of the
     flight. InputError names shots without a distance or a launch. Each shot's own mass_kg and radius_m fly, where they

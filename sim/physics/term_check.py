@@ -6,9 +6,8 @@ from typing import Any
 
 from truearc.errors import InputError
 from truearc.sim.data.conditions import Circumstances
-from truearc.sim.physics.scales import SCALES, fits_scale
 from truearc.sim.physics.term import DIRECTIONS, KINDS, STAGES, Term, WatchTerm
-from truearc.sim.physics.term_fields import Instrument, Parameter, Phrase
+from truearc.sim.physics.term_fields import SCALES, Instrument, Parameter, Phrase, fits_scale
 
 NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 UNIT = re.compile(r"(1|((kg|rad|rev|deg|m|s)\d*)+)(/((kg|rad|rev|deg|m|s)\d*)+)?")

@@ -4,18 +4,25 @@ import re
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-Scale = tuple[float, str]             # factor from the parameter's unit, unit as text with its space
-SHARE: Scale = (100.0, " %")
-ANGLE: Scale = (1.0, "°")
-LENGTH: Scale = (100.0, " cm")
-SPEED: Scale = (1.0, " m/s")
-NUMBER: Scale = (1.0, "")
-SECONDS: Scale = (1.0, " s")
+import jax.numpy as jnp
+import numpy as np
+
+# Scales on which beliefs are about normal: positive parameters by their logarithm, shares lost by what is left.
+LINEAR, LOG, LEFT = "linear", "log", "left"
+SCALES = (LINEAR, LOG, LEFT)
+
+Shown = tuple[float, str]             # factor from the parameter's unit, unit as text with its space
+SHARE: Shown = (100.0, " %")
+ANGLE: Shown = (1.0, "°")
+LENGTH: Shown = (100.0, " cm")
+SPEED: Shown = (1.0, " m/s")
+NUMBER: Shown = (1.0, "")
+SECONDS: Shown = (1.0, " s")
 
 
 @dataclass(frozen=True)
 class Prior:
-    """Belief before any shot: normal on one of truearc.sim.physics.scales, weak, with its reason as text.
+    """Belief before any shot: normal on one of SCALES, weak, with its reason as text.
 
     `centre` is a value of the parameter itself, `sd` is on the scale (on "log": the log of a factor).
     """
@@ -97,7 +104,7 @@ class Phrase(NamedTuple):
     rate: bool = False
 
 
-def either_way(text: str, scale: Scale = NUMBER, per: str = "", rate: bool = False) -> Phrase:
+def either_way(text: str, scale: Shown = NUMBER, per: str = "", rate: bool = False) -> Phrase:
     """Return a phrase whose two directions differ where `text` has alternatives: "the air is {} <denser|thinner>".
 
     Args:
@@ -108,3 +115,22 @@ def either_way(text: str, scale: Scale = NUMBER, per: str = "", rate: bool = Fal
     """
     more, less = (re.sub(r"<(.*?)\|(.*?)>", rf"\{side}", text) for side in (1, 2))
     return Phrase(more, less, *scale, per, rate)
+
+
+def to_scale(scale: str, value: Any) -> Any:
+    """Of numbers or numpy arrays; linear: itself; log: its logarithm; left: -log(1 - value), of a share lost."""
+    if scale == LOG:
+        return np.log(value)
+    return -np.log1p(-value) if scale == LEFT else value
+
+
+def from_scale(scale: str, number: Any) -> Any:
+    """The inverse of to_scale, of JAX arrays too."""
+    if scale == LOG:
+        return jnp.exp(number)
+    return -jnp.expm1(-number) if scale == LEFT else number
+
+
+def fits_scale(scale: str, value: float) -> bool:
+    """Whether a value has a finite place on the scale."""
+    return value > 0.0 if scale == LOG else value < 1.0 or scale != LEFT

@@ -7,8 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from truearc.sim.report import NO_ORIGIN, PHONE_IN, Origin, make_page, make_png, new_panels, paragraph, picture, table
-from truearc.sim.sysid.fit import SysidFit
-from truearc.sim.sysid.motion import Floats
+from truearc.sim.sysid.fit import Floats, SysidFit
 from truearc.sim.sysid.sysid_text import UNITS, WORDS
 
 EFFORT = {"nm": "torque, Nm", "v": "voltage, V"}

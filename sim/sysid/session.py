@@ -1,8 +1,12 @@
-"""A recorded session of `truearc sysid` -> the torque sent to each joint and the speeds it caused."""
+"""Records to fit, an effort and the speed that it caused: from a session of `truearc sysid`, or from anybody's table.
+
+The robot's base install reads sessions; only tables need pyarrow.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,14 +16,17 @@ from truearc.robot.config.schema import Config
 from truearc.robot.reasons import IDENTIFY_DONE, text
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_header, load_session_config
-from truearc.robot.sysid.program import FLYWHEEL, HOME, HOOD, READY, phases
-from truearc.robot.sysid.tick import POLICY
+from truearc.robot.sysid import FLYWHEEL, HOME, HOOD, POLICY, READY, phases
 from truearc.robot.types import Progress, Tick
-from truearc.sim.sysid.motion import Floats, Record
+from truearc.sim.sysid.fit import Floats, Record
+
+if TYPE_CHECKING:
+    from truearc.sim.data.table import RawTable
 
 NS = 1e-9
 SHORT_SHARE = 0.15                    # of the largest current: a larger deviation from the expected one is not noise
 SHORT_TICKS = 0.1                     # of the driven ticks: more than switching transients explain
+EFFORTS = ("nm", "v")
 
 
 @dataclass(frozen=True)
@@ -108,3 +115,34 @@ def _slope(x: Floats, y: Floats) -> float:
     """Median of y/x over the larger x: a few limited ticks do not bend it."""
     large = np.abs(x) > 0.5 * np.abs(x).max()
     return float(np.median(y[large] / x[large]))
+
+
+def load_steps(path: Path) -> Record:
+    """Columns t_s, one that ends in _V or _Nm (the effort, held until the next row), one in _rad_s; others are ignored.
+
+    InputError names file, line and column.
+    """
+    from truearc.sim.data.columns import need_columns, number_column
+    from truearc.sim.data.table import gathered, load_table
+    with gathered() as problems:
+        table = load_table(path, problems)
+        need_columns(table, ["t_s"])
+        effort, speed = _only(table, EFFORTS, "voltage or torque"), _only(table, ("rad_s",), "speed")
+        t_s, efforts, speeds = (number_column(table, name, problems) for name in ("t_s", effort, speed))
+    if len(t_s) < 2:
+        raise InputError(f"{path}: {len(t_s)} rows; expected at least 2")
+    backwards = np.flatnonzero(np.diff(t_s) <= 0.0)
+    if len(backwards):
+        raise InputError(f"{table.place(int(backwards[0]) + 1)}: column t_s: time does not go on")
+    t_s = t_s - t_s[0]
+    return Record(str(path), effort.lower().rpartition("_")[2], t_s, efforts, t_s, speeds)
+
+
+def _only(table: "RawTable", units: tuple[str, ...], what: str) -> str:
+    """The one column in one of these units."""
+    found = [name for name in table.columns if name.lower().endswith(tuple(f"_{unit}" for unit in units))]
+    if len(found) != 1:
+        ends = " or ".join(f"_{unit}" for unit in units)
+        raise InputError(f"{table.place(-1)}: {len(found)} columns end in {ends} ({', '.join(found) or 'none'}); "
+                       f"exactly one, the {what}, is needed")
+    return found[0]

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from truearc.robot.config.schema import Config
-from truearc.robot.geometry import screw_length_m
-from truearc.robot.sysid.program import FLYWHEEL, HOOD
+from truearc.robot.motors import screw_length_m
+from truearc.robot.sysid import FLYWHEEL, HOOD
 from truearc.sim.sysid.fit import Number, SysidFit, line
 
 STEPS = 61                            # places of the hood's travel that are looked at
@@ -113,8 +113,7 @@ def make_fragment(title: str, fits: Mapping[str, SysidFit], config: Config | Non
 def _open_loop(fit: SysidFit) -> list[str]:
     ks, kv = line(fit)
     unit = fit.record.unit
-    return ["[feedforward]", _key(f"ks_{unit}", ks), _key(f"kv_{unit}_s", kv),
-            _key(f"ka_{unit}_s2", fit.numbers["ka"])]
+    return ["[feedforward]", _key(f"ks_{unit}", ks), _key(f"kv_{unit}_s", kv), _key(f"ka_{unit}_s2", fit.numbers["ka"])]
 
 
 def _flywheel(fit: SysidFit, gains: Gains) -> list[str]:

@@ -7,8 +7,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
-from truearc.sim.world.parts.hood import COULOMB_NM
-from truearc.sim.world.parts.target import BallResult
+from truearc.sim.world.field import BallResult
+from truearc.sim.world.hood import COULOMB_NM
 from truearc.sim.world.world import World
 
 TICK_NS = 5_000_000
@@ -77,8 +77,7 @@ class Bench:
         hood_nm, hood_off = self._hood(hood_deg)
         self._steady = self._steady + 1 if wheel_off < 1.0 and hood_off < 2.0 * DEADBAND_DEG else 0
         self.t_ns += TICK_NS
-        world.advance(self.t_ns, {"flywheel_a": wheel_nm, "flywheel_b": wheel_nm, "hood": hood_nm,
-                                  "feeder": feeder_nm})
+        world.advance(self.t_ns, {"flywheel_a": wheel_nm, "flywheel_b": wheel_nm, "hood": hood_nm, "feeder": feeder_nm})
         self.samples.append(Sample(self.t_ns * 1e-9, world.belt.speed_rad_s, world.hood.elevation_deg, world.bus_v(),
                                    self._watch(world)))
 

@@ -13,8 +13,7 @@ from typing import IO, Any
 
 import cv2
 
-from truearc.hw.emulated.imaging.camera import NOTHING, EmulatedCamera, Stage, TapeSize
-from truearc.hw.emulated.imaging.lens import Lens
+from truearc.hw.emulated.camera import NOTHING, EmulatedCamera, Lens, Stage, TapeSize
 from truearc.hw.emulated.nodes import Plant
 from truearc.hw.fault_codes import PROCESS_ENDED
 from truearc.hw.protocols import CameraFrame, LinkLost

@@ -12,12 +12,10 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from truearc.sim.world.field import BallResult, Pose, classify
+from truearc.sim.world.nip import Released, rotate_from_launch
 from truearc.sim.world.options import Options
-from truearc.sim.world.parts.balls import Ball
-from truearc.sim.world.parts.chassis import Pose
-from truearc.sim.world.parts.target import BallResult, classify
-from truearc.sim.world.parts.wheel_contact import Released, rotate_from_launch
-from truearc.sim.world.scene import FLIGHT_STEP_S, LOWER_Z_M, TOUCH_X_M, make_flight
+from truearc.sim.world.scene import FLIGHT_STEP_S, LOWER_Z_M, TOUCH_X_M, Ball, make_flight
 
 EXIT_HEIGHT_M = 0.75              # of the exit point: where a centred ball's centre leaves the wheels
 ARC_MIDDLE_DEG = 45.0             # with release_arc the exit point is where it is without, at this elevation
@@ -32,8 +30,7 @@ def from_exit_point(released: Released, elevation_rad: float, options: Options) 
     offset_m[2] += EXIT_HEIGHT_M + options.release_height_error_m
     if options.release_arc:
         arm_m = np.array([TOUCH_X_M, 0.0, -LOWER_Z_M])            # lower wheel's axle to exit point
-        offset_m += (rotate_from_launch(arm_m, elevation_rad)
-                     - rotate_from_launch(arm_m, math.radians(ARC_MIDDLE_DEG)))
+        offset_m += (rotate_from_launch(arm_m, elevation_rad) - rotate_from_launch(arm_m, math.radians(ARC_MIDDLE_DEG)))
     return Released(offset_m, rotate_from_launch(released.velocity_m_s, elevation_rad),
                     rotate_from_launch(released.spin_rad_s, elevation_rad))
 

@@ -15,10 +15,10 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.shot_map import OUTCOMES
 from truearc.sim.data.dataset import Dataset, Shots, Traces
 from truearc.sim.data.recordings import AFTER_S, BEFORE_S, NS
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 from truearc.sim.world.bench import Bench, NotReady, Watch
+from truearc.sim.world.field import BallResult
 from truearc.sim.world.options import Options
-from truearc.sim.world.parts.target import BallResult
 from truearc.sim.world.world import World
 
 SETTLED_TICKS = 40                    # standing before a shot

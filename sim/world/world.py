@@ -6,17 +6,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from truearc.hw.emulated.nodes import MotorTruth, View
+from truearc.sim.world.drive import FEEDER, FLYWHEEL, HOOD, Battery, Belt, Drawn, Motor, drive_motor
+from truearc.sim.world.field import BallResult, Chassis, Pose, look
 from truearc.sim.world.flight import Flight, Launch, from_exit_point, in_field
+from truearc.sim.world.hood import Hood, flexed
+from truearc.sim.world.nip import Feeder, Nip, Released
 from truearc.sim.world.options import Options
-from truearc.sim.world.parts.balls import Rack
-from truearc.sim.world.parts.battery import Battery
-from truearc.sim.world.parts.belt import Belt
-from truearc.sim.world.parts.chassis import Chassis, Pose, look
-from truearc.sim.world.parts.feeder import Feeder
-from truearc.sim.world.parts.hood import Hood, flexed
-from truearc.sim.world.parts.motor import FEEDER, FLYWHEEL, HOOD, Drawn, Motor, drive_motor
-from truearc.sim.world.parts.target import BallResult
-from truearc.sim.world.parts.wheel_contact import Nip, Released
+from truearc.sim.world.scene import Rack
 
 LONGEST_STEP_S = 0.005
 START_DISTANCE_M = 4.0

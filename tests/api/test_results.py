@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from msgspec import structs
 
 import truearc as ta
-from truearc.api.finding_report import SavedFinding
+from truearc.api.results import SavedFinding
 from truearc.cli.main import main
 from truearc.sim.discover.finding import FoundEffect
 

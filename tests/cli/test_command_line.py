@@ -6,9 +6,8 @@ import sys
 
 import pytest
 
+from truearc.cli.commands import GROUPS, Command, list_commands, make_parser
 from truearc.cli.main import main
-from truearc.cli.parsers import load_module, make_parser
-from truearc.cli.registry import GROUPS, Command, list_commands
 
 COMMANDS = list_commands()
 
@@ -20,7 +19,7 @@ def test_help_has_an_example(command: Command, capsys: pytest.CaptureFixture[str
     assert stop.value.code == 0
     said = capsys.readouterr().out
     assert f"usage: truearc {command.name}" in said
-    assert " ".join(str(load_module(command).__doc__).split()) in " ".join(said.split())
+    assert " ".join(command.load().description.split()) in " ".join(said.split())
     assert f"truearc {command.name} " in said.partition("example:")[2]
 
 
@@ -82,7 +81,7 @@ def refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
 def test_every_command_refuses_an_unknown_option(command: Command, capsys: pytest.CaptureFixture[str]) -> None:
     words = command.name.split()
     assert refused([*words, "--xyzzyx"], capsys).startswith("--xyzzyx: there is no such option; give one of: ")
-    if getattr(load_module(command), "PROGRESS", True):
+    if command.progress:
         assert refused([*words, "--quie"], capsys) == "--quie: there is no such option; did you mean --quiet?"
     else:
         assert refused([*words, "--quiet"], capsys).startswith("--quiet: there is no such option")
@@ -99,7 +98,7 @@ def test_every_missing_argument_is_named_with_the_example(command: Command,
     names, _, example = refused(command.name.split(), capsys).partition(": missing; example: ")
     assert names == ", ".join("/".join(action.option_strings) or str(action.metavar or action.dest)
                               for action in needed_by(command))
-    assert example == load_module(command).EXAMPLE
+    assert example == command.example
 
 
 @pytest.mark.parametrize(("words", "said"), [

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from truearc.cli.commands import list_commands
 from truearc.cli.main import main
-from truearc.cli.registry import list_commands
 
 ASK = """
 source "$1"; shift

@@ -12,34 +12,36 @@ import truearc as ta
 from benchmarks.demo_seeds import EVENTS, holm, make_table, two_proportions
 from tests.portability.elsewhere import run_elsewhere
 from truearc.cli.common import SHIPPED
-from truearc.cli.start.demo_acts import (
+from truearc.cli.demo_acts import (
+    EFFECTS,
     FALLS_AT_M,
     HOOD_DEG,
+    NOTHING,
     RATIO,
     Sizes,
     Volley,
+    draw_effect,
     fire,
     marked_settings,
     practice_settings,
 )
-from truearc.cli.start.demo_effects import EFFECTS, NOTHING, draw_effect
 from truearc.robot.config.schema import load_config
 from truearc.sim.infer.belief import point_belief
 from truearc.sim.world.options import Options
-from truearc_proof.world.practice import HOODS_DEG, RATIOS, reach_table
+from truearc_proof.world.season import HOODS_DEG, RATIOS, reach_table
 
 LINES = 60                            # of the console
 QUICK = Sizes(practice=20, robot=2, marked=12, balls=4)
 PLAY = f"""
 import argparse, pathlib
 import numpy as np
-from truearc.cli.start import demo, demo_acts
+from truearc.cli import demo, demo_acts
 from truearc.sim.gate import surrogate
 demo_acts.DISTANCES_M = np.arange(2.5, 8.01, 1.1)      # each row of a table is a search
 surrogate.CHECKED, surrogate.LEARNED = 3000, 2000      # the gate's polynomial; tests/sim/gate has it as it is
 demo.secrets.choice = lambda seeds: 12                 # the printed seed repeats what it drew
 sizes = demo_acts.Sizes{tuple(QUICK)}
-assert demo.main(argparse.Namespace(out=pathlib.Path("report"), seed=None, quiet=True), sizes) == 0
+assert demo.demo(argparse.Namespace(out=pathlib.Path("report"), seed=None, quiet=True), sizes) == 0
 """
 RIG = load_config(SHIPPED).rig
 BELIEF = point_belief({"drag": {"cd": 0.5}, "magnus": {"cl": 0.04}, "wheel_slip": {"loss_per_m_s": 0.019},

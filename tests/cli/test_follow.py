@@ -17,20 +17,18 @@ import truearc as ta
 from benchmarks.follow import make_table
 from truearc.api.following import propose, sealed
 from truearc.cli.common import SHIPPED
-from truearc.cli.discover.follow import ShotWatch
+from truearc.cli.follow import ShotWatch
 from truearc.cli.main import main
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.aim_file import load_aim
 from truearc.robot.config.schema import load_config
-from truearc.robot.operator_ui.aim_orders import AimOrders
+from truearc.robot.operator_ui.aim_inbox import AimInbox, AimOrders
 from truearc.robot.operator_ui.server import OperatorPage
-from truearc.robot.processes.aim_inbox import AimInbox
-from truearc.sim.data.model import Tracks, join_datasets
+from truearc.sim.data.dataset import Tracks, join_datasets
 from truearc.sim.discover.adopt import make_belief
-from truearc.sim.discover.finding import Adoption
+from truearc.sim.discover.finding import Adoption, AimProposal, BeliefFile
 from truearc.sim.discover.investigate import discover
-from truearc.sim.discover.proposal import AimProposal, BeliefFile
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
 
@@ -276,11 +274,7 @@ def test_no_gain_is_proposed_that_may_be_nothing(low90: float, offered: bool, fo
                 files, [4.0])
 
 
-def test_the_table_of_sessions_aimed_by_practice_counts_alarms_names_and_threes() -> None:
+def test_table_of_sessions_counts_alarms() -> None:
     quiet, loud = [0.1, 0.4], [0.5, 2.0]
-    line = {"kind": "aimed", "seed": 1, "sessions": {"nothing": [quiet, loud], "wind 1.5 m/s": [loud]}, "proposals": [
-        {"change": "nothing", "names": ("drag",), "verdict": "named", "refused": "which may be nothing"},
-        {"change": "wind 1.5 m/s", "names": ("drag", "wind_x"), "verdict": "set", "threes": [40, 80]}]}
-    text = make_table([line])
-    assert "aimed by its practice | 1, 2 | 1 | 50.0%" in text
-    assert "| nothing | 1 |  | 0 |  |" in text and "| wind 1.5 m/s | 1 | 1 | 1 | 40->80 |" in text
+    text = make_table([{"kind": "season", "seed": 1, "sessions": {"nothing": [quiet, loud], "wind 1.5 m/s": [loud]}}])
+    assert "MuJoCo's launcher | 1, 2 | 1 | 50.0%" in text and "| wind 1.5 m/s | 1 | 1 | 2 | 2 |" in text

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from tests.proof.importers.test_import_ball_butler import recording, throw
-from tests.proof.importers.test_import_recordings import flight, record
+from tests.proof.importers.test_import_mpi import flight, record
 from tools.notebooks import HOME, execute
-from truearc.sim.data.dataset import load_dataset
+from truearc.sim.data.files import load_dataset
 
 BOOKS = sorted(HOME.glob("*.ipynb"))
 LARGEST = 300_000                     # bytes of a notebook with its pictures
@@ -105,7 +105,7 @@ def run(data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 @pytest.mark.slow
 @pytest.mark.data
 def test_throws_leave_drag_or_cameras_as_least_squares_says(run: Any) -> None:
-    """Plain least squares of the same flights: drag 0.6 to 0.96 by what is free (benchmarks/ball_butler.py)."""
+    """Plain least squares of the same flights: drag 0.6 to 0.96 by what is free."""
     finding, fitted, _ = run("what-is-missing")
     assert finding["verdict"] == "set" and finding["mismatch"]["p_value"] <= 0.001
     assert [one["term"] for one in finding["what"][:2]] == ["drag", "track_perspective"]

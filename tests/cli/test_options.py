@@ -9,9 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from truearc.cli.commands import Command, list_commands, make_parser
 from truearc.cli.main import main
-from truearc.cli.parsers import make_parser
-from truearc.cli.registry import Command, list_commands
 
 ALWAYS = {"help", "force"}            # of every command, and of every one with outputs (test_outputs.py)
 PACKAGES = ("truearc.cli", "truearc_proof.cli", "truearc_frc")
@@ -21,7 +20,7 @@ PACKAGES = ("truearc.cli", "truearc_proof.cli", "truearc_frc")
 def test_every_option_is_read_by_the_command(command: Command) -> None:
     options = {action.dest for action in make_parser(command)._actions} - ALWAYS
     assert options
-    assert options - read_by(command.module) == set()
+    assert options - read_by(command.run) == set()
 
 
 def test_the_check_finds_an_option_that_nothing_reads() -> None:
@@ -52,10 +51,11 @@ def test_an_option_that_does_not_apply_is_refused_even_if_it_is_zero(words: str,
     assert why in capsys.readouterr().err
 
 
-def read_by(module: str) -> set[str]:
-    """Attributes of `args` read in main and in every function of a command module that main reaches."""
+def read_by(run: str) -> set[str]:
+    """Attributes of `args` read in a command's function and in every function of a command module that it reaches."""
     found: set[str] = set()
-    waiting, seen = [(module, "main")], set()
+    module, _, function = run.partition(":")
+    waiting, seen = [(module, function or "main")], set()
     while waiting:
         here = waiting.pop()
         if here in seen:

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from truearc.cli.commands import Command, list_commands, make_parser
 from truearc.cli.main import main
 from truearc.cli.outputs import OutFolder, out_file
-from truearc.cli.parsers import make_parser
-from truearc.cli.registry import Command, list_commands
 from truearc.errors import InputError, save_whole, whole_file
 
 SHOTS = Path(__file__).parents[2] / "examples" / "spreadsheet"

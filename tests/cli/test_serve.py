@@ -13,10 +13,9 @@ from pathlib import Path
 import pytest
 
 from truearc import robot
-from truearc.cli.gate.serve import make_server
+from truearc.cli.commands import NAMES, make_parser
+from truearc.cli.gate import make_server
 from truearc.cli.main import main
-from truearc.cli.parsers import make_parser
-from truearc.cli.registry import NAMES
 from truearc.robot.gate.model import load_gate
 
 GATE = Path(__file__).parents[1] / "golden" / "reference" / "export-physics" / "gate.onnx"

@@ -1,20 +1,62 @@
 """`truearc advise` beside a stand-in robot program on a real NetworkTables server, in processes of their own."""
 
+import json
 import signal
+import socket
 import subprocess
 import sys
 import threading
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from benchmarks.advise import Beside, play_beside
 from truearc.cli.main import main
 
 pytestmark = pytest.mark.slow
 GATE = Path(__file__).parents[1] / "golden" / "reference" / "export-physics" / "gate.onnx"
 SECONDS, AFTER_S = 6.5, 3.5
+
+MAP = """schema = "truearc.shot-map/1"
+[columns]
+distance_m = "/Vision/Distance"
+hood_deg = { key = "/Hood/Angle", unit = "deg" }
+motor_rad_s = { key = "/Shooter/RPM", unit = "rpm" }
+battery_v = "/Battery"
+"""
+
+
+class Beside(NamedTuple):
+    """(time in s, verdict) of what the robot heard; ages in s; the session's folder."""
+
+    heard: list[tuple[float, str]]
+    ages: list[float]
+    session: Path
+
+
+def play_beside(gate: Path, folder: Path, seconds: float, trouble: str = "", key: str = "",
+                after_s: float = 0.0) -> Beside:
+    """Both programs in processes of their own for these seconds."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    (folder / "shots.toml").write_text(MAP, encoding="utf-8")
+    words = [trouble, key, str(after_s)] if trouble else []
+    robot = subprocess.Popen([sys.executable, str(Path(__file__).with_name("stand_in_robot.py")), str(port),
+                              str(seconds), *words], stdout=subprocess.PIPE, text=True)
+    advice = subprocess.Popen([sys.executable, "-m", "truearc", "advise", "--nt", f"127.0.0.1:{port}", "--map",
+                               str(folder / "shots.toml"), "--gate", str(gate), "--out", str(folder / "sessions")],
+                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        said = json.loads(robot.communicate(timeout=seconds + 60.0)[0])
+    finally:
+        advice.send_signal(signal.SIGTERM)
+        out, err = advice.communicate(timeout=30)
+    if advice.returncode != 0:
+        raise RuntimeError(out + err)
+    (session,) = (folder / "sessions").iterdir()
+    return Beside([(at, word) for at, word in said["heard"]], said["ages"], session)
 
 
 def beside(tmp_path: Path, *trouble: str) -> Beside:

@@ -19,19 +19,20 @@ from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.hw.protocols import LinkLost
-from truearc.hw.shared_latest import Slots
+from truearc.hw.real.processes import Slots
 from truearc.robot.advice import POLICY, step
 from truearc.robot.config.schema import AprilTag, Config, load_config
 from truearc.robot.gate.model import load_gate
 from truearc.robot.processes.vision import FarEyes, make_room, relay
-from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import make_header
+from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.runtime import run
 from truearc.robot.types import Sighting
-from truearc_frc.advice import AdviceIo, Adviser, advised_columns
+from truearc_frc.advice import AdviceIo, advised_columns
 from truearc_frc.camera import NtCamera, OwnNtCamera, keys_of_camera
 from truearc_frc.keys import Reading
+from truearc_frc.publisher import Adviser
 from truearc_frc.table import Nt4, Nt4Vision, nt4_of, with_nt4
 
 KINDS = ("photonvision", "limelight")

@@ -11,9 +11,9 @@ import pytest
 from msgspec.structs import replace
 
 from truearc.cli.common import SHIPPED
+from truearc.cli.doctor_checks import look_at_readings
 from truearc.cli.main import main
-from truearc.cli.robot.doctor_checks import look_at_readings
-from truearc.hw.finding import FAILURE, OK, WARNING
+from truearc.hw.devices.family import FAILURE, OK, WARNING
 from truearc.robot.config.schema import AprilTag, Config, load_config
 from truearc.robot.config.shot_map import load_map
 from truearc_frc.advice import scaled_columns

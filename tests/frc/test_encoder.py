@@ -11,8 +11,7 @@ from tests.frc.nt_server import free_port
 from tests.robot.alike import codes
 from tests.robot.encoders import NT4
 from tests.robot.good_tick import NOW_NS, good_inputs, good_memory
-from truearc.hw.devices.hood_encoder import Around
-from truearc.hw.finding import FAILURE, OK
+from truearc.hw.devices.family import FAILURE, OK, Around
 from truearc.robot import reasons as because
 from truearc.robot.hood_encoders import encoder_family_of
 from truearc.robot.tick import step

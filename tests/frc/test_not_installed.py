@@ -21,10 +21,10 @@ from truearc.robot.config.schema import AprilTag, Config
 from truearc.robot.gate.model import load_gate
 from truearc.robot.hood_encoders import ReadEncoder
 from truearc.robot.reasons import ROBOT_TOO_FAST
-from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.replay.recompute import replay
+from truearc.robot.recording.replay import replay
 from truearc.robot.recording.session import make_header
+from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.runtime import run
 from truearc.robot.types import Command, Inputs, Sent
 from truearc_frc.advice import AdviceIo

@@ -16,7 +16,7 @@ from tests.frc.test_advice import NS, Clock
 from tests.robot.good_tick import good_inputs
 from truearc.cli.common import SHIPPED
 from truearc.hw.real.clock import MonotonicClock
-from truearc.hw.shared_latest import Slots
+from truearc.hw.real.processes import Slots
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.types import Command, Inputs, RobotVelocity, Sent
 from truearc_frc.keys import Reading

@@ -20,8 +20,10 @@ from tests.golden.make import check
 from truearc.cli.main import main
 
 ELSEWHERE = sys.platform != "linux" or platform.machine() != "x86_64"
-QUICK = ("replay", "shots", "launcher", "predict", "finding-l0-null", "export-network", "export-physics",
-         "gate-network", "gate-physics", "gated-network", "gated-physics")
+# `make test` has one real discovery for each level of data and verdict: L0 none, L1 a set, L2 named and unknown
+QUICK = ("replay", "shots", "launcher", "predict", "finding-l0-null", "finding-l1-target", "finding-l2-distance",
+         "finding-l2-seam")
+LONGER = ("export-network", "export-physics", "gate-network", "gate-physics", "gated-network", "gated-physics")
 APART = ("replay", "shots", "launcher")        # in processes of their own, as `make golden` makes all of them
 
 
@@ -42,9 +44,8 @@ def run_here(scratch: Path, name: str, *args: str | Path) -> str:
     return said.getvalue()
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(ELSEWHERE, reason="another C library rounds otherwise; references made on Linux, x86-64")
-@pytest.mark.parametrize("name", QUICK)
+@pytest.mark.parametrize("name", [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in LONGER)])
 def test_golden_artefact_is_unchanged(name: str, scratch: Path, capsys: pytest.CaptureFixture[str],
                                       monkeypatch: pytest.MonkeyPatch) -> None:
     if name not in APART:

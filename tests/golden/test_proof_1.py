@@ -1,6 +1,7 @@
 """Files of tag proof-1 whose golden references were written again since: they load, with unchanged results."""
 
 import csv
+import re
 import tomllib
 from pathlib import Path
 
@@ -17,8 +18,9 @@ OLD = Path(__file__).with_name("proof_1")
 
 
 @pytest.mark.parametrize("path", sorted(OLD.glob("*.json")), ids=lambda path: path.stem)
-def test_findings_are_written_again_to_the_byte(path: Path) -> None:
-    assert make_json(load_record(path)) == path.read_bytes()
+def test_findings_are_written_again_to_the_byte_but_for_the_formula(path: Path) -> None:
+    """proof-1 looked for a formula of an unexplained effect, and found none in these."""
+    assert make_json(load_record(path)) == re.sub(rb',\n\s*"formula": null', b"", path.read_bytes())
 
 
 def test_findings_are_all_there() -> None:

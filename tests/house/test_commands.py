@@ -23,12 +23,11 @@ import pytest
 
 from tests.house.here import ROOT, run_module
 from tests.sim.data.stranger_log import write_stranger_log
+from truearc.cli.commands import find_command, make_parser
 from truearc.cli.main import main
-from truearc.cli.parsers import make_parser
-from truearc.cli.registry import find_command
 from truearc.errors import InputError
 from truearc.sim.gate import surrogate
-from truearc_proof.cli import prove_apart
+from truearc_proof.cli import prove_roles
 from truearc_proof.rounds import solver
 
 ROWS = 16                             # of the datasets that a reader brings
@@ -67,13 +66,13 @@ ELSEWHERE = {
     r"^truearc run ": "goes on until it is stopped; tests/loops runs it against emulated devices",
     r"^truearc advise ": "goes on until it is stopped; tests/frc/test_advise_session.py has it beside a robot",
     r"^truearc doctor.* --(set|move)": "writes to devices, or moves them; tests/robot/doctor does",
-    r"^python -m tools\.(site_reference|measured_doc|formats_doc)": "writes pages, which other tests compare",
+    r"^python -m tools\.pages": "writes pages, which tests/house/test_site.py compares",
     r"^truearc serve ": "goes on until it is stopped; tests/cli/test_serve.py runs it and ends it by Ctrl-C",
     r"^truearc emulate .*--bus slcan:auto": "waits for a robot in another process; tests/loops/test_loops.py has both",
     r"^truearc sysid --config": "drives a real launcher; `sysid --emulate` runs here",
     r"^truearc sysid --csv": "needs a step test of a real launcher; tests/sim/sysid reads such tables",
     r"^truearc vision": "needs photographs, a board or a person; tests/robot/test_vision*.py run it on drawn ones",
-    r"^python -m benchmarks\.(?!archives|proof)": "test_benchmarks.py runs every benchmark",
+    r"^python -m benchmarks\.(?!proof)": "test_benchmarks.py runs every benchmark",
     r"^python -m truearc_proof.world.survey": "plays hundreds of worlds",
     r"^truearc prove drive": "tests/loops/test_prove_drive.py plays a world of it",
     r"^truearc reproduce": "tests/proof/reproduce runs it in a small form",
@@ -204,7 +203,7 @@ def check_options(command: str) -> None:
         actions = make_parser(found)._actions
         assert options <= {option for action in actions for option in action.option_strings}, command
     elif words[:2] == ["python", "-m"] and words[2].startswith("benchmarks."):
-        paths = [ROOT / f"{words[2].replace('.', '/')}.py", ROOT / "benchmarks" / "filling.py"]
+        paths = [ROOT / f"{words[2].replace('.', '/')}.py", ROOT / "benchmarks" / "worlds.py"]
         said = "".join(path.read_text(encoding="utf-8") for path in paths)
         assert {option for option in options if f'"{option}"' not in said} <= {"-m"}, command
 
@@ -276,7 +275,7 @@ def workspace(tmp_path: Path, data_dir: Path, monday: Path, monkeypatch: pytest.
     monkeypatch.setattr(solver, "forbid", lambda directory: None)
     monkeypatch.setattr(surrogate, "CHECKED", 3000)       # tests/model_export has a gate's graph as it is
     monkeypatch.setattr(surrogate, "LEARNED", 2000)
-    monkeypatch.setattr(prove_apart, "subprocess", SimpleNamespace(run=run_here))
+    monkeypatch.setattr(prove_roles, "subprocess", SimpleNamespace(run=run_here))
     return Workspace(folder, monkeypatch)
 
 

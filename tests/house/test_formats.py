@@ -10,9 +10,10 @@ import msgspec
 import pytest
 
 from tests.golden.make import REFERENCE
-from tools.formats_doc import DOCUMENTS, PAGE, SCHEMAS, launcher_keys, make_page, make_schema
-from truearc.hw.devices.axis import HoodEncoder
+from tools.formats import DOCUMENTS, launcher_keys, make_page, make_schema
+from tools.pages import SCHEMAS
 from truearc.hw.devices.canandmag.family import CanandmagConfig
+from truearc.hw.devices.family import HoodEncoder
 from truearc.robot.config.schema import Config
 
 GOLDEN = sorted([*REFERENCE.glob("finding-*/finding.json"), *REFERENCE.glob("identifiability/*.json"),
@@ -21,10 +22,6 @@ GOLDEN = sorted([*REFERENCE.glob("finding-*/finding.json"), *REFERENCE.glob("ide
                  REFERENCE.parent / "inputs" / "proposal.json"])
 # docs/how-to/motors.md, docs/reference/dataset.md, `--plan`, docs/how-to/advise.md
 ELSEWHERE = ("axes.", "rig.", "collect.prescribed.", "readings.")
-
-
-def kind_of(path: Path) -> str:
-    return path.stem
 
 
 def validator(name: str) -> Any:
@@ -47,13 +44,8 @@ def structs_in(annotation: Any) -> list[type[msgspec.Struct]]:
     return [part for part in parts if isinstance(part, type) and issubclass(part, msgspec.Struct)]
 
 
-def test_page_and_schemas_are_as_generated() -> None:
-    told = "run `python -m tools.formats_doc`"
-    assert PAGE.read_text(encoding="utf-8") == make_page(), told
-    assert {path.stem for path in SCHEMAS.iterdir()} == set(DOCUMENTS), told
-    for name in DOCUMENTS:
-        written = json.loads((SCHEMAS / f"{name}.json").read_text(encoding="utf-8"))
-        assert written == json.loads(json.dumps(make_schema(name))), told
+def test_there_is_a_schema_for_each_document() -> None:
+    assert {path.stem for path in SCHEMAS.iterdir()} == set(DOCUMENTS)
 
 
 def test_every_key_of_the_configuration_is_on_the_page() -> None:
@@ -68,17 +60,18 @@ def test_every_key_has_a_meaning() -> None:
     assert not [row[0] for row in rows if not row[-1].strip(" |")]
 
 
-@pytest.mark.parametrize("path", GOLDEN, ids=lambda path: path.parent.name)
-def test_documents_pass_their_schema_and_have_no_key_beside_it(path: Path) -> None:
-    document = json.loads(path.read_text(encoding="utf-8"))
-    validator(kind_of(path)).validate(document)
-    kind = DOCUMENTS[kind_of(path)][0]
-    assert set(document) <= {field.encode_name for field in msgspec.structs.fields(kind)}
+def test_documents_pass_their_schema_and_have_no_key_beside_it() -> None:
+    assert GOLDEN
+    for path in GOLDEN:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        validator(path.stem).validate(document)
+        kind = DOCUMENTS[path.stem][0]
+        assert set(document) <= {field.encode_name for field in msgspec.structs.fields(kind)}, path
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)
 def test_a_document_that_lacks_or_spoils_a_needed_key_fails(name: str) -> None:
-    document = json.loads(next(path for path in GOLDEN if kind_of(path) == name).read_text(encoding="utf-8"))
+    document = json.loads(next(path for path in GOLDEN if path.stem == name).read_text(encoding="utf-8"))
     needed = make_schema(name)["$defs"][DOCUMENTS[name][0].__name__]["required"]
     assert needed
     for key in needed:

@@ -1,4 +1,4 @@
-"""The rules of ARCHITECTURE.md, held by a machine: imports, style, types, sizes, names."""
+"""The rules of ARCHITECTURE.md, one test a rule: style, types, sizes, names, arrays with shapes, light imports."""
 
 import ast
 import re
@@ -6,30 +6,27 @@ import subprocess
 import sys
 import tomllib
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
 
 import pytest
 
-from tests.house.wheels import build_wheels
-from tools.count_lines import WHEEL, count_files, python_files
+from tests.conftest import LONG
+from tools.measure import WHEEL, code, lines_of_code, longest_chain, python_files
 
 ROOT = Path(__file__).parents[2]
 TOPS = ("hw", "robot", "sim", "model_export", "truearc", "proof", "frc")
 FILES = sorted(path for top in TOPS for path in (ROOT / top).rglob("*.py"))
 LONGEST_FILE, LONGEST_FUNCTION = 600, 60
-MOST_LINES = 36800                   # of code in the wheel, by tools/count_lines.py; interlocks of motion took 2,000
+MOST_LINES = 36800                   # of code in the wheel
 BARE = ("hw", "robot", "sim", "model_export")
-LINT = ("import sys; sys.meta_path[:] = [one for one in sys.meta_path if 'editable' not in repr(one).lower()]; "
-        "sys.path[:] = [{site!r}] + [one for one in sys.path if one]; "
-        "from importlinter.cli import lint_imports_command; lint_imports_command()")
-CYCLES = ("import sys; sys.meta_path[:] = [one for one in sys.meta_path if 'editable' not in repr(one).lower()]; "
-          "sys.path[:] = [{site!r}] + [one for one in sys.path if one]; import graphlib, grimp; "
-          "graph = grimp.build_graph('truearc', 'truearc_proof', 'truearc_frc', cache_dir=None); "
-          "graphlib.TopologicalSorter("
-          "{{one: graph.find_modules_directly_imported_by(one) for one in graph.modules}}).prepare()")
+ARRAYS = {"np.ndarray", "jnp.ndarray", "jax.Array", "Array", "NDArray", "npt.NDArray"}
+SHAPED = {"Bool", "Float", "Inexact", "Int", "Num", "Shaped", "UInt"}
+NOISE = ROOT / "sim" / "infer" / "likelihood" / "noise.py"
+NOISY = re.compile(r"LAPSE|SLIP_|SCATTER_(PRIOR|MOST)|OUTLIER")
 BINARY = re.compile(r"[rwxa+]*b[rwxa+]*")
 OTHER_OPENS = ("os", "tarfile", "Image", "stream")
-HEAVY = ("jax", "mujoco", "onnx", "scipy", "matplotlib", "optax", "pyarrow", "joblib", "rich")
+HEAVY = ("jax", "mujoco", "onnx", "scipy", "matplotlib", "pyarrow", "joblib", "rich")
 
 
 def run(*command, cwd=ROOT):
@@ -46,57 +43,107 @@ def test_mypy():
     run(sys.executable, "-m", "mypy")
 
 
-@pytest.fixture(scope="module")
-def site(tmp_path_factory):
-    return build_wheels(tmp_path_factory.mktemp("wheels"))
+@cache
+def trees():
+    """(path from the root, syntax tree) of every file of the product."""
+    return [(path.relative_to(ROOT).as_posix(), ast.parse(path.read_text(encoding="utf-8"))) for path in FILES]
 
 
-def test_import_directions(site):
-    """On the unpacked wheels: the linter does not follow the links of build/view."""
-    run(sys.executable, "-c", LINT.format(site=str(site)), "--no-cache", "--config", str(ROOT / "pyproject.toml"),
-        cwd=site)
+def test_files_and_functions_are_short():
+    long = [f"{path.relative_to(ROOT)}: {count} lines" for path in FILES
+            if (count := len(path.read_text(encoding="utf-8").splitlines())) > LONGEST_FILE]
+    long += [f"{name}: {node.name}" for name, tree in trees() for node in ast.walk(tree)
+             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+             and node.end_lineno - node.lineno >= LONGEST_FUNCTION]
+    assert long == []
 
 
-def test_no_modules_import_each_other(site):
-    """Not even inside a function: graphlib.CycleError names the modules."""
-    run(sys.executable, "-c", CYCLES.format(site=str(site)), cwd=site)
-
-
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_sizes(path):
-    source = path.read_text(encoding="utf-8")
-    assert len(source.splitlines()) <= LONGEST_FILE
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            assert node.end_lineno - node.lineno < LONGEST_FUNCTION, f"{path.name}: {node.name}"
-
-
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_text_files_name_their_encoding(path):
+def test_text_files_name_their_encoding():
     """Windows' default is another one. Binary modes, and `open` of modules that read no text, need none."""
-    for call in (node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call)):
-        place, _, name = ast.unparse(call.func).rpartition(".")
-        modes = [part.value for arg in call.args for part in ast.walk(arg)
-                 if isinstance(part, ast.Constant) and isinstance(part.value, str)]
-        is_text = name in ("read_text", "write_text", "TextIOWrapper") or (
-            name == "open" and place not in OTHER_OPENS and not any(BINARY.fullmatch(mode) for mode in modes))
-        assert not is_text or any(word.arg == "encoding" for word in call.keywords), f"{path.name}:{call.lineno}"
+    nameless = []
+    for path, tree in trees():
+        for call in (node for node in ast.walk(tree) if isinstance(node, ast.Call)):
+            place, _, name = ast.unparse(call.func).rpartition(".")
+            modes = [part.value for arg in call.args for part in ast.walk(arg)
+                     if isinstance(part, ast.Constant) and isinstance(part.value, str)]
+            is_text = name in ("read_text", "write_text", "TextIOWrapper") or (
+                name == "open" and place not in OTHER_OPENS and not any(BINARY.fullmatch(mode) for mode in modes))
+            if is_text and not any(word.arg == "encoding" for word in call.keywords):
+                nameless.append(f"{path}:{call.lineno}")
+    assert nameless == []
 
 
-@pytest.mark.parametrize("top", TOPS)
-def test_public_class_names_are_unique_within_a_top_folder(top):
+def bare_arrays(tree):
+    """Lines with an array without a shape in a signature or a class's field."""
+    for node in ast.walk(tree):
+        stated = []
+        if isinstance(node, ast.FunctionDef):
+            taken = node.args
+            own = [*taken.posonlyargs, *taken.args, *taken.kwonlyargs, taken.vararg, taken.kwarg]
+            stated = [arg.annotation for arg in own if arg] + [node.returns]
+        elif isinstance(node, ast.ClassDef):
+            stated = [field.annotation for field in node.body if isinstance(field, ast.AnnAssign)]
+        yield from (one.lineno for one in stated if one is not None and is_bare(one))
+
+
+def is_bare(annotation):
+    if ast.unparse(annotation) in ARRAYS:
+        return True
+    if isinstance(annotation, ast.Subscript) and ast.unparse(annotation.value) in SHAPED:
+        return False
+    return any(is_bare(part) for part in ast.iter_child_nodes(annotation))
+
+
+def test_arrays_of_inference_and_discovery_declare_their_shapes():
+    assert list(bare_arrays(ast.parse("def f(a: Array, b: Float[Array, ' n']) -> dict[str, Array]: ..."))) == [1, 1]
+    assert [f"{name}:{line}" for name, tree in trees() if name.startswith(("sim/infer/", "sim/discover/"))
+            for line in bare_arrays(tree)] == []
+
+
+def literals(tree):
+    """Names of a module's constants that are written as numbers, or tables of them."""
+    for line in tree.body:
+        if isinstance(line, ast.Assign) and isinstance(line.targets[0], ast.Name):
+            parts = [part.value for part in ast.walk(line.value) if isinstance(part, ast.Constant)]
+            names = [part for part in ast.walk(line.value) if isinstance(part, ast.Name | ast.Call)]
+            if not names and any(isinstance(value, int | float) for value in parts):
+                yield line.targets[0].id
+
+
+def test_lapses_slips_and_scatters_are_numbers_of_one_file():
+    noisy = {name: names for name, tree in trees() if name.startswith("sim/")
+             if (names := list(filter(NOISY.search, literals(tree))))}
+    assert list(noisy) == [NOISE.relative_to(ROOT).as_posix()] and len(noisy.popitem()[1]) >= 5
+
+
+def test_public_class_names_are_unique_within_a_top_folder():
     """Emulators excepted: each device family may have the same names there."""
     places = defaultdict(list)
-    for path in FILES:
-        if path.relative_to(ROOT).parts[0] == top and path.name != "emulator.py":
-            for node in ast.parse(path.read_text(encoding="utf-8")).body:
-                if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-                    places[node.name].append(str(path.relative_to(ROOT)))
+    for path, tree in trees():
+        for node in tree.body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_") and not path.endswith("/emulator.py"):
+                places[path.partition("/")[0], node.name].append(path)
     assert {name: where for name, where in places.items() if len(where) > 1} == {}
 
 
 def test_wheel_stays_within_its_lines():
-    assert count_files([path for place in WHEEL for path in python_files(ROOT / place)]).lines <= MOST_LINES
+    assert code(python_files(*WHEEL)) <= MOST_LINES
+
+
+def test_measures_count_code_alone_and_follow_imports():
+    source = '"""Of\ntwo."""\n\n# a comment\nTABLE = """first\nsecond"""\n\ndef f(x):\n    """One."""\n    return x\n'
+    assert sorted(lines_of_code(source)) == [5, 6, 8, 10]
+    assert longest_chain("truearc.hw.reason") == ["truearc.hw.reason"]
+    assert longest_chain()[0] == "truearc.api.discovery"
+
+
+def test_every_test_is_run_by_one_of_two_commands():
+    """`make test` and `make test-long` select by one mark, and tests/conftest.py marks tests that exist."""
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    selected = re.findall(r"^(\S+): setup\n\t.*-m pytest -m (.*)$", makefile, re.MULTILINE)
+    assert selected == [("test", '"not slow"'), ("test-long", "slow")]
+    assert [place for place in LONG if not (ROOT / place.partition("::")[0]).exists()] == []
+    assert "make test\n" in (ROOT / ".ci" / "run").read_text("utf-8").replace("make test-long", "")
 
 
 def test_mutants_are_made_of_files_that_exist_and_build_the_allow_list():
@@ -108,8 +155,8 @@ def test_mutants_are_made_of_files_that_exist_and_build_the_allow_list():
             if re.search(r"\ballow(_seldom)?\(", path.read_text("utf-8"))} - mutated == set()
 
 
-def imported_modules(path):
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+def imported_modules(tree):
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -119,30 +166,23 @@ def imported_modules(path):
 def test_everything_is_imported_through_truearc():
     """From the checkout's root `import robot` works, too, and would make a second copy of every class."""
     others = [path for folder in ("tests", "benchmarks", "tools", "examples") for path in (ROOT / folder).rglob("*.py")]
-    bare = {f"{path.relative_to(ROOT)}: {name}" for path in (*FILES, *others) for name in imported_modules(path)
-            if name.partition(".")[0] in BARE}
+    bare = {f"{path}: {name}" for path, tree in (
+        *trees(), *((str(path), ast.parse(path.read_text(encoding="utf-8"))) for path in others))
+        for name in imported_modules(tree) if name.partition(".")[0] in BARE}
     assert bare == set()
 
 
-def reads_a_clock(node):
-    if isinstance(node, ast.Import):
-        return any(alias.name == "time" for alias in node.names)
-    return isinstance(node, ast.ImportFrom) and node.module in ("time", "datetime")
-
-
 def test_only_one_file_reads_a_clock():
-    """Doors may time themselves, and so may the world's survey, which prints what the world costs; an importer of
+    """Commands may time themselves, and so may the world's survey, which prints what the world costs; an importer of
     dated tables reads dates, no clock."""
-    readers = {str(path.relative_to(ROOT)) for path in FILES
-               if "cli" not in path.relative_to(ROOT).parts
-               and any(map(reads_a_clock, ast.walk(ast.parse(path.read_text(encoding="utf-8")))))}
-    assert readers == {str(Path("hw/real/clock.py")), str(Path("proof/truearc_proof/world/survey.py")),
-                       str(Path("proof/truearc_proof/importers/set_points.py"))}
+    readers = {path for path, tree in trees()
+               if "/cli/" not in path and {"time", "datetime"} & set(imported_modules(tree))}
+    assert readers == {"hw/real/clock.py", "proof/truearc_proof/world/survey.py",
+                       "proof/truearc_proof/importers/set_points.py"}
 
 
-@pytest.mark.parametrize("module", ["robot.run_robot", "session.replay_session", "robot.vision_tools.measure",
-                                    "robot.doctor_checks", "robot.deploy", "robot.sysid", "robot.sysid_drive",
-                                    "session.recover", "session.convert_formats", "start.completion"])
+@pytest.mark.parametrize("module", ["run_robot", "session_replay", "vision_images", "doctor_checks", "deploy", "sysid",
+                                    "sysid_drive", "session", "session_convert", "commands"])
 def test_the_robots_own_commands_need_only_the_base_install(module):
     """Imported in a process in which the heavy packages do not exist."""
     code = (f"import sys\nfor name in {HEAVY!r}: sys.modules[name] = None\n"

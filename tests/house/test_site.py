@@ -7,10 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from tools import measured_doc
-from tools.measured_doc import KEPT, MARKS, fill, keep, show
+from tools import pages
+from tools.pages import KEPT, MARKS, PAGES, keep, show
 from tools.site_hooks import unlink_outside
-from tools.site_reference import api_page, commands_page
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -25,11 +24,6 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
                           cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0 and "WARNING -" not in done.stderr, done.stderr
     return folder
-
-
-def words_of(text: str) -> int:
-    """Words and numbers; bars and rules of tables are neither."""
-    return sum(re.search(r"\w", word) is not None for word in text.split())
 
 
 def test_every_page_is_built(site: Path) -> None:
@@ -62,40 +56,26 @@ def test_lists_and_tables_are_rendered_as_such(site: Path) -> None:
             for said in re.findall("<p>(.*?)</p>", path.read_text("utf-8"), re.DOTALL) if raw.search(said)] == []
 
 
-def sentences_of(page: str) -> list[str]:
-    """Sentences and parts between semicolons and colons, without tables, headings, code and targets of links."""
-    page = re.sub(r"^ *```.*?^ *```|^    \S.*?$|<!--.*?-->", "", page, flags=re.DOTALL | re.MULTILINE)
-    page = re.sub(r"\]\([^)]*\)", "]", re.sub(r"`[^`]*`", "x", page))
-    parts = (" ".join(part.split()) for part in re.split(r"\n(?=\n|\||[-*] |\d+\. |#|>)", page))
-    return [said for part in parts if not part.startswith(("|", "#")) for said in re.split(r"(?<=[.!?:;])\s+", part)]
-
-
 def test_links_out_of_the_site_become_names() -> None:
     text = "[the tick](../../robot/tick.py#top), [aim](aim.md), [a](https://host/a.md), ![b](../images/demo.png)"
     told = "the tick (`robot/tick.py`), [aim](aim.md), [a](https://host/a.md), ![b](../images/demo.png)"
     assert unlink_outside(text, DOCS / "how-to") == told
 
 
-def test_reference_is_as_generated() -> None:
-    told = "run `python -m tools.site_reference`"
-    assert (DOCS / "reference" / "commands.md").read_text(encoding="utf-8") == commands_page(), told
-    assert (DOCS / "reference" / "python-api.md").read_text(encoding="utf-8") == api_page(), told
+@pytest.mark.parametrize("name", PAGES)
+def test_pages_are_as_generated(name: str) -> None:
+    stale = [path.name for path, text in PAGES[name]().items() if path.read_text(encoding="utf-8") != text]
+    assert stale == [], f"run `python -m tools.pages {name}`"
 
 
 MARKED = [page for page in sorted(DOCS.rglob("*.md")) if MARKS.search(page.read_text(encoding="utf-8"))]
 DRAWN = re.compile(r"^<!-- (?:rounds: begin|result: ).*?-->$.*?^<!-- (?:rounds: )?end -->$", re.DOTALL | re.MULTILINE)
 
 
-@pytest.mark.parametrize("page", MARKED, ids=lambda page: page.name)
-def test_results_are_what_the_result_files_say(page: Path) -> None:
-    text = page.read_text(encoding="utf-8")
-    assert fill(text) == text, "run `python -m tools.measured_doc`"
-
-
-@pytest.mark.parametrize("page", sorted((DOCS / "measured").glob("*.md")), ids=lambda page: page.name)
-def test_no_table_of_measurements_is_typed(page: Path) -> None:
-    typed = DRAWN.sub("", page.read_text(encoding="utf-8"))
-    assert re.findall(r"^\|---.*|^```text$", typed, re.MULTILINE) == []
+def test_no_table_of_measurements_is_typed() -> None:
+    typed = {page.name: re.findall(r"^\|---.*|^```text$", DRAWN.sub("", page.read_text(encoding="utf-8")), re.MULTILINE)
+             for page in (DOCS / "measured").glob("*.md")}
+    assert {name: lines for name, lines in typed.items() if lines} == {}
 
 
 def test_every_result_file_is_shown_once() -> None:
@@ -113,7 +93,7 @@ def test_a_result_file_is_shown_with_its_command() -> None:
 
 
 def test_a_run_is_kept_with_what_it_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(measured_doc, "KEPT", tmp_path)
+    monkeypatch.setattr(pages, "KEPT", tmp_path)
     keep("count", "python -c 'print(6 * 7)'")
     command, made, *printed = (tmp_path / "count.txt").read_text(encoding="utf-8").splitlines()
     assert command == "python -c 'print(6 * 7)'" and printed == ["", "42"]

@@ -1,21 +1,47 @@
-"""What ships: every tracked module and data file, one top-level name, and commands that work outside the checkout."""
+"""What ships: all that git tracks, imports in one direction, and commands that work outside the checkout."""
 
 import os
 import shutil
 import subprocess
 import sys
 import tarfile
+import zipfile
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from tests.house.wheels import ROOT, build_wheels
+from truearc.robot.deploy import copy_source
 
+ROOT = Path(__file__).parents[2]
+# code that imports truearc from the unpacked wheels alone
+ALONE = ("import sys; sys.meta_path[:] = [one for one in sys.meta_path if 'editable' not in repr(one).lower()]; "
+         "sys.path[:] = [{site!r}] + [one for one in sys.path if one]; ")
+LINT = ALONE + "from importlinter.cli import lint_imports_command; lint_imports_command()"
+CYCLES = ALONE + ("import graphlib, grimp; "
+                  "graph = grimp.build_graph('truearc', 'truearc_proof', 'truearc_frc', cache_dir=None); "
+                  "graphlib.TopologicalSorter({{one: graph.find_modules_directly_imported_by(one) "
+                  "for one in graph.modules}}).prepare()")
 PLACES = {"truearc": "truearc", "hw": "truearc/hw", "robot": "truearc/robot", "sim": "truearc/sim",
           "model_export": "truearc/model_export", "proof/truearc_proof": "truearc_proof",
           "frc/truearc_frc": "truearc_frc"}
+
+
+def build_wheels(folder: Path) -> Path:
+    """Build all wheels and unpack them side by side; returns the folder that holds the packages."""
+    source = copy_source(ROOT, folder / "source")
+    ignore = shutil.ignore_patterns("__pycache__", "*.egg-info", "build")
+    others = [shutil.copytree(ROOT / name, source / name, ignore=ignore) for name in ("proof", "frc")]
+    done = subprocess.run([sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation",
+                           "--wheel-dir", str(folder), str(source), *map(str, others)],
+                          capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    site = folder / "site"
+    for wheel in folder.glob("*.whl"):
+        with zipfile.ZipFile(wheel) as archive:
+            archive.extractall(site)
+    return site
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +85,23 @@ def test_source_distribution_holds_what_git_tracks(tmp_path: Path) -> None:
     assert {name for name in names - held if not name.startswith(".")} == set()
 
 
+def test_import_directions(site: Path) -> None:
+    """On the unpacked wheels: the linter does not follow the links of build/view."""
+    run_python(site, LINT.format(site=str(site)), "--no-cache", "--config", str(ROOT / "pyproject.toml"))
+
+
+def test_no_modules_import_each_other(site: Path) -> None:
+    """Not even inside a function: graphlib.CycleError names the modules."""
+    run_python(site, CYCLES.format(site=str(site)))
+
+
+def run_python(folder: Path, code: str, *words: str) -> str:
+    """Python with this code in a folder; what it printed."""
+    done = subprocess.run([sys.executable, "-c", code, *words], cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
 def run(site: Path, folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     """A command from the unpacked wheel, without the checkout on the path."""
     paths = [str(site), *(path for path in sys.path if "site-packages" in path)]
@@ -70,10 +113,8 @@ def run(site: Path, folder: Path, *words: str) -> subprocess.CompletedProcess[st
 
 def test_import_works_beside_a_robot_py(site: Path, tmp_path: Path) -> None:
     (tmp_path / "robot.py").write_text("raise SystemExit('the wrong robot')")
-    code = (f"import sys; sys.meta_path[:] = [f for f in sys.meta_path if 'editable' not in repr(f).lower()]; "
-            f"sys.path.insert(1, {str(site)!r}); import truearc, truearc.robot.tick; print(truearc.__file__)")
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0 and done.stdout.startswith(str(site)), done.stderr
+    code = ALONE.replace("if one", "") + "import truearc, truearc.robot.tick; print(truearc.__file__)"
+    assert run_python(tmp_path, code.format(site=str(site))).startswith(str(site))
 
 
 def test_doctor_and_emulate_run_from_the_wheel(site: Path, tmp_path: Path) -> None:
@@ -84,22 +125,16 @@ def test_doctor_and_emulate_run_from_the_wheel(site: Path, tmp_path: Path) -> No
 
 
 def test_operators_page_is_whole_in_the_wheel(site: Path, tmp_path: Path) -> None:
-    paths = [str(site), *(path for path in sys.path if "site-packages" in path)]
-    code = ("import sys; sys.meta_path[:] = [f for f in sys.meta_path if 'editable' not in repr(f).lower()]; "
-            f"sys.path[:0] = {paths!r}; from truearc.robot.operator_ui.server import make_page; "
-            "print(make_page(False))")
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert "data-robot" in done.stdout and "const whatIf" in done.stdout and "<!--" not in done.stdout, done.stderr
+    code = "from truearc.robot.operator_ui.server import make_page; print(make_page(False))"
+    page = run_python(tmp_path, ALONE.format(site=str(site)) + code)
+    assert "data-robot" in page and "const whatIf" in page and "<!--" not in page
 
 
 def test_a_packaged_camera_and_the_tuning_page_come_out_of_the_wheel(site: Path, tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "dark.png"), np.zeros((480, 640, 3), np.uint8))
     done = run(site, tmp_path, "vision", "dark.png", "--camera", "lifecam_hd3000_480p")
     assert done.returncode == 0 and done.stdout.splitlines()[1].startswith("dark.png,false"), done.stderr
-    page = (ROOT / "truearc" / "cli" / "robot" / "pages" / "tune.html").read_text(encoding="utf-8")
-    paths = [str(site), *(path for path in sys.path if "site-packages" in path)]
-    code = ("import sys; sys.meta_path[:] = [f for f in sys.meta_path if 'editable' not in repr(f).lower()]; "
-            f"sys.path[:0] = {paths!r}; from importlib.resources import files; "
-            "print((files('truearc.cli.robot') / 'pages' / 'tune.html').read_text(encoding='utf-8'))")
-    shown = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert shown.stdout.strip() == page.strip(), shown.stderr
+    page = (ROOT / "truearc" / "cli" / "tune.html").read_text(encoding="utf-8")
+    shown = run_python(tmp_path, ALONE.format(site=str(site)) + "from importlib.resources import files; "
+                       "print((files('truearc.cli') / 'tune.html').read_text(encoding='utf-8'))")
+    assert shown.strip() == page.strip()

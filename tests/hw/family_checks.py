@@ -9,19 +9,27 @@ import pytest
 from tests.hw.dbc_facts import limits, messages
 from tests.hw.spinning_plant import SpinningPlant
 from truearc.hw import fault_codes
+from truearc.hw.bus_rules import AllowList, kind_of
 from truearc.hw.codec import Codec, read_codec
-from truearc.hw.devices.axis import Axis, Bounds, driver_of
-from truearc.hw.devices.family import AttachedMotor, AxisCheck, Heard, MotorFamily
-from truearc.hw.finding import FAILURE, OK, WARNING
-from truearc.hw.monitor import kind_of
+from truearc.hw.devices.family import (
+    FAILURE,
+    OK,
+    WARNING,
+    AttachedMotor,
+    Axis,
+    AxisCheck,
+    Bounds,
+    Heard,
+    MotorFamily,
+    driver_of,
+)
 from truearc.hw.protocols import BadFrame, Frame, MotorReading
 from truearc.hw.reason import render
-from truearc.hw.tx_allowlist import AllowList
 from truearc.robot.config.schema import read_axis
 
 MS = 1_000_000
 START_NS = 1000 * MS
-TICK_MS, EACH_TICK = 5, 31            # a tick at 200 Hz, and what truearc.robot.config.can_policy makes of that
+TICK_MS, EACH_TICK = 5, 31            # a tick at 200 Hz, and what truearc.robot.motors makes of that
 CHECK = AxisCheck("hood motor", 200, None)
 Family = MotorFamily[Any]
 

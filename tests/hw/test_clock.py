@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from truearc.hw.emulated.clock import StepClock
+from truearc.hw.emulated.nodes import StepClock
 from truearc.hw.real.clock import MonotonicClock, unix_s, wall_clock, wall_offset_ns
 
 

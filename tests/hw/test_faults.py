@@ -11,7 +11,7 @@ from truearc.hw.devices.canandmag.frames import make_position_period
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.emulator import OdriveNode
 from truearc.hw.devices.odrive.frames import CLOSED_LOOP, IDLE, PASSTHROUGH, TORQUE, OdriveAxis
-from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.emulated.nodes import Twin
 from truearc.hw.protocols import BadFrame, MotorReading
 from truearc.hw.real.can_bus import open_can
 from truearc_proof.world.faults import (

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from truearc.hw.devices.button_box import frames as buttons
-from truearc.hw.devices.button_box.frames import (
+from truearc.hw.devices import button_box as buttons
+from truearc.hw.devices.button_box import (
     BUTTONS,
     LONGEST,
     BoxHeartbeat,

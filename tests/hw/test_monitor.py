@@ -4,8 +4,8 @@ from collections import Counter
 
 import pytest
 
+from truearc.hw.bus_rules import KINDS, MonitoredBus
 from truearc.hw.fault_codes import DUPLICATE_ID, FOREIGN_HOST
-from truearc.hw.monitor import KINDS, MonitoredBus
 from truearc.hw.protocols import Frame
 from truearc.hw.reason import Reason
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from truearc.hw.devices.heard_motor import HeardMotor
+from truearc.hw.devices.drivers import HeardMotor
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.fault_codes import ENCODER_STUCK

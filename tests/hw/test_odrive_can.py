@@ -16,7 +16,7 @@ from tests.hw.host_speed import excuse_stalls
 from tests.hw.spinning_plant import SpinningPlant
 from truearc.hw.devices.odrive.emulator import OdriveNode, OdriveSettings
 from truearc.hw.devices.odrive.frames import OdriveAxis
-from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.emulated.nodes import Twin
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
 

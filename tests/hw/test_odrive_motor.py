@@ -4,10 +4,10 @@ import struct
 
 import pytest
 
+from truearc.hw.devices.drivers import SLACK_RAD_S
 from truearc.hw.devices.odrive import frames as odrive
+from truearc.hw.devices.odrive.family import OdriveMotor
 from truearc.hw.devices.odrive.frames import OdriveAxis
-from truearc.hw.devices.odrive.motor import OdriveMotor
-from truearc.hw.encoder_plausibility import SLACK_RAD_S
 from truearc.hw.fault_codes import ENCODER_STUCK
 from truearc.hw.protocols import Frame
 

@@ -5,7 +5,7 @@ import threading
 import numpy as np
 import pytest
 
-from truearc.hw.emulated.imaging.picture_server import PictureServer
+from truearc.hw.emulated.camera import PictureServer
 from truearc.hw.protocols import LinkLost
 from truearc.hw.real.camera import open_camera
 from truearc.hw.real.clock import MonotonicClock

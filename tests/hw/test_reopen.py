@@ -6,11 +6,10 @@ import time
 import numpy as np
 import pytest
 
-from truearc.hw.devices.button_box.frames import make_heartbeat, make_press, parse_lines
+from truearc.hw.devices.button_box import make_heartbeat, make_press, parse_lines
 from truearc.hw.fault_codes import CAMERA_NOT_OPENED, CAMERA_STOPPED
 from truearc.hw.protocols import CameraFrame, LinkLost
-from truearc.hw.real.reconnect import LONGEST_S, MendedCamera, MendedStream
-from truearc.hw.real.serial_port import open_serial
+from truearc.hw.real.wires import LONGEST_S, MendedCamera, MendedStream, open_serial
 
 PATIENCE_S = 20.0                                          # of a loaded machine; usually a few milliseconds
 

@@ -4,12 +4,11 @@ import os
 
 import pytest
 
-from truearc.hw.devices.button_box.emulator import ButtonBox, open_button_box
-from truearc.hw.devices.button_box.frames import BUTTONS, BoxHeartbeat, make_press, parse_lines
+from truearc.hw.devices.button_box import BUTTONS, BoxHeartbeat, ButtonBox, make_press, open_button_box, parse_lines
 from truearc.hw.emulated.pty_cable import PtyCable
 from truearc.hw.emulated.serial_link import SocketCable
 from truearc.hw.protocols import ButtonEvent, LinkLost
-from truearc.hw.real.serial_port import open_serial
+from truearc.hw.real.wires import open_serial
 
 S = 1_000_000_000
 

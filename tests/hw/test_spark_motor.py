@@ -6,13 +6,13 @@ import struct
 import pytest
 
 from truearc.hw import fault_codes as hw
-from truearc.hw.dc_motor import DcMotor
-from truearc.hw.devices.axis import Bounds
+from truearc.hw.devices.drivers import DcMotor
+from truearc.hw.devices.family import Bounds
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
 from truearc.hw.devices.spark.frames import SparkAxis
 from truearc.hw.devices.spark.motor import SparkHeartbeat, SparkMotor
-from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.emulated.nodes import Twin
 from truearc.hw.fault_codes import (
     ENCODER_STUCK,
     SPARK_FAULTS_STALE,

@@ -7,7 +7,7 @@ import pytest
 from tests.hw.spinning_plant import SpinningPlant
 from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
 from truearc.hw.devices.spark.frames import SparkAxis
-from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.emulated.nodes import Twin
 from truearc.hw.protocols import Frame
 from truearc.hw.real.can_bus import open_can
 

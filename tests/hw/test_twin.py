@@ -13,8 +13,7 @@ from truearc.hw.devices.canandmag.emulator import CanandmagNode
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.emulator import OdriveNode, OdriveSettings
 from truearc.hw.devices.odrive.frames import CLOSED_LOOP, IDLE, PASSTHROUGH, TORQUE, OdriveAxis
-from truearc.hw.emulated.clock import StepClock
-from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.emulated.nodes import StepClock, Twin
 from truearc.hw.protocols import Frame, MotorReading
 from truearc.hw.real.can_bus import open_can
 

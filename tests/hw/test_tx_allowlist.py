@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from truearc.hw.bus_rules import WINDOW_NS, Allowed, AllowedBus, AllowList, allow
 from truearc.hw.fault_codes import CAN_OVERRUN, FRAME_NOT_ALLOWED, FRAME_RATE_EXCEEDED
 from truearc.hw.protocols import Frame
 from truearc.hw.reason import Reason
-from truearc.hw.tx_allowlist import WINDOW_NS, Allowed, AllowedBus, AllowList, allow
 
 TORQUE, QUESTION, SETTING = Frame(0, 0x2E, bytes(8)), Frame(0, 0x20, b"", is_remote=True), Frame(0, 0x2E, b"", True)
 LIST = (allow(TORQUE, 3), allow(QUESTION, 1), allow(SETTING, 2))

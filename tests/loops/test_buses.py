@@ -12,32 +12,30 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
-from benchmarks.matrix.signs import find, says
+from benchmarks.matrix.fault import find, says
 from benchmarks.real_robot import PATIENT, SHIPPED, WATCHDOG_MS, begin, save_config
 from tests.hw.host_speed import excuse_stalls
 from tests.hw.spinning_plant import SpinningPlant
 from truearc.cli.main import main
 from truearc.errors import InputError
-from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.emulated.nodes import Twin
 from truearc.hw.emulated.pty_cable import PtyCable
-from truearc.hw.emulated.slcan_adapter import SlcanAdapter
+from truearc.hw.emulated.serial_link import SlcanAdapter
 from truearc.hw.fault_codes import CAN_REOPENED
-from truearc.hw.real.can_bus import open_can
+from truearc.hw.real.can_bus import WAIT_S, SupervisedBus, open_can
 from truearc.hw.real.clock import MonotonicClock
-from truearc.hw.real.supervised_bus import WAIT_S, SupervisedBus
 from truearc.hw.reason import Reason
-from truearc.robot.config.can_policy import guard
-from truearc.robot.config.port_options import split_bus, with_ports
+from truearc.robot.config.overrides import split_bus, with_ports
 from truearc.robot.config.schema import load_config
+from truearc.robot.motors import guard
 from truearc.robot.reasons import CAN_LOST, DEVICE_NEVER_RECEIVED, DEVICE_STALE, IMAGE_DARK, text
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.rows import Trial
+from truearc.robot.recording.session import Trial
 from truearc.robot.rig import HardwareRig
 from truearc.robot.tick import step
 from truearc.robot.types import Memory, Sighting
 from truearc.robot.vision_source import InlineEyes
-from truearc.sim.world.device_server import keep_time, open_device_bus
-from truearc.sim.world.emulated_robot import make_nodes
+from truearc.sim.world.emulated_robot import keep_time, make_nodes, open_device_bus
 
 LIMIT_S = 240.0
 

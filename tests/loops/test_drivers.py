@@ -3,14 +3,14 @@
 import pytest
 from msgspec.structs import replace
 
-from benchmarks.matrix.signs import find, says
+from benchmarks.matrix.fault import find, says
 from tests.faulty_robot import parts_with
 from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, SPARK_WHEELS, only_advice
 from truearc.hw import fault_codes as hw
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as bot
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.replay.recompute import replay, replay_frames
+from truearc.robot.recording.replay import replay, replay_frames
 from truearc.robot.recording.session import CAN, load_trials
 from truearc.sim.world.emulated_robot import emulate
 from truearc_proof.world.faults import OVERWRITTEN, SILENT, UNPOWERED, Fault

@@ -8,15 +8,12 @@ import pytest
 
 import truearc.robot.advice
 import truearc.robot.tick
-from benchmarks.matrix.breaking import Both, Device, Inside, Key, Motion, Wire
-from benchmarks.matrix.judge import Result, judge
+from benchmarks.matrix.fault import KEEPS, REFUSED, Both, Device, Inside, Key, Motion, Row, Wire
+from benchmarks.matrix.judge import Result, judge, make_table
 from benchmarks.matrix.keys import POSE, WELL
 from benchmarks.matrix.play import ends_robot, play
-from benchmarks.matrix.row import KEEPS, REFUSED, Row
 from benchmarks.matrix.rows import ROWS
-from benchmarks.matrix.table import BEGIN, END, make_table, write_between
 from tests.hw.host_speed import excuse_stalls
-from truearc.errors import InputError
 
 FAST_VCAN = (pytest.mark.socketcan, pytest.mark.fast_bus)
 posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals and signals")
@@ -117,16 +114,10 @@ def _longest_s(row: Row) -> float:
     return 10.5 if isinstance(row.breaking, Motion) else 3.0     # wheels idle on for 10 s
 
 
-def test_the_table_takes_its_place_in_a_page(tmp_path: Path) -> None:
-    page = tmp_path / "page.md"
-    page.write_text(f"before\n{BEGIN}\nworn\n{END}\nafter\n")
+def test_table_has_a_cell_for_each_bus() -> None:
     good = Result(ROWS[0].name, "lost", "virtual", "HOLD", 0.105, 0.15, "flywheel motor 1 silent for 0.11 s",
                   recovery_s=0.04)
     bad = Result(ROWS[0].name, "lost", "slcan", "HOLD", wrong=["fired 2 times while it stood"])
-    write_between(page, make_table([good, bad]))
-    text = page.read_text()
-    assert "0.105 / 0.04 | WRONG: fired 2 times while it stood | - |" in text and "worn" not in text
-    assert text.startswith("before\n") and text.endswith("after\n") and "1 of them not as they should be" in text
-    (tmp_path / "bare.md").write_text("nothing")
-    with pytest.raises(InputError, match="no place"):
-        write_between(tmp_path / "bare.md", "x")
+    text = make_table([good, bad])
+    assert "0.105 / 0.04 | WRONG: fired 2 times while it stood | - |" in text
+    assert "1 of them not as they should be" in text

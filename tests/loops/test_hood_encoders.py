@@ -6,14 +6,14 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from benchmarks.matrix.signs import find, says
+from benchmarks.matrix.fault import find, says
 from tests.faulty_robot import parts_with
 from tests.robot.encoders import COUNTING, NONE, NT4, ODRIVE, SPARK, SPARK_OWN
 from truearc.hw import fault_codes as hw
 from truearc.robot import reasons as bot
 from truearc.robot.config.schema import Config
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.replay.recompute import replay, replay_frames
+from truearc.robot.recording.replay import replay, replay_frames
 from truearc.robot.recording.session import load_trials
 from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.world.emulated_robot import emulate

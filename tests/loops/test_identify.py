@@ -11,12 +11,12 @@ from tests.faulty_robot import nodes_with
 from tests.robot.alike import codes
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
-from truearc.cli.robot.sysid_emulated import ARM, drive_twin
-from truearc.hw.devices.button_box.emulator import open_button_box
+from truearc.cli.sysid_drive import ARM, drive_twin
+from truearc.hw.devices.button_box import open_button_box
 from truearc.robot.config.schema import load_config
 from truearc.robot.reasons import DEVICE_STALE, IDENTIFY_RELEASED
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.replay.recompute import replay
+from truearc.robot.recording.replay import replay
 from truearc.sim.sysid.session import load_driven
 from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.world import World

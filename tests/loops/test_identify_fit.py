@@ -8,17 +8,17 @@ from msgspec.structs import replace
 
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
-from truearc.cli.robot.sysid_emulated import drive_twin
+from truearc.cli.sysid_drive import drive_twin
 from truearc.robot.config.schema import Config, load_config, read_axis
 from truearc.robot.reasons import IDENTIFY_DONE
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.replay.recompute import replay
+from truearc.robot.recording.replay import replay
 from truearc.robot.recording.session import load_trials
 from truearc.sim.sysid.fit import fit_law, fit_motion
 from truearc.sim.sysid.session import load_driven
+from truearc.sim.world import drive, hood
 from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.options import Options
-from truearc.sim.world.parts import belt, hood
 from truearc.sim.world.world import World
 
 CONFIG = load_config(SHIPPED)
@@ -49,10 +49,10 @@ def fits(session):
 def test_the_flywheels_friction_and_inertia_are_the_worlds(fits):
     fit = fits["flywheel"]
     assert fit.r2 > 0.9999
-    assert fit.value("ka") * MOTORS == pytest.approx(belt.INERTIA_KG_M2, rel=0.005)
-    assert fit.value("ks") * MOTORS == pytest.approx(belt.COULOMB_NM, rel=0.02)
-    assert fit.value("kv") * MOTORS == pytest.approx(belt.VISCOUS_NM_S, rel=0.02)
-    assert fit.value("kq") * MOTORS == pytest.approx(belt.WINDAGE_NM_S2, rel=0.02)
+    assert fit.value("ka") * MOTORS == pytest.approx(drive.INERTIA_KG_M2, rel=0.005)
+    assert fit.value("ks") * MOTORS == pytest.approx(drive.COULOMB_NM, rel=0.02)
+    assert fit.value("kv") * MOTORS == pytest.approx(drive.VISCOUS_NM_S, rel=0.02)
+    assert fit.value("kq") * MOTORS == pytest.approx(drive.WINDAGE_NM_S2, rel=0.02)
 
 
 def test_the_hoods_friction_and_inertia_are_the_worlds(fits):
@@ -87,7 +87,7 @@ def test_another_worlds_inertia_is_found_without_being_told(tmp_path):
     assert drive_twin(repeated(1, 0), tmp_path / "s", world, lambda text: None) == IDENTIFY_DONE()
     driven = load_driven(tmp_path / "s")
     fit = fit_law(driven.records["flywheel"], windage=True)
-    assert fit.value("ka") * MOTORS == pytest.approx(1.6 * belt.INERTIA_KG_M2, rel=0.01)
+    assert fit.value("ka") * MOTORS == pytest.approx(1.6 * drive.INERTIA_KG_M2, rel=0.01)
 
 
 def test_a_driver_that_gives_less_than_was_asked_is_noticed(tmp_path):

@@ -9,19 +9,18 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
-from benchmarks.matrix.signs import find, says
+from benchmarks.matrix.fault import find, says
 from tests.faulty_robot import parts_with
 from truearc import robot
 from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.hw import fault_codes as hw
 from truearc.robot import reasons as bot
-from truearc.robot.config.hashing import config_hash
-from truearc.robot.config.schema import Prescribed, load_config
-from truearc.robot.config.shot_plan import with_plan
-from truearc.robot.processes.watchdog_rig import WatchedRig
+from truearc.robot.config.overrides import with_plan
+from truearc.robot.config.schema import Prescribed, config_hash, load_config
+from truearc.robot.processes.loop_health import WatchedRig
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.replay.recompute import Difference, replay
+from truearc.robot.recording.replay import Difference, replay
 from truearc.robot.recording.session import CONFIG, load_session_config, load_trials
 from truearc.robot.rig import ReplayRig
 from truearc.robot.types import Command

@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 
 import truearc.robot.tick
-from benchmarks.matrix.breaking import Motion
+from benchmarks.matrix.fault import REARM, Motion, Row
 from benchmarks.matrix.judge import Result, judge
-from benchmarks.matrix.motion import SET_RAD_S, Moved, judge_motion
-from benchmarks.matrix.motion_rows import CODES, MOTION_ROWS
-from benchmarks.matrix.moving import COLUMNS, MovingWorld, SickNode, change_reading
+from benchmarks.matrix.motion import COLUMNS, SET_RAD_S, Moved, MovingWorld, SickNode, change_reading, judge_motion
 from benchmarks.matrix.play import play
-from benchmarks.matrix.row import REARM, Row
+from benchmarks.matrix.rows import CODES, MOTION_ROWS
 from benchmarks.motion_soak import CASES, Case, soak
 from tests.hw.host_speed import excuse_stalls
 from truearc.hw.protocols import Frame
@@ -38,7 +36,10 @@ QUICK = ("wheels: both encoders read 0, since rest", "wheels: both speeds read 4
          "hood: is jammed", "hood: is jammed for 0.45 s", "hood: its limit switch never closes",
          "hood: its limit switch never answers", "hood: its screw has come loose of the motor",
          "hood: its screw is stiff", "hood: its encoder reads 0.8 degrees low, set point at the soft limit",
-         "hood: rises from its switch to 70 degrees")
+         "hood: rises from its switch to 70 degrees", "hood: its encoder is frozen while it homes from 60 degrees",
+         "hood: its encoder is reversed while it homes from 60 degrees",
+         "hood: its motor's encoder reads 0 while it homes from 60 degrees",
+         "hood: has no encoder, and its motor's reads 0", "hood: has no encoder, homes from 60 degrees and rises")
 SPARK = ("wheels: both encoders read 0, since rest", "hood: its encoder is frozen while it rises")
 REAL = ("motion, wheels: both encoders read 0, since rest",
         "motion, wheels: both encoders: readings stop, heartbeats go on while spinning up",

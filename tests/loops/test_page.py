@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from truearc import robot
-from truearc.cli.gate.answer import make_command
+from truearc.cli.gate import make_command
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import load_config
 from truearc.robot.operator_ui.server import OperatorPage, open_page

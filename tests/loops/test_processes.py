@@ -10,7 +10,7 @@ from urllib.request import urlopen
 
 import pytest
 
-from benchmarks.matrix.disks import mount_small_disk, unmount
+from benchmarks.matrix.robot_side import mount_small_disk, unmount
 from benchmarks.real_robot import PATIENT, RealRobot, save_config
 from truearc.hw.fault_codes import PROCESS_KILLED
 from truearc.hw.reason import Reason

@@ -8,10 +8,10 @@ import pytest
 from msgspec import structs
 
 from truearc.errors import InputError
-from truearc.sim.data.dataset import load_dataset
+from truearc.sim.data.files import load_dataset
 from truearc_proof.cli.prove_drive import LEVEL, NO_GATE, SIDES, Driven, driven_of, driven_table, play_driven, room_of
-from truearc_proof.rounds.commitment import load_seal
 from truearc_proof.rounds.committer import RoundPlan
+from truearc_proof.rounds.documents import load_seal
 from truearc_proof.rounds.ledger import read_ledger
 
 pytestmark = pytest.mark.slow

@@ -15,7 +15,7 @@ from truearc.sim.gate import surrogate
 from truearc.sim.gate.model import save_physics_gate
 from truearc.sim.gate.train import train_physics_gate
 from truearc.sim.infer.belief import Belief
-from truearc.sim.paper.training import domain_of
+from truearc.sim.paper.network import domain_of
 
 SEASONS, ALWAYS = 50, 1
 more = pytest.mark.skipif("TRUEARC_SEASONS" not in os.environ, reason="minutes; TRUEARC_SEASONS=1 runs all 50 seasons")

@@ -10,7 +10,8 @@ import pytest
 import truearc.cli.main as truearc
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target, Wheel
 from truearc.robot.gate.model import load_gate
-from truearc.sim.data.dataset import Dataset, Shots, hash_dataset, load_dataset, save_dataset
+from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.data.files import hash_dataset, load_dataset, save_dataset
 
 RIG = Rig(Ball(0.14, 0.0889), LauncherFacts(0.75, 594.0, (Wheel("lower", 0.0508, 1.0, 180.0),
                                                             Wheel("upper", 0.0349, 0.5625, 0.0))), Target(2.44))

@@ -16,9 +16,9 @@ from truearc.errors import InputError
 from truearc.model_export.graph import export_weights, make_model
 from truearc.model_export.parts import network_part, novelty_part
 from truearc.robot.gate import contract
+from truearc.robot.gate.contract import KEY_SEAL
 from truearc.robot.gate.model import load_gate
-from truearc.robot.gate.seal import KEY_SEAL
-from truearc.sim.gate.novelty import describe_novelty, fit_novelty, novelty_record
+from truearc.sim.gate.model import describe_novelty, fit_novelty, novelty_record
 from truearc.sim.paper.network import Layers, Network, initial_layers, save_weights, weights_hash
 
 DOMAIN = {"distance_m": [1.5, 9.0], "motor_ratio": [0.3, 0.9], "hood_deg": [20.0, 70.0]}

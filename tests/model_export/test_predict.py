@@ -6,7 +6,7 @@ import io
 import numpy as np
 import pytest
 
-from truearc.api.table import Table
+from truearc.api.results import Table
 from truearc.errors import InputError
 from truearc.model_export.verify import HEADER, features_of, rate_shots
 from truearc.robot.gate.model import Gate

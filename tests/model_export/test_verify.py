@@ -13,7 +13,7 @@ from truearc.model_export.verify import compare, domain_grid, find_faults
 from truearc.robot.gate.contract import NOVELTY as NOVELTY_OUTPUT
 from truearc.robot.gate.contract import OUTPUT
 from truearc.robot.gate.model import Gate, load_gate
-from truearc.sim.gate.novelty import fit_novelty, novelty_record
+from truearc.sim.gate.model import fit_novelty, novelty_record
 from truearc.sim.paper.network import Layers, Network, initial_layers, load_weights, save_weights
 
 DOMAIN = {"distance_m": [1.5, 9.0], "motor_ratio": [0.3, 0.9], "hood_deg": [20.0, 70.0]}

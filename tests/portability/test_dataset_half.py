@@ -37,7 +37,7 @@ COMMANDS = (
 )
 LACKING = """
 import importlib, os, signal, socket, sys
-import truearc.hw.real.realtime as ours
+import truearc.hw.real.system as ours
 names = "fcntl", "termios", "tty", "pty", "resource", "grp", "pwd"
 for name in names:
     try:

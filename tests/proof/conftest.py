@@ -9,9 +9,8 @@ import pytest
 
 from tests.proof.playing import ARGUMENTS, prove, prove_apart, quiet
 from truearc.errors import InputError
-from truearc_proof.rounds.file_lock import alone
 from truearc_proof.rounds.grader import grade_round
-from truearc_proof.rounds.round_layout import Room
+from truearc_proof.rounds.ledger import Room, alone
 
 
 @pytest.fixture(scope="session")

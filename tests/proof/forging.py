@@ -5,9 +5,8 @@ from typing import Any
 
 import msgspec
 
-from truearc_proof.rounds.commitment import canonical
-from truearc_proof.rounds.ledger import Entry, append, digest, read_ledger
-from truearc_proof.rounds.round_layout import Room
+from truearc_proof.rounds.documents import canonical
+from truearc_proof.rounds.ledger import Entry, Room, append, digest, read_ledger
 
 
 def chain_anew(room: Room, entries: Iterable[Entry]) -> None:

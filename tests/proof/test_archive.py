@@ -2,24 +2,27 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import msgspec
+import numpy as np
 import pytest
+from msgspec import structs
 
 from tests.proof.forging import enter_otherwise, leave_world_out, make_mark_kinder
+from tests.proof.playing import prove, quiet
 from truearc.cli.main import main
 from truearc.errors import InputError
-from truearc_proof.rounds.archive import check_round, pack, unpack
-from truearc_proof.rounds.commitment import canonical, load_seal, save_seal
-from truearc_proof.rounds.grader import graded_of
-from truearc_proof.rounds.ledger import digest
-from truearc_proof.rounds.round_layout import Room
+from truearc_proof.rounds.archive import _unlike, check_round, compare_claims, compare_gradings, pack, unpack
+from truearc_proof.rounds.documents import canonical, load_seal, save_seal
+from truearc_proof.rounds.grader import Graded, grade_round, graded_of
+from truearc_proof.rounds.ledger import Room, digest
+from truearc_proof.rounds.solver import solver_id
+from truearc_proof.scoring.score_world import Mark
 
-pytestmark = pytest.mark.slow
-
-
-def quiet(done: float, note: str) -> None:
-    pass
+MARK = Mark("w1", "numpy", "one", "L1", 300, ("wind_x",), 20.0, True, 0.01, "named", ("wind_x",), 1, True, True, True,
+            True, None, True, 0.5, 0.1, 0.2, (0.9, 0.8, 0.85, 0.9), None, ("wind_x",))
+WAS = Graded("w1", MARK)
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +39,7 @@ def room(packed: Path, tmp_path: Path) -> Room:
     return room
 
 
+@pytest.mark.slow
 def test_the_same_data_are_made_again_from_the_seals_alone(packed: Path, tmp_path: Path, capsys) -> None:
     words = ["prove", "check", "--quiet", "--packed", str(packed), "--out", str(tmp_path / "again")]
     assert main(words) == 0
@@ -45,11 +49,13 @@ def test_the_same_data_are_made_again_from_the_seals_alone(packed: Path, tmp_pat
     assert main(words) == 2 and "is there already" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_round_that_is_not_marked_is_not_packed(played: Room, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="w0001, w0002, w0003: not marked yet"):
         pack(played, tmp_path / "early.tar.xz")
 
 
+@pytest.mark.slow
 def test_packing_twice_gives_the_same_file(room: Room, packed: Path, tmp_path: Path) -> None:
     pack(room, tmp_path / "twice.tar.xz")
     assert (tmp_path / "twice.tar.xz").read_bytes() == packed.read_bytes()
@@ -99,12 +105,14 @@ def choose_data(room: Room) -> str:
     return "shots.csv: was changed"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cheat", [change_claims, change_marks, forge_marks, change_seal, leave_out, choose_data])
 def test_whatever_was_changed_or_left_out_is_named(room: Room, cheat: Callable[[Room], str]) -> None:
     expected = cheat(room)
     assert any(expected in line for line in check_round(room, 3, quiet).wrong)      # all that there are
 
 
+@pytest.mark.slow
 def test_what_is_no_packed_round_is_refused(tmp_path: Path, capsys) -> None:
     (tmp_path / "no.tar.xz").write_bytes(b"no")
     words = ["prove", "check", "--packed", str(tmp_path / "no.tar.xz"), "--out", str(tmp_path / "again")]
@@ -114,6 +122,7 @@ def test_what_is_no_packed_round_is_refused(tmp_path: Path, capsys) -> None:
     assert "ledger.jsonl: is missing" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_which_worlds_are_made_again_nobody_knows_beforehand(room: Room) -> None:
     """Of three worlds one is made again: not always the same, and the same by the same seed."""
     marks = {one.world: one for one in graded_of(room)}
@@ -124,3 +133,100 @@ def test_which_worlds_are_made_again_nobody_knows_beforehand(room: Room) -> None
     assert {remade(1) for _ in range(60)} == {("w0001",), ("w0002",), ("w0003",)}
     assert remade(1, 7) == remade(1, 7)
     assert remade(9, 7) == ("w0001", "w0002", "w0003")
+
+
+def forge(room: Room, world: str, solver: str) -> None:
+    """Surer than the solver was, under its name or another's."""
+    claims = msgspec.json.decode(room.claims(world).read_bytes())
+    claims["finding"]["mismatch"]["p_value"] = 0.0123
+    room.claims(world).write_bytes(canonical({**claims, "solver": solver}) + b"\n")
+    enter_otherwise(room, world, {"claimed": digest(room.claims(world).read_bytes())})
+
+
+def check(room: Room, *more: str) -> tuple[int, str]:
+    """Marked, packed and checked by a stranger; exit code and what was said."""
+    grade_round(room, quiet, 1)
+    pack(room, room.root / "round.tar.xz")
+    done = prove(room.root / "again", "check", "--packed", str(room.root / "round.tar.xz"), "--worlds", "3",
+                 "--processes", "1", "--quiet", *more)
+    return done.returncode, done.stdout + done.stderr
+
+
+@pytest.mark.slow
+def test_forged_claims_pass_every_hash_and_are_named_when_solved_again(room: Room) -> None:
+    forge(room, "w0001", solver_id())
+    code, said = check(room, "--solve", "1")
+    assert code == 2 and "w0001.json: claims p_value 0.0123; solved again, it is " in said, said
+
+
+@pytest.mark.slow
+def test_claims_under_another_solvers_hash_are_not_solved_by_this_one(room: Room) -> None:
+    forge(room, "w0001", "f" * 64)
+    code, said = check(room, "--solve", "1")
+    assert code == 2 and f"this one is {solver_id()[:16]}: check that commit out" in said, said
+
+
+CLAIMS: dict[str, Any] = {"finding": {
+    "verdict": "set", "mismatch": {"found": True, "p_value": 0.01}, "set": ["drag", "wind_x"], "unknown": None,
+    "what": [{"term": "drag", "probability": 0.6, "parameters": {"cd": {"value": 0.5}}},
+             {"term": "wind_x", "probability": 0.4, "parameters": {}}], "also": [{"set": ["hood_offset"]}],
+    "where": {"stage": None, "stage_probability": {"flight": 0.7, "launch": 0.3}, "covariate": "t_s",
+              "direction": "along", "inseparable": ["shot"]}, "fit": {"gain_per_shot": 0.1}},
+    "believed": {"before": {"cd": 0.4}, "after": {"cd": 0.5}}}
+WHERE: dict[str, Any] = CLAIMS["finding"]["where"]
+
+
+@pytest.mark.parametrize("forged", [
+    {"verdict": "named"}, {"mismatch": {"found": False, "p_value": 0.01}},
+    {"mismatch": {"found": True, "p_value": 0.02}}, {"set": ["drag"]}, {"what": CLAIMS["finding"]["what"][:1]},
+    {"also": []}, {"fit": {"gain_per_shot": 0.2}}, {"unknown": {"covariate": "t_s", "direction": "along"}},
+    {"where": WHERE | {"stage": "launch"}}, {"where": WHERE | {"stage_probability": {"flight": 0.3, "launch": 0.7}}},
+    {"where": WHERE | {"covariate": "ball_id"}}, {"where": WHERE | {"direction": "vertical"}},
+    {"where": WHERE | {"inseparable": []}}], ids=str)
+def test_whatever_marks_are_made_of_cannot_be_forged_unseen(tmp_path: Path, forged: dict[str, Any]) -> None:
+    rooms = [Room(tmp_path / name) for name in ("was", "now", "same")]
+    for room, change in zip(rooms, (forged, {}, {}), strict=True):
+        room.claims("w0001").parent.mkdir(parents=True)
+        room.claims("w0001").write_bytes(canonical({**CLAIMS, "finding": {**CLAIMS["finding"], **change}}))
+    assert compare_claims(rooms[0], rooms[1], "w0001") and not compare_claims(rooms[1], rooms[2], "w0001")
+
+
+@pytest.mark.parametrize(("was", "now", "lines"), [
+    ({"p": 0.05, "set": ["drag"]}, {"p": 0.05 + 1e-8, "set": ["drag"]}, []),
+    ({"p": 0.05}, {"p": 0.051}, ["claims p 0.05; solved again, it is 0.051"]),
+    ({"found": True}, {"found": 1}, ["claims found True; solved again, it is 1"]),
+    ({"set": ["drag"]}, {"set": ["drag", "wind_x"]}, ["claims set ['drag']; solved again, it is ['drag', 'wind_x']"]),
+    ({"what": {"drag": [0.5, {"cd": {"value": 1.0}}]}}, {"what": {"drag": [0.5, {"cd": {"value": 1.1}}]}},
+     ["claims what.drag[1].cd.value 1.0; solved again, it is 1.1"]),
+    ({"believed": None}, {"believed": {}}, ["claims believed None; solved again, it is {}"])])
+def test_every_difference_is_named_by_its_place(was: object, now: object, lines: list[str]) -> None:
+    assert list(_unlike("", was, now)) == lines
+
+
+def changed(**how: Any) -> Graded:
+    return Graded("w1", structs.replace(MARK, **how))
+
+
+def test_last_digits_and_the_luck_of_the_draw_are_told_and_are_no_change() -> None:
+    other, off = compare_gradings(WAS, changed(error=float(np.nextafter(0.5, 1.0)), strength=20.0 + 1e-9,
+                                      allowed=(0.87, 0.8, 0.85, 0.9)))
+    assert other == ()
+    assert off["allowed"] == pytest.approx(0.03) and 0.0 < off["error"] < 1e-15 and off["oracle_gain"] == 0.0
+    assert off["strength"] == pytest.approx(5e-11, rel=1e-3)
+
+
+@pytest.mark.parametrize("how", [
+    {"verdict": "set"}, {"names": ("wheel_slip",)}, {"hidden": ("wheel_slip",)}, {"first": False}, {"alias": None},
+    {"found": False}, {"gain": 0.1 + 1e-12}, {"p_value": 0.02}, {"error": 0.5001}, {"error": None},
+    {"error": float("nan")}, {"oracle_gain": 0.2001}, {"strength": 20.001}, {"allowed": (0.9, 0.7, 0.85, 0.9)},
+    {"allowed": None}, {"allowed": (0.9,)}], ids=str)
+def test_whatever_else_is_otherwise_is_named(how: dict[str, Any]) -> None:
+    (line,) = compare_gradings(WAS, changed(**how)).other
+    (name, value), = how.items()
+    assert line == f"{name} is {value!r}, was {getattr(MARK, name)!r}"
+
+
+def test_what_was_said_with_further_shots_is_compared_too() -> None:
+    assert compare_gradings(Graded("w1", MARK, MARK), WAS).other == ("with further shots: was marked only once",)
+    (line,) = compare_gradings(Graded("w1", MARK, MARK), Graded("w1", MARK, structs.replace(MARK, verdict="set"))).other
+    assert line == "with further shots: verdict is 'set', was 'named'"

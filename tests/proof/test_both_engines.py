@@ -8,8 +8,7 @@ import pytest
 
 from tests.proof.playing import prove, prove_apart
 from truearc_proof.rounds.grader import graded_of
-from truearc_proof.rounds.ledger import read_ledger
-from truearc_proof.rounds.round_layout import Room
+from truearc_proof.rounds.ledger import Room, read_ledger
 from truearc_proof.worlds.sampling_plan import MUJOCO, NUMPY
 
 pytestmark = pytest.mark.slow

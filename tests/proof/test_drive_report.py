@@ -9,9 +9,8 @@ from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc_proof.cli import prove_roles
 from truearc_proof.cli.prove_drive import Driven, driven_of, room_of
-from truearc_proof.rounds.ledger import append
-from truearc_proof.rounds.round_layout import Room
-from truearc_proof.rounds.score_store import save_mark
+from truearc_proof.rounds.grader import save_mark
+from truearc_proof.rounds.ledger import Room, append
 
 
 def make_driven(root: Path) -> Room:

@@ -13,9 +13,9 @@ import pytest
 
 from truearc.errors import InputError
 from truearc_proof.report.tables import make_tables
-from truearc_proof.rounds.round_layout import Room
+from truearc_proof.rounds.committer import seal_own
+from truearc_proof.rounds.ledger import Room
 from truearc_proof.scoring.score_world import Mark
-from truearc_proof.worlds.external_world import seal_own
 from truearc_proof.worlds.generate_data import make_data
 from truearc_proof.worlds.sampling_plan import Drawn
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.tracker_faults import FAULTS
+from benchmarks.faults import FAULTS
 from truearc.sim.data.dataset import Tracks
 
 G, SPEED, RATE_HZ = 9.81, 6.0, 50.0

@@ -9,7 +9,7 @@ import pytest
 import truearc as ta
 from truearc.sim.infer.belief import as_table
 from truearc_proof.rounds import solver
-from truearc_proof.rounds.round_layout import Room
+from truearc_proof.rounds.ledger import Room
 from truearc_proof.worlds.generate_data import make_data
 from truearc_proof.worlds.sampling_plan import MUJOCO, Drawn
 

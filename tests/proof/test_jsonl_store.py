@@ -10,7 +10,7 @@ import pytest
 from truearc.errors import InputError
 from truearc_proof.rounds import archive, jsonl_store
 from truearc_proof.rounds.jsonl_store import append_line, fill, lines_of, mend
-from truearc_proof.rounds.round_layout import Room
+from truearc_proof.rounds.ledger import Room
 
 
 def test_a_torn_line_costs_itself_alone(tmp_path: Path, capsys) -> None:

@@ -7,41 +7,43 @@ import msgspec
 import numpy as np
 import pytest
 
-from benchmarks.unseen import heights_m
+from benchmarks.launcher_world import heights_m
 from truearc import robot
 from truearc.robot.config.schema import load_config
-from truearc.sim.data.dataset import load_dataset
+from truearc.sim.data.files import load_dataset
 from truearc.sim.physics.term import STAGES
 from truearc.sim.world.options import Options
 from truearc.sim.world.season import Season, ShotSetting
 from truearc_proof.scoring.score_finding import GOES_WITH
-from truearc_proof.truth.effects import find_effect
-from truearc_proof.truth.followup import Asked
-from truearc_proof.world.practice import plan_season
-from truearc_proof.world.season import ORDINARY, Sensors, play_season
-from truearc_proof.worlds.data_quality import (
+from truearc_proof.truth.generate import Asked
+from truearc_proof.truth.world import find_effect
+from truearc_proof.world.season import ORDINARY, Sensors, plan_season, play_season
+from truearc_proof.worlds.generate_data import make_data, make_more
+from truearc_proof.worlds.sampling_plan import (
+    ALIKE_CHANGES,
+    AND,
+    CHANGES,
     DECOY_DIRT,
+    FACTORS,
     FALL_V,
     FAR_M,
+    MUJOCO,
+    PLAIN_FACTORS,
     SCATTER_SCALE,
+    SHARES,
+    UNCATALOGUED,
+    WORN_CHANGE,
+    Change,
+    Drawn,
+    changes_of,
     dirt_at,
     dirty_options,
     dirty_plan,
     dirty_sensors,
-)
-from truearc_proof.worlds.generate_data import make_data, make_more
-from truearc_proof.worlds.perturbations import (
-    ALIKE_CHANGES,
-    AND,
-    CHANGES,
-    UNCATALOGUED,
-    WORN_CHANGE,
-    Change,
-    changes_of,
+    draw_round,
     pairs_at,
     seen_at,
 )
-from truearc_proof.worlds.sampling_plan import FACTORS, MUJOCO, PLAIN_FACTORS, SHARES, Drawn, draw_round
 
 LEVELS = ("L0", "L1", "L2")
 FACTS = load_config(Path(robot.__file__).parent / "launcher.toml").rig

@@ -6,19 +6,16 @@ What a grader compares intervals with (truearc_proof.scoring.score_finding) is t
 import numpy as np
 import pytest
 
-from benchmarks.suite import Job, amount_of, true_parameter
+from benchmarks.worlds import Job, amount_of, true_parameter
 from tests.proof.test_truth_flight import quiet
 from tests.sim.physics.tracker import watch
-from truearc.sim.data.conditions import Circumstances
-from truearc.sim.data.shot_conditions import circumstances_of
+from truearc.sim.data.conditions import Circumstances, circumstances_of
 from truearc.sim.physics.simulate import opening_of, predict
 from truearc.sim.physics.vector import Vec
 from truearc_proof.scoring.score_finding import PARAMETER
-from truearc_proof.truth.effects import CATALOGUED
-from truearc_proof.truth.flight import at
+from truearc_proof.truth.flight import CELSIUS_K, RAPID_FIRE_S, at, wheel_dip
 from truearc_proof.truth.generate import play
-from truearc_proof.truth.launch import CELSIUS_K, RAPID_FIRE_S, wheel_dip
-from truearc_proof.truth.world import make_world
+from truearc_proof.truth.world import CATALOGUED, make_world
 
 OF_TRACKER = ("track_scale", "track_tilt", "track_clock")
 OF_TARGET = ("target_height", "rim_catch")

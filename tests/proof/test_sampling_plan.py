@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 from truearc.errors import InputError
-from truearc.sim.data.dataset import load_dataset
-from truearc_proof.truth.effects import UNCATALOGUED, find_effect
-from truearc_proof.truth.followup import Asked
-from truearc_proof.truth.generate import shoot
-from truearc_proof.truth.world import make_world
+from truearc.sim.data.files import load_dataset
+from truearc_proof.truth.generate import Asked, shoot
+from truearc_proof.truth.world import UNCATALOGUED, find_effect, make_world
 from truearc_proof.worlds.generate_data import make_data, make_more
 from truearc_proof.worlds.sampling_plan import LADDER, LARGEST, MUJOCO, NUMPY, SHARES, Drawn, change_one, draw_round
 

@@ -2,12 +2,11 @@
 
 import pytest
 
-from benchmarks.suite import KINDS, Job, amount_of, mark_job, names_of, plan_jobs, true_parameter, world_of
+from benchmarks.worlds import KINDS, Job, amount_of, mark_job, names_of, plan_jobs, true_parameter, world_of
 from truearc.errors import InputError
-from truearc_proof.report.figures import figures_of
 from truearc_proof.report.tables import make_tables
-from truearc_proof.scoring.score_finding import is_alias, said_set
-from truearc_proof.scoring.suite import NULLS
+from truearc_proof.report.targets import figures_of
+from truearc_proof.scoring.score_finding import NULLS, is_alias, said_set
 from truearc_proof.truth.world import make_world
 
 JOB = Job("effects", "hood_offset", "L1", 300, 1.0, 7, 0)

@@ -9,9 +9,8 @@ from truearc_proof.report.html_page import make_proof_page, verdict
 from truearc_proof.report.tables import make_tables
 from truearc_proof.report.targets import against_targets
 from truearc_proof.rounds.ledger import Entry
-from truearc_proof.scoring.decoys import has_decoy, named_decoy, up_to_alias
-from truearc_proof.scoring.information_bound import Measured
-from truearc_proof.scoring.score_world import Mark, mark
+from truearc_proof.scoring.oracle import Measured
+from truearc_proof.scoring.score_world import Mark, has_decoy, mark, named_decoy, up_to_alias
 from truearc_proof.worlds.sampling_plan import ALIKE, Drawn
 
 ONE = Drawn("w1", "numpy", "one", "L1", 300, 1, {"wind_x": 2.0}, (), "", {"wind_x": 20.0})

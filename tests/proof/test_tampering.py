@@ -13,8 +13,7 @@ from truearc.errors import InputError
 from truearc_proof.rounds.committer import answer_round
 from truearc_proof.rounds.grader import grade_round, graded_of
 from truearc_proof.rounds.jsonl_store import append_line
-from truearc_proof.rounds.ledger import digest
-from truearc_proof.rounds.round_layout import Room
+from truearc_proof.rounds.ledger import Room, digest
 
 pytestmark = pytest.mark.slow
 

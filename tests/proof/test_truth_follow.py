@@ -7,8 +7,7 @@ import pytest
 
 from tests.proof.test_truth_flight import quiet
 from truearc.sim.data.dataset import join_datasets
-from truearc_proof.truth.followup import Asked, follow
-from truearc_proof.truth.generate import play
+from truearc_proof.truth.generate import Asked, follow, play
 from truearc_proof.truth.world import make_world
 
 ASKED = (Asked(3.0, 45.0, 0.5, 12), Asked(5.0, 50.0, 0.62, 8))

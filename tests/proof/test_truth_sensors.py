@@ -9,12 +9,10 @@ from scipy import stats
 from tests.proof.test_truth_flight import quiet
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Noise
-from truearc.sim.data.dataset import hash_dataset, load_dataset
-from truearc_proof.truth.effects import EFFECTS
-from truearc_proof.truth.flight import at
+from truearc.sim.data.files import hash_dataset, load_dataset
+from truearc_proof.truth.flight import at, wheel_dip
 from truearc_proof.truth.generate import play, shoot, write
-from truearc_proof.truth.launch import wheel_dip
-from truearc_proof.truth.world import DIRT, LEVELS, make_world
+from truearc_proof.truth.world import DIRT, EFFECTS, LEVELS, make_world
 
 ALL = {effect.name: effect.typical for effect in EFFECTS}
 

@@ -11,7 +11,7 @@ import pytest
 def noise_drawn_once() -> Iterator[None]:
     """Emulated cameras of the same seed and lens share the picture of their noise, to the last bit what each would draw
     for itself, and their generators go on as if they had drawn it: it takes twenty times as long as all the rest."""
-    from truearc.hw.emulated.imaging import camera
+    from truearc.hw.emulated import camera
 
     draw, drawn = camera._make_noise, {}
 

@@ -4,9 +4,8 @@ from msgspec.structs import replace
 
 from tests.robot.good_tick import CONFIG
 from tests.robot.sparks import SPARK_HOOD
-from truearc.hw.devices.axis import HoodEncoder
-from truearc.hw.devices.motor_encoder import MotorEncoderConfig
-from truearc.hw.devices.no_encoder import NoEncoder
+from truearc.hw.devices.family import HoodEncoder
+from truearc.hw.devices.motor_encoder import MotorEncoderConfig, NoEncoder
 from truearc.hw.devices.odrive.family import OdriveConfig
 from truearc.hw.devices.spark.encoder import SparkEncoderConfig
 from truearc.hw.devices.spark.family import SparkConfig

@@ -11,7 +11,7 @@ from truearc.hw.protocols import AngleReading, ButtonEvent, MotorReading
 from truearc.robot.aim import aim
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.estimate import estimate
-from truearc.robot.geometry import screw_length_m
+from truearc.robot.motors import screw_length_m
 from truearc.robot.types import Inputs, Memory, Sighting
 
 CONFIG: Config = load_config(Path(robot.__file__).parent / "launcher.toml")

@@ -19,14 +19,11 @@ from truearc.hw.protocols import ButtonEvent
 from truearc.robot.aim import REAIM_M, step_walk
 from truearc.robot.aim_file import AimFile, Curve, load_aim, load_aim_for
 from truearc.robot.estimate import estimate, remember
-from truearc.robot.operator_ui.aim_orders import AimOrders
-from truearc.robot.operator_ui.driver_messages import tell
-from truearc.robot.operator_ui.page_state import Glance
-from truearc.robot.operator_ui.view import describe
+from truearc.robot.operator_ui.aim_inbox import AimInbox, AimOrders, OfferingRig
+from truearc.robot.operator_ui.view import Glance, describe, tell
 from truearc.robot.operator_ui.what_if import QuestionError
-from truearc.robot.processes.aim_inbox import AimInbox, OfferingRig
 from truearc.robot.reasons import AIM_FILE_MISSING, FIRE_NOT_REQUESTED, NO_SET_POINT
-from truearc.robot.recording.rows import Rows2
+from truearc.robot.recording.session import decode_tick, encode_row
 from truearc.robot.tick import step
 from truearc.robot.types import AimOffer, Sighting
 
@@ -286,11 +283,10 @@ def test_a_jump_of_the_distance_starts_the_filter_anew():
 
 
 def test_a_recording_keeps_aim_offer_and_acceptance_and_those_without_them_know_nothing_of_it():
-    rows = Rows2()
     tick, _ = ready(aim_sha256=OTHER.sha256)
     tick = replace(tick, inputs=replace(tick.inputs, aim_offer=OFFER))
-    assert rows.decode_tick(rows.encode_tick(tick)) == tick
-    plain = rows.encode_tick(step(good_inputs(), good_memory(), CONFIG, None))
+    assert decode_tick(encode_row(tick)) == tick
+    plain = encode_row(step(good_inputs(), good_memory(), CONFIG, None))
     assert not {b"aim_offer", b"aim_sha256", b"track", b"correction", b"lead_deg", b"closing_m_s"} & {
         key.strip(b'"') for key in plain.replace(b"{", b",").replace(b":", b",").split(b",")}
 

@@ -13,20 +13,17 @@ import pytest
 from msgspec import Struct
 from msgspec.structs import replace
 
-import truearc.cli.robot.deploy
+import truearc.cli.deploy
 from tests.robot.gate.test_model import build
 from tests.robot.good_tick import CONFIG
 from truearc import robot
 from truearc.cli.common import SHIPPED
+from truearc.cli.deploy import make_commands
 from truearc.cli.main import main
-from truearc.cli.robot.deploy import make_commands
 from truearc.errors import InputError
-from truearc.hw.devices.axis import Axis
+from truearc.hw.devices.family import Axis
 from truearc.robot.config.schema import Config, RecordingConfig, load_config, parse_toml
-from truearc.robot.deploy.install import Parts, make_parts
-from truearc.robot.deploy.source import copy_folder
-from truearc.robot.deploy.texts import (
-    HOME,
+from truearc.robot.deploy import (
     INSTALL,
     LINK,
     NETWORK,
@@ -34,10 +31,14 @@ from truearc.robot.deploy.texts import (
     RECORDING,
     RULES,
     UNIT,
+    Parts,
+    copy_folder,
     make_config,
     make_files,
-    make_rules,
+    make_parts,
 )
+from truearc.robot.motors import make_rules
+from truearc.robot.sysid import HOME
 
 PARTS = Parts(True, True, False, 3, 50, "", "2341:8036", 5.0)
 PLUGIN = Path(robot.__file__).parents[1] / "examples" / "truearc-samplemotor"
@@ -251,7 +252,7 @@ def test_a_plugin_is_built_without_what_was_built_before_and_a_wheel_taken_as_it
             assert (Path(command[-1]) / "pyproject.toml").exists() and not (Path(command[-1]) / "build").exists()
         return subprocess.CompletedProcess(command, 0)
 
-    monkeypatch.setattr(truearc.cli.robot.deploy.subprocess, "run", run)
+    monkeypatch.setattr(truearc.cli.deploy.subprocess, "run", run)
     assert main(["deploy", "launcher", "--config", str(SHIPPED), "--plugin", str(source),
                  "--plugin", str(tmp_path / "other-1-py3-none-any.whl")]) == 0
     wheels = [command for command in ran if "wheel" in command]
@@ -279,7 +280,7 @@ def test_a_driver_of_another_distribution_needs_a_plugin():
 
 def test_a_dry_run_prints_every_command_and_file_and_does_nothing(tmp_path, monkeypatch, capsys):
     # its own alone: the gate is tried in another process
-    monkeypatch.setattr(truearc.cli.robot.deploy, "subprocess", None)
+    monkeypatch.setattr(truearc.cli.deploy, "subprocess", None)
     (tmp_path / "gate.onnx").write_bytes(build())
     assert main(["deploy", "pi@launcher.local", "--config", str(SHIPPED), "--gate", str(tmp_path / "gate.onnx"),
                  "--dry-run"]) == 0
@@ -303,7 +304,7 @@ def test_the_staged_folder_is_carried_over_and_a_failing_command_ends_it(tmp_pat
             assert b"\r" not in (stage / INSTALL).read_bytes()
         return subprocess.CompletedProcess(command, 1 if command[0] == "ssh" and "sudo" in command[-1] else 0)
 
-    monkeypatch.setattr(truearc.cli.robot.deploy.subprocess, "run", run)
+    monkeypatch.setattr(truearc.cli.deploy.subprocess, "run", run)
     (tmp_path / "numpy-1.whl").write_bytes(b"wheel")
     assert main(["deploy", "launcher", "--config", str(SHIPPED), "--wheels", str(tmp_path)]) == 1
     assert [command[0] for command in ran] == [sys.executable, "ssh", "scp", "ssh"]
@@ -318,7 +319,7 @@ def test_the_staged_folder_is_carried_over_and_a_failing_command_ends_it(tmp_pat
     ["pi@launcher", "--plugin", "nowhere.whl"], ["pi@launcher", "--priority", "99"],
 ])
 def test_bad_input_ends_with_2_and_runs_nothing(words, monkeypatch, capsys):
-    monkeypatch.setattr(truearc.cli.robot.deploy.subprocess, "run", lambda *_, **__: pytest.fail("ran something"))
+    monkeypatch.setattr(truearc.cli.deploy.subprocess, "run", lambda *_, **__: pytest.fail("ran something"))
     if words[0].startswith("-"):
         words = ["--", *words]
     assert main(["deploy", "--config", str(SHIPPED), *words]) == 2

@@ -17,23 +17,22 @@ from msgspec.structs import replace
 from tests.hw.family_checks import CHECKS, check_frames, codec_of
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from tests.robot.test_rig import ASKED, Blind, Stream, Time, Wire
-from tools.reasons_doc import make_page
+from tools.pages import reasons_page
 from truearc import robot
 from truearc.cli.common import SHIPPED
 from truearc.errors import InputError
 from truearc.hw.devices import registry
-from truearc.hw.devices.axis import Bounds
+from truearc.hw.devices.family import Bounds
 from truearc.hw.fault_codes import FRAME_NOT_ALLOWED
 from truearc.hw.protocols import Frame
 from truearc.hw.reason import FAULT, Reason
-from truearc.robot.config.can_policy import guard
-from truearc.robot.config.hashing import config_hash
-from truearc.robot.config.schema import Config, load_config
+from truearc.robot.config.schema import Config, config_hash, load_config
 from truearc.robot.estimate import estimate
 from truearc.robot.gate.verdict import judge
-from truearc.robot.operator_ui.driver_messages import Told, tell
+from truearc.robot.motors import guard
+from truearc.robot.operator_ui.view import Told, tell
 from truearc.robot.reasons import BAD_FRAME, IMAGE_DARK, MOTOR_ERROR, NOT_ARMED, text
-from truearc.robot.recording.replay.recompute import replay
+from truearc.robot.recording.replay import replay
 from truearc.robot.recording.session import CAN, load_session_config
 from truearc.robot.rig import HardwareRig
 from truearc.robot.types import Sighting
@@ -140,8 +139,8 @@ def test_its_own_reason_has_its_text_wherever_reasons_are_shown(config: Config) 
     assert not verdict.fire and verdict.reasons == (fault,)
     row = msgspec.json.encode(fault)
     assert msgspec.json.decode(row, type=Reason) == fault
-    page = make_page(["samplemotor"])
-    assert page.count("`samplemotor.wrong_firmware`") == 2 and "`samplemotor" not in make_page()
+    page = reasons_page(["samplemotor"])
+    assert page.count("`samplemotor.wrong_firmware`") == 2 and "`samplemotor" not in reasons_page()
 
 
 def test_without_it_its_reason_is_shown_by_name() -> None:

@@ -13,22 +13,20 @@ from tests.hw.spinning_plant import SpinningPlant
 from tests.robot.alike import codes
 from tests.robot.encoders import COUNTING, NONE, NT4, ODRIVE, SPARK, SPARK_OWN, with_encoder
 from tests.robot.good_tick import CONFIG, HOOD_DEG, NOW_NS, good_inputs, good_memory, seconds
-from truearc.cli.robot.doctor_checks import look_at_bus
+from truearc.cli.doctor_checks import look_at_bus
 from truearc.errors import InputError
+from truearc.hw.devices.family import FAILURE, OK
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.family import OdriveConfig
 from truearc.hw.devices.spark import frames as spark
-from truearc.hw.emulated.clock import StepClock
-from truearc.hw.emulated.emulated_robot import Twin
-from truearc.hw.finding import FAILURE, OK
+from truearc.hw.emulated.nodes import StepClock, Twin
 from truearc.hw.protocols import MotorReading
 from truearc.hw.real.can_bus import open_can
 from truearc.robot import reasons as because
-from truearc.robot.config.can_policy import guard
-from truearc.robot.config.hashing import config_hash
-from truearc.robot.config.schema import Config, load_config, read_axis
+from truearc.robot.config.schema import Config, config_hash, load_config, read_axis
 from truearc.robot.hood_encoders import FAMILIES, encoder_family_of
-from truearc.robot.motors import around_encoder
+from truearc.robot.motion import BLIND
+from truearc.robot.motors import around_encoder, guard
 from truearc.robot.tick import step
 from truearc.robot.types import Count, Inputs, Memory
 from truearc.sim.world.emulated_robot import make_nodes
@@ -207,7 +205,7 @@ def test_a_count_that_is_lost_is_a_hold_until_it_is_homed(change: dict[str, floa
     tick = step(inputs, memory, NONE, None)
     assert not tick.verdict.fire and not tick.memory.homed and tick.estimate.hood_deg is None
     assert because.HOOD_NOT_HOMED() in tick.verdict.reasons
-    assert tick.command.hood_torque_nm == NONE.hood.homing_torque_nm
+    assert tick.command.hood_torque_nm == -BLIND * NONE.hood.friction_nm       # until its motor shows that it moves
     later = replace(inputs, hood_motor=replace(inputs.hood_motor, endstop=True, endstop_t_ns=inputs.hood_motor.t_ns))
     homed = step(later, tick.memory, NONE, None)
     assert homed.memory.homed and homed.estimate.hood_deg == pytest.approx(NONE.hood.low_deg)

@@ -15,13 +15,13 @@ from tests.robot.sparks import ALL_SPARK
 from tests.robot.test_rig import Blind, Stream
 from truearc.hw import fault_codes as hw
 from truearc.hw.devices.canandmag.emulator import CanandmagNode
-from truearc.hw.devices.round_trip import LATE_NS, MS, SILENT_NS, RoundTrip
-from truearc.hw.emulated.clock import StepClock
-from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.devices.drivers import LATE_NS, SILENT_NS, RoundTrip
+from truearc.hw.emulated.nodes import StepClock, Twin
+from truearc.hw.protocols import NS_PER_MS as MS
 from truearc.hw.protocols import Frame
 from truearc.hw.real.can_bus import open_can
-from truearc.robot.config.can_policy import guard
 from truearc.robot.config.schema import Config
+from truearc.robot.motors import guard
 from truearc.robot.reasons import IMAGE_DARK
 from truearc.robot.rig import HardwareRig
 from truearc.robot.tick import step
@@ -63,7 +63,7 @@ class Robot:
         self.clock = StepClock(lambda t_ns: self.twin.advance(t_ns))
         if wire == "slcan":
             from truearc.hw.emulated.pty_cable import PtyCable
-            from truearc.hw.emulated.slcan_adapter import SlcanAdapter
+            from truearc.hw.emulated.serial_link import SlcanAdapter
             self.far = SlcanAdapter(PtyCable())
             self.near = open_can("slcan", self.far.port, 1_000_000, self.clock)
         else:

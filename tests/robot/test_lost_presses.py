@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from tests.robot.good_tick import CONFIG, DISTANCE_M, NOW_NS, good_inputs, good_memory
 from tests.robot.test_rig import UNPLUGGED, bench  # noqa: F401 (a fixture)
-from truearc.hw.devices.button_box import frames as buttons
+from truearc.hw.devices import button_box as buttons
 from truearc.hw.fault_codes import BOX_LINES_REFUSED, BOX_PRESSES_LOST, BOX_RESTARTED
 from truearc.hw.protocols import ButtonEvent
 from truearc.robot.reasons import (
@@ -18,7 +18,7 @@ from truearc.robot.reasons import (
     IDENTIFY_RELEASED_BY_BOX,
     NOT_ARMED,
 )
-from truearc.robot.sysid.tick import make_step
+from truearc.robot.sysid import make_step
 from truearc.robot.tick import step
 from truearc.robot.types import Memory, Progress
 

@@ -5,6 +5,7 @@ tests/loops/test_motion_faults.py.
 """
 
 import math
+import random
 from collections.abc import Callable
 from typing import Any
 
@@ -12,17 +13,18 @@ import pytest
 from msgspec.structs import replace
 
 from tests.robot.alike import codes
+from tests.robot.encoders import COUNTING, NONE
 from tests.robot.good_tick import CONFIG, good_inputs
 from truearc.hw import fault_codes as hw
+from truearc.hw.devices.drivers import OWN_LAG_S, Agreement
 from truearc.hw.devices.odrive.frames import CLOSED_LOOP
-from truearc.hw.encoder_plausibility import OWN_LAG_S, Agreement
 from truearc.hw.protocols import AngleReading, ButtonEvent, MotorReading
 from truearc.hw.reason import FAULT, Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config, Prescribed
-from truearc.robot.geometry import elevation_from_screw_deg, elevation_per_rad, screw_travel_rad
 from truearc.robot.motion import RECOVER_NS
-from truearc.robot.operator_ui.driver_messages import tell
+from truearc.robot.motors import elevation_from_screw_deg, elevation_per_rad, screw_rad, screw_travel_rad
+from truearc.robot.operator_ui.view import tell
 from truearc.robot.tick import step
 from truearc.robot.types import Inputs, Memory, Sighting, Tick
 
@@ -36,11 +38,11 @@ AIMED: Config = replace(CONFIG, collect=replace(CONFIG.collect, repeats=1000, pr
 class Launcher:
     """Wheels and hood under the tick's torques, their sensors, and what breaks them."""
 
-    def __init__(self, config: Config = AIMED, hood_kg_m2: float = HOOD_KG_M2) -> None:
+    def __init__(self, config: Config = AIMED, hood_kg_m2: float = HOOD_KG_M2, hood_deg: float = 0.0) -> None:
         self.config, self.memory, self.hood_kg_m2 = config, Memory(), hood_kg_m2
         self.t_s = 10.0
         self.wheel_rad_s = self.wheel_rad = self.hood_rad_s = 0.0
-        self.screw_rad = 0.5 * screw_travel_rad(config.hood)
+        self.screw_rad = screw_rad(hood_deg, config.hood) if hood_deg else 0.5 * screw_travel_rad(config.hood)
         self.start_rad = self.screw_rad
         self.jammed = False
         self.seen = True
@@ -317,7 +319,95 @@ def test_wheels_run_down_without_target_and_request_and_come_back_with_it() -> N
     assert abs(never.wheel_rad_s - SET_RAD_S) < 5.0
 
 
+@pytest.mark.parametrize("sd_rad_s", [6.0, 10.0])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_noise_of_dead_wheel_encoders_does_not_pass_for_motion(sd_rad_s: float, seed: int) -> None:
+    launcher, rng = Launcher(), random.Random(seed)
+
+    def spoil(inputs: Inputs) -> Inputs:
+        return replace(inputs, flywheels=tuple(replace(one, position_rad=0.0, velocity_rad_s=rng.gauss(0.0, sd_rad_s))
+                                               for one in inputs.flywheels))
+    launcher.spoil = spoil
+    launcher.run(0.1)
+    launcher.arm()
+    launcher.run(0.6)
+    assert latched(launcher) and launcher.wheel_rad_s <= 1.15 * SET_RAD_S
+
+
+def test_wheels_whose_stated_friction_is_below_zero_run() -> None:
+    running(replace(AIMED, flywheel=replace(AIMED.flywheel, ks_nm=-0.01)))
+
+
 # --- hood
+
+def turned(launcher: Launcher, change: Callable[[float], float]) -> Callable[[Inputs], Inputs]:
+    """The hood encoder says so much of its change since rest."""
+    began_rad = math.radians(launcher.hood_deg + (launcher.config.hood_encoder.zero_deg or 0.0))
+    return lambda inputs: replace(inputs, hood_angle=replace(inputs.hood_angle, angle_rad=(
+        began_rad + change(inputs.hood_angle.angle_rad - began_rad))))
+
+
+def most_moved_deg(launcher: Launcher, seconds: float) -> float:
+    began_deg, most = launcher.hood_deg, 0.0
+    for _ in range(round(seconds / TICK_S)):
+        launcher.run(TICK_S)
+        most = max(most, abs(launcher.hood_deg - began_deg))
+    return most
+
+
+@pytest.mark.parametrize("what", ["frozen", "reversed", "jumps", "motor zero"])
+@pytest.mark.parametrize("config", [AIMED, replace(AIMED, hood_encoder=COUNTING.hood_encoder, rig=COUNTING.rig)],
+                         ids=["absolute", "counting"])
+def test_a_hood_that_homes_with_a_wrong_encoder_goes_no_further_than_five_degrees(what: str, config: Config) -> None:
+    launcher = Launcher(config, hood_deg=60.0)
+    launcher.spoil = {"frozen": turned(launcher, lambda rad: 0.0), "reversed": turned(launcher, lambda rad: -rad),
+                      "jumps": turned(launcher, lambda rad: rad - math.radians(10.0) * (rad < -0.01)),
+                      "motor zero": hood(position_rad=0.0, velocity_rad_s=0.0)}[what]
+    launcher.run(0.1)
+    launcher.arm()
+    assert most_moved_deg(launcher, 1.0) <= 5.0
+    assert latched(launcher) == ["hood_encoders_disagree"] and not launcher.memory.homed
+
+
+def test_a_hood_homes_on_a_noisy_encoder_that_counts_and_wraps() -> None:
+    launcher = Launcher(replace(AIMED, hood_encoder=COUNTING.hood_encoder, rig=COUNTING.rig), hood_deg=70.0)
+    rng = random.Random(1)
+    launcher.spoil = lambda inputs: replace(inputs, hood_angle=replace(inputs.hood_angle, angle_rad=(
+        inputs.hood_angle.angle_rad + math.radians(rng.gauss(300.0, 0.2))) % math.tau))
+    launcher.run(0.1)
+    launcher.arm()
+    launcher.run(6.0)
+    assert launcher.memory.homed and not latched(launcher)
+
+
+BLIND = replace(AIMED, hood_encoder=NONE.hood_encoder, rig=NONE.rig)
+
+
+@pytest.mark.parametrize("hood_deg", [60.0, 15.05])
+def test_without_hood_encoder_a_motor_whose_encoder_is_dead_moves_little_and_not_again_and_again(
+        hood_deg: float) -> None:
+    launcher = Launcher(BLIND, hood_deg=hood_deg)
+    launcher.spoil = hood(position_rad=0.0, velocity_rad_s=0.0)
+    launcher.run(0.1)
+    moved = []
+    for _ in range(5):
+        launcher.arm()
+        moved.append(most_moved_deg(launcher, 0.8))
+        launcher.arm()
+        launcher.run(0.05)
+    assert max(moved) <= 5.0 and moved[3:] == [0.0, 0.0]
+    launcher.arm()
+    launcher.run(0.1)
+    assert latched(launcher) == [because.HOOD_GIVEN_UP.name]
+
+
+def test_without_hood_encoder_a_sound_hood_homes_and_rises() -> None:
+    launcher = Launcher(BLIND, hood_deg=40.0)
+    launcher.run(0.1)
+    launcher.arm()
+    launcher.run(6.0)
+    assert abs(launcher.hood_deg - HOOD_DEG) < 0.5 and not latched(launcher)
+
 
 @pytest.mark.parametrize("hood_kg_m2", [1.5e-5, HOOD_KG_M2])
 def test_the_hood_keeps_to_its_speed_limit_homing_too(hood_kg_m2: float) -> None:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tests.robot.alike import codes
 from tests.robot.good_tick import CONFIG
-from truearc.hw.devices.button_box import frames as buttons
+from truearc.hw.devices import button_box as buttons
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.fault_codes import (
     BOX_PRESSES_LOST,

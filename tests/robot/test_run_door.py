@@ -10,16 +10,16 @@ from pathlib import Path
 import msgspec
 import pytest
 
-import truearc.cli.robot.run_processes
-import truearc.cli.robot.run_robot
+import truearc.cli.run_processes
+import truearc.cli.run_robot
 from tests.robot.good_tick import good_inputs, good_memory
 from tests.robot.test_rig import Stream, Time, Wire
 from truearc import robot
 from truearc.cli.main import main
-from truearc.cli.robot.run_processes import make_show
-from truearc.hw.devices.button_box.frames import make_heartbeat
+from truearc.cli.run_processes import make_show
+from truearc.hw.devices.button_box import make_heartbeat
 from truearc.robot.config.schema import load_config
-from truearc.robot.operator_ui.page_option import parse_page
+from truearc.robot.operator_ui import parse_page
 from truearc.robot.operator_ui.server import open_page
 from truearc.robot.recording.session import LATENESS, load_header
 from truearc.robot.tick import step
@@ -52,7 +52,7 @@ class Stopping(Time):
 @pytest.fixture
 def wires(monkeypatch):
     bus = Wire()
-    monkeypatch.setattr(truearc.cli.robot.run_robot, "_open_wires", lambda *_: (bus, Box(), NoEyes(), Stopping()))
+    monkeypatch.setattr(truearc.cli.run_robot, "_open_wires", lambda *_: (bus, Box(), NoEyes(), Stopping()))
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     yield bus
     for number, handler in before.items():
@@ -83,10 +83,10 @@ def test_a_run_ends_idle_timed_and_announced(wires, tmp_path, monkeypatch, capsy
 
 def test_what_is_refused_is_said_loudly_and_is_never_fatal(wires, tmp_path, monkeypatch, capsys):
     monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
-    monkeypatch.setattr(truearc.cli.robot.run_robot, "ask_fifo",
+    monkeypatch.setattr(truearc.cli.run_robot, "ask_fifo",
                         lambda priority: (f"priority {priority}", "not allowed"))
-    monkeypatch.setattr(truearc.cli.robot.run_robot, "ask_locked_memory", lambda: ("locked memory", ""))
-    monkeypatch.setattr(truearc.cli.robot.run_robot, "ask_core", lambda core: (f"core {core}", ""))
+    monkeypatch.setattr(truearc.cli.run_robot, "ask_locked_memory", lambda: ("locked memory", ""))
+    monkeypatch.setattr(truearc.cli.run_robot, "ask_core", lambda core: (f"core {core}", ""))
     assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--core", "3", *ONE]) == 0
     err = capsys.readouterr().err
     assert "priority 50: REFUSED (not allowed)" in err and "core 3: granted" in err and "locked memory: granted" in err
@@ -106,7 +106,7 @@ def test_the_page_is_shown_every_tick(wires, tmp_path, monkeypatch, capsys):
         pages.append(open_page(*args, **options))
         return pages[-1]
 
-    monkeypatch.setattr(truearc.cli.robot.run_robot, "open_page", keep_page)
+    monkeypatch.setattr(truearc.cli.run_robot, "open_page", keep_page)
     words = ["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--priority", "0", *ONE]
     assert main([*words, "--page", "0"]) == 0
     assert pages[0].newest()[0] == TICKS and pages[0].url in capsys.readouterr().err
@@ -143,7 +143,7 @@ def test_a_page_that_cannot_be_served_is_a_warning(wires, tmp_path, capfd):
         where = f"127.0.0.1:{taken.getsockname()[1]}"
         assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--priority", "0", "--page", where]) == 0
     out, err = capfd.readouterr()
-    assert f"{TICKS} ticks" in out and f"no operator's page on {where}" in err
+    assert f"{TICKS} ticks" in out and f"cannot serve the operator's page on {where}" in err
 
 
 @pytest.mark.parametrize("where", ["here", "127.0.0.1:", "127.0.0.1:70000", "-1", ""])

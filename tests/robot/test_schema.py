@@ -11,21 +11,19 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
-from truearc.cli.common import SHIPPED, load_any_rig
-from truearc.cli.robot.vision_tools.camera_file import CAMERAS, load_camera
-from truearc.cli.robot.vision_tools.images import load_image
+from truearc.cli.common import CAMERAS, SHIPPED, load_any_rig, load_camera
+from truearc.cli.vision_images import load_image
 from truearc.errors import InputError, unknown_keys
 from truearc.robot.aim_file import load_aim
-from truearc.robot.config.hashing import config_hash, is_hash_of
 from truearc.robot.config.rig_spec import TERMS, Rig
-from truearc.robot.config.schema import Config, load_config, parse_toml, read_axis
-from truearc.robot.doctor.devices import load_endpoints
+from truearc.robot.config.schema import Config, config_hash, is_hash_of, load_config, parse_toml, read_axis
+from truearc.robot.doctor import load_endpoints
 from truearc.robot.gate.model import load_gate
 from truearc.robot.recording.files import make_folder, session_contents
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.recover import recover
 from truearc.robot.recording.session import load_header, load_session_config, load_trials, make_header
-from truearc.sim.data.rig import load_rig
+from truearc.sim.data.files import load_rig
 from truearc.sim.discover.finding import load_record as load_finding
 from truearc.sim.paper.network import load_json
 from truearc.sim.physics.catalogue import BUILT_IN

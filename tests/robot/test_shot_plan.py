@@ -11,9 +11,8 @@ from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.robot.aim import aim, config_id, step_walk
-from truearc.robot.config.hashing import config_hash
-from truearc.robot.config.schema import Config, Prescribed, parse_toml
-from truearc.robot.config.shot_plan import load_plan, with_plan
+from truearc.robot.config.overrides import load_plan, with_plan
+from truearc.robot.config.schema import Config, Prescribed, config_hash, parse_toml
 from truearc.robot.estimate import estimate
 from truearc.robot.gate.verdict import judge
 from truearc.robot.reasons import NOT_AT_PLACE

@@ -17,8 +17,7 @@ from truearc.hw.protocols import ButtonEvent
 from truearc.robot import reasons as because
 from truearc.robot.control import RELEASED
 from truearc.robot.motion import DIFFERENT
-from truearc.robot.sysid.program import COAST, FLYWHEEL, HOME, HOOD, RAMP, READY, STEP, phases
-from truearc.robot.sysid.tick import make_step
+from truearc.robot.sysid import COAST, FLYWHEEL, HOME, HOOD, RAMP, READY, STEP, make_step, phases
 from truearc.robot.types import Joint, Memory, MotionMemory, Progress
 
 GONE = because.CAN_LOST(cause=CAN_BUS_OFF(bus="CAN"))

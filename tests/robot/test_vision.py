@@ -13,16 +13,13 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from truearc import robot
-from truearc.hw.emulated.imaging.camera import HALO_MARGIN_PX, NOTHING, Stage, TapeSize, outline_m
-from truearc.hw.emulated.imaging.lens import Array, Lens, Plane, project
+from truearc.hw.emulated.camera import HALO_MARGIN_PX, NOTHING, Array, Lens, Plane, Stage, TapeSize, outline_m, project
 from truearc.hw.protocols import CameraFrame
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import CameraConfig, CameraFile, load_config, load_toml
 from truearc.robot.vision import detect
 from truearc.robot.vision.threshold import mask_colour
-from truearc_proof.world.camera_damage import USUAL, Look, StagedCamera
-from truearc_proof.world.distractors import KINDS, second_goal
-from truearc_proof.world.placing import place
+from truearc_proof.world.camera_damage import KINDS, USUAL, Look, StagedCamera, place, second_goal
 
 pytestmark = pytest.mark.usefixtures("noise_drawn_once")
 HOME = Path(robot.__file__).parent

@@ -15,15 +15,12 @@ from msgspec.structs import replace
 import truearc.cli.main as truearc
 from truearc import robot
 from truearc.errors import make_toml
-from truearc.hw.emulated.imaging.camera import Stage
-from truearc.hw.emulated.imaging.lens import Lens, distort
+from truearc.hw.emulated.camera import Lens, Stage, distort
 from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import CameraFile, load_config, load_toml
 from truearc.robot.vision import detect
-from truearc.robot.vision.board import Board, calibrate, find_board
-from truearc.robot.vision.taped import fit_taped
-from truearc_proof.world.camera_damage import StagedCamera
-from truearc_proof.world.placing import place
+from truearc.robot.vision.calibration import Board, calibrate, find_board, fit_taped
+from truearc_proof.world.camera_damage import StagedCamera, place
 
 HOME = Path(robot.__file__).parent
 CONFIG = load_config(HOME / "launcher.toml")

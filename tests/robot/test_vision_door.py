@@ -10,11 +10,9 @@ import pytest
 
 import truearc.cli.main as truearc
 from truearc import robot
-from truearc.hw.emulated.imaging.camera import Stage, TapeSize
-from truearc.hw.emulated.imaging.lens import Lens
+from truearc.hw.emulated.camera import Lens, Stage, TapeSize
 from truearc.robot.config.schema import load_config
-from truearc_proof.world.camera_damage import StagedCamera
-from truearc_proof.world.placing import place
+from truearc_proof.world.camera_damage import StagedCamera, place
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from truearc.cli.robot.vision_tools import images
-from truearc.cli.robot.vision_tools.images import MAX_PIXELS, decode_image, image_size, load_image
+from truearc.cli import vision_images as images
+from truearc.cli.vision_images import MAX_PIXELS, decode_image, image_size, load_image
 from truearc.errors import InputError
 
 GREY_ALPHA = 4, (b"\0" + bytes(range(160))) * 60

@@ -14,12 +14,12 @@ import pytest
 from msgspec.structs import replace
 
 from truearc.cli.common import SHIPPED
-from truearc.cli.robot.run_processes import ThreeProcesses
-from truearc.hw.emulated.imaging.picture_server import PictureServer
+from truearc.cli.run_processes import ThreeProcesses
+from truearc.hw.emulated.camera import PictureServer
 from truearc.hw.fault_codes import CAMERA_SILENT, PROCESS_KILLED
 from truearc.hw.protocols import CameraFrame, LinkLost
 from truearc.hw.real.clock import MonotonicClock
-from truearc.hw.shared_latest import Slots
+from truearc.hw.real.processes import Slots
 from truearc.robot.config.schema import load_config
 from truearc.robot.processes.vision import FarEyes, make_room, watch
 from truearc.robot.reasons import BOX_LOST, CAMERA_LOST, CAN_LOST, IMAGE_DARK, VISION_FAILED, VISION_UNRESPONSIVE

@@ -8,15 +8,12 @@ import pytest
 from msgspec.structs import replace
 
 from truearc import robot
-from truearc.hw.emulated.imaging.camera import NOTHING, Stage
-from truearc.hw.emulated.imaging.lens import project
+from truearc.hw.emulated.camera import NOTHING, Stage, project
 from truearc.robot.config.schema import load_config
 from truearc.robot.vision import detect
-from truearc.robot.vision.optics import make_optics
+from truearc.robot.vision.geometry import make_optics
 from truearc.sim.world.emulated_vision import make_lens, make_tape
-from truearc_proof.world.camera_damage import Look, StagedCamera
-from truearc_proof.world.placing import place
-from truearc_proof.world.shutter import project_turning
+from truearc_proof.world.camera_damage import Look, StagedCamera, place, project_turning
 
 pytestmark = pytest.mark.usefixtures("noise_drawn_once")
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")

@@ -7,12 +7,10 @@ import pytest
 from msgspec.structs import replace
 
 from truearc import robot
-from truearc.hw.emulated.imaging.camera import Stage
-from truearc.hw.emulated.imaging.lens import Lens, project
+from truearc.hw.emulated.camera import Lens, Stage, project
 from truearc.robot.config.schema import load_config
 from truearc.robot.vision import detect
-from truearc_proof.world.camera_damage import USUAL, Look, Patch, StagedCamera
-from truearc_proof.world.placing import place
+from truearc_proof.world.camera_damage import USUAL, Look, Patch, StagedCamera, place
 
 pytestmark = pytest.mark.usefixtures("noise_drawn_once")
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")

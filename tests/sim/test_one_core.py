@@ -9,8 +9,8 @@ import pytest
 import truearc as ta
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.investigate import discover
-from truearc.sim.infer.fitted_belief import coefficients_of, covariance_of, scatter_of
-from truearc.sim.infer.held_out import without
+from truearc.sim.infer.fit import coefficients_of, covariance_of, scatter_of
+from truearc.sim.infer.likelihood.score_table import without
 from truearc_proof.importers.exit_speeds import import_971
 from truearc_proof.importers.set_points import import_254
 from truearc_proof.truth.generate import shoot

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from truearc.sim.paper.training import Rows
+from truearc.sim.paper.network import Rows
 
 
 def some_rows(count: int, seed: int) -> Rows:

@@ -5,16 +5,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from truearc.api.table import Table
+from truearc.api.results import Table
 from truearc.robot.config.schema import Config
 from truearc.robot.operator_ui.screens import Screen
 from truearc.robot.reasons import text
 from truearc.robot.recording.session import load_trials
-from truearc.sim.printed import Printed
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Printed, Progress
 from truearc.sim.world import emulated_robot as engine
+from truearc.sim.world.field import BallResult
 from truearc.sim.world.options import Options
-from truearc.sim.world.parts.target import BallResult
 
 KINDS = ("three", "two-high", "two", "two-low", "miss-high", "miss-low")
 

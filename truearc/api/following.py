@@ -8,26 +8,31 @@ from functools import cached_property
 import numpy as np
 from msgspec import UnsetType, structs
 
-from truearc.api.aiming import AimTable, aim
+from truearc.api.arguments import check_kind
 from truearc.api.discovery import Finding, discover
-from truearc.api.table import Table
-from truearc.api.terms import check_kind
+from truearc.api.forecasting import AimTable, aim
+from truearc.api.results import Table
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.aim.set_point import AimRow
+from truearc.sim.aim.make_table import AimRow
 from truearc.sim.aim.solve import chances_of
+from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.detect.always_valid import ChangeTest
-from truearc.sim.discover.finding import make_json
+from truearc.sim.discover.finding import (
+    FALSE_ALARM,
+    AimProposal,
+    BeliefFile,
+    ProposedEffect,
+    SetPointChange,
+    check_chances,
+    make_json,
+    with_id,
+)
 from truearc.sim.discover.investigate import follow_shots
-from truearc.sim.discover.proposal import AimProposal, BeliefFile, ProposedEffect, SetPointChange, with_id
-from truearc.sim.discover.report.effect_wording import plain, say_effect
-from truearc.sim.discover.report.finding_text import either
-from truearc.sim.discover.settings import FALSE_ALARM, check_chances
+from truearc.sim.discover.report.finding_text import either, plain, say_effect
 from truearc.sim.infer.belief import Belief
-from truearc.sim.infer.plausibility.check import check_plausible
-from truearc.sim.printed import Printed
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Printed, Progress
 
 FEWEST_SINCE = 15                     # shots since the change, by which it can be named
 FEWEST_SIDED = 5                      # of these, whose side of the centre is known; else no direction is

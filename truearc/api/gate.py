@@ -9,21 +9,28 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from truearc.api.terms import check_kind
+from truearc.api.arguments import check_kind
 from truearc.errors import InputError
 from truearc.model_export.graph import export_weights
 from truearc.robot.gate.model import load_gate
-from truearc.sim.data.dataset import Dataset, hash_dataset
-from truearc.sim.gate.gate_text import tell_heldout, tell_residual, tell_too_few
+from truearc.sim.check.check import check_plausible
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import hash_dataset
 from truearc.sim.gate.model import PhysicsGate, physics_of, save_physics_gate
-from truearc.sim.gate.train import Heldout, OutcomeClasses, outcome_classes_of, train_physics_gate
+from truearc.sim.gate.train import (
+    Heldout,
+    OutcomeClasses,
+    outcome_classes_of,
+    tell_heldout,
+    tell_residual,
+    tell_too_few,
+    train_physics_gate,
+)
 from truearc.sim.infer.belief import Belief
-from truearc.sim.infer.plausibility.check import check_plausible
-from truearc.sim.metrics import Figures
-from truearc.sim.paper.training import domain_of
-from truearc.sim.plots import draw_reliability
-from truearc.sim.printed import Printed
-from truearc.sim.progress import Progress
+from truearc.sim.paper.network import domain_of
+from truearc.sim.printed import Printed, Progress
+from truearc.sim.report import draw_reliability
+from truearc.sim.statistics import Figures
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,20 +11,18 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from truearc.sim.data.dataset import Dataset, hash_dataset
+from truearc.sim.check.check import check_plausible
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import hash_dataset
 from truearc.sim.gate.network_training import NetworkTraining, Shares, make_record, rows_of, train_network
-from truearc.sim.infer.plausibility.check import check_plausible
-from truearc.sim.paper import sweep_settings as sweeps
-from truearc.sim.paper.network import save_weights
+from truearc.sim.paper import sweep as sweeps
+from truearc.sim.paper.network import accuracy, save_weights
 from truearc.sim.paper.settings import Recipe
-from truearc.sim.paper.sweep import Trained, train_many
-from truearc.sim.paper.sweep_settings import Mean, SweepNetwork, SweepScore, SweepSetting, Verdict
-from truearc.sim.paper.synthetic_shots import load_provenance, say_synthetic, write_synthetic
-from truearc.sim.paper.training import accuracy
-from truearc.sim.printed import Printed
-from truearc.sim.progress import Progress
+from truearc.sim.paper.sweep import Mean, SweepNetwork, SweepScore, SweepSetting, Verdict
+from truearc.sim.paper.synthetic import load_provenance, say_synthetic, write_synthetic
+from truearc.sim.paper.train_many import Trained, train_many
+from truearc.sim.printed import Printed, Progress, make_text, save_csv
 from truearc.sim.report import make_png
-from truearc.sim.tables import make_text, save_csv
 
 __all__ = ["NetworkSweep", "NetworkTraining", "Recipe", "Shares", "check_plausible", "load_provenance", "say_synthetic",
            "sweep_networks", "train_network", "write_synthetic"]

@@ -1,7 +1,10 @@
-"""Common parts of commands: kinds of option values, refusals, shared options, texts to write, and progress."""
+"""Common parts of commands: option values, refusals, shared options and files, texts to write, and progress."""
 
 import argparse
+import csv
+import io
 import math
+import re
 import sys
 import time
 from collections.abc import Callable
@@ -9,17 +12,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from truearc import robot
-from truearc.errors import InputError, load_text, parse_table, save_whole
+from truearc.errors import InputError, load_text, naming, number_in, parse_table, save_whole
 from truearc.hw.real.clock import wall_clock
+from truearc.robot.config.limits import warn_of_pitch
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import load_config
-from truearc.sim.progress import Progress
+from truearc.robot.config.schema import CameraFile, Config, load_config, load_toml
+from truearc.sim.printed import Progress
 
 if TYPE_CHECKING:                     # imports JAX, which --help does without
     from truearc.sim.physics.catalogue import Catalogue
     from truearc.sim.report import Origin
 
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
+CAMERAS = SHIPPED.parent / "cameras"
 Number = TypeVar("Number", int, float)
 Kind = TypeVar("Kind")
 
@@ -119,8 +124,7 @@ def catalogue_of(args: argparse.Namespace) -> "Catalogue":
     Raises:
         InputError: names the file or distribution whose terms cannot be loaded, are incomplete, or have a taken name.
     """
-    from truearc.sim.physics.catalogue import Catalogue, catalogue
-    from truearc.sim.physics.plugins import terms_of_file
+    from truearc.sim.physics.catalogue import Catalogue, catalogue, terms_of_file
     known = catalogue()
     for path in args.terms_from or ():
         known = Catalogue((*known, *terms_of_file(path, known)))
@@ -154,7 +158,7 @@ def load_any_rig(path: str) -> Rig:
         is_launcher = "rig" in parse_table(load_text(path), path)
     except InputError:
         is_launcher = False           # the loader below names what is wrong
-    from truearc.sim.data.rig import load_rig, states_three
+    from truearc.sim.data.files import load_rig, states_three
     if is_launcher:
         return load_config(path).rig
     rig = load_rig(path)
@@ -162,3 +166,40 @@ def load_any_rig(path: str) -> Rig:
         print(f"warning: {path}: target.three_half_height_m is not stated: {rig.target.three_half_height_m:g} is "
               "taken; write 0 where every hit counts alike", file=sys.stderr)
     return rig
+
+
+def load_camera(name: str | None) -> CameraFile:
+    """The camera, tape and vision sections of a file, of a packaged camera, or of the packaged launcher.toml."""
+    path = SHIPPED if name is None else Path(name)
+    if name in packaged_cameras():
+        path = CAMERAS / f"{name}.toml"
+    is_launcher = re.search(r"^\s*\[gate\]", load_text(path), re.MULTILINE) is not None
+    file = load_toml(path, Config) if is_launcher else load_toml(path, CameraFile)
+    if file.camera.target == "apriltag" and file.apriltag is None:
+        raise InputError(f"{path}: camera.target: an AprilTag is to be seen, and there is no [apriltag]")
+    warn_of_pitch(path, file.camera)
+    return CameraFile(file.camera, file.tape, file.vision, file.apriltag)
+
+
+def packaged_cameras() -> list[str]:
+    """Return the names of the cameras that come with the package."""
+    return sorted(path.stem for path in CAMERAS.glob("*.toml"))
+
+
+def load_labels(path: str, columns: tuple[str, ...] = ("label_distance_m",)) -> dict[str, float]:
+    """File name -> distance, from the first of these columns that is there; rows without a distance are left out."""
+    labels: dict[str, float] = {}
+    with naming(path):
+        rows = csv.DictReader(io.StringIO(load_text(path).removeprefix("\ufeff"), newline=""))
+        names = rows.fieldnames or ()
+        column = next((name for name in columns if name in names), None)
+        if column is None or "file" not in names:
+            raise InputError(f"{path}:1: missing column {columns[0] if 'file' in names else 'file'!r}")
+        for row in rows:
+            if None in row:           # a comma too many, such as a decimal one
+                raise InputError(f"{path}:{rows.line_num}: more cells than columns: is a decimal point a comma?")
+            if row[column]:
+                labels[row["file"]] = distance_m = number_in(row[column])
+                if not 0.0 < distance_m < 1e4:
+                    raise InputError(f"{path}:{rows.line_num}: {column}: {row[column]!r} is not a distance in metres")
+    return labels

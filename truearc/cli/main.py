@@ -5,17 +5,15 @@ import os
 import sys
 
 import truearc
-from truearc.cli.old_names import RENAMED, forward
+from truearc.cli import commands
+from truearc.cli.commands import Command, find_command, list_commands, make_parser
 from truearc.cli.outputs import fresh_outputs
-from truearc.cli.parsers import load_module, make_parser
-from truearc.cli.registry import COMMANDS, GROUPS, NAMES, Command, find_command, install_hint, list_commands
-from truearc.errors import InputError
-from truearc.hw.plugins import ELSEWHERE, needs
+from truearc.errors import ELSEWHERE, InputError, needs
 
 # Arrays here are small: threads of the linear algebra would only wait for one another and, where another process keeps
 # a core busy, for that. Set before NumPy is imported.
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-PREFIXES = tuple(dict.fromkeys(name.partition(" ")[0] for name in NAMES if name.partition(" ")[0] not in NAMES))
+PREFIXES = {name.partition(" ")[0] for name in commands.NAMES} - set(commands.NAMES)
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -26,21 +24,16 @@ def main(argv: list[str] | None = None) -> int:
     if argv == ["--version"]:
         print(f"truearc {truearc.__version__}")
         return 0
-    asked, argv = argv, forward(argv)
     command = find_command(argv)
     if command is None:
         return _explain(argv)
-    if argv != asked:
-        earlier = " ".join([asked[0], *(word for word in asked[1:] if word not in argv)])
-        print(f"truearc {asked[0]}: warning: `{earlier}` is an earlier spelling; now: truearc {command.name}"
-              + (" --gate GATE" if asked[0] == "predict-gate" else ""), file=sys.stderr)
     try:
         return _run(command, argv[len(command.name.split()):])
     except ModuleNotFoundError as error:
         package = (error.name or "").partition(".")[0]
         if package in ("", "truearc", "truearc_proof", "truearc_frc"):
             raise                     # ours: a defect, not an install without the companion
-        print(f"truearc {command.name}: needs {error.name}, which is not installed: {install_hint(command)}",
+        print(f"truearc {command.name}: needs {error.name}, which is not installed: {commands.install_hint(command)}",
               file=sys.stderr)
         return 2
 
@@ -50,7 +43,7 @@ def _run(command: Command, words: list[str]) -> int:
         parser = make_parser(command)
         args = parser.parse(words)
         with fresh_outputs(parser, args):
-            code = int(load_module(command).main(args))
+            code = int(command.load().main(args))
         sys.stdout.flush()
         return code
     except InputError as error:
@@ -85,10 +78,8 @@ def _explain(argv: list[str]) -> int:
     if not words:
         print(_list(prefix), file=sys.stderr)
         return 2
-    refusal = needs(argv[0]) if argv[0] in ELSEWHERE else (
-        f"was renamed; use: truearc {RENAMED[argv[0]]}" if argv[0] in RENAMED else "")
-    if refusal:
-        print(f"truearc {argv[0]}: {refusal}", file=sys.stderr)
+    if argv[0] in ELSEWHERE:
+        print(f"truearc {argv[0]}: {needs(argv[0])}", file=sys.stderr)
         return 2
     typed = f"{prefix} {words[0]}".strip()
     near = _nearest(typed)
@@ -106,12 +97,13 @@ def _nearest(typed: str) -> list[str]:
 
 def _list(prefix: str) -> str:
     """Every command under the heading of its group; those of one prefix where there is one."""
-    commands = [one for one in (COMMANDS if prefix else list_commands()) if one.name.startswith(f"{prefix} ".lstrip())]
+    among = commands.COMMANDS if prefix else list_commands()
+    listed = [command for command in among if command.name.startswith(f"{prefix} ".lstrip())]
     lines = [f"usage: truearc {f'{prefix} '.lstrip()}COMMAND ...   (truearc COMMAND --help explains its options)"]
-    for group in dict.fromkeys([*GROUPS, *(command.group for command in commands)]):
-        members = [command for command in commands if command.group == group]
+    for group in dict.fromkeys([*commands.GROUPS, *(command.group for command in listed)]):
+        members = [command for command in listed if command.group == group]
         if members:
-            lines += ["", f"{group}: {GROUPS[group]}" if group in GROUPS else f"{group}:"]
+            lines += ["", f"{group}: {commands.GROUPS[group]}" if group in commands.GROUPS else f"{group}:"]
             lines += [f"  {command.name:17s} {command.summary}" for command in members]
     return "\n".join(lines)
 

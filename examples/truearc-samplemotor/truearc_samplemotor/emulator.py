@@ -2,7 +2,8 @@
 
 from truearc.hw.codec import Values
 from truearc.hw.devices.family import AttachedMotor
-from truearc.hw.emulated.nodes import MS, NEVER_NS, Report, take_reports
+from truearc.hw.emulated.nodes import NEVER_NS, Report, take_reports
+from truearc.hw.protocols import NS_PER_MS as MS
 from truearc.hw.protocols import BadFrame, Frame
 from truearc_samplemotor import frames
 from truearc_samplemotor.frames import REVOLUTION_RAD, SampleAxis

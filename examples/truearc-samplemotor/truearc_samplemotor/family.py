@@ -2,14 +2,25 @@
 
 from collections.abc import Iterator, Sequence
 
-from truearc.hw.dc_motor import DcMotor
-from truearc.hw.devices.axis import Axis, Bounds, CanNode, Direction, Positive
-from truearc.hw.devices.bus_rules import NS_PER_MS, Rules, allow_seldom, kinds_of
-from truearc.hw.devices.family import AxisCheck, Endpoints, Heard, MotorFamily
-from truearc.hw.finding import Finding, failure, ok, warning
-from truearc.hw.protocols import Frame, MotorReading
+from truearc.hw.bus_rules import Rules, allow, allow_seldom, kinds_of
+from truearc.hw.devices.drivers import DcMotor
+from truearc.hw.devices.family import (
+    Axis,
+    AxisCheck,
+    Bounds,
+    CanNode,
+    Direction,
+    Endpoints,
+    Finding,
+    Heard,
+    MotorFamily,
+    Positive,
+    failure,
+    ok,
+    warning,
+)
+from truearc.hw.protocols import NS_PER_MS, Frame, MotorReading
 from truearc.hw.reason import Reason
-from truearc.hw.tx_allowlist import allow
 from truearc_samplemotor import frames
 from truearc_samplemotor.emulator import SampleNode
 from truearc_samplemotor.frames import DBC, SampleAxis

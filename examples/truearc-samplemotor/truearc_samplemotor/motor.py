@@ -1,7 +1,6 @@
 """The sample motor as a Motor: torques become duties; it drives only on fresh readings without a fault."""
 
-from truearc.hw.dc_motor import DcMotor, duty_for, torque_of
-from truearc.hw.encoder_plausibility import OWN_LAG_S, Agreement
+from truearc.hw.devices.drivers import OWN_LAG_S, Agreement, DcMotor, duty_for, torque_of
 from truearc.hw.protocols import Frame, MotorReading, Order
 from truearc.hw.reason import Reason
 from truearc_samplemotor import frames

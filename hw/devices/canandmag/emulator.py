@@ -4,7 +4,8 @@ import math
 
 from truearc.hw.codec import Values, load_codec
 from truearc.hw.devices.canandmag.frames import FETCH_ONE, POSITION_PERIOD_SETTING, frame_id, make
-from truearc.hw.emulated.nodes import MS, Plant, Report, ReportingNode, take_reports
+from truearc.hw.emulated.nodes import Plant, Report, ReportingNode, take_reports
+from truearc.hw.protocols import NS_PER_MS as MS
 from truearc.hw.protocols import Frame
 
 COUNTS = 16384                                    # per turn

@@ -28,6 +28,11 @@ def fault_words(faults: int) -> tuple[str, ...]:
     return tuple(word for bit, word in FAULT_WORDS if faults & bit)
 
 
+def name_of(device: int) -> str:
+    """The device as messages name it."""
+    return f"canandmag device {device}"
+
+
 def frame_id(device: int, message: str) -> int:
     """Arbitration id (29 bits) of one of the encoder's messages."""
     return load_codec("canandmag").base_id(message) + device
@@ -46,7 +51,7 @@ def ids_sent_by(device: int, node: str) -> tuple[int, ...]:
 def make_position_period(device: int, period_ms: int) -> Frame:
     """Ask for an angle every `period_ms` (1-65535) until the next power-down."""
     if not 1 <= period_ms <= 65535:
-        raise BadFrame(PERIOD_RANGE(device=f"canandmag device {device}", period_ms=period_ms))
+        raise BadFrame(PERIOD_RANGE(device=name_of(device), period_ms=period_ms))
     return make(device, "SET_SETTING", {"setting": POSITION_PERIOD_SETTING, "value": period_ms, "ephemeral": 1})
 
 
@@ -57,10 +62,7 @@ def make_period_query(device: int) -> Frame:
 
 def check_answer(device: int, frame: Frame) -> None:
     """BadFrame for anything but a REPORT_SETTING frame."""
-    try:
-        load_codec("canandmag").parse("REPORT_SETTING", frame.data)
-    except BadFrame as error:
-        raise BadFrame(error.reason.about(device=f"canandmag device {device}", frame=frame.name)) from error
+    load_codec("canandmag").parse_frame("REPORT_SETTING", frame, name_of(device))
 
 
 def parse(device: int, frame: Frame, previous: AngleReading | None) -> AngleReading | None:
@@ -71,15 +73,13 @@ def parse(device: int, frame: Frame, previous: AngleReading | None) -> AngleRead
     if frame.is_remote:
         return previous
     codec = load_codec("canandmag")
-    base_id = frame.arbitration_id - device
-    try:
-        if base_id == codec.base_id("POSITION_OUTPUT"):
-            return _with_angle(codec.parse("POSITION_OUTPUT", frame.data), frame.t_ns, previous)
-        if base_id == codec.base_id("STATUS"):
-            return _with_faults(int(codec.parse("STATUS", frame.data)["faults"]), frame.t_ns, previous)
-    except BadFrame as error:
-        raise BadFrame(error.reason.about(device=f"canandmag device {device}", frame=frame.name)) from error
-    raise BadFrame(FRAME_UNEXPECTED(device=f"canandmag device {device}", frame=frame.name, wanted=MESSAGES))
+    message = next((name for name in MESSAGES if codec.base_id(name) == frame.arbitration_id - device), None)
+    if message is None:
+        raise BadFrame(FRAME_UNEXPECTED(device=name_of(device), frame=frame.name, wanted=MESSAGES))
+    values = codec.parse_frame(message, frame, name_of(device))
+    if message == "POSITION_OUTPUT":
+        return _with_angle(values, frame.t_ns, previous)
+    return _with_faults(int(values["faults"]), frame.t_ns, previous)
 
 
 def _with_angle(values: Values, t_ns: int, previous: AngleReading | None) -> AngleReading:

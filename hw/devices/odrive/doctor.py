@@ -1,4 +1,5 @@
-"""One ODrive axis: does it answer, with the right firmware, often enough, and without standing errors?
+"""One ODrive axis: does it answer, with the right firmware, often enough, without standing errors, and does it keep the
+watchdog and limits that the rig needs?
 
 Settings that its cyclic frames do not show are asked for: its watchdog and its encoder's filter. A parameter's number
 differs between firmware versions, so the table of the axes' own version is needed: the maker's flat_endpoints.json,
@@ -13,11 +14,11 @@ from collections.abc import Iterator, Mapping
 from functools import partial
 from types import MappingProxyType
 
-from truearc.hw.devices.family import AxisCheck, Endpoints, Heard, check_estimates
+from truearc.hw.devices import family
+from truearc.hw.devices.family import AxisCheck, Endpoints, Finding, Heard, Stored, StoredSettings, failure, ok, warning
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.fault_codes import BY_NAME
-from truearc.hw.finding import Finding, failure, ok, warning
 from truearc.hw.protocols import BadFrame, Frame, MotorReading
 from truearc.hw.reason import listed
 
@@ -56,7 +57,7 @@ def examine(axis: OdriveAxis, check: AxisCheck, heard: Heard) -> Iterator[Findin
     yield check_errors(name, axis, heard)
     estimates = heard.of(odrive.frame_id(axis, "Get_Encoder_Estimates"))
     if estimates:
-        yield check_estimates(name, estimates, partial(odrive.parse, axis))
+        yield family.check_estimates(name, estimates, partial(odrive.parse, axis))
     if axis.endstop_endpoint and heard.of(odrive.frame_id(axis, "Get_Version")):
         yield check_switch(name, axis, heard)
     yield from check_parameters(name, axis, endpoints, check.tick_hz, heard)
@@ -214,13 +215,66 @@ def _check_table(check: str, axis: OdriveAxis, endpoints: Endpoints, heard: Hear
 
 
 def _answers(axis: OdriveAxis, endpoints: Endpoints, heard: Heard) -> dict[str, bytes]:
-    numbers = {endpoints.ids[name]: name for name in ASKED}
-    answers: dict[str, bytes] = {}
+    answers = _parameters(axis, heard)
+    return {name: answers[endpoints.ids[name]] for name in ASKED if endpoints.ids[name] in answers}
+
+
+def _parameters(axis: OdriveAxis, heard: Heard) -> dict[int, bytes]:
+    """The newest answer about each parameter, by its number; what cannot be read is named by check_errors."""
+    answers = {}
     for frame in heard.of(odrive.frame_id(axis, "TxSdo")):
-        try:
+        with contextlib.suppress(BadFrame):
             number, data = odrive.parse_parameter(axis, frame)
-        except BadFrame:
-            continue                              # check_errors says so
-        if number in numbers:
-            answers[numbers[number]] = data
+            answers[number] = data
     return answers
+
+
+# --- stored settings
+
+SPEED, CURRENT = "axis0.controller.config.vel_limit", "axis0.config.motor.current_soft_max"
+SAVE = "save_configuration"           # a function; the device restarts
+GOOD_S = 0.1                          # of a watchdog: four times as long as the robot takes to feed it
+NEAR = 0.01                           # a stored limit within this share is that of the rig: floats are rounded
+RESTART_S = 3.0                       # until its frames are there again, with time to spare
+
+
+def stored_settings(axis: odrive.OdriveAxis, bounds: family.Bounds, endpoints: Endpoints) -> StoredSettings:
+    """The axis's watchdog, and limits where the rig knows them; KeyError names a parameter that the table lacks."""
+    found = [_setting(axis, endpoints.ids[WATCHDOG_ON], WATCHDOG_ON, 1.0, 1.0, 1.0, "<?"),
+             _setting(axis, endpoints.ids[WATCHDOG_S], WATCHDOG_S, GOOD_S, SHORTEST_S, LONGEST_S, "<f")]
+    speed_rad_s, current_a = family.speed_limit_rad_s(bounds), family.current_limit_a(bounds, axis.torque_nm_a)
+    for name, wanted in ((SPEED, None if speed_rad_s is None else speed_rad_s / math.tau), (CURRENT, current_a)):
+        if wanted is not None:
+            found.append(_setting(axis, endpoints.ids[name], name, wanted, wanted * (1.0 - NEAR),
+                                  wanted * (1.0 + NEAR), "<f"))
+    save = odrive.make_parameter_write(axis, endpoints.ids[SAVE], b"")
+    return StoredSettings(tuple(found), (odrive.make_version_query(axis),), partial(_refuse, axis, endpoints), (save,),
+                          RESTART_S)
+
+
+def _setting(axis: odrive.OdriveAxis, number: int, name: str, wanted: float, low: float, high: float,
+             form: str) -> Stored:
+    def read(heard: Heard) -> float | None:
+        data = _parameters(axis, heard).get(number)
+        return None if data is None else float(struct.unpack_from(form, data)[0])
+
+    kind = bool if form == "<?" else float
+    return Stored(name, wanted, low, high, odrive.make_parameter_query(axis, number),
+                  odrive.make_parameter_write(axis, number, struct.pack(form, kind(wanted))), read)
+
+
+def _refuse(axis: odrive.OdriveAxis, endpoints: Endpoints, heard: Heard) -> str:
+    """Another firmware's table would write something else; a driven axis is in use."""
+    versions = heard.of(odrive.frame_id(axis, "Get_Version"))
+    try:
+        firmware = ".".join(map(str, odrive.parse_version(axis, versions[-1]))) if versions else ""
+    except BadFrame as error:
+        return str(error)
+    if firmware != endpoints.firmware:
+        return (f"has firmware {firmware}, got a table of {endpoints.firmware}; expected that of its own firmware"
+                if firmware else f"node {axis.node} does not answer")
+    keys = [(odrive.frame_id(axis, "Heartbeat"), False)]
+    reading, _ = heard.read(keys, partial(odrive.parse, axis), MotorReading())
+    if reading.axis_state != odrive.IDLE:
+        return f"is in state {reading.axis_state}, expected {odrive.IDLE}, idle: stop the robot first"
+    return ""

@@ -10,7 +10,8 @@ from msgspec.structs import replace
 from truearc.hw.codec import Values, load_codec
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.frames import OdriveAxis
-from truearc.hw.emulated.nodes import MS, NEVER_NS, Plant, Report, ReportingNode, take_reports
+from truearc.hw.emulated.nodes import NEVER_NS, Plant, Report, ReportingNode, take_reports
+from truearc.hw.protocols import NS_PER_MS as MS
 from truearc.hw.protocols import Frame
 
 DISARMED = 3                                      # procedure_result

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from truearc.hw import fault_codes as codes
 from truearc.hw.codec import Values, load_codec
-from truearc.hw.devices.axis import CanNode, Direction, TorquePerAmp
+from truearc.hw.devices.family import CanNode, Direction, TorquePerAmp
 from truearc.hw.fault_codes import ENDSTOP_VALUE, FRAME_UNEXPECTED
 from truearc.hw.protocols import BadFrame, ErrorTable, Frame, MotorReading, errors_in
 from truearc.hw.reason import Reason
@@ -210,10 +210,7 @@ def _parse(axis: OdriveAxis, message: str, frame: Frame) -> dict[str, float]:
     data = frame.data
     if message == "TxSdo" and 5 <= len(data) < 8:
         data = data.ljust(8, b"\0")               # an answer is only as long as the parameter, one byte for a switch
-    try:
-        return load_codec("odrive").parse(message, data)
-    except BadFrame as error:
-        raise BadFrame(error.reason.about(device=name_of(axis), frame=frame.name)) from error
+    return load_codec("odrive").parse_frame(message, frame, name_of(axis), data)
 
 
 def _unexpected(axis: OdriveAxis, frame: Frame, *wanted: str) -> Reason:

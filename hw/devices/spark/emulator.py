@@ -9,9 +9,9 @@ from msgspec.structs import replace
 
 from truearc.hw.codec import Values, load_codec
 from truearc.hw.devices.spark import frames as spark
-from truearc.hw.devices.spark.frames import RPM_RAD_S, SparkAxis
-from truearc.hw.emulated.nodes import MS, NEVER_NS, MotorTruth, Plant, Report, ReportingNode, take_reports
-from truearc.hw.frc import CONTROLLER_HEARTBEAT
+from truearc.hw.devices.spark.frames import CONTROLLER_HEARTBEAT, RPM_RAD_S, SparkAxis
+from truearc.hw.emulated.nodes import NEVER_NS, MotorTruth, Plant, Report, ReportingNode, take_reports
+from truearc.hw.protocols import NS_PER_MS as MS
 from truearc.hw.protocols import BadFrame, Frame
 
 PHASE_NS = 3 * MS                                 # of the reports, as the other axes'

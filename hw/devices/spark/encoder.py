@@ -7,19 +7,15 @@ from typing import Annotated
 
 from msgspec import Meta, Struct
 
-from truearc.hw.devices.axis import CanNode, Direction, Finite, HoodEncoder
-from truearc.hw.devices.bus_rules import Rules
-from truearc.hw.devices.family import Heard
-from truearc.hw.devices.heard_motor import older
-from truearc.hw.devices.hood_encoder import CHECK, Around, Encoder, EncoderFamily, aged, trip_faults
-from truearc.hw.devices.round_trip import RoundTrip
+from truearc.hw.bus_rules import Rules
+from truearc.hw.devices import family
+from truearc.hw.devices.drivers import RoundTrip, older
+from truearc.hw.devices.family import CHECK, Around, CanNode, Direction, Encoder, EncoderFamily, Finding, failure, ok
 from truearc.hw.devices.spark import frames as spark
-from truearc.hw.devices.spark.bus_rules import make_encoder_rules
-from truearc.hw.devices.spark.doctor import check_firmware
 from truearc.hw.devices.spark.emulator import SparkNode
-from truearc.hw.devices.spark.setup import SparkSetup
+from truearc.hw.devices.spark.family import check_firmware, make_encoder_rules
+from truearc.hw.devices.spark.motor import SparkSetup
 from truearc.hw.emulated.nodes import Node, Plant
-from truearc.hw.finding import Finding, failure, ok
 from truearc.hw.protocols import AngleReading, Frame
 from truearc.hw.reason import Reason
 
@@ -28,12 +24,13 @@ LONGEST_MS = 50                       # later ones would be too old to fire with
 SIGMA_DEG = 0.2
 
 
-class SparkEncoderConfig(Struct, HoodEncoder, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="spark"):
+class SparkEncoderConfig(Struct, family.HoodEncoder, frozen=True, forbid_unknown_fields=True, tag_field="driver",
+                         tag="spark"):
     """A through-bore encoder that turns with the hood, on the data port of a SPARK MAX or Flex."""
 
     device: CanNode                   # the SPARK's
     period_ms: Annotated[int, Meta(ge=0, le=LONGEST_MS)]    # set in the device; 0: no frame is sent to it
-    zero_deg: Finite                  # encoder reading when the launch elevation is 0
+    zero_deg: family.Finite                  # encoder reading when the launch elevation is 0
     direction: Direction              # +1 if the reading grows with elevation
 
 
@@ -68,7 +65,7 @@ class SparkEncoder(Encoder):
         if self._setup is None or self._trip is None:
             return ()
         fault = self._setup.fault()
-        return trip_faults(self._trip, t_ns) if fault is None else (fault.about(motor=CHECK),)
+        return family.trip_faults(self._trip, t_ns) if fault is None else (fault.about(motor=CHECK),)
 
     def frames(self, t_ns: int) -> tuple[Frame, ...]:
         if self._setup is None or self._trip is None:
@@ -85,14 +82,14 @@ class SparkEncoder(Encoder):
         assert self._setup is not None and self._trip is not None
         answer = self._setup.take_setting(frame)
         if answer is not None and answer[0] == spark.DUTY_FACTOR:
-            self.reading = aged(self.reading, self._trip.answered(frame.t_ns))
+            self.reading = family.aged(self.reading, self._trip.answered(frame.t_ns))
 
 
 def make_rules(table: SparkEncoderConfig, each_tick: int) -> tuple[Rules]:
     return (make_encoder_rules(_axis(table), _settings(table) if table.period_ms else None, each_tick),)
 
 
-def examine(table: SparkEncoderConfig, around: Around, heard: Heard) -> Iterator[Finding]:
+def examine(table: SparkEncoderConfig, around: Around, heard: family.Heard) -> Iterator[Finding]:
     """Its SPARK's firmware, and its angle where that is on: a run turns it on by itself."""
     axis = _axis(table)
     if table.period_ms:

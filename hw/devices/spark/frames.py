@@ -2,6 +2,9 @@
 
 An arbitration id is 29 bits: that of device 0 plus the device's number. On the wire positions are revolutions of the
 motor shaft and speeds revolutions a minute; here they are radians, and the axis's `direction` has been applied.
+
+A SPARK that has once heard a competition's robot controller obeys no other until its power is taken away (REV's CAN
+specification, STATUS_0's PRIMARY_HEARTBEAT_LOCK).
 """
 
 import math
@@ -14,7 +17,7 @@ from msgspec.structs import replace
 
 from truearc.hw import fault_codes as codes
 from truearc.hw.codec import Values, load_codec
-from truearc.hw.devices.axis import Bounds, CanNode, Direction, current_limit_a
+from truearc.hw.devices.family import Bounds, CanNode, Direction, current_limit_a
 from truearc.hw.fault_codes import FRAME_UNEXPECTED, PARAMETER_VALUE
 from truearc.hw.protocols import AngleReading, BadFrame, ErrorTable, Frame, MotorReading, errors_in
 from truearc.hw.reason import Reason
@@ -238,11 +241,31 @@ def make(axis: SparkAxis, message: str, values: Values) -> Frame:
 def _parse(axis: SparkAxis, message: str, frame: Frame) -> dict[str, float]:
     if frame.arbitration_id != frame_id(axis, message) or frame.is_remote:
         raise BadFrame(_unexpected(axis, frame, message))
-    try:
-        return load_codec("spark").parse(message, frame.data)
-    except BadFrame as error:
-        raise BadFrame(error.reason.about(device=name_of(axis), frame=frame.name)) from error
+    return load_codec("spark").parse_frame(message, frame, name_of(axis))
 
 
 def _unexpected(axis: SparkAxis, frame: Frame, *wanted: str) -> Reason:
     return FRAME_UNEXPECTED(device=name_of(axis), frame=frame.name, wanted=wanted)
+
+
+# --- a competition's robot controller
+
+CONTROLLER_HEARTBEAT = 0x01011840
+DEVICES = 0x3F
+
+
+def is_controller_heartbeat(frame: Frame) -> bool:
+    """Whether a robot controller (roboRIO, Systemcore) says here that it is alive."""
+    return frame.is_extended and frame.arbitration_id == CONTROLLER_HEARTBEAT
+
+
+def locked_spark(frame: Frame) -> int | None:
+    """The number of the SPARK that says here that it is locked to a robot controller; None for any other frame."""
+    device = SparkAxis(frame.arbitration_id & DEVICES, 1, False)
+    if not frame.is_extended or frame.arbitration_id != frame_id(device, "STATUS_0"):
+        return None
+    try:
+        reading = parse(device, frame, MotorReading())
+    except BadFrame:
+        return None
+    return device.device if reading.axis_error & LOCKED else None

@@ -11,7 +11,7 @@ hash and mark, and, with --solve N, lets the solver repeat its claims about N of
 import argparse
 
 from truearc.cli.common import refuse
-from truearc_proof.rivals.registry import RIVALS
+from truearc_proof.rivals import RIVALS
 
 GROUP = "proof"
 SUMMARY = "concealed worlds, sealed before and opened after"

@@ -29,29 +29,24 @@ from truearc.model_export.verify import verify_gate
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.config.shot_map import OUTCOMES
 from truearc.robot.recording.session import load_trials
-from truearc.sim.compile_cache import keep_compiled
-from truearc.sim.data.dataset import save_dataset
+from truearc.sim.compute import keep_compiled
+from truearc.sim.data.files import save_dataset
 from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.report.finding_text import say_adopted
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.options import Options
-from truearc_proof.newcombe import difference
 from truearc_proof.parallel import fan_out
 from truearc_proof.report.tables import said
-from truearc_proof.rounds.claims_schema import SCHEMA
-from truearc_proof.rounds.commitment import canonical, hash_files, load_seal, make_seal, save_seal
 from truearc_proof.rounds.committer import RoundPlan, keep_plan
-from truearc_proof.rounds.file_lock import alone
-from truearc_proof.rounds.grader import check_world, left_out
+from truearc_proof.rounds.documents import SCHEMA, canonical, hash_files, load_seal, make_seal, save_seal
+from truearc_proof.rounds.grader import check_world, left_out, load_marks, save_mark, worlds_of, wrong_marks
 from truearc_proof.rounds.jsonl_store import mend
-from truearc_proof.rounds.ledger import append, digest
-from truearc_proof.rounds.round_layout import CLAIMED, OPENED, SEALED, Room
-from truearc_proof.rounds.score_store import load_marks, save_mark, worlds_of, wrong_marks
+from truearc_proof.rounds.ledger import Room, Step, alone, append, digest
 from truearc_proof.rounds.solver import FALSE_ALARM, forbid, solver_id
-from truearc_proof.table import Table
+from truearc_proof.table import Table, difference
 from truearc_proof.worlds.sampling_plan import FIRST_SEED, MUJOCO, Drawn, change_one, drawn_of
 
 LEVEL = "L1"
@@ -87,9 +82,9 @@ def play_driven(
     names = [f"r{number:04d}" for number in range(1, plan.worlds + 1)]
     with alone(room.root):
         keep_plan(room, plan)
-        _in_batches([name for name in names if SEALED not in room.steps().get(name, {})],
+        _in_batches([name for name in names if Step.SEALED not in room.steps().get(name, {})],
                     partial(_seal, room.root.resolve(), plan),
-                    lambda name, sha256: append(room.ledger, SEALED, name, sha256),
+                    lambda name, sha256: append(room.ledger, Step.SEALED, name, sha256),
                     lambda done: progress(0.3 * done, "the emulated robot records"), workers)
     progress(0.3, "gates are learnt")
     more = ["--processes", str(workers)] if workers else []
@@ -134,9 +129,9 @@ def learn_gates(root: Path, workers: int | None = None) -> None:
     room = room_of(root)
     forbid(room.keeper)
     with alone(room.root):
-        _in_batches([name for name, done in room.steps().items() if CLAIMED not in done],
+        _in_batches([name for name, done in room.steps().items() if Step.CLAIMED not in done],
                     partial(_learn, room.root.resolve()),
-                    lambda name, sha256: append(room.ledger, CLAIMED, name, sha256), lambda done: None, workers)
+                    lambda name, sha256: append(room.ledger, Step.CLAIMED, name, sha256), lambda done: None, workers)
 
 
 def _learn(root: Path, name: str) -> str:
@@ -188,8 +183,8 @@ def _open(room: Room, names: Sequence[str]) -> None:
     if wrong:
         raise InputError("\n".join(wrong))
     for name in names:
-        if OPENED not in steps[name]:
-            append(room.ledger, OPENED, name, digest(room.seal(name).read_bytes()))
+        if Step.OPENED not in steps[name]:
+            append(room.ledger, Step.OPENED, name, digest(room.seal(name).read_bytes()))
 
 
 def _claimed_gates(room: Room, name: str) -> dict[str, str]:

@@ -1,6 +1,9 @@
 """The work of `truearc prove`, role by role."""
 
 import argparse
+import subprocess
+import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,24 +12,70 @@ from msgspec import structs
 
 from truearc.cli.common import make_progress, origin_of
 from truearc.errors import InputError
-from truearc.sim.compile_cache import keep_compiled
-from truearc.sim.infer.likelihood.observations import FEWEST_SHOTS
-from truearc_proof.cli.prove_apart import solve_apart
-from truearc_proof.cli.prove_check import check_packed
+from truearc.sim.compute import keep_compiled
+from truearc.sim.infer.likelihood.data import FEWEST_SHOTS
 from truearc_proof.cli.prove_drive import FEWEST, LEVEL, driven_of, driven_table, learn_gates, play_driven, room_of
-from truearc_proof.report.figures import plain_figures
 from truearc_proof.report.html_page import make_proof_page, verdict
 from truearc_proof.report.tables import make_tables
-from truearc_proof.rivals.registry import check_rivals
-from truearc_proof.rounds.archive import pack
-from truearc_proof.rounds.committer import RoundPlan, answer_round, entropy, load_plan, seal_round
+from truearc_proof.report.targets import plain_figures
+from truearc_proof.rivals import check_rivals
+from truearc_proof.rounds.archive import check_round, compare_claims, give_away, pack, solver_of, unpack
+from truearc_proof.rounds.committer import RoundPlan, answer_round, entropy, load_plan, seal_own, seal_round
 from truearc_proof.rounds.grader import Graded, grade_round, graded_of, unclaimed
-from truearc_proof.rounds.ledger import last_digest, read_ledger
-from truearc_proof.rounds.round_layout import SEALED, Room
-from truearc_proof.rounds.solver import solve_round
+from truearc_proof.rounds.ledger import Room, Step, last_digest, read_ledger
+from truearc_proof.rounds.solver import solve_round, solver_id
 from truearc_proof.table import Table
-from truearc_proof.worlds.external_world import seal_own
 from truearc_proof.worlds.sampling_plan import MUJOCO, OWN
+
+
+def solve_apart(args: argparse.Namespace, out: str) -> None:
+    """The solver, in a process of its own."""
+    more = ["--processes", str(args.processes)] if args.processes else []
+    more += ["--scheduler", args.scheduler] if args.scheduler else []
+    more += ["--quiet"] if args.quiet else []
+    more += ["--rivals", args.rivals] if args.rivals and args.role is None else []
+    done = subprocess.run([sys.executable, "-m", "truearc", "prove", "solve", "--out", out, *more], check=False)
+    if done.returncode:
+        raise InputError(f"the solver ended with exit code {done.returncode}")
+
+
+def check_packed(args: argparse.Namespace, room: Room) -> None:
+    """Make the data and marks of a round again and print the comparison.
+
+    Raises:
+        InputError: something differs from the commitments.
+    """
+    if args.packed:
+        unpack(Path(args.packed), room)
+    checked = check_round(room, args.worlds, make_progress("check", args.quiet), args.seed)
+    if checked.wrong:
+        raise InputError("\n".join(checked.wrong))
+    print(f"{room.ledger}: {checked.sealed} worlds were sealed, {checked.graded} marked, as their seed draws them; "
+          f"seals, claims and marks are those of the ledger.\n{len(checked.remade)} worlds made again (drawn by "
+          f"--seed {checked.seed}): the same data to the last byte, and of the claims on file the same is right. "
+          f"Numbers of the marks, worked out again, are off by at most "
+          f"{', '.join(f'{far:.1g} ({name})' for name, far in checked.off.items())}.")
+    if checked.others:
+        print(f"Claimed by another state of the solver ({', '.join(one[:16] for one in checked.others)}; this is "
+              f"{solver_id()[:16]}): those numbers hang on its fits, and are not held against the round.")
+    print(_solve_again(args, room, checked.remade[:args.solve]) if args.solve else
+          "Whether a solver says what was claimed, --solve N asks (of N of these worlds).")
+
+
+def _solve_again(args: argparse.Namespace, room: Room, names: Sequence[str]) -> str:
+    """What came of it; InputError for claims by another state of the solver, and where anything is claimed
+    otherwise."""
+    others = [name for name in names if solver_of(room, name) != solver_id()]
+    if others:
+        raise InputError(f"--solve: {room.claims(others[0])}: claimed by the solver whose hash is "
+                       f"{solver_of(room, others[0])[:16]}; this one is {solver_id()[:16]}: check that commit out")
+    with tempfile.TemporaryDirectory() as folder:
+        away = give_away(room, names, Path(folder) / "away")
+        solve_apart(args, str(away.root))
+        wrong = [line for name in names for line in compare_claims(room, away, name)]
+    if wrong:
+        raise InputError("\n".join(wrong))
+    return f"{', '.join(names)}: solved again from the data alone, and the same claimed."
 
 
 def play_role(args: argparse.Namespace) -> int:
@@ -127,8 +176,8 @@ def _tell(args: argparse.Namespace, room: Room, graded: Sequence[Graded]) -> Non
         print("Nothing has been marked yet.")
         return
     tables = [one.markdown() for one in _save_report(args, room, graded)]
-    sealed = [f"{one.world} was sealed as {room.steps()[one.world][SEALED]}: compare it with the number you were given"
-            for one in graded if one.first.engine == OWN]
+    sealed = [f"{one.world} was sealed as {room.steps()[one.world][Step.SEALED]}: compare it with the number you were "
+              "given" for one in graded if one.first.engine == OWN]
     files = f"report: {room.report}; figures: {room.figures}; every mark: {room.grades}"
     print("\n\n".join([verdict([one.first for one in graded]), *tables, *sealed, files]))
 

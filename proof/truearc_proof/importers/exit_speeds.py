@@ -4,16 +4,17 @@ proof/IMPORTERS.md says what the columns are, where they come from, and what is 
 """
 
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
+from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Rig, Wheel
-from truearc.sim.data.columns import need_columns, number_column
+from truearc.sim.data.columns import need_columns, number_column, parse_number
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.table import Problems, RawTable, gathered, load_table
-from truearc_proof.importers.fuel import load_fuel
-from truearc_proof.importers.originals import matching
+from truearc.sim.data.table import Cell, Problems, RawTable, gathered, load_table
+from truearc_proof.importers.originals import PYTHON_COMMENT, matching, scaled
 from truearc_proof.importers.set_points import BALL, RELEASE_M, WHEEL_M
 
 SPEEDS_971 = ("ball_speed_mps", "accelerator_rad_s")
@@ -23,6 +24,9 @@ ORIGINAL_971 = r"\{(?P<ball_speed_mps>[^{},]*),\s*\{(?P<accelerator_rad_s>[^{},]
 NO_ELEVATION_DEG = 45.0               # placeholder where none was noted: no speed and no spin depends on it
 COLUMNS_FUEL = ("hood_elevation_deg", "motor_rpm", "exit_speed_mps", "spin_rev_s", "ball_mass_kg", "ball_radius_m")
 RELEASE_FUEL_M = 0.39
+ARRAY_FUEL = r"(?m)^{}[ \t]*=[ \t]*np\.array\(\[(?P<cells>[^\[\]]*)\]\)"
+NUMBER_FUEL = r"(?m)^{}[ \t]*=(?P<cell>[^\n]*)$"
+SAME_FUEL = {"hood_elevation_deg": "angle_min", "ball_mass_kg": "m", "ball_radius_m": "R"}  # column -> its name there
 
 
 def import_971(speeds: str | Path) -> Dataset:
@@ -72,3 +76,53 @@ def _positive(table: RawTable, name: str, problems: Problems) -> np.ndarray:
         if math.isfinite(value) and value <= 0.0:
             problems.add(table.place(row), name, f"{value:g} must be above 0")
     return values
+
+
+def load_fuel(path: Path, problems: Problems) -> tuple[RawTable, tuple[str, ...]]:
+    """`shooter.py`, read as text and never run, or a table in CSV; and what was left out.
+
+    Spin is in rad/s, as their equations use it. Where motor speeds start again, the elevation is not stated.
+    """
+    if path.suffix != ".py":
+        return load_table(path, problems), ()
+    rpm, speed, spin = (_array(path, name) for name in ("test_rpm", "test_speed", "test_spin"))
+    if not len(rpm) == len(speed) == len(spin):
+        raise InputError(f"{path}: test_rpm, test_speed and test_spin have {len(rpm)}, {len(speed)} and {len(spin)} "
+                       "numbers, and should have as many")
+    first = _first_run(rpm)
+    columns: dict[str, list[Cell]] = {name: [_number(path, there)] * first for name, there in SAME_FUEL.items()}
+    columns |= {"motor_rpm": rpm[:first], "exit_speed_mps": speed[:first],
+                "spin_rev_s": scaled(spin, 0.5 / math.pi)[:first]}
+    line = _once(path, ARRAY_FUEL.format("test_rpm")).lines[0]
+    more = len(rpm) - first
+    left_out = f"{path}:{line}: {more} more, where motor speeds start again: at another elevation, which is not stated"
+    return RawTable(path, columns, [line] * first), (left_out,) if more else ()
+
+
+def _once(path: Path, pattern: str) -> RawTable:
+    found = matching(path, pattern, PYTHON_COMMENT)
+    if len(found.lines) > 1:
+        raise InputError(f"{path}:{found.lines[1]}: stands in line {found.lines[0]} already; which of them holds?")
+    return found
+
+
+def _number(path: Path, name: str) -> float:
+    found = _once(path, NUMBER_FUEL.format(name))
+    (cell,), (line,) = found.columns["cell"], found.lines
+    number = parse_number(cell)
+    if number is None or not math.isfinite(number):
+        raise InputError(f"{path}:{line}: {name}: {cell!r} is not a finite number")
+    return number
+
+
+def _array(path: Path, name: str) -> list[Cell]:
+    cells = _once(path, ARRAY_FUEL.format(name)).columns["cells"][0]
+    return [cell.strip() or None for cell in str(cells or "").rstrip(",").split(",")]
+
+
+def _first_run(rpm: list[Cell]) -> int:
+    """How many there are before a speed that is not above the one before."""
+    speeds = [parse_number(cell) for cell in rpm]
+    falls = [k for k, (before, here) in enumerate(pairwise(speeds), start=1)
+             if before is not None and here is not None and here <= before]
+    return falls[0] if falls else len(rpm)

@@ -7,11 +7,16 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
+from typing import TypeVar
+
+import numpy as np
 
 from truearc.errors import InputError
 from truearc.sim.data.columns import parse_number
-from truearc.sim.data.table import Cell, RawTable, text_of
+from truearc.sim.data.dataset import Tracks
+from truearc.sim.data.table import Cell, Problems, RawTable, text_of
 
+Key = TypeVar("Key")
 INCH_M = 0.0254
 C_COMMENT = r"/\*.*?\*/|//[^\n]*"       # C++ and Java
 PYTHON_COMMENT = r"#[^\n]*"
@@ -63,6 +68,24 @@ def _product(cell: Cell) -> float | None:
     factors = [parse_number(part) for part in cell.split("*")] if isinstance(cell, str) else [parse_number(cell)]
     known = [factor for factor in factors if factor is not None]
     return math.prod(known) if len(known) == len(factors) else None
+
+
+def group_rows(keys: Sequence[Key], t_s: np.ndarray, table: RawTable, problems: Problems, what: str
+               ) -> dict[Key, list[int]]:
+    """Rows of each key, in the order of their first ones; within one the times must grow. what: a key is of that."""
+    rows_of: dict[Key, list[int]] = {}
+    for row, key in enumerate(keys):
+        rows = rows_of.setdefault(key, [])
+        if rows and t_s[row] <= t_s[rows[-1]]:
+            problems.add(table.place(row), "t_s", f"does not follow the sample before of the same {what}")
+        rows.append(row)
+    return rows_of
+
+
+def tracks_of(samples: Sequence[np.ndarray]) -> Tracks:
+    """Tracks of shots, each of samples [k, 4]: t_s x_m y_m z_m."""
+    stacked = np.concatenate(samples) if samples else np.zeros((0, 4))
+    return Tracks(np.repeat(np.arange(len(samples)), [len(one) for one in samples]), *stacked.T)
 
 
 def part(path: Path, name: str) -> Path:

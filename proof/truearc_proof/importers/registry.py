@@ -1,4 +1,4 @@
-"""The importers of particular public data sets that this distribution registers with truearc.
+"""Importers of particular public data sets, which this distribution registers with truearc.
 
 Their modules are imported when a file is read: `truearc import --help` lists them without.
 """

@@ -4,6 +4,7 @@ proof/IMPORTERS.md says what the columns are, where they come from, and what is 
 """
 
 import math
+import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
@@ -13,13 +14,23 @@ import numpy as np
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Target, Wheel
-from truearc.sim.data.columns import need_columns, number_column, text_column
+from truearc.sim.data.columns import need_columns, number_column, parse_number, text_column
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.table import Problems, RawTable, gathered, load_table
-from truearc_proof.importers.frc_254 import load_254
-from truearc_proof.importers.frc_2910 import load_2910
-from truearc_proof.importers.frc_3476 import load_3476
+from truearc.sim.data.table import Cell, Problems, RawTable, gathered, load_table, text_of
+from truearc_proof.importers.originals import INCH_M, json_rows, matching, part, scaled
 
+NUMBER_254 = r"new InterpolatingDouble\((?P<{}>[^()]*)\)"
+HOOD_254 = (r"kLaser(?P<ball>Old|Medium|New)HoodMap\.put\(" + NUMBER_254.format("inches") + r",\s*"
+            + NUMBER_254.format("hood"))
+SPEED_254 = r"kLaserRPMMap\.put\(" + NUMBER_254.format("inches") + r",\s*" + NUMBER_254.format("rpm")
+BEYOND_IN = 12.0                      # where the team went on in a straight line, so as not to clamp
+STRAIGHT_DEG = 1e-4
+Point = tuple[float | None, float | None]
+# a distance in inches, and a vector of the hood's elevation and the wheel's speed
+TUNING_2910 = (r"SHOOTER_TUNING\.put\(\s*new InterpolatingDouble\((?P<inches>[^()]*)\),\s*"
+          r"new Vector2\(\s*Math\.toRadians\((?P<hood>[^()]*)\),\s*(?P<rpm>[^()]*)\)")
+FILE_3476 = "src/main/deploy/shooter/shooterconfig.json"
+NO_DATE = "2021-01-01T00:00:00+00:00" # of a file without one: all its set points are of one moment
 RPM = 2.0 * math.pi / 60.0
 BALL = Ball(0.142, 0.0889)            # team 2910's notebook: 0.142 kg, 0.1778 m
 GOAL_M = 2.4956                       # 98.25 in, the field drawings of 2020
@@ -27,6 +38,91 @@ OPENING_M = (0.0762, 0.381)           # half heights: the ball's margin in the i
 WHEEL_M = 0.0508                      # 4 in
 RELEASE_M = 0.75                      # assumed: not stated
 DISTANCE_M = 0.05
+
+
+def load_254(path: Path, problems: Problems) -> RawTable:
+    """`Constants.java` or a table in CSV; rows of the Java file that repeat another are taken once."""
+    if path.suffix != ".java":
+        return load_table(path, problems)
+    found = matching(path, HOOD_254)
+    rpm = matching(path, SPEED_254).columns["rpm"]
+    if len(set(rpm)) > 1:
+        raise InputError(f"{path}: kLaserRPMMap has several speeds; a version with one is needed")
+    rows = list(zip(*(found.columns[name] for name in ("ball", "inches", "hood")), strict=True))
+    kept = [k for k, row in enumerate(rows) if row not in rows[:k]]
+    ball, inches, hood = ([found.columns[name][k] for k in kept] for name in ("ball", "inches", "hood"))
+    points = list(zip(ball, map(parse_number, inches), map(parse_number, hood), strict=True))
+    columns: dict[str, list[Cell]] = {
+        "team": ["254"] * len(kept), "table": [f"laser_{str(name).lower()}_ball" for name in ball],
+        "distance_m": scaled(inches, INCH_M), "wheel_rpm": [rpm[0]] * len(kept), "hood_raw": hood,
+        "note": ["EXTRAPOLATED" if is_extrapolated((x, y), [(a, b) for other, a, b in points if other == name])
+                 else None for name, x, y in points]}
+    return RawTable(path, columns, [found.lines[k] for k in kept])
+
+
+def is_extrapolated(point: Point, table: list[Point]) -> bool:
+    """Whether this is a table's last point, BEYOND_IN from the one before and in line with the two before."""
+    known = sorted((x, y) for x, y in table if x is not None and y is not None)
+    if len(known) < 3 or point != known[-1]:
+        return False
+    (x0, y0), (x1, y1), (x2, y2) = known[-3:]
+    return abs(x2 - x1 - BEYOND_IN) < 1e-6 and abs(y1 + (y1 - y0) / (x1 - x0) * (x2 - x1) - y2) < STRAIGHT_DEG
+
+
+def load_2910(path: Path, problems: Problems) -> RawTable:
+    """`TargetWithShooterCommand.java` or a table in CSV."""
+    if path.suffix != ".java":
+        return load_table(path, problems)
+    found = matching(path, TUNING_2910)
+    count = len(found.lines)
+    columns: dict[str, list[Cell]] = {
+        "team": ["2910"] * count, "table": ["shooter_tuning"] * count,
+        "distance_m": scaled(found.columns["inches"], INCH_M), "wheel_rpm": found.columns["rpm"],
+        "hood_raw": found.columns["hood"], "note": [None] * count}
+    return RawTable(path, columns, found.lines)
+
+
+def load_3476(path: Path, problems: Problems) -> list[RawTable]:
+    """Dated versions: in one CSV, or one after the other out of a clone's history; a JSON file has no date."""
+    if path.is_dir():
+        return _history(path)
+    if path.suffix == ".json":
+        return [_version(text_of(path), path, path.stem, NO_DATE)]
+    return [load_table(path, problems)]
+
+
+def _version(text: str, path: Path, commit: str, when: str) -> RawTable:
+    found = json_rows(text, path, "shooterConfigs", ("distance", "hoodEjectAngle", "flywheelSpeed"))
+    count = len(found.lines)
+    return RawTable(path, {"commit": [commit] * count, "committed_at": [when] * count,
+                        "distance_m": scaled(found.columns["distance"], INCH_M),
+                        "hood_eject_angle_deg": found.columns["hoodEjectAngle"],
+                        "flywheel_rpm": found.columns["flywheelSpeed"]}, found.lines)
+
+
+def _history(clone: Path) -> list[RawTable]:
+    """Return the versions, newest first, in the order of git; a commit that removed the file is left out."""
+    if _git(clone, "rev-parse", "--is-shallow-repository").strip() == "true":
+        raise InputError(f"{clone}: is a shallow clone, without the older versions: git -C {clone} fetch --unshallow")
+    log = _git(clone, "-c", "log.showSignature=false", "log", "--abbrev=7", "--format=%h %cI", "--", FILE_3476)
+    dated = [line.split() for line in log.splitlines()]
+    tables = [_version(_git(clone, "show", f"{commit}:{FILE_3476}"), part(clone, f"{Path(FILE_3476).name} of {commit}"),
+                       commit, when)
+              for commit, when in dated if _git(clone, "ls-tree", commit, "--", FILE_3476)]
+    if not tables:
+        raise InputError(f"{clone}: its history has no {FILE_3476} (the clone's top folder is wanted)")
+    return tables
+
+
+def _git(clone: Path, *words: str) -> str:
+    try:
+        done = subprocess.run(("git", "-C", str(clone), *words), capture_output=True, encoding="utf-8",
+                              errors="replace", check=False)
+    except FileNotFoundError as error:
+        raise InputError(f"{clone}: reading a clone's history needs git, which is not installed here") from error
+    if done.returncode:
+        raise InputError(f"{clone}: {done.stderr.strip() or 'git says no'}")
+    return done.stdout
 
 
 @dataclass(frozen=True)

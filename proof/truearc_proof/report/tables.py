@@ -4,12 +4,12 @@ from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 from operator import attrgetter
 
-from truearc.sim.intervals import wilson
-from truearc_proof.report.figures import kept_in_test, worse_in_test
-from truearc_proof.report.posterior_targets import posterior_rows
-from truearc_proof.report.targets import against_targets
-from truearc_proof.scoring.decoys import up_to_alias
-from truearc_proof.scoring.score_world import MEASUREMENT, NULLS, SHOTS, Mark
+import numpy as np
+from scipy.stats import fisher_exact
+
+from truearc.sim.statistics import wilson
+from truearc_proof.report import targets
+from truearc_proof.scoring.score_world import MEASUREMENT, NULLS, SHOTS, Mark, up_to_alias
 from truearc_proof.table import Table
 from truearc_proof.worlds.sampling_plan import MUJOCO, NUMPY, OWN
 
@@ -26,6 +26,7 @@ Again = Sequence[tuple[Mark, Mark]]
 FOUND: Question = attrgetter("found")
 STAGE: Question = attrgetter("stage")
 RIGHT: tuple[Question, ...] = (attrgetter("first"), up_to_alias, attrgetter("covered"))
+ROUNDING = 1e-9                       # an interval that begins at 0 may begin a last digit above it
 
 
 def make_tables(marks: Sequence[Mark], again: Again = (), scale: float | None = None) -> list[Table]:
@@ -133,7 +134,7 @@ def _right(marks: Sequence[Mark]) -> Table:
 
 
 def _in_test(marks: Sequence[Mark]) -> list[str]:
-    return [kept_in_test(marks).words, said(*share(marks, worse_in_test))]
+    return [targets.kept_in_test(marks).words, said(*share(marks, targets.worse_in_test))]
 
 
 def _matrix(marks: Sequence[Mark]) -> Table:
@@ -144,12 +145,12 @@ def _matrix(marks: Sequence[Mark]) -> Table:
 def _posterior(marks: Sequence[Mark]) -> Table:
     levels = {one.level for one in marks}
     return Table("Against the targets of the posterior", ("figure", "here", "wanted", ""),
-                 posterior_rows(marks) if len(levels) == 1 else [])
+                 targets.posterior_rows(marks) if len(levels) == 1 else [])
 
 
 def _targets(marks: Sequence[Mark], scale: float | None) -> Table:
     return Table("Against the design's targets", (
-        "level, shots", "figure", "here", "these data allow", "wanted", ""), against_targets(marks, scale))
+        "level, shots", "figure", "here", "these data allow", "wanted", ""), targets.against_targets(marks, scale))
 
 
 def _rivals(marks: Sequence[Mark]) -> Table:
@@ -193,3 +194,21 @@ def _before_and_after(named: Again) -> list[str]:
     for question in (lambda one: one.first, lambda one: bool(one.first) and one.names == one.hidden):
         cells += [said(*share(side, question)) for side in zip(*named, strict=True)]
     return cells
+
+
+def beside(published: Sequence[Mark], again: Sequence[Mark]) -> Table:
+    """A row for each share that both rounds have: whether the second one's lies in the first one's 95 % interval, ends
+    included, and how often chance alone would put two rounds of these sizes as far apart (Fisher's exact test): of six
+    worlds a share lies outside easily."""
+    ours, theirs = targets.figures_of(published), targets.figures_of(again)
+    rows = [_beside_row(targets.TITLES[name], ours[name], theirs[name]) for name in ours
+            if ours[name].counts is not None and theirs[name].counts is not None]
+    return Table("Played again", ("figure", "published", "again", "inside", "by chance"), rows)
+
+
+def _beside_row(name: str, ours: targets.ProofFigure, theirs: targets.ProofFigure) -> list[str]:
+    assert ours.counts is not None and theirs.counts is not None
+    (low, high), (yes, of) = wilson(*ours.counts), theirs.counts
+    counts = np.array([[yes, of - yes], [ours.counts[0], ours.counts[1] - ours.counts[0]]])
+    return [name, ours.words, theirs.words, "yes" if low - ROUNDING <= yes / of <= high + ROUNDING else "no",
+            f"{fisher_exact(counts).pvalue:.2f}"]

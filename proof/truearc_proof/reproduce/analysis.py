@@ -6,21 +6,96 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.sim.paper.sweep_settings import SweepSetting
-from truearc_proof.reproduce.intervals import Interval, interval
-from truearc_proof.reproduce.metrics import Metrics, measure
-from truearc_proof.reproduce.networks import Answer
-from truearc_proof.reproduce.repetition import OURS, Repetition
-from truearc_proof.reproduce.settings import Settings
+from truearc.sim import statistics as figures
+from truearc.sim.paper.sweep import SweepSetting
+from truearc.sim.statistics import student_half
+from truearc_proof.reproduce.models import OURS, Answer, Repetition
+from truearc_proof.reproduce.settings import EVERYTHING, REAL, SIMULATED, WHERE, Settings
 
-EVERYTHING, REAL, SIMULATED = "D_r test + D_s^T", "D_r test", "D_s^T"
-WHERE = (EVERYTHING, REAL, SIMULATED)
+CUT = 0.5
+CLASSES = {"miss": (False, False), "two": (True, False), "three": (True, True)}
+RESAMPLES = 4000
 BY_VALIDATION = "seed's network, setting best by validation"
 BY_TEST = "seed's network, setting best by test (generous)"
 PAPERS = "seed's network, the paper's setting"
 NO_SIMULATED = "network without simulated data"
 COMPARED = ("accuracy", "f1_three", "brier", "ece")
 LOW_IS_GOOD = ("brier", "ece")
+
+
+class Metrics(NamedTuple):
+    """Shares in 0-1, NaN where there is nothing to share.
+
+    `accuracy`: rows whose outcome (of three) is called right. `class_three`, `class_two`: of the rows of that outcome,
+    those called right, which is what the paper's "F1" is. `f1_three`, `f1_two`: F1 proper of that outcome against the
+    others. `brier`: mean squared error of the probabilities, over rows and both outputs. `ece`: calibration error
+    expected over truearc.sim.statistics.BINS equal bins of both outputs' probabilities, that is the mean over
+    predictions of |share of hits - mean probability| of their bin.
+    """
+
+    accuracy: float
+    class_three: float
+    class_two: float
+    f1_three: float
+    f1_two: float
+    brier: float
+    ece: float
+
+
+def measure(p: np.ndarray, labels: np.ndarray) -> Metrics:
+    """All metrics of predictions p [n, 2] with labels [n, 2] of 0 and 1.
+
+    A row called three but not two has no outcome and is wrong.
+    """
+    said, was = p >= CUT, labels >= 0.5
+    three, two = (_of_class(said, was, outcome) for outcome in ("three", "two"))
+    return Metrics(figures.accuracy(p, was), three[0], two[0], three[1], two[1],
+                   float(np.mean((p - labels)**2)) if len(p) else float("nan"), calibration_error(p, labels))
+
+
+def _of_class(said: np.ndarray, was: np.ndarray, outcome: str) -> tuple[float, float]:
+    """(share of that outcome called so, F1); F1 is 0 where it is never called rightly, NaN where there is none."""
+    called = (said == np.array(CLASSES[outcome])).all(axis=1)
+    there = (was == np.array(CLASSES[outcome])).all(axis=1)
+    return _share(called[there]), figures.f1(called, there)
+
+
+def calibration_error(p: np.ndarray, labels: np.ndarray) -> float:
+    """Expected calibration error of truearc.sim.statistics, both outputs together; NaN of nothing."""
+    return figures.calibration_error(p.ravel(), labels.ravel()) if len(p) else float("nan")
+
+
+def _share(right: np.ndarray) -> float:
+    return float(np.mean(right)) if right.size else float("nan")
+
+
+class Interval(NamedTuple):
+    """A mean with its 95 % interval by Student's t and by the bootstrap (percentiles), over `n` repetitions."""
+
+    mean: float
+    low: float
+    high: float
+    boot_low: float
+    boot_high: float
+    n: int
+
+
+def interval(values: np.ndarray, seed: int = 0) -> Interval:
+    """Of one value a repetition; NaN rows are left out, and fewer than two leave the bounds NaN.
+
+    For a paired comparison pass the differences. Repetitions that draw from one pool overlap, so the interval covers
+    new draws from these recordings; one that covered new recordings would be wider.
+    """
+    kept = np.asarray(values, float)[~np.isnan(np.asarray(values, float))]
+    if len(kept) < 2:
+        mean = float(kept[0]) if len(kept) else float("nan")
+        nan = float("nan")
+        return Interval(mean, nan, nan, nan, nan, len(kept))
+    mean = float(kept.mean())
+    half = student_half(kept)
+    draws = np.random.default_rng([seed, 35]).integers(0, len(kept), (RESAMPLES, len(kept)))
+    boot_low, boot_high = np.percentile(kept[draws].mean(axis=1), [2.5, 97.5])
+    return Interval(mean, mean - half, mean + half, float(boot_low), float(boot_high), len(kept))
 
 
 class Figure(NamedTuple):

@@ -1,4 +1,4 @@
-"""The one page of a reproduction, and its figures as JSON and CSV."""
+"""The page of a reproduction: the paper's tables and figures with ours beside them; and both as JSON and CSV."""
 
 import json
 import math
@@ -8,26 +8,276 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from truearc.sim.data.columns import OUTCOMES
-from truearc.sim.data.load import hash_dataset
-from truearc.sim.paper.sweep_settings import SweepSetting
-from truearc.sim.report import NO_ORIGIN, Origin, make_page, make_png, paragraph, picture, table
-from truearc.sim.tables import save_csv
-from truearc_proof.reproduce.analysis import BY_TEST, BY_VALIDATION, EVERYTHING, PAPERS, Analysis
+from truearc.sim.data.files import hash_dataset
+from truearc.sim.paper.sweep import SweepSetting
+from truearc.sim.printed import save_csv
+from truearc.sim.report import COLOURS, NO_ORIGIN, Origin, make_page, make_png, new_figure, paragraph, picture, table
+from truearc.sim.statistics import BINS, reliability
+from truearc_proof.reproduce import analysis as figures
+from truearc_proof.reproduce.analysis import Analysis, Interval, interval, network_name
 from truearc_proof.reproduce.collect import LAUNCHABLE, Pool
-from truearc_proof.reproduce.intervals import Interval
-from truearc_proof.reproduce.metrics import Metrics
-from truearc_proof.reproduce.networks import Answer
-from truearc_proof.reproduce.pictures import draw_deviations, draw_reliability, draw_sets, draw_sizes, draw_weights
-from truearc_proof.reproduce.repetition import OURS, SIMULATOR, Repetition
-from truearc_proof.reproduce.settings import Settings
-from truearc_proof.reproduce.tables import NAMES
+from truearc_proof.reproduce.models import OURS, SIMULATOR, Answer, Repetition
+from truearc_proof.reproduce.settings import EVERYTHING, REAL, SIMULATED, WHERE, Settings
 from truearc_proof.table import Table
 
+# the paper's printed Tables I and II; Figures 8 to 10 are pictures without numbers
+TABLE_I = {"Training": {"two": 1.0, "three": 0.9231, "mean_m": 0.051, "median_m": 0.058},
+           "Testing": {"two": 0.9286, "three": 0.8571, "mean_m": 0.283, "median_m": 0.124}}
+# size of D_s -> overall accuracy, "F1-3pt", "F1-2pt": a class's accuracy by its own arithmetic (docs/how-to/paper.md)
+TABLE_II = {0: (0.4429, 0.0417, 0.6666), 500: (0.7857, 0.5000, 0.8750), 600: (0.8714, 0.7083, 0.9167),
+            750: (0.9143, 0.7916, 0.9583), 900: (0.9856, 0.9583, 1.0000), 1000: (0.9571, 0.9167, 0.9583),
+            1250: (0.9285, 0.8750, 0.9167)}
+COEFFICIENTS = {"cd": 0.91, "cl": 0.06}
+BEST_WEIGHT = 0.01                    # Figure 10's star
+NOT_PRINTED = "not printed in the paper"
+DIFFERENCES = "Our gate against the others, paired"
+NAMES = {"accuracy": "accuracy", "class_three": "3-pt class accuracy", "class_two": "2-pt class accuracy",
+         "f1_three": "3-pt F1", "f1_two": "2-pt F1", "brier": "Brier", "ece": "calibration error"}
+BLUE, GREY, RED, GREEN = "#1f5fa8", "#9aa3af", "#b3261e", "#1b7f3b"
+FARTHEST_M = 2.0
 OURS_NOT_THEIRS = ("The data are ours, recorded by an emulated robot in a MuJoCo world, not the paper's: what agrees "
                    "with the paper does so on another launcher, and what differs may differ for that reason.")
 SCHEMA = "truearc.reproduction/1"
+
+
+def make_tables(repetitions: Sequence[Repetition], analysis: Analysis, settings: Settings) -> list[Table]:
+    """Table I, Table II, Figure 9 and 10 as numbers, every model's metrics, and ours against the others."""
+    tables = [table_one(repetitions), coefficients_table(repetitions), table_two(analysis, settings),
+              figure_nine(analysis, settings), figure_ten(analysis, settings), models_table(analysis)]
+    if OURS in analysis.models():
+        tables.append(differences_table(analysis))
+    return tables
+
+
+def table_one(repetitions: Sequence[Repetition]) -> Table:
+    rows = []
+    for part, printed in TABLE_I.items():
+        for name, words, percent in (("two", "2-pt accuracy", True), ("three", "3-pt accuracy", True),
+                                     ("mean_m", "mean deviation", False), ("median_m", "median deviation", False)):
+            values = np.array([getattr(one.scores[part], name) for one in repetitions])
+            reached = np.where(np.isfinite(values), values, np.nan)
+            show = _percent if percent else _metres
+            rows.append((part, words, show(printed[name]), show(interval(reached)), str(int(np.isinf(values).sum()))))
+    return Table("Table I: the simulator with the chosen coefficients", ("split", "measure", "paper", "here (95 %)",
+                 "repetitions with a shot that never reaches the plane"), tuple(rows),
+                 "Accuracies as the paper's arithmetic has them: of the configurations that scored three, those flown "
+                 "into the three; of those that scored, those flown into the two. Deviations: of the configurations "
+                 "that scored three, from the target's centre; the paper gives no unit, here metres.")
+
+
+def coefficients_table(repetitions: Sequence[Repetition]) -> Table:
+    values = {"C_d": [one.coefficients["drag"]["cd"] for one in repetitions],
+              "C_l": [one.coefficients["magnus"]["cl"] for one in repetitions],
+              "tied pairs": [float(one.tied) for one in repetitions]}
+    printed = {"C_d": f"{COEFFICIENTS['cd']:.2f}", "C_l": f"{COEFFICIENTS['cl']:.2f}", "tied pairs": "28"}
+    rows = tuple((name, printed[name], f"{np.median(column):.3g}", f"{min(column):.3g} to {max(column):.3g}")
+                 for name, column in values.items())
+    return Table("Coefficients chosen by the grid", ("", "paper", "here, median", "range"), rows,
+                 "The model loses no speed between wheels and ball; what the launcher loses there, C_d takes.")
+
+
+def table_two(analysis: Analysis, settings: Settings) -> Table:
+    rows = []
+    for size in settings.sizes:
+        name = network_name(SweepSetting(size, settings.best_weight))
+        printed = TABLE_II.get(size)
+        cells = [str(size)]
+        for place, metric in enumerate(("accuracy", "class_three", "class_two")):
+            cells += [_percent(printed[place]) if printed else "-", _over(analysis, name, EVERYTHING, metric)]
+        cells += [_over(analysis, name, EVERYTHING, metric) for metric in ("f1_three", "f1_two")]
+        rows.append(tuple(cells))
+    return Table("Table II: the network by the amount of simulated data", (
+        "D_s", "paper: overall", "here", "paper: \"F1-3pt\"", "here, same measure", "paper: \"F1-2pt\"",
+        "here, same measure", "here, F1 of three", "here, F1 of two"), tuple(rows),
+        "On D_r's test set and D_s^T together. The paper's \"F1\" are shares of 24 configurations: class accuracies, "
+        "which stand beside them; F1 proper follows.")
+
+
+def figure_nine(analysis: Analysis, settings: Settings) -> Table:
+    models = [(network_name(SweepSetting(size, settings.best_weight)), NOT_PRINTED) for size in settings.sizes]
+    models += [(model, "-") for model in analysis.models()]
+    rows = [(model, printed, _over(analysis, model, REAL, "accuracy"), printed,
+             _over(analysis, model, SIMULATED, "accuracy")) for model, printed in models]
+    return Table("Figure 9: accuracy on recorded and on simulated, then launched, configurations",
+                 ("model", "paper: D_r", "here: D_r test", "paper: D_s^T", "here: D_s^T"), tuple(rows), "")
+
+
+def figure_ten(analysis: Analysis, settings: Settings) -> Table:
+    rows = []
+    for weight in sorted({*settings.weights, settings.best_weight}):
+        name = network_name(SweepSetting(settings.best_size, weight))
+        star = "best (starred)" if weight == BEST_WEIGHT else NOT_PRINTED
+        rows.append((f"{weight:g}", star, *(_over(analysis, name, where, "accuracy") for where in WHERE)))
+    return Table(f"Figure 10: the network by lambda, {settings.best_size} simulated configurations",
+                 ("lambda", "paper", *(f"here: accuracy, {where}" for where in WHERE)), tuple(rows), "")
+
+
+def models_table(analysis: Analysis) -> Table:
+    """Every model on everything, the best in each column marked."""
+    metrics = figures.Metrics._fields
+    rows = tuple((model, *(_over(analysis, model, EVERYTHING, metric) for metric in metrics))
+                 for model in analysis.models())
+    return Table("All models, D_r test and D_s^T together", ("model", *(NAMES[name] for name in metrics)),
+                 rows, "Means over repetitions with 95 % intervals. Brier: mean squared error of both outputs' "
+                 f"probabilities; calibration error: expected, over {BINS} equal bins of both outputs' probabilities; "
+                 "for these two less is better. The simulator alone says 0 or 1.")
+
+
+def in_short(tables: Sequence[Table]) -> list[Table]:
+    """For the terminal: of our gate's differences those on all rows only."""
+    return [one._replace(rows=tuple(row for row in one.rows if row[0] == EVERYTHING))
+            if one.title == DIFFERENCES else one for one in tables]
+
+
+def differences_table(analysis: Analysis) -> Table:
+    rows = []
+    for found in analysis.differences:
+        show = _points if found.metric not in figures.LOW_IS_GOOD else _figure
+        setting = f" ({found.setting})" if found.setting else ""
+        rows.append((found.where, NAMES[found.metric], found.other + setting, f"{found.ours:.3f}",
+                     f"{found.theirs:.3f}", show(found.difference), "yes" if found.better else "no"))
+    return Table(DIFFERENCES, ("rows", "measure", "against", "ours", "theirs",
+                 "ours - theirs (95 %, t; bootstrap)", "better"), tuple(rows),
+                 f"Paired by repetition. \"{figures.BY_TEST}\" is the one setting that does best on the very rows it "
+                 "is judged by. Better: both intervals are wholly on the good side of 0. Compared: "
+                 + ", ".join(NAMES[name] for name in figures.COMPARED) + ".")
+
+
+def _over(analysis: Analysis, model: str, where: str, metric: str) -> str:
+    found = interval(analysis.values(model, where, metric))
+    return _figure(found, short=True) if metric in figures.LOW_IS_GOOD else _percent(found)
+
+
+def _percent(value: float | Interval) -> str:
+    if isinstance(value, Interval):
+        return f"{value.mean:.1%} ({max(value.low, 0.0):.1%} to {min(value.high, 1.0):.1%})"
+    return f"{value:.2%}"
+
+
+def _metres(value: float | Interval) -> str:
+    if isinstance(value, Interval):
+        return f"{value.mean:.3f} m ({value.low:.3f} to {value.high:.3f})"
+    return f"{value:.3f}"
+
+
+def _points(value: Interval) -> str:
+    return (f"{100 * value.mean:+.1f} points ({100 * value.low:+.1f} to {100 * value.high:+.1f}; "
+            f"{100 * value.boot_low:+.1f} to {100 * value.boot_high:+.1f})")
+
+
+def _figure(value: Interval, short: bool = False) -> str:
+    if short:
+        return f"{value.mean:.3f} ({value.low:.3f} to {value.high:.3f})"
+    return (f"{value.mean:+.4f} ({value.low:+.4f} to {value.high:+.4f}; "
+            f"{value.boot_low:+.4f} to {value.boot_high:+.4f})")
+
+
+def draw_deviations(repetitions: Sequence[Repetition], three_m: float, two_m: float) -> Figure:
+    """Figure 8 right: how far the fitted simulator flies test configurations from the centre, by what happened."""
+    figure = new_figure(8.0, 3.4)
+    axes = figure.subplots()
+    rng = np.random.default_rng(0)
+    deviation_m = np.concatenate([one.deviation_m for one in repetitions])
+    outcome = np.array([said for one in repetitions for said in one.outcome])
+    for place, (name, colour) in enumerate(COLOURS.items()):
+        values = np.minimum(deviation_m[outcome == name], FARTHEST_M)
+        axes.plot(values, place + rng.uniform(-0.3, 0.3, len(values)), ".", color=colour, alpha=0.5)
+        axes.plot([np.median(values)] * 2, [place - 0.38, place + 0.38], color="#1a1c20", linewidth=2)
+    for bound, words in ((three_m, "three"), (two_m, "two")):
+        axes.axvline(bound, color=GREY, linestyle="--")
+        axes.text(bound, 2.62, f" {words}", color="#5c6470", va="top")
+    axes.axvline(TABLE_I["Testing"]["mean_m"], color=RED, linewidth=1.0, label="paper: mean on its test set")
+    axes.set_yticks(range(len(COLOURS)), [f"was {name}" for name in COLOURS])
+    axes.set(xlabel=f"simulated deviation from the centre, m ({FARTHEST_M:g} stands for more and for never there)",
+             xlim=(0.0, FARTHEST_M * 1.02), ylim=(-0.6, 2.7))
+    axes.legend(frameon=False, loc="lower right")
+    return _bare(figure, axes)
+
+
+def draw_sizes(analysis: Analysis, settings: Settings) -> Figure:
+    """Table II and Figure 9 in one: accuracy by the amount of simulated data, together and on either set."""
+    figure = new_figure(8.0, 4.0)
+    axes = figure.subplots()
+    for where, colour in ((EVERYTHING, BLUE), (REAL, GREEN), (SIMULATED, "#d99000")):
+        _band(axes, settings.sizes, [analysis.values(network_name(SweepSetting(size, settings.best_weight)), where,
+                                                     "accuracy") for size in settings.sizes], colour, f"here: {where}")
+    axes.plot(list(TABLE_II), [100 * row[0] for row in TABLE_II.values()], "o--", color=RED,
+              label="paper: Table II, overall")
+    _level(axes, analysis, OURS, EVERYTHING, "our gate, both sets")
+    axes.set(xlabel="simulated configurations (D_s)", ylabel="accuracy, %", ylim=(0.0, 102.0))
+    axes.legend(frameon=False, loc="lower right", ncols=2)
+    return _bare(figure, axes)
+
+
+def draw_sets(analysis: Analysis, settings: Settings) -> Figure:
+    """Figure 9: accuracy of every model on D_r's test set and on D_s^T."""
+    best = network_name(SweepSetting(settings.best_size, settings.best_weight))
+    models = [best, *(model for model in analysis.models() if not model.startswith("seed's network"))]
+    figure = new_figure(8.0, 0.9 + 0.55 * len(models))
+    axes = figure.subplots()
+    for row, model in enumerate(reversed(models)):
+        for side, where, colour in ((0.19, REAL, GREEN), (-0.19, SIMULATED, "#d99000")):
+            found = interval(100 * analysis.values(model, where, "accuracy"))
+            axes.barh(row + side, found.mean, height=0.34, color=colour, label=where if row == 0 else None)
+            axes.plot([found.low, found.high], [row + side] * 2, color="#1a1c20", linewidth=1.5)
+    axes.set_yticks(range(len(models)), list(reversed(models)))
+    axes.set(xlabel="accuracy, %, 95 % interval of the mean over repetitions", xlim=(0.0, 100.0))
+    axes.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.4, 1.0), ncols=2)
+    return _bare(figure, axes)
+
+
+def draw_weights(analysis: Analysis, settings: Settings) -> Figure:
+    """Figure 10: accuracy by lambda; the paper's own choice is starred as there."""
+    figure = new_figure(8.0, 3.8)
+    axes = figure.subplots()
+    weights = sorted({*settings.weights, settings.best_weight})
+    for where, colour in ((EVERYTHING, BLUE), (REAL, GREEN), (SIMULATED, "#d99000")):
+        _band(axes, weights, [analysis.values(network_name(SweepSetting(settings.best_size, weight)), where, "accuracy")
+                              for weight in weights], colour, where)
+    star = analysis.values(network_name(SweepSetting(settings.best_size, BEST_WEIGHT)), EVERYTHING, "accuracy")
+    if len(star):
+        axes.plot(BEST_WEIGHT, 100 * star.mean(), "*", markersize=16, color=RED, label="the paper's lambda")
+    _level(axes, analysis, OURS, EVERYTHING, "our gate, both sets")
+    axes.set(xscale="log", xlabel="lambda", ylabel="accuracy, %")
+    axes.legend(frameon=False, ncols=2)
+    return _bare(figure, axes)
+
+
+def draw_reliability(repetitions: Sequence[Repetition], answers: dict[str, list[np.ndarray]]) -> Figure:
+    """Share of hits against stated probability, both outputs, all repetitions; a diagonal is an honest model."""
+    figure = new_figure(8.0, 3.8)
+    panels = figure.subplots(1, max(len(answers), 1), sharey=True, squeeze=False)[0]
+    hits = np.concatenate([one.asked.labels.ravel() for one in repetitions])
+    for axes, (name, predictions) in zip(panels, answers.items(), strict=True):
+        bins = reliability(np.concatenate([part.ravel() for part in predictions]), hits)
+        axes.plot([0, 1], [0, 1], color=GREY, linewidth=1.0)
+        axes.scatter(bins.stated, bins.came_true, s=6 + 300 * bins.count / bins.count.sum(), color=BLUE)
+        axes.set(title=name, xlabel="stated probability", xlim=(0, 1), ylim=(0, 1), aspect="equal")
+        axes.title.set_fontsize(9)
+        axes.spines[["top", "right"]].set_visible(False)
+    panels[0].set_ylabel("share of hits")
+    return figure
+
+
+def _band(axes: Axes, x: Sequence[float], columns: list[np.ndarray], colour: str, label: str) -> None:
+    found = [interval(100 * column) for column in columns]
+    axes.plot(x, [one.mean for one in found], "o-", color=colour, label=label, markersize=4)
+    axes.fill_between(x, [one.low for one in found], [one.high for one in found], color=colour, alpha=0.2, linewidth=0)
+
+
+def _level(axes: Axes, analysis: Analysis, model: str, where: str, label: str) -> None:
+    values = analysis.values(model, where, "accuracy")
+    if len(values):
+        axes.axhline(100 * values.mean(), color="#1a1c20", linestyle=":", label=label)
+
+
+def _bare(figure: Figure, axes: Axes) -> Figure:
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure
 
 
 def what_varies(pool: Pool, settings: Settings) -> list[str]:
@@ -57,7 +307,7 @@ def what_varies(pool: Pool, settings: Settings) -> list[str]:
 def headline(analysis: Analysis) -> list[str]:
     """Return the findings, one sentence each."""
     lines = []
-    for other in (BY_VALIDATION, BY_TEST):
+    for other in (figures.BY_VALIDATION, figures.BY_TEST):
         won = [found for found in analysis.differences if found.where == EVERYTHING and found.other == other]
         if won:
             said = ", ".join(f"{NAMES[found.metric]} {found.ours:.3f} against {found.theirs:.3f}"
@@ -101,7 +351,8 @@ def save_figures(folder: Path, pool: Pool, repetitions: Sequence[Repetition], an
     rows = [[figure.repetition, figure.model, "" if figure.size is None else figure.size,
              "" if figure.weight is None else figure.weight, figure.where, *map(_cell, figure.metrics)]
             for figure in analysis.figures]
-    save_csv(folder / "figures.csv", ["repetition", "model", "simulated", "lambda", "rows", *Metrics._fields], rows)
+    header = ["repetition", "model", "simulated", "lambda", "rows", *figures.Metrics._fields]
+    save_csv(folder / "figures.csv", header, rows)
     splits = [[one.number, part, *map(_cell, found)] for one in repetitions for part, found in one.scores.items()]
     names = repetitions[0].scores["Training"]._fields
     save_csv(folder / "table_1.csv", ["repetition", "split", *names], splits)
@@ -127,7 +378,7 @@ def _summary(pool: Pool, repetitions: Sequence[Repetition], analysis: Analysis, 
 def _reliabilities(repetitions: Sequence[Repetition], answers: Sequence[dict[SweepSetting, Answer]],
                    settings: Settings) -> dict[str, list[np.ndarray]]:
     setting = SweepSetting(settings.best_size, settings.best_weight)
-    shown = {PAPERS: [networks[setting].p for networks in answers]}
+    shown = {figures.PAPERS: [networks[setting].p for networks in answers]}
     for name in (OURS, "Gaussian process", SIMULATOR):
         if all(name in one.predictions for one in repetitions):
             shown[name] = [one.predictions[name] for one in repetitions]

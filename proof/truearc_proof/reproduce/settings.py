@@ -1,4 +1,4 @@
-"""How much is recorded, drawn and trained."""
+"""How much a reproduction records, draws and trains."""
 
 from dataclasses import dataclass
 
@@ -7,6 +7,8 @@ from truearc.sim.paper.settings import PATIENCE, STEPS
 
 QUICK_DRAWS = 3                       # repetitions with --quick
 LEAST = 6                             # fewer configurations of an outcome than this cannot be split
+EVERYTHING, REAL, SIMULATED = "D_r test + D_s^T", "D_r test", "D_s^T"      # rows that models are judged by
+WHERE = (EVERYTHING, REAL, SIMULATED)
 
 
 @dataclass(frozen=True)

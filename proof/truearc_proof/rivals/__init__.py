@@ -1,1 +1,39 @@
-"""What others would say of the same worlds: each rival one file with `answer(dataset, believed, seed) -> Claim`."""
+"""What others would say of the same worlds, by the names on the command line.
+
+A rival's module is imported when it is asked for.
+"""
+
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, cast
+
+from truearc.errors import InputError
+
+if TYPE_CHECKING:
+    from truearc_proof.rivals.claim import Rival
+
+OURS = "truearc"
+ANSWERS = {"pysindy-ensemble": "sindy:answer_ensemble", "pysindy-weak": "sindy:answer_weak",
+           "odr-bindy": "odr_bindy:answer", "gp": "residual:answer_gp", "boosted": "residual:answer_boosted",
+           "argmax": "claim:answer_argmax"}
+NEEDS = {"pysindy-ensemble": "pysindy", "pysindy-weak": "pysindy", "gp": "sklearn", "boosted": "sklearn"}
+RIVALS = tuple(ANSWERS)
+
+
+def find_rival(name: str, find: Callable[[str], object] = find_spec) -> "Rival":
+    """The rival of that name; InputError when there is none, or when the package it needs is not installed."""
+    if name not in ANSWERS:
+        raise InputError(f"there is no rival {name!r}; there are {', '.join(RIVALS)}")
+    package = NEEDS.get(name)
+    if package and find(package) is None:
+        raise InputError(f"{name} needs {package}: pip install ./proof in a checkout")
+    module, _, function = ANSWERS[name].partition(":")
+    return cast("Rival", getattr(import_module(f"truearc_proof.rivals.{module}"), function))
+
+
+def check_rivals(names: Sequence[str], find: Callable[[str], object] = find_spec) -> tuple[str, ...]:
+    """The names, each once; InputError for one that cannot enter."""
+    for name in names:
+        find_rival(name, find)
+    return tuple(dict.fromkeys(names))

@@ -17,12 +17,10 @@ import numpy as np
 from scipy.linalg import solveh_banded
 
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.infer.likelihood.track_noise import Samples, measure_scatter
+from truearc.sim.infer.likelihood.observations import Samples, measure_scatter
+from truearc_proof.rivals import flights as laws
 from truearc_proof.rivals.claim import Array, Claim, RivalBelief, folds, rms
-from truearc_proof.rivals.forecast import end_errors
-from truearc_proof.rivals.library import Moments, accelerations, candidates_of, gravity, terms_of, usual_of
-from truearc_proof.rivals.regression import known_of
-from truearc_proof.rivals.tracks import Flights, gather_flights
+from truearc_proof.rivals.sindy import known_of
 
 SOFT_M_S2 = 0.02                      # by how much the law may miss an acceleration: truncation, and no more
 PRIOR = 1.0                           # standard deviation of a candidate, in usual sizes of its term
@@ -75,12 +73,12 @@ class Chosen(NamedTuple):
 
 def answer(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
     """Return the claim of the set with the largest evidence; nothing in it is random."""
-    return claim_of(gather_flights(dataset), known_of(believed.terms))
+    return claim_of(laws.gather_flights(dataset), known_of(believed.terms))
 
 
-def claim_of(flights: Flights, known: tuple[str, ...]) -> Claim:
+def claim_of(flights: laws.Flights, known: tuple[str, ...]) -> Claim:
     """Choose, rank by coefficients over their standard deviations, and forecast held-out tracks by the others' law."""
-    names = known + candidates_of(known)
+    names = known + laws.candidates_of(known)
     prior = np.where(np.arange(len(names)) < len(known), VAGUE, PRIOR)
     linear = linearise_at_best(flights, names, prior, len(known))
     whole = (linear.square.sum(0), linear.pull.sum(0), prior)
@@ -92,17 +90,17 @@ def claim_of(flights: Flights, known: tuple[str, ...]) -> Claim:
         part = (linear.square[held.train].sum(0), linear.pull[held.train].sum(0), prior)
         weights[0, held.out] = solve(*part, alone).weights
         weights[1, held.out] = choose(*part, len(known)).weights
-    before, after = (rms(end_errors(flights, names, each)) for each in weights)
+    before, after = (rms(laws.end_errors(flights, names, each)) for each in weights)
     figures = {"gain": best.evidence - plain.evidence}
     if ranked:
         top = ranked[0]
-        figures |= {end: float(usual_of(names[top]) * (best.weights[top] + far * best.sd[top]))
+        figures |= {end: float(laws.usual_of(names[top]) * (best.weights[top] + far * best.sd[top]))
                     for end, far in (("low90", -1.645), ("high90", 1.645))}
-    return Claim(bool(ranked), tuple(term for k in ranked for term in terms_of(names[k])), before,
+    return Claim(bool(ranked), tuple(term for k in ranked for term in laws.terms_of(names[k])), before,
                  after if ranked else before, figures)
 
 
-def linearise_at_best(flights: Flights, names: tuple[str, ...], prior: Array, known: int) -> Linear:
+def linearise_at_best(flights: laws.Flights, names: tuple[str, ...], prior: Array, known: int) -> Linear:
     """The cost about the most probable x and p, of all columns and then of those that the evidence chooses."""
     films, sigma_m = film(flights), noise_of(flights)
     at, kept = State(films.smooth_m, np.zeros(len(names))), np.ones(len(names), dtype=bool)
@@ -112,7 +110,7 @@ def linearise_at_best(flights: Flights, names: tuple[str, ...], prior: Array, kn
     return linear
 
 
-def settle(flights: Flights, films: Films, sigma_m: Array, names: tuple[str, ...], prior: Array, at: State,
+def settle(flights: laws.Flights, films: Films, sigma_m: Array, names: tuple[str, ...], prior: Array, at: State,
            kept: Array) -> tuple[State, Linear]:
     """Gauss-Newton from a state, steps halved until the cost falls; to where a step gains less than CLOSE nats."""
     at, cost = at._replace(weights=at.weights * kept), np.inf
@@ -132,10 +130,11 @@ def settle(flights: Flights, films: Films, sigma_m: Array, names: tuple[str, ...
     return at, linear
 
 
-def cost_of(flights: Flights, films: Films, sigma_m: Array, names: tuple[str, ...], prior: Array, at: State) -> float:
+def cost_of(flights: laws.Flights, films: Films, sigma_m: Array, names: tuple[str, ...], prior: Array,
+            at: State) -> float:
     """In nats."""
     velocity, bend = _differences(films, at.position_m)
-    law = _library(flights, films, names, velocity) @ at.weights + gravity(flights.facts)
+    law = _library(flights, films, names, velocity) @ at.weights + laws.gravity(flights.facts)
     miss = films.law[..., None] * flights.measured * (bend - law) / SOFT_M_S2
     off = films.seen[..., None] * (films.position_m - at.position_m) / sigma_m
     return float(0.5 * ((miss**2).sum() + (off**2).sum() + ((at.weights / prior)**2).sum()))
@@ -165,7 +164,7 @@ def solve(square: Array, pull: Array, prior: Array, kept: Array) -> Chosen:
     return Chosen(kept, weights, sd, float(0.5 * pull @ weights - occam))
 
 
-def film(flights: Flights) -> Films:
+def film(flights: laws.Flights) -> Films:
     """Tracks on even steps; frames that were lost are not seen."""
     tracks = [flights.filled(k) for k in range(len(flights))]
     longest = max(len(time_s) for time_s, _ in tracks)
@@ -180,7 +179,7 @@ def film(flights: Flights) -> Films:
     return Films(position_m, smooth_m, seen, inside[:, 2:], step_s)
 
 
-def noise_of(flights: Flights) -> Array:
+def noise_of(flights: laws.Flights) -> Array:
     """[3] standard deviations in m, an axis that was not measured as the others."""
     samples = Samples(np.arange(len(flights)), flights.time_s, flights.position_m, flights.real)
     sigma_m = measure_scatter(samples, flights.facts.noise.track_m).sigma_m
@@ -188,7 +187,7 @@ def noise_of(flights: Flights) -> Array:
     return noise
 
 
-def linearise(flights: Flights, films: Films, sigma_m: Array, names: tuple[str, ...], at: State) -> Linear:
+def linearise(flights: laws.Flights, films: Films, sigma_m: Array, names: tuple[str, ...], at: State) -> Linear:
     """About a state."""
     step_s = films.step_s[:, None, None]
     velocity, bend = _differences(films, at.position_m)
@@ -199,7 +198,7 @@ def linearise(flights: Flights, films: Films, sigma_m: Array, names: tuple[str, 
     curve = np.eye(3) / step_s[..., None]**2
     holds = films.law[..., None] * flights.measured / SOFT_M_S2
     block = holds[..., None] * np.concatenate(np.broadcast_arrays(curve + slope, -2.0 * curve, curve - slope), axis=-1)
-    target, columns = holds * (bend - gravity(flights.facts)), holds[..., None] * library
+    target, columns = holds * (bend - laws.gravity(flights.facts)), holds[..., None] * library
     precise = np.where(films.seen[..., None], sigma_m**-2.0, 1e-9 * sigma_m**-2.0)
     right = _spread(block, np.concatenate([columns, -target[..., None]], axis=-1))
     right[..., -1] += (precise * (films.position_m - at.position_m)).reshape(len(right), -1)
@@ -218,12 +217,12 @@ def _differences(films: Films, position_m: Array) -> tuple[Array, Array]:
             (position_m[:, 2:] - 2.0 * position_m[:, 1:-1] + position_m[:, :-2]) / step_s**2)
 
 
-def _library(flights: Flights, films: Films, names: tuple[str, ...], velocity: Array) -> Array:
+def _library(flights: laws.Flights, films: Films, names: tuple[str, ...], velocity: Array) -> Array:
     """[n, L - 2, 3, K]."""
     time_s = films.step_s[:, None] * np.arange(1, velocity.shape[1] + 1)
     each = (flights.spin_rev_s, flights.age, flights.density, flights.radius_m, flights.mass_kg)
     spin, *others = (part[:, None] for part in each)
-    return accelerations(flights.facts, names, Moments(velocity, spin, time_s, *others))
+    return laws.accelerations(flights.facts, names, laws.Moments(velocity, spin, time_s, *others))
 
 
 def _spread(block: Array, values: Array) -> Array:

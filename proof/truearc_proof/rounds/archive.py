@@ -1,37 +1,54 @@
-"""A finished round in one file, without its data: the opened seals say how to make them again, to the last byte."""
+"""A finished round in one file, without its data: the opened seals say how to make them again, to the last byte.
+
+First claims are made again from the released data alone, which shows that they do not come from the truth. Only the
+very solver, by its hash, makes the same claims. Claims of rivals, follow-up requests and second claims are not made
+again.
+
+Of two gradings of one world, claims, truth and correctness must be equal to the letter, and numbers that were worked
+out from the data as nearly as another machine can. The grader's own numbers come from the solver's fits (the ceiling
+that the data allow, the gain of the true term): with another state of the solver they may be any, and are reported but
+not counted as differences.
+"""
 
 import io
 import lzma
 import shutil
 import tarfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 
 from truearc.errors import MAX_BYTES, InputError
-from truearc.sim.progress import Progress
-from truearc_proof.rounds.commitment import load_seal
+from truearc.sim.printed import Progress
+from truearc_proof.rounds import grader
 from truearc_proof.rounds.committer import answer, asked_of, entropy
-from truearc_proof.rounds.grader import Graded, check_draw, check_world, graded_of, left_out, mark_world
-from truearc_proof.rounds.ledger import digest
-from truearc_proof.rounds.reproduce_claims import solver_of
-from truearc_proof.rounds.reproducibility import TOLERANCE, compare
-from truearc_proof.rounds.round_layout import ANSWERED, CLAIMED, CLAIMED_AGAIN, GRADED, SEALED, Room
-from truearc_proof.rounds.score_store import missing_marks, wrong_marks
+from truearc_proof.rounds.documents import load_seal
+from truearc_proof.rounds.ledger import Room, Step, append, digest
 from truearc_proof.rounds.solver import solver_id
+from truearc_proof.scoring.score_finding import said_set, said_stage
+from truearc_proof.scoring.score_world import Mark
 from truearc_proof.worlds.generate_data import HOME, make_data
 from truearc_proof.worlds.sampling_plan import OWN, Drawn, drawn_of
 
 KEPT = ("ledger.jsonl", "grades.jsonl", "keeper", "claims", "again")
+NEARLY, ZERO = 1e-3, 1e-6             # of a number, and of one near 0: what other machines' rounding makes of a fit
+ROUNDING = 1e-6                       # of sums in another order; forty worlds marked again were off by 2e-12 at most
+# Of a chance drawn 2000 times, threshold and all, twice: drawn by six seeds in sixteen worlds it had a standard
+# deviation of .023 at most, and two were .06 apart at most; of 24 published ones the worst was off by .04.
+DRAWN = 0.08
+TOLERANCE: Mapping[str, float] = {"strength": ROUNDING, "error": ROUNDING, "oracle_gain": ROUNDING, "off_m": ROUNDING,
+                                  "allowed": DRAWN, "random": 1e-3}     # shots, by steps of one
+FITTED = ("alias", "rivals")          # hang on which terms the fits cannot tell apart
 
 
 class Checked(NamedTuple):
     """Result of checking a packed round.
 
     wrong: a sentence for each difference from the commitments. off: largest differences of numbers of the marks that
-    were worked out again (truearc_proof.rounds.reproducibility). seed: of the sample of worlds that were made again.
+    were worked out again (truearc_proof.rounds.archive). seed: of the sample of worlds that were made again.
     others: hashes of other states of the solver, by which worlds were claimed.
     """
 
@@ -49,7 +66,7 @@ def pack(room: Room, path: Path) -> None:
 
     The data of an external world cannot be made again here.
     """
-    open_yet = [name for name, done in room.steps().items() if name != HOME and GRADED not in done]
+    open_yet = [name for name, done in room.steps().items() if name != HOME and Step.GRADED not in done]
     if open_yet:
         raise InputError(f"{room.ledger}: {', '.join(open_yet[:5])}: not marked yet; `truearc prove grade` first")
     if any(_drawn(room, name).engine == OWN for name in room.steps()):
@@ -90,14 +107,14 @@ def remake(room: Room, name: str, done: dict[str, str]) -> list[str]:
         shutil.rmtree(directory, ignore_errors=True)
         directory.parent.mkdir(parents=True, exist_ok=True)
     make_data(drawn, room.data(name))
-    if ANSWERED in done:
+    if Step.ANSWERED in done:
         answer(drawn, asked_of(room, name), room.more(name))
-    return check_world(room, name, done)
+    return grader.check_world(room, name, done)
 
 
 def check_round(room: Room, worlds: int, progress: Progress, seed: int | None = None,
                 remake: Callable[[Room, str, dict[str, str]], list[str]] = remake,
-                mark: Callable[[Path, tuple[Drawn, bool]], Graded] = mark_world) -> Checked:
+                mark: Callable[[Path, tuple[Drawn, bool]], grader.Graded] = grader.mark_world) -> Checked:
     """Make the data of `worlds` worlds again, compare all hashes, and mark them again.
 
     The sample is drawn from the seed; without one, from entropy, so that no player can predict it. For all worlds:
@@ -105,32 +122,32 @@ def check_round(room: Room, worlds: int, progress: Progress, seed: int | None = 
     """
     steps = room.steps()
     wrong = [line for name, done in steps.items() for line in _check_papers(room, name, done)]
-    unlike = [*wrong_marks(room.grades, steps), *missing_marks(room.grades, steps)]
-    wrong += [*left_out(room, steps), *check_draw(room, steps), *unlike]
+    unlike = [*grader.wrong_marks(room.grades, steps), *grader.missing_marks(room.grades, steps)]
+    wrong += [*grader.left_out(room, steps), *grader.check_draw(room, steps), *unlike]
     seed = entropy() if seed is None else seed
     chosen = _sample([name for name in steps if name != HOME], worlds, seed)
-    marked = {} if unlike else {one.world: one for one in graded_of(room)}
+    marked = {} if unlike else {one.world: one for one in grader.graded_of(room)}
     off = dict.fromkeys(TOLERANCE, 0.0)
     for number, name in enumerate([*([HOME] if HOME in steps else []), *chosen]):
         progress(number / (len(chosen) + 1), f"{name} is made again")
         changed = remake(room, name, steps[name])
         wrong += changed
         if name in marked and not changed:
-            again = CLAIMED_AGAIN in steps[name]
-            compared = compare(marked[name], mark(room.root, (_drawn(room, name), again)),
+            again = Step.CLAIMED_AGAIN in steps[name]
+            compared = compare_gradings(marked[name], mark(room.root, (_drawn(room, name), again)),
                                solver_of(room, name) == solver_id())
             wrong += [f"{room.claims(name)}: is marked otherwise now: {one}" for one in compared.other]
             off = {number: max(far, compared.off[number]) for number, far in off.items()}
     progress(1.0, f"{len(chosen)} worlds made again")
     others = {solver_of(room, name) for name in marked} - {solver_id()}
-    return Checked(len(steps), sum(GRADED in done for done in steps.values()), chosen, tuple(dict.fromkeys(wrong)), off,
-                   seed, tuple(sorted(others)))
+    return Checked(len(steps), sum(Step.GRADED in done for done in steps.values()), chosen, tuple(dict.fromkeys(wrong)),
+                   off, seed, tuple(sorted(others)))
 
 
 def _check_papers(room: Room, name: str, done: dict[str, str]) -> list[str]:
-    wrong = [] if load_seal(room.seal(name)).commitment == done.get(SEALED) else [
+    wrong = [] if load_seal(room.seal(name)).commitment == done.get(Step.SEALED) else [
         f"{room.seal(name)}: is not what was sealed"]
-    for step, path in ((CLAIMED, room.claims(name)), (CLAIMED_AGAIN, room.again(name))):
+    for step, path in ((Step.CLAIMED, room.claims(name)), (Step.CLAIMED_AGAIN, room.again(name))):
         if step in done and (not path.is_file() or digest(path.read_bytes()) != done[step]):
             wrong.append(f"{path}: is not what was claimed")
     return wrong
@@ -144,3 +161,111 @@ def _sample(names: Sequence[str], count: int, seed: int) -> tuple[str, ...]:
     """Draw `count` of them, in their order."""
     places = np.random.default_rng(seed).choice(len(names), min(count, len(names)), replace=False)
     return tuple(names[place] for place in sorted(places))
+
+
+def give_away(room: Room, names: Sequence[str], away: Path) -> Room:
+    """A round with the data of these worlds and their seals' hashes and nothing else, as a solver elsewhere gets it."""
+    other, steps = Room(away), room.steps()
+    for name in (*([HOME] if HOME in steps else []), *names):
+        shutil.copytree(room.data(name), other.data(name))
+        append(other.ledger, Step.SEALED, name, steps[name][Step.SEALED])
+    return other
+
+
+def solver_of(room: Room, name: str) -> str:
+    """Return the hash that a world's claims carry; whatever else is in them is not checked here."""
+    return str(msgspec.json.decode(room.claims(name).read_bytes()).get("solver"))
+
+
+def compare_claims(room: Room, other: Room, name: str) -> tuple[str, ...]:
+    """Return a sentence for each difference between the claims; numbers may be off by NEARLY."""
+    was, now = (_told(msgspec.json.decode(one.claims(name).read_bytes())) for one in (room, other))
+    return tuple(f"{room.claims(name)}: {line}" for line in _unlike("", was, now))
+
+
+def _told(claims: Mapping[str, Any]) -> dict[str, Any]:
+    """What marks are made of. Names by name: two as likely as each other come in either order."""
+    finding = claims["finding"]
+    where, unknown = finding.get("where") or {}, finding.get("unknown") or {}
+    what = {one["term"]: [one.get("probability"), one.get("parameters")] for one in finding.get("what") or ()}
+    also = [sorted(one.get("set") or ()) for one in finding.get("also") or ()]
+    return {"verdict": finding["verdict"], "found": finding["mismatch"]["found"],
+            "p_value": finding["mismatch"].get("p_value"), "set": sorted(said_set(finding)), "what": what, "also": also,
+            "stage": said_stage(where), "goes with": [where.get("covariate"), where.get("direction"),
+                                                      sorted(where.get("inseparable") or ()),
+                                                      unknown.get("covariate"), unknown.get("direction")],
+            "fit": finding.get("fit"), "believed": claims.get("believed")}
+
+
+def _unlike(key: str, was: Any, now: Any) -> Iterator[str]:
+    """Yield a line for each place where two plain JSON values differ.
+
+    For claims, whose keys are open: any tree of values, one tolerance (NEARLY, ZERO) for every number, by which a fit
+    differs between machines. Marks have a tolerance for each field; truearc_proof.rounds.archive compares them.
+    """
+    if isinstance(was, Mapping) and isinstance(now, Mapping) and set(was) == set(now):
+        for name in was:
+            yield from _unlike(f"{key}.{name}" if key else name, was[name], now[name])
+    elif isinstance(was, list) and isinstance(now, list) and len(was) == len(now):
+        for place, (one, other) in enumerate(zip(was, now, strict=True)):
+            yield from _unlike(f"{key}[{place}]", one, other)
+    elif not _same(was, now):
+        yield f"claims {key} {_short(was)}; solved again, it is {_short(now)}"
+
+
+def _same(was: Any, now: Any) -> bool:
+    numbers = all(isinstance(one, int | float) and not isinstance(one, bool) for one in (was, now))
+    if not numbers:
+        return type(was) is type(now) and bool(was == now)
+    return bool(abs(was - now) <= NEARLY * abs(was) + ZERO)
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) < 60 else text[:57] + "..."
+
+
+class Compared(NamedTuple):
+    """other: a sentence for each difference; off: {number: how far it is off at most}, of TOLERANCE; a number
+    larger than 1 in parts of itself."""
+
+    other: tuple[str, ...]
+    off: Mapping[str, float]
+
+
+def compare_gradings(was: grader.Graded, now: grader.Graded, fits_alike: bool = True) -> Compared:
+    """Compare two gradings of one world, field by field.
+
+    For marks, whose fields are fixed: each of TOLERANCE has a tolerance of its own, and its largest difference is
+    reported even within it; all others must be equal. Claims have neither fixed fields nor such tolerances;
+    truearc_proof.rounds.archive compares them.
+
+    Args:
+        was: As published.
+        now: As marked again.
+        fits_alike: Both by one state of the solver, so that its fits are the same.
+    """
+    other, off = [], dict.fromkeys(TOLERANCE, 0.0)
+    for when, before, after in (("", was.first, now.first), ("with further shots: ", was.again, now.again)):
+        if before is None or after is None:
+            other += [f"{when}was marked only once"] if before is not after else []
+            continue
+        for name in Mark.__struct_fields__:
+            old, new = getattr(before, name), getattr(after, name)
+            far = _far(old, new) if name in TOLERANCE else None
+            if far is not None:
+                off[name] = max(off[name], far)
+            if not fits_alike and (name in TOLERANCE or name in FITTED):
+                continue
+            if (far is None and old != new) or (far is not None and not far <= TOLERANCE[name]):
+                other.append(f"{when}{name} is {new!r}, was {old!r}")
+    return Compared(tuple(other), off)
+
+
+def _far(old: Any, new: Any) -> float | None:
+    """None where they are not as many numbers."""
+    before, after = (one if isinstance(one, tuple) else (one,) for one in (old, new))
+    if len(before) != len(after) or None in (*before, *after):
+        return None
+    farthest: float | None = max(abs(one - two) / max(1.0, abs(one)) for one, two in zip(before, after, strict=True))
+    return farthest

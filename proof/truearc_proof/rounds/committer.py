@@ -3,6 +3,8 @@
 Seals are opened in this process alone: workers, of which a cluster's may have worked for the solver, are handed what
 they need of them, and write into a directory of their own (Room.half), which is moved when it is whole. So a worker
 that outlives a killed keeper cannot corrupt the data that the next one makes.
+
+Of external worlds the truth that their makers state is sealed with their data, if it can be marked.
 """
 
 import math
@@ -18,20 +20,25 @@ import msgspec
 from msgspec import Struct
 
 from truearc.errors import InputError
-from truearc.sim.progress import Progress
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import load_dataset
+from truearc.sim.infer.likelihood.data import FEWEST_SHOTS
+from truearc.sim.physics.catalogue import TERMS
+from truearc.sim.printed import Progress
 from truearc_proof.parallel import fan_out
-from truearc_proof.rounds.claims_schema import load_claims
-from truearc_proof.rounds.commitment import canonical, hash_files, load_seal, make_seal, save_seal
-from truearc_proof.rounds.file_lock import alone
-from truearc_proof.rounds.ledger import append, digest
-from truearc_proof.rounds.round_layout import ANSWERED, ASKED, CLAIMED, OPENED, SEALED, Room
-from truearc_proof.truth.followup import Asked
-from truearc_proof.worlds.generate_data import home_of, make_data, make_more, make_reading
+from truearc_proof.rounds import documents
+from truearc_proof.rounds.ledger import Room, Step, alone, append, digest
+from truearc_proof.scoring.score_finding import PARAMETER
+from truearc_proof.truth.generate import Asked
+from truearc_proof.worlds.generate_data import HOME, home_of, make_data, make_more, make_reading
 from truearc_proof.worlds.instruments import TOOLS
 from truearc_proof.worlds.sampling_plan import FIRST_SEED, MUJOCO, NUMPY, OWN, Drawn, draw_round, drawn_of
 
 MOST_CONFIGURATIONS, MOST_SHOTS = 5, 100     # of a follow-up
 AT_ONCE = 8                           # worlds made between two entries in the ledger
+TAKEN = (HOME, "round")               # home: MuJoCo's unmodified robot; keeper/round.json: how a round was drawn
+EFFECTS = {"clean": (0, 0), "dirty": (0, 0), "one": (1, 1), "alias": (1, 1), "decoy": (1, 1), "two": (2, 2),
+           "off": (1, None)}          # of a kind, at least and at most
 
 
 class Reading(NamedTuple):
@@ -89,16 +96,16 @@ def keep_plan(room: Room, plan: RoundPlan) -> None:
 def _seal_drawn(room: Room, worlds: tuple[Drawn, ...], progress: Progress, workers: int | None,
                 scheduler: str | None) -> None:
     done, half = room.steps(), _half(room)
-    todo = [one for one in worlds if SEALED not in done.get(one.name, {}) or not room.data(one.name).is_dir()]
+    todo = [one for one in worlds if Step.SEALED not in done.get(one.name, {}) or not room.data(one.name).is_dir()]
     for first in range(0, len(todo), AT_ONCE):
         batch = todo[first:first + AT_ONCE]
         progress((len(worlds) - len(todo) + first) / len(worlds), "worlds are made and sealed")
         makers = fan_out(partial(_make, half), batch, scheduler, workers=workers)
         for drawn, maker in zip(batch, makers, strict=True):
-            if SEALED not in done.get(drawn.name, {}):
-                seal = make_seal(msgspec.to_builtins(drawn), maker, half / drawn.name)
-                save_seal(room.seal(drawn.name), seal)
-                append(room.ledger, SEALED, drawn.name, seal.commitment)
+            if Step.SEALED not in done.get(drawn.name, {}):
+                seal = documents.make_seal(msgspec.to_builtins(drawn), maker, half / drawn.name)
+                documents.save_seal(room.seal(drawn.name), seal)
+                append(room.ledger, Step.SEALED, drawn.name, seal.commitment)
             _move(half / drawn.name, room.data(drawn.name))      # given away once it is committed to
     progress(1.0, f"{len(worlds)} worlds sealed")
 
@@ -111,21 +118,22 @@ def answer_round(room: Room, progress: Progress, workers: int | None = None, sch
 
 def _answer_claimed(room: Room, progress: Progress, workers: int | None, scheduler: str | None) -> None:
     steps, half = room.steps(), _half(room)
-    todo = [name for name, done in steps.items() if CLAIMED in done and OPENED not in done
-            and not (ANSWERED in done and room.more(name).is_dir())]
-    drawn = {name: drawn_of(load_seal(room.seal(name)).world, room.seal(name)) for name in todo}
+    todo = [name for name, done in steps.items() if Step.CLAIMED in done and Step.OPENED not in done
+            and not (Step.ANSWERED in done and room.more(name).is_dir())]
+    drawn = {name: drawn_of(documents.load_seal(room.seal(name)).world, room.seal(name)) for name in todo}
     asked = {name: asked_of(room, name) for name in todo if drawn[name].engine != OWN}
     todo = [name for name, wanted in asked.items() if wanted and can_answer(drawn[name], wanted)]
     for first in range(0, len(todo), AT_ONCE):
         batch = todo[first:first + AT_ONCE]
         progress(first / len(todo), "more shots are given")
         for name in batch:
-            if ASKED not in steps[name]:
-                append(room.ledger, ASKED, name, digest(canonical(load_claims(room.claims(name)).written)))
+            if Step.ASKED not in steps[name]:
+                written = documents.load_claims(room.claims(name)).written
+                append(room.ledger, Step.ASKED, name, digest(documents.canonical(written)))
         fan_out(partial(_answer, half), [(drawn[name], asked[name]) for name in batch], scheduler, workers=workers)
         for name in batch:
-            if ANSWERED not in steps[name]:
-                append(room.ledger, ANSWERED, name, digest(canonical(hash_files(half / name))))
+            if Step.ANSWERED not in steps[name]:
+                append(room.ledger, Step.ANSWERED, name, digest(documents.canonical(documents.hash_files(half / name))))
             _move(half / name, room.more(name))
     progress(1.0, f"{len(todo)} worlds shot again")
 
@@ -139,7 +147,7 @@ def asked_of(room: Room, world: str) -> Wanted:
     """Return the requests of a world's claims, configurations or one measurement; InputError beyond the rules."""
     path = room.claims(world)
     try:
-        claims = load_claims(path)
+        claims = documents.load_claims(path)
         if claims.asked and "measure" in claims.asked[0]:
             return Reading(_tool(claims.asked), claims.written[0]["measure"])
         asked = [_asked(one) for one in claims.asked]
@@ -209,3 +217,83 @@ def _emptied(directory: Path) -> Path:
 
 def _move(made: Path, directory: Path) -> None:
     os.replace(made, _emptied(directory))
+
+
+def seal_own(room: Room, world: Path, data: Path) -> str:
+    """Seal an external world with its data; return its commitment, which its maker publishes before the data.
+
+    world: JSON, {"kind": "one", "effects": {"wind_x": 2.0}} and whatever else is true of it; kinds are those of
+    truearc_proof.worlds.sampling_plan, effects the catalogue's parameters' values, or names of their own for what no
+    catalogue has. InputError for what could never be marked, naming file and key, and for one of that name sealed
+    already.
+    """
+    try:
+        truth = msgspec.json.decode(world.read_bytes(), type=dict[str, Any])
+    except (OSError, msgspec.MsgspecError) as error:
+        raise InputError(f"{world}: {error}") from error
+    name, dataset = data.resolve().name, load_dataset(data)
+    level = "L2" if dataset.tracks is not None else "L1" if dataset.traces is not None else "L0"
+    whole = {**truth, "name": name, "engine": OWN, "level": level, "shots": len(dataset.shots), "seed": 0}
+    _check_data(room, data, dataset)
+    _check_truth(world, drawn_of(whole, world))
+    with alone(room.root):
+        return _seal(room, name, whole, data)
+
+
+def _seal(room: Room, name: str, whole: dict[str, Any], data: Path) -> str:
+    sealed = room.steps().get(name)
+    if sealed and room.data(name).is_dir():
+        raise InputError(f"{room.ledger}: {name} is sealed already")
+    if sealed:                        # a kill came before the data were given away
+        seal = documents.load_seal(room.seal(name))
+        wrong = documents.check_data(seal, data)
+        if wrong:
+            raise InputError("\n".join(wrong))
+    else:
+        room.keeper.mkdir(parents=True, exist_ok=True)
+        seal = documents.make_seal(whole, "external", data)
+        documents.save_seal(room.seal(name), seal)
+        append(room.ledger, Step.SEALED, name, seal.commitment)
+    _give_away(data, room.data(name))
+    return seal.commitment
+
+
+def _give_away(data: Path, directory: Path) -> None:
+    """Whole or not at all; what was sealed where it lies is there already."""
+    if data.resolve() != directory.resolve():
+        half = directory.with_name(f"{directory.name}.half")
+        for left in (half, directory):          # by a kill
+            shutil.rmtree(left, ignore_errors=True)
+        shutil.copytree(data, half)
+        half.rename(directory)
+
+
+def _check_data(room: Room, data: Path, dataset: Dataset) -> None:
+    """InputError for data that discovery would refuse, or whose name something else has."""
+    if data.resolve().name in TAKEN:
+        raise InputError(f"{data}: a world cannot be called {data.resolve().name!r}, which means something else in a "
+                       "round; give the directory another name")
+    if len(dataset.shots) < FEWEST_SHOTS:
+        raise InputError(f"{dataset.shots.source}: {len(dataset.shots)} shots; discovery takes {FEWEST_SHOTS} at least")
+    if not dataset.facts.believe.terms and not room.data(HOME).is_dir():
+        raise InputError(f"{data / 'rig.toml'}: believe: terms: say what is to be believed; there is nothing else to "
+                       "compare the shots with")
+
+
+def _check_truth(path: Path, drawn: Drawn) -> None:
+    """InputError for effects that are not such as the kind has."""
+    least, most = EFFECTS[drawn.kind]
+    count, names = len(drawn.effects), [term.name for term in TERMS]
+    if count < least or (most is not None and count > most):
+        wanted = "none" if most == 0 else f"{least}" if most == least else f"{least} or more"
+        raise InputError(f"{path}: effects: there are {count}; kind {drawn.kind!r} has {wanted}")
+    for name, amount in drawn.effects.items():
+        if name in names and name not in PARAMETER:
+            raise InputError(f"{path}: effects: {name}: claims about this term cannot be marked")
+        if drawn.kind == "off" and name in PARAMETER:
+            raise InputError(f"{path}: effects: {name}: is in the catalogue; kind 'off' is for what is not")
+        if drawn.kind != "off" and name not in PARAMETER:
+            raise InputError(f"{path}: effects: {name}: the catalogue has no such term (kind 'off' is for what it does "
+                           f"not have); there are {', '.join(PARAMETER)}")
+        if amount == 0.0:
+            raise InputError(f"{path}: effects: {name}: 0 is nothing to be found; kind 'clean' is for that")

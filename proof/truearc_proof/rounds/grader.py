@@ -1,4 +1,7 @@
-"""The grader's part: open the seals of what has been claimed, find out whatever was changed, and mark the rest."""
+"""The grader's part: open the seals of what has been claimed, find out whatever was changed, and mark the rest.
+
+What a table is made of is what was entered into the ledger when the worlds were marked.
+"""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -9,24 +12,71 @@ import msgspec
 from msgspec import Struct, structs
 
 from truearc.errors import InputError
-from truearc.sim.data.dataset import Dataset, load_dataset
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import load_dataset
 from truearc.sim.infer.belief import from_table
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 from truearc_proof.parallel import fan_out
-from truearc_proof.rounds.claims_schema import load_claims
-from truearc_proof.rounds.commitment import canonical, check_data, hash_files, load_seal
 from truearc_proof.rounds.committer import load_plan
-from truearc_proof.rounds.file_lock import alone
-from truearc_proof.rounds.jsonl_store import mend
-from truearc_proof.rounds.ledger import append, digest
-from truearc_proof.rounds.round_layout import ANSWERED, ASKED, CLAIMED, CLAIMED_AGAIN, OPENED, SEALED, Room
-from truearc_proof.rounds.score_store import Steps, load_marks, save_mark, worlds_of, wrong_marks
-from truearc_proof.scoring.design_gain import random_worth
-from truearc_proof.scoring.information_bound import Measured, measure
+from truearc_proof.rounds.documents import canonical, check_data, hash_files, load_claims, load_seal
+from truearc_proof.rounds.jsonl_store import append_line, lines_of, mend
+from truearc_proof.rounds.ledger import Room, Step, alone, append, digest
+from truearc_proof.scoring.oracle import Measured, Unseen, measure, off_m, random_worth, shoot_unseen
 from truearc_proof.scoring.score_world import MEASUREMENT, SHOTS, Mark, mark
-from truearc_proof.scoring.sealed_holdout import Unseen, off_m, shoot_unseen
 from truearc_proof.worlds.generate_data import HOME, MEASURED
 from truearc_proof.worlds.sampling_plan import NUMPY, OWN, Drawn, drawn_of
+
+Steps = Mapping[str, Mapping[str, str]]
+
+
+def hash_mark(line: Any) -> str:
+    """Of a world's marks as their line of the file has them."""
+    return digest(canonical(msgspec.json.decode(msgspec.json.encode(line))))
+
+
+def save_mark(room: Room, world: str, line: Any, done: Mapping[str, str]) -> None:
+    """Enter a world's marks into the ledger, then append them to the file, so that each line there has an entry.
+
+    Marks that a kill in between has lost are made again; InputError where they come out otherwise.
+    """
+    if Step.GRADED not in done:
+        append(room.ledger, Step.GRADED, world, hash_mark(line))
+    elif done[Step.GRADED] != hash_mark(line):
+        raise InputError(f"{room.grades}: {world}: its line is missing, and it is marked otherwise than it was")
+    append_line(room.grades, line)
+
+
+def load_marks(room: Room) -> list[dict[str, Any]]:
+    """All lines; InputError where one is not as the ledger has it, or is missing."""
+    steps = room.steps()
+    wrong = [*wrong_marks(room.grades, steps), *missing_marks(room.grades, steps)]
+    if wrong:
+        raise InputError("\n".join(wrong))
+    return list(lines_of(room.grades))
+
+
+def wrong_marks(path: Path, steps: Steps) -> list[str]:
+    """Lines that the ledger does not have, or has otherwise; a sentence each."""
+    wrong = []
+    for line in lines_of(path):
+        world = str(line.get("world")) if isinstance(line, dict) else None
+        entered = steps.get(world, {}).get(Step.GRADED) if world else None
+        if entered is None:
+            wrong.append(f"{path}: {world}: is marked here, but not in the ledger: take the line out")
+        elif hash_mark(line) != entered:
+            wrong.append(f"{path}: {world} is not marked as the ledger has it")
+    return wrong
+
+
+def missing_marks(path: Path, steps: Steps) -> list[str]:
+    """Worlds that are marked in the ledger alone; a sentence each."""
+    there = worlds_of(path)
+    return [f"{path}: {world} is not marked as the ledger has it: its line is missing" for world, done in steps.items()
+            if Step.GRADED in done and world not in there]
+
+
+def worlds_of(path: Path) -> set[str]:
+    return {str(line["world"]) for line in lines_of(path) if isinstance(line, dict) and "world" in line}
 
 
 class Graded(Struct, frozen=True):
@@ -60,13 +110,13 @@ def grade_round(room: Room, progress: Progress, workers: int | None = None, sche
 def _mark_claimed(room: Room, steps: Steps, progress: Progress, workers: int | None, scheduler: str | None,
                   so_far: bool) -> None:
     known = worlds_of(room.grades)
-    todo = [name for name, done in steps.items() if CLAIMED in done and name != HOME and name not in known
-            and not (so_far and ANSWERED in done and not {CLAIMED_AGAIN, OPENED} & set(done))]
+    todo = [name for name, done in steps.items() if Step.CLAIMED in done and name != HOME and name not in known
+            and not (so_far and Step.ANSWERED in done and not {Step.CLAIMED_AGAIN, Step.OPENED} & set(done))]
     for name in todo:
-        if OPENED not in steps[name]:
-            append(room.ledger, OPENED, name, digest(room.seal(name).read_bytes()))
+        if Step.OPENED not in steps[name]:
+            append(room.ledger, Step.OPENED, name, digest(room.seal(name).read_bytes()))
     # seals are read here: a worker of a cluster may have worked for the solver, and is refused them
-    jobs = [(drawn_of(load_seal(room.seal(name)).world, room.seal(name)), CLAIMED_AGAIN in steps[name])
+    jobs = [(drawn_of(load_seal(room.seal(name)).world, room.seal(name)), Step.CLAIMED_AGAIN in steps[name])
             for name in todo]
     fan_out(partial(mark_world, room.root.resolve()), jobs, scheduler,
             lambda done, note: progress(done, "worlds are opened and marked"), workers,
@@ -76,13 +126,13 @@ def _mark_claimed(room: Room, steps: Steps, progress: Progress, workers: int | N
 
 def unclaimed(steps: Steps) -> list[str]:
     """Worlds that were sealed, and of which nothing was claimed."""
-    return [name for name, done in steps.items() if CLAIMED not in done and name != HOME]
+    return [name for name, done in steps.items() if Step.CLAIMED not in done and name != HOME]
 
 
 def check_papers(room: Room, steps: Steps, so_far: bool) -> list[str]:
     """Return a sentence for each change or omission in the round. so_far: not all worlds need be sealed yet."""
-    wrong = [f"{room.ledger}: {name}: was never sealed" for name, done in steps.items() if SEALED not in done]
-    wrong += [line for name, done in steps.items() if SEALED in done for line in check_world(room, name, done)]
+    wrong = [f"{room.ledger}: {name}: was never sealed" for name, done in steps.items() if Step.SEALED not in done]
+    wrong += [line for name, done in steps.items() if Step.SEALED in done for line in check_world(room, name, done)]
     wrong += [] if so_far else left_out(room, steps)
     return wrong or check_draw(room, steps, so_far)
 
@@ -112,21 +162,23 @@ def check_draw(room: Room, steps: Steps, so_far: bool = False) -> list[str]:
 def check_world(room: Room, world: str, done: Mapping[str, str]) -> list[str]:
     """Return a sentence for each change after the commitment: of seal, data, claims, requests and answers."""
     seal = load_seal(room.seal(world))
-    wrong = [] if seal.commitment == done.get(SEALED) else [f"{room.seal(world)}: is not what was sealed"]
+    wrong = [] if seal.commitment == done.get(Step.SEALED) else [f"{room.seal(world)}: is not what was sealed"]
     if seal.world.get("name") != world:
         wrong.append(f"{room.seal(world)}: world: name: is not {world!r}")
-    if OPENED in done and digest(room.seal(world).read_bytes()) != done[OPENED]:
+    if Step.OPENED in done and digest(room.seal(world).read_bytes()) != done[Step.OPENED]:
         wrong.append(f"{room.seal(world)}: is not what was opened")
     wrong += check_data(seal, room.data(world))
-    given = {f"more/{name}": value for name, value in hash_files(room.more(world)).items()} if ANSWERED in done else {}
-    if CLAIMED in done:
-        wrong += _check_claims(room.claims(world), done[CLAIMED], seal.data)
-    if ASKED in done and not wrong and digest(canonical(load_claims(room.claims(world)).written)) != done[ASKED]:
+    if Step.CLAIMED in done:
+        wrong += _check_claims(room.claims(world), done[Step.CLAIMED], seal.data)
+    asked = load_claims(room.claims(world)).written if Step.ASKED in done and not wrong else None
+    if asked is not None and digest(canonical(asked)) != done[Step.ASKED]:
         wrong.append(f"{room.claims(world)}: asked for something else")
-    if ANSWERED in done and digest(canonical(hash_files(room.more(world)))) != done[ANSWERED]:
+    given = hash_files(room.more(world)) if Step.ANSWERED in done else {}
+    if Step.ANSWERED in done and digest(canonical(given)) != done[Step.ANSWERED]:
         wrong.append(f"{room.more(world)}: is not what was given")
-    if CLAIMED_AGAIN in done:
-        wrong += _check_claims(room.again(world), done[CLAIMED_AGAIN], {**seal.data, **given})
+    if Step.CLAIMED_AGAIN in done:
+        more = {f"more/{name}": value for name, value in given.items()}
+        wrong += _check_claims(room.again(world), done[Step.CLAIMED_AGAIN], seal.data | more)
     return wrong
 
 

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from truearc.errors import MAX_BYTES, NO_JSON, InputError, about
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 from truearc_proof.parallel import fan_out
 
 Job = TypeVar("Job")

@@ -1,24 +1,62 @@
-"""The log of a round of concealed worlds: what was committed to, and in which order.
+"""A round on disk: its layout, the ledger of every step, and the lock of whoever writes.
 
-One JSON object a line, each with the SHA-256 of the line before it, so that no line can be changed, left out or put in
-without breaking the chain; lines are only ever added at the end, and are on the disk before whatever they are about is
-given away.
+    ROUND/lock                    held by whoever writes
+    ROUND/half/                   data in the making; nothing in there is ever read
+    ROUND/ledger.jsonl            every step of every world, chained
+    ROUND/data/w0001/             a dataset, given away
+    ROUND/data/home/              MuJoCo's robot before anything was changed, where there are such worlds
+    ROUND/home.json               what its session leaves to be believed, worked out once for all claims
+    ROUND/claims/w0001.json       what the solver says of it, and what more it asks for
+    ROUND/more/w0001/             those shots, or measured.json, given away
+    ROUND/again/w0001.json        what the solver says once it has them
+    ROUND/keeper/round.json       how the round was drawn; not for the solver
+    ROUND/keeper/w0001.json       its seal; not for the solver
+    ROUND/grades.jsonl            marks of opened worlds
+    ROUND/report.html             them all, in pictures and tables
+    ROUND/figures.json            the figures of those tables, with intervals
+
+The ledger has one JSON object a line, each with the SHA-256 of the line before it, so that no line can be changed, left
+out or put in without breaking the chain; lines are only ever added at the end, and are on the disk before whatever they
+are about is given away.
 
     {"number": 3, "what": "sealed", "world": "w0001", "sha256": "...", "before": "..."}
+
+The kernel takes the lock off whoever dies, however it dies. Each part of a round takes it for as long as it writes. So
+a solver whose parent was killed goes on holding it, and whoever takes the round up again is told to wait, rather than
+writing beside it.
 """
 
 import hashlib
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from enum import StrEnum
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 from msgspec import Struct
 
 from truearc.errors import InputError
+from truearc.robot.recording.files import claim
 
 FIRST = "0" * 64                      # before the first line there is nothing
-# In the order in which they come for one world; the last three only where the solver asks for more.
-STEPS = ("sealed", "claimed", "asked", "answered", "claimed again", "opened", "graded")
+LOCK = "lock"                         # stays there, empty, when no process holds it
+
+
+class Step(StrEnum):
+    """What is entered about a world, in this order; ASKED to CLAIMED_AGAIN only where the solver asks for more."""
+
+    SEALED = "sealed"
+    CLAIMED = "claimed"
+    ASKED = "asked"
+    ANSWERED = "answered"
+    CLAIMED_AGAIN = "claimed again"
+    OPENED = "opened"
+    GRADED = "graded"
+
+
+STEPS = tuple(Step)
 
 
 class Entry(Struct, frozen=True, forbid_unknown_fields=True):
@@ -92,3 +130,75 @@ def committed(entries: tuple[Entry, ...], world: str) -> dict[str, str]:
             raise InputError(f"ledger: line {entry.number}: {world} is {entry.what!r} after it was {late[-1]!r}")
         found[entry.what] = entry.sha256
     return found
+
+
+class Room(NamedTuple):
+    """Where things are."""
+
+    root: Path
+
+    @property
+    def ledger(self) -> Path:
+        return self.root / "ledger.jsonl"
+
+    @property
+    def keeper(self) -> Path:
+        return self.root / "keeper"
+
+    @property
+    def plan(self) -> Path:
+        return self.keeper / "round.json"
+
+    @property
+    def grades(self) -> Path:
+        return self.root / "grades.jsonl"
+
+    @property
+    def report(self) -> Path:
+        return self.root / "report.html"
+
+    @property
+    def figures(self) -> Path:
+        return self.root / "figures.json"
+
+    @property
+    def home(self) -> Path:
+        return self.root / "home.json"
+
+    @property
+    def half(self) -> Path:
+        return self.root / "half"
+
+    def more(self, world: str) -> Path:
+        return self.root / "more" / world
+
+    def again(self, world: str) -> Path:
+        return self.root / "again" / f"{world}.json"
+
+    def data(self, world: str) -> Path:
+        return self.root / "data" / world
+
+    def seal(self, world: str) -> Path:
+        return self.keeper / f"{world}.json"
+
+    def claims(self, world: str) -> Path:
+        return self.root / "claims" / f"{world}.json"
+
+    def steps(self) -> dict[str, dict[str, str]]:
+        """{world: {step: SHA-256}} of every world in the ledger, in its order; InputError where it was changed."""
+        entries = read_ledger(self.ledger)
+        return {world: committed(entries, world) for world in dict.fromkeys(entry.world for entry in entries)}
+
+
+@contextmanager
+def alone(root: Path) -> Iterator[None]:
+    """As the only writer in there; InputError where another process is one. The directory is made where there is
+    none."""
+    root.mkdir(parents=True, exist_ok=True)
+    with (root / LOCK).open("ab") as file:           # no child inherits it
+        try:
+            claim(file)
+        except OSError as error:
+            raise InputError(f"{root}: this round is being played by another process; go on when that has ended"
+                           ) from error
+        yield

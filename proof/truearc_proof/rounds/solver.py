@@ -24,20 +24,17 @@ import truearc as ta
 import truearc.api
 import truearc.sim
 import truearc_proof
+from truearc.sim.check.check import CHECKS
 from truearc.sim.data.dataset import join_datasets
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.infer.belief import as_table, from_table
-from truearc.sim.infer.plausibility.check import CHECKS
 from truearc.sim.physics.catalogue import BUILT_IN
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 from truearc_proof.parallel import fan_out
+from truearc_proof.rivals import find_rival
 from truearc_proof.rivals.claim import believed_of
-from truearc_proof.rivals.registry import find_rival
-from truearc_proof.rounds.claims_schema import SCHEMA
-from truearc_proof.rounds.commitment import canonical, hash_files
-from truearc_proof.rounds.file_lock import alone
-from truearc_proof.rounds.ledger import append, digest
-from truearc_proof.rounds.round_layout import ANSWERED, CLAIMED, CLAIMED_AGAIN, OPENED, SEALED, Room
+from truearc_proof.rounds.documents import SCHEMA, canonical, hash_files
+from truearc_proof.rounds.ledger import Room, Step, alone, append, digest
 from truearc_proof.worlds.generate_data import HOME, MEASURED
 from truearc_proof.worlds.instruments import TOOLS
 
@@ -69,16 +66,16 @@ def solve_round(room: Room, progress: Progress, workers: int | None = None, sche
 def _solve_sealed(room: Room, progress: Progress, workers: int | None, scheduler: str | None,
                   rivals: tuple[str, ...]) -> None:
     steps = room.steps()
-    names = [name for name, done in steps.items() if SEALED in done and OPENED not in done and name != HOME]
+    names = [name for name, done in steps.items() if Step.SEALED in done and Step.OPENED not in done and name != HOME]
     if rivals and names and not any(any(room.data(name).glob("tracks.*")) for name in names):
         raise ta.InputError(f"--rivals: {room.root / 'data'}: no world has tracks, and others are put to tracks alone")
-    first = [name for name in names if CLAIMED not in steps[name]]
-    again = [name for name in names if ANSWERED in steps[name] and CLAIMED_AGAIN not in steps[name]]
+    first = [name for name in names if Step.CLAIMED not in steps[name]]
+    again = [name for name in names if Step.ANSWERED in steps[name] and Step.CLAIMED_AGAIN not in steps[name]]
     if first + again and room.data(HOME).is_dir():
         progress(0.0, "the unmodified robot's session is discovered in")
         _keep_home(room)
-    for todo, work, step, path in ((first, partial(solve, room.root.resolve(), rivals), CLAIMED, room.claims),
-                                   (again, partial(solve_again, room.root.resolve()), CLAIMED_AGAIN, room.again)):
+    for todo, work, step, path in ((first, partial(solve, room.root.resolve(), rivals), Step.CLAIMED, room.claims),
+                                   (again, partial(solve_again, room.root.resolve()), Step.CLAIMED_AGAIN, room.again)):
         fan_out(work, todo, scheduler, partial(_tell, progress, f"worlds are discovered in ({step})"), workers,
                 partial(_claim, room, step, path))
     progress(1.0, f"{len(names)} worlds claimed")
@@ -116,8 +113,9 @@ def solve_again(root: Path, world: str) -> dict[str, Any]:
     reading = room.more(world) / MEASURED
     found, _ = _discover(room, world, *((None, _read(reading)) if reading.exists() else (
         ta.load_dataset(room.more(world)), None)))
+    more = {f"more/{name}": value for name, value in hash_files(room.more(world)).items()}
     return {"schema": SCHEMA, "world": world, "solver": solver_id(),
-            "data": {**hash_files(room.data(world)), **_below("more", hash_files(room.more(world)))},
+            "data": hash_files(room.data(world)) | more,
             "finding": msgspec.json.decode(found.to_json()), "asked": [], **believed_by(found)}
 
 
@@ -130,12 +128,9 @@ def believed_by(found: ta.Finding) -> dict[str, Any]:
     """Return the beliefs before and after the finding, which the sealed test compares by their forecasts."""
     if not found.investigation.steps:
         return {}
-    before, after = (make_belief(one)[0] for one in (replace(found.investigation, steps=()), found.investigation))
+    before = make_belief(replace(found.investigation, steps=()))[0]
+    after = make_belief(found.investigation, found.investigation.choice)[0]
     return {"believed": {"before": as_table(before), "after": as_table(after)}}
-
-
-def _below(folder: str, files: dict[str, str]) -> dict[str, str]:
-    return {f"{folder}/{name}": value for name, value in files.items()}
 
 
 def _discover(room: Room, world: str, more: ta.Dataset | None,

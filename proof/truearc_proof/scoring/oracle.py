@@ -1,22 +1,40 @@
-"""What could have been done in a concealed world, by the information that its own data hold.
+"""What the data of a concealed world allow: chances, least errors, what follow-ups are worth, and sealed shots.
 
 For small effects the scores are normal; the best that anybody can do with them is worked out by drawing them.
+
+Sealed hold-out shots get to no solver. They follow from the sealed world alone (another season of the same robot, with
+balls and random effects of its own), so that the seal commits to them as well.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from truearc.sim.discover.investigate import Investigation
-from truearc.sim.discover.select.refit import refit
-from truearc.sim.discover.select.term_ranking import ALIAS, efficient, nats_for, visible_terms
-from truearc.sim.infer.held_out import unseen_score, without
-from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, plane_terms
-from truearc_proof.scoring.score_finding import ALIASES
+from truearc.sim.data.conditions import circumstances_of, counts_shots
+from truearc.sim.data.dataset import Dataset, join_datasets
+from truearc.sim.discover.adopt import Investigation
+from truearc.sim.discover.plan.next_steps import Contest, worth
+from truearc.sim.discover.select.terms import ALIAS, efficient, nats_for, refit, visible_terms
+from truearc.sim.infer.belief import Belief, along, point_belief
+from truearc.sim.infer.fit import BaselineFit, coefficients_of, fit_believed
+from truearc.sim.infer.likelihood.data import every_column, take_in
+from truearc.sim.infer.likelihood.layout import column_of, groups_of, lay_out
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, plane_terms, unseen_score, without
+from truearc.sim.physics.catalogue import BUILT_IN
+from truearc.sim.physics.simulate import opening_of, predict
+from truearc_proof.scoring.score_finding import ALIASES, PARAMETER
+from truearc_proof.truth.generate import play, shift_m
+from truearc_proof.truth.world import make_world
+from truearc_proof.worlds.generate_data import play_robot
+from truearc_proof.worlds.sampling_plan import MUJOCO, NUMPY, WEAR, Drawn, dirty_plan
 
 FALSE_ALARM = 0.05
 DRAWS = 2000
+MOST = 64.0                           # times the first shots, up to which random ones are counted
+HALVINGS = 30
+APART = 1 << 41                       # of its seeds from those of the world's own season, and of its follow-up's
 
 
 class Ceiling(NamedTuple):
@@ -108,3 +126,135 @@ def oracle_gain(investigation: Investigation, name: str, amplitude: float) -> fl
         return None
     told = refit(fitted, (name,), np.array([amplitude]))
     return float((unseen_score(told.evidence) - unseen_score(without(fitted.evidence))).mean())
+
+
+class Measured(NamedTuple):
+    """allowed: as truearc_proof.scoring.oracle.Ceiling, of one hidden effect of the catalogue; alike: terms of its
+    class in these data; best_sd: least standard error of its amplitude; oracle_gain: nats per shot on unseen shots of
+    a solver that knows the term; strength: lambda of an effect that no catalogue has, where only heights speak of it.
+    before, oracle: what is believed, fitted by the grader, without the true term and with it."""
+
+    allowed: tuple[float, ...] | None = None
+    alike: tuple[str, ...] = ()
+    best_sd: float | None = None
+    oracle_gain: float | None = None
+    strength: float | None = None
+    before: Belief | None = None
+    oracle: Belief | None = None
+
+
+def measure(drawn: Drawn, dataset: Dataset, claimed: bool = True, seed: int = 0) -> Measured:
+    """Of worlds of the NumPy engine with one hidden effect; of those with none or more only what is believed, if
+    something was claimed; of others nothing is known."""
+    single = len(drawn.effects) == 1
+    if drawn.engine != NUMPY or not (single or claimed):
+        return Measured()
+    terms, intake = dataset.facts.believe.terms, take_in(dataset)
+    fitted = fit_believed(intake, lay_out(intake, terms, groups_of(dataset.shots, intake.rows), BUILT_IN))
+    before = _believed(fitted.evidence, terms)
+    return _of_one(drawn, dataset, fitted, seed)._replace(before=before) if single else Measured(before=before)
+
+
+def _of_one(drawn: Drawn, dataset: Dataset, fitted: BaselineFit, seed: int) -> Measured:
+    (name, amount), = drawn.effects.items()
+    if name not in PARAMETER:
+        world = make_world(drawn.effects, drawn.level, drawn.shots, drawn.seed, drawn.dirt)
+        return Measured(strength=strength_of(fitted.evidence, shift_m(world)))
+    column, amplitude = f"{name}.{PARAMETER[name][0]}", PARAMETER[name][1](amount)
+    ceiling = ceiling_of(fitted.evidence, drawn.level, column, amplitude, seed)
+    if name in WEAR and not counts_shots(dataset.shots):       # it goes with balls, which are not told apart
+        ceiling = Ceiling(FALSE_ALARM, 0.0, 0.0, 0.0, ())
+    if ceiling is None:
+        return Measured()
+    index = np.array([fitted.evidence.index(column)])
+    information = float(efficient(fitted.evidence, index)[1][0, 0])
+    best_sd = information**-0.5 if information > 0.0 else None
+    told = refit(fitted, (column,), np.array([amplitude]))
+    gain = unseen_score(told.evidence) - unseen_score(without(fitted.evidence))
+    return Measured(tuple(ceiling[:4]), ceiling.alike, best_sd, float(gain.mean()),
+                    oracle=_believed(told.evidence, dataset.facts.believe.terms))
+
+
+def _believed(evidence: ScoreTable, terms: tuple[str, ...]) -> Belief:
+    """The point belief at the evidence's point, of these terms and those fitted with them."""
+    return point_belief(coefficients_of(evidence, terms, BUILT_IN), among=BUILT_IN)
+
+
+def random_worth(first: Dataset, more: Dataset, finding: Mapping[str, Any]) -> int | None:
+    """By what the given shots themselves say of the amplitudes of the set's names, each as large and as likely as was
+    claimed before; None beyond MOST times the first shots, or for fewer than two names.
+
+    Worth is the design's (truearc.sim.discover.plan.experiment_design.worth), with the information of shots that were
+    really shot.
+    """
+    what = {one["term"]: one for one in finding["what"] if one["term"] in (finding["set"] or ())}
+    whole = join_datasets(first, more)
+    terms, intake = first.facts.believe.terms, take_in(whole)
+    evidence = fit_believed(intake, lay_out(intake, terms, groups_of(whole.shots, intake.rows))).evidence
+    there = {column.name for column in evidence.columns[:evidence.first_shared]}
+    names = [name for name in what if column_of(name) in there]
+    if len(names) < 2:
+        return None
+    columns = np.array([evidence.index(column_of(name)) for name in names])
+    sizes = [what[name]["parameters"][column_of(name).partition(".")[2]]["value"] for name in names]
+    share = np.array([what[name]["probability"] for name in names])
+    contest = Contest(evidence, columns, np.array(sizes), np.array([evidence.columns[k].usual for k in columns]),
+                      share / share.sum(), np.zeros(len(names)))
+    old = np.flatnonzero(evidence.rows < len(first.shots))
+    new = np.flatnonzero(evidence.rows >= len(first.shots))
+    return _as_many(contest, evidence.told_by(old), evidence.told_by(new), len(old))
+
+
+def _as_many(contest: Contest, present: np.ndarray, more: np.ndarray, shots: int) -> int | None:
+    """Random shots, each with 1 / shots of the present information, that are worth `more`, which is in the contest's
+    evidence already."""
+    wanted = worth(contest, 0.0)
+    low, high = 0.0, MOST
+    if worth(contest, high * present - more) < wanted:
+        return None
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if worth(contest, middle * present - more) >= wanted else (middle, high)
+    return int(np.ceil(high * shots))
+
+
+class Unseen(NamedTuple):
+    """The season as the robot's sensors have it, and how high above the opening's centre each ball came [n], in m; nan
+    where it never got to the plane."""
+
+    dataset: Dataset
+    above_m: np.ndarray
+
+
+def shoot_unseen(drawn: Drawn) -> Unseen | None:
+    """Shoot the hold-out season; None for an external world, which only its maker can shoot."""
+    seed = drawn.seed + APART
+    if drawn.engine == NUMPY:
+        world = make_world(drawn.effects, drawn.level, drawn.shots, drawn.seed, drawn.dirt)
+        season = play(replace(world, seed=seed))
+        return Unseen(season.dataset, season.flown.arrival.height_m - _centre_m(season.dataset)
+                      - world.amount("target_height"))
+    if drawn.engine != MUJOCO:
+        return None
+    played = play_robot(drawn, seed, dirty_plan(drawn.dirt, seed, drawn.shots))
+    height_m = np.array([np.nan if one.z_m is None else one.z_m for one in played.results])
+    return Unseen(played.dataset, height_m - _centre_m(played.dataset))
+
+
+def off_m(belief: Belief, unseen: Unseen) -> float:
+    """Return the RMS error in m of the belief's forecasts of heights above the opening's centre.
+
+    A ball that it lets fall short is forecast at the floor. Shots that truly fell short do not count.
+    """
+    dataset, n = unseen.dataset, len(unseen.dataset.shots)
+    around = along(belief.curves, circumstances_of(dataset), every_column(dataset), n)
+    centre_m = opening_of(dataset.facts, belief.coefficients, None, around).centre_m
+    height_m = np.asarray(predict(dataset.facts, belief.coefficients, dataset.shots, circumstances=around).height_m)
+    told_m = np.where(np.isfinite(height_m), height_m, 0.0) - centre_m
+    return float(np.sqrt(np.nanmean((unseen.above_m - told_m)**2)))
+
+
+def _centre_m(dataset: Dataset) -> float:
+    """Of the opening, by rig.toml."""
+    assert dataset.facts.target is not None
+    return dataset.facts.target.centre_height_m

@@ -1,14 +1,18 @@
 """Score of one finding (`truearc.finding/1`) against the truth of its world."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from truearc_proof.truth.effects import EFFECTS
+from truearc_proof.truth import world as truth
 
+NULLS: dict[str, tuple[str, ...]] = {
+    "clean": (), "balls": ("balls",), "outliers": ("outliers",), "noise_understated": ("noise_understated",),
+    "noise_overstated": ("noise_overstated",), "track_memory": ("track_memory",), "missing_frames": ("missing_frames",),
+    "clipped": ("clipped",),
+    "all": ("balls", "outliers", "noise_understated", "track_memory", "missing_frames", "clipped")}
 Finding = Mapping[str, Any]
 SEED_SPIN = 2.0                       # the paper's Eq. 12 has twice the spin of rolling, and with it twice r w / v
 SET_SHARE = 0.9
-
 # The parameter of the catalogue's term that a hidden amplitude is, and its value then.
 PARAMETER: dict[str, tuple[str, Callable[[float], float]]] = {
     "hood_offset": ("angle_deg", float), "hood_backlash": ("angle_deg", lambda a: -a),
@@ -46,8 +50,25 @@ GOES_WITH: dict[str, tuple[tuple[str, ...], str]] = {
     "hood_flex": (SPEEDS, "vertical"), "worn_wheel": (SPEEDS, "along"),
     "drag_crisis": (("speed_in_flight_m_s",), "along")}
 BY_BALL = ("ball_wear", "drag_wear")  # amplitudes are those of the most used ball
-STAGE_OF = {effect.name: effect.stage for effect in EFFECTS} | {
+STAGE_OF = {effect.name: effect.stage for effect in truth.EFFECTS} | {
     "drag": "flight", "magnus": "flight", "exit_efficiency": "launch"}
+
+
+def names_at(kind: str, level: str, hopeless: bool = False) -> Iterator[str]:
+    """Names of "nulls", "effects" of the catalogue, or effects "off" it at a level; effects that its data cannot show
+    are left out unless `hopeless`."""
+    if kind == "nulls":
+        yield from (name for name, dirt in NULLS.items()
+                    if level == "L2" or name == "all" or not any(one in truth.TRACK_DIRT for one in dirt))
+    else:
+        effects = truth.CATALOGUED if kind == "effects" else truth.UNCATALOGUED
+        yield from (effect.name for effect in effects if hopeless or effect.name not in unseen(level))
+
+
+def unseen(level: str) -> tuple[str, ...]:
+    """Effects of which the data of a level have no trace, by what they are."""
+    tracks = truth.TRACK_EFFECTS
+    return truth.ABSORBED + {"L0": truth.COVARIATE_EFFECTS + tracks, "L1": tracks, "L2": ()}[level]
 
 
 def goes_with_right(name: str, finding: Finding) -> bool:

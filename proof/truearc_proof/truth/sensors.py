@@ -3,11 +3,8 @@
 import numpy as np
 
 from truearc.sim.data.dataset import Traces, Tracks
-from truearc_proof.truth.aiming import Flown
-from truearc_proof.truth.flight import at
-from truearc_proof.truth.launch import wheel_dip
-from truearc_proof.truth.plan import SUPPLIERS, Floats, Plan
-from truearc_proof.truth.world import World
+from truearc_proof.truth.flight import Flown, at, wheel_dip
+from truearc_proof.truth.world import SUPPLIERS, Floats, Plan, World
 
 WRONG_OUTCOMES = 0.02
 FRAMES_HZ, TRACKED_S = 60.0, 0.75

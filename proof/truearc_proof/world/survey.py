@@ -5,8 +5,8 @@ import statistics
 import time
 
 from truearc.sim.world.bench import Bench
+from truearc.sim.world.field import BallResult
 from truearc.sim.world.options import Options
-from truearc.sim.world.parts.target import BallResult
 from truearc.sim.world.scene import LOWER_RADIUS_M, UPPER_GEAR, UPPER_RADIUS_M
 from truearc.sim.world.world import World
 

@@ -11,17 +11,16 @@ from msgspec import structs
 from truearc import robot
 from truearc.robot.config.rig_spec import Believe
 from truearc.robot.config.schema import load_config
-from truearc.sim.data.dataset import Dataset, save_dataset
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import save_dataset
 from truearc.sim.world.options import Options
 from truearc.sim.world.season import Season, ShotSetting
-from truearc_proof.rounds.commitment import canonical
-from truearc_proof.truth.followup import Asked, follow
-from truearc_proof.truth.generate import write
+from truearc_proof.rounds.documents import canonical
+from truearc_proof.truth.generate import Asked, follow, write
 from truearc_proof.truth.world import make_world
 from truearc_proof.world.season import play_season
-from truearc_proof.worlds.data_quality import dirty_options, dirty_plan, dirty_sensors
 from truearc_proof.worlds.instruments import read_off
-from truearc_proof.worlds.sampling_plan import MUJOCO, Drawn
+from truearc_proof.worlds.sampling_plan import MUJOCO, Drawn, dirty_options, dirty_plan, dirty_sensors
 
 MEASURED = "measured.json"
 HOME = "home"                         # the session of the unmodified robot that MuJoCo's worlds are compared with

@@ -2,7 +2,7 @@
 
 By the ids of the terms' instruments (truearc.sim.physics.term_fields.Instrument). One of these is one measurement of
 all its terms. Each: {term: standard deviation of one reading, in the unit of the catalogue's parameter}. Their order
-seeds the readings.
+seeds the readings. The solver's hash covers this file, and none that makes data.
 """
 
 from collections.abc import Mapping

@@ -7,13 +7,11 @@ from pathlib import Path
 from typing import IO
 
 from truearc.robot.reasons import texts
+from truearc.robot.recording import session as layout
 from truearc.robot.recording.export.tabular import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Column, FlatTicks, Value
 from truearc.robot.recording.export.viewer_mcap import NO_FLIGHTS, Flights, ViewerMessages
-from truearc.robot.recording.export.wall_time import wall_time
 from truearc.robot.recording.files import TickFile
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.rows import Trial
-from truearc.robot.recording.session import load_header, load_session_config, load_trials
 from truearc.robot.types import Tick
 
 TRIAL_COLUMNS = (
@@ -26,14 +24,22 @@ TRIAL_COLUMNS = (
 
 
 class ExportRows:
-    """A session's ticks, flat, as `columns` says; afterwards `count` of them and the reader's `cut_short`."""
+    """A session's ticks, flat, as `columns` says; afterwards `count` of them and the reader's `cut_short`.
+
+    Trials that trials.jsonl lacks are taken from the ticks, and `missing` counts them; `unlike` those of which the two
+    say different things, where trials.jsonl counts.
+    """
 
     def __init__(self, session: Path, progress: Callable[[float, str], None]) -> None:
-        self.session, self.header, self.config = session, load_header(session), load_session_config(session)
+        self.session, self.header = session, layout.load_header(session)
+        self.config = layout.load_session_config(session)
         self.flat = FlatTicks(len(self.config.axes.flywheels))
         self.columns = self.flat.columns
-        self.trials = load_trials(session)
-        self.count = 0
+        self.trials = layout.load_trials(session)
+        self.count = self.missing = self.unlike = 0
+        self._filed = {trial.outcome.trial: trial for trial in self.trials}
+        self._told: dict[int, layout.Trial] = {}         # what the ticks say
+        self._due: deque[layout.Trial] = deque()
         self.reader = TickReader(session)
         self._progress = progress
 
@@ -45,20 +51,32 @@ class ExportRows:
         for tick, data in self.reader:
             self.count += 1
             self._progress(min(self.reader.share, 0.99), f"{self.count} ticks")
+            if tick.outcomes:
+                self._compare(tick)
             yield tick, data
+        missing = [trial for number, trial in self._told.items() if number not in self._filed]
+        self.missing = len(missing)
+        self.unlike = sum(trial != self._filed.get(number, trial) for number, trial in self._told.items())
+        self.trials = sorted([*self.trials, *missing], key=lambda trial: trial.outcome.trial)
 
-    def trials_in_time(self) -> deque[Trial]:
-        return deque(sorted(self.trials, key=lambda trial: trial.outcome.t_ns))
+    def _compare(self, tick: Tick) -> None:
+        for trial in layout.make_trials(tick):
+            self._told[trial.outcome.trial] = trial
+            if trial.outcome.trial not in self._filed:
+                self._due.appendleft(trial)       # it was marked in this tick
+
+    def trials_in_time(self) -> deque[layout.Trial]:
+        """Trials that are still to be written, by when they were marked; ticks may add to it as they are read."""
+        self._due = deque(sorted(self.trials, key=lambda trial: trial.outcome.t_ns))
+        return self._due
 
 
-def trial_row(trial: Trial) -> list[Value]:
+def trial_row(trial: layout.Trial) -> list[Value]:
     """One marked trial under TRIAL_COLUMNS."""
     outcome, shot = trial.outcome, trial.shot
     row: list[Value] = [outcome.trial, outcome.t_ns, outcome.outcome, texts(outcome.reasons)]
-    if shot is None:
-        return row + [None] * (len(TRIAL_COLUMNS) - len(row))
-    return [*row, shot.t_ns, shot.config_id, shot.distance_m, shot.distance_sigma_m, shot.hood_deg, shot.motor_ratio,
-            shot.motor_rad_s, shot.battery_v, shot.since_last_shot_s, shot.p_two, shot.p_three]
+    names = [column.name.removeprefix("shot_") for column in TRIAL_COLUMNS[len(row):]]
+    return row + [None if shot is None else getattr(shot, name) for name in names]
 
 
 def write_csv(columns: tuple[Column, ...], rows: Iterator[list[Value]], path: Path) -> None:
@@ -73,27 +91,23 @@ def write_csv(columns: tuple[Column, ...], rows: Iterator[list[Value]], path: Pa
 def write_mcap(rows: ExportRows, file: IO[bytes], flights: Flights = NO_FLIGHTS) -> int:
     """The recording's ticks and trials in one whole file, also where it is cut short or lacks /trial, with topics for
     viewers; times are the wall clock's. Returns how many images are missing."""
-    out = TickFile(file, rows.reader.rows)
-    viewer: ViewerMessages | None = None
-    offset_ns = 0
-    trials = rows.trials_in_time()
+    out, wall, trials = TickFile(file), layout.wall_time(rows.header), rows.trials_in_time()
+    viewer = ViewerMessages(out.mcap, rows.session, rows.flat, rows.config.rig.target, rows.trials, wall, flights)
+
+    def write_trials(t_ns: int | None) -> None:
+        for trial in due(trials, t_ns):
+            out.write_trial(trial.outcome.t_ns + wall.offset_ns, layout.encode_row(trial))
+
     for tick, data in rows.ticks():
-        if viewer is None:
-            wall = wall_time(rows.header, tick.inputs.t_ns)
-            offset_ns = wall.offset_ns
-            viewer = ViewerMessages(out.mcap, rows.session, rows.flat, rows.config.rig.target, rows.trials, wall,
-                                    flights)
-        out.write(tick.inputs.t_ns + offset_ns, data)
+        out.write(tick.inputs.t_ns + wall.offset_ns, data)
         viewer.write(tick)
-        for trial in due(trials, tick.inputs.t_ns):
-            out.write_trial(trial.outcome.t_ns + offset_ns, rows.reader.rows.encode_trial(trial))
-    for trial in due(trials):
-        out.write_trial(trial.outcome.t_ns + offset_ns, rows.reader.rows.encode_trial(trial))
+        write_trials(tick.inputs.t_ns)
+    write_trials(None)
     out.finish()
-    return 0 if viewer is None else viewer.images_lost
+    return viewer.images_lost
 
 
-def due(trials: deque[Trial], t_ns: int | None = None) -> Iterator[Trial]:
+def due(trials: deque[layout.Trial], t_ns: int | None = None) -> Iterator[layout.Trial]:
     """Take from the front the trials that were marked by a time; all without one."""
     while trials and (t_ns is None or trials[0].outcome.t_ns <= t_ns):
         yield trials.popleft()

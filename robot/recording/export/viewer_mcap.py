@@ -1,10 +1,15 @@
 """A session as one MCAP that viewers open well, beside the ticks and trials of the recording itself.
 
-Times are the wall clock's. Every subsystem has a topic with units in its schema (by_subsystem); images, reasons, pose
-and scene have Foxglove's schemas (foxglove); what made the session is attached. Written as the ticks are read.
+Times are the wall clock's. Every subsystem has a topic with units in its schema (by_subsystem). Images, reasons, pose
+and scene have Foxglove's schemas, as JSON: names and types of the fields are those of the official schemas
+(https://docs.foxglove.dev/docs/sdk/schemas), which a test compares; their optional fields are left out. Of a scene's
+primitives, lines and texts are described and the others are empty lists. Lengths in m, colours from 0 to 1. What made
+the session is attached. Messages are written as the ticks are read.
 """
 
-from collections.abc import Mapping, Sequence
+import base64
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,16 +19,20 @@ from mcap.writer import Writer
 from truearc.robot.config.rig_spec import Target
 from truearc.robot.reasons import texts
 from truearc.robot.recording import session as layout
-from truearc.robot.recording.export import foxglove
-from truearc.robot.recording.export.by_subsystem import topics_of
+from truearc.robot.recording.export.by_subsystem import object_schema, topics_of
 from truearc.robot.recording.export.field_pose import ASSUMED, FieldPose, pose_of
 from truearc.robot.recording.export.tabular import FlatTicks
-from truearc.robot.recording.export.wall_time import WallTime
 from truearc.robot.recording.files import load_pictures
-from truearc.robot.recording.rows import Trial
-from truearc.robot.recording.session import Picture
 from truearc.robot.types import Shot, Tick
 
+S_NS = 1_000_000_000
+INFO, WARNING = 2, 3                  # levels of foxglove.Log
+LINE_STRIP, LINE_LIST = 0, 2          # kinds of foxglove.LinePrimitive
+TARGET, ROBOT, CAMERA = "target", "robot", "camera"
+NO_TURN = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+ORIGIN = {"position": {"x": 0.0, "y": 0.0, "z": 0.0}, "orientation": NO_TURN}
+Point = tuple[float, float, float]
+Colour = tuple[float, float, float, float]
 IMAGE, LOG, POSE, TRANSFORM, SCENE = "/camera/image", "/log", "/pose", "/tf", "/scene"
 DRAWN = {IMAGE: "foxglove.CompressedImage", LOG: "foxglove.Log", POSE: "foxglove.PoseInFrame",
          TRANSFORM: "foxglove.FrameTransform", SCENE: "foxglove.SceneUpdate"}
@@ -35,10 +44,133 @@ COLOURS = {"three": (0.1, 0.7, 0.2, 1.0), "two": (0.9, 0.7, 0.1, 1.0), "hit": (0
 MISSED = (0.85, 0.15, 0.15, 1.0)
 
 
+def _nested(kind: str, about: str, /, **properties: dict[str, Any]) -> dict[str, Any]:
+    return object_schema(f"foxglove.{kind}", about, properties) | {"required": list(properties)}
+
+
+def _of_type(kind: str) -> Callable[[str], dict[str, Any]]:
+    return lambda what: {"type": kind, "description": what}
+
+
+def _several(items: dict[str, Any], what: str) -> dict[str, Any]:
+    return {"type": "array", "items": items, "description": what}
+
+
+def _time(title: str, what: str) -> dict[str, Any]:
+    whole = {"type": "integer", "minimum": 0}
+    return {"title": title, "type": "object", "description": what,
+            "properties": {"sec": {**whole, "description": "unit: s"},
+                           "nsec": {**whole, "maximum": S_NS - 1, "description": "unit: ns"}}}
+
+
+_number, _text, _flag, _integer = map(_of_type, ("number", "string", "boolean", "integer"))
+_STAMP = _time("time", "wall clock, since 1970")
+_METRE = {axis: _number("unit: m") for axis in "xyz"}
+_POINT, _VECTOR = _nested("Point3", "place", **_METRE), _nested("Vector3", "place", **_METRE)
+_TURN = _nested("Quaternion", "orientation", **{axis: _number("unit: 1") for axis in "xyzw"})
+_COLOUR = _nested("Color", "colour", **{part: _number("0 to 1") for part in "rgba"})
+_POSE = _nested("Pose", "pose", position=_VECTOR, orientation=_TURN)
+_PAIR = _nested("KeyValuePair", "a note", key=_text("name"), value=_text("value"))
+_LINE = _nested("LinePrimitive", "points that lines join",
+                type=_integer("0: one strip, 2: every two points"), pose=_POSE,
+                thickness=_number("unit: m"), scale_invariant=_flag("thickness in pixels"),
+                points=_several(_POINT, "in the entity's frame"), color=_COLOUR,
+                colors=_several(_COLOUR, "of each point; empty: all alike"),
+                indices=_several({"type": "integer"}, "empty: the points in their order"))
+_WORDS = _nested("TextPrimitive", "a text", pose=_POSE, billboard=_flag("turned to whoever looks"),
+                 font_size=_number("unit: m"), scale_invariant=_flag("size in pixels"), color=_COLOUR,
+                 text=_text("text"))
+_UNUSED = ("arrows", "cubes", "spheres", "cylinders", "triangles", "models")
+_ENTITY = _nested("SceneEntity", "something drawn", timestamp=_STAMP, frame_id=_text("frame"),
+                  id=_text("replaces what had it before"), lifetime=_time("duration", "0: until replaced"),
+                  frame_locked=_flag("moves with its frame"), metadata=_several(_PAIR, "notes"),
+                  lines=_several(_LINE, "lines"), texts=_several(_WORDS, "texts"),
+                  **{name: _several(object_schema(name, "none", {}), "always empty") for name in _UNUSED})
+
+SCHEMAS = {
+    "foxglove.CompressedImage": _nested(
+        "CompressedImage", "image behind a shot; the time is the middle of its exposure", timestamp=_STAMP,
+        frame_id=_text("frame"), data={**_text("file"), "contentEncoding": "base64"}, format=_text("png")),
+    "foxglove.Log": _nested(
+        "Log", "why the robot holds, when that changes", timestamp=_STAMP,
+        level=_integer("2 info, 3 warning"), message=_text("reasons"), name=_text("part"),
+        file=_text("empty"), line={"type": "integer", "minimum": 0, "description": "0"}),
+    "foxglove.PoseInFrame": _nested("PoseInFrame", "robot before the target", timestamp=_STAMP,
+                                    frame_id=_text("frame"), pose=_POSE),
+    "foxglove.FrameTransform": _nested(
+        "FrameTransform", "robot before the target", timestamp=_STAMP, parent_frame_id=_text("frame"),
+        child_frame_id=_text("frame"), translation=_VECTOR, rotation=_TURN),
+    "foxglove.SceneUpdate": _nested(
+        "SceneUpdate", "target and flights of the balls",
+        deletions=_several(object_schema("deletion", "none", {}), "always empty"),
+        entities=_several(_ENTITY, "drawn or replaced")),
+}
+
+
+def stamp(t_ns: int) -> dict[str, int]:
+    return {"sec": t_ns // S_NS, "nsec": t_ns % S_NS}
+
+
+def image(t_ns: int, data: bytes, kind: str) -> dict[str, Any]:
+    """foxglove.CompressedImage of a picture's file."""
+    return {"timestamp": stamp(t_ns), "frame_id": CAMERA, "data": base64.b64encode(data).decode(), "format": kind}
+
+
+def log(t_ns: int, level: int, message: str) -> dict[str, Any]:
+    """foxglove.Log."""
+    return {"timestamp": stamp(t_ns), "level": level, "message": message, "name": "verdict", "file": "", "line": 0}
+
+
+def pose_in_frame(t_ns: int, pose: FieldPose) -> dict[str, Any]:
+    """foxglove.PoseInFrame of the robot before the target."""
+    return {"timestamp": stamp(t_ns), "frame_id": TARGET,
+            "pose": {"position": _place(pose), "orientation": _turn(pose)}}
+
+
+def transform(t_ns: int, pose: FieldPose) -> dict[str, Any]:
+    """foxglove.FrameTransform of the robot before the target."""
+    return {"timestamp": stamp(t_ns), "parent_frame_id": TARGET, "child_frame_id": ROBOT,
+            "translation": _place(pose), "rotation": _turn(pose)}
+
+
+def scene(t_ns: int, name: str, notes: dict[str, str], lines: Iterable[dict[str, Any]],
+          texts: Iterable[dict[str, Any]] = ()) -> dict[str, Any]:
+    """foxglove.SceneUpdate of one entity before the target, which stays until it is replaced."""
+    entity = {"timestamp": stamp(t_ns), "frame_id": TARGET, "id": name, "lifetime": stamp(0), "frame_locked": False,
+              "metadata": [{"key": key, "value": value} for key, value in notes.items()],
+              "lines": list(lines), "texts": list(texts), **{kind: [] for kind in _UNUSED}}
+    return {"deletions": [], "entities": [entity]}
+
+
+def line(kind: int, points: Iterable[Point], thickness_m: float, colour: Colour) -> dict[str, Any]:
+    """foxglove.LinePrimitive."""
+    return {"type": kind, "pose": ORIGIN, "thickness": thickness_m, "scale_invariant": False,
+            "points": [dict(zip("xyz", point, strict=True)) for point in points], "color": _colour(colour),
+            "colors": [], "indices": []}
+
+
+def words(text: str, at: Point, size_m: float, colour: Colour) -> dict[str, Any]:
+    """foxglove.TextPrimitive, turned to whoever looks."""
+    return {"pose": {"position": dict(zip("xyz", at, strict=True)), "orientation": NO_TURN}, "billboard": True,
+            "font_size": size_m, "scale_invariant": False, "color": _colour(colour), "text": text}
+
+
+def _place(pose: FieldPose) -> dict[str, float]:
+    return {"x": pose.x_m, "y": pose.y_m, "z": 0.0}
+
+
+def _turn(pose: FieldPose) -> dict[str, float]:
+    return {"x": 0.0, "y": 0.0, "z": math.sin(pose.yaw_rad / 2.0), "w": math.cos(pose.yaw_rad / 2.0)}
+
+
+def _colour(colour: Colour) -> dict[str, float]:
+    return dict(zip("rgba", colour, strict=True))
+
+
 class Flights(NamedTuple):
     """Flights of shots by a belief: {trial: its points before the target}, what they are, and the belief's files."""
 
-    points: Mapping[int, Sequence[foxglove.Point]]
+    points: Mapping[int, Sequence[Point]]
     what: str
     files: tuple[Path, ...]
 
@@ -50,10 +182,10 @@ class ViewerMessages:
     """Adds a session's topics for viewers to an MCAP; `images_lost` counts pictures whose file is missing."""
 
     def __init__(self, mcap: Writer, session: Path, flat: FlatTicks, target: Target | None,
-                 trials: Sequence[Trial], wall: WallTime, flights: Flights) -> None:
+                 trials: Sequence[layout.Trial], wall: layout.WallTime, flights: Flights) -> None:
         self._mcap, self._session, self._flat, self._wall, self._flights = mcap, session, flat, wall, flights
         self._topics = [(topic, self._channel(topic.name, topic.schema)) for topic in topics_of(flat.columns)]
-        self._drawn = {topic: self._channel(topic, foxglove.SCHEMAS[name]) for topic, name in DRAWN.items()}
+        self._drawn = {topic: self._channel(topic, SCHEMAS[name]) for topic, name in DRAWN.items()}
         self._marks = {trial.outcome.trial: trial.outcome.outcome for trial in trials}
         self._pictures = sorted(load_pictures(session), key=lambda picture: picture.t_ns)
         self._target = target
@@ -92,35 +224,35 @@ class ViewerMessages:
         if self._target is not None:
             self._draw_target(t_ns, self._target)
 
-    def _write_picture(self, picture: Picture) -> None:
+    def _write_picture(self, picture: layout.Picture) -> None:
         path = self._session / layout.FRAMES / picture.file
         if not path.is_file():
             self.images_lost += 1
             return
         t_ns = picture.t_ns + self._wall.offset_ns
-        self._draw(IMAGE, t_ns, foxglove.image(t_ns, path.read_bytes(), path.suffix.lstrip(".")))
+        self._draw(IMAGE, t_ns, image(t_ns, path.read_bytes(), path.suffix.lstrip(".")))
 
     def _write_reasons(self, t_ns: int, tick: Tick) -> None:
         codes = tuple(reason.code for reason in tick.verdict.reasons)
         if codes != self._reasons:
             self._reasons = codes
-            level = foxglove.WARNING if codes and tick.memory.request_t_ns else foxglove.INFO
+            level = WARNING if codes and tick.memory.request_t_ns else INFO
             said = f"HOLD: {'; '.join(texts(tick.verdict.reasons))}" if codes else "FIRE"
-            self._draw(LOG, t_ns, foxglove.log(t_ns, level, said))
+            self._draw(LOG, t_ns, log(t_ns, level, said))
 
     def _write_pose(self, t_ns: int, pose: FieldPose | None) -> None:
         if pose is not None and pose != self._pose:
             self._pose = pose
-            self._draw(POSE, t_ns, foxglove.pose_in_frame(t_ns, pose))
-            self._draw(TRANSFORM, t_ns, foxglove.transform(t_ns, pose))
+            self._draw(POSE, t_ns, pose_in_frame(t_ns, pose))
+            self._draw(TRANSFORM, t_ns, transform(t_ns, pose))
 
     def _draw_target(self, t_ns: int, target: Target) -> None:
         """The opening's heights, as upright lines: a rig does not state how wide it is."""
-        lines = [foxglove.line(foxglove.LINE_LIST, [(0.0, 0.0, target.centre_height_m - half),
+        lines = [line(LINE_LIST, [(0.0, 0.0, target.centre_height_m - half),
                                                     (0.0, 0.0, target.centre_height_m + half)], wide, colour)
                  for half, wide, colour in ((target.two_half_height_m, THICK_M, COLOURS["two"]),
                                             (target.three_half_height_m, 2.0 * THICK_M, COLOURS["three"])) if half]
-        self._draw(SCENE, t_ns, foxglove.scene(t_ns, "target", {"what": "heights of the opening; its width is not "
+        self._draw(SCENE, t_ns, scene(t_ns, "target", {"what": "heights of the opening; its width is not "
                                                                         "known"}, lines))
 
     def _draw_flight(self, t_ns: int, shot: Shot) -> None:
@@ -129,10 +261,10 @@ class ViewerMessages:
             return
         mark = self._marks.get(shot.trial, "not marked")
         colour = GREY if mark == "not marked" else COLOURS.get(mark, MISSED)
-        self._draw(SCENE, t_ns, foxglove.scene(
+        self._draw(SCENE, t_ns, scene(
             t_ns, f"shot {shot.trial}", {"trial": str(shot.trial), "mark": mark, "what": self._flights.what},
-            [foxglove.line(foxglove.LINE_STRIP, points, THICK_M, colour)],
-            [foxglove.words(f"{shot.trial}: {mark}", points[-1], LETTER_M, colour)]))
+            [line(LINE_STRIP, points, THICK_M, colour)],
+            [words(f"{shot.trial}: {mark}", points[-1], LETTER_M, colour)]))
 
     def _draw(self, topic: str, t_ns: int, message: dict[str, Any]) -> None:
         self._mcap.add_message(self._drawn[topic], t_ns, msgspec.json.encode(message), t_ns)

@@ -7,19 +7,21 @@ from msgspec import structs
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.shot_map import SCHEMA, ShotMap, load_map
+from truearc.sim.data.columns import is_shot_column
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import load_rig, states_three
 from truearc.sim.data.importers.guess_map import Guess, guess_map
 from truearc.sim.data.importers.guess_table import guess_table, is_log
 from truearc.sim.data.importers.logged_shots import read_log, shots_from_logs
 from truearc.sim.data.importers.mapped_tables import shots_from_tables
-from truearc.sim.data.model import Dataset
-from truearc.sim.data.rig import load_rig, states_three
-from truearc.sim.data.units import is_shot_column
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 
 
 def import_shots(files: Sequence[str | Path], *, rig: Rig | str | Path, shot_map: str | Path | ShotMap | None = None,
                  name: str = "imported", progress: Progress = lambda done, note: None) -> Dataset:
-    """Return the shots of robot logs (WPILOG, CSV) or of tables as a dataset; what was left out is in `left_out`.
+    """Return the shots of robot logs or of tables as a dataset; what was left out is in `left_out`.
+
+    A log is a CSV file, or of a kind that an installed distribution reads.
 
     Args:
         files: Logs, a session each, or tables.

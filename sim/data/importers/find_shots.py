@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from truearc.sim.data.dataset import Floats
 from truearc.sim.data.importers.series import Series
-from truearc.sim.data.model import Floats
 
 FALL_S = 0.15                         # a ball slows the wheels within this
 RECOVER_S = 1.0                       # and they are faster again within this, where no set point says that they fell

@@ -22,6 +22,7 @@ from truearc.robot.config.shot_map import (
     load_map,
 )
 from truearc.robot.config.unit_table import MOTOR, factor_of, own_unit
+from truearc.sim.data.dataset import Floats
 from truearc.sim.data.importers.logged_shots import Reading
 from truearc.sim.data.importers.recognise import (
     ANGLE,
@@ -42,7 +43,6 @@ from truearc.sim.data.importers.recognise import (
     words_of,
 )
 from truearc.sim.data.importers.series import Log, Series
-from truearc.sim.data.model import Floats
 
 PULSE_S = 0.2, 2.0                    # a fall sooner after a shot is none of its outcome's; a pulse is shorter
 FALLS = 2                             # of a state, at least

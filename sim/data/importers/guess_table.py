@@ -14,7 +14,7 @@ from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.shot_map import NOT_MARKED, SCHEMA, OutcomeKeys, ShotMap, Signal
 from truearc.robot.config.unit_table import MOTOR, UNITS, WHEEL, own_unit, unit_in, unit_of
-from truearc.sim.data.columns import SIDES, parse_number
+from truearc.sim.data.columns import SIDES, is_shot_column, parse_number, read_as
 from truearc.sim.data.importers.guess_map import NO_OUTCOME, Guess
 from truearc.sim.data.importers.mapped_tables import PLACE, outcome_text, table_below
 from truearc.sim.data.importers.recognise import (
@@ -36,7 +36,6 @@ from truearc.sim.data.importers.recognise import (
 )
 from truearc.sim.data.importers.series import TIME, Series
 from truearc.sim.data.table import Cell, RawTable, gathered, load_table
-from truearc.sim.data.units import is_shot_column, read_as
 
 # column of shots -> (words that name it, words beside one that do not say what it is of, words of something else)
 NAMED = {
@@ -63,7 +62,7 @@ LEAST_STEP_S, LEAST_ROWS = 0.5, 20                     # rows of a log are close
 
 
 def is_log(path: Path) -> bool:
-    """Whether a file is a WPILOG, or has a log's column of times; also where it cannot be opened, as the log's reader
+    """Whether a file is no table, or has a log's column of times; also where it cannot be opened, as the log's reader
     says why."""
     if path.suffix.lower() not in (".csv", ".txt", ".parquet"):
         return True

@@ -7,19 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
-from truearc.errors import InputError
-from truearc.hw.plugins import ELSEWHERE, needs
+from truearc.errors import ELSEWHERE, InputError, needs
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.shot_map import MARKS, NOT_MARKED, ShotMap, Signal, as_signal, plain
 from truearc.robot.config.unit_table import MOTOR, WHEEL, factor_of, own_unit, unit_in
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import assemble
 from truearc.sim.data.importers.find_shots import FoundShots, find_shots, silences, spikes
 from truearc.sim.data.importers.registry import load_importers
 from truearc.sim.data.importers.series import Log, Series, read_csv_log
-from truearc.sim.data.load import assemble
-from truearc.sim.data.model import Dataset
 from truearc.sim.data.recordings import AFTER_S, BEFORE_S
 from truearc.sim.data.table import Cell, RawTable, gathered
-from truearc.sim.progress import Progress, part_of
+from truearc.sim.printed import Progress, part_of
 
 SECONDS = {"s": 1.0, "ms": 1e3, "us": 1e6}
 MOST_UNKNOWN = 10                     # texts of a signal of outcomes that are named

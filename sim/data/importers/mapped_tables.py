@@ -12,9 +12,9 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.shot_map import MARKS, NOT_MARKED, ShotMap, Signal, as_signal, plain
 from truearc.robot.config.unit_table import factor_of, own_unit, unit_in
 from truearc.sim.data.columns import parse_number
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import assemble
 from truearc.sim.data.importers.logged_shots import as_read, as_table
-from truearc.sim.data.load import assemble
-from truearc.sim.data.model import Dataset
 from truearc.sim.data.table import Cell, RawTable, gathered, load_table, parse_csv, text_of
 
 PLACE = re.compile(r"#(\d+)")         # a column by its number

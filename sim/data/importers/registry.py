@@ -7,8 +7,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from truearc.errors import InputError
-from truearc.hw.plugins import PluginError, load_plugin, place_of
+from truearc.errors import InputError, PluginError, load_plugin, place_of
 
 if TYPE_CHECKING:
     from truearc.sim.data.dataset import Dataset

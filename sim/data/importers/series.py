@@ -8,7 +8,7 @@ import numpy as np
 
 from truearc.errors import InputError
 from truearc.sim.data.columns import parse_number
-from truearc.sim.data.model import Floats
+from truearc.sim.data.dataset import Floats
 from truearc.sim.data.table import Cell, RawTable, gathered, load_table
 
 BACK_US = 1_000_000                   # a signal's values of several writers may be out of order by less

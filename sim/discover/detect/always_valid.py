@@ -27,7 +27,7 @@ SIZES = np.array([0.15, 0.4, 1.0, 2.5])       # of a change, in usual ones, eith
 AT_ONCE = 0.5                         # probability that a change was there at the first shot, if there is one
 HAZARD = 0.01                         # that it comes with the next shot, if it was not
 Some = Float[np.ndarray, "..."]       # of draws alone, or of draws by changes
-FARTHEST = 8.0                        # standard deviations: in a normal tail beyond, nothing is left of a double
+TAIL_SD = 8.0                        # standard deviations: in a normal tail beyond, nothing is left of a double
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +162,7 @@ def _intervals(low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"]) -> I
 
 def _share(low: float, high: float, mean_m: Some, spread_m: Some, wider_m: Some) -> Some:
     """Of a normal height between two borders, which lie `wider_m` farther out."""
-    below, above = (np.clip((edge + np.sign(edge) * wider_m - mean_m) / spread_m, -FARTHEST, FARTHEST)
+    below, above = (np.clip((edge + np.sign(edge) * wider_m - mean_m) / spread_m, -TAIL_SD, TAIL_SD)
                     if np.isfinite(edge) else None for edge in (low, high))
     return np.asarray((1.0 if above is None else ndtr(above)) - (0.0 if below is None else ndtr(below)))
 

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
-from truearc.sim.progress import Progress
+from truearc.sim.printed import Progress
 
 FEWEST_SIGNS = 8.0                    # a test that rests on fewer shots is not made: their signs can hardly say 1 %
 LEAST_SHARE = 1e-4                    # of a test's information that must survive the projection

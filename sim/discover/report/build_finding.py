@@ -5,34 +5,30 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from msgspec import UNSET, UnsetType
-from msgspec.structs import replace
+from msgspec import UNSET, UnsetType, structs
 
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover import finding as parts
+from truearc.sim.discover.decide import verdict_of
+from truearc.sim.discover.detect.battery import TERMS, Asked, NumberChange, can_compare, compare_trackers, name_of
 from truearc.sim.discover.detect.covariates import Covariate, carried_by, followed_column
-from truearc.sim.discover.detect.free_curve import contrast_of
-from truearc.sim.discover.detect.localization import Place, size_weights, times_of
+from truearc.sim.discover.detect.localization import Place, contrast_of, size_weights, times_of
 from truearc.sim.discover.detect.score_test import Judged
-from truearc.sim.discover.detect.test_battery import TERMS, Asked, name_of
-from truearc.sim.discover.detect.tracker_change import NumberChange, can_compare, compare_trackers, rivals_of
 from truearc.sim.discover.finding import FindingRecord, FitSummary, FoundEffect, Named, TestResult, Unknown, Where
-from truearc.sim.discover.plan.recommendations import blind_terms, has_spin, measure_blind, measure_names, next_steps
+from truearc.sim.discover.plan.next_steps import blind_terms, has_spin, measure_blind, measure_names, next_steps
 from truearc.sim.discover.report import finding_text as wording
-from truearc.sim.discover.report.effect_wording import say_improbable
-from truearc.sim.discover.report.formula import find_formula
-from truearc.sim.discover.select.amplitude_prior import posterior_amplitude
-from truearc.sim.discover.select.forecast_error import end_errors, side_errors, times_off
-from truearc.sim.discover.select.name_effects import Search, Step
-from truearc.sim.infer.baseline_fit import BaselineFit, only_shared, stopped
-from truearc.sim.infer.held_out import clustered_error, unseen_change, without
-from truearc.sim.infer.likelihood import outcome_likelihood as outcomes
-from truearc.sim.infer.likelihood.prepared_data import Intake
-from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
-from truearc.sim.infer.likelihood.shot_columns import number_columns
-from truearc.sim.infer.parameters import improbable
+from truearc.sim.discover.report.finding_text import say_improbable
+from truearc.sim.discover.select.effects import Search, Step
+from truearc.sim.discover.select.simulations import end_errors, side_errors, times_off
+from truearc.sim.discover.select.terms import posterior_amplitude
+from truearc.sim.infer.fit import BaselineFit, improbable, stopped
+from truearc.sim.infer.likelihood import observations as outcomes
+from truearc.sim.infer.likelihood.data import Intake, number_columns
+from truearc.sim.infer.likelihood.layout import only_shared
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, clustered_error, unseen_change, without
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.term import STAGES
+from truearc.sim.statistics import Z90
 
 SHOWN = 40                            # lines of the tests that the answer lists
 RANKED = 12                           # names that it lists
@@ -93,13 +89,13 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
                              next=(*to_check, *steps_to_see), tracker=tracker)
     first = steps[0]
     where = _where(first, judged, search, first.naming.probability)
-    leading, *rest = (_further(step, search.seed) for step in (first, *steps[1:]))
-    leading = leading if search.home is None else _or_tracker(leading, fitted, search.home.fitted)
-    verdict = "unknown" if first.unknown else "named" if len(leading.set or ()) == 1 else "set"
+    leading, *rest = map(_further, (first, *steps[1:]))
+    verdict = verdict_of(first, fitted, None if search.home is None else search.home.fitted)
+    leading = structs.replace(leading, what=_beside_rivals(leading.what, verdict.rivals, among), set=verdict.terms)
     sentence = (wording.say_unknown(terms, judged.p_any, where, leading, rest, fit, place, among) if first.unknown else
                 wording.say_named(terms, judged.p_any, leading, rest, fit, place, among, data.topspin))
     sentence += said + wording.say_limits(data.at_limit) + say_improbable(data.improbable)
-    return FindingRecord(data, mismatch, where, verdict, sentence, leading.unknown, fit, what=leading.what,
+    return FindingRecord(data, mismatch, where, verdict.verdict, sentence, leading.unknown, fit, what=leading.what,
                          set=leading.set, next=(*next_steps(dataset, first, leading.set), *to_check),
                          also=tuple(rest), unexplained=first.unexplained, tracker=tracker)
 
@@ -118,26 +114,21 @@ def _tracker(fitted: BaselineFit, search: Search) -> tuple[FoundEffect | UnsetTy
         [one.term for one in what], among)
 
 
-def _or_tracker(leading: FoundEffect, fitted: BaselineFit, home: BaselineFit) -> FoundEffect:
-    """A name that a change of the tracker's calibration since home explains as well is one of a set with that."""
-    among = fitted.layout.chain.catalogue
-    if leading.set is None:
-        return leading
-    first = next(one for one in leading.what if one.term in leading.set)
-    rivals = rivals_of(fitted, home, f"{first.term}.{next(iter(first.parameters))}")
+def _beside_rivals(what: tuple[Named, ...], rivals: Sequence[NumberChange], among: Catalogue) -> tuple[Named, ...]:
+    """The names, with what may have changed in place of the first of the rivals, which is one of them."""
+    if not rivals:
+        return what
     weighed = {one.name.partition(".")[0]: _changed(one, among) for one in rivals}
-    if not weighed:
-        return leading
-    weighed[first.term] = replace(first, probability=first.probability * weighed[first.term].probability)
-    what = (*weighed.values(), *(one for one in leading.what if one.term not in weighed))
-    return replace(leading, what=tuple(sorted(what, key=lambda one: -one.probability)),
-                   set=tuple(dict.fromkeys((*weighed, *leading.set))))
+    first = next(one for one in what if one.term == rivals[0].name.partition(".")[0])
+    weighed[first.term] = structs.replace(first, probability=first.probability * weighed[first.term].probability)
+    return tuple(sorted((*weighed.values(), *(one for one in what if one.term not in weighed)),
+                        key=lambda one: -one.probability))
 
 
 def _changed(one: NumberChange, among: Catalogue) -> Named:
     name, _, parameter = one.name.partition(".")
     (term,) = among.find([name])
-    half = wording.NINETY * one.sd
+    half = Z90 * one.sd
     interval = parts.Interval(one.change, one.sd, one.change - half, one.change + half, one.unit)
     return Named(name, one.probability, {parameter: interval}, term.sentence, term.stage)
 
@@ -165,12 +156,12 @@ def best_of(fitted: BaselineFit, steps: Sequence[Step]) -> ScoreTable:
     return named[-1] if named else without(fitted.evidence)
 
 
-def _further(step: Step, seed: int) -> FoundEffect:
+def _further(step: Step) -> FoundEffect:
     """The result of one step."""
     probability = step.naming.probability
     what = tuple(_named(step, name, probability) for name in list(step.naming.probability)[:RANKED])
-    chosen = None if step.unknown else tuple(name.partition(".")[0] for name in step.naming.chosen)
-    return FoundEffect(what, chosen, _unknown(step, seed) if step.unknown else None, step.unexplained)
+    chosen = None if step.unknown else tuple(name.partition(".")[0] for name in step.chosen)
+    return FoundEffect(what, chosen, _unknown(step) if step.unknown else None, step.unexplained)
 
 
 def _where(step: Step, judged: Judged, search: Search, probability: dict[str, float]) -> Where:
@@ -218,14 +209,14 @@ def _follows(step: Step, judged: Judged, search: Search) -> tuple[str | None, st
     return name, direction, others
 
 
-def _unknown(step: Step, seed: int) -> Unknown | None:
+def _unknown(step: Step) -> Unknown | None:
     place = step.place
     if place is None:
         return None
     size, sd = contrast_of(place.correction, size_weights(place.correction))
-    reach = wording.NINETY * sd
-    return Unknown(name_of(place.test, place.column), place.column.direction, size, place.column.unit,
-                   find_formula(place.correction, step.fitted, seed), size - reach, size + reach)
+    reach = Z90 * sd
+    return Unknown(name_of(place.test, place.column), place.column.direction, size, place.column.unit, size - reach,
+                   size + reach)
 
 
 def _named(step: Step, name: str, probability: dict[str, float]) -> Named:

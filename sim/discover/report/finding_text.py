@@ -1,28 +1,142 @@
-"""The verdict in sentences that a driver coach can act on."""
+"""The verdict and its effects in sentences that a driver coach can act on."""
 
+import math
+import tomllib
 from collections.abc import Mapping, Sequence
+from importlib.resources import files
 from typing import Any
 
 from msgspec import UNSET, UnsetType
 
-from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
+from truearc.sim.discover.decide import form_of, gain_interval
+from truearc.sim.discover.detect.covariates import STEP, Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.localization import Place
-from truearc.sim.discover.detect.weight_functions import STEP
-from truearc.sim.discover.finding import Adoption, FindingRecord, FitSummary, FoundEffect, Named, Unknown, Where
-from truearc.sim.discover.plan.detectability import sight_of
-from truearc.sim.discover.report.effect_wording import in_words, plain, say_effect, scale_of, size_of
-from truearc.sim.discover.settings import SIGN_DRAWS
+from truearc.sim.discover.finding import (
+    SIGN_DRAWS,
+    Adoption,
+    FindingRecord,
+    FitSummary,
+    FoundEffect,
+    Interval,
+    Named,
+    Unknown,
+    Where,
+)
+from truearc.sim.discover.plan.identifiability import sight_of
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
+from truearc.sim.physics.nonparametric import Nameless
 from truearc.sim.physics.term import Term
+from truearc.sim.physics.term_fields import ANGLE, LENGTH, SHARE, Phrase
 from truearc.sim.printed import left_out_lines
+
+MOST_PLACES = 5                       # after the point; beyond, exponents
+WORDING = tomllib.loads((files("truearc.sim.discover.report") / "wording.toml").read_text(encoding="utf-8"))
+COLUMNS: dict[str, str] = WORDING["columns"]
+
+
+def in_words(column: str) -> str:
+    """A column as people say it; one that is the user's own: by its name, and so are two together."""
+    return " x ".join(COLUMNS.get(one, one) for one in column.split(" x "))
+
+
+def say_improbable(numbers: Mapping[str, float]) -> str:
+    """Say that fitted numbers were believed all but impossible; empty without any."""
+    if not numbers:
+        return ""
+    found = " and ".join(f"{name} {value:.3g}" for name, value in numbers.items())
+    tracker = all(name.startswith("track_") for name in numbers)
+    what = f"{'the tracker may be as wrong as that, or ' * tracker}an effect may be there that they cannot tell from it"
+    return f" But the fit has {found}, believed all but impossible before these shots: {what}."
+
+
+def plain(name: str, among: Catalogue | None = None) -> str:
+    """A term's or column's name as text; among: the catalogue of the terms, here and below."""
+    name = name.partition(".")[0]
+    term = as_catalogue(among).get(name)
+    return name.replace("_", " ") if term is None else term.label
+
+
+def phrase_of(name: str, among: Catalogue | None = None, topspin: bool = False) -> Phrase | None:
+    """The wording of a term's amplitude; None if the name is not a term's, or that of an unexplained effect."""
+    term = as_catalogue(among).get(name.partition(".")[0])
+    if term is None or isinstance(term, Nameless):
+        return None
+    return term.topspin_phrase if topspin and term.topspin_phrase is not None else term.phrase
+
+
+def say_effect(term: str, interval: Interval, sentence: str, among: Catalogue | None = None,
+               topspin: bool = False) -> str:
+    """The effect with its size and 90 % interval, no full stop; a term that is not in the catalogue: its sentence.
+
+    topspin: the balls' spin is topspin.
+    """
+    phrase = phrase_of(term, among, topspin)
+    if phrase is None:
+        unit = "" if interval.unit == "1" else f" {interval.unit}"
+        said = sentence.rstrip(".")
+        value, lowest, highest = _together(interval.value, interval.low90, interval.high90)
+        return f"{said[:1].lower()}{said[1:]} ({value}{unit}, 90 %: {lowest} to {highest})"
+    less = interval.value < 0.0
+    factor = -phrase.factor if less else phrase.factor
+    low, high = sorted((interval.low90 * factor, interval.high90 * factor))
+    size = (_time_constant if phrase.rate else _interval)(interval.value * factor, low, high, phrase.unit)
+    return (phrase.less if less else phrase.more).format(size)
+
+
+def _interval(value: float, low: float, high: float, unit: str) -> str:
+    said, lowest, highest = _together(value, low, high)
+    return f"{said}{unit} (90 %: {lowest} to {highest}{unit})"
+
+
+def _time_constant(rate: float, low: float, high: float, unit: str) -> str:
+    """The inverse of a rate, whose interval's ends swap; a rate that may be zero leaves it without an upper end."""
+    if low > 0.0:
+        return _interval(1.0 / rate, 1.0 / high, 1.0 / low, unit)
+    return f"{_number(_inverse(rate))}{unit} (90 %: at least {_number(_inverse(high))}{unit})"
+
+
+def _inverse(rate: float) -> float:
+    return math.inf if rate == 0.0 else 1.0 / rate
+
+
+def size_of(name: str, amount: float, unit: str, among: Catalogue | None = None) -> str:
+    """An amount of a term's amplitude (or of a free column) as people say it, with the unit that it is per."""
+    phrase = phrase_of(name, among)
+    if phrase is not None:
+        shown = _inverse(amount * phrase.factor) if phrase.rate else amount * phrase.factor
+        return f"{_number(shown)}{phrase.unit}{phrase.per}"
+    factor, said = scale_of(unit)
+    return f"{_number(amount * factor)}{said}"
+
+
+def scale_of(unit: str) -> tuple[float, str]:
+    """(factor, unit with its space) in which a unit of the physics is reported."""
+    return {"1": SHARE, "rad": (math.degrees(1.0), "°"), "m": LENGTH, "deg": ANGLE, "m/s2": (1.0, " m/s²")}.get(
+        unit, (1.0, f" {unit}"))
+
+
+def _together(value: float, low: float, high: float) -> tuple[str, str, str]:
+    """A value and its interval to as many places as leave the interval's width two figures."""
+    width = high - low
+    places = max(1 - math.floor(math.log10(width) + 1e-9), 0) if 0.0 < width < math.inf else 3
+    if places > MOST_PLACES:
+        return _number(value), _number(low), _number(high)
+    shown = (f"{round(one, places) + 0.0:.{places}f}" for one in (value, low, high))
+    return next(shown), next(shown), next(shown)
+
+
+def _number(value: float) -> str:
+    """Two figures, and no exponents where people use none."""
+    if value == 0.0 or not math.isfinite(value):
+        return f"{value:g}"
+    places = max(1 - math.floor(math.log10(abs(value)) + 1e-9), 0)
+    return f"{value:.{places}f}" if places <= MOST_PLACES else f"{value:.1e}"
+
 
 STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", "flight": "in flight",
                "arrival": "at the target"}
-NINETY = 1.6448536269514722
 SHOWN = 6
-OUTWEIGHS = 10.0                      # times as likely as the next: these data do speak for the first
-EVEN = 0.5                            # probability of both of two names, from which they are said to be there together
 STANDS_OUT = 0.2                      # probability of a name, from which its size is said
 RARE = 0.1                            # p up to which it is stated as one dataset in how many
 WIDE = 2.0                            # standard deviations by which times differ: chance hardly does that to ten
@@ -44,7 +158,8 @@ def say_named(believed: tuple[str, ...], p_value: float, leading: FoundEffect, a
     total = sum(one.probability for one in what if one.term in names)
     members = [one for one in what if one.term in names]
     likeliest = _effect(members[0], among, topspin)
-    if len(names) == 1:
+    form = form_of([one.probability for one in members] + [0.0] * (len(names) - len(members)))
+    if form == "one":
         said = f"{_missing(believed, among)}: {likeliest}."
     else:
         listed = members[:LISTED if len(names) > LISTED + 1 else LISTED + 1]
@@ -54,15 +169,14 @@ def say_named(believed: tuple[str, ...], p_value: float, leading: FoundEffect, a
         cannot = "These data cannot tell which of these it is."
         if total > 1.0 + LEAST_SHOWN:
             cannot += " Two of them may be there together, so that the probabilities add up to more than 100%."
-        both = len(names) == 2 and total > 1.0 + EVEN
-        if both:
+        if form == "both":
             cannot = "More likely both are there than one, but these data cannot tell how large each is."
-        first = f" If it is the first{' alone' if both else ''}, {likeliest}."
+        first = f" If it is the first{' alone' if form == 'both' else ''}, {likeliest}."
         if members[0].probability < STANDS_OUT:
             first = " No name stands out."
-        listing = either(rest, "and" if both else "or")
+        listing = either(rest, "and" if form == "both" else "or")
         said = f"{_missing(believed, among)}, {either(stages)}: {listing}. {cannot}{first}"
-        if outweighs(members) and not both:
+        if form == "likely":
             said = (f"{_missing(believed, among)}: most likely {rest[0]}. If so, {likeliest}. "
                     f"{_capital(either(rest[1:]))} cannot be excluded.")
     unexplained = leading.unexplained
@@ -70,11 +184,6 @@ def say_named(believed: tuple[str, ...], p_value: float, leading: FoundEffect, a
         said += f" It may also be an effect of no term ({unexplained:.0%})."
     more = "".join(besides(further, then, among, topspin) for further, then in zip(also, THEN, strict=False))
     return said + _since(place) + more + _gained(fit) + _chance(p_value)
-
-
-def outweighs(members: Sequence[Named]) -> bool:
-    """Whether the first of a set is likely by itself, and far likelier than the next."""
-    return len(members) > 1 and members[0].probability > max(0.5, OUTWEIGHS * members[1].probability)
 
 
 def _capital(text: str) -> str:
@@ -149,12 +258,6 @@ def say_adopted(finding: FindingRecord, provenance: Mapping[str, Any]) -> str:
     return f"adopted: {what or 'nothing named, the fitted coefficients alone'}{but}"
 
 
-def say_refused(adoption: Adoption) -> str:
-    """Why what was found is not adopted: it would lose points."""
-    return (f"aimed and gated by it, hold-out shots would have scored {-adoption.gain:.2f} points per shot less "
-            f"(90 %: {adoption.low90:+.2f} to {adoption.high90:+.2f})")
-
-
 def say_points(adoption: Adoption) -> str:
     """What it is worth in points, aimed by it and let through by its gate."""
     passed = [f"{share:.0%} of the shots as made" + ("" if points is None else f" at {points:.2f} points each")
@@ -192,9 +295,7 @@ def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, leading
     if leading.what:
         nearest = (f" The nearest name is {plain(leading.what[0].term, among)}, which {falls_short}; by it "
                    f"{_effect(leading.what[0], among, False)}.")
-    formula = leading.unknown.formula
-    law = f" An empirical formula does as well as the curve: {formula}." if formula else ""
-    return f"{said}{_looks(leading.unknown, place)}{stage}.{law}{nearest}{_gained(fit)}{_chance(p_value)}"
+    return f"{said}{_looks(leading.unknown, place)}{stage}.{nearest}{_gained(fit)}{_chance(p_value)}"
 
 
 def _looks(unknown: Unknown, place: Place) -> str:
@@ -330,16 +431,9 @@ def then_measured(step: dict[str, object], finding: FindingRecord, among: Catalo
     return f"; then add --measured {one.name}=VALUE,SD ({one.amplitude.meaning}{unit})"
 
 
-def gained_interval(fit: FitSummary) -> tuple[float, float] | None:
-    """90 % interval of the log score gained per shot."""
-    if fit.gain_per_shot is None or fit.gain_se is None:
-        return None
-    return fit.gain_per_shot - NINETY * fit.gain_se, fit.gain_per_shot + NINETY * fit.gain_se
-
-
 def _gained(fit: FitSummary) -> str:
     """The gain of the corrected simulation on hold-out shots."""
-    interval = gained_interval(fit)
+    interval = gain_interval(fit)
     if interval is None:
         return ""
     parts: dict[bool, list[str]] = {True: [], False: []}          # better, worse

@@ -4,35 +4,234 @@ Each hypothesis has a share of the prior and a log evidence: of single terms by 
 of what stands beside a likely term on the table linearised at that term's refit, of an unexplained change on the
 table of the fit, its size and smoothness averaged over. Of pairs and of unexplained changes that matter, true refits
 replace these.
+
+A hypothesis adds parts to the shared numbers. A part is one column of the table, laid over the shots by shapes whose
+coefficients are normal a priori: one shape of ones is a term or a constant push; shapes of a Gaussian process over a
+covariate are an unexplained change that goes with it.
+
+Scores at the fit guess what a large change is worth too high; a name's evidence comes from a true refit, and an
+unexplained change that rivals it is judged alike.
 """
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.linalg import block_diag
 from scipy.special import logsumexp
 
+from truearc.sim.discover.detect.battery import ReferenceSession
 from truearc.sim.discover.detect.covariates import Covariate, Factor, varies
-from truearc.sim.discover.detect.reference_session import ReferenceSession
-from truearc.sim.discover.select.amplitude_prior import nats_in_range, nats_known
-from truearc.sim.discover.select.flown_curves import nats_flown
-from truearc.sim.discover.select.hypotheses import (
-    LENGTHS,
-    SIZES,
-    Part,
-    Projector,
-    group_shapes,
-    log_evidence,
-    process_shapes,
-    with_parts,
+from truearc.sim.discover.select.terms import (
+    NEVER,
+    Candidate,
+    Naming,
+    Refit,
+    efficient,
+    is_possible,
+    log_evidence_at,
+    nats_in_range,
+    nats_known,
+    one_step,
+    promote,
+    refit,
 )
-from truearc.sim.discover.select.refit import Refit, promote, refit
-from truearc.sim.discover.select.term_ranking import NEVER, Candidate, Naming, efficient, is_possible, one_step
-from truearc.sim.infer.baseline_fit import BaselineFit
-from truearc.sim.infer.held_out import without
-from truearc.sim.infer.likelihood.external_measurements import nats_measured
-from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
+from truearc.sim.infer.belief import Curve
+from truearc.sim.infer.fit import BaselineFit, climb, objective, usual_spot
+from truearc.sim.infer.likelihood.data import Intake
+from truearc.sim.infer.likelihood.layout import (
+    LinearizationPoint,
+    ParameterLayout,
+    nats_measured,
+    only_shared,
+    with_curve,
+)
+from truearc.sim.infer.likelihood.score_table import Array, Column, PlaneScores, ScoreTable, fit_linear, without
+from truearc.sim.physics.nonparametric import find_nameless
+from truearc.sim.statistics import invert
+
+KNOTS = 8
+LENGTHS = (0.15, 0.4, 1.0)            # of a Gaussian process, as shares of its covariate's range
+EDGES = (2.0, 98.0)                   # percentiles: the range
+SIZES = (0.5, 1.0, 2.0)               # of a process, by its column's usual amplitude
+JITTER = 1e-6
+
+
+@dataclass(frozen=True)
+class Part:
+    """A column of the evidence times shapes [n, q], whose coefficients have these standard deviations [q]."""
+
+    column: int
+    shapes: Float[Array, "n q"]
+    sd: Float[Array, " q"]
+
+
+def with_parts(evidence: ScoreTable, parts: Sequence[Part]) -> ScoreTable:
+    """The table of the parts' coefficients and the shared numbers alone, all shared."""
+    first, count = evidence.first_shared, len(evidence.rows)
+    rest = np.arange(first, evidence.linear.shape[1])
+    own = np.concatenate([*(np.full(part.shapes.shape[1], part.column) for part in parts), rest]).astype(int)
+    times = np.concatenate([*(part.shapes for part in parts), np.ones((count, len(rest)))], axis=1)
+    more = times.shape[1] - len(rest)
+    square = times[:, :, None] * times[:, None, :]
+    deal = replace(evidence.deal, real=more + evidence.deal.real - first)
+    columns = tuple(replace(evidence.columns[k], kind="shared") for k in own[:more].tolist())
+    precision = block_diag(*(np.diag(part.sd**-2.0) for part in parts), evidence.precision)
+    return ScoreTable(
+        evidence.rows, (*columns, *evidence.columns[first:]), deal,
+        np.concatenate([np.zeros(more), evidence.point[first:]]), evidence.linear[:, own] * times,
+        evidence.bend[:, own][:, :, own] * square, _plane(evidence.plane, own, times), precision,
+        np.concatenate([np.zeros(more), evidence.pull]), evidence.log_score, evidence.own_score[:, own] * times,
+        evidence.info[:, own][:, :, own] * square)
+
+
+def _plane(plane: PlaneScores | None, own: Int[Array, " c"], times: Float[Array, "n c"]) -> PlaneScores | None:
+    if plane is None:
+        return None
+    mine = times[plane.rows]
+    return replace(plane, by_column=plane.by_column[:, own] * mine, wider_by=plane.wider_by[:, own] * mine,
+                   log_spread_by=plane.log_spread_by[:, own] * mine)
+
+
+def log_evidence(table: ScoreTable) -> tuple[float, Float[Array, " P"], Float[Array, " P"]]:
+    """(nats of a table whose columns are all shared, up to what all tables of one scaffold share; the likeliest
+    change [P]; its standard deviations [P])."""
+    rows = np.ones(len(table.rows), dtype=bool)
+    top = fit_linear(table, rows)
+    change = np.tile(top, (len(rows), 1))
+    value = table.gain(change).sum() + table.pull @ top - 0.5 * top @ table.precision @ top
+    info = table.deal.total(table.slopes_at(change)[1]) + table.precision
+    volume = np.linalg.slogdet(table.precision)[1] - np.linalg.slogdet(info)[1]
+    sd = np.sqrt(np.maximum(np.diag(invert(info)), 0.0))
+    return float(value + 0.5 * volume), top, sd
+
+
+def process_shapes(values: Float[Array, " n"], length: float,
+                   at: Float[Array, " m"] | None = None) -> Float[Array, "m q"]:
+    """Shapes of a Gaussian process of variance 1 over values in EDGES (0 where unknown), less their mean; the same
+    `at` other values, if given."""
+    known = np.isfinite(values)
+    low, high = np.percentile(values[known], EDGES)
+    knots = np.linspace(0.0, 1.0, KNOTS)
+
+    def kernel(a: Float[Array, " n"], b: Float[Array, " m"]) -> Float[Array, "n m"]:
+        return np.asarray(np.exp(-0.5 * ((a[:, None] - b[None, :]) / length)**2))
+
+    size, turn = np.linalg.eigh(kernel(knots, knots) + JITTER * np.eye(KNOTS))
+    def shapes(x: Float[Array, " n"]) -> Float[Array, "n q"]:
+        place = np.clip((x - low) / max(high - low, 1e-12), 0.0, 1.0)
+        return np.asarray(kernel(place, knots) @ (turn * size**-0.5)[:, size > 1e-4])
+
+    wanted = values if at is None else at
+    return np.asarray(np.nan_to_num(shapes(wanted) - shapes(values[known]).mean(0)))
+
+
+def group_shapes(codes: Int[Array, " n"], levels: int) -> Float[Array, "n q"]:
+    """One shape a group (-1: none), less their mean."""
+    shapes = (codes[:, None] == np.arange(levels)) * 1.0
+    return np.asarray(np.where((codes >= 0)[:, None], shapes - shapes[codes >= 0].mean(0), 0.0))
+
+
+@dataclass(frozen=True)
+class Projected:
+    """Score [q] and information [q, q] of a column's shapes with what the shared numbers explain taken out."""
+
+    score: Float[Array, " q"]
+    info: Float[Array, "q q"]
+
+    def nats(self, sd: float) -> float:
+        """Log evidence of normal coefficients of this deviation against none, in closed form."""
+        return _gained(self.score, self.info, sd**2 * np.eye(len(self.score)))
+
+    def nats_since(self, home: "Projected", sd: float) -> float:
+        """Log evidence that the coefficients have changed since an earlier session by this deviation; what they were
+        there, known by its scores and as large before these, may be here, too."""
+        covariance = np.linalg.inv(home.info + sd**-2.0 * np.eye(len(self.score)))
+        left = self.score - self.info @ covariance @ home.score
+        changed = covariance + sd**2 * np.eye(len(self.score))
+        return _gained(left, self.info, changed) - _gained(left, self.info, covariance)
+
+
+def _gained(score: Float[Array, " q"], info: Float[Array, "q q"], covariance: Float[Array, "q q"]) -> float:
+    """Log evidence of normal coefficients about 0 against none."""
+    inner = np.eye(len(score)) + covariance @ info
+    return float(0.5 * score @ np.linalg.solve(inner, covariance @ score) - 0.5 * np.linalg.slogdet(inner)[1])
+
+
+class Projector:
+    """Projects a table's columns, the shared ones' information inverted once."""
+
+    def __init__(self, evidence: ScoreTable) -> None:
+        self._evidence = evidence
+        shared = evidence.shared
+        self._inner = invert(evidence.information[shared, shared] + evidence.precision)
+        self._score = evidence.score[:, shared].sum(0) + evidence.pull
+
+    def of(self, column: int, shapes: Float[Array, "n q"]) -> Projected:
+        """Of a column times shapes."""
+        evidence = self._evidence
+        own = evidence.own_score[:, column]
+        cross = shapes.T @ evidence.deal.spread(evidence.info[:, column])[:, evidence.shared]
+        lift = cross @ self._inner
+        info = np.einsum("nq,nr,n->qr", shapes, shapes, evidence.info[:, column, column])
+        return Projected(shapes.T @ own - lift @ self._score, info - lift @ cross.T)
+
+
+FREE_TERMS = {"launch speed": ("free_speed", {"share": 1.0}),
+              "launch elevation": ("free_elevation", {"angle_rad": 1.0}),
+              "distance": ("free_distance", {"bias_m": 1.0})}
+SIDES = {"along": "along", "vertical": "up", "lateral": "left"}
+LONGEST_S = 60.0
+
+
+def term_of(column: Column, layout: ParameterLayout) -> tuple[str, dict[str, float]] | None:
+    """The nameless term, with its numbers, that changes what the column does; None where there is none, or where the
+    layout has it already."""
+    if column.name in FREE_TERMS:
+        name, values = FREE_TERMS[column.name]
+        values = dict(values)
+    elif column.name.startswith("push "):
+        name, values = "free_push", {"size_m_s2": 1.0, SIDES[column.direction]: 1.0}
+        if column.times_s is not None:
+            values |= {"from_s": column.times_s[0], "to_s": min(column.times_s[1], LONGEST_S)}
+        elif column.follows:
+            values |= {"with_speed": 1.0}
+    else:
+        return None
+    return None if name in layout.chain.terms else (name, values)
+
+
+def climb_with(fitted: BaselineFit, term: str, values: dict[str, float], curve: Curve,
+               by: Float[Array, "n points"]) -> tuple[Intake, ParameterLayout, LinearizationPoint, ScoreTable]:
+    """(intake, layout, top, evidence of the shared columns there) of the simulation with a curve of these shapes,
+    uphill from a curve of zero: a step on slopes may lead to where the flown simulation is worse than without it."""
+    lanes = fitted.intake.lanes
+    before = np.asarray(lanes.circumstances.curve_by)
+    curve_by: Any = np.concatenate([before, by], axis=1) if before.ndim == 2 else by
+    intake = replace(fitted.intake, lanes=lanes._replace(circumstances=lanes.circumstances._replace(curve_by=curve_by)))
+    layout = with_curve(fitted.layout, term, values, curve.moved(dict.fromkeys(curve.fitted, 0.0)))
+    bare, new = only_shared(layout), len(layout.usual) - len(fitted.spot.values)
+    starts = [replace(fitted.spot, values=np.concatenate([fitted.spot.values, layout.usual[-new:]]))]
+    if fitted.lost:
+        starts.append(usual_spot(intake, bare))
+    top, evidence = max((climb(intake, bare, start) for start in starts), key=lambda found: objective(found[1], bare))
+    return intake, layout, top, evidence
+
+
+def nats_flown(fitted: BaselineFit, part: Part) -> float | None:
+    """Log evidence of a part against none, where the simulation that has it fits best (Laplace); None for what no
+    simulation of single shots can hold."""
+    taken = term_of(fitted.evidence.columns[part.column], fitted.layout)
+    shapes = part.shapes.shape[1]
+    if taken is None or shapes > KNOTS:
+        return None
+    by = np.zeros((len(part.shapes), KNOTS + 1))       # as many for all, so that compiled code is shared
+    by[:, :shapes] = part.shapes * part.sd / find_nameless(taken[0]).usual
+    _, layout, _, evidence = climb_with(fitted, *taken, Curve((0.0,) * KNOTS, 0.0), by)
+    return log_evidence_at(fitted, only_shared(layout), evidence)
+
 
 SHARES = {"one": 0.55, "varies": 0.03, "two": 0.18, "unexplained": 0.22, "both": 0.05}
 LEADERS = 3                           # likeliest terms, beside which a second thing is looked for
@@ -41,8 +240,6 @@ SECONDS, FAMILIES = 10, 4             # of one step, beside a leader or alone, t
 PAIRS, GUESS = 4, 0.04                # refitted; share of its nats by which a pair's guess may be too low
 FLOWN, MINOR = 4, 0.05                # unexplained changes that are flown, and the probability from which one is
 BALLS = "ball_id"                     # balls differ; sessions may differ by chance alone
-MORE = 0.5                            # probability from which there is more than one thing,
-MORE_ODDS = 10.0                      # if the data have raised its odds that many times
 Shapes = tuple[Float[Array, "n _"], Float[Array, "m _"] | None]     # here, and the same at home
 Guesses = dict[frozenset[str], tuple[float, tuple[str, str], tuple[float, float]]]   # pair -> nats, names, amplitudes
 Bases = dict[tuple[str, ...], tuple[BaselineFit, float]]     # names -> fit with these, and its nats
@@ -94,12 +291,6 @@ class Hypotheses:
         """Probability that one of these is among what is missing; `beside` as above."""
         return float(sum(p for one, p in zip(self.hypotheses, self.probability, strict=True)
                          if (beside or kind_of(one) != "both") and any(name in names for name in one.names)))
-
-    def holds_more(self) -> bool:
-        """Whether two things are likelier than one, and that by the data: pairs have their share of the prior."""
-        one, more = self.share("one"), self.share("two") + self.share("both")
-        prior = (SHARES["two"] + SHARES["both"]) / SHARES["one"]
-        return more >= MORE and more > MORE_ODDS * prior * one
 
     def likeliest_pair(self) -> Refit | None:
         """Of those that were refitted."""

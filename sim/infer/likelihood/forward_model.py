@@ -18,16 +18,14 @@ from jax import lax
 from jaxtyping import Bool, Float, Int
 
 from truearc.robot.config.rig_spec import Ball, Rig
+from truearc.sim.compute import each_core
 from truearc.sim.data.conditions import Circumstances
-from truearc.sim.each_core import each_core
-from truearc.sim.infer.curve import resized
+from truearc.sim.infer.belief import resized
 from truearc.sim.physics import catalogue as stages
 from truearc.sim.physics.catalogue import BUILT_IN, Catalogue, effective, find_terms
-from truearc.sim.physics.flight import Law, make_law
-from truearc.sim.physics.flight_over_x import AHEAD, SHARE, SLOWEST_M_S
+from truearc.sim.physics.flight import AHEAD, SHARE, SLOWEST_M_S, Law, apart, make_law, together
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.nonparametric import CURVE
-from truearc.sim.physics.rig_numbers import apart, together
 from truearc.sim.physics.term import DIRECTIONS, BallState, InFlight, Opening
 from truearc.sim.physics.vector import Vec, add, axes
 

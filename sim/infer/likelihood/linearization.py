@@ -3,29 +3,129 @@
 A shot departs from its configuration by d ~ N(0, S). Near the point, measurements by the tracker and by the exit's
 instruments are linear in d and in the columns; so d is integrated out exactly, and given these measurements the height
 at the plane is normal. Only the outcome's likelihood is not Gaussian, and it is of one number.
+
+What tracks and measured exits say is made white and multiplied out once a flight: near the point all is linear, so that
+what they say anywhere else follows from these products alone, without samples.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import jax
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
-from truearc.sim.infer.likelihood import outcome_likelihood as outcomes
-from truearc.sim.infer.likelihood.external_measurements import Measured
-from truearc.sim.infer.likelihood.forward_model import Chain, Prediction, see_in_blocks
+from truearc.sim.infer.likelihood import observations as outcomes
+from truearc.sim.infer.likelihood.data import Intake
+from truearc.sim.infer.likelihood.forward_model import DEVIATES, Prediction, see_in_blocks
+from truearc.sim.infer.likelihood.layout import LinearizationPoint, ParameterLayout
 from truearc.sim.infer.likelihood.noise import FLOOR_M, UNMEASURED_M
-from truearc.sim.infer.likelihood.normal_equations import Normal, multiply_out, noise_terms
-from truearc.sim.infer.likelihood.prepared_data import Intake
+from truearc.sim.infer.likelihood.observations import log_volume, timed_noise, whiten
 from truearc.sim.infer.likelihood.score_table import (
     Array,
-    Column,
     GroupedColumns,
     PlaneScores,
     ScoreTable,
     make_evidence,
 )
+
+LEAD = DEVIATES.index("lead_s")
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Normal equations of n shots in k numbers, the chain's inputs and then the D deviates.
+
+    With white slopes W [G, k] and white residuals r [G] of a shot as seen from no deviation: inner [n, k, k] = W'W,
+    onto [n, k] = W'r, square [n] = r'r. log_noise [n]: log density of noise that is nothing, constants included.
+    """
+
+    inner: Float[Array, "n k k"]
+    onto: Float[Array, "n k"]
+    square: Float[Array, " n"]
+    log_noise: Float[Array, " n"]
+
+    def beside(self, other: "Normal | None", share: float) -> "Normal":
+        """With what a share of the other says."""
+        if other is None:
+            return self
+        return Normal(self.inner + share * other.inner, self.onto + share * other.onto,
+                      self.square + share * other.square, self.log_noise + other.log_noise)
+
+    def at(self, change: Float[Array, "*n k"]) -> "Normal":
+        """With the residuals after the k numbers change by `change` [k], or of each shot by its own [n, k]."""
+        if not change.any():
+            return self
+        change = np.broadcast_to(change, self.onto.shape)
+        taken = np.einsum("nij,nj->ni", self.inner, change)
+        return replace(self, onto=self.onto - taken,
+                       square=self.square - ((2.0 * self.onto - taken) * change).sum(1))
+
+
+def multiply_out(intake: Intake, seen: Prediction, slopes: Prediction,
+                 deviates: Float[Array, "n D"]) -> tuple[Normal, Normal | None]:
+    """The normal equations of the exits seen [n] with their slopes (last axis k), about deviates [n, D], and those of
+    the tracks."""
+    exits = _product(_exit_part(intake, seen, slopes), deviates)
+    tracks = _track_part(intake, seen, slopes, deviates.shape[1])
+    return exits, None if tracks is None else _product(tracks, deviates)
+
+
+def _product(part: tuple[Float[Array, "n G inputs"], Float[Array, " n"]], deviates: Float[Array, "n D"]) -> Normal:
+    raw, log_noise = part
+    # as seen from no deviation: the prior's mean
+    raw[..., 0] += np.einsum("ngd,nd->ng", raw[..., raw.shape[2] - deviates.shape[1]:], deviates)
+    with np.errstate(over="ignore", invalid="ignore"):     # far from all that flies there is no likelihood: not finite
+        product = np.swapaxes(raw, 1, 2) @ raw
+    return Normal(product[:, 1:, 1:], product[:, 1:, 0], product[:, 0, 0], log_noise)
+
+
+def _exit_part(intake: Intake, seen: Prediction,
+               slopes: Prediction) -> tuple[Float[Array, "n 3 inputs"], Float[Array, " n"]]:
+    """(white [n, 3, 1 + k] of the measured exits, log density); unmeasured ones are 0."""
+    known = np.isfinite(intake.exits)
+    off = np.where(known, intake.exits - seen.exit, 0.0) / intake.exit_sd
+    white = np.where(known[..., None], slopes.exit / intake.exit_sd[..., None], 0.0)
+    log_noise = -(known * (np.log(intake.exit_sd) + 0.5 * np.log(2.0 * np.pi))).sum(1)
+    return np.concatenate([off[..., None], white], axis=2), log_noise
+
+
+def _track_part(intake: Intake, seen: Prediction, slopes: Prediction,
+                deviates: int) -> tuple[Float[Array, "n G inputs"], Float[Array, " n"]] | None:
+    """(white [n, 3 L, 1 + k] of the tracks, log density); shots without one are 0. deviates: how many of k, the last.
+
+    A later release leaves every sample as much earlier in the flight, so that slopes by it are velocities.
+    """
+    if intake.samples is None or intake.scatter is None:
+        return None
+    rows, samples, n = intake.tracked, intake.samples, len(intake.rows)
+    raw = np.concatenate([(samples.position_m - seen.track_m[rows])[..., None], slopes.track_m[rows]], axis=3)
+    unmeasured = intake.scatter.sigma_m >= UNMEASURED_M
+    if unmeasured.any():              # nothing at all: tests have no scale, so a tiny score of one sign is significant
+        raw[:, :, unmeasured] = 0.0
+    log_noise = np.zeros(n)
+    log_noise[rows] = log_volume(samples, intake.scatter)
+    if samples.clock_s is not None:
+        by_release = np.asarray(slopes.track_m)[rows, :, 2, slopes.track_m.shape[3] - deviates + LEAD]
+        wider = timed_noise(samples, by_release)
+        raw /= wider[:, :, None, None]
+        log_noise[rows] -= (np.log(wider) * samples.real).sum(1)
+    white = np.zeros((n, 3 * raw.shape[1], raw.shape[3]))
+    white[rows] = whiten(samples, intake.scatter, raw)
+    return white, log_noise
+
+
+def noise_terms(tracks: Normal, mean: Float[Array, "n D"], covariance: Float[Array, "n D D"],
+                counts: Float[Array, " n"], share: float) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+    """Score and information of the log of how many times as noisy tracks are as measured, 1 / sqrt(share).
+
+    mean, covariance: of the deviates given what was seen; counts [n]: numbers of each track.
+    """
+    deviates = mean.shape[1]
+    inner, onto = tracks.inner[:, -deviates:, -deviates:], tracks.onto[:, -deviates:]
+    absorbed = share * np.einsum("nde,ned->n", covariance, inner)
+    off = tracks.square - 2.0 * (onto * mean).sum(1) + np.einsum("nd,nde,ne->n", mean, inner, mean)
+    return share * off + absorbed - counts, 2.0 * np.maximum(counts - absorbed, 0.0)
+
 
 ENDLESS = 1e30                        # information, of a flight that goes astray
 LOST = 1e-6                           # of a square, that rounding may take below zero
@@ -36,81 +136,10 @@ BESIDE = 0.001                        # standard deviations of the height, betwe
 STEEPEST = 1e6                        # m by a deviate: of a flight that goes astray
 
 
-@dataclass(frozen=True)
-class Groups:
-    """Things that shots share a few at a time and that differ at random, such as balls: each its own small effects.
-
-    label [n] numbers each shot's thing, below `count`; inputs, scale [B]: the chain's inputs that an effect moves, and
-    by how much a unit of it does.
-    """
-
-    label: Int[Array, " n"]
-    count: int
-    inputs: Int[Array, " B"]
-    scale: Float[Array, " B"]
 
 
-@dataclass(frozen=True)
-class ParameterLayout:
-    """Which columns of the evidence are which inputs of the chain.
-
-    columns: free, terms, then shared. source [P]: for each column its input of the chain (slot, deviate or push), or
-    -1 for a scatter, -2 for a group's effect (those come last, effect by effect, group by group). scatters: columns of
-    the logs of SCATTERS, in that order, -1 where not fitted. precision [p, p], centre [p]: the shared columns' prior.
-    usual [slots]: the chain's parameters by default. measured: external measurements of candidate terms. see: flies the
-    chain in place of see_slopes. steady: the spread of heights at the plane is taken not to change with the inputs.
-    """
-
-    chain: Chain
-    columns: tuple[Column, ...]
-    source: Int[Array, " P"]
-    scatters: tuple[int, ...]
-    precision: Float[Array, "p p"]
-    centre: Float[Array, " p"]
-    edges_s: Float[Array, " edges"]
-    usual: Float[Array, " slots"]
-    groups: Groups | None = None
-    measured: Measured = field(default_factory=dict)
-    see: Callable[..., tuple[Prediction, Prediction]] | None = None
-    steady: bool = False
-
-    @property
-    def inputs(self) -> Int[Array, " inputs"]:
-        """The chain's inputs that are flown, those of groups last."""
-        own = self.source[self.source >= 0]
-        return own if self.groups is None else np.concatenate([own, self.groups.inputs])
-
-    @property
-    def first_shared(self) -> int:
-        return len(self.columns) - len(self.precision)
-
-    @property
-    def in_slot(self) -> Bool[Array, " P"]:
-        """Which columns are parameters of terms."""
-        return (self.source >= 0) & (self.source < len(self.chain.slots))
-
-    @property
-    def grouped(self) -> int:
-        """How many columns are effects of groups."""
-        return int((self.source == -2).sum())
 
 
-@dataclass(frozen=True)
-class LinearizationPoint:
-    """Where the chain is linearised: `values` [slots], log scatters [S], each shot's deviates [n, D], and the effects
-    of groups [Q], to which all is taken to be linear."""
-
-    values: Float[Array, " slots"]
-    log_scatter: Float[Array, " S"]
-    deviates: Float[Array, "n D"]
-    effects: Float[Array, " Q"]
-
-    @staticmethod
-    def still(layout: ParameterLayout, shots: int, values: Float[Array, " slots"],
-              log_scatter: Float[Array, " S"]) -> "LinearizationPoint":
-        """Of `shots` without deviations."""
-        deviates = np.zeros((shots, layout.chain.deviates))
-        return LinearizationPoint(values, log_scatter, deviates, np.zeros(layout.grouped))
 
 
 @dataclass(frozen=True)

@@ -1,48 +1,406 @@
-"""Which shots a dataset has evidence of, and why others are left out."""
+"""What is seen of a flight: how likely an outcome or height is, and how tracks and times scatter.
+
+The height at the plane is normal, cut into the classes that the operator can tell apart. A share LAPSE of outcomes and
+of measured heights are slips, so that no single one can rule the fit. Tracks are padded arrays; their noise has a size
+per axis and a memory from one sample to the next.
+"""
+
+from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float, Int
+from scipy.special import ndtr
 
-from truearc.robot.config.rig_spec import Rig
-from truearc.sim.data.dataset import Shots
-from truearc.sim.physics.simulate import has_wheels
+from truearc.errors import InputError
+from truearc.robot.config.rig_spec import Target
+from truearc.sim.data.dataset import Shots, Times, Tracks
+from truearc.sim.infer.likelihood.noise import HEIGHT_M, LAPSE, SLIP_M, STILL_M, TIMED_M, UNMEASURED_M
+from truearc.sim.physics.simulate import MISS, THREE, TWO
 
-FEWEST_SHOTS = 10                     # by which a simulation is judged
-
-Which = Bool[np.ndarray, " n"]
-
-
-def say_few(count: int) -> str:
-    """Say what so few shots cannot tell."""
-    few = "1 shot is" if count == 1 else f"{count} shots are"
-    return f"{few} too few to judge a simulation by; {FEWEST_SHOTS} at least"
+Array = np.ndarray
+CLASSES = {"miss": 0.0, "two": 1.0, "three": 2.0}
+SIDED_SHARE = 0.5                     # of misses (of twos) must have a side before that counts as noted of them
+NO_TARGET = Target(0.0)               # of shots whose heights are all measured
+FAR_M = 1e3                           # stands for no bound
+HALF_LOG_2PI = 0.5 * np.log(2.0 * np.pi)
 
 
-def say_left_out(rig: Rig, shots: Shots, use: Which, marked: Which, tracked: Which) -> tuple[str, ...]:
-    """A line for each reason why a shot, or its outcome, is not used.
+@dataclass(frozen=True)
+class OutcomeObservations:
+    """Observations of n heights relative to the target's centre, in m.
 
-    use: any of it is. marked: it has an outcome, side or height that tells how high it was. tracked: it has a track.
+    Up to two intervals each: `low`, `high` [n, 2] (an empty one has low = high = inf); `height_m` [n] where the
+    height itself was measured (nan elsewhere) and beats the class. `classes` [n]: 0 miss, 1 two, 2 three, nan not
+    given. `borders` part low misses, low twos, threes, high twos and high misses; `sided`: of which classes, "miss" or
+    "two", it was noted on which side of the centre they were. Most drivers note it of misses alone. slips: a measured
+    height may be one.
     """
-    sped = has_wheels(rig, shots) | np.isfinite(shots.number("exit_speed_m_s"))
-    aimed = np.isfinite(shots.number("hood_deg")) | np.isfinite(shots.number("exit_deg"))
-    beside = np.isin(shots.text("side"), ("left", "right")) & ~marked
-    placed = np.isfinite(shots.number("distance_m"))
-    launched = sped & aimed
-    reasons = (
-        (~use & launched & beside, "missed left or right, without information about the height"),
-        (~use & launched & ~marked & ~beside,
-         "nothing was seen of their flight: no outcome, side, miss_height_m, exit_*, track or time"),
-        (~use & marked & ~placed, "no distance_m"),
-        (use & marked & launched & ~placed, "their outcome only: no distance_m"),
-        (~use & ~sped, "no launch speed: motor_ratio (with launcher.free_speed_rad_s in rig.toml), every "
-                       "wheel_<name>_rad_s, or exit_speed_m_s"),
-        (~use & ~aimed, "no hood_deg or exit_deg"),
-        (marked & tracked & ~launched, "their outcome only: no launch, the track alone counts"),
-    )
-    return tuple(f"{int(which.sum())} of {len(shots)} shots: {why} ({_names(shots, which)})" for which, why in reasons
-                 if which.any())
+
+    low: Float[Array, "n 2"]
+    high: Float[Array, "n 2"]
+    height_m: Float[Array, " n"]
+    classes: Float[Array, " n"]
+    borders: Float[Array, " 6"]
+    sided: tuple[str, ...]
+    slips: bool = True
+
+    @property
+    def measured(self) -> Bool[Array, " n"]:
+        measured: Array = np.isfinite(self.height_m)
+        return measured
+
+    def take(self, index: Int[Array, " k"] | Bool[Array, " n"]) -> "OutcomeObservations":
+        """Those of the shots."""
+        return replace(self, low=self.low[index], high=self.high[index], height_m=self.height_m[index],
+                       classes=self.classes[index])
 
 
-def _names(shots: Shots, which: Which, most: int = 3) -> str:
-    names = [shots.shot_id[row] for row in np.flatnonzero(which)]
-    return ", ".join(names[:most]) + (", ..." if len(names) > most else "")
+def see_outcomes(shots: Shots, target: Target | None) -> tuple[Int[Array, " n"], OutcomeObservations]:
+    """(rows [n] with a usable outcome, side or height, the observations). A miss to the left or right has no
+    information on the height; the side low or high halves what an outcome leaves open, or stands for itself.
+
+    InputError when there are outcomes but no [target] in rig.toml.
+    """
+    outcome, side = np.array(shots.text("outcome")), np.array(shots.text("side"))
+    height_m = shots.number("miss_height_m")
+    if (outcome != "").any() and target is None:
+        raise InputError("rig.toml: target.centre_height_m: missing key; state the opening in [target]"
+                         ": the column outcome is about it")
+    aside = np.isin(outcome, ("miss", "")) & np.isin(side, ("left", "right"))
+    upright = np.isin(side, ("low", "high")) & (target is not None)
+    rows = np.flatnonzero(np.isfinite(height_m) | (((outcome != "") | upright) & ~aside))
+    target = target or NO_TARGET
+    two, three = target.two_half_height_m, target.three_half_height_m
+    bounds = np.array([interval(target, outcome[row], side[row]) for row in rows]).reshape(len(rows), 2, 2)
+    bounds[bounds[..., 0] == bounds[..., 1]] = np.inf
+    bounds[np.abs(bounds) == FAR_M] *= np.inf
+    noted = {name: np.isin(side[(outcome == name) & ~aside], ("low", "high")) for name in ("miss", "two")}
+    sided = tuple(name for name, known in noted.items() if len(known) and known.mean() >= SIDED_SHARE)
+    borders = np.array([-np.inf, -two, -three, three, two, np.inf])
+    classes = np.array([CLASSES.get(outcome[row], np.nan) for row in rows])
+    return rows, OutcomeObservations(bounds[..., 0], bounds[..., 1], height_m[rows], classes, borders, sided)
+
+
+def interval(target: Target, outcome: str, side: str) -> tuple[float, float, float, float]:
+    """(low, high, low2, high2) in m that the words leave open; both empty (0, 0) without information."""
+    inner, outer = target.three_half_height_m, target.two_half_height_m
+    nothing = (0.0, 0.0)
+    if outcome == THREE:
+        return -inner, inner, *nothing
+    above = {MISS: (outer, FAR_M), TWO: (inner, outer), "": (0.0, FAR_M)}[outcome]
+    below = (-above[1], -above[0])
+    if side in ("low", "high"):
+        return *(above if side == "high" else below), *nothing
+    if outcome == MISS and not side:
+        return *below, *above
+    if outcome == TWO:
+        return (*below, *above) if not side else (-outer, outer, *nothing)
+    return *nothing, *nothing
+
+
+def log_likelihood(seen: OutcomeObservations, mean_m: Float[Array, " n"],
+                   spread_m: Float[Array, " n"]) -> Float[Array, " n"]:
+    """Log-likelihood [n] of what was seen, heights normal(mean_m, spread_m), from the centre."""
+    chance = (1.0 - LAPSE) * _chance(seen.low, seen.high, mean_m, spread_m).sum(1) + LAPSE / 3.0
+    nats: Array = np.where(seen.measured, _log_height(seen, mean_m, spread_m)[0], np.log(chance))
+    return nats
+
+
+def _log_height(seen: OutcomeObservations, mean_m: Float[Array, " n"],
+                spread_m: Float[Array, " n"]) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " n"]]:
+    """(log density, probability of not being a slip, deviation in standard ones) of measured heights [n]."""
+    wide = np.hypot(spread_m, HEIGHT_M)
+    off = np.where(seen.measured, (seen.height_m - mean_m) / wide, 0.0)
+    density = np.log1p(-LAPSE) - 0.5 * off**2 - np.log(wide) - HALF_LOG_2PI
+    if not seen.slips:
+        return density, np.ones(len(off)), off
+    nats = np.logaddexp(density, np.log(LAPSE / SLIP_M))
+    return nats, np.exp(density - nats), off
+
+
+def slopes(seen: OutcomeObservations, mean_m: Float[Array, " n"],
+           spread_m: Float[Array, " n"]) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " n"]]:
+    """Derivatives of the log-likelihood [n] by mean_m, by log spread_m, and by metres that all borders move out."""
+    chance = (1.0 - LAPSE) * _chance(seen.low, seen.high, mean_m, spread_m).sum(1) + LAPSE / 3.0
+    by_mean, by_log, by_width = (_edge_slopes(seen.low, mean_m, spread_m)
+                                 - _edge_slopes(seen.high, mean_m, spread_m)).sum(2)
+    scale = (1.0 - LAPSE) / chance
+    _, sound, off = _log_height(seen, mean_m, spread_m)
+    wide = np.hypot(spread_m, HEIGHT_M)
+    return (np.where(seen.measured, sound * off / wide, by_mean * scale),
+            np.where(seen.measured, sound * (off**2 - 1.0) * (spread_m / wide)**2, by_log * scale),
+            np.where(seen.measured, 0.0, by_width * scale))
+
+
+def information(seen: OutcomeObservations, mean_m: Float[Array, " n"],
+                spread_m: Float[Array, " n"]) -> Float[Array, "n 3 3"]:
+    """Expected information [n, 3, 3] on what `slopes` differentiates by, over all outcomes that could be told apart; a
+    height that is a slip has none."""
+    n, cells = len(mean_m), _cells_of_classes(seen)
+    edges = np.broadcast_to(seen.borders, (n, len(seen.borders)))
+    chance = (1.0 - LAPSE) * _chance(edges[:, :-1], edges[:, 1:], mean_m, spread_m) @ cells.T + LAPSE / 3.0
+    at_edges = _edge_slopes(edges, mean_m, spread_m)
+    slope = (1.0 - LAPSE) * (at_edges[:, :, :-1] - at_edges[:, :, 1:]) @ cells.T
+    by = np.swapaxes(slope, 0, 1)
+    classed = (by / chance[:, None]) @ np.swapaxes(by, 1, 2)
+    measured = np.zeros((n, 3, 3))
+    sound, wide = _log_height(seen, mean_m, spread_m)[1], spread_m**2 + HEIGHT_M**2
+    measured[:, 0, 0], measured[:, 1, 1] = sound / wide, 2.0 * sound * (spread_m**2 / wide)**2
+    return np.where(seen.measured[:, None, None], measured, classed)
+
+
+def widened(seen: OutcomeObservations, wider_m: Float[Array, " n"]) -> OutcomeObservations:
+    """The same outcomes where all borders lie `wider_m` [n] farther out."""
+    low, high = (np.where(np.isfinite(edge), edge + np.sign(edge) * wider_m[:, None], edge)
+                 for edge in (seen.low, seen.high))
+    return replace(seen, low=low, high=high)
+
+
+def reopened(seen: OutcomeObservations, wider_m: float) -> OutcomeObservations:
+    """The same outcomes of an opening whose half heights are both `wider_m` larger."""
+    borders = np.where(np.isfinite(seen.borders), seen.borders + np.sign(seen.borders) * wider_m, seen.borders)
+    return replace(widened(seen, np.full(len(seen.low), wider_m)), borders=borders)
+
+
+def best_class(seen: OutcomeObservations, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Int[Array, " n"]:
+    """Index [n] of the likeliest of miss, two, three."""
+    likeliest: Array = np.argmax(class_chances(seen, mean_m, spread_m), axis=1)
+    return likeliest
+
+
+def class_chances(seen: OutcomeObservations, mean_m: Float[Array, " n"],
+                  spread_m: Float[Array, " n"]) -> Float[Array, "n 3"]:
+    """Probability [n, 3] of miss, two and three, slips among them."""
+    two, three = seen.borders[4], seen.borders[3]
+    inside = [ndtr((edge - mean_m) / spread_m) - ndtr((-edge - mean_m) / spread_m) for edge in (two, three)]
+    clean = np.stack([1.0 - inside[0], inside[0] - inside[1], inside[1]], axis=1)
+    chances: Array = (1.0 - LAPSE) * np.clip(clean, 0.0, 1.0) + LAPSE / 3.0
+    return chances
+
+
+def _cells_of_classes(seen: OutcomeObservations) -> Float[Array, "k 5"]:
+    """1 where a distinguishable outcome is what a height in that cell between two borders leads to."""
+    low_miss, low_two, three, high_two, high_miss = np.eye(5)
+    found = [three]
+    for name, below, above in (("miss", low_miss, high_miss), ("two", low_two, high_two)):
+        found += [below, above] if name in seen.sided else [below + above]
+    return np.stack(found)
+
+
+def _chance(low: Float[Array, "n k"], high: Float[Array, "n k"], mean_m: Float[Array, " n"],
+            spread_m: Float[Array, " n"]) -> Float[Array, "n k"]:
+    """Probability of each interval [n, k], without cancellation in either tail."""
+    a, b = ((edge - mean_m[:, None]) / spread_m[:, None] for edge in (low, high))
+    flip = a > 0.0
+    a, b = np.where(flip, -b, a), np.where(flip, -a, b)
+    return np.where(low < high, ndtr(b) - ndtr(a), 0.0)
+
+
+def _edge_slopes(edge: Float[Array, "n k"], mean_m: Float[Array, " n"],
+                 spread_m: Float[Array, " n"]) -> Float[Array, "3 n k"]:
+    """Derivatives of the probability [n, k] above each edge by mean_m, by log spread_m, and by borders moving outwards;
+    of that between two edges they are the lower's less the upper's."""
+    z = (edge - mean_m[:, None]) / spread_m[:, None]
+    density = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
+    by_mean = density / spread_m[:, None]
+    bounded = np.isfinite(edge)
+    return np.stack([by_mean, np.where(bounded, z, 0.0) * density, np.where(bounded, -np.sign(edge), 0.0) * by_mean])
+
+
+FEWEST_SAMPLES = 6                    # per track; fewer cannot say more than where it started and how fast
+SMOOTH_DEGREE = 4                     # of the polynomial that stands for "any smooth flight" when scatter is measured
+ENOUGH_SAMPLES = 12                   # per track, to measure scatter from it
+GROSS = 8.0                           # robust standard deviations off a smooth flight: not a sample of the ball
+LEAPS, MOST_LOST = 3, 4               # the longest steps of a track, and frames that may be lost behind each
+SURE_NATS = 30.0                      # that stamps put right must gain,
+COMMON = 0.03                         # and share of tracks that must leap: of those with bad noise alone 2 in 300 do
+MEMORIES = np.linspace(0.0, 0.97, 50)  # correlations of neighbouring samples that are told apart
+LEAST_MEMORY = 0.03
+PAD = 16                              # tracks are padded to a multiple of this, since each length is compiled
+
+
+@dataclass(frozen=True)
+class Samples:
+    """n tracks padded to L samples (padding repeats the last); `time_s` [n, L] from 0, `position_m` [n, L, 3].
+
+    clock_s [n, L]: of times at heights, standard deviations of the times; the release stands before
+    them. None: of a film.
+    """
+
+    rows: Int[Array, " n"]            # shot of each track
+    time_s: Float[Array, "n L"]
+    position_m: Float[Array, "n L 3"]
+    real: Bool[Array, "n L"]          # False = padding
+    clock_s: Float[Array, "n L"] | None = None
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Noise of the samples: `sigma_m` [3], and memory: correlation exp(-dt / memory_s) [3], 0 = none."""
+
+    sigma_m: Float[Array, " 3"]
+    memory_s: Float[Array, " 3"]
+
+
+def gather_samples(tracks: Tracks) -> tuple[Samples, tuple[str, ...], int]:
+    """(padded tracks, notes on what was left out, number of gross outliers left out)."""
+    kept, short, gross = [], 0, 0
+    for shot, where in tracks.by_shot():
+        data = np.stack([tracks.t_s[where], tracks.x_m[where], tracks.y_m[where], tracks.z_m[where]], axis=1)
+        sound = _sound(data)
+        gross += int((~sound).sum())
+        data = data[sound]
+        if len(data) >= FEWEST_SAMPLES:
+            kept.append((shot, data))
+        elif len(data):
+            short += 1
+    notes: tuple[str, ...] = (f"{short} tracks with fewer than {FEWEST_SAMPLES} samples",) if short else ()
+    if gross:
+        notes += (f"{gross} track samples more than {GROSS:g} standard deviations off a smooth flight",)
+    right = [put_right(data) for _, data in kept]
+    leapt = sum(bool((stamps != data[:, 0]).any()) for stamps, (_, data) in zip(right, kept, strict=True))
+    if leapt > COMMON * len(kept):
+        for stamps, (_, data) in zip(right, kept, strict=True):
+            data[:, 0] = stamps
+        notes += (f"{leapt} tracks that leap ahead as if frames had been lost in between: their stamps are put right",)
+    return _pad(kept), notes, gross
+
+
+def gather_times(times: Times) -> tuple[Samples, Scatter]:
+    """Times at heights as tracks of which the height alone was measured, and their scatter where time has none."""
+    rows, mine = np.unique(times.shot), [mine for _, mine in times.by_shot()]
+    width = -(-(1 + max(map(len, mine))) // PAD) * PAD
+    time_s, height_m, clock_s = np.zeros((3, len(rows), width))
+    real = np.zeros((len(rows), width), dtype=bool)
+    for k, chosen in enumerate(mine):
+        place = slice(1, 1 + len(chosen))
+        time_s[k, place], height_m[k, place], clock_s[k, place] = (
+            times.t_s[chosen], times.height_m[chosen], times.sigma_s[chosen])
+        time_s[k, place.stop:], real[k, place] = times.t_s[chosen[-1]], True
+    position_m = np.stack([np.zeros_like(height_m), np.zeros_like(height_m), height_m], axis=2)
+    return (Samples(rows, time_s, position_m, real, clock_s),
+            Scatter(np.array([UNMEASURED_M, UNMEASURED_M, TIMED_M]), np.zeros(3)))
+
+
+def put_right(data: Float[Array, "L 4"]) -> Float[Array, " L"]:
+    """Timestamps [L] of samples (t, x, y, z), put on by whole frames where some were silently lost in between.
+
+    A smooth flight through samples that leap ahead along their own way fits far better once the stamps leap, too. No
+    force on a ball does that.
+    """
+    time_s = data[:, 0]
+    if len(data) < ENOUGH_SAMPLES:
+        return time_s
+    frame_s = float(np.median(np.diff(time_s)))
+    length = np.linalg.norm(np.diff(data[:, 1:], axis=0), axis=1) / np.maximum(np.diff(time_s), 1e-9)
+    places = np.argsort(-length, kind="stable")[:LEAPS] + 1
+    tried = [time_s + lost * frame_s * (np.arange(len(data)) >= place) for place in places
+             for lost in range(1, MOST_LOST + 1)]
+    left = np.array([(_detrend(stamps, data[:, 1:])**2).sum() for stamps in (time_s, *tried)])
+    best = int(left[1:].argmin())
+    gain = 1.5 * len(data) * np.log(left[0] / max(left[1 + best], 1e-300))
+    return tried[best] if gain > SURE_NATS else time_s
+
+
+def measure_scatter(samples: Samples, believed_m: float) -> Scatter:
+    """Noise about the smoothest flight that each track allows; the believed figure when no track is long enough.
+
+    A smooth curve takes some of the noise with it, most of slow noise. Size and memory are those that would leave what
+    was found after the same curve was taken out of a typical track. An axis whose samples are all alike was not
+    measured: it gets a noise beside which nothing shows.
+    """
+    unmeasured = np.ptp(samples.position_m[samples.real], axis=0) < STILL_M
+    long = [k for k, real in enumerate(samples.real) if real.sum() >= ENOUGH_SAMPLES]
+    if not long:
+        return Scatter(np.where(unmeasured, UNMEASURED_M, believed_m), np.zeros(3))
+    residuals = [_detrend(samples.time_s[k][samples.real[k]], samples.position_m[k][samples.real[k]]) for k in long]
+    square = sum((r**2).sum(0) for r in residuals) / sum(len(r) for r in residuals)
+    together = sum((r[1:] * r[:-1]).sum(0) for r in residuals) / sum(len(r) for r in residuals)
+    typical = sorted(long, key=lambda k: samples.real[k].sum())[len(long) // 2]
+    time_s = samples.time_s[typical][samples.real[typical]]
+    gap_s = float(np.median(np.diff(time_s)))
+    left = np.array([_left_over(time_s, memory, gap_s) for memory in MEMORIES])
+    found = np.interp(together / np.maximum(square, 1e-300), left[:, 1] / left[:, 0], MEMORIES)
+    sigma_m = np.sqrt(square / np.interp(found, MEMORIES, left[:, 0]))
+    memory_s = np.where(found > LEAST_MEMORY, -gap_s / np.log(np.maximum(found, 1e-12)), 0.0)
+    return Scatter(np.where(unmeasured, UNMEASURED_M, np.maximum(sigma_m, 1e-6)), np.where(unmeasured, 0.0, memory_s))
+
+
+def _left_over(time_s: Float[Array, " L"], memory: float, gap_s: float) -> tuple[float, float]:
+    """(mean square, mean product of neighbours) of unit noise with memory after a smooth curve is taken out."""
+    apart = np.abs(time_s[:, None] - time_s[None]) / gap_s
+    noise = np.where(apart == 0.0, 1.0, memory**apart)
+    left = _detrend(time_s, _detrend(time_s, noise).T)
+    return float(np.diag(left).mean()), float(np.diag(left, 1).sum() / len(time_s))
+
+
+def timed_noise(samples: Samples, speed_m_s: Float[Array, "n L"]) -> Float[Array, "n L"]:
+    """How many times as much heights scatter because the times do, at that vertical speed."""
+    assert samples.clock_s is not None
+    wider: Array = np.hypot(1.0, samples.clock_s * np.abs(speed_m_s) / TIMED_M)
+    return wider
+
+
+def whiten(samples: Samples, scatter: Scatter, columns: Float[Array, "n L 3 k"]) -> Float[Array, "n 3*L k"]:
+    """Turn position-like columns into ones with independent unit noise; padding becomes 0.
+
+    First-order autoregression in continuous time: each sample less its forecast from the one before.
+    """
+    memory = _memory(samples, scatter)
+    clean = columns / scatter.sigma_m[:, None]
+    new = (clean[:, 1:] - memory[..., None] * clean[:, :-1]) / np.sqrt(1.0 - memory**2 + 1e-12)[..., None]
+    joined = np.concatenate([clean[:, :1], new], axis=1) * samples.real[:, :, None, None]
+    white: Array = joined.reshape(len(columns), 3 * columns.shape[1], columns.shape[-1])
+    return white
+
+
+def log_volume(samples: Samples, scatter: Scatter) -> Float[Array, " n"]:
+    """Log density of each track's noise where all that `whiten` makes of it is 0."""
+    new = np.log(scatter.sigma_m) + 0.5 * np.log(1.0 - _memory(samples, scatter)**2 + 1e-12)
+    first = np.log(scatter.sigma_m).sum() + 1.5 * np.log(2.0 * np.pi)
+    later = ((new.sum(2) + 1.5 * np.log(2.0 * np.pi)) * samples.real[:, 1:]).sum(1)
+    log_density: Array = -(first * samples.real[:, 0] + later)
+    return log_density
+
+
+def _memory(samples: Samples, scatter: Scatter) -> Float[Array, "n gaps 3"]:
+    """Correlation of each sample's noise with that of the one before."""
+    gaps_s = np.diff(samples.time_s, axis=1)[:, :, None]
+    return np.exp(-gaps_s / np.where(scatter.memory_s > 0.0, scatter.memory_s, 1e-9))
+
+
+def _detrend(time_s: Float[Array, " L"], position_m: Float[Array, "L k"]) -> Float[Array, "L k"]:
+    basis = _smooth(time_s)
+    residual_m: Array = position_m - basis @ np.linalg.lstsq(basis, position_m, rcond=None)[0]
+    return residual_m
+
+
+def _smooth(time_s: Float[Array, " L"]) -> Float[Array, "L 5"]:
+    """Legendre polynomials up to SMOOTH_DEGREE over the track."""
+    scaled = (time_s - time_s[0]) / max(float(np.ptp(time_s)), 1e-9) * 2.0 - 1.0
+    return np.polynomial.legendre.legvander(scaled, SMOOTH_DEGREE)
+
+
+def _sound(data: Float[Array, "L 4"]) -> Bool[Array, " L"]:
+    """Samples that could be the ball: twice over, so that a gross one does not hide another."""
+    sound = np.ones(len(data), dtype=bool)
+    for _ in range(2):
+        if sound.sum() < ENOUGH_SAMPLES:
+            return np.ones(len(data), dtype=bool)
+        basis = _smooth(data[:, 0])
+        fitted = np.linalg.lstsq(basis[sound], data[sound, 1:], rcond=None)[0]
+        off = np.abs(data[:, 1:] - basis @ fitted)
+        sigma = 1.4826 * np.median(off[sound], axis=0) + 1e-9
+        sound = (off <= GROSS * sigma).all(axis=1)
+    return sound
+
+
+def _pad(kept: list[tuple[int, Float[Array, "_ 4"]]]) -> Samples:
+    longest = -(-max((len(data) for _, data in kept), default=1) // PAD) * PAD
+    padded = np.zeros((len(kept), longest, 4))
+    real = np.zeros((len(kept), longest), dtype=bool)
+    for k, (_, data) in enumerate(kept):
+        padded[k, :len(data)], padded[k, len(data):] = data, data[-1]
+        padded[k, :, 0] -= data[0, 0]
+        real[k, :len(data)] = True
+    return Samples(np.array([shot for shot, _ in kept], dtype=int), padded[..., 0], padded[..., 1:], real)

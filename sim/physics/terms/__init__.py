@@ -1,1 +1,1 @@
-"""Physics terms, one file each, by stage."""
+"""Physics terms: a page of effects for each stage."""

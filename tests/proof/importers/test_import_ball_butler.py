@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 
 import truearc.cli.main as truearc
 from truearc.errors import InputError
-from truearc.sim.data.dataset import load_dataset
-from truearc.sim.infer.plausibility.check import check_plausible
+from truearc.sim.check.check import check_plausible
+from truearc.sim.data.files import load_dataset
 from truearc_proof.importers.ball_butler import RIG, import_ball_butler
 
 HEADER = ("shot_id", "t_s", "x_m", "y_m", "z_m")

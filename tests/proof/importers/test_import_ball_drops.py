@@ -1,24 +1,49 @@
 """Importing the ball drops: each ball's own mass and size, time from zero, nothing lost, every bad row named."""
 
 import csv
+import io
 import math
+import sys
 from pathlib import Path
 
 import numpy as np
+import openpyxl
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import spearmanr
 
+import truearc as ta
 import truearc.cli.main as truearc
+from tests.sim.same_dataset import assert_same
 from truearc.errors import InputError
-from truearc.sim.data.dataset import load_dataset
-from truearc_proof.importers.ball_drops import import_ball_drops
+from truearc.sim.check.check import check_plausible
+from truearc.sim.data.files import load_dataset
+from truearc.sim.data.importers.registry import load_importers
+from truearc.sim.physics.catalogue import BUILT_IN, terms_of_file
+from truearc_proof.importers.ball_drops import import_ball_drops, import_sepia_drops
 
 HEADER = ("ball", "sheet", "drop", "t_s", "height_m", "velocity_mps", "mass_kg", "diameter_m")
 # name -> (mass in ounces, circumference in cm) as the source has them
 BALLS = {"golfball": (1.62, 13.8), "tennisball": (2.0, 20.75), "bowlingball": (81.0, 67.0)}
 FRAME_S = 1.0 / 15.0
+SHEET_HEADER = ("Drop #", "Time (s)", "Height (m)", "Smoothed velocity (m/s)")
+SHEETS = {"golfball": "Golf Ball", "tennisball": "Tennis Ball", "bowlingball": "Bowling Ball"}
+LIST = """ball            weight(oz)  circumference(cm)
+golfball        1.62        13.8
+tennisball      2           20.75
+bowlingball     81          67.0
+volleyball      ??          ??
+yellowWiffle    1.4         30.0
+wiffleball1     1.1         23.0
+"""
+Sheets = dict[str, list[list[object]]]
+TIMES = "1.220e+00 2.015e+00\n1.121e+00 1.726e+00\n"
+DROPS = """# R_ball rho_air rho_ball height time sd(time)
+ 1.2e-1 1.184 84.0 20.0 2.29 0.1
+ 1.2e-1 1.184 84.0 40.0 3.26 0.1
+ 3.8e-2 1.184 626.0 20.0 2.01 0.1   % a baseball
+"""
 
 
 def body(ball: str) -> list[object]:
@@ -171,3 +196,204 @@ def test_the_real_drops_are_all_there_and_fall_as_their_mass_and_size_say(data_d
 def late_acceleration(t_s: np.ndarray, z_m: np.ndarray) -> float:
     late = t_s > 0.5 * t_s[-1]
     return float(2.0 * np.polynomial.polynomial.polyfit(t_s[late], z_m[late], 2)[2])
+
+
+def sheets() -> Sheets:
+    """The drops of the other test's table, a sheet a ball."""
+    return {sheet: [[row[2], *row[3:6]] for row in good() if row[0] == ball] for ball, sheet in SHEETS.items()}
+
+
+def workbook(path: Path, content: Sheets, header: tuple[str, ...] = SHEET_HEADER) -> Path:
+    """As the public file is: of the newer kind, whatever its name ends in."""
+    book = openpyxl.Workbook()
+    book.remove(book.active)
+    for name, rows in content.items():
+        sheet = book.create_sheet(name)
+        for cells in (header, *rows):
+            sheet.append(list(cells))
+    buffer = io.BytesIO()
+    book.save(buffer)
+    path.write_bytes(buffer.getvalue())
+    return path
+
+
+def files(home: Path, content: Sheets, balls: str = LIST, header: tuple[str, ...] = SHEET_HEADER) -> tuple[Path, Path]:
+    (home / "balls.txt").write_text(balls)
+    return workbook(home / "Ball_drops_data.xls", content, header), home / "balls.txt"
+
+
+def test_the_workbook_says_the_same_as_the_table(tmp_path: Path) -> None:
+    # the table was made with a more exact ounce
+    assert_same(import_ball_drops(*files(tmp_path, sheets())), import_ball_drops(write(tmp_path, good())), 3e-6)
+
+
+def test_a_ball_has_another_name_in_the_list_and_perhaps_no_weight(tmp_path: Path) -> None:
+    rows = sheets()["Golf Ball"]
+    names = ("Yellow Whiffle Ball", "Whiffle Ball 1", "Volleyball")
+    out = tmp_path / "out"
+    paths = [str(path) for path in files(tmp_path, dict.fromkeys(names, rows))]
+    assert truearc.main(["import", "ball-drops", *paths, "-o", str(out)]) == 0
+    with (out / "shots.csv").open(newline="") as file:
+        masses = {row["shot_id"]: row["mass_kg"] for row in csv.DictReader(file)}
+    balls = ("yellowWiffle", "wiffleball1", "volleyball")
+    assert list(masses) == [f"{name}-{drop}" for name in balls for drop in (1, 2)]
+    assert masses["volleyball-1"] == ""
+    assert float(masses["yellowWiffle-2"]) == pytest.approx(1.4 * 0.0283495)
+
+
+def test_empty_rows_are_passed_over_and_rows_keep_their_numbers(tmp_path: Path) -> None:
+    content = sheets()
+    content["Golf Ball"].insert(3, [None] * 4)
+    assert len(import_ball_drops(*files(tmp_path, content)).shots) == 4
+    content["Golf Ball"][4][2] = "high"
+    with pytest.raises(InputError, match=r"xls, sheet Golf Ball:6: height_m: 'high' is not a finite number"):
+        import_ball_drops(*files(tmp_path, content))
+
+
+@pytest.mark.parametrize(("row", "column", "cell", "says"), [
+    (5, 1, None, "xls, sheet Golf Ball:7: t_s: is missing"),
+    (5, 1, 0.0, "xls, sheet Golf Ball:7: t_s: does not follow the sample before of the same drop"),
+    (5, 0, None, "xls, sheet Golf Ball:7: drop: is missing"),
+    (5, 2, "", "xls, sheet Golf Ball:7: height_m: is missing"),
+    (5, 2, True, "xls, sheet Golf Ball:7: height_m: 'a yes or no' is not a finite number"),
+])
+def test_a_bad_cell_of_a_sheet_is_named(tmp_path: Path, row: int, column: int, cell: object, says: str) -> None:
+    content = sheets()
+    content["Golf Ball"][row][column] = cell
+    with pytest.raises(InputError) as caught:
+        import_ball_drops(*files(tmp_path, content))
+    assert says in str(caught.value)
+
+
+@pytest.mark.parametrize(("balls", "says"), [
+    (LIST.replace("1.62 ", ""), "balls.txt:2: is not a ball's name, weight (oz) and circumference (cm)"),
+    (LIST.replace("1.62", "light"), "balls.txt:2: 'light' is not a finite number, nor '??' for unknown"),
+    (LIST.replace("13.8", "inf"), "balls.txt:2: 'inf' is not a finite number, nor '??' for unknown"),
+    (LIST + "golfball 1 2", "balls.txt:8: 'golfball' stands twice"),
+    (LIST.replace("golfball", "golf"), "xls, sheet Golf Ball: its ball, golfball, is not in "),
+    (LIST.replace("1.62", "-1"), "xls, sheet Golf Ball:2: mass_kg: -0.0283495 is out of range"),
+])
+def test_a_ball_without_weight_and_size_is_named(tmp_path: Path, balls: str, says: str) -> None:
+    with pytest.raises(InputError) as caught:
+        import_ball_drops(*files(tmp_path, sheets(), balls))
+    assert says in str(caught.value)
+
+
+def test_a_sheet_without_its_columns_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    paths = [str(path) for path in files(tmp_path, sheets(), header=("Drop #", "Time (s)", "Height (ft)", "v"))]
+    assert truearc.main(["import", "ball-drops", *paths, "-o", str(tmp_path / "out")]) == 2
+    assert "xls, sheet Golf Ball:1: column 'Height (m)' is missing" in capsys.readouterr().err
+    with pytest.raises(InputError, match=r"xls, sheet Golf Ball:1: column 'Time \(s\)' stands twice"):
+        import_ball_drops(*files(tmp_path, sheets(), header=("Drop #", "Time (s)", "Height (m)", "Time (s)")))
+    with pytest.raises(InputError, match=r"xls, sheet Notes: its ball, notes, is not in"):
+        import_ball_drops(*files(tmp_path, sheets() | {"Notes": []}))
+
+
+def test_a_workbook_that_is_none_or_cut_short_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    book, balls = files(tmp_path, sheets())
+    whole = book.read_bytes()
+    for data in (whole[:len(whole) // 2], whole[:100], b"", b"PK\x03\x04 no more", b"\xd0\xcf\x11\xe0 an older kind",
+                 b"ball,drop"):
+        book.write_bytes(data)
+        assert truearc.main(["import", "ball-drops", str(book), str(balls), "-o", str(tmp_path / "out")]) == 2
+        said = capsys.readouterr()
+        assert "Ball_drops_data.xls: not a readable Excel workbook" in said.err and not said.out
+    book.unlink()
+    with pytest.raises(InputError, match=r"xls: No such file"):
+        import_ball_drops(book, balls)
+
+
+def test_without_the_package_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    paths = files(tmp_path, sheets())
+    monkeypatch.setitem(sys.modules, "openpyxl", None)
+    with pytest.raises(InputError, match=r"needs openpyxl: pip install \./proof"):
+        import_ball_drops(*paths)
+
+
+@pytest.mark.data
+def test_the_real_falls_are_the_same_out_of_a_workbook(tmp_path: Path, data_dir: Path) -> None:
+    table = data_dir / "real/ball_drops.csv"
+    content: Sheets = {}
+    listed: dict[str, str] = {}
+    with table.open(newline="") as file:
+        for row in csv.DictReader(file):
+            samples = [float(row[name]) for name in ("drop", "t_s", "height_m", "velocity_mps")]
+            content.setdefault(row["sheet"], []).append(list[object](samples))
+            mass, diameter = row["mass_kg"], row["diameter_m"]
+            listed[row["ball"]] = (f"{float(mass) / 0.0283495} {float(diameter) * 100.0 * 3.141592653589793}"
+                                   if mass else "?? ??")
+    balls = "ball weight(oz) circumference(cm)\n" + "\n".join(f"{name} {of}" for name, of in listed.items())
+    assert_same(import_ball_drops(*files(tmp_path, content, balls)), import_ball_drops(table), 1e-9)
+
+
+def tutorial(folder: Path, times: str = TIMES, heights: str = "5\n10\n", radii: str = "0.1\n0.2\n") -> tuple[str, ...]:
+    paths = tuple(str(folder / f"field.{end}") for end in ("dat", "height", "radii"))
+    for path, text in zip(paths, (times, heights, radii), strict=True):
+        Path(path).write_text(text, encoding="utf-8")
+    return paths
+
+
+def test_a_time_belongs_to_its_radius_and_its_height(tmp_path: Path) -> None:
+    dataset = import_sepia_drops(*tutorial(tmp_path))
+    times, shots = dataset.times, dataset.shots
+    assert times is not None and len(shots) == 4
+    assert shots.number("radius_m").tolist() == [0.1, 0.1, 0.2, 0.2]
+    assert (dataset.rig.launcher.release_height_m - times.height_m).tolist() == [5.0, 10.0, 5.0, 10.0]
+    assert times.t_s.tolist() == [1.22, 2.015, 1.121, 1.726]
+    assert shots.text("ball_id") == ("ball1", "ball1", "ball2", "ball2")
+    density = shots.number("mass_kg") / (4.0 / 3.0 * np.pi * shots.number("radius_m")**3)
+    assert np.ptp(density) < 1e-9
+
+
+def test_a_table_of_drops_has_its_own_balls_air_and_errors(tmp_path: Path) -> None:
+    (tmp_path / "drops.txt").write_text(DROPS, encoding="utf-8")
+    dataset = import_sepia_drops(tmp_path / "drops.txt")
+    assert dataset.times is not None
+    assert dataset.times.sigma_s.tolist() == [0.1] * 3 and dataset.rig.air.density_kg_m3 == 1.184
+    assert dataset.shots.number("mass_kg")[2] == pytest.approx(626.0 * 4.0 / 3.0 * np.pi * 0.038**3)
+    assert dataset.times.height_m.tolist() == [20.0, 0.0, 20.0]
+
+
+@pytest.mark.parametrize(("change", "said"), [
+    ({"times": "1.2 2.0\n1.1 x\n"}, "field.dat:2"), ({"times": "1.2 2.0\n1.1\n"}, "field.dat:2: has 1 numbers"),
+    ({"times": "1.2 2.0\n"}, "has 1 rows of 2"), ({"radii": "0.1\n-0.2\n"}, "radius: -0.2 must be above 0"),
+    ({"times": "# nothing\n"}, "has no numbers"), ({"times": "1.2 nan\n1.1 1.7\n"}, "time: nan must be above 0")])
+def test_a_bad_file_is_named(tmp_path: Path, change: dict[str, str], said: str) -> None:
+    with pytest.raises(ta.InputError, match=said):
+        import_sepia_drops(*tutorial(tmp_path, **change))
+
+
+@pytest.mark.parametrize(("text", "said"), [
+    (DROPS.replace("626.0 20.0", "626.0"), "txt:4: has 5 numbers"), ("1 2 3\n", "has 3 columns"),
+    (DROPS.replace("1.184 626", "1.100 626"), "one air a dataset")])
+def test_a_bad_table_is_named(tmp_path: Path, text: str, said: str) -> None:
+    (tmp_path / "drops.txt").write_text(text, encoding="utf-8")
+    with pytest.raises(ta.InputError, match=said):
+        import_sepia_drops(tmp_path / "drops.txt")
+
+
+@pytest.mark.data
+def test_the_real_files_are_read_by_the_command_that_is_registered(data_dir: Path) -> None:
+    importer, = (one for one in load_importers() if one.name == "sepia-drops")
+    folder = data_dir / "real" / "sepia_ball_drop"
+    tutorial_files = [str(folder / f"1_field.{end}") for end in ("dat", "height", "radii")]
+    for files, drops in ((tutorial_files, 12), ([str(folder / "2_fieldDat12x6gparam.txt")], 12),
+                         ([str(folder / "2_fieldDat15x6gparam.txt")], 15)):
+        assert importer.takes(files)
+        dataset = check_plausible(importer.load(*files))
+        assert len(dataset.shots) == drops and dataset.times is not None
+
+
+@pytest.mark.data
+def test_drag_with_the_square_of_the_speed_is_named_and_not_with_the_speed(data_dir: Path) -> None:
+    """The truth of these times has v^2; the toolbox's own simulator has v."""
+    folder = data_dir / "real" / "sepia_ball_drop"
+    dataset = import_sepia_drops(*(folder / f"1_field.{end}" for end in ("dat", "height", "radii")))
+    root = Path(__file__).parents[3]
+    terms = [*BUILT_IN, *terms_of_file(root / "examples" / "linear_drag.py", BUILT_IN)]
+    law = ta.discover(dataset, believe=["gravity"], terms=terms)
+    assert law.record.set == ("drag",)
+    chance = {one.term: one.probability for one in law.record.what}
+    assert chance["linear_drag"] < 0.05
+    told = ta.discover(dataset, believe=["gravity", "linear_drag"], terms=terms)
+    assert told.verdict == "none" and "so few shots cannot show" in told.sentence

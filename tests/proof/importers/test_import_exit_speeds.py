@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 import truearc.cli.main as truearc
 from tests.sim.same_dataset import assert_same
 from truearc.errors import InputError
-from truearc.sim.data.dataset import Shots, load_dataset
+from truearc.sim.data.dataset import Shots
+from truearc.sim.data.files import load_dataset
 from truearc.sim.physics.simulate import launch_of
 from truearc_proof.importers.exit_speeds import import_971, import_fuel
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import truearc.cli.main as truearc
-from truearc.sim.data.dataset import load_dataset
+from truearc.sim.data.files import load_dataset
 from truearc.sim.data.importers.imported import doubts_of
 from truearc_proof.importers.set_points import import_254, import_3476
 

@@ -7,7 +7,7 @@ import numpy as np
 from truearc import robot
 from truearc.robot.config.schema import load_config
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.repeatability_labels import rule
+from truearc.sim.data.recordings import rule
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import classify, fly_rows, launch_of, predict
 from truearc_proof.reproduce.collect import LAUNCHABLE, Pool

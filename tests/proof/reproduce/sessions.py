@@ -7,8 +7,7 @@ import numpy as np
 
 from tests.proof.reproduce.pools import EFFICIENCY, FACTS, SCATTER, TRUTH, configurations
 from truearc.robot.config.schema import Prescribed
-from truearc.robot.recording.rows import Trial
-from truearc.robot.recording.session import CONFIG, HEADER, TRIALS, make_header
+from truearc.robot.recording.session import CONFIG, HEADER, TRIALS, Trial, make_header
 from truearc.robot.types import Outcome, Shot
 from truearc.sim.data.dataset import Shots
 from truearc.sim.physics.launch import Exit

@@ -5,8 +5,7 @@ import pytest
 
 from tests.proof.reproduce.pools import CONFIG, FACTS
 from truearc.sim.data.dataset import Shots
-from truearc_proof.reproduce.aiming import intentions, learn_aiming, propose
-from truearc_proof.reproduce.paper import exit_seed
+from truearc_proof.reproduce.collect import exit_seed, intentions, learn_aiming, propose
 
 SHARES = {"three": 0.5, "two": 0.2, "miss": 0.3}
 RISE_M = FACTS.target.centre_height_m - FACTS.launcher.release_height_m

@@ -10,19 +10,32 @@ import pytest
 from tests.proof.reproduce.pools import SMALL, make_pool
 from truearc.cli.main import main
 from truearc.sim.paper.grid_fit import fit_grid
-from truearc.sim.paper.training import LABELS
+from truearc.sim.paper.network import LABELS
 from truearc_proof.cli import reproduce_run as door
 from truearc_proof.parallel import fan_out
 from truearc_proof.reproduce import analysis as analysing
-from truearc_proof.reproduce import baselines
-from truearc_proof.reproduce.analysis import BY_TEST, EVERYTHING, WHERE, Analysis, analyse, best_by_test, network_name
-from truearc_proof.reproduce.intervals import interval
-from truearc_proof.reproduce.metrics import Metrics, measure
-from truearc_proof.reproduce.networks import SweepSetting, settings_of, train_networks
-from truearc_proof.reproduce.page import OURS_NOT_THEIRS, save_figures, save_page
-from truearc_proof.reproduce.repetition import OURS, SIMULATOR, run_repetition, tasks_of
-from truearc_proof.reproduce.settings import Settings
-from truearc_proof.reproduce.tables import make_tables
+from truearc_proof.reproduce import models
+from truearc_proof.reproduce.analysis import (
+    BY_TEST,
+    Analysis,
+    Metrics,
+    analyse,
+    best_by_test,
+    interval,
+    measure,
+    network_name,
+)
+from truearc_proof.reproduce.models import (
+    OURS,
+    SIMULATOR,
+    SweepSetting,
+    run_repetition,
+    settings_of,
+    tasks_of,
+    train_networks,
+)
+from truearc_proof.reproduce.page import OURS_NOT_THEIRS, make_tables, save_figures, save_page
+from truearc_proof.reproduce.settings import EVERYTHING, WHERE, Settings
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -32,10 +45,10 @@ def baselines_are_tuned_in_less_time():
         model, choices = make_trees(seed)
         return model, choices | {"gradientboostingclassifier__n_estimators": [5, 10]}
 
-    make_trees = baselines._trees
+    make_trees = models._trees
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(baselines, "_trees", few_trees)
-        patch.setattr(baselines, "FOLDS", 2)
+        patch.setattr(models, "_trees", few_trees)
+        patch.setattr(models, "FOLDS", 2)
         yield
 
 

@@ -9,7 +9,7 @@ import pytest
 from tests.proof.reproduce.pools import CONFIG, FACTS, SMALL
 from tests.proof.reproduce.sessions import Launcher
 from truearc.errors import InputError
-from truearc.sim.paper.synthetic_data import AXES
+from truearc.sim.paper.synthetic import AXES
 from truearc_proof.reproduce.collect import LAUNCHABLE, collect, collect_real
 
 pytestmark = pytest.mark.slow

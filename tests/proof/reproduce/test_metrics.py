@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from scipy import stats
 from sklearn.metrics import brier_score_loss, f1_score, recall_score
 
-from truearc_proof.reproduce.intervals import interval
-from truearc_proof.reproduce.metrics import calibration_error, measure
+from truearc_proof.reproduce.analysis import calibration_error, interval, measure
 
 
 def predictions(seed, n=300):

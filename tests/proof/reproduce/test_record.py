@@ -4,11 +4,11 @@ import pytest
 
 from tests.proof.reproduce.pools import CONFIG
 from truearc.errors import InputError
+from truearc.robot.config.overrides import with_plan
 from truearc.robot.config.schema import Prescribed
-from truearc.robot.config.shot_plan import with_plan
-from truearc.robot.recording.replay.recompute import replay
+from truearc.robot.recording.replay import replay
 from truearc.robot.recording.session import load_trials
-from truearc_proof.cli.reproduce_record import DONE, make_record
+from truearc_proof.cli.reproduce_run import DONE, make_record
 from truearc_proof.reproduce.collect import Recording
 
 PLAN = with_plan(CONFIG, (Prescribed(4.0, 0.5, 47.0),), 1)

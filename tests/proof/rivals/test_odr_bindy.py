@@ -8,7 +8,7 @@ from scipy.stats import multivariate_normal
 
 from tests.proof.rivals.made import KNOWN, constant
 from truearc_proof.rivals import odr_bindy
-from truearc_proof.rivals.library import usual_of
+from truearc_proof.rivals.flights import usual_of
 
 
 def test_a_push_is_named_with_an_interval_that_holds_it() -> None:
@@ -44,7 +44,7 @@ def test_the_optimum_is_that_of_a_general_solver(monkeypatch) -> None:
         weights, x = at[:2], at[2:].reshape(films.position_m.shape)
         h = films.step_s[:, None, None]
         law = odr_bindy._library(flights, films, names, (x[:, 2:] - x[:, :-2]) / (2.0 * h)) @ weights
-        miss = np.diff(x, 2, axis=1) / h**2 - odr_bindy.gravity(flights.facts) - law
+        miss = np.diff(x, 2, axis=1) / h**2 - odr_bindy.laws.gravity(flights.facts) - law
         return np.concatenate([((x - films.position_m) / sigma_m).ravel(), miss.ravel() / odr_bindy.SOFT_M_S2,
                                weights / prior])
 

@@ -4,21 +4,18 @@ import numpy as np
 import pytest
 
 from tests.proof.rivals.made import KNOWN, constant
-from truearc_proof.rivals import sparse
-from truearc_proof.rivals.forecast import end_errors
-from truearc_proof.rivals.library import COLUMNS
-from truearc_proof.rivals.regression import claim_by, known_of
-from truearc_proof.rivals.sparse import Rows, Tuning, compress, fit, rank
+from truearc_proof.rivals import sindy
+from truearc_proof.rivals.flights import COLUMNS, end_errors
+from truearc_proof.rivals.sindy import Rows, Tuning, claim_by, compress, fit, known_of, rank
 
 CANDIDATES = tuple(name for name in COLUMNS if name not in KNOWN)
 
 
 def rows_by(form: str, flights) -> Rows:
     pytest.importorskip("pysindy", reason="pysindy comes with the extra `field`")
-    from truearc_proof.rivals import pysindy_ensemble, pysindy_weak
     if form == "strong":
-        return pysindy_ensemble.rows_of(flights, KNOWN)
-    return pysindy_weak.rows_of(flights, KNOWN, 0)
+        return sindy.ensemble_rows(flights, KNOWN)
+    return sindy.weak_rows(flights, KNOWN, 0)
 
 
 @pytest.mark.parametrize("form", ["strong", "weak"])
@@ -50,22 +47,21 @@ def test_where_there_is_nothing_nothing_is_said(form: str) -> None:
 def test_the_same_seed_says_the_same(form: str) -> None:
     flights = constant(0.5, shots=10, noise_m=0.005)
     before = np.random.get_state()[1].copy()
-    once, again = (sparse.ensemble(rows_by(form, flights), Tuning(0.1, 0.05), 3, 5) for _ in range(2))
+    once, again = (sindy.ensemble(rows_by(form, flights), Tuning(0.1, 0.05), 3, 5) for _ in range(2))
     np.testing.assert_array_equal(once, again)
     np.testing.assert_array_equal(before, np.random.get_state()[1])
 
 
 def test_the_weak_form_is_pysindys_own_transform() -> None:
     pytest.importorskip("pysindy", reason="pysindy comes with the extra `field`")
-    from truearc_proof.rivals import pysindy_weak as weak
     time_s = np.arange(30) / 60.0
     columns = np.random.default_rng(0).normal(size=(30, 4))
-    library = weak._domains(time_s, 5)
-    np.testing.assert_allclose(weak.integrate(library, columns), library.fit_transform([weak._axes(columns)])[0])
+    library = sindy._domains(time_s, 5)
+    np.testing.assert_allclose(sindy.integrate(library, columns), library.fit_transform([sindy._axes(columns)])[0])
     # by parts: a straight line's derivative against the test function is its slope times the test function's integral
     line = np.stack([3.0 * time_s, np.ones(30)], axis=1)
-    np.testing.assert_allclose(weak.change(library, line)[:, 0], 3.0 * weak.integrate(library, line)[:, 1], rtol=1e-9)
-    np.testing.assert_allclose(weak.change(library, line)[:, 1], 0.0, atol=1e-12)
+    np.testing.assert_allclose(sindy.change(library, line)[:, 0], 3.0 * sindy.integrate(library, line)[:, 1], rtol=1e-9)
+    np.testing.assert_allclose(sindy.change(library, line)[:, 1], 0.0, atol=1e-12)
 
 
 def test_few_rows_have_the_same_least_squares() -> None:

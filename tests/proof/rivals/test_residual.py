@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from truearc.sim.discover.detect.covariates import Covariate
-from truearc_proof.rivals.boosted import Trees
-from truearc_proof.rivals.gp import Process
-from truearc_proof.rivals.residual import cross_validate, gain_of_each, names_of, table_of
+from truearc_proof.rivals.residual import Process, Trees, cross_validate, gain_of_each, names_of, table_of
 
 N, NOISE = 150, 0.1
 LEARNERS = {"gp": Process, "boosted": partial(Trees, 0)}

@@ -10,18 +10,16 @@ from msgspec.structs import replace
 
 from tests.hw.spinning_plant import SpinningPlant
 from tests.robot.good_tick import CONFIG
-from truearc.cli.robot.doctor_checks import look_at_bus
+from truearc.cli.doctor_checks import look_at_bus
 from truearc.errors import InputError
 from truearc.hw.devices.canandmag.emulator import CanandmagNode
-from truearc.hw.devices.family import listen
+from truearc.hw.devices.family import FAILURE, OK, WARNING, listen
 from truearc.hw.devices.odrive.emulator import SETTINGS, OdriveNode, OdriveSettings
-from truearc.hw.emulated.clock import StepClock
-from truearc.hw.emulated.emulated_robot import Twin
-from truearc.hw.finding import FAILURE, OK, WARNING
-from truearc.hw.frc import CONTROLLER_HEARTBEAT, locked_spark
+from truearc.hw.devices.spark.frames import CONTROLLER_HEARTBEAT, locked_spark
+from truearc.hw.emulated.nodes import StepClock, Twin
 from truearc.hw.protocols import Frame, LinkLost
 from truearc.hw.real.can_bus import open_can
-from truearc.robot.doctor.devices import load_endpoints
+from truearc.robot.doctor import load_endpoints
 from truearc_proof.world.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
 
 CHANNELS = itertools.count()

@@ -11,26 +11,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-import truearc.hw.real.machine
+import truearc.hw.real.system
 from tests.robot.gate.test_model import METADATA, build
 from tests.robot.good_tick import CONFIG
 from tests.robot.test_rig import Stream, Time
 from truearc import robot
 from truearc.cli.main import main
-from truearc.hw.devices.button_box.frames import make_heartbeat
-from truearc.hw.devices.family import Heard
+from truearc.hw.devices.button_box import make_heartbeat
+from truearc.hw.devices.family import FAILURE, OK, WARNING, Heard, failure, line, ok
 from truearc.hw.fault_codes import CAMERA_ERROR
-from truearc.hw.finding import FAILURE, OK, WARNING, failure, line, ok
-from truearc.hw.machine import CanLink, Exposure, parse_link
 from truearc.hw.protocols import CameraFrame, LinkLost
-from truearc.hw.real.machine import read_exposure
-from truearc.robot.doctor.devices import check_adapter, check_bitrate, check_model
-from truearc.robot.doctor.senses import (
+from truearc.hw.real.system import CanLink, Exposure, parse_link, read_exposure
+from truearc.robot.doctor import (
+    check_adapter,
+    check_bitrate,
     check_box,
     check_camera,
     check_clock,
     check_disk,
     check_exposure,
+    check_model,
     check_real_time,
 )
 
@@ -139,7 +139,7 @@ def test_a_cameras_controls_are_asked_as_the_kernel_defines_them(monkeypatch, tm
 
 def test_what_a_tool_does_not_say_is_none(monkeypatch):
     monkeypatch.setenv("PATH", "")
-    assert truearc.hw.real.machine.read_link("can0") is None and truearc.hw.real.machine.is_clock_synchronised() is None
+    assert truearc.hw.real.system.read_link("can0") is None and truearc.hw.real.system.is_clock_synchronised() is None
 
 
 class Showing:

@@ -14,30 +14,26 @@ from tests.faulty_robot import nodes_with
 from tests.hw.host_speed import excuse_stalls
 from tests.robot.doctor.test_devices import Spoilt, swap
 from tests.robot.sparks import ALL_SPARK, only_advice
+from truearc.cli import doctor_checks
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
-from truearc.cli.robot import doctor_checks, doctor_move
 from truearc.errors import InputError
 from truearc.hw.codec import load_codec
-from truearc.hw.devices.button_box.emulator import open_button_box
+from truearc.hw.devices.button_box import open_button_box
 from truearc.hw.devices.canandmag.frames import frame_id
-from truearc.hw.devices.family import Heard
-from truearc.hw.devices.no_encoder import NONE
-from truearc.hw.emulated.emulated_robot import Twin
-from truearc.hw.emulated.nodes import Node
+from truearc.hw.devices.family import FAILURE, OK, WARNING, Finding, Heard, failure
+from truearc.hw.devices.motor_encoder import NONE
+from truearc.hw.emulated.nodes import Node, Twin
 from truearc.hw.emulated.pty_cable import PtyCable
-from truearc.hw.emulated.slcan_adapter import SlcanAdapter
-from truearc.hw.finding import FAILURE, OK, WARNING, Finding, failure
+from truearc.hw.emulated.serial_link import SlcanAdapter
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import load_config
-from truearc.robot.doctor.motion import COAST_S, SmallMotion, plan
-from truearc.robot.doctor.moved import check_motion
+from truearc.robot.doctor_motion import COAST_S, SmallMotion, check_motion, plan
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
 from truearc.robot.vision_source import NoEyes
-from truearc.sim.world.device_server import keep_time
-from truearc.sim.world.emulated_robot import WATCHDOG_MS, emulated_rig, make_nodes
-from truearc.sim.world.parts.hood import LOW_DEG
+from truearc.sim.world.emulated_robot import WATCHDOG_MS, emulated_rig, keep_time, make_nodes
+from truearc.sim.world.hood import LOW_DEG
 from truearc.sim.world.world import World
 from truearc_proof.world.faults import SILENT, Fault
 
@@ -174,7 +170,7 @@ def test_what_is_wrong_with_wheels_is_found(wrap, check, words, most_rad_s):
     (on(("hood",), floats(lambda turns, speed: (0.0, 0.0))), "motion", "hood does not turn", 1.0),
     (on(("hood",), swap), "hood motor, estimates", "big-endian", 1.0),
     (on(("hood",), floats(lambda turns, speed: (turns / 2.0, speed / 2.0))), "motion", "scaled", 5.0),
-    (on(("hood_encoder",), frozen()), "motion", "by 0.0 deg by its encoder", 3.0),
+    (on(("hood_encoder",), frozen()), "motion", "stuck, scaled, late", 3.0),
     (on(("hood_encoder",), angles(lambda turns: 2 * 80.0 / 360.0 - turns)), "motion", "the wrong way round", 3.0),
     (on(("hood_encoder",), angles(lambda turns: 2.0 * turns)), "motion", "scaled", 3.0),
     (on(("hood",), switch(1)), "motion", "hood encoder reads 39.3 deg, its screw 15.0", 1.0),
@@ -239,7 +235,7 @@ def test_move_without_a_yes_is_refused_before_anything_is_opened(words, says, ca
 
 
 def test_nothing_moves_while_something_fails_at_rest():
-    findings = doctor_move.move_robot(CONFIG, MonotonicClock(), [failure("bitrate", "none", "x")], True)
+    findings = doctor_checks.move_robot(CONFIG, MonotonicClock(), [failure("bitrate", "none", "x")], True)
     assert [finding.level for finding in findings] == [WARNING] and "not tried" in findings[0].says
 
 
@@ -276,9 +272,9 @@ def test_on_a_serial_bus_it_asks_moves_and_tells(wrong, tmp_path, monkeypatch, c
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         with excuse_stalls():
-            doctor_move.check_move(argparse.Namespace(move=True, yes=False))
+            doctor_checks.check_move(argparse.Namespace(move=True, yes=False))
             found = [*doctor_checks._look_at_can(config, clock, None, 2.0)]
-            findings = {one.check: one for one in doctor_move.move_robot(config, clock, found, False)}
+            findings = {one.check: one for one in doctor_checks.move_robot(config, clock, found, False)}
             check_real(wrong, found, findings, capsys.readouterr().err)
     finally:
         near.send("end")

@@ -16,10 +16,9 @@ from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.hw.devices.family import Endpoints
 from truearc.hw.devices.odrive import frames as odrive
-from truearc.hw.emulated.clock import StepClock
-from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.emulated.nodes import StepClock, Twin
 from truearc.hw.real.can_bus import open_can
-from truearc.robot.doctor.stored import check_stored, set_stored, stored_of
+from truearc.robot.doctor import check_stored, set_stored, stored_of
 from truearc.sim.world.emulated_robot import make_nodes
 
 ON, TIME, SPEED, CURRENT, SAVE = 400, 401, 402, 403, 404

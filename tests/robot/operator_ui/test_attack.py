@@ -22,7 +22,7 @@ from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from tests.robot.operator_ui.browser import BROWSER, Browser
 from tests.robot.operator_ui.test_browser import Shower
 from truearc.hw.real.clock import MonotonicClock
-from truearc.robot.operator_ui.aim_orders import AimOrders
+from truearc.robot.operator_ui.aim_inbox import AimOrders
 from truearc.robot.operator_ui.server import LOOKING, OperatorPage
 from truearc.robot.operator_ui.serving import MAX_CONNECTIONS, MAX_OF_ADDRESS
 from truearc.robot.tick import step
@@ -153,6 +153,24 @@ def test_last_place_is_for_who_has_the_token(page, tmp_path):
         assert look(page, "127.0.0.99", (tmp_path / "token").read_text().strip())[0] == (200, 200)
 
 
+def test_without_a_token_the_last_place_is_for_an_address_that_has_none():
+    page = OperatorPage(CONFIG, "monday", "127.0.0.1", 0, MonotonicClock())
+    shower = Shower(page)
+    shower.tick = step(good_inputs(), good_memory(), CONFIG, None)
+    try:
+        with ExitStack() as lines:
+            for k in range(LOOKING.most - 1):
+                answer, line = get(page, "/events", f"127.0.0.{10 + k % 8}")
+                lines.callback(line.close)
+                lines.callback(answer.close)
+                assert answer.status == 200
+            assert look(page, "127.0.0.10")[0] == (200, 503)
+            assert look(page, "127.0.0.99")[0] == (200, 200)
+    finally:
+        shower.close()
+        page.close()
+
+
 @pytest.mark.browser
 @pytest.mark.skipif(BROWSER is None, reason="needs chromium")
 def test_browser_with_the_token_has_a_place_behind_the_attackers_address(page, tmp_path):
@@ -161,7 +179,7 @@ def test_browser_with_the_token_has_a_place_behind_the_attackers_address(page, t
     try:
         with attacked(page, "events", LOOKING.most, DRIVER):
             browser.open(page.url)
-            browser.wait("document.getElementById('why')?.innerText.includes('too many browsers look')")
+            browser.wait("document.getElementById('why')?.innerText.includes('too many browsers are connected')")
             browser.open(f"{page.url}#token={(tmp_path / 'token').read_text().strip()}")
             browser.wait("document.title === 'FIRE'")
             assert browser.evaluate("location.href") == page.url

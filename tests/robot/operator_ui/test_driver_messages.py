@@ -23,8 +23,8 @@ from truearc.robot.aim import IDLE
 from truearc.robot.estimate import estimate
 from truearc.robot.gate.model import Rating
 from truearc.robot.gate.verdict import judge
-from truearc.robot.operator_ui.driver_messages import MESSAGES, RANKS, find_message, tell
-from truearc.robot.recording.file_writers import disk_trouble
+from truearc.robot.operator_ui.view import MESSAGES, RANKS, find_message, tell
+from truearc.robot.recording.writer import disk_trouble
 from truearc.robot.types import Aim, Memory
 from truearc.robot.vision import detect
 

@@ -12,14 +12,13 @@ from http.client import HTTPConnection
 import pytest
 
 import truearc.robot.operator_ui.serving
-import truearc.robot.operator_ui.what_if_process
+import truearc.robot.operator_ui.what_if
 from tests.robot.good_tick import CONFIG
 from tests.robot.operator_ui.test_what_if import GATE, GOLDEN, GOOD
-from truearc.cli.gate.answer import NICE, make_command
+from truearc.cli.gate import NICE, make_command
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.operator_ui.server import DISCARD_BYTES, OperatorPage, PageServer, open_page
-from truearc.robot.operator_ui.what_if import BURST, MAX_BODY_BYTES, QUESTION_COST, WhatIf
-from truearc.robot.operator_ui.what_if_process import WhatIfProcess
+from truearc.robot.operator_ui.what_if import BURST, MAX_BODY_BYTES, QUESTION_COST, WhatIf, WhatIfProcess
 
 JSON = {"Content-Type": "application/json"}
 
@@ -186,7 +185,7 @@ def test_process_that_ends_or_cannot_begin_is_503_and_starts_again(page, tmp_pat
 
 
 def test_process_that_hangs_is_given_up(monkeypatch):
-    monkeypatch.setattr(truearc.robot.operator_ui.what_if_process, "PATIENCE_S", 0.5)
+    monkeypatch.setattr(truearc.robot.operator_ui.what_if, "PATIENCE_S", 0.5)
     what_if = WhatIfProcess((sys.executable, "-c", "import time; time.sleep(60)"))
     answer = what_if.answer(b"{}")
     assert answer.status == 503 and b"in time" in answer.text and what_if._process is None

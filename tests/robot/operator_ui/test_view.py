@@ -12,8 +12,7 @@ from msgspec.structs import replace
 from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs, good_memory, seconds
 from tests.robot.operator_ui.test_driver_messages import aims, angles, memories, motors, numbers
 from truearc.hw.fault_codes import CAMERA_SILENT, CAN_BUS_OFF
-from truearc.robot.operator_ui.page_state import RECENT, Glance, look
-from truearc.robot.operator_ui.view import FIRED_S, PageView, describe
+from truearc.robot.operator_ui.view import FIRED_S, RECENT, Glance, PageView, describe, look
 from truearc.robot.reasons import (
     BOX_SILENT,
     CAMERA_LOST,

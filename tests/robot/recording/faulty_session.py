@@ -13,20 +13,18 @@ from pathlib import Path
 
 from tests.faulty_robot import eyes_with, nodes_with
 from truearc import robot
-from truearc.hw.devices.button_box.emulator import open_button_box
-from truearc.hw.devices.button_box.frames import make_heartbeat
+from truearc.hw.devices.button_box import make_heartbeat, open_button_box
 from truearc.hw.devices.odrive import frames as odrive
-from truearc.hw.emulated.clock import StepClock
-from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.emulated.nodes import StepClock, Twin
 from truearc.hw.fault_codes import CAMERA_FROZEN, CAN_SILENT, SERIAL_ERROR
 from truearc.hw.protocols import LinkLost
 from truearc.hw.real.can_bus import open_can
-from truearc.hw.real.serial_port import open_serial
-from truearc.robot.config.can_policy import guard
+from truearc.hw.real.wires import open_serial
 from truearc.robot.config.schema import load_config
-from truearc.robot.recording.candump import TappedBus
-from truearc.robot.recording.encoder import SessionWriter
+from truearc.robot.motors import guard
+from truearc.robot.recording.files import TappedBus
 from truearc.robot.recording.session import make_header
+from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import HardwareRig, RecordingRig
 from truearc.robot.runtime import run
 from truearc.sim.world.driver import Driver

@@ -5,8 +5,8 @@ import errno
 import pytest
 
 from truearc.robot.reasons import DISK_BACKLOG_FULL, FILE_DELETED
-from truearc.robot.recording.append_file import Appender, NotKept, claim
-from truearc.robot.recording.file_writers import disk_trouble
+from truearc.robot.recording.files import Appender, NotKept, claim
+from truearc.robot.recording.writer import disk_trouble
 
 resource = pytest.importorskip("resource")        # POSIX
 fcntl = pytest.importorskip("fcntl")

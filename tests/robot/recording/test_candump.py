@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from truearc.hw.protocols import Frame
-from truearc.robot.recording.candump import candump_line, parse_candump
+from truearc.robot.recording.files import candump_line, parse_candump
 
 
 @st.composite

@@ -245,10 +245,22 @@ def test_a_recording_cut_short_is_converted_as_far_as_it_goes_and_says_so(plain,
     assert "no ticks" in capsys.readouterr().err and not (tmp_path / "t.csv").exists()
 
 
+@pytest.mark.parametrize("kept", [0, 1])
+def test_trials_that_only_the_telemetry_has_are_converted_and_counted(plain, tmp_path, capsys, kept):
+    session = shutil.copytree(plain, tmp_path / "s")
+    convert(session, "csv", tmp_path / "whole.csv")
+    lines = (session / "trials.jsonl").read_bytes().splitlines(keepends=True)
+    assert "warning" not in capsys.readouterr().err
+    (session / "trials.jsonl").write_bytes(b"".join(lines[:kept]))
+    convert(session, "csv", tmp_path / "cut.csv")
+    assert f"trials.jsonl: {2 - kept} of 2 trials were missing" in capsys.readouterr().err
+    assert (tmp_path / "cut.trials.csv").read_text() == (tmp_path / "whole.trials.csv").read_text()
+
+
 def test_every_number_of_a_tick_says_its_unit_or_needs_none():
     bare = {column.name.rpartition(".")[2] for column in FlatTicks(2).columns
             if column.kind in (FLOAT, INT) and not column.unit}
     assert bare == {"cycle", "axis_state", "axis_error", "faults", "frames", "motor_ratio", "p_two", "p_three",
                     "integral", "measurement", "rate", "trial", "0", "1", "2", "refused", "phase", "correction",
-                    "trim", "push", "stuck_at", "jams", "differ"}
+                    "trim", "push", "stuck_at", "jams", "differ", "failures"}
     assert unit_of("a.velocity_rad_s") == "rad/s" and unit_of("a.t_ns") == "ns" and unit_of("a.homed") == ""

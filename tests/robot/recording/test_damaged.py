@@ -16,10 +16,8 @@ from mcap.writer import CompressionType, Writer
 
 from truearc.cli.main import main
 from truearc.errors import InputError
-from truearc.robot.recording.candump import parse_candump
-from truearc.robot.recording.chunks import LARGEST
-from truearc.robot.recording.files import MOST_PIXELS, load_image, load_pictures
-from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.files import MOST_PIXELS, load_image, load_pictures, parse_candump
+from truearc.robot.recording.reader import LARGEST, TickReader
 from truearc.robot.recording.recover import recover
 from truearc.robot.recording.session import FRAMES, INDEX, TELEMETRY, TRIALS, Picture, load_trials
 from truearc.sim.data.recordings import shots_from_sessions
@@ -69,7 +67,7 @@ def test_a_chunk_of_zeros_is_damage_at_once(session: Path) -> None:
     (session / TELEMETRY).write_bytes(chunk(packed_zeros(LARGEST // 10_000_000 * 10_000_000, True), b"zstd",
                                             LARGEST // 10_000_000 * 10_000_000))
     reader = TickReader(session)
-    assert list(reader) == [] and "something else than rows" in str(reader.cut_short)
+    assert list(reader) == [] and "something other than rows" in str(reader.cut_short)
 
 
 def rewrite(session: Path, numbers: list[int]) -> None:
@@ -102,7 +100,7 @@ def test_a_file_says_how_many_rows_it_had(session: Path) -> None:
     last[places[-1]] = 0x80           # an opcode of nobody's
     (session / TELEMETRY).write_bytes(last)
     reader = TickReader(session)
-    assert sum(1 for _ in reader) < whole and f"its end says {whole}" in str(reader.cut_short)
+    assert sum(1 for _ in reader) < whole and f"its end states {whole}" in str(reader.cut_short)
 
 
 def test_a_chunk_that_stands_there_twice_is_recovered_once(session: Path) -> None:
@@ -125,6 +123,19 @@ def test_a_trial_that_only_the_ticks_have_is_said(session: Path) -> None:
     (session / TRIALS).write_bytes(json.dumps(row).encode() + b"\n" + b"".join(lines[1:]))
     left_out = shots_from_sessions([session], "d").left_out
     assert [line for line in left_out if "trial 0: is not as the telemetry has it" in line]
+
+
+@pytest.mark.parametrize(("text", "said"), [("{}", "tick_hz"), ("[]", "table"), ("null", "table"),
+                                            ('{"rig":5}', "rig: a table is expected")])
+@pytest.mark.parametrize("command", [
+    ["session", "replay", "--check"], ["shots"], ["session", "convert", "--to", "csv"]], ids=lambda words: words[-1])
+def test_a_configuration_that_is_none_is_named(session: Path, tmp_path: Path, command: list[str], text: str, said: str,
+                                               capsys: pytest.CaptureFixture[str]) -> None:
+    (session / "config.json").write_text(text)
+    out = [] if "replay" in command else ["-o", str(tmp_path / "out")]
+    assert main([*command, str(session), *out]) == 2
+    error = capsys.readouterr().err
+    assert f"{session / 'config.json'}: " in error and said in error
 
 
 def test_lines_that_are_no_text_are_named_or_left_out(session: Path) -> None:

@@ -8,16 +8,16 @@ from contextlib import ExitStack
 import pytest
 
 from tests.robot.good_tick import CONFIG, good_memory
-from tests.robot.recording.test_encoder import MS, kept_cycles, open_writer, play, ticks
-from truearc.cli.robot.run_processes import RecorderProcess
-from truearc.cli.robot.run_robot import make_room
+from tests.robot.recording.test_writer import MS, kept_cycles, open_writer, play, ticks
+from truearc.cli.run_processes import RecorderProcess
+from truearc.cli.run_robot import make_room
 from truearc.errors import InputError
-from truearc.robot.operator_ui.aim_orders import AimOrders
+from truearc.robot.operator_ui.aim_inbox import AimOrders
 from truearc.robot.operator_ui.what_if import QuestionError
 from truearc.robot.reasons import DISK_FULL, NOT_RECORDING
-from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.recover import recover
 from truearc.robot.recording.session import load_header, load_trials, make_header
+from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import RecordingRig, ReplayRig
 from truearc.robot.tick import step
 

@@ -12,26 +12,26 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-import truearc.cli.robot.run_processes
-import truearc.cli.robot.run_robot
+import truearc.cli.run_processes
+import truearc.cli.run_robot
 from benchmarks.kill import kill_once
 from tests.robot.good_tick import CONFIG
-from tests.robot.recording.test_encoder import kept_cycles, play, ticks
+from tests.robot.recording.test_writer import kept_cycles, play, ticks
 from tests.robot.test_rig import Wire
 from tests.robot.test_run_door import CONFIG as SHIPPED
 from tests.robot.test_run_door import Box
 from truearc.cli.main import main
-from truearc.cli.robot.run_processes import RecorderProcess
+from truearc.cli.run_processes import RecorderProcess
 from truearc.errors import InputError
 from truearc.hw.fault_codes import PROCESS_ENDED, PROCESS_KILLED
 from truearc.hw.protocols import CameraFrame, Frame
 from truearc.hw.real.clock import MonotonicClock
-from truearc.robot.processes import recorder_client as far_keeper
+from truearc.robot.processes import recorder as far_keeper
 from truearc.robot.reasons import DISK_ERROR, RECORDER_UNRESPONSIVE
-from truearc.robot.recording.encoder import MARKING_NS, SessionWriter
 from truearc.robot.recording.files import append_trials, load_image, load_pictures
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials, make_header
+from truearc.robot.recording.writer import MARKING_NS, SessionWriter
 from truearc.robot.vision_source import NoEyes
 
 posix = pytest.mark.skipif(os.name != "posix", reason="signals")
@@ -237,8 +237,8 @@ def test_a_run_ends_by_itself_released_with_code_2_when_its_recorder_is_killed(t
         return processes[0]
 
     monkeypatch.setattr(bus, "read", kill_in_time)
-    monkeypatch.setattr(truearc.cli.robot.run_processes, "RecorderProcess", begin)
-    monkeypatch.setattr(truearc.cli.robot.run_robot, "_open_wires", lambda *_: (bus, Box(), NoEyes(), MonotonicClock()))
+    monkeypatch.setattr(truearc.cli.run_processes, "RecorderProcess", begin)
+    monkeypatch.setattr(truearc.cli.run_robot, "_open_wires", lambda *_: (bus, Box(), NoEyes(), MonotonicClock()))
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     assert main(["run", "--config", SHIPPED, "--out", str(tmp_path), "--priority", "0"]) == 2
     for number, handler in before.items():

@@ -12,14 +12,10 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 
 from truearc.cli.main import main
 from truearc.errors import InputError
-from truearc.robot.recording.append_file import Appender
-from truearc.robot.recording.candump import parse_candump
-from truearc.robot.recording.files import TickFile, load_pictures
+from truearc.robot.recording.files import Appender, TickFile, load_pictures, parse_candump
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.recover import recover
-from truearc.robot.recording.replay.recompute import Difference, replay, replay_frames
-from truearc.robot.recording.rows import Rows2
-from truearc.robot.recording.salvage import salvage
+from truearc.robot.recording.recover import recover, salvage
+from truearc.robot.recording.replay import Difference, replay, replay_frames
 from truearc.robot.recording.session import load_trials
 
 TELEMETRY, TRIALS, CAN = "telemetry.mcap", "trials.jsonl", "can0.log"
@@ -216,7 +212,7 @@ def test_salvage_makes_nothing_of_noise(data):
 def test_a_tick_of_another_format_is_named(session):
     (session / TELEMETRY).unlink()
     with (session / TELEMETRY).open("wb") as file:
-        ticks = TickFile(file, Rows2())
+        ticks = TickFile(file)
         ticks.write(0, msgspec.json.encode({"inputs": 3}))
         ticks.finish()
     tear(session / TELEMETRY, (session / TELEMETRY).stat().st_size - 1)

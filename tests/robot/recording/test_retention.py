@@ -7,12 +7,11 @@ import pytest
 from msgspec.structs import replace
 
 from tests.robot.good_tick import CONFIG
-from tests.robot.recording.test_encoder import open_writer, play, ticks
+from tests.robot.recording.test_writer import open_writer, play, ticks
 from truearc.cli.common import SHIPPED
 from truearc.errors import InputError
-from truearc.robot.config.hashing import config_hash
-from truearc.robot.config.schema import Config, RecordingConfig, parse_toml
-from truearc.robot.recording import retention
+from truearc.robot.config.schema import Config, RecordingConfig, config_hash, parse_toml
+from truearc.robot.recording.files import claim
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.recover import recover
 from truearc.robot.recording.retention import BULK, S_PER_DAY, prune
@@ -64,13 +63,22 @@ def test_the_oldest_give_up_their_bulk_first(out, limits, stay):
 
 def test_the_running_session_and_another_ones_stay_however_large_and_old(out):
     with (out / "2" / "telemetry.mcap").open("r+b") as file:
-        retention.claim(file)
+        claim(file)
         prune(out / "1", RecordingConfig(keep_gb=0.1, keep_days=1.0), NOW_S + 1000 * S_PER_DAY)
     assert whole(out) == ["1", "2"]
 
 
 def test_a_clock_that_is_behind_deletes_nothing(out):
     assert prune(out / "5", RecordingConfig(keep_days=1.0), 0.0) == []
+
+
+@pytest.mark.parametrize("header", ["", "{", "[]"])
+def test_a_session_whose_head_is_damaged_counts_and_goes_in_its_turn(out, header):
+    for name in "25":
+        (out / name / "session.json").write_text(header)
+    assert [path.name for path in prune(out / "5", RecordingConfig(keep_gb=0.2), NOW_S)] == ["1", "2"]
+    assert whole(out) == ["3", "4", "5"]
+    assert {"session.json", "config.json", "trials.jsonl"} <= {path.name for path in (out / "2").iterdir()}
 
 
 def test_a_link_in_a_session_goes_and_what_it_names_stays(out):

@@ -10,13 +10,12 @@ from pathlib import Path
 import pytest
 
 from tests.robot.good_tick import CONFIG
-from tests.robot.recording.test_encoder import kept_cycles, play, ticks
-from truearc.cli.robot.run_robot import make_room
+from tests.robot.recording.test_writer import kept_cycles, play, ticks
+from truearc.cli.run_robot import make_room
 from truearc.robot.reasons import DISK_FULL
 from truearc.robot.recording import files
-from truearc.robot.recording.encoder import SessionWriter
-from truearc.robot.recording.file_writers import LaneKeeper
 from truearc.robot.recording.session import load_trials, make_header
+from truearc.robot.recording.writer import LaneKeeper, SessionWriter
 
 
 def test_a_clock_that_was_set_back_costs_a_number_behind_the_name(tmp_path):

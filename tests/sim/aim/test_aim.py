@@ -1,6 +1,7 @@
 """Set points: against an exhaustive search by another simulation, DOP853, and draws of single shots."""
 
 import json
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -13,14 +14,16 @@ from scipy.integrate import solve_ivp
 import truearc as ta
 from benchmarks.aim import make_case, shortfalls
 from tests.sim.physics.rigs import GUPPY
-from truearc.cli.discover.aim import parse_distances
+from truearc.cli.aim import parse_distances
 from truearc.cli.main import main
 from truearc.robot.config.rig_spec import Noise
-from truearc.sim.aim.make_table import lead_deg
+from truearc.sim.aim.make_table import flown, lead_deg
 from truearc.sim.aim.solve import chances_of
 from truearc.sim.data.dataset import Shots
+from truearc.sim.data.table import gathered
 from truearc.sim.infer.belief import point_belief
 from truearc.sim.physics.simulate import predict
+from truearc_proof.importers.set_points import load_3476
 
 ROOT = Path(__file__).parents[3]
 DRAG = {"drag": {"cd": 0.45}, "magnus": {"cl": 0.1}}
@@ -180,3 +183,48 @@ def test_the_command_writes_a_table_and_a_picture(tmp_path: Path, capsys: pytest
                         (["--distances", "two"], "is not numbers"), (["--distances", "3:5:1ms"], "the unit 'ms'"),
                         (["--picture", "aim.jpg"], "end the name with .png")):
         assert main(["aim", str(belief), "--rig", str(rig), *words]) == 2 and said in capsys.readouterr().err
+
+
+def test_time_of_flight_is_that_of_dop853() -> None:
+    drag = 0.5 * 0.45 * math.pi * GUPPY.ball.radius_m**2 * GUPPY.air.density_kg_m3 / GUPPY.ball.mass_kg
+    ratio, elevation, distance_m = 0.6, math.radians(50.0), 4.0
+    free_rad_s = GUPPY.launcher.free_speed_rad_s
+    assert free_rad_s is not None
+    surface = [wheel.radius_m * wheel.gear * ratio * free_rad_s for wheel in GUPPY.launcher.wheel]
+    speed = sum(surface) / len(surface)
+
+    def rate(_: float, y: np.ndarray) -> np.ndarray:
+        return np.concatenate([y[2:], [0.0, -9.81] - drag * np.hypot(*y[2:]) * y[2:]])
+
+    def there(_: float, y: np.ndarray) -> float:
+        return float(y[0] - distance_m)
+
+    start = [0.0, 0.0, speed * math.cos(elevation), speed * math.sin(elevation)]
+    found = solve_ivp(rate, (0.0, 5.0), start, "DOP853", events=there, rtol=1e-10, atol=1e-12)
+    side_m, flown_s = flown(GUPPY, point_belief({"drag": {"cd": 0.45}}), np.array([distance_m]), np.array([50.0]),
+                            np.array([ratio]))
+    assert flown_s[0] == pytest.approx(found.t_events[0][0], abs=1e-4) and side_m[0] == 0.0
+
+
+def test_shapes_of_teams_code_have_the_tables_numbers(table: ta.AimTable, tmp_path: Path) -> None:
+    hood, motor = [row.hood_deg for row in table.rows], np.array([row.motor_rad_s for row in table.rows])
+    text = table.to_text("java-6328")
+    tilted = re.findall(r"shotHoodAngleMap\.put\(([\d.]+), Rotation2d\.fromDegrees\(([\d.]+)\)\);", text)
+    assert [90.0 - float(deg) for _, deg in tilted] == pytest.approx(hood, abs=0.006)
+    assert [float(at) for at, _ in tilted] == [row.distance_m for row in table.rows]
+    assert [float(one) for one in re.findall(r"shotFlywheelSpeedMap\.put\([\d.]+, ([\d.]+)\);", text)] == pytest.approx(
+        motor, abs=0.006)
+    times = [float(one) for one in re.findall(r"timeOfFlightMap\.put\([\d.]+, ([\d.]+)\);", text)]
+    assert times == pytest.approx([row.flight_s for row in table.rows], abs=6e-4)
+    (tmp_path / "shooterconfig.json").write_text(table.to_text("json-3476"))
+    with gathered() as problems:
+        (read,) = load_3476(tmp_path / "shooterconfig.json", problems)      # as the team's own file is read
+    assert [float(str(one)) for one in read.columns["hood_eject_angle_deg"]] == pytest.approx(hood, abs=0.006)
+    assert [float(str(one)) for one in read.columns["distance_m"]] == pytest.approx(
+        [row.distance_m for row in table.rows], abs=2e-4)
+    rows = [line.split(",") for line in table.to_text("csv-2928").splitlines()[1:]]      # as the robot's code does
+    assert [2.0 * math.pi * float(row[2]) for row in rows] == pytest.approx(motor, abs=0.01)
+    inches = re.findall(r"kLaserRPMMap\.put\(new InterpolatingDouble\(([\d.]+)\), new InterpolatingDouble\(([\d.]+)\)",
+                        table.to_text("java-254"))
+    assert [(float(at) * 0.0254, float(rpm) * math.pi / 30.0) for at, rpm in inches] == [
+        pytest.approx((row.distance_m, row.motor_rad_s), abs=0.02) for row in table.rows]

@@ -12,8 +12,8 @@ from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.robot.aim_file import load_aim, load_aim_for
 from truearc.robot.config.schema import load_config
-from truearc.robot.processes.aim_inbox import AimInbox
-from truearc.robot.recording.replay.recompute import Difference, replay
+from truearc.robot.operator_ui.aim_inbox import AimInbox
+from truearc.robot.recording.replay import Difference, replay
 from truearc.robot.recording.session import AIMS
 from truearc.sim.infer.belief import point_belief
 
@@ -95,7 +95,7 @@ def test_its_recording_replays_to_the_bit_with_its_file_and_not_without(session:
     assert main(["session", "replay", str(session), "--config", str(session.parent / "none.toml")]) == 2
     lost = shutil.copytree(session, tmp_path / "lost")
     (lost / "aim.json").unlink()
-    with pytest.raises(ta.InputError, match="aimed by a file that is not here"):
+    with pytest.raises(ta.InputError, match="the aim file of the recording is missing"):
         replay(lost)
     other = shutil.copytree(session, tmp_path / "other")
     (other / "aim.json").write_bytes((session / "aim.json").read_bytes() + b" ")

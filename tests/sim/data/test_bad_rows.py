@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tests.sim.data.files import GOOD, HEADER, RIG, write
 from truearc.errors import InputError
-from truearc.sim.data.dataset import load_dataset
+from truearc.sim.data.files import load_dataset
 
 BAD_ROWS = {
     "b,nan,50,0.5,two,,,": "shots.csv:3: distance_m: 'nan' is not a finite number",

@@ -14,9 +14,8 @@ from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.robot.config.schema import load_config
 from truearc.robot.recording.session import TRIALS, load_trials
-from truearc.sim.data.dataset import load_dataset, save_dataset
-from truearc.sim.data.recordings import shots_from_sessions
-from truearc.sim.data.repeatability_labels import label_by_repeatability, rule
+from truearc.sim.data.files import load_dataset, save_dataset
+from truearc.sim.data.recordings import label_by_repeatability, rule, shots_from_sessions
 from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.options import Options
 

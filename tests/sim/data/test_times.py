@@ -7,8 +7,9 @@ import pytest
 
 import truearc as ta
 from truearc.robot.config.rig_spec import Air, Ball, LauncherFacts, Rig
-from truearc.sim.data.dataset import Dataset, Shots, Times, hash_dataset, join_datasets
-from truearc.sim.infer.plausibility.check import check_plausible
+from truearc.sim.check.check import check_plausible
+from truearc.sim.data.dataset import Dataset, Shots, Times, join_datasets
+from truearc.sim.data.files import hash_dataset
 
 RIG = Rig(Ball(0.14, 0.0889), LauncherFacts(release_height_m=20.0), air=Air(1.2))
 IDS = ("a", "b", "c")

@@ -8,7 +8,8 @@ import pytest
 
 import truearc as ta
 from truearc.errors import InputError
-from truearc.sim.data.dataset import Dataset, load_dataset, load_rig
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import load_dataset, load_rig
 from truearc.sim.physics.simulate import require
 
 RIG = "[ball]\nmass_kg = 0.14\nradius_m = 0.09\n"

@@ -14,12 +14,13 @@ from tests.sim.discover.made import column
 from truearc.robot.config.rig_spec import Ball, Rig, Target
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.data.dataset import Shots
-from truearc.sim.infer.baseline_fit import BaselineFit, climb, only_shared
+from truearc.sim.infer.fit import BaselineFit, climb
+from truearc.sim.infer.likelihood.data import Intake
 from truearc.sim.infer.likelihood.forward_model import DEVIATES, Chain, Prediction, ShotBatch
-from truearc.sim.infer.likelihood.linearization import SCATTERED, LinearizationPoint, ParameterLayout, linearise
+from truearc.sim.infer.likelihood.layout import LinearizationPoint, ParameterLayout, only_shared
+from truearc.sim.infer.likelihood.linearization import SCATTERED, linearise
 from truearc.sim.infer.likelihood.noise import SCATTERS
-from truearc.sim.infer.likelihood.outcome_likelihood import see_outcomes
-from truearc.sim.infer.likelihood.prepared_data import Intake
+from truearc.sim.infer.likelihood.observations import see_outcomes
 from truearc.sim.infer.likelihood.score_table import Column
 from truearc.sim.physics.launch import Exit
 

@@ -10,27 +10,24 @@ from msgspec import structs
 import truearc as ta
 from tests.sim.discover.odd_rigs import make_drops
 from tests.sim.few_terms import few_terms
+from truearc.sim.data.conditions import circumstances_of
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.discover import adopt
-from truearc.sim.discover.adopt import make_belief, with_worth
-from truearc.sim.discover.detect.free_curve import Correction
+from truearc.sim.discover.adopt import Investigation, judge_adoption, make_belief
+from truearc.sim.discover.detect.localization import Correction
 from truearc.sim.discover.finding import Adoption
-from truearc.sim.discover.investigate import Investigation, discover
+from truearc.sim.discover.investigate import discover, with_worth
 from truearc.sim.discover.report.finding_text import console_lines, say_adopted
-from truearc.sim.discover.select import nonparametric_terms as freed
-from truearc.sim.discover.select.expected_points import HoldOut, JudgedFit, hold_out
-from truearc.sim.discover.select.hypotheses import Part
-from truearc.sim.discover.select.nonparametric_terms import Freed
-from truearc.sim.discover.select.posterior import Family, Hypothesis
-from truearc.sim.discover.select.refit import refit
-from truearc.sim.infer.baseline_fit import BaselineFit, only_shared, usual_spot
-from truearc.sim.infer.belief import Belief, load_belief, point_belief
-from truearc.sim.infer.curve import Curve, before_the_shot
-from truearc.sim.infer.held_out import without
-from truearc.sim.infer.likelihood.design_columns import lay_out
+from truearc.sim.discover.select import simulations as freed
+from truearc.sim.discover.select.posterior import Family, Hypothesis, Part
+from truearc.sim.discover.select.simulations import Freed, HoldOut, JudgedFit, hold_out
+from truearc.sim.discover.select.terms import refit
+from truearc.sim.infer.belief import Belief, Curve, before_the_shot, load_belief, point_belief
+from truearc.sim.infer.fit import BaselineFit, usual_spot
+from truearc.sim.infer.likelihood.data import take_in
+from truearc.sim.infer.likelihood.layout import lay_out, only_shared
 from truearc.sim.infer.likelihood.linearization import linearise
-from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc.sim.infer.likelihood.score_table import without
 from truearc.sim.physics.catalogue import find_parameter
 from truearc.sim.physics.simulate import classify, predict
 from truearc_proof.truth.generate import shoot
@@ -106,7 +103,7 @@ def test_what_would_lose_points_is_not_adopted(hasty: tuple[Dataset, Investigati
     belief, provenance = make_belief(hasty[1])
     assert provenance["adopted"] == [] and "rapid_fire" not in belief.coefficients
     assert provenance["refused"].startswith("aimed and gated by it, hold-out shots would have scored 0.05 points")
-    assert make_belief(hasty[1], threshold=None)[1]["adopted"] == ["rapid_fire"]
+    assert make_belief(hasty[1], judge_adoption(hasty[1], threshold=None))[1]["adopted"] == ["rapid_fire"]
     said = with_worth(hasty[1]).finding
     assert isinstance(said.adoption, Adoption) and said.adoption.refused == provenance["refused"]
     assert any("not adopted as found: aimed and gated" in line for line in console_lines(said))
@@ -206,7 +203,8 @@ def test_an_unexplained_change_is_adopted_with_the_name_that_it_stands_beside() 
                      terms=FEW)
     leader = found.steps[0].naming.leader
     assert leader == "rapid_fire.loss"
-    belief, provenance = make_belief(changed(found, (leader,)), threshold=None)
+    nameless = changed(found, (leader,))
+    belief, provenance = make_belief(nameless, judge_adoption(nameless, threshold=None))
     assert provenance["adopted"] == ["rapid_fire", "launch speed by distance_m"]
     near, far = (belief.curves["free_speed"].by({"distance_m": [at]}, 1)[0] @ belief.curves["free_speed"].points
                  for at in (3.5, 6.5))
@@ -219,9 +217,9 @@ def test_only_names_that_were_put_in_together_are_adopted(hasty: tuple[Dataset, 
     first, fitted = found.steps[0], found.fitted
     assert fitted is not None
     other = refit(fitted, (name,), np.zeros(1))
-    naming = replace(first.naming, chosen=(name,), probability={name: 1.0}, refits={name: other}, nats={name: 1.0})
-    belief, provenance = make_belief(replace(found, steps=(first, replace(first, naming=naming))),
-                                     gain=lambda before, after: (0.1, 0.2), threshold=None)
+    naming = replace(first.naming, refits={name: other}, nats={name: 1.0}, inclusion={name: 1.0})
+    both = replace(found, steps=(first, replace(first, naming=naming)))
+    belief, provenance = make_belief(both, judge_adoption(both, lambda before, after: (0.1, 0.2), None))
     assert provenance["adopted"] == ["hood_offset"]
     assert set(belief.coefficients) == {"drag", "magnus", "exit_efficiency", "hood_offset"}
 
@@ -361,14 +359,9 @@ def test_what_was_found_is_judged_beside_the_belief_as_it_is() -> None:
 
 def test_what_was_judged_with_the_finding_is_not_judged_again(hasty: tuple[Dataset, Investigation],
                                                               monkeypatch: pytest.MonkeyPatch) -> None:
-    """By the same measure and of the same steps; of others it is."""
     fresh, told = make_belief(hasty[1])
-    calls: list[object] = []
-    best = adopt._best
-    monkeypatch.setattr(adopt, "_best", lambda *given: calls.append(given) or best(*given))
-    found = with_worth(hasty[1])
-    belief, provenance = make_belief(found)
-    assert len(calls) == 1 and provenance == told and belief.coefficients == fresh.coefficients
+    found = ta.Finding(hasty[0].name, with_worth(hasty[1]))
+    monkeypatch.setattr(adopt, "choose", None)
+    belief = found.adopt()
+    assert told.items() <= belief.provenance.items() and belief.coefficients == fresh.coefficients
     assert np.array_equal(belief.covariance, fresh.covariance)
-    make_belief(replace(found, steps=()))
-    assert len(calls) == 2

@@ -13,7 +13,7 @@ from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.detect import always_valid
 from truearc.sim.discover.detect.always_valid import AT_ONCE, HAZARD, SIZES, drawn, test_change
 from truearc.sim.infer.likelihood.noise import LAPSE
-from truearc.sim.infer.likelihood.outcome_likelihood import see_outcomes
+from truearc.sim.infer.likelihood.observations import see_outcomes
 from truearc.sim.infer.likelihood.score_table import PlaneScores, ScoreTable, make_evidence
 
 THREE_M, TWO_M = 0.07, 0.3

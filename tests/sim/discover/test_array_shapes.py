@@ -5,8 +5,7 @@ import pytest
 from jaxtyping import TypeCheckError
 
 from tests.sim.discover.made import heights
-from truearc.sim.infer.likelihood.outcome_likelihood import best_class
-from truearc.sim.infer.likelihood.track_noise import Scatter
+from truearc.sim.infer.likelihood.observations import Scatter, best_class
 
 
 def test_a_field_of_another_shape_is_refused() -> None:

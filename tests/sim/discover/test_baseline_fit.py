@@ -5,17 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from truearc.sim.infer.baseline_fit import (
-    BaselineFit,
-    climb,
-    fit_believed,
-    newton_step,
-    objective,
-    only_shared,
-    usual_spot,
-)
-from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
-from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc.sim.infer.fit import BaselineFit, climb, fit_believed, newton_step, objective, usual_spot
+from truearc.sim.infer.likelihood.data import take_in
+from truearc.sim.infer.likelihood.layout import groups_of, lay_out, only_shared
 from truearc.sim.physics.catalogue import find_parameter
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import World, make_world

@@ -7,8 +7,7 @@ import pytest
 
 from tests.sim.discover.made import column, gaussian
 from truearc.sim.discover.adopt import ball_effects, usual_gain, usual_score
-from truearc.sim.infer.held_out import unseen_score
-from truearc.sim.infer.likelihood.score_table import ScoreTable
+from truearc.sim.infer.likelihood.score_table import ScoreTable, unseen_score
 
 SHOTS, LUCK_SD = 200, 1.0
 OTHERS = replace(column("others 0", "group"), told=True)

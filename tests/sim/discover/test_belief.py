@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from truearc.sim.discover.adopt import ball_effects, make_belief
+from truearc.sim.discover.adopt import ball_effects, judge_adoption, make_belief
 from truearc.sim.discover.finding import FindingRecord
 from truearc.sim.discover.investigate import discover
-from truearc.sim.discover.plan.recommendations import moved_by, parting_shot
+from truearc.sim.discover.plan.next_steps import moved_by, parting_shot
 from truearc.sim.infer.belief import Belief
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import World, make_world
@@ -60,7 +60,7 @@ def test_a_change_is_adopted_unless_other_balls_would_be_foretold_worse_by_it(be
     assert found.fitted is not None and len(ball_effects(found.fitted.evidence))
     adopted, provenance = make_belief(found)
     assert provenance["adopted"] == ["drag"] and "refused" not in provenance
-    kept, provenance = make_belief(found, lambda before, after: (-2.0, -1.0))
+    kept, provenance = make_belief(found, judge_adoption(found, lambda before, after: (-2.0, -1.0)))
     assert provenance["adopted"] == [] and "other balls" in provenance["refused"]
     assert kept.value("drag.cd") < adopted.value("drag.cd")
 

@@ -6,10 +6,10 @@ from scipy.stats import binom
 
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.investigate import detect, make_search
-from truearc.sim.discover.select.term_ranking import one_step
-from truearc.sim.infer.baseline_fit import BaselineFit, fit_believed
-from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
-from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc.sim.discover.select.terms import one_step
+from truearc.sim.infer.fit import BaselineFit, fit_believed
+from truearc.sim.infer.likelihood.data import take_in
+from truearc.sim.infer.likelihood.layout import groups_of, lay_out
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
 

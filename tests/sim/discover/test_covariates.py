@@ -10,12 +10,16 @@ from truearc.sim.discover.detect.covariates import (
     FEWEST,
     Covariate,
     Factor,
+    Look,
     carried_by,
     followed_column,
     gather_covariates,
     gather_factors,
+    group_shapes,
+    number_shapes,
+    pair_shapes,
+    weights_of,
 )
-from truearc.sim.discover.detect.weight_functions import Look, group_shapes, number_shapes, pair_shapes, weights_of
 
 N = 40
 

@@ -13,17 +13,19 @@ import truearc.cli.main as truearc
 from tests.sim.discover.straight import FACTS as STRAIGHT
 from tests.sim.discover.straight import fit_straight
 from tests.sim.discover.worlds import FACTS
-from truearc.api.planning import ShotDesign
-from truearc.sim.data.dataset import Dataset, Shots, save_dataset
-from truearc.sim.discover.plan.experiment_design import Block, Design, make_design
-from truearc.sim.discover.report.design_report import design_lines, design_table
-from truearc.sim.discover.select.name_effects import Search, Step, name_effects
+from truearc.api.discovery import ShotDesign
+from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.data.files import save_dataset
+from truearc.sim.discover.decide import decide
+from truearc.sim.discover.plan.next_steps import Block, Design, make_design
+from truearc.sim.discover.report.pages import design_lines, design_table
+from truearc.sim.discover.select.effects import Search, Step
 from truearc.sim.physics.catalogue import as_catalogue
 
 
 def test_a_plan_names_configurations_that_were_shot() -> None:
     fitted = fit_straight({"spin_drag.share": 0.45}, 5, shots=30)
-    (step, *_) = name_effects(fitted, None, Search(len(fitted.evidence.rows), (), (), 0.05, 0), lambda done, note: None)
+    (step, *_) = decide(fitted, None, Search(len(fitted.evidence.rows), (), (), 0.05, 0), lambda done, note: None)
     step = replace(step, unknown=False)
     distance_m = np.linspace(2.0, 6.0, 30)
     shots = Shots(tuple(f"s{k}" for k in range(30)), {"distance_m": distance_m, "hood_deg": np.full(30, 45.0)}, {})

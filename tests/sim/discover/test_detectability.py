@@ -17,8 +17,15 @@ from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig, Target
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.discover.finding import make_json
-from truearc.sim.discover.plan.detectability import TAKEN, Sight, TermIdentifiability, sight_of
-from truearc.sim.discover.plan.expected_information import foresee, foresee_dataset, rehearse
+from truearc.sim.discover.plan.identifiability import (
+    TAKEN,
+    Sight,
+    TermIdentifiability,
+    foresee,
+    foresee_dataset,
+    rehearse,
+    sight_of,
+)
 
 BELIEVED = ("gravity", "drag", "magnus")
 FLAT = np.array([1e-12, 1e-12])

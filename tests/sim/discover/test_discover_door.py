@@ -8,9 +8,10 @@ import pytest
 
 import truearc.cli.main as truearc
 from tests.sim.discover.worlds import FACTS
-from truearc.sim.compile_cache import keep_compiled
-from truearc.sim.data.dataset import Dataset, save_dataset, save_rig
-from truearc.sim.discover.plan.expected_information import rehearse
+from truearc.sim.compute import keep_compiled
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import save_dataset, save_rig
+from truearc.sim.discover.plan.identifiability import rehearse
 
 BELIEVED = ("gravity", "drag", "magnus")
 SPREADSHEET = Path(__file__).parents[3] / "examples" / "spreadsheet"

@@ -17,12 +17,12 @@ from tests.sim.discover.worlds import FACTS
 from tests.sim.few_terms import few_terms
 from truearc import sim
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.data.dataset import Dataset, Shots, Tracks, load_dataset, save_dataset, save_rig
-from truearc.sim.data.shot_conditions import ORDINARY
+from truearc.sim.data.conditions import ORDINARY
+from truearc.sim.data.dataset import Dataset, Shots, Tracks
+from truearc.sim.data.files import load_dataset, save_dataset, save_rig
 from truearc.sim.discover.investigate import discover
-from truearc.sim.physics.catalogue import TERMS, Catalogue, effective, flight_terms
+from truearc.sim.physics.catalogue import TERMS, Catalogue, effective, flight_terms, terms_of_file
 from truearc.sim.physics.flight import path
-from truearc.sim.physics.plugins import terms_of_file
 from truearc.sim.physics.simulate import launch_of, leave, predict
 
 ROOT = Path(sim.__file__).parent.parent

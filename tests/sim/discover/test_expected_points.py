@@ -5,8 +5,8 @@ import pytest
 
 from truearc.robot.config.rig_spec import Target
 from truearc.sim.data.dataset import Shots
-from truearc.sim.discover.select.expected_points import HoldOut, ShotPoints, points_of, scored_points
-from truearc.sim.infer.likelihood.outcome_likelihood import OutcomeObservations, see_outcomes
+from truearc.sim.discover.select.simulations import HoldOut, ShotPoints, points_of, scored_points
+from truearc.sim.infer.likelihood.observations import OutcomeObservations, see_outcomes
 
 THREE_M, TWO_M, SCATTER_M = 0.07, 0.35, 0.08
 TARGET = Target(2.44, three_half_height_m=THREE_M, two_half_height_m=TWO_M)

@@ -10,7 +10,8 @@ from scipy.stats import multivariate_normal
 from tests.sim.discover.made import at_least_squares
 from tests.sim.discover.straight import ASKED, NAMES, SHARED, fit_straight, slopes_and_y
 from truearc.sim.data.dataset import Shots
-from truearc.sim.discover.plan.experiment_design import (
+from truearc.sim.discover.decide import decide
+from truearc.sim.discover.plan.next_steps import (
     PACES,
     SURE,
     Contest,
@@ -23,10 +24,10 @@ from truearc.sim.discover.plan.experiment_design import (
     within_reach,
     worth,
 )
-from truearc.sim.discover.select.name_effects import Search, Step, name_effects
-from truearc.sim.infer.baseline_fit import fit_believed
-from truearc.sim.infer.likelihood.design_columns import lay_out
-from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc.sim.discover.select.effects import Search, Step
+from truearc.sim.infer.fit import fit_believed
+from truearc.sim.infer.likelihood.data import take_in
+from truearc.sim.infer.likelihood.layout import lay_out
 from truearc.sim.physics.catalogue import TERMS
 from truearc.sim.physics.simulate import predict
 from truearc_proof.truth.generate import shoot
@@ -38,13 +39,13 @@ SHOTS, SEED = 30, 5
 
 def step_of(shots: int = SHOTS, planted: dict[str, float] = PLANTED) -> Step:
     fitted = fit_straight(planted, SEED, shots=shots)
-    step = name_effects(fitted, None, Search(len(fitted.evidence.rows), (), (), 0.05, 0), lambda done, note: None)[0]
+    step = decide(fitted, None, Search(len(fitted.evidence.rows), (), (), 0.05, 0), lambda done, note: None)[0]
     return replace(step, unknown=False)          # so few shots hardly say that anything is there at all
 
 
 def doubtful() -> tuple[Contest, tuple[str, ...]]:
     step = step_of()
-    names = tuple(step.naming.chosen[:4])
+    names = tuple(step.chosen[:4])
     assert len(names) >= 2
     return _contest(step, names), names
 

@@ -12,7 +12,8 @@ from tests.sim.discover.synthetic import make_linear, shared, term
 from truearc.robot.config.rig_spec import Target
 from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.detect.covariates import Covariate, Factor
-from truearc.sim.discover.detect.residuals import (
+from truearc.sim.discover.plan.identifiability import sight_of
+from truearc.sim.discover.report.pictures import (
     Bins,
     Heights,
     LinearResiduals,
@@ -20,13 +21,15 @@ from truearc.sim.discover.detect.residuals import (
     binned,
     bins_of,
     choose,
+    field_png,
     find_along,
+    flight_png,
     halves,
+    residual_figure,
+    sight_png,
 )
-from truearc.sim.discover.plan.detectability import sight_of
-from truearc.sim.discover.report.finding_plots import field_png, flight_png, residual_figure, sight_png
 from truearc.sim.infer.likelihood.noise import LAPSE
-from truearc.sim.infer.likelihood.outcome_likelihood import see_outcomes
+from truearc.sim.infer.likelihood.observations import see_outcomes
 from truearc.sim.infer.likelihood.score_table import Column, PlaneScores
 from truearc.sim.report import make_png
 

@@ -8,10 +8,9 @@ import pytest
 
 from tests.sim.discover.made import stand_in
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Wheel
+from truearc.sim.discover.detect.battery import Test
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
-from truearc.sim.discover.detect.free_curve import Correction
-from truearc.sim.discover.detect.localization import Place
-from truearc.sim.discover.detect.test_battery import Test
+from truearc.sim.discover.detect.localization import Correction, Place
 from truearc.sim.discover.finding import (
     Adoption,
     DataSummary,
@@ -24,15 +23,18 @@ from truearc.sim.discover.finding import (
     Unknown,
     Where,
 )
-from truearc.sim.discover.report.effect_wording import plain, say_effect, scale_of, size_of
 from truearc.sim.discover.report.finding_text import (
     console_lines,
+    plain,
     say_chance,
+    say_effect,
     say_named,
     say_none,
     say_points,
     say_step,
     say_unknown,
+    scale_of,
+    size_of,
     too_little,
 )
 from truearc.sim.infer.likelihood.score_table import Column
@@ -167,7 +169,7 @@ def test_what_is_left_besides_is_what_it_looks_like() -> None:
     assert "too little to be named: perhaps target height" in vague and "target stands" not in vague
     assert too_little((FoundEffect((unsure,), ("target_height",), None), FoundEffect((sure,), ("wind_x",), None))) == [
         "target_height"]
-    nameless = FoundEffect((sure,), None, Unknown("battery_v", "along", 0.1, "1", None))
+    nameless = FoundEffect((sure,), None, Unknown("battery_v", "along", 0.1, "1"))
     rest = "a smaller effect remains that no term explains, and goes with the battery's voltage."
     assert rest in told((first,), also=(nameless,))
 
@@ -248,7 +250,7 @@ def test_what_is_measured_is_told_with_the_option_that_takes_it() -> None:
 def test_nothing_found_and_nothing_to_say() -> None:
     assert "No mismatch: 80 shots" in say_none(("gravity",), 0.4, 80, 0.05)
     assert "cannot say anything" in say_none(("gravity",), None, 20, 0.05)
-    leading = FoundEffect((), None, Unknown(None, "along", 0.1, "1", None))
+    leading = FoundEffect((), None, Unknown(None, "along", 0.1, "1"))
     unnamed = say_unknown(("gravity",), 0.01, WHERE, leading, (), NO_FIT, None)
     assert "no term of the catalogue explains" in unnamed
 
@@ -265,7 +267,7 @@ def test_what_has_no_name_is_described(what: Covariate | CovariatePair | Factor 
     correction = stand_in(Correction)
     place = Place(Test("free", 0, what, shape, np.zeros(4)), column, 0, correction, {}, {}, None)
     ends = (-0.15, -0.09) if shape == "measured" else (None, None)
-    unknown = Unknown(None if what is None else what.name, "along", -0.12 if ends[0] else 0.12, "1", None, *ends)
+    unknown = Unknown(None if what is None else what.name, "along", -0.12 if ends[0] else 0.12, "1", *ends)
     assert said in say_unknown(("gravity",), 0.01, WHERE, FoundEffect((), None, unknown), (), NO_FIT, place)
 
 

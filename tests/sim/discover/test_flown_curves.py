@@ -9,14 +9,20 @@ from msgspec import structs
 from tests.sim.discover.worlds import FACTS, World, make_outcomes
 from truearc.robot.config.rig_spec import Site
 from truearc.sim.discover.detect.covariates import Covariate
-from truearc.sim.discover.select.flown_curves import nats_flown, term_of
-from truearc.sim.discover.select.hypotheses import Part, log_evidence, process_shapes, with_parts
-from truearc.sim.discover.select.posterior import weigh
-from truearc.sim.discover.select.term_ranking import _scan, name_terms, one_step
-from truearc.sim.infer.baseline_fit import BaselineFit, fit_believed
-from truearc.sim.infer.held_out import without
-from truearc.sim.infer.likelihood.design_columns import lay_out
-from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc.sim.discover.select.posterior import (
+    Part,
+    log_evidence,
+    nats_flown,
+    process_shapes,
+    term_of,
+    weigh,
+    with_parts,
+)
+from truearc.sim.discover.select.terms import _scan, name_terms, one_step
+from truearc.sim.infer.fit import BaselineFit, fit_believed
+from truearc.sim.infer.likelihood.data import take_in
+from truearc.sim.infer.likelihood.layout import lay_out
+from truearc.sim.infer.likelihood.score_table import without
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
 

@@ -9,11 +9,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tests.sim.discover.mixed import BELIEVED, FLOWN, LANDED, SHOTS, THROWN, make_mixed
+from truearc.sim.data.conditions import circumstances_of
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.data.shot_conditions import circumstances_of
-from truearc.sim.infer.likelihood.design_columns import lay_out
+from truearc.sim.infer.likelihood.data import Intake, take_in
 from truearc.sim.infer.likelihood.forward_model import DEVIATES, DIRECTIONS, Chain, Prediction, pad_lanes, see_slopes
-from truearc.sim.infer.likelihood.prepared_data import Intake, take_in
+from truearc.sim.infer.likelihood.layout import lay_out
 from truearc.sim.physics.catalogue import effective, find_parameter
 from truearc.sim.physics.simulate import opening_of, predict
 

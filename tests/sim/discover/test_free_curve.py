@@ -4,11 +4,16 @@ import numpy as np
 import pytest
 
 from tests.sim.discover.made import column, gaussian
-from truearc.sim.discover.detect.covariates import Covariate, Factor, smooth_shapes
-from truearc.sim.discover.detect.free_curve import Correction, contrast_of, correct
-from truearc.sim.discover.detect.localization import amplitude_of, shortest_run, size_weights
-from truearc.sim.discover.detect.test_battery import Test
-from truearc.sim.discover.detect.weight_functions import STEP
+from truearc.sim.discover.detect.battery import Test
+from truearc.sim.discover.detect.covariates import STEP, Covariate, Factor, smooth_shapes
+from truearc.sim.discover.detect.localization import (
+    Correction,
+    amplitude_of,
+    contrast_of,
+    correct,
+    shortest_run,
+    size_weights,
+)
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 
 N = 300

@@ -12,13 +12,20 @@ import pytest
 
 from tests.sim.discover.worlds import FACTS, World, make_outcomes
 from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.discover.adopt import Investigation
 from truearc.sim.discover.detect.covariates import Covariate
-from truearc.sim.discover.detect.free_curve import curve_of
+from truearc.sim.discover.detect.localization import curve_of
 from truearc.sim.discover.finding import FoundEffect, Interval, Named
-from truearc.sim.discover.investigate import Investigation, discover
-from truearc.sim.discover.plan.expected_information import foresee
-from truearc.sim.discover.report.html_report import make_pictures, make_report
-from truearc.sim.discover.report.identifiability_report import make_sight_page, sight_lines, sight_sentence, why_not
+from truearc.sim.discover.investigate import discover
+from truearc.sim.discover.plan.identifiability import foresee
+from truearc.sim.discover.report.pages import (
+    make_pictures,
+    make_report,
+    make_sight_page,
+    sight_lines,
+    sight_sentence,
+    why_not,
+)
 from truearc.sim.physics.catalogue import find_terms
 from truearc.sim.report import Origin
 

@@ -12,17 +12,11 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 
 from tests.sim.discover.mixed import BALLS, BELIEVED, FLOWN, LANDED, MEASURED, SHOTS, THROWN, make_mixed
-from truearc.sim.infer.likelihood.design_columns import lay_out
+from truearc.sim.infer.likelihood.data import Intake, take_in
 from truearc.sim.infer.likelihood.forward_model import pad_lanes, see_slopes
-from truearc.sim.infer.likelihood.linearization import (
-    LinearizationPoint,
-    ParameterLayout,
-    fly,
-    linearise,
-    variance_of,
-)
+from truearc.sim.infer.likelihood.layout import LinearizationPoint, ParameterLayout, lay_out
+from truearc.sim.infer.likelihood.linearization import fly, linearise, variance_of
 from truearc.sim.infer.likelihood.noise import BALL_SPEED, FLOOR_M, HEIGHT_M, LAPSE, SLIP_M
-from truearc.sim.infer.likelihood.prepared_data import Intake, take_in
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc.sim.physics.catalogue import find_parameter
 

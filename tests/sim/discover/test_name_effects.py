@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from tests.sim.discover.straight import ASKED, SHARED, fit_straight
-from truearc.sim.discover.select.name_effects import Search, Step, name_effects, unseen_scores
-from truearc.sim.discover.select.refit import promote, refit
-from truearc.sim.discover.select.term_ranking import NEVER, name_terms
-from truearc.sim.infer.baseline_fit import BaselineFit
+from truearc.sim.discover.decide import decide
+from truearc.sim.discover.select.effects import Search, Step, unseen_scores
+from truearc.sim.discover.select.terms import NEVER, name_terms, promote, refit
+from truearc.sim.infer.fit import BaselineFit
 
 
 def steps_of(fitted: BaselineFit) -> tuple[Step, ...]:
-    return name_effects(fitted, None, Search(len(fitted.evidence.rows), (), (), 0.05, 0), lambda done, note: None)
+    return decide(fitted, None, Search(len(fitted.evidence.rows), (), (), 0.05, 0), lambda done, note: None)
 
 
 def test_two_effects_are_named_in_turn_and_then_it_ends() -> None:
@@ -39,7 +39,7 @@ def test_a_name_that_only_stood_for_two_others_goes() -> None:
     steps = steps_of(fitted)
     found = {step.naming.leader: float(step.refit.amplitude[0]) for step in steps}
     assert found == pytest.approx(planted, abs=0.3)
-    assert {step.naming.chosen for step in steps} == {(name,) for name in planted}
+    assert {step.chosen for step in steps} == {(name,) for name in planted}
 
 
 def test_it_stops_after_so_many() -> None:

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from truearc.sim.infer.baseline_fit import climb, fit_believed, moved, objective, only_shared, usual_spot
-from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
-from truearc.sim.infer.likelihood.linearization import ParameterLayout, linearise
-from truearc.sim.infer.likelihood.prepared_data import Intake, take_in
+from truearc.sim.infer.fit import climb, fit_believed, moved, objective, usual_spot
+from truearc.sim.infer.likelihood.data import Intake, take_in
+from truearc.sim.infer.likelihood.layout import ParameterLayout, groups_of, lay_out, only_shared
+from truearc.sim.infer.likelihood.linearization import linearise
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
 

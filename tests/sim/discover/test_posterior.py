@@ -10,26 +10,23 @@ from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
 
 from tests.sim.discover.straight import ASKED, fit_straight
+from truearc.sim.discover.detect.battery import ReferenceSession
 from truearc.sim.discover.detect.covariates import Covariate, Factor
-from truearc.sim.discover.detect.reference_session import ReferenceSession
-from truearc.sim.discover.select.amplitude_prior import nats_in_range
-from truearc.sim.discover.select.hypotheses import (
-    Part,
-    Projected,
-    Projector,
-    log_evidence,
-    process_shapes,
-    with_parts,
-)
 from truearc.sim.discover.select.posterior import (
     Hypotheses,
     Hypothesis,
+    Part,
+    Projected,
+    Projector,
     families_of,
+    log_evidence,
+    process_shapes,
     weigh,
+    with_parts,
 )
-from truearc.sim.discover.select.term_ranking import name_terms
-from truearc.sim.infer.baseline_fit import BaselineFit
-from truearc.sim.infer.held_out import without
+from truearc.sim.discover.select.terms import name_terms, nats_in_range
+from truearc.sim.infer.fit import BaselineFit
+from truearc.sim.infer.likelihood.score_table import without
 
 PLANTED = {"wind_z.speed_m_s": 1.2, "added_mass.share": 0.8}
 BETWEEN = {"drag_wear.share": tuple(PLANTED)}

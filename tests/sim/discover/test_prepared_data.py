@@ -8,8 +8,8 @@ import pytest
 from tests.sim.discover.mixed import FLOWN, LANDED, MEASURED, SHOTS, THROWN, make_mixed
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
+from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, Intake, take_in
 from truearc.sim.infer.likelihood.forward_model import DEVIATES
-from truearc.sim.infer.likelihood.prepared_data import FEWEST_SHOTS, Intake, take_in
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
 

@@ -15,14 +15,13 @@ from truearc.api.discovery import _check_since
 from truearc.errors import InputError
 from truearc.sim.data.importers.imported import doubts_of, only
 from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover.detect.battery import compare_trackers
 from truearc.sim.discover.detect.localization import locate
-from truearc.sim.discover.detect.tracker_change import compare_trackers
 from truearc.sim.discover.investigate import detect, discover, make_search
-from truearc.sim.infer.baseline_fit import fit_believed
 from truearc.sim.infer.belief import point_belief
-from truearc.sim.infer.likelihood.design_columns import groups_of, lay_out
-from truearc.sim.infer.likelihood.prepared_data import take_in
-from truearc.sim.infer.map_fit import fit_map
+from truearc.sim.infer.fit import fit_believed, fit_map
+from truearc.sim.infer.likelihood.data import take_in
+from truearc.sim.infer.likelihood.layout import groups_of, lay_out
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.simulate import predict
 from truearc_proof.importers.ball_butler import import_ball_butler
@@ -57,7 +56,7 @@ def test_falling_balls_are_slower_than_gravity_has_them(data_dir: Path) -> None:
 
 
 def test_a_thrown_ball_is_held_back_and_a_camera_that_was_set_again_is_found(data_dir: Path) -> None:
-    """Flights of a juggling robot: the drag of plain least squares (benchmarks/ball_butler.py: 0.58 to 0.96 by what
+    """Flights of a juggling robot: the drag of plain least squares (0.58 to 0.96 by what
     else is free), and its later half as seen through a camera whose metre is 2 % off."""
     flights = thinned(import_ball_butler(data_dir / "real/ball_butler_tracks.csv"), 20)
     home, later = (flights.take(range(first, 20, 2)) for first in (0, 1))

@@ -5,15 +5,14 @@ import pytest
 from scipy import stats
 
 from tests.sim.discover.straight import fit_straight
+from truearc.sim.discover.detect.battery import Asked, ReferenceSession, ask_everything
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
-from truearc.sim.discover.detect.reference_session import ReferenceSession
-from truearc.sim.discover.detect.test_battery import Asked, ask_everything
-from truearc.sim.discover.select.name_effects import judge_left
-from truearc.sim.discover.select.refit import promote, refit
-from truearc.sim.infer.baseline_fit import BaselineFit
+from truearc.sim.discover.select.effects import judge_left
+from truearc.sim.discover.select.terms import promote, refit
 from truearc.sim.infer.belief import Belief
-from truearc.sim.infer.likelihood.design_columns import lay_out
-from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc.sim.infer.fit import BaselineFit
+from truearc.sim.infer.likelihood.data import take_in
+from truearc.sim.infer.likelihood.layout import lay_out
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
 

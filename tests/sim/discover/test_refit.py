@@ -8,9 +8,10 @@ from tests.sim.discover.made import column, gaussian, with_plane
 from tests.sim.discover.straight import NAMES, SHARED, fit_straight, slopes_and_y
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.investigate import discover
-from truearc.sim.discover.select.refit import refit
-from truearc.sim.infer.held_out import (
+from truearc.sim.discover.select.terms import refit
+from truearc.sim.infer.likelihood.score_table import (
     FOLDS,
+    ScoreTable,
     clustered_error,
     fit_linear,
     folds_of,
@@ -18,9 +19,8 @@ from truearc.sim.infer.held_out import (
     unseen_score,
     without,
 )
-from truearc.sim.infer.likelihood.score_table import ScoreTable
+from truearc_proof.truth.flight import RAPID_FIRE_S
 from truearc_proof.truth.generate import shoot
-from truearc_proof.truth.launch import RAPID_FIRE_S
 from truearc_proof.truth.world import make_world
 
 N = 60

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import truearc as ta
 from tests.sim.few_terms import few_terms
-from truearc.sim.infer.likelihood.shot_columns import number_columns
+from truearc.sim.infer.likelihood.data import number_columns
 
 SHEET = ta.load_dataset(Path(__file__).parents[3] / "examples" / "spreadsheet")
 HASH = re.compile(r'"sha256": "[0-9a-f]{64}"')

@@ -9,16 +9,15 @@ import pytest
 
 import truearc as ta
 from truearc.errors import InputError
+from truearc.sim.data.conditions import circumstances_of
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.data.shot_conditions import circumstances_of
-from truearc.sim.discover.adopt import make_belief, with_own_priors
-from truearc.sim.discover.investigate import Investigation, discover
+from truearc.sim.discover.adopt import Investigation, make_belief, with_own_priors
+from truearc.sim.discover.investigate import discover
 from truearc.sim.discover.report.finding_text import say_adopted
-from truearc.sim.discover.select.model_averaging import LEAST, mixed, shares
-from truearc.sim.infer.belief import load_belief, point_belief
-from truearc.sim.infer.coefficients import Coefficients
-from truearc.sim.infer.fitted_belief import coefficients_of
-from truearc.sim.infer.likelihood.external_measurements import Measurement
+from truearc.sim.discover.select.simulations import LEAST_SHARE, mixed, shares
+from truearc.sim.infer.belief import Coefficients, load_belief, point_belief
+from truearc.sim.infer.fit import coefficients_of
+from truearc.sim.infer.likelihood.layout import Measurement
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc.sim.physics.catalogue import BUILT_IN
 from truearc.sim.physics.simulate import opening_of, predict
@@ -75,13 +74,13 @@ def test_nothing_is_as_likely_beforehand_as_all_names_together(raised: tuple[Dat
     share = shares(naming)
     odds = {name: np.exp(naming.nats[name]) / sum(one.visible for one in naming.candidates) for name in naming.refits}
     whole = 1.0 + sum(odds.values())
-    assert share == pytest.approx({name: value / whole for name, value in odds.items() if value / whole >= LEAST})
+    assert share == pytest.approx({name: value / whole for name, value in odds.items() if value / whole >= LEAST_SHARE})
     assert list(share.values()) == sorted(share.values(), reverse=True)
 
 
 def test_one_name_that_stands_alone_is_adopted_alone(raised: tuple[Dataset, Investigation]) -> None:
     step = raised[1].steps[-1]
-    sure = replace(step, naming=replace(step.naming, probability={step.naming.leader: 0.95}))
+    sure = replace(step, naming=replace(step.naming, inclusion={step.naming.leader: 0.95}))
     assert mixed(sure) is None
     belief, provenance = make_belief(replace(raised[1], steps=(sure,)))
     assert provenance["adopted"] == [step.naming.leader.partition(".")[0]] and not provenance["averaged"]

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from benchmarks.suite import Job, world_of
+from benchmarks.worlds import Job, world_of
 from tests.sim.discover.made import stand_in
 from tests.sim.discover.straight import ASKED, NAMES, SHARED, fit_straight, slopes_and_y
 from tests.sim.few_terms import few_terms
+from truearc.sim.discover.decide import credible_set
 from truearc.sim.discover.investigate import discover
-from truearc.sim.discover.select.refit import Refit
-from truearc.sim.discover.select.term_ranking import NEVER, Naming, is_possible, name_terms, nats_for, one_step
-from truearc.sim.infer.baseline_fit import BaselineFit
+from truearc.sim.discover.select.terms import NEVER, Naming, Refit, is_possible, name_terms, nats_for, one_step
+from truearc.sim.infer.fit import BaselineFit
 from truearc.sim.physics.catalogue import BUILT_IN
 from truearc_proof.truth.generate import shoot
 
@@ -38,7 +38,7 @@ def test_the_right_name_wins_and_probabilities_sum_to_one(seed: int) -> None:
     assert naming.leader == PLANTED
     assert sum(naming.probability.values()) == pytest.approx(1.0)
     assert set(naming.probability) == set(ASKED)
-    assert naming.chosen == (PLANTED,) and naming.aliases == ()
+    assert credible_set(naming, None) == (PLANTED,) and naming.aliases == ()
     assert naming.probability[PLANTED] > 0.99
     found = naming.refits[PLANTED]
     assert abs(found.amplitude[0] - 0.6) < 4.0 * found.sd[0] < 0.4
@@ -74,7 +74,7 @@ def test_nats_are_the_log_ratio_of_two_normal_laws() -> None:
 def test_exact_aliases_come_as_a_set() -> None:
     twin = "buoyancy.share"
     naming = named(fit_straight({PLANTED: 0.6}, 5, copies={twin: PLANTED}))
-    assert set(naming.chosen) == {PLANTED, twin}
+    assert set(credible_set(naming, None)) == {PLANTED, twin}
     assert naming.probability[PLANTED] == pytest.approx(naming.probability[twin]) == pytest.approx(0.5, abs=1e-3)
     assert len(naming.aliases) == 1 and naming.aliases[0] in {PLANTED, twin}
 
@@ -85,7 +85,7 @@ def test_of_two_aliases_the_one_of_a_usual_size_leads() -> None:
     assert naming.leader == PLANTED
     assert naming.probability[PLANTED] > 0.95
     near = named(fit_straight({PLANTED: 0.6}, 5, copies={twin: PLANTED}, usual={twin: 2.0}))
-    assert near.leader == PLANTED and twin in near.chosen      # less likely, but nothing but words parts them
+    assert near.leader == PLANTED and twin in credible_set(near, None)   # less likely, but only words part them
 
 
 def test_what_the_believed_terms_explain_is_invisible() -> None:

@@ -9,9 +9,8 @@ import pytest
 
 import truearc as ta
 from tests.sim.few_terms import few_terms
-from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.model import join_datasets
-from truearc.sim.data.save import save_dataset
+from truearc.sim.data.dataset import Dataset, Shots, join_datasets
+from truearc.sim.data.files import save_dataset
 from truearc.sim.infer.belief import load_belief
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 from truearc.sim.data.dataset import Tracks
-from truearc.sim.infer.likelihood.track_noise import (
+from truearc.sim.infer.likelihood.observations import (
     Samples,
     Scatter,
     gather_samples,

@@ -9,18 +9,22 @@ import pytest
 from tests.sim.discover.odd_rigs import make_drops
 from truearc.robot.config.rig_spec import Site, Tracker
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.detect.reference_session import ReferenceSession
-from truearc.sim.discover.detect.tracker_change import TrackerChange, can_compare, compare_trackers, rivals_of
+from truearc.sim.discover.detect.battery import (
+    ReferenceSession,
+    TrackerChange,
+    can_compare,
+    compare_trackers,
+    rivals_of,
+)
 from truearc.sim.discover.investigate import make_search
-from truearc.sim.discover.plan.recommendations import next_steps
+from truearc.sim.discover.plan.next_steps import next_steps
 from truearc.sim.discover.report import build_finding
-from truearc.sim.discover.select.name_effects import Step
-from truearc.sim.discover.select.term_ranking import Naming
-from truearc.sim.infer.baseline_fit import BaselineFit, fit_believed
+from truearc.sim.discover.select.effects import Step
+from truearc.sim.discover.select.terms import Naming
 from truearc.sim.infer.belief import Belief
-from truearc.sim.infer.likelihood.design_columns import lay_out
-from truearc.sim.infer.likelihood.prepared_data import take_in
-from truearc.sim.infer.likelihood.shot_columns import every_column
+from truearc.sim.infer.fit import BaselineFit, fit_believed
+from truearc.sim.infer.likelihood.data import every_column, take_in
+from truearc.sim.infer.likelihood.layout import lay_out
 from truearc.sim.physics.catalogue import find_terms
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
@@ -69,7 +73,7 @@ def test_what_has_no_name_is_measured_by_its_nearest_name_or_the_wind_outdoors(h
     """The fall of a ball is on film already, and in a hall there is no wind to speak of."""
     rig = msgspec.structs.replace(home.intake.rig, site=Site(indoor=indoor))
     fitted, nobody = replace(home, intake=replace(home.intake, rig=rig)), np.zeros(0)
-    step = Step(Naming((), {}, {}, {}, (leader,), ()), None, nobody, nobody, nobody, None, True, (), fitted)
+    step = Step(Naming((), {}, {leader: 0.0}), None, nobody, nobody, nobody, None, (), fitted, unknown=True)
     found = [one["instrument"] for one in next_steps(seen(5), step, None) if "instrument" in one]
     assert found == ([instrument] if instrument else [])
 
@@ -84,7 +88,7 @@ def test_what_may_be_lift_asks_for_the_spin_where_nobody_knows_it(known: bool, l
     intake = take_in(dataset)
     fitted = fit_believed(intake, lay_out(intake, ("gravity", "drag")))
     name = f"{leader}.{find_terms([leader])[0].parameters[0].name}"
-    step = Step(Naming((), {}, {}, {}, (name,), ()), None, nobody, nobody, nobody, None, False, (), fitted)
+    step = Step(Naming((), {}, {name: 0.0}), None, nobody, nobody, nobody, None, (), fitted, chosen=(name,))
     assert [one.get("record") == "exit_spin_rev_s" for one in next_steps(dataset, step, (leader,))].count(True) == asked
 
 

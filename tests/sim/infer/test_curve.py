@@ -10,16 +10,26 @@ from msgspec.structs import replace as replace_struct
 from tests.sim.physics.rigs import GUPPY
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Noise
+from truearc.sim.data.conditions import ORDINARY
 from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.detect.covariates import smooth_shapes, spline_knots
-from truearc.sim.infer.belief import Belief, draw, load_belief, point_belief, replace_values
-from truearc.sim.infer.curve import Curve, along, before_the_shot, natural
+from truearc.sim.infer.belief import (
+    Belief,
+    Curve,
+    along,
+    before_the_shot,
+    draw,
+    load_belief,
+    natural,
+    point_belief,
+    replace_values,
+)
 from truearc.sim.infer.forecast import forecast
-from truearc.sim.paper.synthetic_shots import assign, fly_draws
+from truearc.sim.paper.synthetic import assign, fly_draws
 from truearc.sim.physics.catalogue import effective, flight_terms
 from truearc.sim.physics.flight import path
 from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.simulate import ORDINARY, fly_rows, launch_of, predict
+from truearc.sim.physics.simulate import fly_rows, launch_of, predict
 
 SILENT = replace_struct(GUPPY, noise=Noise(0.0, 0.0, 0.0, 0.0))
 KNOTS = (2.0, 3.0, 4.0, 6.0)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-import truearc.sim.infer.baseline_fit
+import truearc.sim.infer.fit
 from tests.sim.infer.independent import make_dataset
 from truearc.cli.main import main
-from truearc.sim.data.dataset import hash_dataset, load_dataset, save_dataset
+from truearc.sim.data.files import hash_dataset, load_dataset, save_dataset
 from truearc.sim.infer.belief import load_belief
 
 TERMS = "drag,magnus,exit_efficiency"
@@ -46,9 +46,8 @@ def test_a_fit_is_told_in_words_and_written_as_a_belief(directory, tmp_path, cap
     (["--terms", ""], "--terms: got ''; expected at least one entry"),
     (["--terms", "drag,drag"], "--terms: got drag more than once; keep one"),
     (["--terms", " , "], "--terms: got ' , '; expected at least one entry"),
-    (["--seed", "1"], "--seed: applies with --posterior or several datasets only"),
-    (["--posterior", "0"], "--posterior: got 0"),
-    (["--posterior", "5", "--seed", "-1"], "--seed: got -1"),
+    (["--seed", "1"], "--seed: applies with several datasets only"),
+    (["--seed", "-1"], "--seed: got -1"),
     (["-o", "nowhere/at/all.toml"], "nowhere/at/all.toml"),
 ])
 def test_a_users_mistake_is_named(directory, capsys, arguments, message):
@@ -57,7 +56,7 @@ def test_a_users_mistake_is_named(directory, capsys, arguments, message):
 
 
 def test_a_fit_that_does_not_settle_writes_nothing(directory, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(truearc.sim.infer.baseline_fit, "ROUNDS", 1)
+    monkeypatch.setattr(truearc.sim.infer.fit, "ROUNDS", 1)
     out = tmp_path / "coefficients.toml"
     assert main(["fit", str(directory), "--terms", TERMS, "-o", str(out), "--quiet"]) == 1
     assert "did not settle" in capsys.readouterr().err

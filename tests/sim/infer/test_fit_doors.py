@@ -9,7 +9,8 @@ import pytest
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY
 from truearc.cli.main import main
-from truearc.sim.data.dataset import Dataset, Shots, hash_dataset, load_dataset, save_dataset
+from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.data.files import hash_dataset, load_dataset, save_dataset
 from truearc.sim.infer.belief import load_belief
 
 ROWS = [(3.0, 0.5, 50.0), (15.0, 0.3, 40.0), (4.0, 0.6, 60.0), (2.0, 0.45, 60.0)]
@@ -105,7 +106,7 @@ def test_a_cell_that_is_empty_is_named_with_file_shot_and_column(home, capsys):
     assert f"{path}: shots late: distance_m is needed and missing" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("option", "value"), [("--terms", ""), ("--terms", "drag"), ("--posterior", "5")])
+@pytest.mark.parametrize(("option", "value"), [("--terms", ""), ("--terms", "drag"), ("--seed", "5")])
 def test_paper_fit_refuses_options_of_fit(home, capsys, option, value):
     assert main(["paper", "fit", str(home), option, value, "--quiet"]) == 2
     assert f": {option}: there is no such option" in capsys.readouterr().err

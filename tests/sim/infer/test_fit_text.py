@@ -1,9 +1,8 @@
 """Sentences of a fit's report."""
 
-from truearc.sim.infer.crossval import CrossValidation
-from truearc.sim.infer.fit_text import say_estimates, say_prediction
-from truearc.sim.infer.parameters import Sought
-from truearc.sim.infer.profile import ProfileInterval
+from truearc.sim.infer.fit import Sought
+from truearc.sim.infer.fit_report import CrossValidation, say_estimates, say_prediction
+from truearc.sim.infer.intervals import ProfileInterval
 
 DRAG = Sought("drag.cd", "1", "drag coefficient", False, 0, 0.5, 0.5)
 

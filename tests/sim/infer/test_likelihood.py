@@ -8,12 +8,12 @@ from tests.sim.infer.independent import Truth
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.infer.baseline_fit import USUAL_SCATTER, only_shared
-from truearc.sim.infer.likelihood.design_columns import lay_out
-from truearc.sim.infer.likelihood.linearization import LinearizationPoint, linearise
+from truearc.sim.infer.fit import USUAL_SCATTER
+from truearc.sim.infer.likelihood.data import take_in
+from truearc.sim.infer.likelihood.layout import LinearizationPoint, lay_out, only_shared
+from truearc.sim.infer.likelihood.linearization import linearise
 from truearc.sim.infer.likelihood.noise import EXIT_SPEED_M_S, LAPSE
-from truearc.sim.infer.likelihood.outcome_likelihood import class_chances
-from truearc.sim.infer.likelihood.prepared_data import take_in
+from truearc.sim.infer.likelihood.observations import class_chances
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 
 TRUTH = Truth(speed_sd=0.02, elevation_sd_deg=0.5)

@@ -6,20 +6,18 @@ import msgspec
 import numpy as np
 import pytest
 
-import truearc.sim.infer.advise
-import truearc.sim.infer.baseline_fit
+import truearc.sim.infer.fit
 from tests.sim.infer.independent import CENTRE_M, Truth, heights, make_dataset, make_tracks
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Tracker
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
-from truearc.sim.infer.advise import KINDS, advise
-from truearc.sim.infer.crossval import cross_validate
-from truearc.sim.infer.identifiability import identify
-from truearc.sim.infer.likelihood.prepared_data import take_in
-from truearc.sim.infer.map_fit import MapFit, fit_map
-from truearc.sim.infer.profile import Z90, deviance_at, profile_interval
+from truearc.sim.infer.fit import MapFit, fit_map
+from truearc.sim.infer.fit_report import cross_validate, identify
+from truearc.sim.infer.intervals import deviance_at, profile_interval
+from truearc.sim.infer.likelihood.data import take_in
+from truearc.sim.statistics import Z90
 
 TERMS = ("drag", "magnus", "exit_efficiency")
 TRUTH = Truth()
@@ -83,16 +81,6 @@ def test_held_out_outcomes_are_predicted_better_than_by_their_shares(outcomes):
     assert score.groups > 95         # random configurations
     assert score.log_score > score.share_log_score + 2 * score.gain_se
     assert score.accuracy > score.share_accuracy
-
-
-def test_advice_is_about_what_is_known_worst(outcomes):
-    """A camera at the exit parts drag from loss; an outcome at the very centre has no first-order information."""
-    proposals = advise(outcomes, most=4)
-    assert proposals[0].kind.startswith("exit speed")
-    ratios = {one.kind: one.sd_ratio for one in proposals}
-    assert ratios["height at the plane"] < ratios["outcome and high or low"] <= ratios["outcome"] < 1.0
-    plain, = (one for one in proposals if one.kind == "outcome")
-    assert abs(plain.aim_m) > 0.1
 
 
 @pytest.mark.slow
@@ -171,7 +159,7 @@ def test_nothing_to_fit_to_is_bad_input():
 
 
 def test_a_search_cut_short_does_not_claim_to_have_settled(monkeypatch):
-    monkeypatch.setattr(truearc.sim.infer.baseline_fit, "ROUNDS", 1)
+    monkeypatch.setattr(truearc.sim.infer.fit, "ROUNDS", 1)
     assert not fit_map(make_dataset(11, 100), TERMS).converged
 
 
@@ -191,14 +179,3 @@ def test_a_fit_starts_far_from_its_heights_and_still_fits_them_all():
     dataset = make_dataset(12, 60, dataclasses.replace(TRUTH, loss=0.5), height=True)
     fit = fit_map(dataset, TERMS)
     assert deviance_at(fit, "exit_efficiency.loss", 0.5) < 9.0
-
-
-def test_a_fit_of_scatter_alone_proposes_no_shots(outcomes):
-    alone = fit_map(outcomes.dataset, ())
-    assert all(one.scatters for one in alone.sought) and advise(alone) == ()
-
-
-def test_shots_that_would_not_help_are_not_proposed(outcomes, monkeypatch):
-    silent = np.zeros((1, len(outcomes.names), len(outcomes.names)))
-    monkeypatch.setattr(truearc.sim.infer.advise, "_information", lambda *_: [silent] * len(KINDS))
-    assert advise(outcomes) == ()

@@ -10,9 +10,9 @@ from scipy.stats import norm
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Target
 from truearc.sim.data.dataset import Shots
-from truearc.sim.infer.likelihood import outcome_likelihood as outcomes
+from truearc.sim.infer.likelihood import observations as outcomes
 from truearc.sim.infer.likelihood.noise import LAPSE
-from truearc.sim.infer.likelihood.outcome_likelihood import OutcomeObservations, see_outcomes, widened
+from truearc.sim.infer.likelihood.observations import OutcomeObservations, see_outcomes, widened
 
 TARGET = Target(2.44)
 CELLS = (("miss", ""), ("two", ""), ("three", ""), ("miss", "low"), ("miss", "high"), ("two", "low"), ("two", "high"))

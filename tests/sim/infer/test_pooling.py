@@ -11,7 +11,7 @@ from tests.sim.infer.test_misfit import flights
 from tests.sim.thin import thinned
 from truearc.cli.main import main
 from truearc.sim.infer.belief import load_belief
-from truearc.sim.infer.pool.partial_pooling import Said, pool_normal
+from truearc.sim.infer.intervals import Said, pool_normal
 from truearc_proof.importers.mpi import import_mpi
 
 # Effects of coaching in eight schools and their standard errors (Rubin 1981)
@@ -122,11 +122,9 @@ def test_two_sessions_are_known_better_than_either(weeks, fits, tmp_path, capsys
     assert ta.predict(fits[0].dataset, belief).rows[0][0] == fits[0].dataset.shots.shot_id[0]
 
 
-def test_what_cannot_be_pooled_is_refused(weeks, capsys):
+def test_what_cannot_be_pooled_is_refused():
     with pytest.raises(ta.InputError, match="fits: 0 given; at least 2"):
         ta.pool([])
-    assert main(["fit", *weeks, "--posterior", "10", "--quiet"]) == 2
-    assert "--posterior: applies to one dataset only" in capsys.readouterr().err
 
 
 @pytest.mark.slow

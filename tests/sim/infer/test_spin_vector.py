@@ -5,14 +5,47 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import truearc as ta
-from benchmarks.lift import CL, RIG, tracked
 from tests.sim.few_terms import few_terms
-from truearc.sim.data.dataset import Dataset, Shots
+from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Tracker
+from truearc.sim.check.check import check_plausible
+from truearc.sim.data.dataset import Dataset, Shots, Tracks
 from truearc.sim.discover.report.build_finding import untested
-from truearc.sim.infer.likelihood.prepared_data import take_in
-from truearc.sim.infer.plausibility.check import check_plausible
+from truearc.sim.infer.likelihood.data import take_in
+
+MASS, RADIUS, AIR, CD, CL, NOISE_M = 0.14, 0.0889, 1.2, 0.5, 0.12, 0.004
+RIG = Rig(Ball(MASS, RADIUS), LauncherFacts(release_height_m=1.0), air=Air(AIR), noise=Noise(track_m=NOISE_M),
+          tracker=Tracker(calibrated=True), believe=Believe(()))
+FRAMES_S = np.linspace(0.0, 0.6, 31)
+
+
+def fly(start: np.ndarray, spin_rev_s: np.ndarray) -> np.ndarray:
+    """Positions [31, 3]: m a = m g - cd/2 A rho |v| v + cl 4/3 (4 pi^2 r^3 rho) s x v, s in turns a second."""
+    drag = 0.5 * CD * np.pi * RADIUS**2 * AIR / MASS
+    lift = CL * 4.0 / 3.0 * 4.0 * np.pi**2 * RADIUS**3 * AIR / MASS
+
+    def rate(_: float, y: np.ndarray) -> np.ndarray:
+        v = y[3:]
+        return np.concatenate([v, [0.0, 0.0, -9.81] - drag * np.linalg.norm(v) * v + lift * np.cross(spin_rev_s, v)])
+
+    return solve_ivp(rate, (0.0, 0.6), start, "DOP853", t_eval=FRAMES_S, rtol=1e-10, atol=1e-12).y[:3].T
+
+
+def tracked(spins: np.ndarray, launched: bool, seed: int = 0) -> Dataset:
+    """Flights of these spins [n, 3] about (x, y, z); launched: with the speed and the angle as the launcher says."""
+    rng = np.random.default_rng(seed)
+    n = len(spins)
+    speed, deg = rng.uniform(7.0, 10.0, n), rng.uniform(35.0, 60.0, n)
+    ahead = np.stack([np.cos(np.radians(deg)), np.zeros(n), np.sin(np.radians(deg))], axis=1)
+    places = [fly(np.concatenate([[0.0, 0.0, 1.0], v]), spin) + rng.normal(0.0, NOISE_M, (31, 3))
+              for v, spin in zip(speed[:, None] * ahead, spins, strict=True)]
+    numbers = dict(zip(("exit_spin_x_rev_s", "exit_spin_y_rev_s", "exit_spin_z_rev_s"), spins.T, strict=True))
+    if launched:
+        numbers |= {"exit_speed_m_s": speed, "exit_deg": deg}
+    tracks = Tracks(np.repeat(np.arange(n), 31), np.tile(FRAMES_S, n), *np.concatenate(places).T)
+    return Dataset("spun", RIG, Shots(tuple(f"s{k}" for k in range(n)), numbers, {}), tracks)
 
 
 @pytest.mark.slow

@@ -7,8 +7,7 @@ from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Shots
-from truearc.sim.paper.grid_fit import fit_grid, make_axis, map_deviation
-from truearc.sim.paper.score import score
+from truearc.sim.paper.grid_fit import fit_grid, make_axis, map_deviation, score
 
 TRUTH = (0.9, 0.05)
 CENTRE_M, THREE_M, TWO_M = 2.44, 0.07, 0.35

@@ -1,196 +1,144 @@
-"""Many networks at once against plain NumPy and JAX: the gradient by hand, Adam by hand, each network alone."""
+"""The sweep: who is trained on what, what the table says, and the door around it."""
 
+import csv
 import math
-from itertools import pairwise
+from pathlib import Path
 
-import jax
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import ttest_1samp
 
-from tests.sim.training_rows import REAL, SIMULATED, sigmoid, some_rows
+import truearc.cli.main as truearc
+from tests.sim.training_rows import some_rows
 from truearc.errors import InputError
-from truearc.sim.paper.network import Layers, initial_layers, logits
-from truearc.sim.paper.settings import Recipe
-from truearc.sim.paper.sweep import Job, Trained, batches_per_epoch, make_decks, pack, train_many, unpack
-from truearc.sim.paper.sweep_kernel import LANES, deal
-from truearc.sim.paper.sweep_kernel import sigmoid as fast_sigmoid
-from truearc.sim.paper.training import Rows, accuracy, cross_entropy, mean_loss
+from truearc.robot.config.rig_spec import Ball, Rig
+from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.data.files import save_dataset
+from truearc.sim.paper.network import Rows, load_weights
+from truearc.sim.paper.sweep import (
+    SweepScore,
+    SweepSetting,
+    balanced_order,
+    compare,
+    mean_of,
+    plan,
+    settings_of,
+)
 
-BRISK = 0.01                          # a learning rate that gets somewhere within a test
-
-
-class Order:
-    """The minibatches of one network, taken any number at a time."""
-
-    def __init__(self, rng: np.random.Generator, real: int, simulated: int) -> None:
-        self.decks = make_decks([rng], [(real, simulated)])
-
-    def take(self, steps: int) -> np.ndarray:
-        batches = np.full((steps, 20), -1, np.int32)
-        for picked in batches:
-            deal(self.decks, 0, picked)
-        return batches
+REAL, SIMULATED = some_rows(60, 1), some_rows(90, 2)
 
 
-def gradient(layers: Layers, z: np.ndarray, labels: np.ndarray, weights: np.ndarray) -> Layers:
-    """Back-propagation written out: sum over rows of weight x summed binary cross-entropy."""
-    hidden = sigmoid(z @ layers.hidden_w + layers.hidden_b)
-    out = (sigmoid(hidden @ layers.out_w + layers.out_b) - labels) * weights[:, None]
-    back = out @ layers.out_w.T * hidden * (1.0 - hidden)
-    return Layers(z.T @ back, back.sum(axis=0), hidden.T @ out, out.sum(axis=0))
-
-
-def train_plainly(job: Job, learning_rate: float, steps: int) -> Layers:
-    """The same updates in a plain loop in float64, Adam as Kingma and Ba's algorithm 1 has it."""
-    mean = job.real.features.mean(axis=0).astype(np.float32).astype(float)
-    scale = (1.0 / job.real.features.std(axis=0)).astype(np.float32).astype(float)
-    parts = [job.real, *([job.simulated] if job.simulated else [])]
-    z = (np.vstack([rows.features for rows in parts]) - mean) * scale
-    labels = np.vstack([rows.labels for rows in parts])
-    weights = np.repeat([0.1, 0.1 * job.simulated_weight if job.simulated else 0.0], 10)
-    rng = np.random.default_rng(job.seed)
-    layers = initial_layers(rng)
-    first = second = Layers(*(np.zeros_like(part) for part in layers))
-    orders = Order(rng, len(job.real.features), len(job.simulated.features) if job.simulated else 0)
-    for time, batch in enumerate(orders.take(steps), 1):
-        slopes = gradient(layers, z[batch], labels[batch], weights)
-        first = Layers(*(0.9 * m + 0.1 * g for m, g in zip(first, slopes, strict=True)))
-        second = Layers(*(0.999 * v + 0.001 * g * g for v, g in zip(second, slopes, strict=True)))
-        layers = Layers(*(part - learning_rate * (m / (1 - 0.9**time)) / (np.sqrt(v / (1 - 0.999**time)) + 1e-8)
-                          for part, m, v in zip(layers, first, second, strict=True)))
-    return layers
-
-
-def same(one: Trained, other: Trained) -> bool:
-    return one.step == other.step and all(
-        np.array_equal(a, b) for a, b in zip(one.network.layers, other.network.layers, strict=True))
-
-
-def test_the_gradient_of_the_reference_is_that_of_jax() -> None:
-    layers = initial_layers(np.random.default_rng(0))
-    z, weights = REAL.features / 10.0, np.linspace(0.1, 1.0, 23)
-    wanted = jax.grad(lambda of: weights @ cross_entropy(logits(of, z), REAL.labels))(Layers(*map(np.asarray, layers)))
-    for found, slope in zip(gradient(layers, z, REAL.labels, weights), wanted, strict=True):
-        np.testing.assert_allclose(found, slope, rtol=1e-10, atol=1e-13)
-
-
-@pytest.mark.parametrize("job", [Job(REAL, SIMULATED, None, 0.3, 4), Job(REAL, None, None, 0.3, 5)])
-def test_the_kernel_makes_the_updates_of_a_plain_loop(job: Job) -> None:
-    found = train_many([job], Recipe(learning_rate=0.02, steps=60))[0]
-    for name, layer, wanted in zip(Layers._fields, found.network.layers, train_plainly(job, 0.02, 60), strict=True):
-        np.testing.assert_allclose(layer, wanted, rtol=1e-4, atol=2e-5, err_msg=name)
-    # the comparison would see one step more or less
-    assert np.abs(pack(train_plainly(job, 0.02, 61)) - pack(found.network.layers)).max() > 1e-3
-
-
-def test_the_series_is_the_sigmoid() -> None:
-    x = np.concatenate([np.linspace(-90.0, 90.0, 20001), [-3e38, -1e4, 1e4, 3e38]]).astype(np.float32)
-    found = np.array([fast_sigmoid(value) for value in x])
-    with np.errstate(over="ignore"):
-        wanted = sigmoid(x.astype(float))
-    np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-6)
-    assert math.isnan(fast_sigmoid(np.float32(np.nan)))
-
-
-def test_who_shares_a_batch_changes_no_bit() -> None:
-    jobs = [Job(some_rows(20 + seed % 7, seed), some_rows(11 * (seed % 5), 50 + seed) if seed % 5 else None,
-                some_rows(9, 90 + seed), 0.1 * (seed % 3), seed) for seed in range(LANES + 9)]
-    recipe = Recipe(BRISK, steps=900, patience=200, check=50)
-    together = train_many(jobs, recipe)
-    for number in (0, 3, 10, LANES + 8):
-        assert same(train_many([jobs[number]], recipe)[0], together[number])
-    backwards = train_many(jobs[::-1], recipe, threads=1)[::-1]
-    assert all(map(same, backwards, together))
-    assert len({one.curve[-1].step for one in together}) > 3        # they did not all stop together
-    assert not same(together[1], together[2])
-
-
-def test_the_losses_are_those_of_the_network() -> None:
-    fresh = some_rows(40, 3)
-    one = train_many([Job(REAL, SIMULATED, fresh)], Recipe(BRISK, steps=300, patience=300, check=100))[0]
-    kept = next(point for point in one.curve if point.step == one.step)
-    for found, rows in zip(kept[1:], (REAL, SIMULATED, fresh), strict=True):
-        assert found == pytest.approx(mean_loss(one.network, rows), rel=1e-5)
-
-
-def test_the_weights_kept_are_the_best_on_the_validation_rows_and_patience_ends_it() -> None:
-    noise = Rows(some_rows(30, 5).features, np.random.default_rng(0).choice([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]], 30))
-    fresh = Rows(some_rows(200, 6).features, np.random.default_rng(1).choice([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]], 200))
-    one = train_many([Job(noise, None, fresh)], Recipe(BRISK, steps=20000, patience=1500, check=100))[0]
-    watched = {point.step: point.validation for point in one.curve}
-    assert one.step == min(watched, key=watched.get)
-    assert one.curve[-1].step == one.step + 1500 < 20000
-    assert one.curve[-1].validation > watched[one.step]              # chance labels: learning them by heart does harm
-    assert one.curve[-1].real < one.curve[0].real
-    assert one.epoch == round(one.step / 3)
-
-
-def test_without_validation_it_goes_to_the_end_and_the_last_weights_are_kept() -> None:
-    one = train_many([Job(REAL, SIMULATED)], Recipe(BRISK, steps=730, patience=1, check=100))[0]
-    assert one.step == one.curve[-1].step == 730 and math.isnan(one.curve[-1].validation)
-    assert [point.step for point in one.curve] == [100, 200, 300, 400, 500, 600, 700, 730]
-    long = train_many([Job(REAL, SIMULATED)], Recipe(BRISK, steps=730))[0]
-    assert same(one, long)                                           # looking changes nothing
-
-
-def test_learns_what_can_be_learnt() -> None:
-    real, fresh = some_rows(200, 5), some_rows(1000, 6)
-    jobs = [Job(real, SIMULATED, None, 0.01, 1), Job(real, None, None, 0.01, 1), Job(real, SIMULATED, None, 0.01, 2)]
-    both, alone, other = train_many(jobs, Recipe(BRISK, steps=3000))
-    assert accuracy(both.network, fresh)["outcome"] > 0.92
-    assert accuracy(alone.network, fresh)["outcome"] > 0.9
-    assert not np.array_equal(both.network.layers.hidden_w, other.network.layers.hidden_w)
-
-
-def test_lambda_zero_makes_simulated_labels_irrelevant_and_more_does_not() -> None:
-    upside_down = Rows(SIMULATED.features, 1.0 - SIMULATED.labels)
-    for weight, equal in ((0.0, True), (0.5, False)):
-        one, two = train_many([Job(REAL, rows, None, weight) for rows in (SIMULATED, upside_down)], Recipe(steps=20))
-        assert same(one, two) == equal
-
-
-def test_refuses_to_train_on_nothing_for_no_time_or_into_nonsense() -> None:
-    with pytest.raises(InputError, match="no recorded shots"):
-        train_many([Job(some_rows(0, 0), SIMULATED)])
-    for job, option in ((Job(REAL, seed=-1), "--seed is -1"), (Job(REAL, simulated_weight=-0.1), "--lambda is -0.1"),
-                        (Job(REAL, simulated_weight=math.nan), "--lambda is nan")):
+def test_every_size_goes_with_every_weight_and_nothing_simulated_goes_once() -> None:
+    assert settings_of([0, 30], [0.01, 0.1]) == [(0, 0.0), (30, 0.01), (30, 0.1)]
+    for sizes, weights, option in (([-1], [0.1], "--sizes"), ([1], [-0.1], "--lambdas"),
+                                   ([1], [math.nan], "--lambdas")):
         with pytest.raises(InputError, match=option):
-            train_many([job])
-    for settings, option in (({"steps": 0}, "--steps is 0"), ({"patience": 0}, "--patience is 0"),
-                             ({"learning_rate": 0.0}, "--learning-rate is 0.0")):
+            settings_of(sizes, weights)
+
+
+def test_settings_of_one_seed_differ_in_simulated_shots_alone() -> None:
+    networks = plan(REAL, SIMULATED, settings_of([0, 30, 60], [0.01]), [3, 4], 0.2, 0.25)
+    assert [(network.setting.size, network.seed) for network in networks] == [
+        (0, 3), (30, 3), (60, 3), (0, 4), (30, 4), (60, 4)]
+    none, small, large = (network.job for network in networks[:3])
+    assert none.simulated is None and none.seed == small.seed == 3
+    for part in range(2):
+        assert np.array_equal(none.real[part], large.real[part])
+        assert np.array_equal(small.simulated[part], large.simulated[part][:30])
+    assert not np.array_equal(none.real.features, networks[3].job.real.features)
+    sets = [none.real.features, none.validation.features, networks[0].heldout.features]
+    assert sorted(np.concatenate(sets)[:, 0]) == sorted(REAL.features[:, 0])         # nothing lost, nothing twice
+
+
+def test_more_than_there_is_and_nobody_to_judge_are_refused() -> None:
+    with pytest.raises(InputError, match=r"--sizes: 100 .* --sim has 90"):
+        plan(REAL, SIMULATED, [SweepSetting(100, 0.01)], [0], 0.2, 0.25)
+    for holdout, validation, option in ((0.0, 0.25, "--holdout"), (0.2, 0.0, "--validation")):
         with pytest.raises(InputError, match=option):
-            Recipe(**settings)
-    with pytest.raises(InputError, match=r"diverged within .* \(seed 3\)"):
-        train_many([Job(REAL, SIMULATED, seed=3)], Recipe(learning_rate=1e38, steps=50))
+            plan(REAL, None, [SweepSetting(0, 0.0)], [0], holdout, validation)
 
 
-@given(st.integers(1, 60), st.integers(1, 200), st.integers(0, 2**32))
-def test_an_epoch_uses_every_simulated_row_and_recorded_rows_evenly(real: int, simulated: int, seed: int) -> None:
-    batches = Order(np.random.default_rng(seed), real, simulated).take(batches_per_epoch(real, simulated))
-    assert batches.shape == (math.ceil(simulated / 10), 20)
-    recorded = np.bincount(batches[:, :10].ravel(), minlength=real)
-    imagined = np.bincount(batches[:, 10:].ravel() - real, minlength=simulated)
-    assert len(recorded) == real and len(imagined) == simulated
-    assert recorded.max() - recorded.min() <= 1
-    assert imagined.min() >= 1 and imagined.sum() - simulated < 10
+@given(st.integers(0, 20), st.integers(0, 20), st.integers(1, 20), st.integers(0, 2**32))
+def test_every_beginning_of_the_order_is_evenly_mixed(misses: int, twos: int, threes: int, seed: int) -> None:
+    labels = np.array([[0.0, 0.0]] * misses + [[1.0, 0.0]] * twos + [[1.0, 1.0]] * threes)
+    order = balanced_order(Rows(np.zeros((len(labels), 3)), labels), seed)
+    assert sorted(order) == list(range(len(labels)))
+    level, limit = labels.sum(axis=1)[order], min(count for count in (misses, twos, threes) if count)
+    kinds = len(np.unique(level))
+    for size in range(1, kinds * limit + 1):
+        counts = np.unique(level[:size], return_counts=True)[1]
+        assert counts.max() - (counts.min() if len(counts) == kinds else 0) <= 1
 
 
-@given(st.integers(1, 60))
-def test_an_epoch_without_simulation_uses_every_recorded_row(real: int) -> None:
-    batches = Order(np.random.default_rng(0), real, 0).take(math.ceil(real / 10))
-    assert set(batches[:, :10].ravel()) == set(range(real)) and not batches[:, 10:].any()
+def test_the_interval_is_that_of_the_t_test() -> None:
+    values = np.random.default_rng(0).normal(1.0, 2.0, 12)
+    low, high = ttest_1samp(values, 0.0).confidence_interval(0.95)
+    mean = mean_of(values)
+    assert (mean.value - mean.half, mean.value + mean.half) == pytest.approx((low, high), rel=1e-12)
+    assert math.isnan(mean_of([3.0]).half)
 
 
-def test_rows_meet_each_other_in_every_order() -> None:
-    """The shuffle is even: over many epochs each row stands in each minibatch about equally often."""
-    orders = Order(np.random.default_rng(0), 30, 0).take(3 * 3000)[:, :10].reshape(3000, 3, 10)
-    share = np.array([[(orders[:, place] == row).any(axis=1).mean() for place in range(3)] for row in range(30)])
-    assert np.abs(share - 1.0 / 3.0).max() < 5.0 * math.sqrt(2.0 / 9.0 / 3000)
-    assert all(not np.array_equal(one, other) for one, other in pairwise(orders[:50]))
+def make_score(setting: SweepSetting, seed: int, validation: float, heldout: float) -> SweepScore:
+    return SweepScore(*setting, seed, 100, validation, heldout, 0.5, 0.5, 0.5)
 
 
-def test_packed_layers_come_back() -> None:
-    layers = initial_layers(np.random.default_rng(2))
-    assert all(np.array_equal(a, b) for a, b in zip(unpack(pack(layers)), layers, strict=True))
+def test_validation_alone_says_which_is_best_and_seeds_are_paired() -> None:
+    settings = [SweepSetting(0, 0.0), SweepSetting(30, 0.01), SweepSetting(60, 0.01)]
+    rng = np.random.default_rng(1)
+    level = rng.normal(0.0, 5.0, 8)                                  # a hard split is hard for every setting
+    gains = rng.normal(0.3, 0.05, 8)
+    scores = [make_score(settings[0], seed, 0.9, level[seed]) for seed in range(8)]
+    scores += [make_score(settings[1], seed, 0.5, level[seed] - gains[seed]) for seed in reversed(range(8))]
+    scores += [make_score(settings[2], seed, 0.7, -99.0) for seed in range(8)]     # held out says this: no say
+    verdict = compare(scores, settings)
+    assert (verdict.best, verdict.rival) == (settings[1], settings[0])
+    assert verdict.gain == pytest.approx(mean_of(gains), rel=1e-9)
+    assert verdict.gain.half < 0.1
+    assert compare(scores[8:], settings[1:]).rival == settings[2]    # without a plain one: the next best
+    assert compare(scores[:8], settings[:1]) is None
+
+
+def save_rows(directory: Path, rows: Rows) -> None:
+    numbers = dict(zip(("distance_m", "motor_ratio", "hood_deg"), rows.features.T, strict=True))
+    outcomes = tuple(("miss", "two", "three")[int(level)] for level in rows.labels.sum(axis=1))
+    ids = tuple(f"s{row}" for row in range(len(outcomes)))
+    save_dataset(directory, Dataset("rows", Rig(Ball(0.14, 0.0889)), Shots(ids, numbers, {"outcome": outcomes})))
+
+
+def test_the_door_writes_tables_picture_and_weights(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    save_rows(tmp_path / "real", REAL)
+    save_rows(tmp_path / "sim", SIMULATED)
+    words = ["paper", "sweep", "--quiet", "--real", f"{tmp_path}/real", "--sim", f"{tmp_path}/sim",
+             "--sizes", "0,30,90", "--seeds", "4", "--steps", "6000", "--patience", "5000", "--learning-rate", "0.003"]
+    assert truearc.main([*words, "-o", f"{tmp_path}/out"]) == 0
+    said = capsys.readouterr().out
+    assert "best on the validation shots" in said
+    with (tmp_path / "out" / "networks.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 12
+    with (tmp_path / "out" / "settings.csv").open() as file:
+        table = list(csv.DictReader(file))
+    for line in table:
+        mine = [float(row["heldout_loss"]) for row in rows if row["size"] == line["size"]]
+        assert float(line["heldout_loss"]) == pytest.approx(np.mean(mine))
+        assert 0.0 < float(line["outcome"]) <= 1.0
+    assert (tmp_path / "out" / "sweep.png").read_bytes().startswith(b"\x89PNG")
+    _, record = load_weights(tmp_path / "out" / "best")
+    best = min(table, key=lambda line: float(line["validation_loss"]))
+    assert (record["sim_shots"], record["lambda"]) == (int(best["size"]), float(best["weight"]))
+    assert truearc.main(["export", f"{tmp_path}/out/best", "-o", f"{tmp_path}/gate.onnx"]) == 0
+
+
+@pytest.mark.parametrize(("words", "named"), [
+    (["--real", "nowhere"], "nowhere"), (["--sizes", "0,x"], "--sizes: 'x' is not a whole number"),
+    (["--lambdas", "0.1,-"], "--lambdas: '-' is not a number"), (["--seeds", "0"], "--seeds: got 0"),
+    (["--sizes", "5"], "--sim has 0"), (["--patience", "0"], "--patience"),
+])
+def test_bad_options_are_named(words: list[str], named: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                               capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.chdir(tmp_path)
+    save_rows(tmp_path / "real", REAL)
+    assert truearc.main(["paper", "sweep", "--quiet", "--real", "real", "-o", "out", *words]) == 2
+    assert named in capsys.readouterr().err and not (tmp_path / "out").exists()

@@ -7,7 +7,7 @@ from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY, with_wheels
 from truearc.errors import InputError
 from truearc.sim.physics.launch import exit_no_slip
-from truearc_proof.reproduce.paper import exit_seed
+from truearc_proof.reproduce.collect import exit_seed
 
 
 def test_seed_exit_is_equations_11_and_12():

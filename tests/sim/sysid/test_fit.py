@@ -6,10 +6,19 @@ from scipy.integrate import solve_ivp
 
 from tests.sim.sysid.wheel import TRUTH, stair_record
 from truearc.errors import InputError
-from truearc.sim.sysid.fit import NORMAL90, fit_law, fit_motion, line
-from truearc.sim.sysid.motion import Law, Record, cut, find_runs
-from truearc.sim.sysid.solve import fit_least_squares, jackknife_covariance
-from truearc.sim.sysid.table import load_steps
+from truearc.sim.sysid.fit import (
+    NORMAL90,
+    Law,
+    Record,
+    cut,
+    find_runs,
+    fit_law,
+    fit_least_squares,
+    fit_motion,
+    jackknife_covariance,
+    line,
+)
+from truearc.sim.sysid.session import load_steps
 
 # frc3512/Robot-2020, src/main/include/controllers/FlywheelController.hpp at 0905181b: what the team got of its wheel
 TEAM_3512 = {"ks": 0.47564, "kv": 0.0088813, "ka": 0.0045649}

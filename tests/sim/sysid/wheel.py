@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from truearc.sim.sysid.motion import Record
+from truearc.sim.sysid.fit import Record
 
 KS, KV, KA, DELAY_S = 0.4, 0.009, 0.0045, 0.03
 TRUTH = {"ks": KS, "kv": KV, "ka": KA, "delay_s": DELAY_S}

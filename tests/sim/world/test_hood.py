@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from truearc.robot.config import schema as config
 from truearc.robot.config.schema import load_config
+from truearc.sim.world.hood import COULOMB_NM, LEAD_M, Hood, elevation_deg, screw_rad
 from truearc.sim.world.options import Options
-from truearc.sim.world.parts.hood import COULOMB_NM, LEAD_M, Hood, elevation_deg, screw_rad
 
 DT = 0.005
 

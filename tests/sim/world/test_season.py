@@ -7,12 +7,12 @@ import pytest
 
 from truearc import robot
 from truearc.robot.config.schema import load_config
-from truearc.sim.data.dataset import Dataset, load_dataset, save_dataset
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import load_dataset, save_dataset
+from truearc.sim.world.field import CENTRE_HEIGHT_M
 from truearc.sim.world.options import Options
-from truearc.sim.world.parts.target import CENTRE_HEIGHT_M
 from truearc.sim.world.season import ShotSetting
-from truearc_proof.world.practice import ASIDE, plan_season, reach_m, reach_table
-from truearc_proof.world.season import Sensors, play_season
+from truearc_proof.world.season import ASIDE, Sensors, plan_season, play_season, reach_m, reach_table
 
 RIG = load_config(Path(robot.__file__).parent / "launcher.toml").rig
 EXACT = Sensors(0.0, 0.0, 0.0, 0.0)

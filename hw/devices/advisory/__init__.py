@@ -1,1 +1,0 @@
-"""Motors that another controller drives: truearc reads and advises."""

@@ -1,1 +1,0 @@
-"""The operator's button box on a serial port."""

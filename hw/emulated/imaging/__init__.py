@@ -1,1 +1,0 @@
-"""The emulated camera: lens, picture and picture server."""

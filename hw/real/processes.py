@@ -1,0 +1,336 @@
+"""Child processes, messages between them over a pair of sockets, and newest values in shared memory.
+
+A child is started, watched and started again. Neither end of a connection ever waits for the other.
+"""
+
+import ctypes
+import multiprocessing
+import signal
+import socket
+import struct
+import sys
+import threading
+from collections import deque
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from typing import Any, NamedTuple
+from zlib import crc32
+
+import numpy as np
+import numpy.typing as npt
+
+from truearc.hw.fault_codes import PIPE_CLOSED, PIPE_ENDED, PROCESS_ENDED, PROCESS_KILLED, PROCESS_STARTING
+from truearc.hw.protocols import LinkLost
+from truearc.hw.real.clock import make_pauses_s
+from truearc.hw.reason import Reason
+
+# --- a child
+
+CONTEXT = multiprocessing.get_context("spawn")    # forking a process that has threads may hang the child
+FIRST_S, LONGEST_S = 0.2, 5.0                     # pauses before it is started again
+LOOK_S = 0.1                                      # how often a thread that waits for the first word looks up
+ENDING_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # go to the whole group; who ends is the parent's to say
+PR_SET_PDEATHSIG = 1
+WORKS = "works"
+
+Work = Callable[..., None]            # work(line, is_first, *args), importable by its name
+
+
+class Line:
+    """The child's end of what connects it with its parent; nothing is ever sent to a child, but that it is closed."""
+
+    def __init__(self, connection: "Connection[Any, Any]") -> None:
+        self._connection = connection
+
+    def say(self, why_not: Reason | None) -> None:
+        """Once: that it works, None, or why it cannot."""
+        try:
+            self._connection.send(why_not)
+        except OSError:               # the parent has gone: the next look at the line says so
+            return
+
+    def is_over(self, wait_s: float) -> bool:
+        """Whether the parent wants it to end, or is no more; waits for that."""
+        try:
+            return self._connection.poll(wait_s)
+        except OSError:
+            return True
+
+
+class Child:
+    """A process that does `work` until `close`, or until this process is no more.
+
+    `trouble` is what is wrong with it: it has not started yet, cannot, or has ended; None while it works.
+    `restarts`: started again when it has ended, after pauses that grow while it does no good. `mortal`: killed by the
+    system when this process has died, where the system can; for one that has nothing to finish.
+
+    A thread of its own starts the process and waits for its end: it is there before real time is asked for, so that a
+    child, too, is ordinary, on whichever core; and Linux takes the death of the thread that started it for the
+    parent's.
+    """
+
+    def __init__(self, name: str, work: Work, args: tuple[Any, ...], *, restarts: bool, mortal: bool) -> None:
+        self.name = name
+        self.trouble: Reason | None = PROCESS_STARTING(process=name)
+        self.pid: int | None = None
+        self.starts = 0
+        self._work, self._args, self._restarts, self._mortal = work, args, restarts, mortal
+        self._answered, self._over = threading.Event(), threading.Event()
+        self._lock = threading.Lock()
+        self._line: Connection[Any, Any] | None = None
+        self._process: BaseProcess | None = None
+        self._thread = threading.Thread(target=self._keep, name=f"{name} process", daemon=True)
+        self._thread.start()
+
+    def wait(self) -> None:
+        """Until it works, the first time; LinkLost, saying why, when it cannot."""
+        self._answered.wait()
+        if self.trouble is not None:
+            raise LinkLost(self.trouble)
+
+    def is_gone(self) -> bool:
+        """Whether it has ended for good."""
+        return not self._restarts and self._answered.is_set() and not self._thread.is_alive()
+
+    def close(self, patience_s: float) -> None:
+        """Have it end, and kill it if it takes longer than that."""
+        self._over.set()
+        with self._lock:
+            if self._line is not None:
+                self._line.close()
+        self._thread.join(patience_s)
+        if self._thread.is_alive() and self._process is not None:
+            self._process.kill()
+            self._thread.join()
+
+    def _keep(self) -> None:
+        pauses_s = make_pauses_s(FIRST_S, LONGEST_S)
+        while not self._over.is_set():
+            worked = self._live_once()
+            self._answered.set()
+            if not self._restarts:
+                return
+            if worked:
+                pauses_s = make_pauses_s(FIRST_S, LONGEST_S)
+            self._over.wait(next(pauses_s))
+
+    def _live_once(self) -> bool:
+        """From a start to its end; whether it has worked between."""
+        ours, theirs = CONTEXT.Pipe()
+        work = (self._work, Line(theirs), self.starts == 0, self._mortal, self._args)
+        process = CONTEXT.Process(target=_live, args=work, name=self.name, daemon=True)
+        process.start()
+        theirs.close()
+        self.starts += 1
+        with self._lock:
+            self._line, self._process, self.pid = ours, process, process.pid
+        said = self._listen(ours)
+        process.join()
+        if not isinstance(said, Reason):          # why it cannot says more
+            code = process.exitcode or 0
+            self.trouble = (PROCESS_KILLED(process=self.name, signal=-code) if code < 0 else
+                            PROCESS_ENDED(process=self.name, exit_code=code))
+        with self._lock:
+            ours.close()
+        return said == WORKS
+
+    def _listen(self, line: "Connection[Any, Any]") -> Reason | str | None:
+        """Its first word: WORKS, or its trouble; None when it has ended, or is to, without any."""
+        try:
+            while not self._over.is_set():
+                if line.poll(LOOK_S):
+                    said: Reason | None = line.recv()
+                    self.trouble = said
+                    self._answered.set()
+                    return said or WORKS
+        except (OSError, EOFError):
+            pass
+        return None
+
+
+def make_shared(size: int) -> Any:
+    """Return `size` zero bytes that a child may share; the system frees them once no process holds them, however its
+    holders ended."""
+    return CONTEXT.RawArray(ctypes.c_ubyte, size)
+
+
+def _live(work: Work, line: Line, is_first: bool, mortal: bool, args: tuple[Any, ...]) -> None:
+    for name in ENDING_SIGNALS:
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    if mortal and sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    work(line, is_first, *args)
+
+
+# --- messages
+
+LENGTH_BYTES = 4
+CHUNK = 1 << 20
+ROOM = 4 << 20                        # bytes requested from the system for messages on their way; it may give less
+
+
+class Outbox:
+    """Sends what the system takes, and keeps the rest for the next `push`.
+
+    Bytes that the system has taken reach the other end whatever becomes of this process. `waiting`: those it has not.
+    """
+
+    def __init__(self, end: socket.socket) -> None:
+        self.waiting = 0
+        self._end = end
+        end.setblocking(False)
+        end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, ROOM)
+        self._parts: deque[memoryview] = deque()
+
+    def put(self, message: bytes) -> None:
+        part = memoryview(len(message).to_bytes(LENGTH_BYTES, "little") + message)
+        self._parts.append(part)
+        self.waiting += len(part)
+        self.push()
+
+    def push(self) -> None:
+        """Send on; nothing happens once the reader has gone."""
+        while self._parts:
+            try:
+                taken = self._end.send(self._parts[0])
+            except OSError:           # full, or broken: what became of the reader others know
+                return
+            self.waiting -= taken
+            rest = self._parts.popleft()[taken:]
+            if rest:
+                self._parts.appendleft(rest)
+
+    def close(self) -> None:
+        self._end.close()
+
+
+class Inbox:
+    """The other end."""
+
+    def __init__(self, end: socket.socket) -> None:
+        self._end = end
+        self._pending = bytearray()
+
+    def read(self, wait_s: float) -> list[bytes]:
+        """Messages that have come whole, waiting so long for the first bytes; LinkLost when there will be no more."""
+        self._end.settimeout(wait_s)
+        try:
+            data = self._end.recv(CHUNK)
+        except TimeoutError:
+            return []
+        except OSError as error:
+            raise LinkLost(PIPE_CLOSED(detail=str(error))) from error
+        if not data:
+            raise LinkLost(PIPE_ENDED())
+        self._pending += data
+        return self._whole()
+
+    def close(self) -> None:
+        self._end.close()
+
+    def _whole(self) -> list[bytes]:
+        messages, at = [], 0
+        while (begin := at + LENGTH_BYTES) <= len(self._pending):
+            end = begin + int.from_bytes(self._pending[at:begin], "little")
+            if end > len(self._pending):
+                break
+            messages.append(bytes(self._pending[begin:end]))
+            at = end
+        del self._pending[:at]
+        return messages
+
+
+# --- newest values
+
+HEAD = 16                             # bytes: number of the newest, when its writer was last seen alive
+SLOT = struct.Struct("<IqIIII")       # checksum of header and text, number, bytes of text; height, width, checksum
+COLOURS = 3
+
+
+class Capacity(NamedTuple):
+    """How much there is room for. `places`: this number of words later an image is overwritten."""
+
+    places: int
+    text_bytes: int
+    image_bytes: int = 0
+
+    @property
+    def slot_bytes(self) -> int:
+        return SLOT.size + self.text_bytes + self.image_bytes
+
+    @property
+    def bytes(self) -> int:
+        return HEAD + self.places * self.slot_bytes
+
+
+class Slots:
+    """A ring of slots with one writer and one reader, each with a Slots of its own on the same memory (whatever has a
+    writable buffer).
+
+    Checksums tell the reader what is not whole yet, or no longer: not every machine promises in what order another core
+    sees writes. Memory is all zeros at first; a writer that takes another's place goes on where that one ended.
+    """
+
+    def __init__(self, memory: Any, room: Capacity) -> None:
+        self._room = room
+        self._memory = memoryview(memory).cast("B")
+        self._head = self._memory[:HEAD].cast("q")
+        self._read = 0
+
+    def put(self, text: bytes, image: npt.NDArray[np.uint8] | None = None) -> None:
+        """Say something, with an image of (height, width, 3) or none; ValueError when there is no room for it."""
+        pixels = b"" if image is None else np.ascontiguousarray(image).reshape(-1).data
+        if len(text) > self._room.text_bytes or len(pixels) > self._room.image_bytes:
+            raise ValueError(f"{len(text)} and {len(pixels)} bytes where there is room for {self._room[1:]}")
+        number = self._head[0] + 1
+        height, width = (0, 0) if image is None else image.shape[:2]
+        rest = SLOT.pack(0, number, len(text), height, width, crc32(pixels))[4:] + text
+        at, images = self._places(number)
+        self._memory[at:at + 4 + len(rest)] = struct.pack("<I", crc32(rest)) + rest
+        self._memory[images:images + len(pixels)] = pixels
+        self._head[0] = number
+
+    def read(self) -> bytes | None:
+        """The newest word, once; None when there is nothing new."""
+        number = self._head[0]
+        if number == self._read:
+            return None
+        text = self._text(number)
+        if text is not None:
+            self._read = number
+        return text
+
+    def image(self) -> npt.NDArray[np.uint8] | None:
+        """A copy of the image that came with the word read last; None when it had none, or has been overwritten."""
+        at, images = self._places(self._read)
+        _, _, _, height, width, checksum = SLOT.unpack_from(self._memory, at)
+        size = height * width * COLOURS
+        if not size or size > self._room.image_bytes:
+            return None
+        pixels = np.frombuffer(self._memory[images:images + size], dtype=np.uint8).copy()
+        if self._text(self._read) is None or crc32(pixels.data) != checksum:
+            return None
+        return pixels.reshape(height, width, COLOURS)
+
+    def beat(self, t_ns: int) -> None:
+        """The writer is alive."""
+        self._head[1] = t_ns
+
+    def beaten_ns(self) -> int:
+        """When the writer last said that it is alive; 0 = never."""
+        return int(self._head[1])
+
+    def _places(self, number: int) -> tuple[int, int]:
+        """Where a slot and its image begin."""
+        at = HEAD + number % self._room.places * self._room.slot_bytes
+        return at, at + SLOT.size + self._room.text_bytes
+
+    def _text(self, number: int) -> bytes | None:
+        """The text of slot `number`; None when that is not there, or not whole."""
+        at, images = self._places(number)
+        slot = bytes(self._memory[at:images])
+        checksum, found, length, *_ = SLOT.unpack_from(slot)
+        whole = slot[4:SLOT.size + length]
+        return whole[SLOT.size - 4:] if found == number and crc32(whole) == checksum else None

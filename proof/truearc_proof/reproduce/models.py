@@ -1,0 +1,223 @@
+"""One repetition: the paper's simulator fitted to a draw, baselines, our gate, and the paper's networks.
+
+Baselines predict from the recorded configurations alone, each tuned by cross-validation. All classify into miss, two
+and three and answer in the gate's terms: p_two = P(two or three), p_three = P(three).
+"""
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from sklearn.ensemble import GradientBoostingClassifier
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.gaussian_process import GaussianProcessClassifier
+from sklearn.gaussian_process.kernels import RBF, ConstantKernel
+from sklearn.linear_model import LogisticRegression
+from sklearn.model_selection import GridSearchCV, StratifiedKFold
+from sklearn.pipeline import Pipeline, make_pipeline
+from sklearn.preprocessing import PolynomialFeatures, StandardScaler
+
+from truearc.robot.config.rig_spec import Rig
+from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.gate.train import train_physics_gate
+from truearc.sim.infer.fit import fit_map
+from truearc.sim.paper.grid_fit import Score, fit_grid, score
+from truearc.sim.paper.network import LABELS, Rows, probabilities, training_rows
+from truearc.sim.paper.settings import Recipe
+from truearc.sim.paper.sweep import SweepSetting
+from truearc.sim.paper.synthetic import grid_shots, label_grid, sample_balanced, taken_configurations
+from truearc.sim.paper.train_many import Job, train_many
+from truearc.sim.physics.simulate import classify, predict
+from truearc.sim.printed import Progress
+from truearc_proof.reproduce.collect import Draw, Pool, draw
+from truearc_proof.reproduce.settings import Settings
+
+SIMULATOR, OURS = "simulator alone", "our gate"
+# Terms that the gate's physics may hold: the paper's forces, and a loss of speed between wheels and ball.
+OUR_TERMS = ("gravity", "drag", "magnus", "exit_efficiency", "wheel_slip")
+FOLDS = 5
+Predict = Callable[[np.ndarray], np.ndarray]
+Choices = dict[str, list[int] | list[float]]
+
+
+class Task(NamedTuple):
+    """What one repetition needs; travels to whatever process or machine runs it."""
+
+    real: Shots
+    launched: Shots
+    facts: Rig
+    settings: Settings
+    number: int
+
+
+@dataclass(frozen=True)
+class Repetition:
+    """Its rows are the draw's: `test` 20 configurations and `transfer` 50, which are predicted together, in order.
+
+    `scores`: Table I. `deviation_m`: of the simulator's flight from the target's centre for each test configuration,
+    infinite where it does not reach the plane, with `outcome` what happened. `predictions`: name -> p [70, 2].
+    """
+
+    number: int
+    draw: Draw
+    learn: Rows                       # train less validation
+    validation: Rows
+    asked: Rows                       # test, then transfer
+    tests: int                        # number of rows of `asked` that are the test
+    coefficients: dict[str, dict[str, float]]
+    tied: int                         # coefficient pairs that were equally good
+    scores: dict[str, Score]
+    deviation_m: np.ndarray
+    outcome: tuple[str, ...]
+    simulated: dict[int, Rows]        # size of D_s -> its rows
+    predictions: dict[str, np.ndarray]
+
+
+def tasks_of(pool: Pool, settings: Settings) -> list[Task]:
+    return [Task(pool.real.shots, pool.launched.shots, pool.real.facts, settings, number)
+            for number in range(settings.draws)]
+
+
+def run_repetition(task: Task) -> Repetition:
+    """Fit and predict all but the networks, which are trained together afterwards; pure."""
+    settings, rig = task.settings, task.facts
+    drawn = draw(task.real, task.launched, settings, task.number)
+    train, test, transfer = (task.real.take(drawn.train), task.real.take(drawn.test),
+                             task.launched.take(drawn.transfer))
+    fit = fit_grid(rig, train, settings.grid_step)
+    scores = {"Training": score(rig, fit.coefficients, train), "Testing": score(rig, fit.coefficients, test)}
+    asked = _rows(test, transfer)
+    all_train = _rows(train)
+    seed = settings.base_seed + task.number
+    predictions = {SIMULATOR: _labels(np.concatenate([_outcomes(rig, fit.coefficients, shots)
+                                                      for shots in (test, transfer)]))}
+    predictions |= {name: fitted(asked.features) for name, fitted in fit_baselines(all_train, seed).items()}
+    predictions |= our_predictions(rig, train, asked, seed)
+    height_m = predict(rig, fit.coefficients, test).height_m
+    assert rig.target is not None
+    return Repetition(
+        task.number, drawn, _rows(task.real.take(np.setdiff1d(drawn.train, drawn.validation))),
+        _rows(task.real.take(drawn.validation)), asked, len(test), fit.coefficients, int(fit.tied.sum()), scores,
+        np.nan_to_num(np.abs(height_m - rig.target.centre_height_m), nan=np.inf), test.text("outcome"),
+        simulated_sets(rig, fit.coefficients, train, settings, seed), predictions)
+
+
+def simulated_sets(rig: Rig, coefficients: dict[str, dict[str, float]], train: Shots, settings: Settings,
+                   seed: int) -> dict[int, Rows]:
+    """D_s of every size asked for, each an even draw of its own from the grid, none at a configuration of `train`."""
+    outcomes = label_grid(rig, coefficients)
+    taken = taken_configurations(train)
+    sets = {}
+    for size in sorted({*settings.sizes, settings.best_size} - {0}):
+        index = sample_balanced(outcomes, size, taken, 10_000 * seed + size)
+        shots = grid_shots(index)
+        sets[size] = _rows(Shots(shots.shot_id, shots.numbers, {"outcome": tuple(map(str, outcomes[index]))}))
+    return sets
+
+
+def our_predictions(rig: Rig, train: Shots, asked: Rows, seed: int) -> dict[str, np.ndarray]:
+    """Our gate's, from the same configurations and labels as everybody else's, and nothing besides."""
+    split = Dataset("training split", rig, train)
+    belief = fit_map(split, OUR_TERMS).belief
+    return {OURS: train_physics_gate(rig, belief, train, seed, "training split")[0].probabilities(asked.features)}
+
+
+def _outcomes(rig: Rig, coefficients: dict[str, dict[str, float]], shots: Shots) -> np.ndarray:
+    return classify(rig, predict(rig, coefficients, shots).height_m)
+
+
+def _labels(outcomes: np.ndarray) -> np.ndarray:
+    return np.array([LABELS[outcome] for outcome in outcomes], float)
+
+
+def _rows(*shots: Shots) -> Rows:
+    """Their rows, one set after the other; none may lack a feature or an outcome."""
+    parts = [training_rows(part, "pool") for part in shots]
+    assert not any(left_out for _, left_out in parts)
+    return Rows(*(np.concatenate(columns) for columns in zip(*(rows for rows, _ in parts), strict=True)))
+
+
+def fit_baselines(rows: Rows, seed: int) -> dict[str, Predict]:
+    """name -> function from features [n, 3] to p [n, 2]; the same rows and seed give the same functions."""
+    return {"logistic regression": _fit_tuned(_logistic(), rows, seed),
+            "gradient-boosted trees": _fit_tuned(_trees(seed), rows, seed),
+            "Gaussian process": _predictor(_fit_process(rows, seed))}
+
+
+def _logistic() -> tuple[Pipeline, Choices]:
+    model = make_pipeline(StandardScaler(), PolynomialFeatures(include_bias=False), LogisticRegression(max_iter=5000))
+    return model, {"polynomialfeatures__degree": [1, 2], "logisticregression__C": [0.3, 3.0, 30.0]}
+
+
+def _trees(seed: int) -> tuple[Pipeline, Choices]:
+    model = make_pipeline(GradientBoostingClassifier(subsample=0.8, random_state=seed))
+    return model, {"gradientboostingclassifier__n_estimators": [30, 100],
+                   "gradientboostingclassifier__max_depth": [2, 3]}
+
+
+def _fit_process(rows: Rows, seed: int) -> Pipeline:
+    """One process for each outcome against the others; scales by marginal likelihood, so nothing is left to tune."""
+    kernel = ConstantKernel(10.0, (0.1, 1e4)) * RBF([1.0, 1.0, 1.0], (0.05, 100.0))
+    model = make_pipeline(StandardScaler(), GaussianProcessClassifier(kernel, random_state=seed))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)       # a scale at its bound: that input is not informative
+        return model.fit(rows.features, _classes(rows))
+
+
+def _fit_tuned(tunable: tuple[Pipeline, Choices], rows: Rows, seed: int) -> Predict:
+    model, choices = tunable
+    classes = _classes(rows)
+    folds = StratifiedKFold(min(FOLDS, int(np.bincount(classes)[np.unique(classes)].min())), shuffle=True,
+                            random_state=seed)
+    search = GridSearchCV(model, choices, scoring="neg_log_loss", cv=folds)
+    return _predictor(search.fit(rows.features, classes))
+
+
+def _classes(rows: Rows) -> np.ndarray:
+    """0 miss, 1 two, 2 three."""
+    level: np.ndarray = rows.labels.sum(axis=1).round().astype(int)
+    return level
+
+
+def _predictor(model: Pipeline | GridSearchCV) -> Predict:
+    def predict(features: np.ndarray) -> np.ndarray:
+        by_class = dict(zip(model.classes_.tolist(), model.predict_proba(features).T, strict=True))
+        none = np.zeros(len(features))
+        three = by_class.get(2, none)
+        return np.column_stack([by_class.get(1, none) + three, three])
+
+    return predict
+
+
+class Answer(NamedTuple):
+    """One network's p [70, 2] on the test rows, its least validation loss and the epoch of that."""
+
+    p: np.ndarray
+    validation_loss: float
+    epoch: int
+
+
+def settings_of(settings: Settings) -> list[SweepSetting]:
+    """Table II's and Figure 10's, each once."""
+    return list(dict.fromkeys([*(SweepSetting(size, settings.best_weight) for size in settings.sizes),
+                               *(SweepSetting(settings.best_size, weight) for weight in settings.weights)]))
+
+
+def train_networks(repetitions: Sequence[Repetition], settings: Settings,
+                   progress: Progress) -> list[dict[SweepSetting, Answer]]:
+    """One answer for each setting, repetition by repetition; first weights and minibatches follow the repetition."""
+    wanted = settings_of(settings)
+    jobs = [Job(one.learn, one.simulated.get(setting.size), one.validation, setting.weight,
+                1000 * settings.base_seed + one.number) for one in repetitions for setting in wanted]
+    trained = iter(train_many(jobs, Recipe(steps=settings.steps, patience=settings.patience), progress))
+    answers = []
+    for one in repetitions:
+        named = {}
+        for setting in wanted:
+            network = next(trained)
+            loss = min(point.validation for point in network.curve)
+            named[setting] = Answer(probabilities(network.network, one.asked.features), loss, network.epoch)
+        answers.append(named)
+    return answers

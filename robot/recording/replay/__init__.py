@@ -1,1 +1,0 @@
-"""Deterministic replay of recordings and comparison with what was recorded."""

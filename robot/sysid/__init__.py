@@ -1,1 +1,0 @@
-"""Driving flywheels and hood so that a fit can learn what moves them."""

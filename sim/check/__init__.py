@@ -1,0 +1,1 @@
+"""Plausibility of data: wrong units, axes and angles, which inference would turn into physics."""

@@ -1,0 +1,61 @@
+"""Use of the machine: jobs on all cores, and compiled JAX code on disk, so that only the first run compiles."""
+
+import os
+import platform
+from collections.abc import Callable, Hashable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from pathlib import Path
+from typing import TypeVar
+
+import jax
+
+Job = TypeVar("Job")
+Result = TypeVar("Result")
+
+
+
+_compiled: set[Hashable] = set()
+MIN_COMPILE_S = 0.3                   # code that compiles faster is not kept
+
+
+def each_core(function: Callable[[Job], Result], jobs: Sequence[Job], code: Hashable) -> list[Result]:
+    """The results in the order of the jobs. code: what a job compiles; where that has not been done, the first is done
+    alone, and the others find it."""
+    alone = 0 if code in _compiled else 1
+    first = [function(job) for job in jobs[:alone]]
+    _compiled.add(code)
+    rest = jobs[alone:]
+    return first + list(_pool().map(function, rest) if len(rest) > 1 else map(function, rest))
+
+
+def usable_cores() -> int:
+    """Cores that this process may use; all of the machine's where the system does not say (Windows, macOS)."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(usable_cores(), thread_name_prefix="each-core")
+
+
+if hasattr(os, "register_at_fork"):   # threads do not survive it
+    os.register_at_fork(after_in_child=_pool.cache_clear)
+
+
+def keep_compiled() -> None:
+    """Keep compiled code among the user's caches; do nothing where that place cannot be written.
+
+    Where the user has chosen a place (JAX_COMPILATION_CACHE_DIR), that one is used. The folder carries the name of the
+    machine, because code of one machine does not run on another.
+    """
+    if jax.config.values["jax_compilation_cache_dir"]:
+        return
+    try:
+        folder = Path.home() / ".cache" / "truearc" / f"xla-{platform.node() or 'here'}"
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError):
+        return
+    if os.access(folder, os.W_OK):
+        jax.config.update("jax_compilation_cache_dir", str(folder))
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", MIN_COMPILE_S)

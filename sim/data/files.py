@@ -1,0 +1,318 @@
+"""A directory of rig.toml and tables (shots, tracks, traces, times) <-> Dataset, strictly: every bad row is named."""
+
+import hashlib
+import sys
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from truearc.errors import InputError, load_text, make_toml, near_key, parse_struct, parse_table, unknown_keys
+from truearc.robot.config.rig_spec import Rig, rig_errors
+from truearc.sim.data import columns as cols
+from truearc.sim.data.dataset import Dataset, Shots, Times, Traces, Tracks
+from truearc.sim.data.table import Problems, RawTable, find_table, gathered, load_table
+
+TRACK_COLUMNS = ("shot_id", "t_s", "x_m", "y_m", "z_m")
+TIME_COLUMNS = ("shot_id", "height_m", "t_s", "sigma_s")
+SAMPLES = ("tracks", "traces", "times")
+THREES = ("three", "3", "3.0")
+LEFT_OUT = "left_out.txt"
+DISTINCT = 10                         # fewest different shots of which as many copies of each are suspect
+Column = Sequence[str] | np.ndarray
+FIRST = ("shot_id", "distance_m", "hood_deg", "motor_ratio", "outcome", "side")
+RIG = "rig.toml"
+
+
+def load_dataset(directory: str | Path) -> Dataset:
+    """Read the dataset in a directory: rig.toml, shots, and tracks, traces and times where there are any.
+
+    InputError lists every bad row with file, line (CSV) or row (Parquet) and column.
+    """
+    home = Path(directory)
+    if not home.is_dir():
+        raise InputError(f"{home}: there is no such directory")
+    if not (home / RIG).exists():
+        raise InputError(f"{home / RIG}: there is no such file; `truearc init {home}` writes a template")
+    rig = load_rig(home / RIG)
+    shots_path = find_table(home, "shots")
+    if shots_path is None:
+        raise InputError(f"{home}: has neither shots.csv nor shots.parquet")
+    with gathered() as problems:
+        tables = [None if path is None else load_table(path, problems)
+                  for path in (find_table(home, name) for name in SAMPLES)]
+        dataset = assemble(home.resolve().name, rig, problems, load_table(shots_path, problems), *tables,
+                           has_three=states_three(home / RIG))
+    said = home / LEFT_OUT
+    lines = said.read_text(encoding="utf-8", errors="replace").splitlines() if said.is_file() else ()
+    return replace(dataset, left_out=tuple(lines))
+
+
+def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: RawTable | None = None,
+             traces: RawTable | None = None, times: RawTable | None = None, *, has_three: bool = True) -> Dataset:
+    """Check the cells of tables and return them as a dataset; everything wrong is added to `problems`.
+
+    has_three: whether the rig's half-height of the three was stated; where it was not and shots are hits, every hit
+    counts alike.
+
+    Raises:
+        InputError: a column that a table must have is missing, or there are both tracks and times.
+    """
+    if tracks and times:
+        raise InputError(f"{times.path}: there are tracks, too: they tell when the ball was where; keep one of the two")
+    shots = cols.in_read_units(shots, cols.is_shot_column, problems)
+    shots, rig = _settle_hits(shots, rig, has_three, problems)
+    checked = replace(_shots(shots, problems), written=_names(shots))
+    _check_wheels(shots, rig, problems)
+    _warn_of_copies(checked)
+    row_of = {name: row for row, name in enumerate(checked.shot_id)}
+    tracks = tracks and cols.in_read_units(tracks, TRACK_COLUMNS.__contains__, problems)
+    return Dataset(name, rig, checked, _tracks(tracks, row_of, problems), _traces(traces, row_of, problems),
+                   track_columns=_names(tracks) if tracks else {}, times=_times(times, row_of, problems))
+
+
+def hash_dataset(dataset: Dataset) -> str:
+    """SHA-256 of what a dataset says, whether it lay in CSV or Parquet; its name and its columns' order do not count.
+    """
+    digest = hashlib.sha256(msgspec.json.encode(dataset.facts, order="deterministic"))
+    shots = dataset.shots
+    _feed(digest, "shots", {"shot_id": shots.shot_id, **shots.numbers, **shots.texts})
+    for name, table in dataset.samples.items():
+        _feed(digest, name, dict(vars(table)))
+    digest.update(msgspec.json.encode(list(dataset.left_out)))
+    return digest.hexdigest()
+
+
+def _feed(digest: "hashlib._Hash", table: str, columns: dict[str, Sequence[str] | np.ndarray]) -> None:
+    for name in sorted(columns):
+        column = columns[name]
+        # repr round-trips floats and writes every nan alike
+        cells = [repr(float(cell)) for cell in column] if isinstance(column, np.ndarray) else list(column)
+        digest.update(msgspec.json.encode([table, name, cells]))
+
+
+def _names(table: RawTable) -> dict[str, str]:
+    return {name: written for name, (written, *_) in table.written.items()}
+
+
+def _shots(table: RawTable, problems: Problems) -> Shots:
+    cols.need_columns(table, ("shot_id",))
+    shot_id = _ids(table, problems)
+    numbers, texts = {}, {}
+    for name, cells in table.columns.items():
+        if name == "shot_id":
+            continue
+        if cols.is_numeric(name, cells):
+            numbers[name] = cols.number_column(table, name, problems, needed=False)
+        else:
+            texts[name] = cols.text_column(table, name, problems, needed=False)
+    _check_sides(table, texts, problems)
+    lacking = [name for name in cols.SPIN_VECTOR if name not in numbers]
+    for name in cols.SPIN_VECTOR if 0 < len(lacking) < len(cols.SPIN_VECTOR) else ():
+        if name in numbers:
+            table.fault(problems, -1, name, f"stands without {' and '.join(lacking)}; a spin needs all three parts")
+    return Shots(shot_id, numbers, texts, str(table.path))
+
+
+def _check_wheels(table: RawTable, rig: Rig, problems: Problems) -> None:
+    """A problem is the speed of a wheel that the rig lacks, while one that it has is without a column."""
+    own = [f"wheel_{wheel.name}_rad_s" for wheel in rig.launcher.wheel]
+    absent = [name for name in own if name not in table.columns]
+    for name in table.columns if absent else ():
+        if cols.WHEEL.fullmatch(name) and name not in own:
+            table.fault(problems, -1, name, f"rig.toml has no such wheel; it has {', '.join(own)}: rename the "
+                         "column, or the wheel")
+
+
+def _warn_of_copies(shots: Shots) -> None:
+    """Warn where every shot stands there as often, twice at least: rows pasted twice look like more knowledge."""
+    columns = [*map(list, shots.numbers.values()), *shots.texts.values()]
+    times = Counter(zip(*(map(repr, column) for column in columns), strict=True))
+    if len(times) >= DISTINCT and len(set(times.values())) == 1 and len(times) < len(shots):
+        print(f"warning: {shots.source}: each shot stands there {len(shots) // len(times)} times under other names; if "
+              "rows were pasted twice, delete the copies: intervals would be too narrow", file=sys.stderr)
+
+
+def _settle_hits(table: RawTable, rig: Rig, has_three: bool, problems: Problems) -> tuple[RawTable, Rig]:
+    """Hits as twos of a rig without a three; a problem are hits that could be twos or threes."""
+    outcome = [cols.text_of(cell).strip().lower() for cell in table.columns.get("outcome", ())]
+    hits = [row for row, word in enumerate(outcome) if word == cols.HIT]
+    threes = [row for row, word in enumerate(outcome) if word in THREES]
+    if threes and rig.target is not None and rig.target.hit_or_miss:
+        table.fault(problems, threes[0], "outcome", f"is three in {len(threes)} rows, but target.three_half_height_m = "
+                    "0 of rig.toml says that every hit counts alike: write hit, or state the height of the three")
+    if not hits or rig.target is None:
+        return table, rig
+    if rig.target.hit_or_miss or not (has_three or threes):
+        rig = msgspec.structs.replace(rig, target=msgspec.structs.replace(rig.target, three_half_height_m=0.0))
+    else:
+        more = f", here and in {len(hits) - 1} more rows" if hits[1:] else ""
+        table.fault(problems, hits[0], "outcome", f"'hit' may be a two or a three: write which{more}; where every hit "
+                    "counts alike, write no three, and state target.three_half_height_m = 0 in rig.toml")
+    cells = ["two" if word == cols.HIT else cell for word, cell in zip(outcome, table.columns["outcome"], strict=True)]
+    return replace(table, columns=table.columns | {"outcome": cells}), rig
+
+
+def _ids(table: RawTable, problems: Problems) -> tuple[str, ...]:
+    first: dict[str, int] = {}
+    ids = tuple(cols.text_of(cell) for cell in table.columns["shot_id"])
+    for row, name in enumerate(ids):
+        if not name:
+            table.fault(problems, row, "shot_id", "is missing")
+        elif name in first:
+            table.fault(problems, row, "shot_id", f"{name!r} stands already in {table.place(first[name])}")
+        else:
+            first[name] = row
+    return ids
+
+
+def _check_sides(table: RawTable, texts: dict[str, tuple[str, ...]], problems: Problems) -> None:
+    """A ball through the inner target passed on no side of it."""
+    for row, (outcome, side) in enumerate(zip(texts.get("outcome", ()), texts.get("side", ()), strict=False)):
+        if outcome == "three" and side in cols.WORDS["side"]:
+            table.fault(problems, row, "side", f"outcome three cannot have the miss side {side!r}")
+
+
+def _tracks(table: RawTable | None, row_of: dict[str, int], problems: Problems) -> Tracks | None:
+    if table is None:
+        return None
+    cols.need_columns(table, TRACK_COLUMNS)
+    shot = _shot_rows(table, row_of, problems)
+    t_s, x_m, y_m, z_m = (cols.number_column(table, name, problems) for name in ("t_s", "x_m", "y_m", "z_m"))
+    _check_order(table, shot, t_s, problems)
+    return Tracks(shot, t_s, x_m, y_m, z_m)
+
+
+def _times(table: RawTable | None, row_of: dict[str, int], problems: Problems) -> Times | None:
+    if table is None:
+        return None
+    table = cols.in_read_units(table, TIME_COLUMNS.__contains__, problems)
+    cols.need_columns(table, TIME_COLUMNS)
+    shot = _shot_rows(table, row_of, problems)
+    height_m, t_s, sigma_s = (cols.number_column(table, name, problems) for name in TIME_COLUMNS[1:])
+    for name, column in (("t_s", t_s), ("sigma_s", sigma_s)):
+        for row in np.flatnonzero(column <= 0.0):
+            table.fault(problems, int(row), name, f"{table.shown(name, column[row])} must be above 0")
+    _check_order(table, shot, t_s, problems)
+    return Times(shot, t_s, height_m, sigma_s)
+
+
+def _traces(table: RawTable | None, row_of: dict[str, int], problems: Problems) -> Traces | None:
+    if table is None:
+        return None
+    cols.need_columns(table, ("shot_id", "t_s", "signal", "value"))
+    signal = cols.text_column(table, "signal", problems)
+    return Traces(_shot_rows(table, row_of, problems), cols.number_column(table, "t_s", problems), signal,
+                  cols.number_column(table, "value", problems))
+
+
+def _shot_rows(table: RawTable, row_of: dict[str, int], problems: Problems) -> np.ndarray:
+    rows = np.full(len(table.lines), -1, dtype=np.int64)
+    for row, cell in enumerate(table.columns["shot_id"]):
+        name = cols.text_of(cell)
+        if name in row_of:
+            rows[row] = row_of[name]
+        else:
+            table.fault(problems, row, "shot_id", f"{name!r} is not among the shots" if name else "is missing")
+    return rows
+
+
+def _check_order(table: RawTable, shot: np.ndarray, t_s: np.ndarray, problems: Problems) -> None:
+    """Samples of one shot come in the order of time."""
+    last: dict[int, float] = {}
+    for row, (index, time_s) in enumerate(zip(shot.tolist(), t_s.tolist(), strict=True)):
+        if index in last and time_s <= last[index]:
+            table.fault(problems, row, "t_s", f"{table.shown('t_s', time_s)} does not follow "
+                        f"{table.shown('t_s', last[index])} of the same shot")
+        last[index] = time_s
+
+
+def save_dataset(directory: str | Path, dataset: Dataset) -> None:
+    """Write a dataset as rig.toml and CSV; floats by repr. The directory must be new or empty (`check_free`).
+
+    ValueError when a number is infinite, which no reader would take.
+    """
+    home = check_free(directory)
+    home.mkdir(parents=True, exist_ok=True)
+    save_rig(home / RIG, dataset.facts)
+    _save_csv(home / "shots.csv", _shot_columns(dataset.shots))
+    ids = dataset.shots.shot_id
+    for stem, table in dataset.samples.items():
+        columns = {name: column for name, column in vars(table).items() if name != "shot"}
+        _save_csv(home / f"{stem}.csv", {"shot_id": [ids[row] for row in table.shot], **columns})
+    if dataset.left_out:
+        (home / LEFT_OUT).write_text("".join(line + "\n" for line in dataset.left_out), encoding="utf-8")
+
+
+def check_free(directory: str | Path) -> Path:
+    """The directory as a path, if a dataset can go there without touching anybody's files; else InputError.
+
+    Commands ask before long work what save_dataset would only find out after it.
+    """
+    home = Path(directory)
+    if home.exists() and (not home.is_dir() or any(home.iterdir())):
+        raise InputError(f"{home}: is not an empty directory; nothing is ever written over, name another")
+    return home
+
+
+def _shot_columns(shots: Shots) -> dict[str, Column]:
+    columns: dict[str, Column] = {"shot_id": shots.shot_id, **shots.numbers, **shots.texts}
+    order = [name for name in (*FIRST, *cols.RANGES) if name in columns]
+    return {name: columns[name] for name in dict.fromkeys([*order, *columns])}
+
+
+def _save_csv(path: Path, columns: dict[str, Column]) -> None:
+    cells = [_cells(name, column) for name, column in columns.items()]
+    with path.open("w", encoding="utf-8", newline="") as file:
+        for row in (tuple(columns), *zip(*cells, strict=True)):
+            file.write(",".join(map(_quoted, row)) + "\n")
+
+
+def _quoted(cell: str) -> str:
+    """By hand, because Python 3.11's csv.writer leaves a lone carriage return bare, which ends the row for a reader."""
+    return '"' + cell.replace('"', '""') + '"' if any(mark in cell for mark in ',"\r\n') else cell
+
+
+def _cells(name: str, column: Column) -> list[str]:
+    if not isinstance(column, np.ndarray):
+        return list(column)
+    if np.isinf(column).any():
+        raise ValueError(f"column {name} has an infinite number")
+    return ["" if np.isnan(number) else repr(float(number)) for number in column]
+
+
+def load_rig(path: str | Path) -> Rig:
+    """Read rig.toml; unknown keys are warned of on stderr; InputError names file and key of a bad one."""
+    text = load_text(path)
+    for key in unknown_keys(parse_table(text, str(path)), Rig):
+        print(f"warning: {path}: key {key} is not known and has no effect{near_key(key, Rig, None)}", file=sys.stderr)
+    return check_rig(parse_struct(text, Rig, str(path)), path)
+
+
+def states_three(rig: Rig | str | Path | Mapping[str, Any]) -> bool:
+    """Whether a rig, a rig.toml or its contents give the half-height of the three."""
+    if isinstance(rig, Rig):
+        return True
+    table = rig if isinstance(rig, Mapping) else parse_table(load_text(rig), str(rig))
+    return "three_half_height_m" in table.get("target", {})
+
+
+def check_rig(rig: Rig, path: str | Path) -> Rig:
+    """Return the rig if its numbers can be true.
+
+    Raises:
+        InputError: names `path` and the key of each number that is not finite, out of range, or contradicts another.
+    """
+    wrong = [f"{path}: {key}: {what}" for key, what in rig_errors(rig)]
+    if wrong:
+        raise InputError("\n".join(wrong))
+    return rig
+
+
+def save_rig(path: str | Path, rig: Rig) -> None:
+    """Write rig.toml with every key stated, so that reading it gives the same rig."""
+    Path(path).write_text(make_toml(msgspec.to_builtins(rig)), encoding="utf-8")

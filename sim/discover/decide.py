@@ -1,0 +1,285 @@
+"""The decision: which effects are reported, as what, and what of them is adopted.
+
+**Effects.** L is the likeliest term, rest: what calibrated tests still find once L is put in. The first row that holds:
+
+| | posterior and tests | reported |
+|---|---|---|
+| 1 | L moves a known number by CREDIBLE_SD | unknown |
+| 2 | nats for L <= 0 and P(L) < 0.5, or one thing is missing | *one effect* |
+| 3 | more is missing, no rest; P(L beside an unexplained effect) >= 0.5 | L's names |
+| 4 | more is missing, no rest | *one effect* |
+| 5 | the rest is unexplained and in L's own direction | unknown |
+| 6 | the rest is unexplained, or two terms move a known number by CREDIBLE_SD | L's names; besides, unknown |
+| 7 | no two terms fly | *one effect* |
+| 8 | two terms | both terms' names; besides, the rest beside both if any, as *one effect* |
+
+*One effect* is unknown if nats for L <= 0 and P(L) < 0.5, or P(an unexplained effect) >= 0.5; else it has L's names.
+More is missing if P(L's size differs from ball to ball) >= 0.5, or P(two things) >= 0.5 and its odds against one thing
+are MORE_ODDS times those of the prior. The rest is unexplained if L's size differs from ball to ball, or a term beside
+an unexplained effect is likelier than two terms.
+
+**Names.** The smallest set that holds SURE of what is explained, a single name only if it alone is that probable; with
+its aliases, whatever their probability, names that one step cannot tell from a member and that are TWIN times as
+probable, and numbers of the tracker that explain as well what has changed since an earlier session.
+One name: verdict *named*. Several: *set*; its sentence is `form_of`.
+
+**Adoption.** Everything found, else the effects with a name: the first that no row refuses.
+
+| measure on hold-out shots | refused if |
+|---|---|
+| a fitted number | it stopped at the end of its range |
+| tracks' ends by the settings, without the tracker's errors | no nearer than by what is believed |
+| outcomes of tracked shots | forecast worse than by their plain shares, by CLEARLY standard errors |
+| log score with other balls than this session's, or else of the shots as they are | 90 % interval below 0 |
+| points of aim and gate | mean gain below 0 |
+
+Where nothing has a name: the average of the names that come nearest, if the 90 % interval of its points is above 0.
+Else what is believed stays.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Generic, NamedTuple, Protocol, TypeVar
+
+from truearc.sim.discover.detect.battery import NumberChange, rivals_of
+from truearc.sim.discover.detect.localization import Place
+from truearc.sim.discover.finding import Adoption, FitSummary
+from truearc.sim.discover.select.effects import Search, Step, Weighed, out_of_nature, rest_beside, take_apart
+from truearc.sim.discover.select.posterior import SHARES, Hypotheses, Hypothesis
+from truearc.sim.discover.select.terms import SURE, Naming, promote
+from truearc.sim.infer.fit import BaselineFit
+from truearc.sim.printed import Progress, part_of
+from truearc.sim.statistics import Z90
+
+TWIN = 0.5                            # of a name's probability, that what hardly differs from it must have
+ANY = 0.01                            # probability of names, below which they do not stand for what is unexplained
+UNKNOWN = 0.5                         # probability of something unexplained, from which that is the verdict
+MORE = 0.5                            # probability from which there is more than one thing,
+MORE_ODDS = 10.0                      # if the data have raised its odds that many times
+OUTWEIGHS = 10.0                      # times as likely as the next: these data do speak for the first
+EVEN = 0.5                            # probability of both of two names, from which they are said to be there together
+CLEARLY = 2.0                         # standard errors by which plain shares of outcomes beat a forecast
+
+
+def decide(fitted: BaselineFit, place: Place | None, search: Search, progress: Progress) -> tuple[Step, ...]:
+    """The effects that are reported, in the order in which they were found; at least one."""
+    found = search.weigh(fitted, place, (), part_of(progress, 0.0, 0.5))
+    posterior, whole = found.posterior, one_effect(found)
+    if out_of_nature(whole.refit, fitted):                                                      # row 1
+        return (as_unknown(whole),)
+    varies = posterior.share("varies") >= UNKNOWN
+    if says_nothing(whole.naming) or not (varies or holds_more(posterior)):                     # row 2
+        return (whole,)
+    both = not varies and posterior.share("both") > posterior.share("two")
+    first = as_named(found.beside(), posterior, True) if both else as_named(found.step, posterior)
+    named = promote(fitted, first.refit)
+    left = search.left(named)
+    if left is None:                                                                            # rows 3 and 4
+        return (first if posterior.share("both") >= UNKNOWN and 1.0 - posterior.unexplained() > ANY else whole,)
+    if varies or both:
+        change = posterior.likeliest_change(first.naming.leader)
+        if both and place is not None and change is not None and _direction(fitted, change) == (
+                first.column.direction):                                                        # row 5
+            return (as_unknown(whole),)
+    else:
+        pair, change = posterior.likeliest_pair(), None
+        if pair is None:                                                                        # row 7
+            return (whole,)
+        if not out_of_nature(pair, first.refit):                                                # row 8
+            two = take_apart(fitted, first, pair, part_of(progress, 0.5, 0.3))
+            return (*map(as_named, two.steps), *_beside_both(two.both, two.names, search, part_of(progress, 0.8, 0.2)))
+    rest = rest_beside(named, search.where(named, left), first.naming.leader, change)           # row 6
+    return (first, *map(as_unknown, rest))
+
+
+def _beside_both(both: BaselineFit, names: tuple[str, ...], search: Search, progress: Progress) -> tuple[Step, ...]:
+    """What is left beside two names, if it has a name or a place."""
+    left = search.left(both)
+    if left is None:
+        return ()
+    rest = one_effect(search.weigh(both, search.where(both, left), names, progress))
+    return (rest,) if rest.place is not None or not rest.unknown else ()
+
+
+def _direction(fitted: BaselineFit, change: Hypothesis) -> str:
+    assert change.family is not None
+    return fitted.evidence.columns[fitted.evidence.index(change.family.column)].direction
+
+
+def one_effect(found: Weighed) -> Step:
+    """The effect if nothing else is missing."""
+    if says_nothing(found.step.naming) or found.posterior.unexplained() >= UNKNOWN:
+        return replace(as_named(found.step, found.posterior), unknown=True)
+    return as_named(found.step, found.posterior)
+
+
+def as_unknown(step: Step) -> Step:
+    """The effect without a name."""
+    return replace(step, unknown=True)
+
+
+def as_named(step: Step, posterior: Hypotheses | None = None, beside: bool = False) -> Step:
+    """The effect with the names that it may have."""
+    return replace(step, unknown=False, chosen=credible_set(step.naming, posterior, beside))
+
+
+def says_nothing(naming: Naming) -> bool:
+    """Whether the data speak for no term: not for the likeliest alone, nor for it beside another."""
+    return naming.nats[naming.leader] <= 0.0 and naming.probability[naming.leader] < UNKNOWN
+
+
+def holds_more(posterior: Hypotheses) -> bool:
+    """Whether two things are likelier than one, and that by the data: pairs have their share of the prior."""
+    one, more = posterior.share("one"), posterior.share("two") + posterior.share("both")
+    prior = (SHARES["two"] + SHARES["both"]) / SHARES["one"]
+    return more >= MORE and more > MORE_ODDS * prior * one
+
+
+def credible_set(naming: Naming, posterior: Hypotheses | None, beside: bool = False) -> tuple[str, ...]:
+    """The names of one effect, likeliest first. posterior None: exactly one of them is there. beside: names count
+    beside what is unexplained, too."""
+    probability, chosen, explained = naming.probability, list[str](), 1.0
+    if posterior is not None:
+        explained -= posterior.share("unexplained") if beside else posterior.unexplained()
+    for name in naming.ranked:
+        held = (sum(probability[one] for one in chosen) if posterior is None else posterior.held_by(chosen, beside))
+        alone = bool(chosen) and (probability[chosen[0]] >= SURE or probability[name] < ANY)
+        if held >= SURE * explained and (len(chosen) > 1 or alone):
+            break
+        chosen.append(name)
+    twins = [twin for name in chosen for twin in naming.kin.get(name, ()) if posterior is not None
+             and probability.get(twin, 0.0) > TWIN * probability[name]]
+    return (*chosen, *(name for name in dict.fromkeys((*naming.aliases, *twins)) if name not in chosen))
+
+
+class Verdict(NamedTuple):
+    """`verdict`: named, set or unknown; `terms`: the set, None without a name; rivals: what may have changed in place
+    of the first term, that one among them, each with its share of that one's probability."""
+
+    verdict: str
+    terms: tuple[str, ...] | None
+    rivals: tuple[NumberChange, ...]
+
+
+def verdict_of(first: Step, fitted: BaselineFit, home: BaselineFit | None) -> Verdict:
+    """The verdict on the first effect; home: the fit of the earlier session, if changes since then were looked for."""
+    if first.unknown:
+        return Verdict("unknown", None, ())
+    terms = tuple(name.partition(".")[0] for name in first.chosen)
+    leader = next(name for name in first.naming.probability if name.partition(".")[0] in terms)
+    rivals = () if home is None else rivals_of(fitted, home, leader)
+    if rivals:
+        terms = tuple(dict.fromkeys((*(one.name.partition(".")[0] for one in rivals), *terms)))
+    return Verdict("named" if len(terms) == 1 else "set", terms, rivals)
+
+
+def form_of(members: Sequence[float]) -> str:
+    """The sentence about names of these probabilities, likeliest first: one | both | likely | several."""
+    if len(members) == 1:
+        return "one"
+    if len(members) == 2 and sum(members) > 1.0 + EVEN:
+        return "both"
+    return "likely" if members[0] > max(0.5, OUTWEIGHS * members[1]) else "several"
+
+
+class Trial(Protocol):
+    """A simulation that may be adopted; its hold-out forecasts are measured when they are asked for."""
+
+    @property
+    def why(self) -> str:
+        """Why a free curve that was found is not in it; "" otherwise."""
+    @property
+    def empty(self) -> bool:
+        """Whether nothing that was found is in it."""
+    @property
+    def at_limit(self) -> dict[str, float]:
+        """Numbers that stopped at the end of their range."""
+    @property
+    def ends_m(self) -> tuple[float, float] | None:
+        """Errors of tracks' ends by what is believed, and by it, without the tracker's own errors; None without any."""
+    @property
+    def beaten(self) -> float | None:
+        """Standard errors by which it forecasts outcomes of tracked shots better than their plain shares do."""
+    @property
+    def gain(self) -> tuple[float, float] | None:
+        """90 % interval of the log score that a shot gains."""
+    @property
+    def other_balls(self) -> bool:
+        """Whether `gain` is that with other balls than this session's."""
+    @property
+    def points(self) -> Adoption | None:
+        """Points that hold-out shots would have scored; None where no target tells any."""
+
+
+AnyTrial = TypeVar("AnyTrial", bound=Trial)
+
+
+@dataclass(frozen=True)
+class Choice(Generic[AnyTrial]):
+    """What is adopted.
+
+    why: reason why not all that was found is, "" if it is. points: of the first trial that was judged by them.
+    at_limit: numbers of what was tried that stopped at the end of their range.
+    """
+
+    trial: AnyTrial
+    why: str
+    points: Adoption | None
+    at_limit: dict[str, float]
+
+
+def choose(trials: Iterable[AnyTrial], nearest: Callable[[], AnyTrial] | None, nothing: AnyTrial,
+           why: str) -> Choice[AnyTrial]:
+    """The first of `trials` that is not refused; else `nearest`, if points surely gain by it; else `nothing`. why:
+    reason why the first trial has not all that was found."""
+    first: Adoption | None = None
+    at_limit: dict[str, float] = {}
+    for trial in trials:
+        at_limit |= {} if trial.empty else trial.at_limit
+        refused, points = refuse(trial), None
+        if not refused and (points := trial.points) is not None and points.gain < 0.0:
+            refused = say_refused(points)
+        first = first or points
+        if not refused and not trial.empty:
+            return Choice(trial, why, first, at_limit)
+        why = why or refused or trial.why
+    if nearest is not None and not refuse(average := nearest()):
+        points = average.points
+        if points is not None and points.low90 > 0.0:
+            return Choice(average, why, points, at_limit)
+    return Choice(nothing, why, first, at_limit)
+
+
+def refuse(trial: Trial) -> str:
+    """Why a simulation is not adopted, the first reason that holds; "" where none does. Points come last."""
+    if trial.at_limit:
+        return f"beside them {', '.join(trial.at_limit)} stopped at the end of its range"
+    if (ends_m := trial.ends_m) is not None and ends_m[1] >= ends_m[0]:
+        return (f"without the tracker's own errors hold-out tracks end {ends_m[1]:.3f} m from where they are forecast "
+                f"to, by what is believed {ends_m[0]:.3f} m")
+    if not trial.empty and (why := contradicted(trial.beaten)):
+        return why
+    if (gain := trial.gain) is not None and gain[1] < 0.0:
+        return ("forecasts of other balls than this session's would be worse (90 % interval)" if trial.other_balls else
+                "forecasts of hold-out shots are worse (90 % interval)")
+    return ""
+
+
+def contradicted(beaten: float | None) -> str:
+    """Why tracks and outcomes contradict each other; "" where they do not."""
+    return "" if beaten is None or beaten > -CLEARLY else (
+        "from the settings alone it forecasts outcomes worse than their plain shares do: tracks and outcomes "
+        "contradict each other")
+
+
+def say_refused(points: Adoption) -> str:
+    """Why what was found is not adopted: it would lose points."""
+    return (f"aimed and gated by it, hold-out shots would have scored {-points.gain:.2f} points per shot less "
+            f"(90 %: {points.low90:+.2f} to {points.high90:+.2f})")
+
+
+def gain_interval(fit: FitSummary) -> tuple[float, float] | None:
+    """90 % interval of the log score gained per shot."""
+    if fit.gain_per_shot is None or fit.gain_se is None:
+        return None
+    return fit.gain_per_shot - Z90 * fit.gain_se, fit.gain_per_shot + Z90 * fit.gain_se

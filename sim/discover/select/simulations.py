@@ -1,0 +1,538 @@
+"""Simulations that may be adopted, and what their forecasts of hold-out shots are worth.
+
+Averages: a name that is one of several likely ones forgoes what the others know, and is often the wrong one
+(Hoeting et al. 1999). An average of forecasts is not a simulation, and numbers averaged name by name were never fitted;
+but there is a simulation that forecasts nearly the same. An unexplained effect is held by a nameless term along its
+free curve.
+
+Aim. A ball misses the height that a belief forecasts for it by some error. Had the motors run at the speed that the
+belief asks for from that place with that hood, it would have missed the centre by this very error, as long as the error
+does not change between the two speeds. So the error of a hold-out shot's forecast is the miss of the aimed ball, and
+the model serves for the difference of two neighbouring set points alone (as in doubly robust off-policy evaluation,
+Dudik et al. 2014). An outcome leaves the error open within its class: there it is spread as both beliefs have it, each
+a priori as likely.
+
+Gate. It lets the aimed ball through where the belief's P(three) is high enough. A held ball is not lost: it counts what
+the threshold says that it is worth, three points times the least probability for which it would be fired. How the gate
+judges shots as they were made is reported, and does not count: it would speak for a belief that overrates them.
+
+Every shot is judged by fits to the other folds.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.special import ndtr, softmax
+
+from truearc.sim.discover.detect.battery import FREE, Test
+from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor, spline_knots
+from truearc.sim.discover.detect.localization import Correction, correct
+from truearc.sim.discover.select.effects import Search, Step, clearly, judge_left
+from truearc.sim.discover.select.posterior import climb_with, term_of
+from truearc.sim.discover.select.terms import SURE, Naming, promote
+from truearc.sim.infer.belief import Curve, natural
+from truearc.sim.infer.fit import BaselineFit, moved, out_of_range
+from truearc.sim.infer.likelihood.data import Intake
+from truearc.sim.infer.likelihood.layout import LinearizationPoint, ParameterLayout, is_tracker, only_shared
+from truearc.sim.infer.likelihood.linearization import FAR_BELOW_M, LEAD, TRACK, fly, linearise, variance_of
+from truearc.sim.infer.likelihood.noise import LAPSE, TIMED_M
+from truearc.sim.infer.likelihood.observations import OutcomeObservations, timed_noise, whiten
+from truearc.sim.infer.likelihood.score_table import (
+    Array,
+    PlaneScores,
+    ScoreTable,
+    folds_of,
+    unseen_change,
+    unseen_score,
+)
+from truearc.sim.physics.simulate import LAUNCH_STATE
+from truearc.sim.statistics import POINTS_THREE, POINTS_TWO, invert
+
+FORECAST = 0.4                        # of a track's samples: from these its end is forecast
+
+
+def end_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, evidence: ScoreTable,
+               change: Float[Array, "n P"]) -> float | None:
+    """RMS error in m of forecast heights, columns changed by `change` [n, P]; None where no height was measured.
+
+    With tracks: at each one's last sample, the shot's own deviation taken from its first FORECAST of samples. Without:
+    heights measured at the plane against those of the evidence.
+    """
+    if intake.filmed:
+        errors = track_errors(intake, layout, spot, change)[:, 2]
+    else:
+        if evidence.plane is None or not evidence.plane.seen.measured.any():
+            return None
+        seen, mean_m, _ = evidence.heights(change)
+        errors = (mean_m - seen.height_m)[seen.measured]
+    return float(np.sqrt(np.mean(errors**2)))
+
+
+def side_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
+                change: Float[Array, "n P"]) -> float:
+    """RMS error in m of y at each track's last sample, forecast as the height is by end_errors."""
+    return float(np.sqrt(np.mean(track_errors(intake, layout, spot, change)[:, 1]**2)))
+
+
+def times_off(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint) -> float | None:
+    """RMS of what times at heights differ from the simulation by, in their own standard deviations; None without."""
+    samples, rows = intake.samples, intake.tracked
+    if samples is None or samples.clock_s is None:
+        return None
+    flown = fly(intake, layout, spot)
+    speed_m_s = np.asarray(flown.slopes.track_m)[rows, :, 2, len(layout.inputs) + LEAD]
+    off = (samples.position_m - flown.seen.track_m[rows])[..., 2] / (TIMED_M * timed_noise(samples, speed_m_s))
+    return float(np.sqrt(np.mean(off[samples.real]**2)))
+
+
+def track_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, change: Float[Array, "n P"],
+                 share: float = FORECAST) -> Float[Array, "k 3"]:
+    """[k, 3] in m: each track's last sample less its forecast from the first `share` of its samples; 0: from the
+    settings alone."""
+    samples, rows, scatter = intake.samples, intake.tracked, intake.scatter
+    assert samples is not None and scatter is not None
+    inputs = layout.inputs
+    columns = np.flatnonzero(layout.source >= 0)
+    flown = fly(intake, layout, spot)
+    seen, slopes = flown.seen, flown.slopes
+    by_column, by_deviate = np.split(slopes.track_m[rows], [len(inputs)], axis=3)
+    by_column = by_column[..., :len(columns)]
+    off = (samples.position_m - seen.track_m[rows] - np.einsum("klcp,kp->klc", by_column, change[rows][:, columns])
+           + np.einsum("klcd,kd->klc", by_deviate, spot.deviates[rows]))
+    sd = np.sqrt(variance_of(intake, spot.log_scatter))[rows][:, :by_deviate.shape[3]]
+    white = whiten(samples, scatter, np.concatenate([off[..., None], by_deviate * sd[:, None, None, :]], axis=3))
+    white /= np.exp(spot.log_scatter[TRACK])
+    errors = np.zeros((len(rows), 3))
+    for k, count in enumerate(samples.real.sum(1)):
+        early = white[k, :3 * max(int(share * count), 4 if share else 0)]
+        slope = early[:, 1:]
+        told = np.linalg.solve(np.eye(slope.shape[1]) + slope.T @ slope, slope.T @ early[:, 0])
+        errors[k] = off[k, count - 1] - by_deviate[k, count - 1] @ (sd[k] * told)
+    return errors
+
+
+THRESHOLD = 0.3                       # of P(three), as launcher.toml ships it
+FEWEST = 20                           # outcomes by which forecasts are compared with plain shares
+
+
+class JudgedFit(NamedTuple):
+    """A fit with all of its columns shared: the shots as it flies them (with its curves' shares), where it was
+    linearised, and its evidence there."""
+
+    intake: Intake
+    layout: ParameterLayout
+    spot: LinearizationPoint
+    evidence: ScoreTable
+
+
+@dataclass(frozen=True, eq=False)
+class HoldOut:
+    """Forecasts of the heights of m shots by fits to the other folds, from the settings alone: mean and standard
+    deviation [m] in m, from the target's centre as believed."""
+
+    mean_m: Float[np.ndarray, " m"]
+    sd_m: Float[np.ndarray, " m"]
+
+
+@dataclass(frozen=True, eq=False)
+class ShotPoints:
+    """Of m shots [m], by one belief: expected points of the aimed ball, whether its gate lets it through; whether the
+    gate lets the shot through as it was made."""
+
+    aimed: Float[np.ndarray, " m"]
+    aimed_fires: Bool[np.ndarray, " m"]
+    fires: Bool[np.ndarray, " m"]
+
+    def worth(self, held: float) -> Float[np.ndarray, " m"]:
+        """Points [m] of aim and gate together: of the shot aimed, if its gate fires it. held: worth of a ball that is
+        kept."""
+        return np.where(self.aimed_fires, self.aimed, held)
+
+
+def hold_out(models: Sequence[JudgedFit], nats: Sequence[float]) -> HoldOut:
+    """Forecasts by the average of models, each as likely as the other folds make it (nats: of all shots)."""
+    each = [_hold_out(model) for model in models]
+    if len(each) == 1:
+        return each[0]
+    plane = models[0].evidence.plane
+    assert plane is not None
+    scores = np.stack([unseen_score(model.evidence) for model in models])
+    fold = folds_of(scores.shape[1])
+    log_weight = np.stack([np.array(nats) - scores[:, fold == held].sum(1) for held in range(fold.max() + 1)])
+    weight = softmax(log_weight, axis=1)[fold[plane.rows]].T
+    mean = (weight * [one.mean_m for one in each]).sum(0)
+    square = (weight * [one.sd_m**2 + one.mean_m**2 for one in each]).sum(0)
+    return HoldOut(mean, np.sqrt(np.maximum(square - mean**2, 1e-12)))
+
+
+def _hold_out(model: JudgedFit) -> HoldOut:
+    """By one model, the effects of this session's balls left out: the next ones are others."""
+    evidence = model.evidence
+    change = unseen_change(evidence)
+    group = np.array([column.kind == "group" for column in evidence.columns])
+    change[:, group] = -evidence.point[group]
+    plane = _from_settings(model)
+    _, mean_m, spread_m = plane.moved(evidence.deal.own(change))
+    fold, doubt = folds_of(len(evidence.rows)), np.zeros(len(plane.rows))
+    for held in range(fold.max() + 1):
+        train, mine = fold != held, fold[plane.rows] == held
+        doubt[mine] = _doubt(model, plane, evidence.deal.some(train).total(evidence.info[train]))[mine]
+    return HoldOut(mean_m, np.sqrt(spread_m**2 + doubt))
+
+
+def as_believed(model: JudgedFit) -> HoldOut:
+    """Forecasts by what was believed before these shots, where the model is linearised; nothing is fitted to them."""
+    plane = _from_settings(model)
+    return HoldOut(plane.mean_m, np.sqrt(plane.spread_m**2 + _doubt(model, plane, 0.0)))
+
+
+def _doubt(model: JudgedFit, plane: PlaneScores, known: Float[np.ndarray, "P P"] | float) -> Float[np.ndarray, " m"]:
+    """Variances of the means [m], by the columns' prior and the information `known`; of no ball's own effects."""
+    evidence = model.evidence
+    place = evidence.deal.place[plane.rows]
+    group = np.array([column.kind == "group" for column in evidence.columns])
+    by = np.where(group[place], 0.0, plane.by_column)
+    covariance = invert(evidence.precision + known)
+    own = covariance[place[:, :, None], place[:, None, :]]
+    return np.asarray(np.maximum(np.einsum("mi,mij,mj->m", by, own, by), 0.0))
+
+
+def _from_settings(model: JudgedFit) -> PlaneScores:
+    """Heights as forecast from the settings: without what a track or a measured exit says of the very shot."""
+    intake, plane = model.intake, model.evidence.plane
+    assert plane is not None
+    if intake.samples is None and not np.isfinite(intake.exits).any():
+        return plane
+    blind = replace(intake, samples=None, scatter=None, exits=np.full(intake.exits.shape, np.nan))
+    still = replace(model.spot, deviates=np.zeros_like(model.spot.deviates))
+    plane = linearise(blind, model.layout, still)[0].plane
+    assert plane is not None
+    return plane
+
+
+def points_of(seen: OutcomeObservations, mine: HoldOut, both: Sequence[HoldOut], threshold: float) -> ShotPoints:
+    """Points by the belief with the forecasts `mine`; both: those of all beliefs that are compared."""
+    two, three = float(seen.borders[4]), float(seen.borders[3])
+    least = three if three > 0.0 else two                # of a hit-or-miss target a hit counts two
+    aimed, off_m = np.zeros(len(mine.mean_m)), np.abs(seen.height_m - mine.mean_m)
+    low, high = seen.low, seen.high
+    chance = np.stack([_share(low, high, one).sum(1) for one in both]) + 1e-12
+    for half, points in ((two, POINTS_TWO), (three, POINTS_THREE - POINTS_TWO)):
+        inside_low = np.maximum(low, (mine.mean_m - half)[:, None])
+        inside_high = np.minimum(high, (mine.mean_m + half)[:, None])
+        inside = np.stack([_share(inside_low, inside_high, one).sum(1) for one in both])
+        if half > 0.0:
+            aimed += points * np.where(seen.measured, off_m <= half, inside.sum(0) / chance.sum(0))
+    at_centre = replace(mine, mean_m=np.zeros_like(mine.mean_m))
+    return ShotPoints(np.minimum(aimed, POINTS_THREE), *(_within(least, one) >= threshold for one in (at_centre, mine)))
+
+
+def shares_beaten(seen: OutcomeObservations, mine: HoldOut) -> float | None:
+    """Standard errors by which outcomes' log score by the forecasts is above that by the plain shares of miss, two and
+    three; None where fewer than FEWEST outcomes are known without their height, or all are alike."""
+    known = np.isfinite(seen.classes) & ~seen.measured
+    level, count = np.unique(seen.classes[known], return_counts=True)
+    if known.sum() < FEWEST or len(level) < 2:
+        return None
+    chance = (1.0 - LAPSE) * _share(seen.low, seen.high, mine).sum(1)[known] + LAPSE / 3.0
+    plain = count[np.searchsorted(level, seen.classes[known])] / known.sum()
+    gain = np.log(chance) - np.log(plain)
+    return float(gain.mean() / (gain.std() / math.sqrt(len(gain)) + 1e-12))
+
+
+def scored_points(seen: OutcomeObservations) -> Float[np.ndarray, " m"]:
+    """Points [m] that shots did score; of a measured height those of its class."""
+    two, three = seen.borders[4], seen.borders[3]
+    off_m = np.abs(seen.height_m)
+    level = np.where(np.isfinite(seen.classes), seen.classes, np.where(off_m <= three, 2.0, np.where(off_m <= two, 1.0,
+                                                                                                     0.0)))
+    return np.asarray(np.choose(level.astype(int), [0.0, POINTS_TWO, POINTS_THREE]))
+
+
+def _share(low: Float[np.ndarray, "m 2"], high: Float[np.ndarray, "m 2"], one: HoldOut) -> Float[np.ndarray, "m 2"]:
+    """Probability [m, 2] of intervals; of one that ends before it begins: 0."""
+    with np.errstate(invalid="ignore"):
+        share = (ndtr((high - one.mean_m[:, None]) / one.sd_m[:, None])
+                 - ndtr((low - one.mean_m[:, None]) / one.sd_m[:, None]))
+    return np.where(low < high, np.maximum(np.nan_to_num(share), 0.0), 0.0)
+
+
+def _within(half_m: float, one: HoldOut) -> Float[np.ndarray, " m"]:
+    return np.asarray(ndtr((half_m - one.mean_m) / one.sd_m) - ndtr((-half_m - one.mean_m) / one.sd_m))
+
+
+LEAST_SHARE = 0.02                          # share of the probability below which a name has no part
+AVERAGE_STEPS = 8
+ENOUGH = 1e-3                         # of what is left between both, that a step must take away
+FAITH = 0.1                           # weight of the prior about the averaged numbers: it decides between names alike
+
+
+@dataclass(frozen=True)
+class Mixed:
+    """share: {column: probability} of the names that have a part, likeliest first; the rest is nothing's, or too
+    little. evidence: of all of them and all shared columns at once, where they forecast the average."""
+
+    share: dict[str, float]
+    evidence: ScoreTable
+
+
+def mixed(step: Step) -> Mixed | None:
+    """None where one name stands alone, and where no heights are forecast."""
+    naming = step.naming
+    if naming.probability[naming.leader] >= SURE or step.fitted.evidence.plane is None:
+        return None
+    share = shares(naming)
+    layout = only_shared(step.fitted.layout, tuple(share))
+    start, wanted = _average(step, layout, share)
+    spot = moved(layout, step.fitted.spot, start - _point(step.fitted.evidence, layout))
+    return None if wanted is None else Mixed(share, _come_near(step, layout, spot, start, wanted))
+
+
+def shares(naming: Naming) -> dict[str, float]:
+    """Probability of each name that was refitted, where no effect is a priori as likely as all names together; those
+    with a part, likeliest first."""
+    nats = {name: naming.nats[name] for name in naming.refits}
+    nothing = np.log(sum(candidate.visible for candidate in naming.candidates))
+    top = max(nothing, *nats.values())
+    whole = np.exp(nothing - top) + sum(np.exp(value - top) for value in nats.values())
+    share = {name: float(np.exp(value - top) / whole) for name, value in nats.items()}
+    return {name: value for name, value in sorted(share.items(), key=lambda item: -item[1]) if value >= LEAST_SHARE}
+
+
+def _average(step: Step, layout: ParameterLayout,
+             share: dict[str, float]) -> tuple[Float[Array, " P"], PlaneScores | None]:
+    """(all numbers [P], each name's as far as it is likely; the average forecast, if there is one)."""
+    point = (1.0 - sum(share.values())) * _point(step.fitted.evidence, layout)
+    null = step.fitted.evidence.plane
+    assert null is not None
+    mean, flown = (1.0 - sum(share.values())) * null.mean_m, null.mean_m > FAR_BELOW_M
+    for name, value in share.items():
+        evidence = step.naming.refits[name].evidence
+        point = point + value * _point(evidence, layout)
+        if evidence.plane is None or not np.array_equal(evidence.plane.rows, null.rows):
+            return point, None
+        mean, flown = mean + value * evidence.plane.mean_m, flown & (evidence.plane.mean_m > FAR_BELOW_M)
+    return point, replace(null, mean_m=np.where(flown, mean, np.nan))
+
+
+def _point(evidence: ScoreTable, layout: ParameterLayout) -> Float[Array, " P"]:
+    """The layout's numbers [P] as that evidence has them; zero for a name that it has not put in."""
+    shared = zip(evidence.columns[evidence.first_shared:], evidence.point[evidence.first_shared:], strict=True)
+    known = {column.name: float(value) for column, value in shared}
+    return np.array([known.get(column.name, 0.0) for column in layout.columns])
+
+
+def _come_near(step: Step, layout: ParameterLayout, spot: LinearizationPoint,
+               start: Float[Array, " P"], wanted: PlaneScores) -> ScoreTable:
+    """Gauss-Newton steps of all numbers except scatters and random effects of balls, as long as they reduce the rest.
+    """
+    free = np.flatnonzero(layout.source >= 0)
+    prior = FAITH * layout.precision[np.ix_(free, free)]
+    evidence = linearise(step.fitted.intake, layout, spot)[0]
+    slope, gap, off = _left(evidence, wanted, free, start)
+    left = gap @ gap + off @ prior @ off
+    for _ in range(AVERAGE_STEPS):
+        change = np.zeros(len(layout.columns))
+        change[free] = np.linalg.lstsq(slope.T @ slope + prior, slope.T @ gap + prior @ off, rcond=None)[0]
+        there = moved(layout, spot, change)
+        tried = linearise(step.fitted.intake, layout, there)[0]
+        slope, gap, off = _left(tried, wanted, free, start)
+        now = gap @ gap + off @ prior @ off
+        if not now < (1.0 - ENOUGH) * left:
+            break
+        spot, evidence, left = there, tried, now
+    return evidence
+
+
+def _left(evidence: ScoreTable, wanted: PlaneScores, free: Int[Array, " free"], start: Float[Array, " P"]) -> tuple[
+        Float[Array, "m free"], Float[Array, " m"], Float[Array, " free"]]:
+    """(slopes [m, free] and what is missing [m] of the heights that are wanted, in the launch's own scatter; how far
+    the numbers are from the averaged ones [free])."""
+    plane = evidence.plane
+    assert plane is not None
+    kept = np.isfinite(wanted.mean_m) & (plane.mean_m > FAR_BELOW_M)
+    missing = (wanted.mean_m - plane.mean_m)[kept] / wanted.spread_m[kept]
+    return plane.by_column[kept][:, free] / wanted.spread_m[kept, None], missing, (start - evidence.point)[free]
+
+
+MOST_CURVES = 3                              # curves
+BEFORE = frozenset(("distance_m", "hood_deg", "motor_ratio", *LAUNCH_STATE))
+HALF = 0.5
+UNABLE = "no simulation of single shots can hold the unexplained effect"
+APART = ("scatter.", "curve.")        # columns that are not coefficients, beside those of a tracker's errors
+
+
+@dataclass(frozen=True)
+class Freed:
+    """`term` with `values` holds the curve; fitted: with its points among the shared columns; evidence: these and the
+    other shared ones alone; `said` in short. beside: the step's name that was put in before it, if any."""
+
+    term: str
+    values: dict[str, float]
+    curve: Curve
+    fitted: BaselineFit
+    evidence: ScoreTable
+    said: str
+    beside: str = ""
+
+
+def all_freed(step: Step, search: Search) -> tuple[tuple[Freed, ...], str]:
+    """(curves of the unexplained step, then of the misfit beside them, each clearly better on unseen shots; why one was
+    left out, if it was).
+
+    Left out: beside which a coefficient comes to the end of what is possible; which explains nothing once it is flown;
+    an effect that no simulation of single shots can hold (two covariates together; a launch to one side, on which no
+    height depends); a second curve of the same thing. Without tracks also the first where it is not clearly better on
+    unseen shots, and any other: outcomes let a curve follow chance (of fourteen ten forecast another session worse).
+    """
+    fitted, correction = _likeliest(step)
+    if correction is None:
+        return (), ""
+    beside = step.change is not None and bool(step.change.names)       # its posterior has been compared with a pair's
+    if not fitted.intake.filmed and not (correction.gain.sum() > 0.0 if beside else clearly(
+            correction.gain, fitted)):
+        return (), "the free curve is not clearly better on unseen shots"
+    found: list[Freed] = []
+    while correction is not None and len(found) < MOST_CURVES:
+        foreseeable = _foreseeable(fitted, correction, search)
+        others = () if foreseeable is correction else (correction,)
+        one, why = _first_possible(fitted, (foreseeable, *others))
+        if one is None:
+            return tuple(found), "" if found and why == UNABLE else why
+        found.append(one if found or step.change is None else replace(one, beside="".join(step.change.names)))
+        fitted = one.fitted
+        correction = _what_is_left(fitted, search) if fitted.intake.filmed else None
+    return tuple(found), ""
+
+
+def _likeliest(step: Step) -> tuple[BaselineFit, Correction | None]:
+    """(the fit, with the name beside which the likeliest change stands; that change, else the one that was found)."""
+    change, fitted = step.change, step.fitted
+    if change is None or change.family is None:
+        return fitted, None if step.place is None else step.place.correction
+    if change.names:
+        fitted = promote(fitted, step.naming.refits[change.names[0]])
+    column = fitted.evidence.index(change.family.column)
+    return fitted, correct(fitted.evidence, Test(FREE, column, change.family.what, "smooth",
+                                                 np.ones(len(fitted.evidence.rows))))
+
+
+def _first_possible(fitted: BaselineFit, corrections: tuple[Correction, ...]) -> tuple[Freed | None, str]:
+    """(the first of them that may be believed, why the last one may not)."""
+    why = ""
+    for correction in corrections:
+        one = freed(fitted, correction)
+        if one is None:
+            why = UNABLE
+        elif beyond := _impossible(one):
+            why = f"beside the free curve {', '.join(beyond)} would be impossible"
+        elif one.evidence.log_score.sum() <= fitted.evidence.log_score.sum():
+            why = "the free curve explains nothing once it is flown"
+        else:
+            return one, ""
+    return None, why
+
+
+def _foreseeable(fitted: BaselineFit, correction: Correction, search: Search) -> Correction:
+    """The same change over what is known before a shot, if that gains half as much on unseen shots: a curve over what
+    the shot itself did to the wheels counts with its mean in every forecast."""
+    what = correction.test.what
+    if not isinstance(what, Covariate):
+        return correction
+    if BEFORE & set(what.names):
+        return replace(correction, test=replace(correction.test, what=what.led_by(BEFORE)))
+    asked = search.ask(fitted)
+    gain = judge_left(asked, search.seed).gain
+    others = [k for k, test in enumerate(asked.tests) if test.column == correction.test.column
+              and isinstance(test.what, Covariate) and BEFORE & set(test.what.names)]
+    if not others:
+        return correction
+    test = asked.tests[max(others, key=lambda k: gain[k])]
+    assert isinstance(test.what, Covariate)
+    other = correct(fitted.evidence, replace(test, what=test.what.led_by(BEFORE)))
+    return other if other.gain.sum() >= HALF * correction.gain.sum() else correction
+
+
+def freed(fitted: BaselineFit, correction: Correction) -> Freed | None:
+    """None for what cannot be taken."""
+    column = fitted.evidence.columns[correction.test.column]
+    taken, curve = term_of(column, fitted.layout), _curve(correction)
+    if taken is None or curve is None:
+        return None
+    curve, whole, evidence = _fly(fitted, correction, *taken, curve)
+    goes = f" by {curve.covariate}" if curve.covariate else ""
+    return Freed(*taken, curve, whole, evidence, f"{column.name}{goes}")
+
+
+def _impossible(free: Freed) -> list[str]:
+    values = zip(free.evidence.columns, map(float, free.evidence.point), strict=True)
+    among = free.fitted.layout.chain.catalogue
+    return out_of_range({column.name: value for column, value in values if column.kind == "shared"
+                         and not column.name.startswith(APART) and not is_tracker(column, among)}, among)
+
+
+def _what_is_left(fitted: BaselineFit, search: Search) -> Correction | None:
+    """The free change that explains most of what is left beyond chance, of those that a curve can take."""
+    left = search.left(fitted)
+    if left is None:
+        return None
+    asked, judged = left
+    able = np.array([k for k, test in enumerate(asked.tests) if test.family == FREE and _can(fitted, test)], dtype=int)
+    if not len(able):
+        return None
+    best = able[judged.gain[able].argmax()]      # not the plainest: what it leaves would be found again
+    correction = correct(fitted.evidence, asked.tests[best])
+    return correction if clearly(correction.gain, fitted) else None
+
+
+def _can(fitted: BaselineFit, test: Test) -> bool:
+    return term_of(fitted.evidence.columns[test.column], fitted.layout) is not None
+
+
+def _fly(fitted: BaselineFit, correction: Correction, term: str, values: dict[str, float],
+         curve: Curve) -> tuple[Curve, BaselineFit, ScoreTable]:
+    """(the curve, all, shared evidence) where the simulation that has both fits best."""
+    by = curve.by(_columns(correction), len(fitted.intake.rows))
+    intake, layout, top, evidence = climb_with(fitted, term, values, curve, by)
+    found = curve.moved({key: float(evidence.point[k]) for k, key in enumerate(curve.fitted)})
+    if curve.covariate:
+        found = found.moved({curve.keys[-1]: float(by.mean(0) @ found.points)})
+    return found, BaselineFit(intake, layout, top, linearise(intake, layout, top)[0]), evidence
+
+
+def _columns(correction: Correction) -> dict[str, Any]:
+    """The covariate of each of the evidence's shots, by name."""
+    what, rows = correction.test.what, correction.evidence.rows
+    if isinstance(what, Covariate):
+        return {what.name: what.values[rows]}
+    return {what.name: [what.levels[code] if code >= 0 else "" for code in what.codes[rows]]} if isinstance(
+        what, Factor) else {}
+
+
+def _curve(correction: Correction) -> Curve | None:
+    what, amplitude = correction.test.what, correction.amplitude
+    rows, otherwise = correction.evidence.rows, float(correction.amplitude.mean())
+    if what is None:
+        return Curve((), otherwise)
+    if isinstance(what, Factor):
+        codes = what.codes[rows]
+        seen = [k for k in range(len(what.levels)) if (codes == k).any()]
+        return Curve(tuple(float(amplitude[codes == k][0]) for k in seen), otherwise, what.name,
+                     levels=tuple(what.levels[k] for k in seen))
+    if isinstance(what, CovariatePair) or not isinstance(what, Covariate):
+        return None
+    return _spline(what, rows, amplitude, otherwise)
+
+
+def _spline(what: Covariate, rows: Int[Array, " n"], amplitude: Float[Array, " n"], otherwise: float) -> Curve:
+    """Values at the fit's own knots: between them the fit is that very spline."""
+    x = what.values[rows]
+    said = np.isfinite(x)
+    knots = spline_knots(x[said])
+    value = np.linalg.lstsq(natural(knots, x[said]), amplitude[said], rcond=None)[0]
+    return Curve(tuple(map(float, value)), otherwise, what.name, at=tuple(map(float, knots)),
+                 low=float(x[said].min()), high=float(x[said].max()))

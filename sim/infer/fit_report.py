@@ -1,0 +1,265 @@
+"""What a fit tells: its numbers, those that cannot be told apart, and how well outcomes are predicted, as text."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from truearc.sim.infer.fit import MapFit, Sought
+from truearc.sim.infer.forecast import forecast
+from truearc.sim.infer.intervals import ProfileInterval
+from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, say_few
+from truearc.sim.infer.likelihood.layout import LinearizationPoint
+from truearc.sim.infer.likelihood.linearization import linearise
+from truearc.sim.infer.likelihood.noise import UNMEASURED_M
+from truearc.sim.infer.likelihood.observations import class_chances
+from truearc.sim.infer.likelihood.score_table import ScoreTable, fit_linear
+from truearc.sim.printed import Progress, left_out_lines
+
+CORRELATED = 0.9                      # pairs from here on are named
+SILENT = 0.7                          # a parameter known to more than this share of its prior's sd is the prior's
+
+
+@dataclass(frozen=True)
+class AliasedPair:
+    """Two parameters that this dataset keeps together: it fixes `a` + factor * `b`, to `known_to`, in a's unit."""
+
+    a: str
+    b: str
+    correlation: float
+    factor: float
+    known_to: float
+
+
+@dataclass(frozen=True)
+class Identified:
+    """`share`: of its prior's sd to which each parameter is known. `from_prior`: those that the data hardly touch."""
+
+    pairs: tuple[AliasedPair, ...]
+    share: dict[str, float]
+    from_prior: tuple[str, ...]
+
+
+def identify(fit: MapFit) -> Identified:
+    """Return pairs that the fit keeps together, and how far each parameter is known beyond its prior."""
+    names = fit.names
+    share = {name: float(np.sqrt(fit.covariance[index, index])) for index, name in enumerate(names)}
+    return Identified(_pairs(fit), share, tuple(name for name in names if share[name] > SILENT))
+
+
+def _pairs(fit: MapFit) -> tuple[AliasedPair, ...]:
+    """Pairs with a correlation of at least CORRELATED, strongest first, each with the combination that is fixed."""
+    names, covariance = fit.names, fit.covariance * np.outer(slopes(fit), slopes(fit))
+    sd = np.sqrt(np.diag(covariance))
+    pairs = []
+    for a in range(len(names)):
+        for b in range(a + 1, len(names)):
+            correlation = covariance[a, b] / (sd[a] * sd[b])
+            if abs(correlation) >= CORRELATED:
+                factor = -covariance[a, b] / covariance[b, b]
+                left = covariance[a, a] - covariance[a, b]**2 / covariance[b, b]
+                known_to = float(np.sqrt(max(left, 0.0)))
+                pairs.append(AliasedPair(names[a], names[b], float(correlation), float(factor), known_to))
+    return tuple(sorted(pairs, key=lambda pair: -abs(pair.correlation)))
+
+
+def slopes(fit: MapFit) -> Float[np.ndarray, " p"]:
+    """d value / d (prior standard deviation) [p] at the optimum: from units of the prior to the parameter's own."""
+    return np.array([one.sd * one.slope(float(fit.evidence.point[one.column])) for one in fit.sought])
+
+
+FOLDS = 5
+STEPS = {"distance_m": 0.1, "hood_deg": 1.0, "motor_ratio": 0.01}      # shots within one step are one configuration
+SMOOTH = 1.0                          # shots of each outcome added to the shares that the fit competes with
+
+
+@dataclass(frozen=True)
+class CrossValidation:
+    """Means over shots with an outcome: log score (natural logarithm of the probability given to what happened) and
+    accuracy, by the fit and by the plain shares of outcomes; gain_se is of their paired difference, by groups."""
+
+    shots: int
+    groups: int
+    log_score: float
+    share_log_score: float
+    gain_se: float
+    accuracy: float
+    share_accuracy: float
+
+
+def cross_validate(fit: MapFit, progress: Progress = lambda done, note: None) -> CrossValidation | None:
+    """Five folds of whole groups; None where fewer than two groups have an outcome.
+
+    A group is a session where there are at least five, else a configuration. Predictions are from the configuration
+    alone: neither the exit nor the track of a predicted shot is used.
+    """
+    plane = fit.evidence.plane
+    if plane is None or fit.dataset.facts.target is None:
+        return None
+    group, marked = _groups(fit), plane.rows
+    outcome = np.nan_to_num(plane.seen.classes, nan=-1.0).astype(int)
+    if len(np.unique(group[marked][outcome >= 0])) < 2:
+        return None
+    fold, alone = group % FOLDS, _by_configuration(fit)
+    given_fit, given_share = np.full((2, len(marked), 3), np.nan)
+    for number in range(FOLDS):
+        progress(number / FOLDS, f"fold {number + 1} of {FOLDS}")
+        out = (fold[marked] == number) & (outcome >= 0)
+        if not out.any():
+            continue
+        change = fit_linear(fit.evidence, fold != number)
+        given_fit[out] = class_chances(*alone.heights(np.tile(change, (len(fold), 1))))[out]
+        counts = np.bincount(outcome[(outcome >= 0) & ~out], minlength=3) + SMOOTH
+        given_share[out] = counts / counts.sum()
+    known = outcome >= 0
+    return _summary(outcome[known], given_fit[known], given_share[known], group[marked][known])
+
+
+def _by_configuration(fit: MapFit) -> ScoreTable:
+    """The evidence at the fit had neither exits nor tracks been measured, nor anything of single shots."""
+    intake, layout, spot = fit.fitted.intake, fit.fitted.layout, fit.fitted.spot
+    blind = replace(intake, exits=np.full_like(intake.exits, np.nan), samples=None, scatter=None)
+    still = LinearizationPoint.still(layout, len(intake.rows), spot.values, spot.log_scatter)
+    return linearise(blind, layout, replace(still, effects=spot.effects))[0]
+
+
+def _summary(outcome: Int[np.ndarray, " n"], by_fit: Float[np.ndarray, "n 3"], by_share: Float[np.ndarray, "n 3"],
+             group: Int[np.ndarray, " n"]) -> CrossValidation:
+    rows = np.arange(len(outcome))
+    scores = np.log(by_fit[rows, outcome]), np.log(by_share[rows, outcome])
+    gain = scores[0] - scores[1]
+    names = np.unique(group)
+    sums = np.array([(gain - gain.mean())[group == name].sum() for name in names])
+    return CrossValidation(len(outcome), len(names), float(scores[0].mean()), float(scores[1].mean()),
+                           float(np.sqrt((sums**2).sum()) / len(outcome)),
+                           float((by_fit.argmax(1) == outcome).mean()), float((by_share.argmax(1) == outcome).mean()))
+
+
+def _groups(fit: MapFit) -> Int[np.ndarray, " n"]:
+    """Number of each shot's group: sessions where there are five, else configurations in a mixed order."""
+    shots = fit.dataset.shots.take(fit.evidence.rows)
+    sessions = np.array(shots.text("session"))
+    if len(set(sessions.tolist())) >= FOLDS:
+        return np.unique(sessions, return_inverse=True)[1]
+    columns = [np.round(np.nan_to_num(shots.number(name), nan=-1.0) / step) for name, step in STEPS.items()]
+    number = np.unique(np.column_stack(columns), axis=0, return_inverse=True)[1].ravel()
+    return np.random.default_rng(0).permutation(number.max() + 1)[number]
+
+
+EVIDENCE = {"outcome": "outcomes", "side": "sides (high or low)", "miss_height_m": "measured heights",
+            "exit_speed_m_s": "measured exit speeds", "exit_deg": "measured exit angles",
+            "exit_spin_rev_s": "measured spins", "tracks": "tracks", "times": "times at heights"}
+MISFIT = 1.3                          # times their noise that tracks differ from a fit that lacks something
+NEAREST = 15                          # shots whose median stands for "at this distance"
+
+
+def fit_lines(fit: MapFit, intervals: Sequence[ProfileInterval], holdout: CrossValidation | None) -> list[str]:
+    """The report, line by line; of a fit that did not converge only what was used."""
+    lines = list(say_evidence(fit))
+    if not fit.converged:
+        return lines
+    for title, part in (("what these shots can tell", say_identified(fit)),
+                        ("estimates", say_estimates(intervals, fit.sought)), ("", say_scatter(fit)),
+                        ("", say_prediction(holdout))):
+        told = list(part)
+        lines += [*(["", f"{title}:"] if title and told else []), *told]
+    return lines
+
+
+def say_evidence(fit: MapFit) -> Iterable[str]:
+    """Evidence that was used, and shots that were left out."""
+    intake = fit.fitted.intake
+    used = ", ".join(f"{count} {EVIDENCE[kind]}" for kind, count in intake.used.items())
+    yield f"fitted to {len(intake.rows)} of {len(fit.dataset.shots)} shots: {used}"
+    numbers = dict(zip((one.name for one in fit.evidence.columns), fit.evidence.point, strict=True))
+    wider = numbers.get("scatter.track")
+    if intake.scatter is not None and wider is not None:
+        own_m = dict(zip("xyz", intake.scatter.sigma_m, strict=True))
+        noise = ", ".join(f"{axis} {1000.0 * size:.2g}" for axis, size in own_m.items() if size < UNMEASURED_M)
+        yield (f"tracks differ from this fit by {np.exp(wider):.2g} times their own noise ({noise} mm, as the tracks "
+               "show it)" + ("; something is missing: truearc discover looks for it" if np.exp(wider) > MISFIT else ""))
+    yield from left_out_lines(intake.left_out)
+    if len(intake.rows) < FEWEST_SHOTS:
+        yield f"warning: {say_few(len(intake.rows))}; the estimates below are mostly those believed before"
+    for name, value in fit.at_limit.items():
+        yield (f"warning: {name} stopped at the end of its range, {number_text(value)}: these terms do not explain the "
+               "shots; truearc discover looks for one that does")
+
+
+def say_estimates(intervals: Sequence[ProfileInterval], sought: Iterable[Sought]) -> Iterable[str]:
+    """A line for each parameter: value, 90 % interval, unit, meaning, and what stopped the interval beside the data."""
+    yield "parameter                  value    90 % interval         meaning"
+    fitted = {one.name: one for one in sought}
+    for one in intervals:
+        what = fitted[one.name]
+        factor, unit = (100.0, "%") if what.percent else (1.0, "" if what.unit == "1" else what.unit)
+        numbers = [number_text(factor * part) for part in (one.value, one.low90, one.high90)]
+        line = f"{one.name:24s} {numbers[0]:>8s}    {numbers[1]} to {numbers[2]} {unit}"
+        yield f"{line:57s}  {what.meaning}{_open_ends(one)}"
+    if "drag.cd" in fitted:
+        yield ("the ball's mass and radius and the air's density are taken as stated: 1 % of mass or density is 1 % of "
+               "drag.cd, 1 % of radius 2 %")
+    for one in intervals:
+        if one.name == "magnus.cl" and one.high90 < 0.0:
+            yield ("warning: magnus.cl is below 0, so backspin presses the ball down: make sure of each wheel's "
+                   "clock_deg in rig.toml (0 touches from above, 180 from below), or of the sign of exit_spin_rev_s "
+                   "(backspin is positive); only smooth balls do so")
+        if fitted[one.name].improbable(one.value):
+            yield (f"warning: {one.name} {number_text(one.value)} was believed all but impossible before: it may stand "
+                   "for an effect that these terms lack; truearc discover says whether these shots show one")
+
+
+def number_text(value: float) -> str:
+    """Three digits."""
+    return f"{value:.3g}" if abs(value) < 1000.0 else f"{value:.0f}"
+
+
+def _open_ends(one: ProfileInterval) -> str:
+    if not one.closed:
+        return "; OPEN: the data do not bound it, the end is where the search stopped"
+    sides = [word for word, known in (("low", one.low_by_data), ("high", one.high_by_data)) if not known]
+    return f"; {' and '.join(sides)} end set by the prior, not by these shots" if sides else ""
+
+
+def say_scatter(fit: MapFit) -> Iterable[str]:
+    """Scatter of the height at the target."""
+    shots = fit.dataset.shots.take(fit.evidence.rows)
+    shots = shots.take(np.isfinite(shots.number("distance_m")) & fit.fitted.intake.lanes.rolled)
+    if not len(shots):
+        return
+    middle_m = float(np.median(shots.number("distance_m")))
+    nearest = np.argsort(np.abs(shots.number("distance_m") - middle_m), kind="stable")[:NEAREST]
+    ahead = forecast(fit.dataset.facts, fit.belief, shots.take(nearest))
+    launch, sensor, unknown = (100.0 * float(np.nanmedian(part)) for part in (ahead.launch_m, ahead.sensor_m,
+                                                                            ahead.parameter_m))
+    yield (f"from shot to shot the height at {middle_m:.1f} m varies by {launch:.0f} cm (one standard deviation); what "
+           f"the sensors misjudge adds {sensor:.0f} cm, the uncertainty of this fit {unknown:.0f} cm")
+
+
+def say_identified(fit: MapFit) -> Iterable[str]:
+    """What these shots cannot tell apart, or on their own not at all."""
+    found: Identified = identify(fit)
+    for pair in found.pairs:
+        sign = "+" if pair.factor >= 0.0 else "-"
+        yield (f"{pair.a} and {pair.b} are hard to tell apart: correlation {pair.correlation:.2f}; this dataset fixes "
+               f"{pair.a} {sign} {number_text(abs(pair.factor))} {pair.b}, to {number_text(pair.known_to)}")
+    for name in found.from_prior:
+        yield (f"{name}: these shots say hardly more than was believed before ({found.share[name]:.0%} of the prior's "
+               "standard deviation is left)")
+    if not found.pairs and not found.from_prior:
+        yield "every parameter is fixed by these shots on its own"
+
+
+def say_prediction(score: CrossValidation | None) -> Iterable[str]:
+    """How well outcomes are predicted that the fit did not see."""
+    if score is None:
+        return
+    gain = score.log_score - score.share_log_score
+    yield (f"outcomes of shots held out ({score.shots} in {score.groups} groups): predicted right "
+           f"{score.accuracy:.0%} (always naming the commonest: {score.share_accuracy:.0%}); log score "
+           f"{score.log_score:.3f} per shot (by plain shares: {score.share_log_score:.3f}), gain {gain:.3f} "
+           f"± {score.gain_se:.3f}")
+    if gain <= 0.0:
+        yield ("warning: on shots held out this fit says no more than the plain shares of outcomes; before using it "
+               "make sure of the heights, gears and free speed in rig.toml, and of the outcomes")

@@ -1,0 +1,337 @@
+"""Intervals of fitted numbers: of one fit by profile likelihood, of several fits pooled.
+
+Profile likelihood: how far one parameter can go while all others adjust (Raue et al. 2009).
+
+A Hessian describes the optimum's neighbourhood; a profile walks until the fit has really become worse, and tells
+whether it was the data that stopped it or only the prior. The walk is along the profile adjusted for how sharply the
+others are determined there (Cox and Reid 1987; Laplace's approximation of the marginal posterior): minus log posterior
+plus half the log determinant of the others' curvature. Without it a scatter, fitted beside the coefficients that chase
+the same shots, comes out too small and its interval too short.
+
+Flights are linear about the optimum on the way; at each end so found they are flown again, and the end is put right.
+
+Where a simulation lacks what tracks show, they contradict each other by many times their noise, and no likelihood says
+how far off a parameter is. What shots say of it one by one still does (the sandwich estimate: Huber 1967, White 1982).
+
+Pooling of several rigs or sessions: a hierarchical model of their numbers (Gelman et al. 2013, chapter 5).
+
+The number k of member i is theta_ik ~ N(mu_k, tau_k^2), each on its own scale; what the member's shots say of its
+numbers is normal, as its fit has it, with the fit's prior taken out again. mu has the prior of a single fit, tau a
+half-normal one: members that are sessions of one rig are more alike than rigs are. mu and theta are integrated out;
+tau is drawn from its posterior by Gibbs sampling on a grid that its prior holds equally likely.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.optimize import brentq, minimize_scalar
+from scipy.stats import halfnorm
+
+from truearc.errors import InputError
+from truearc.sim.infer.belief import launcher_of
+from truearc.sim.infer.fit import MapFit, Sought, climb, limits_of, moved
+from truearc.sim.infer.likelihood.layout import MOVES, own_slope
+from truearc.sim.infer.likelihood.noise import WEAKER
+from truearc.sim.infer.likelihood.score_table import ScoreTable, fit_linear, log_posterior
+from truearc.sim.statistics import Z90
+
+WIDEST = 8.0                          # prior standard deviations from the optimum; further is open
+GROWTH = 1.5                          # of a step that has not yet come to the end
+NEARBY = 1.5                          # standard errors, in which the adjusted optimum is looked for
+TOLERANCE = 0.02                      # of Z90, in which an end is accepted
+PUT_RIGHT = 4                         # flights at most
+KNOWN = 0.7                           # of the prior's deviation, below which most of what is known is by data
+BEYOND = 1.5                          # times the deviation by the likelihood, from which that by the shots counts
+MOST_PUT_RIGHT = 2.0                  # factor by which flying again may move an end
+
+
+@dataclass(frozen=True)
+class ProfileInterval:
+    """90 % interval of one parameter in its own unit.
+
+    `low_by_data`, `high_by_data`: most of what stopped the walk on that side is data, not prior or the end of the
+    parameter's range. closed False: an end was never reached, and is where the walk stopped.
+    """
+
+    name: str
+    value: float
+    low90: float
+    high90: float
+    low_by_data: bool
+    high_by_data: bool
+    closed: bool
+
+
+class _Held(NamedTuple):
+    """The others at their best with the parameter held: adjusted cost in nats, their change, and the prior's share."""
+
+    cost: float
+    change: Float[np.ndarray, " P"]
+    by_prior: float
+
+
+class _Profile:
+    """Of one parameter, as a function of how far its column is from the optimum."""
+
+    def __init__(self, fit: MapFit, one: Sought) -> None:
+        self.fit, self.one = fit, one
+        self.free: Bool[np.ndarray, " P"] = np.arange(len(fit.evidence.columns)) != one.column
+        self.train = np.full(len(fit.evidence.rows), True)
+        covariance = fit.evidence.covariance
+        self.se = float(np.sqrt(covariance[one.column, one.column]))
+        self.ridge = covariance[:, one.column] / covariance[one.column, one.column]
+        point = float(fit.evidence.point[one.column])
+        low, high = limits_of(fit.fitted.layout, one.column)
+        self.limits = low - point, high - point
+        found = minimize_scalar(lambda step: self.at(step).cost, method="bounded", options={"xatol": 0.02 * self.se},
+                                bounds=(max(-NEARBY * self.se, self.limits[0]), min(NEARBY * self.se, self.limits[1])))
+        best = min((0.0, float(found.x)), key=lambda step: self.at(step).cost)
+        self.middle, self.ground = best, self.at(best)
+
+    def at(self, step: float) -> _Held:
+        """With flights linear about the optimum."""
+        evidence = self.fit.evidence
+        change = fit_linear(evidence, self.train, self.ridge * step, self.free)
+        info = evidence.deal.total(evidence.slopes_at(np.tile(change, (len(self.train), 1)))[1])
+        return self._held(-log_posterior(evidence, change, self.train), info, change)
+
+    def flown(self, change: Float[np.ndarray, " P"]) -> _Held:
+        """With flights from there, the others at their best again."""
+        fitted = self.fit.fitted
+        scatters = [column for column in fitted.layout.scatters if column >= 0]
+        spot, parts = fitted.spot, int(np.ceil(np.abs(change[scatters]).max(initial=1.0)))
+        for _ in range(parts):        # a scatter's logarithm moves by 1 at most at a time
+            spot = moved(fitted.layout, spot, change / parts)
+        _, evidence = climb(fitted.intake, fitted.layout, spot, held=~self.free)
+        found = evidence.point - self.fit.evidence.point
+        lost = self._value(self.fit.evidence) - self._value(evidence)
+        return self._held(lost, evidence.information, found)
+
+    def _value(self, evidence: ScoreTable) -> float:
+        off = evidence.point - self.fit.fitted.layout.centre
+        return float(evidence.log_score.sum() - 0.5 * off @ evidence.precision @ off)
+
+    def _held(self, lost: float, info: Float[np.ndarray, "P P"], change: Float[np.ndarray, " P"]) -> _Held:
+        evidence = self.fit.evidence
+        others = (info + evidence.precision)[self.free][:, self.free]
+        by_prior = float(0.5 * change @ evidence.precision @ change - evidence.pull @ change)
+        return _Held(lost + 0.5 * float(np.linalg.slogdet(others)[1]), change, by_prior)
+
+    def root(self, held: _Held) -> float:
+        return float(np.sqrt(2.0 * max(held.cost - self.ground.cost, 0.0)))
+
+    def end(self, sign: float) -> tuple[float, bool, bool]:
+        """(step of the end on one side, closed by data, closed)."""
+        limit = self.limits[sign > 0.0]
+        most = sign * min(abs(limit), WIDEST * self.one.sd)
+        inside, step = self.middle, self.middle + sign * Z90 * self.se
+        while abs(step) < abs(most) and self.root(self.at(step)) < Z90:
+            inside, step = step, self.middle + GROWTH * (step - self.middle)
+        if abs(step) >= abs(most):
+            step = most
+            if self.root(self.at(step)) < Z90:
+                return step, False, abs(limit) < WIDEST * self.one.sd
+        linear = float(brentq(lambda place: self.root(self.at(place)) - Z90, inside, step, xtol=1e-3 * self.se))
+        exact, held = linear, self.at(linear)
+        for _ in range(PUT_RIGHT):
+            root = self.root(self.flown(self.at(exact).change))
+            if abs(root - Z90) < TOLERANCE * Z90:
+                break
+            right = float(np.clip(Z90 / max(root, 1e-9), 1.0 / MOST_PUT_RIGHT, MOST_PUT_RIGHT))
+            exact = sign * min(sign * (self.middle + (exact - self.middle) * right), sign * limit)
+        lost = held.cost - self.ground.cost
+        by_data = lost - (held.by_prior - self.ground.by_prior) > 0.5 * lost
+        return exact, by_data, True
+
+
+def profile_interval(fit: MapFit, name: str) -> ProfileInterval:
+    """The profile interval of one fitted parameter; with tracks, which make it normal, by the information, or by how
+    shots differ where they contradict each other."""
+    one = fit.sought[fit.names.index(name)]
+    point = float(fit.evidence.point[one.column])
+    if fit.fitted.intake.filmed:
+        by_model, by_shots = deviations(fit, one.column)
+        sd = by_shots if by_shots > BEYOND * by_model else by_model
+        least, most = limits_of(fit.fitted.layout, one.column)
+        low, high = max(point - Z90 * sd, least), min(point + Z90 * sd, most)
+        by_data = bool(by_model < KNOWN * one.sd)
+        return ProfileInterval(name, one.value(point), one.value(low), one.value(high), by_data and low > least,
+                               by_data and high < most, True)
+    walk = _Profile(fit, one)
+    low, low_data, low_closed = walk.end(-1.0)
+    high, high_data, high_closed = walk.end(1.0)
+    return ProfileInterval(name, one.value(point), one.value(point + low), one.value(point + high), low_data, high_data,
+                           low_closed and high_closed)
+
+
+def deviations(fit: MapFit, column: int) -> tuple[float, float]:
+    """Standard deviations of a column: by the information, and by how scores differ between shots, or between balls."""
+    evidence = fit.evidence
+    covariance = evidence.covariance
+    together = fit.fitted.together
+    score = np.zeros((together.max() + 1, len(evidence.columns)))
+    np.add.at(score, together, evidence.score)
+    return float(np.sqrt(covariance[column, column])), float(np.linalg.norm(score @ covariance[column]))
+
+
+def deviance_at(fit: MapFit, name: str, value: float) -> float:
+    """Twice the adjusted log posterior lost with one parameter held at `value`; at most 2.706 inside its interval."""
+    one = fit.sought[fit.names.index(name)]
+    walk = _Profile(fit, one)
+    there = walk.flown(walk.at(one.at(value) - float(fit.evidence.point[one.column])).change)
+    return 2.0 * (there.cost - walk.ground.cost)
+
+
+GRID = 40                             # sizes of each tau, equally likely a priori
+SWEEPS, BURN = 600, 100               # of Gibbs sampling
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Said:
+    """What shots of several members say of numbers [k] on their scales, as normal densities without a prior.
+
+    information [m, k, k] and onto [m, k], which is information times the most likely numbers; a member that has no such
+    number has zeros there. centre, sd [k]: the prior of what they have in common. spread [k]: standard deviation of
+    the half-normal prior of tau.
+    """
+
+    information: Float[Array, "m k k"]
+    onto: Float[Array, "m k"]
+    centre: Float[Array, " k"]
+    sd: Float[Array, " k"]
+    spread: Float[Array, " k"]
+
+
+@dataclass(frozen=True, eq=False)
+class Pooling:
+    """Draws of the posterior.
+
+    tau [d, k]; mean [d, k] and covariance [d, k, k] of mu by each draw of tau; own [m, k] and own_sd [m, k]: each
+    member's numbers given all members.
+    """
+
+    tau: Float[Array, "d k"]
+    mean: Float[Array, "d k"]
+    covariance: Float[Array, "d k k"]
+    own: Float[Array, "m k"]
+    own_sd: Float[Array, "m k"]
+
+    @property
+    def common(self) -> tuple[Float[Array, " k"], Float[Array, "k k"]]:
+        """(mean, covariance) of what the members have in common."""
+        return self.mean.mean(0), self.covariance.mean(0) + np.cov(self.mean.T).reshape(self.covariance.shape[1:])
+
+    @property
+    def next_one(self) -> Float[Array, "k k"]:
+        """The covariance of the numbers of a member that was not there."""
+        return self.common[1] + np.diag((self.tau**2).mean(0))
+
+
+def pool_normal(said: Said, seed: int = 0) -> Pooling:
+    """Pool what the members' shots say; the same seed gives the same draws."""
+    rng = np.random.default_rng(seed)
+    grid = halfnorm.ppf((np.arange(GRID) + 0.5) / GRID) * said.spread[:, None]
+    tau, kept = np.median(grid, axis=1), []
+    for sweep in range(BURN + SWEEPS):
+        for k, sizes in enumerate(grid):
+            tried = np.tile(tau, (GRID, 1))
+            tried[:, k] = sizes
+            value = _marginal(said, tried)[0]
+            share = np.exp(value - value.max())
+            tau[k] = sizes[rng.choice(GRID, p=share / share.sum())]
+        if sweep >= BURN:
+            kept.append(tau.copy())
+    draws = np.array(kept)
+    _, mean, covariance = _marginal(said, draws)
+    return Pooling(draws, mean, covariance, *_own(said, draws, mean, covariance))
+
+
+def _marginal(said: Said, tau: Float[Array, "d k"]) -> tuple[Float[Array, " d"], Float[Array, "d k"],
+                                                              Float[Array, "d k k"]]:
+    """(log evidence up to a constant, mean and covariance of mu) by each of the `tau`."""
+    one = np.eye(len(said.centre))
+    inner = one + said.information * (tau**2)[:, None, None, :]
+    solved = np.linalg.solve(inner, np.concatenate([said.information, said.onto[..., None]], axis=2)[None])
+    precision = solved[..., :-1].sum(1) + np.diag(said.sd**-2.0)
+    pull = solved[..., -1].sum(1) + said.centre / said.sd**2
+    within = np.einsum("mk,dk,dmk->d", said.onto, tau**2, solved[..., -1])
+    mean = np.linalg.solve(precision, pull[..., None])[..., 0]
+    value = 0.5 * (within + (pull * mean).sum(1) - np.linalg.slogdet(precision)[1]
+                   - np.linalg.slogdet(inner)[1].sum(1))
+    return value, mean, np.linalg.inv(precision)
+
+
+def _own(said: Said, tau: Float[Array, "d k"], mean: Float[Array, "d k"],
+         covariance: Float[Array, "d k k"]) -> tuple[Float[Array, "m k"], Float[Array, "m k"]]:
+    """Mean and standard deviation of each member's own numbers."""
+    means, deviations = [], []
+    for information, onto in zip(said.information, said.onto, strict=True):
+        narrow = np.linalg.inv(np.eye(len(onto)) + tau[:, :, None]**2 * information)     # shrinks toward mu
+        here = np.einsum("dij,dj->di", narrow, mean + tau**2 * onto)
+        there = narrow * (tau**2)[:, None, :] + narrow @ covariance @ np.swapaxes(narrow, 1, 2)
+        means.append(here.mean(0))
+        deviations.append(np.sqrt(np.diagonal(there, axis1=1, axis2=2).mean(0) + here.var(0)))
+    return np.array(means), np.array(deviations)
+
+
+def said_by(fits: Sequence[MapFit]) -> tuple[tuple[str, ...], Said]:
+    """(names, what each fit's shots say); InputError where the fits are of different terms or have no number."""
+    for fit in fits[1:]:
+        if set(fit.terms) != set(fits[0].terms):
+            raise InputError(f"{fit.dataset.name} is fitted with {', '.join(fit.terms)}, {fits[0].dataset.name} with "
+                             f"{', '.join(fits[0].terms)}; pool fits of the same terms")
+    names = tuple(dict.fromkeys(name for fit in fits for name in fit.belief.names))
+    if not names:
+        raise InputError(f"{', '.join(fit.dataset.name for fit in fits)}: these terms have no number that is fitted; "
+                         "nothing to pool")
+    k = len(names)
+    information, onto = np.zeros((len(fits), k, k)), np.zeros((len(fits), k))
+    centre, sd = np.zeros(k), np.ones(k)
+    for number, fit in enumerate(fits):
+        belief = fit.belief
+        place = [names.index(name) for name in belief.names]
+        centre[place], sd[place] = _prior(fit)
+        whole = np.linalg.inv(belief.covariance)
+        alone = _positive(whole - np.diag(sd[place]**-2.0))
+        likeliest = np.linalg.pinv(alone, hermitian=True) @ (whole @ belief.values() - centre[place] / sd[place]**2)
+        wider = _wider(fit)
+        alone /= np.outer(wider, wider)
+        information[number][np.ix_(place, place)], onto[number, place] = alone, alone @ likeliest
+    return names, Said(information, onto, centre, sd, sd / WEAKER * (MOVES if one_rig(fits) else 1.0))
+
+
+def one_rig(fits: Sequence[MapFit]) -> bool:
+    """Whether ball and wheels of all are the same."""
+    return all(launcher_of(fit.dataset.rig) == launcher_of(fits[0].dataset.rig) for fit in fits)
+
+
+def _wider(fit: MapFit) -> Float[Array, " p"]:
+    """How many times as far off as the likelihood says the belief's numbers are, by how tracked shots contradict each
+    other: as the fit's own intervals have it."""
+    known = {one.name: one.column for one in fit.sought}
+    by_model, by_shots = np.array([deviations(fit, known[name]) for name in fit.belief.names]).T
+    return np.where(fit.fitted.intake.filmed & (by_shots > BEYOND * by_model), by_shots / by_model, 1.0)
+
+
+def _prior(fit: MapFit) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
+    """(centre, standard deviation) of the belief's numbers on their scales, as the fit had them."""
+    known = {one.name: one for one in fit.sought}
+    centre, sd = [], []
+    for name, number in zip(fit.belief.names, fit.belief.values(), strict=True):
+        one = known[name]
+        at = float(fit.evidence.point[one.column])
+        slope = own_slope(fit.evidence.columns[one.column].name, at, fit.catalogue)
+        centre.append(number + (one.centre - at) / slope)
+        sd.append(one.sd / abs(slope))
+    return np.array(centre), np.array(sd)
+
+
+def _positive(matrix: Float[Array, "p p"]) -> Float[Array, "p p"]:
+    """Without what rounding made negative."""
+    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    kept: Array = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    return kept

@@ -1,1 +1,0 @@
-"""Plausibility of a dataset before inference."""

@@ -1,1 +1,0 @@
-"""Terms of the arrival stage: the target's opening."""

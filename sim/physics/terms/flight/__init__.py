@@ -1,1 +1,0 @@
-"""Terms of the flight stage: air and forces."""

@@ -1,1 +1,0 @@
-"""Terms of the launch stage: how the wheels send the ball off."""

@@ -1,1 +1,0 @@
-"""Terms of the sensing stage: what sensors and trackers read."""

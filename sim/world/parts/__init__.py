@@ -1,1 +1,0 @@
-"""Mechanical and electrical parts of the MuJoCo world."""

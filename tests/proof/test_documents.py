@@ -1,0 +1,200 @@
+"""Seals and claims: what is committed to, and what is read of it."""
+
+import hashlib
+from pathlib import Path
+
+import msgspec
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from truearc.errors import InputError
+from truearc_proof.rounds.committer import Reading, asked_of
+from truearc_proof.rounds.documents import (
+    INSTRUMENTS_1,
+    SCHEMA,
+    SCHEMA_1,
+    canonical,
+    check_data,
+    load_claims,
+    load_seal,
+    make_seal,
+    save_seal,
+)
+from truearc_proof.rounds.ledger import FIRST, Room, append, committed, digest, read_ledger
+from truearc_proof.scoring.score_finding import names_ranked, said_set, said_stage
+from truearc_proof.worlds.instruments import TOOLS
+
+PLAIN = st.recursive(st.none() | st.booleans() | st.integers(-10**9, 10**9) | st.text(max_size=8)
+                     | st.floats(allow_nan=False, allow_infinity=False),
+                     lambda inner: (st.lists(inner, max_size=3)
+                                    | st.dictionaries(st.text(max_size=5), inner, max_size=3)), max_leaves=8)
+WORLDS = st.dictionaries(st.text(max_size=5), PLAIN, max_size=4)
+# World w0018 of the published round 4 at L0, its lists shortened; ASKED is in that round's ledger.
+PUBLISHED = Path(__file__).with_name("claims1.json")
+ASKED = "3f66705ec50e11c100c32563769081bd87463a21f8854c2f1beba462bc154379"
+
+
+@given(WORLDS)
+def test_canonical_text_is_the_same_for_the_same_world(world):
+    turned = dict(reversed(world.items()))
+    assert canonical(world) == canonical(turned)
+    assert msgspec.json.decode(canonical(world)) == world
+
+
+def test_canonical_text_is_json_as_anybody_would_hash_it():
+    assert canonical({"b": 0.1, "a": [1, None, "ü"]}) == b'{"a":[1,null,"\\u00fc"],"b":0.1}'
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        canonical({"a": float("nan")})
+
+
+@settings(max_examples=25)
+@given(WORLDS, st.binary(min_size=32, max_size=32))
+def test_a_seal_comes_back_from_disk_with_its_commitment(tmp_path_factory, world, salt):
+    folder = tmp_path_factory.mktemp("seal")
+    (folder / "data").mkdir()
+    (folder / "data" / "shots.csv").write_bytes(b"1,2\n")
+    seal = make_seal(world, "numpy 1", folder / "data", salt)
+    save_seal(folder / "seal.json", seal)
+    again = load_seal(folder / "seal.json")
+    assert again == seal
+    assert again.commitment == seal.commitment
+    assert seal.data == {"shots.csv": hashlib.sha256(b"1,2\n").hexdigest()}
+
+
+def test_another_salt_another_commitment(tmp_path):
+    one, other = (make_seal({"effects": {}}, "numpy 1", tmp_path) for _ in range(2))
+    assert len(bytes.fromhex(one.salt)) == 32
+    assert one.commitment != other.commitment
+
+
+@settings(max_examples=60)
+@given(st.data())
+def test_any_changed_byte_of_the_data_is_found_and_its_file_named(tmp_path_factory, data):
+    folder = tmp_path_factory.mktemp("data")
+    files = {"rig.toml": b"[ball]\n", "shots.csv": b"a,b\n1,2\n", "more/tracks.csv": b"x\n"}
+    for name, text in files.items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_bytes(text)
+    seal = make_seal({}, "numpy 1", folder)
+    assert check_data(seal, folder) == []
+    name = data.draw(st.sampled_from(sorted(files)))
+    text = bytearray(files[name])
+    text[data.draw(st.integers(0, len(text) - 1))] ^= data.draw(st.integers(1, 255))
+    (folder / name).write_bytes(text)
+    (problem,) = check_data(seal, folder)
+    assert str(folder / name) in problem
+
+
+def test_missing_and_added_files_are_named(tmp_path):
+    (tmp_path / "a").write_bytes(b"1")
+    seal = make_seal({}, "numpy 1", tmp_path)
+    (tmp_path / "a").rename(tmp_path / "b")
+    missing, added = check_data(seal, tmp_path)
+    assert "missing" in missing and str(tmp_path / "a") in missing
+    assert "not among" in added and str(tmp_path / "b") in added
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"world": {}}',
+                                  '{"world": {}, "maker": "x", "data": {}, "salt": "", "y": 1}',
+                                  '{"world": {"a": 1e999}, "maker": "x", "data": {}, "salt": ""}'])
+def test_what_is_no_seal_is_refused(tmp_path, text):
+    (tmp_path / "seal.json").write_text(text)
+    with pytest.raises(InputError, match=r"seal\.json"):
+        load_seal(tmp_path / "seal.json")
+
+
+def make_ledger(path: Path) -> list[bytes]:
+    for world in ("w1", "w2"):
+        for step in ("sealed", "claimed", "opened", "graded"):
+            append(path, step, world, hashlib.sha256(f"{world} {step}".encode()).hexdigest())
+    return path.read_bytes().split(b"\n")[:-1]
+
+
+def test_a_ledger_is_a_chain_of_hashes(tmp_path):
+    lines = make_ledger(tmp_path / "ledger.jsonl")
+    entries = read_ledger(tmp_path / "ledger.jsonl")
+    assert [entry.number for entry in entries] == list(range(1, 9))
+    assert [entry.before for entry in entries] == [FIRST, *(hashlib.sha256(line).hexdigest() for line in lines[:-1])]
+    assert committed(entries, "w2")["claimed"] == hashlib.sha256(b"w2 claimed").hexdigest()
+
+
+@settings(max_examples=60)
+@given(st.data())
+def test_a_changed_ledger_is_broken(tmp_path_factory, data):
+    path = tmp_path_factory.mktemp("ledger") / "ledger.jsonl"
+    lines = make_ledger(path)
+    number = data.draw(st.integers(0, len(lines) - 2))             # but the last, which nothing follows yet
+    what = data.draw(st.sampled_from(["drop", "double", "swap", "flip"]))
+    if what == "drop":
+        del lines[number]
+    elif what == "double":
+        lines.insert(number, lines[number])
+    elif what == "swap":
+        lines[number], lines[number + 1] = lines[number + 1], lines[number]
+    else:
+        line = bytearray(lines[number])
+        line[data.draw(st.integers(0, len(line) - 1))] ^= data.draw(st.integers(1, 127))
+        lines[number] = bytes(line)
+    path.write_bytes(b"\n".join(lines) + b"\n")
+    with pytest.raises(InputError, match=r"ledger\.jsonl: line"):
+        read_ledger(path)
+
+
+def test_a_line_torn_by_a_kill_is_no_line_and_the_next_takes_its_place(tmp_path):
+    path = tmp_path / "ledger.jsonl"
+    lines = make_ledger(path)
+    path.write_bytes(b"\n".join(lines[:3]) + b"\n" + lines[3][:20])
+    assert len(read_ledger(path)) == 3
+    append(path, "graded", "w1", "0" * 64)
+    assert [entry.what for entry in read_ledger(path)] == ["sealed", "claimed", "opened", "graded"]
+
+
+@pytest.mark.parametrize("steps", [("sealed", "opened", "claimed"), ("sealed", "sealed")])
+def test_a_claim_after_the_seal_was_opened_counts_for_nothing(tmp_path, steps):
+    for step in steps:
+        append(tmp_path / "ledger.jsonl", step, "w1", "0" * 64)
+    with pytest.raises(InputError, match="w1 is"):
+        committed(read_ledger(tmp_path / "ledger.jsonl"), "w1")
+
+
+@pytest.fixture
+def room(tmp_path: Path) -> Room:
+    room = Room(tmp_path)
+    room.claims("w0018").parent.mkdir()
+    room.claims("w0018").write_bytes(PUBLISHED.read_bytes())
+    return room
+
+
+def test_claims_of_schema_1_load_with_instruments_by_id(room: Room) -> None:
+    claims = load_claims(room.claims("w0018"))
+    assert claims.schema == SCHEMA_1 and claims.asked == [{"measure": "inclinometer"}]
+    assert asked_of(room, "w0018") == Reading("inclinometer", "hood angle with an inclinometer")
+    assert digest(canonical(claims.written)) == ASKED
+
+
+def test_what_is_scored_of_claims_of_schema_1_are_ids() -> None:
+    finding = load_claims(PUBLISHED).finding
+    assert names_ranked(finding)[:2] == said_set(finding) == ["rim_catch", "hood_offset"]
+    assert said_stage(finding["where"]) == "arrival"
+
+
+def test_every_instrument_of_schema_1_has_an_id_that_is_still_there() -> None:
+    assert set(INSTRUMENTS_1.values()) == set(TOOLS) and len(INSTRUMENTS_1) == len(TOOLS)
+
+
+def test_claims_of_schema_2_take_ids_alone(room: Room) -> None:
+    path = room.claims("w0018")
+    claims = {**msgspec.json.decode(PUBLISHED.read_bytes()), "schema": SCHEMA}
+    path.write_bytes(canonical(claims))
+    with pytest.raises(InputError, match="asked: measure: there is no 'hood angle with an inclinometer'"):
+        asked_of(room, "w0018")
+    path.write_bytes(canonical({**claims, "asked": [{"measure": "inclinometer"}]}))
+    assert asked_of(room, "w0018") == Reading("inclinometer", "inclinometer")
+
+
+def test_claims_of_an_unknown_schema_are_refused(room: Room) -> None:
+    path = room.claims("w0018")
+    path.write_bytes(PUBLISHED.read_bytes().replace(b"truearc.claims/1", b"truearc.claims/3"))
+    with pytest.raises(InputError, match=r"w0018\.json: Invalid enum value 'truearc\.claims/3'"):
+        load_claims(path)

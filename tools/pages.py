@@ -1,0 +1,351 @@
+"""Pages that restate code or results, made again: `python -m tools.pages [NAME ...]`, all without a name.
+
+    python -m tools.pages reasons --drivers samplemotor     prints the reasons of other motor drivers, too
+    python -m tools.pages --run NAME COMMAND                runs `python -m ...` or `truearc ...`, keeps what it prints
+
+reference: commands and Python API. formats: file formats, from the structs and the comments beside their fields, and
+truearc/schemas. reasons: codes and messages. terms: between two marks of docs/reference/terms.md. measured: between
+`<!-- result: NAME -->` and `<!-- end -->` on every page, a table of RESULTS or docs/measured/results/NAME.txt, which
+--run writes: command, commit and date, then what was printed; `<!-- result: NAME: PATTERN -->` shows the lines alone
+that match. `benchmarks.proof --write` fills docs/measured/sealed.md in the same way.
+"""
+
+import argparse
+import inspect
+import itertools
+import json
+import re
+import shlex
+import subprocess
+import sys
+from argparse import SUPPRESS, Action
+from collections.abc import Callable, Iterable, Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from string import Formatter
+from typing import Any
+
+import truearc
+from benchmarks import demo_seeds, fault_matrix
+from benchmarks.matrix.judge import Result
+from benchmarks.proof import load
+from tools import formats
+from truearc.cli.commands import COMMANDS, GROUPS, Command, load_plugins, make_parser
+from truearc.errors import INSTALL_HINTS
+from truearc.hw import fault_codes
+from truearc.hw.devices.registry import find_family
+from truearc.hw.reason import NESTED, OPTIONAL, Code, Message
+from truearc.robot import reasons
+from truearc.robot.operator_ui.view import MESSAGES
+from truearc.sim.physics.catalogue import BUILT_IN
+from truearc.sim.physics.term import STAGES, Parameter, Term
+from truearc_proof.report.tables import make_tables
+from truearc_proof.report.targets import posterior_rows
+from truearc_proof.rounds.jsonl_store import lines_of
+from truearc_proof.table import make_markdown
+
+ROOT = Path(__file__).resolve().parents[1]
+REFERENCE, SCHEMAS = ROOT / "docs" / "reference", ROOT / "truearc" / "schemas"
+
+
+# --- commands and Python API
+
+UNLISTED = ("help", "quiet", "force")
+COMMANDS_HEAD = """# Commands
+
+Every command of `truearc`, with its arguments and options. `--help` behind a command explains each, with an example.
+`--quiet` and `--force` (write over what is there) are not listed. Exit codes: 0 done, 1 a no, 2 wrong input.
+Made from the code by `python -m tools.pages reference`.
+"""
+API_HEAD = """# Python API
+
+Every public name: `import truearc as ta`, then `ta.NAME`. `help(ta.NAME)` gives arguments, units, frames and errors.
+Made from the code by `python -m tools.pages reference`.
+"""
+
+
+def commands_page() -> str:
+    """The page of commands: a table for each group."""
+    commands = sorted((*COMMANDS, *(one for one in load_plugins() if one.distribution in INSTALL_HINTS)),
+                      key=lambda one: [*GROUPS, one.group].index(one.group))
+    lines = [COMMANDS_HEAD]
+    for group, members in itertools.groupby(commands, key=lambda one: one.group):
+        about = f": {GROUPS[group]}" if group in GROUPS else ""
+        lines += [f"## {group.capitalize()}{about}\n", "| command | does | arguments and options |", "|---|---|---|"]
+        lines += [*map(_command_row, members), ""]
+    return "\n".join(lines)
+
+
+def _command_row(command: Command) -> str:
+    actions = [one for one in make_parser(command)._actions if one.help != SUPPRESS and one.dest not in UNLISTED]
+    return f"| `{command.name}` | {command.summary} | {' '.join(map(_argument, actions))} |"
+
+
+def _argument(action: Action) -> str:
+    name = action.option_strings[-1] if action.option_strings else _metavar(action)
+    return f"`{name}`".replace("|", "\\|")
+
+
+def _metavar(action: Action) -> str:
+    return action.metavar if isinstance(action.metavar, str) else action.dest.upper()
+
+
+def api_page() -> str:
+    """The page of the Python API: a table of functions and one of classes."""
+    names = sorted(truearc.__all__, key=str.lower)
+    values = {name: getattr(truearc, name) for name in names}
+    lines = [API_HEAD, "## Functions\n", "| call | does |", "|---|---|"]
+    lines += [f"| `{name}({_parameters(value)})` | {_summary(value)} |" for name, value in values.items()
+              if inspect.isroutine(value)]
+    lines += ["", "## Classes and modules\n", "| name | purpose | members |", "|---|---|---|"]
+    lines += [f"| `{name}` | {_summary(value)} | {' '.join(f'`{member}`' for member in _members(value))} |"
+              for name, value in values.items() if not inspect.isroutine(value)]
+    return "\n".join([*lines, ""])
+
+
+def _parameters(value: Any) -> str:
+    return ", ".join(inspect.signature(value).parameters)
+
+
+def _summary(value: Any) -> str:
+    return " ".join((inspect.getdoc(value) or "").partition("\n\n")[0].split()).replace("|", "\\|")
+
+
+def _members(value: Any) -> Iterator[str]:
+    """Public methods, properties and functions that a class or module defines itself, in their order."""
+    if not inspect.isclass(value):
+        yield from getattr(value, "__all__", ())
+        return
+    yield from (name for name, member in vars(value).items()
+                if not name.startswith("_") and (inspect.isroutine(member) or isinstance(member, property)))
+
+
+# --- reasons
+
+REASONS_HEAD = """# Reasons
+
+A reason says why the robot holds or what is wrong with it: a code with parameters. Recordings keep the code, such as
+`{"code": "device_stale", "params": {"device": "hood motor", "age_s": 0.312}}`. Made by `python -m tools.pages reasons`.
+"""
+MESSAGE_HEAD = """
+## What the operator's page says
+Most important first. `fault`: something is not as it should be; `you`: it is the driver's turn; `wait`: it comes by
+itself. The second column names a cause, or a motor's single error, for which the page has a message of its own.
+
+| code | in case of | kind | the page says | what to do |
+|---|---|---|---|---|"""
+CODE_HEAD = """
+## Codes
+Names in ‹› are parameters; their ending is the unit. The third column has those that may be absent (`?`) or that
+the text does not show. `cause` and `causes` are reasons themselves. A code without a message above is a cause of one
+that has a message, or an error that stops a command before it starts. A motor driver of another distribution has its
+own reasons, named `DRIVER.WHAT` (`MotorFamily.messages`).
+
+| code | log text | more |
+|---|---|---|"""
+
+
+def reasons_page(drivers: Iterable[str] = ()) -> str:
+    """docs/reference/reasons.md, with the own reasons of these motor drivers."""
+    own = [message for driver in drivers for message in find_family(driver).messages]
+    codes = (*reasons.CODES, *fault_codes.CODES, *(message.code for message in own))
+    alike = itertools.groupby((*own, *MESSAGES), key=lambda one: (one.code.name, one.kind, one.means, one.do))
+    messages = [_message_row(list(group)) for _, group in alike]
+    return "\n".join([REASONS_HEAD.rstrip(), MESSAGE_HEAD, *messages, CODE_HEAD, *map(_code_row, codes), ""])
+
+
+def _message_row(alike: list[Message]) -> str:
+    """A row for messages of one code that differ in their case alone."""
+    first = alike[0]
+    means = _shown(first.means)
+    cases = ", ".join(f"`{message.case}`" for message in alike if message.case)
+    return (f"| `{first.code.name}` | {cases} | {first.kind} | {means[:1].upper()}{means[1:]} | "
+            f"{_shown(first.do)} |")
+
+
+def _code_row(code: Code) -> str:
+    text = _shown(code.text)
+    more = ", ".join(f"`{name}{OPTIONAL if unit.endswith(OPTIONAL) else ''}`" for name, unit in code.params.items()
+                     if unit.endswith(OPTIONAL) or f"‹{name}›" not in text)
+    return f"| `{code.name}` | {text} | {more} |"
+
+
+def _shown(template: str) -> str:
+    """A template for people: each field as its name in angle brackets, and what stands around it."""
+    return "".join(literal + ("" if name is None else _field(name, spec or ""))
+                   for literal, name, spec, _ in Formatter().parse(template))
+
+
+def _field(name: str, spec: str) -> str:
+    return spec.replace(NESTED, f"‹{name}›") if NESTED in spec else f"‹{name}›"
+
+
+# --- terms
+
+TERMS_BEGIN, TERMS_END = "<!-- generated: tables of terms -->", "<!-- end of the generated tables -->"
+TERMS_HEAD = ("term", "law", "parameter", "unit", "meaning", "believed before any data", "moves a shot",
+        "needs in the data", "measured with")
+
+
+def term_tables(terms: Iterable[Term] = BUILT_IN) -> str:
+    """A table for each stage, terms in the order in which they act, a row for each parameter."""
+    lines: list[str] = []
+    for stage in STAGES:
+        lines += [f"### {stage.capitalize()}", "", _row(TERMS_HEAD), _row(["---"] * len(TERMS_HEAD))]
+        lines += [_row(row) for term in terms if term.stage == stage for row in _rows(term)] + [""]
+    return "\n".join(lines)
+
+
+def put_terms(page: str) -> str:
+    """The page with the tables of the built-in terms between its marks; ValueError where it lacks one."""
+    before, begin, rest = page.partition(TERMS_BEGIN)
+    _, end, after = rest.partition(TERMS_END)
+    if not begin or not end:
+        raise ValueError(f"the page lacks {TERMS_BEGIN} or {TERMS_END}")
+    return f"{before}{TERMS_BEGIN}\n\n{term_tables()}\n{TERMS_END}{after}"
+
+
+def _rows(term: Term) -> Iterator[list[str]]:
+    law = (type(term).__doc__ or "").partition("\n\n")[0]
+    about = [term.direction, term.record, term.instrument.what if term.instrument else ""]
+    for number, one in enumerate(term.parameters):
+        first = number == 0
+        yield [f"`{term.name}`" if first else "", law if first else "", f"`{one.name}`", one.unit, one.meaning,
+               _prior(one), *(about if first else ("", "", ""))]
+
+
+def _prior(one: Parameter) -> str:
+    if one.prior is None:
+        return f"{one.default:g}, known"
+    return f"{one.prior.centre:g} ± {one.prior.sd:g} ({one.prior.scale}): {one.prior.reason}"
+
+
+def _row(cells: Iterable[str]) -> str:
+    return "| " + " | ".join(" ".join(cell.split()).replace("|", "\\|") for cell in cells) + " |"
+
+
+# --- measured results
+
+DOCS = ROOT / "docs"
+MEASURED = DOCS / "measured"
+KEPT = MEASURED / "results"
+MARKS = re.compile(r"(<!-- result: (\w+)(?:: (.+?))? -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def demo() -> str:
+    """Threes before and after adoption, over the seeds of the demo."""
+    said = demo_seeds.make_table(list(lines_of(MEASURED / "demo_seeds-6000.jsonl.xz")))
+    return f"\n```text\n{said.partition(chr(10) + 'threes before -> after')[0]}\n```\n"
+
+
+def sealed() -> str:
+    """Targets of the posterior at each level of data, side by side; bold where a target is missed."""
+    rounds = sorted(map(load, sorted((MEASURED / "sealed").glob("*.tar.xz"))), key=lambda one: one.setting)
+    levels = {setting[0]: posterior_rows([one.first for packed in group for one in packed.graded])
+              for setting, group in itertools.groupby(rounds, key=lambda one: one.setting)}
+    rows: dict[str, list[str]] = {}
+    for cells in levels.values():
+        for figure, here, wanted, reached in cells:
+            here = re.sub(r" \([^)]*-[^)]*\)", "", here)
+            here = f"**{here}**" if reached.startswith("NOT") else here
+            rows.setdefault(figure, []).append(f"{here} ({wanted})" if wanted != "-" else here)
+    return "\n" + make_markdown(("figure (wanted)", *levels), [[figure, *here] for figure, here in rows.items()]) + "\n"
+
+
+def rivals() -> str:
+    """What other methods say of the round that they were put to."""
+    marks = [one.first for one in load(MEASURED / "sealed" / "L2d.tar.xz").graded]
+    table = next(one for one in make_tables(marks) if one.title.startswith("Beside others"))
+    return f"\n{make_markdown(table.header[:-1], [row[:-1] for row in table.rows])}\n"
+
+
+def fault_kinds() -> str:
+    """Faults by kind: how soon the slowest of each kind is a HOLD."""
+    kinds: dict[str, list[Result]] = {}
+    for result in fault_matrix.load(KEPT / "fault_matrix.jsonl.xz"):
+        kinds.setdefault(result.family, []).append(result)
+    rows = []
+    for kind, mine in kinds.items():
+        held = [one.hold_s for one in mine if one.outcome == "HOLD" and one.hold_s is not None]
+        rows.append((kind, str(len({one.fault for one in mine})), f"{max(held):.2f}" if held else "-"))
+    every = [one for mine in kinds.values() for one in mine]
+    wrong = sum(bool(one.wrong) for one in every)
+    fires, stale = (sum(getattr(one, name) for one in every) for name in ("fires", "stale"))
+    return ("\n`python -m benchmarks.fault_matrix --bus virtual,slcan --out FILE`, commit 2b58f989, 2026-11-28:\n\n"
+            f"{len({one.fault for one in every})} faults, {len(every)} runs, {wrong} of them not as stated; "
+            f"{fires} ticks fired, {stale} of these on a reading that was too old.\n\n"
+            + make_markdown(("kind", "faults", "slowest HOLD, s"), rows) + "\n")
+
+
+RESULTS: dict[str, Callable[[], str]] = {"demo": demo, "faults": fault_kinds, "rivals": rivals, "sealed": sealed}
+
+
+def fill(page: str) -> str:
+    """Return a page with every result between its marks brought up to date."""
+    return MARKS.sub(lambda found: f"{found[1]}{_result(found[2], found[3])}{found[4]}", page)
+
+
+def _result(name: str, pattern: str | None) -> str:
+    return RESULTS[name]() if name in RESULTS else show((KEPT / f"{name}.txt").read_text(encoding="utf-8"), pattern)
+
+
+def show(kept: str, pattern: str | None = None) -> str:
+    """Markdown of one result file: the command, commit and date, and what was printed, or its lines that match."""
+    head, _, printed = kept.partition("\n\n")
+    command, made = head.split("\n")
+    lines = [line for line in printed.splitlines() if pattern is None or not line or re.search(pattern, line)]
+    body = re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip("\n")
+    markdown = re.search(r"^\|---", body, re.MULTILINE)
+    return f"\n`{command}`, {made}:\n\n" + (f"{body}\n" if markdown else f"```text\n{body}\n```\n")
+
+
+def keep(name: str, command: str) -> None:
+    """Run a command in the root of the repository; write its result file. CalledProcessError where it fails.
+
+    FILE in the command is where it keeps rows: build/NAME.jsonl.
+    """
+    rows = ROOT / "build" / f"{name}.jsonl"
+    program, *words = (str(rows) if word == "FILE" else word for word in shlex.split(command))
+    words = [sys.executable, *(["-m", "truearc"] if program == "truearc" else []), *words]
+    printed = subprocess.run(words, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True).stdout
+    commit = subprocess.run(["git", "rev-parse", "--short=8", "HEAD"], cwd=ROOT, stdout=subprocess.PIPE, text=True,
+                            check=True).stdout.strip()
+    changed = subprocess.run(["git", "diff", "--quiet", "HEAD", "--", "*.py"], cwd=ROOT, check=False).returncode
+    made = f"commit {commit}{' with changes' * changed}, {datetime.now(UTC):%Y-%m-%d}"
+    lines = "\n".join(line.rstrip() for line in printed.strip("\n").splitlines())
+    (KEPT / f"{name}.txt").write_text(f"{command}\n{made}\n\n{lines}\n", encoding="utf-8")
+
+# --- all of them: what a name stands for, as {path: text}
+
+PAGES: dict[str, Callable[[], dict[Path, str]]] = {
+    "reference": lambda: {REFERENCE / "commands.md": commands_page(), REFERENCE / "python-api.md": api_page()},
+    "formats": lambda: {REFERENCE / "formats.md": formats.make_page(), **{
+        SCHEMAS / f"{one}.json": json.dumps(formats.make_schema(one), indent=1) + "\n" for one in formats.DOCUMENTS}},
+    "reasons": lambda: {REFERENCE / "reasons.md": reasons_page()},
+    "terms": lambda: {REFERENCE / "terms.md": put_terms((REFERENCE / "terms.md").read_text(encoding="utf-8"))},
+    "measured": lambda: {path: fill(page) for path in DOCS.rglob("*.md")
+                         if MARKS.search(page := path.read_text(encoding="utf-8"))},
+}
+
+
+def main() -> None:
+    """Write the pages, after a run if one is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(PAGES)} (all)")
+    parser.add_argument("--drivers", nargs="+", default=(), metavar="DRIVER", help="print reasons with theirs")
+    parser.add_argument("--run", nargs=2, metavar=("NAME", "COMMAND"))
+    args = parser.parse_args()
+    if unknown := set(args.names) - set(PAGES):
+        parser.error(f"there is no {', '.join(sorted(unknown))}; there are {', '.join(PAGES)}")
+    if args.drivers:
+        print(reasons_page(args.drivers), end="")
+        return
+    if args.run:
+        keep(*args.run)
+    for name in args.names or PAGES:
+        for path, text in PAGES[name]().items():
+            path.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

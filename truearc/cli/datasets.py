@@ -1,0 +1,186 @@
+"""Commands that make and check datasets: `init`, `shots`, `check`."""
+
+import argparse
+import shlex
+import sys
+from pathlib import Path
+
+import truearc as ta
+from truearc.cli.common import SHIPPED, add_accept, listed, make_progress, number, write_out
+from truearc.cli.outputs import DATASET, OutFolder, out_file
+from truearc.errors import InputError, about
+
+RIG = Path(__file__).with_name("rig_template.toml")
+COLUMNS = ("shot_id", "distance_m", "hood_deg", "motor_ratio", "outcome")
+TRACKED = {"shots.csv": ("shot_id", "exit_spin_rev_s"), "tracks.csv": ("shot_id", "t_s", "x_m", "y_m", "z_m")}
+TRACKED_BELIEF = """[believe]                             # what the simulation has before anything is discovered
+terms = ["gravity", "drag", "magnus"]"""
+NOT_TRACKED = ("[[launcher.wheel]]", "[target]", "free_speed_rad_s")       # of rig.toml: flights alone need none
+
+
+def init_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("dataset", nargs="?", type=OutFolder(("rig.toml", "shots.csv", "tracks.csv")),
+                        metavar="DIR", help="dataset directory to make")
+    parser.add_argument("--units", type=lambda text: text.split(","), default=[], metavar="UNIT[,UNIT]",
+                        help="in which shots.csv has distances and angles instead of m and deg: mm, cm, in or ft; rad")
+    parser.add_argument("--tracks", action="store_true", help="a dataset of flights that a camera saw: tracks.csv, "
+                        "too, and a rig.toml without wheels and target")
+    parser.add_argument("--robot", type=out_file, metavar="FILE", help="launcher.toml to write instead: the "
+                        "configuration that the emulated robot runs with, every key with its meaning")
+
+
+def init(args: argparse.Namespace) -> int:
+    """Write templates to fill in: a dataset (rig.toml and shots.csv), or with --robot a launcher's configuration.
+
+    shots.csv gets a row for each shot: a name, the horizontal distance to the target in metres, the hood's angle above
+    the horizontal in degrees, motor speed / free speed, and miss, two or three. docs/reference/dataset.md has all of
+    them.
+    """
+    if (args.dataset is None) == (args.robot is None):
+        raise InputError("DIR or --robot FILE: give one of the two")
+    if args.robot is not None and args.units:
+        raise InputError("--units: launcher.toml is in SI units; it goes with DIR")
+    if args.tracks and (args.robot is not None or args.units):
+        raise InputError("--tracks: goes with DIR alone; columns in other units are read by their names (x_mm, x_ft)")
+    columns = in_units(args.units)
+    if args.robot is not None:
+        write_out(args.robot, SHIPPED.read_text(encoding="utf-8"))
+        print(f"{args.robot}: change what differs on your launcher; then: truearc doctor --config {args.robot}")
+        return 0
+    args.dataset.mkdir(parents=True, exist_ok=True)
+    rig = RIG.read_text(encoding="utf-8")
+    write_out(args.dataset / "rig.toml", for_tracks(rig) if args.tracks else rig)
+    for name, header in (TRACKED if args.tracks else {"shots.csv": columns}).items():
+        write_out(args.dataset / name, ",".join(header) + "\n")
+    rows = ", a row of shots.csv for each shot and one of tracks.csv for each frame" if args.tracks else (
+        " and a row of shots.csv for each shot")
+    print(f"{args.dataset}: fill in rig.toml{rows}; then: truearc check {args.dataset}")
+    return 0
+
+
+def for_tracks(rig: str) -> str:
+    """Return the template rig.toml without what flights alone do not need."""
+    blocks = [TRACKED_BELIEF if block.startswith("[believe]") else block for block in rig.split("\n\n")
+              if not block.startswith(NOT_TRACKED)]
+    return "\n".join(line for line in "\n\n".join(blocks).split("\n") if not line.startswith(NOT_TRACKED))
+
+
+def in_units(units: list[str]) -> list[str]:
+    """Return the columns of shots.csv in these units; InputError for a unit that none of them can be in."""
+    from truearc.robot.config.unit_table import CONVERTED
+    columns = list(COLUMNS)
+    for unit in units:
+        read = next((read for read in ("m", "deg") if unit in (read, *CONVERTED[read])), None)
+        if read is None:
+            known = ", ".join(one for read in ("m", "deg") for one in (read, *CONVERTED[read]))
+            raise InputError(f"--units: {unit!r} is not a unit of a distance or an angle; there are {known}")
+        columns = [name.removesuffix(read) + unit if name.endswith(f"_{read}") else name for name in columns]
+    return columns
+
+
+def shots_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("sessions", type=Path, nargs="+", metavar="SESSION", help="recorded session folder")
+    parser.add_argument("-o", "--out", type=OutFolder(DATASET), required=True, metavar="DIR",
+                        help="dataset folder to write")
+    parser.add_argument("--repeatability", action="store_true",
+                        help="one row a configuration, labelled by the paper's R2/R3 rule (section IV-A)")
+
+
+def shots(args: argparse.Namespace) -> int:
+    """Turn recorded sessions into a dataset of shots (rig.toml, shots.csv, traces.csv)."""
+    from truearc.sim.data.recordings import label_by_repeatability
+    progress = make_progress("shots", args.quiet)
+    dataset = ta.shots_from_sessions(args.sessions, args.out.name)
+    progress(0.8, "read")
+    if args.repeatability:
+        dataset = label_by_repeatability(dataset)
+    ta.save_dataset(args.out, dataset)
+    progress(1.0, f"{len(dataset.shots)} rows")
+    outcomes = dataset.shots.text("outcome")
+    counts = ", ".join(f"{outcomes.count(kind)} {kind}" for kind in ("three", "two", "miss"))
+    print(f"{args.out}: {len(dataset.shots)} shots ({counts}); {len(dataset.left_out)} left out")
+    for line in [] if args.quiet else dataset.left_out:
+        print(f"  left out: {line}", file=sys.stderr)
+    return 0
+
+
+def check_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("dataset", metavar="DIR", help="dataset directory")
+    parser.add_argument("--believe", type=listed(str), metavar="TERMS", help="terms of the simulation, "
+                        "comma-separated; else rig.toml's")
+    add_accept(parser)
+    parser.add_argument("--seed", type=number(int, 0), help="of the season that is planned without "
+                        "shots, or of where shots without results pass")
+
+
+def check(args: argparse.Namespace) -> int:
+    """Check a dataset before anything is fitted: whether it can be read, is plausible, and which effects it could show.
+
+    With fewer than ten shots, a season of them is planned for the rig.
+    """
+    from truearc.sim.check.check import check_plausible
+    from truearc.sim.compute import keep_compiled
+    from truearc.sim.discover.report.pages import sight_summary
+    keep_compiled()
+    from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, say_few
+    dataset = check_plausible(ta.load_dataset(args.dataset), args.accept)
+    print("\n".join([*dataset.lines(), *ranges(dataset), *plausibility(dataset)]))
+    few = len(dataset.shots) < FEWEST_SHOTS
+    for line in lacking(dataset):
+        print(f"warning: {line}")
+    if few and dataset.rig.target is None:
+        print(f"warning: {say_few(len(dataset.shots))}; no season can be planned: rig.toml has no [target]")
+        return 0
+    with about(args.dataset):
+        could = ta.identifiability(dataset.rig if few else dataset, believe=args.believe, seed=args.seed,
+                                   accept=args.accept, progress=make_progress("check", args.quiet))
+    if few:
+        print(f"warning: {say_few(len(dataset.shots))}" if len(dataset.shots) else "\nno shots yet", end="")
+    print("; of a season with this rig:" if few else "")
+    print("\n".join([*sight_summary(could.sight, could.catalogue), f"effect by effect: {by_effect(args, few)}"]))
+    return 0
+
+
+def by_effect(args: argparse.Namespace, few: bool) -> str:
+    """Return the command that lists what each effect needs."""
+    asked = [args.dataset if not few else str(Path(args.dataset) / "rig.toml")]
+    asked += ["--believe", ",".join(args.believe)] if args.believe else []
+    return shlex.join(["truearc", "identifiability", *asked])
+
+
+def lacking(dataset: "ta.Dataset") -> list[str]:
+    """Return what no shot states of its own settings and results, where there are no tracks or times."""
+    from truearc.sim.data.columns import WHEEL
+    known = {name for name, column in dataset.shots.numbers.items() if (column == column).any()}
+    known |= {"wheel_<name>_rad_s" for name in known if WHEEL.fullmatch(name)}
+    known |= {"outcome"} if any(dataset.shots.text("outcome")) else set()
+    found = ((("distance_m",), "distance to the target"), (("hood_deg", "exit_deg"), "elevation"),
+             (("motor_ratio", "exit_speed_m_s", "wheel_<name>_rad_s"), "speed"),
+             (("outcome", "miss_height_m"), "result"))
+    asked = found if len(dataset.shots) and not {"tracks", "times"} & set(dataset.samples) else ()
+    return [f"{dataset.shots.source}: {' or '.join(names)}: no shot states its {what}" for names, what in asked
+            if not known & set(names)]
+
+
+def ranges(dataset: "ta.Dataset") -> list[str]:
+    """Return a line per column of numbers: lowest to highest, and in how many shots it is missing."""
+    import numpy as np
+    lines = []
+    for name, column in dataset.shots.numbers.items():
+        known = column[np.isfinite(column)]
+        if len(known):
+            absent = len(column) - len(known)
+            lines.append(f"  {name:20s} {known.min():g} to {known.max():g}"
+                         + (f", missing in {absent} shot{'s' * (absent != 1)}" if absent else ""))
+    return lines
+
+
+def plausibility(dataset: "ta.Dataset") -> list[str]:
+    """Return what the plausibility checks of a dataset that passed them have to say."""
+    from truearc.sim.check.check import SCORES, judges_reach
+    objections = [f"warning: {objection}" for objection in dataset.accepted] or ["plausible: every check passed"]
+    flights = {"tracks", "times"} & set(dataset.samples)
+    unjudged = [("tracks.csv", "gravity, axes, units of length and time", not flights),
+                (f"{SCORES} scoring shots of known distance, angle and speed",
+                 "distances, angles and speeds by each other", not flights and not judges_reach(dataset))]
+    return objections + [f"  not checked without {needed}: {what}" for needed, what, missing in unjudged if missing]

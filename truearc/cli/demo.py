@@ -1,0 +1,113 @@
+"""The command `demo`: plays the acts, prints them, and writes the report."""
+
+import argparse
+import secrets
+import textwrap
+import time
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import truearc as ta
+from truearc.cli.common import SHIPPED, make_progress, number, origin_of, write_out
+from truearc.cli.outputs import OutFolder
+from truearc.robot.config.schema import Config, load_config
+
+if TYPE_CHECKING:
+    from truearc.cli.demo_acts import Act, Sizes
+    from truearc.sim.report import Origin
+
+MARK = ".truearc-demo"                # a folder with this in it was made by us and may be made again
+SEEDS = (100_000, 1_000_000)          # of which one is drawn where none is given
+WIDTH = 110
+
+
+def demo_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--out", type=OutFolder(mark=MARK), default=Path("report"),
+                        help="folder for the report and all it rests on")
+    parser.add_argument("--seed", type=number(int, 0), help="of everything drawn, the effect too (default: by entropy)")
+
+
+def demo(args: argparse.Namespace, sizes: "Sizes | None" = None) -> int:
+    """Let an emulated robot practise, meet a changed world, learn from marked shots what changed, and aim again.
+
+    In practice it learns what the paper's physics lacks of its launcher. For the event an effect is drawn and sealed;
+    no sensor sees it. The control is an event at which nothing has changed. The answer comes last: what was wrong, how
+    large, and what it was worth.
+    """
+    from truearc.cli import demo_acts as acting
+    from truearc.sim.compute import keep_compiled
+    from truearc.sim.data.files import hash_dataset
+    keep_compiled()
+    began, folder, sizes = time.monotonic(), args.out, sizes or acting.Sizes()
+    seed = secrets.choice(range(*SEEDS)) if args.seed is None else args.seed
+    config, envelope = load_config(SHIPPED), acting.draw_effect(seed)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / MARK).touch()
+    practice = _practise(folder, config, seed, sizes, args.quiet)
+    print(f"\n== the event: one of {len(acting.EFFECTS)} changes has been drawn; it is in an envelope, and no sensor "
+          "sees it")
+    _say(f"the envelope's SHA-256: {envelope.sha256}")
+    event = acting.play_event(config.rig, practice, envelope.effect.options, seed, 2 + envelope.number, sizes,
+                       make_progress("event", args.quiet))
+    _say(f"{_marks(event)}. The gate, trained in practice, only advised: it would have held "
+         f"{_share_held(folder, config, practice, event, seed):.0%} of them")
+    _say(event.finding.sentence)
+    write_out(folder / "envelope.txt", envelope.text)
+    _say(f"the envelope is opened: {envelope.effect.name} (sha256sum {folder / 'envelope.txt'})")
+    print("\n== the control: another day, and nothing has changed")
+    control = acting.play_event(config.rig, practice, acting.NOTHING.options, seed, 1, sizes,
+                                make_progress("control", args.quiet))
+    _say(f"{_marks(control)}. Verdict: {control.finding.verdict}")
+    acts = {"practice": practice, "event": event, "control": control}
+    origin = origin_of(args)
+    _keep(folder, acts, origin)
+    page = acting.save_page(folder, acts, envelope, origin._replace(sha256=hash_dataset(event.shots)))
+    print("\n== what was wrong, how large, and what it was worth")
+    print("\n".join(acting.answer(acts, envelope.effect.name)))
+    _say(acting.say_limits(event, control))
+    print(f"page: {page}; the same again: --seed {seed}   ({time.monotonic() - began:.0f} s)")
+    return 0
+
+
+def _practise(folder: Path, config: Config, seed: int, sizes: "Sizes", quiet: bool) -> "Act":
+    from truearc.cli.demo_acts import practise
+    print(f"\n== practice in the hall: {sizes.practice} shots with telemetry")
+    ta.emulate(config, folder / "session", sizes.robot, seed, progress=make_progress("robot", quiet))
+    recorded = ta.shots_from_sessions([folder / "session"], "practice")
+    _say(f"{len(recorded.shots)} of them by the robot's own runtime on emulated devices, with images and CAN frames; "
+         f"the other {sizes.practice - len(recorded.shots)} by the same MuJoCo world without buses and images")
+    act = practise(config.rig, seed, sizes, recorded, make_progress("practice", quiet))
+    before, after = act.volleys
+    _say(f"aimed with the paper's physics (gravity, drag, lift) {before.threes} of {before.balls} balls score three")
+    _say(act.finding.sentence)
+    _say(f"aimed again with that: {after.threes} of {after.balls}")
+    return act
+
+
+def _share_held(folder: Path, config: Config, practice: "Act", event: "Act", seed: int) -> float:
+    """Share of the event's marked shots that a gate trained in practice holds."""
+    ta.train_gate(practice.shots, practice.adopted, seed=seed).export(folder / "gate.onnx")
+    rated = ta.predict(event.shots, gate=folder / "gate.onnx").rows
+    held = sum(not inside or (p_three or 0.0) < config.gate.threshold for _, _, p_three, inside, _ in rated)
+    return int(held) / len(rated)
+
+
+def _marks(act: "Act") -> str:
+    shots = act.shots.shots
+    counts, sides = (Counter(shots.text(name)) for name in ("outcome", "side"))
+    return (f"{len(act.shots.shots)} marked shots, aimed by what practice taught, at all its hood angles: "
+            f"{counts['three']} three, {counts['two']} two, {counts['miss']} missed; {sides['low']} passed low, "
+            f"{sides['high']} high")
+
+
+def _keep(folder: Path, acts: "dict[str, Act]", origin: "Origin") -> None:
+    """Write each act's shots, finding and belief, for the commands that read them."""
+    for name, act in acts.items():
+        ta.save_dataset(folder / "data" / name, act.shots)
+        act.adopted.save(folder / f"{name}.toml")
+        act.finding.to_html(folder / f"{name}.html", made_at=origin.made_at, command=origin.command)
+
+
+def _say(text: str) -> None:
+    print(textwrap.fill(text, WIDTH), flush=True)

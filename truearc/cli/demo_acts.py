@@ -1,0 +1,295 @@
+"""What the demo plays and shows: a robot practises or meets a changed world, learns and aims again; and its page.
+
+Balls are shot by the season (truearc.sim.world.season): the emulated robot's world without buses and images. An act is
+a pure function of the robot, the seed and the effect; `truearc demo` tells it, and `python -m benchmarks.demo_seeds`
+repeats it over seeds. World seeds of one seed lie in its own thousand.
+"""
+
+import hashlib
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from msgspec import structs
+from scipy.interpolate import RegularGridInterpolator
+
+import truearc as ta
+from truearc.robot.config.rig_spec import Rig, Site
+from truearc.sim.aim.solve import best_ratios
+from truearc.sim.data.dataset import join_datasets
+from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover.report.finding_text import either, plain, size_of
+from truearc.sim.printed import Progress, make_text
+from truearc.sim.report import COLOURS, PHONE_IN, Origin, make_page, make_png, new_panels, paragraph, picture, table
+from truearc.sim.world.options import Options
+from truearc.sim.world.season import ORDINARY, ShotSetting, play_season, seen_distance_m
+
+PAPER = ("gravity", "drag", "magnus")                 # the paper's physics
+DISTANCES_M = np.arange(2.5, 8.01, 0.25)              # of the table of set points
+FROM_M = (2.6, 7.9)                   # where balls are shot from
+AIMED_DEG = (40.0, 58.0)              # hood angles that are practised at most distances
+MARKED_DEG = (32.5, 63.5)             # of marked shots: spread as in practice, to learn from
+MARKED_RATIO = 0.85                   # motor speed over free speed, at most
+CANDIDATES = 3                        # drawn for each shot that is kept
+# m at which a ball of this robot falls through the target's centre, by hood angle and motor speed over free speed
+HOOD_DEG, RATIO = np.linspace(32.0, 64.0, 5), np.linspace(0.45, 0.85, 9)
+FALLS_AT_M = np.array([
+    [np.nan, np.nan, np.nan, np.nan, 6.55, 7.77, 8.87, 9.88, 10.80],
+    [np.nan, 4.02, 5.34, 6.40, 7.38, 8.31, 9.15, 9.94, 10.66],
+    [3.53, 4.54, 5.44, 6.27, 7.05, 7.77, 8.42, 9.02, 9.55],
+    [3.37, 4.11, 4.79, 5.43, 6.01, 6.53, 6.98, 7.38, 7.72],
+    [2.68, 3.20, 3.67, 4.10, 4.47, 4.78, 5.03, 5.22, 5.36]])
+NEAR_M, FAR_M, ASIDE = 2.4, 8.0, 0.05                 # places of practice; standard deviation about that, a share
+LEAST_POINTS = 0.5                    # expected of a marked shot
+APART = 1000                          # world seeds of one seed from the next one's
+HEAD = ("", "what was wrong", "what the robot found", "threes", "points per ball")
+SEEN = "Of their usual size"          # what a finding of nothing says of the effects that it could not have shown
+LISTED = 3                            # names in a row
+MARKS = {("three", ""): "o", ("two", ""): "o", ("two", "low"): "v", ("two", "high"): "^", ("miss", "low"): "v",
+         ("miss", "high"): "^"}
+BEFORE, AFTER = "#9aa3af", "#1f5fa8"
+
+
+class WorldChange(NamedTuple):
+    """A change of the world: its name with its size, and the terms of the catalogue that are right; () where none is.
+    """
+
+    name: str
+    options: Options
+    terms: tuple[str, ...]
+
+
+NOTHING = WorldChange("nothing changed", Options(), ())
+_TABLE = tomllib.loads(Path(__file__).with_name("demo_effects.toml").read_text(encoding="utf-8"))
+EFFECTS = tuple(WorldChange(row["name"], Options(**row["options"]), tuple(row["terms"])) for row in _TABLE["effect"])
+
+
+class Envelope(NamedTuple):
+    """A drawn effect, and the text whose SHA-256 is shown before it is opened."""
+
+    number: int                       # in EFFECTS
+    effect: WorldChange
+    text: str
+
+    @property
+    def sha256(self) -> str:
+        """The seal: of the text in UTF-8."""
+        return hashlib.sha256(self.text.encode()).hexdigest()
+
+
+def draw_effect(seed: int) -> Envelope:
+    """Draw an effect and a nonce."""
+    rng = np.random.default_rng([seed, 99])
+    number, nonce = int(rng.integers(len(EFFECTS))), rng.bytes(16).hex()
+    return Envelope(number, EFFECTS[number], f"{EFFECTS[number].name} | {nonce}")
+
+
+class Sizes(NamedTuple):
+    """Shots of practice, of these through the whole emulated robot, marked shots at an event, balls of a volley."""
+
+    practice: int = 300
+    robot: int = 20
+    marked: int = 80
+    balls: int = 120
+
+
+class Volley(NamedTuple):
+    """Balls aimed by one table of set points, and how many scored three and two points."""
+
+    threes: int
+    twos: int
+    balls: int
+
+    @property
+    def per_ball(self) -> float:
+        """Points per ball."""
+        return (3 * self.threes + 2 * self.twos) / self.balls
+
+
+class Act(NamedTuple):
+    """Marked shots, what was found in them and adopted, and the robot's aim before and after that."""
+
+    shots: ta.Dataset
+    finding: ta.Finding
+    adopted: ta.Belief
+    aims: tuple[ta.AimTable, ta.AimTable]
+    volleys: tuple[Volley, Volley]
+
+
+def practise(rig: Rig, seed: int, sizes: Sizes, recorded: ta.Dataset | None, progress: Progress) -> Act:
+    """Practice in a closed hall: believed is the paper's physics; `recorded`: shots of the whole emulated robot, which
+    come first."""
+    own, count = APART * seed, sizes.practice - (0 if recorded is None else len(recorded.shots))
+    settings = practice_settings(own, count)
+    shots = play_season(rig, Options(), own, settings, "L1", ORDINARY, _part(progress, 0.0, 0.2)).dataset
+    shots = shots if recorded is None else join_datasets(recorded, shots)
+    shots = replace(shots, facts=structs.replace(shots.rig, site=Site(indoor=True)))
+    finding = ta.discover(shots, believe=PAPER, seed=seed, progress=_part(progress, 0.2, 0.7))
+    paper, _ = make_belief(replace(finding.investigation, steps=()))
+    before = ta.aim(paper, rig, distances_m=DISTANCES_M, hood_deg=AIMED_DEG)
+    return _judge(rig, Options(), own + 1, sizes, shots, finding, paper, before, progress)
+
+
+def play_event(rig: Rig, practice: Act, options: Options, seed: int, number: int, sizes: Sizes,
+               progress: Progress) -> Act:
+    """The event in a world with these options: what has changed since practice is learned from marked shots."""
+    own = APART * seed + 10 * number
+    settings = marked_settings(rig, practice.adopted, options, own, sizes.marked)
+    shots = play_season(rig, options, own, settings, "L1", ORDINARY, _part(progress, 0.0, 0.2)).dataset
+    finding = ta.discover(shots, belief=practice.adopted, since=practice.shots, seed=seed,
+                          progress=_part(progress, 0.2, 0.7))
+    return _judge(rig, options, own + 1, sizes, shots, finding, practice.adopted, practice.aims[1], progress)
+
+
+def _judge(rig: Rig, options: Options, seed: int, sizes: Sizes, shots: ta.Dataset, finding: ta.Finding,
+           believed: ta.Belief, before: ta.AimTable, progress: Progress) -> Act:
+    """Adopt, aim, and shoot the same balls from the same places with the aim of before and that of after."""
+    try:
+        adopted = finding.adopt()
+        after = ta.aim(adopted, rig, distances_m=DISTANCES_M, hood_deg=AIMED_DEG)
+    except ta.InputError:             # nothing to adopt, or nothing scores by it: the robot keeps its aim
+        adopted, after = believed, before
+    progress(0.75, "aimed again")
+    first = fire(rig, options, seed, before, sizes.balls)
+    second = first if after is before else fire(rig, options, seed, after, sizes.balls)
+    progress(1.0, f"{sizes.balls} balls shot with each aim")
+    return Act(shots, finding, adopted, (before, after), (first, second))
+
+
+def fire(rig: Rig, options: Options, seed: int, aim: ta.AimTable, balls: int) -> Volley:
+    """Shoot balls from random places, aimed by a table at the distance that the robot sees; where the table has no set
+    point the ball stays in the robot, and scores nothing."""
+    settings = aimed_settings(aim, options, seed, balls)
+    marks = play_season(rig, options, seed, settings, "L0").dataset.shots.text("outcome") if settings else ()
+    return Volley(marks.count("three"), marks.count("two"), balls)
+
+
+def aimed_settings(aim: ta.AimTable, options: Options, seed: int, balls: int) -> list[ShotSetting]:
+    """Set points of a table from random places, at the distance that the robot sees; none where the table has none."""
+    rng = np.random.default_rng([seed, 32])
+    settings = []
+    for distance_m in rng.uniform(*FROM_M, balls):
+        seen_m = seen_distance_m(float(distance_m), options) + ORDINARY.distance_m * rng.normal()
+        try:
+            row = aim.at(float(np.clip(seen_m, DISTANCES_M[0], DISTANCES_M[-1])))
+        except ta.InputError:
+            continue
+        settings.append(ShotSetting(float(distance_m), row.hood_deg, row.motor_ratio))
+    return settings
+
+
+def practice_settings(seed: int, count: int) -> list[ShotSetting]:
+    """Random hood angles and motor speeds, shot from about where the crew has seen such balls fall into the target."""
+    rng, size = np.random.default_rng([seed, 33]), CANDIDATES * count
+    hood_deg, ratio = rng.uniform(HOOD_DEG[0], HOOD_DEG[-1], size), rng.uniform(RATIO[0], RATIO[-1], size)
+    falls_at_m = RegularGridInterpolator((HOOD_DEG, RATIO), FALLS_AT_M)(np.column_stack([hood_deg, ratio]))
+    distance_m = falls_at_m * (1.0 + ASIDE * rng.normal(size=size))
+    return _settings((distance_m >= NEAR_M) & (distance_m <= FAR_M), count, distance_m, hood_deg, ratio)
+
+
+def marked_settings(rig: Rig, belief: ta.Belief, options: Options, seed: int, count: int) -> list[ShotSetting]:
+    """Settings that score by the belief, from random places at random hood angles of practice."""
+    rng, size = np.random.default_rng([seed, 33]), CANDIDATES * count
+    distance_m, hood_deg = rng.uniform(*FROM_M, size), rng.uniform(*MARKED_DEG, size)
+    seen_m = np.array([seen_distance_m(float(one), options) for one in distance_m])
+    seen_m += ORDINARY.distance_m * rng.normal(size=size)
+    ratio, chances = best_ratios(rig, belief, seen_m, hood_deg)
+    return _settings((chances.points >= LEAST_POINTS) & (ratio <= MARKED_RATIO), count, distance_m, hood_deg, ratio)
+
+
+def _settings(good: np.ndarray, count: int, *columns: np.ndarray) -> list[ShotSetting]:
+    return [ShotSetting(*(float(column[row]) for column in columns)) for row in np.flatnonzero(good)[:count]]
+
+
+def _part(progress: Progress, low: float, high: float) -> Progress:
+    """Progress of a part of the work, from `low` to `high` of the whole."""
+    return lambda done, note: progress(low + (high - low) * done, note)
+
+
+Acts = Mapping[str, Act]              # practice, event, control
+
+
+def answer(acts: Acts, effect: str) -> list[str]:
+    """A table: what was wrong, what was found with its size, and what that was worth."""
+    return make_text(HEAD, _rows(acts, effect))
+
+
+def _rows(acts: Acts, effect: str) -> list[Sequence[str]]:
+    wrong = ("the paper's physics has no wheel slip", effect, NOTHING.name)
+    return [(name, why, _found(act), f"{act.volleys[0].threes} to {act.volleys[1].threes} of {act.volleys[1].balls}",
+             " to ".join(f"{one.per_ball:.2f}" for one in act.volleys))
+            for (name, act), why in zip(acts.items(), wrong, strict=True)]
+
+
+def _found(act: Act) -> str:
+    """Names, the likeliest first, with its size; since practice, where it was believed then."""
+    best = act.finding.best
+    if best is None:
+        return "something that no term explains" if act.finding.verdict == "unknown" else "nothing"
+    more = [plain(one.term) for one in act.finding.alternatives]
+    others = [*more[:LISTED - 1], *([f"{len(more) - LISTED + 1} more"] if len(more) >= LISTED else [])]
+    return (f"{plain(best.term)} {size_of(best.term, best.value - (best.believed or 0.0), best.unit)}"
+            + (f"; or {either(others)}" if others else ""))
+
+
+def say_limits(event: Act, control: Act) -> str:
+    """One line on what the marked shots cannot tell apart, and what they could not have shown."""
+    alike = [plain(one.term) for one in (*event.finding.effects[:1], *event.finding.alternatives)]
+    blind = control.finding.sentence.partition(SEEN)[2].partition(" To see")[0]
+    line = f"These marks cannot tell {either(alike[:LISTED + 1], 'from')}. " if len(alike) > 1 else ""
+    return line + (f"{SEEN}{blind}" if blind else "") or "Marks do not show in which part a difference arises."
+
+
+def save_page(folder: Path, acts: Acts, envelope: Envelope, origin: Origin) -> Path:
+    """Write index.html; returns its path."""
+    effect, event = envelope.effect.name, acts["event"]
+    before, after = (one.per_ball for one in event.volleys)
+    verdict = (f"At the event something had changed that no sensor saw ({effect}): {before:.2f} points per ball, and "
+               f"{after:.2f} once the robot had aimed again after {len(event.shots.shots)} marked shots.")
+    aim = event.aims[1].plot()
+    aim.set_size_inches(PHONE_IN, 1.5 * PHONE_IN)
+    sections = [
+        ("What it was worth", picture(make_png(_draw_worth(acts)), "points per ball before and after")),
+        ("What the marks showed", picture(make_png(_draw_marks(event)), "outcomes of the marked shots")),
+        ("The aim after that", picture(make_png(aim), "hood, motor speed and chances over distance")),
+        ("In numbers", table(HEAD, _rows(acts, effect)) + paragraph(say_limits(event, acts["control"]))),
+        ("What was found", "".join(paragraph(f"{name}: {act.finding.sentence}")
+                                   + f'<p><a href="{name}.html">all of it</a></p>' for name, act in acts.items())),
+        ("Fine print", paragraph(
+            "All balls were shot by the emulated robot: a part of practice through its runtime, images and CAN frames, "
+            "the rest by the same MuJoCo world without them. Before and after are the same balls from the same places. "
+            f"Envelope: {envelope.text}; SHA-256 {envelope.sha256}.", dim=True))]
+    page = folder / "index.html"
+    page.write_text(make_page("truearc demo", verdict, sections, origin), encoding="utf-8")
+    return page
+
+
+def _draw_worth(acts: Acts) -> Figure:
+    figure, (axes,) = new_panels(PHONE_IN, 3.4)
+    for row, act in enumerate(acts.values()):
+        for shift, volley, colour in zip((-0.2, 0.2), act.volleys, (BEFORE, AFTER), strict=True):
+            axes.barh(row + shift, volley.per_ball, color=colour, height=0.38)
+            axes.text(volley.per_ball - 0.05, row + shift, f"{volley.per_ball:.2f}", va="center", ha="right",
+                      color="white", weight="bold")
+    axes.set_yticks(range(len(acts)), acts)
+    axes.set(xlim=(0.0, 3.0), ylim=(2.6, -0.6), xlabel="points per ball: before (grey), after (blue)")
+    return figure
+
+
+def _draw_marks(act: Act) -> Figure:
+    figure, (axes,) = new_panels(PHONE_IN, 3.8)
+    shots = act.shots.shots
+    marks = list(zip(shots.text("outcome"), shots.text("side"), strict=True))
+    for mark, marker in MARKS.items():
+        rows = [row for row, one in enumerate(marks) if one == mark]
+        if not rows:
+            continue
+        axes.scatter(shots.number("distance_m")[rows], shots.number("hood_deg")[rows], color=COLOURS[mark[0]],
+                     marker=marker, label=f"{' '.join(filter(None, mark))}: {len(rows)}")
+    axes.set(xlabel="distance, m", ylabel="hood, deg")
+    axes.legend(frameon=False, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    return figure

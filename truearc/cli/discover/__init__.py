@@ -1,1 +1,0 @@
-"""Commands from datasets to findings."""

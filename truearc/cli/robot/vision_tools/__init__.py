@@ -1,1 +1,0 @@
-"""The work behind `truearc vision`, `vision-calibrate` and `vision-tune`."""

@@ -1,0 +1,181 @@
+"""What runs beside the control loop of `truearc run`: eyes and recorder, in its process or in ones of their own."""
+
+import socket
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+
+import cv2
+import msgspec
+
+from truearc.errors import about
+from truearc.hw.protocols import NS_PER_S, CameraFrame, Clock, LinkLost
+from truearc.hw.real.camera import open_camera
+from truearc.hw.real.clock import MonotonicClock, wall_offset_ns
+from truearc.hw.real.processes import Capacity, Child, Inbox, Line, Outbox, Slots, make_shared
+from truearc.hw.real.wires import MendedCamera
+from truearc.robot.config.schema import Config, RecordingConfig
+from truearc.robot.operator_ui.screens import OpenScreen, Screen, with_screen
+from truearc.robot.processes.recorder import NEWS, Desk, FarKeeper
+from truearc.robot.processes.vision import FarEyes, make_room, relay, tell, watch
+from truearc.robot.readings import open_eyes
+from truearc.robot.recording.files import Row
+from truearc.robot.recording.retention import start_pruning
+from truearc.robot.recording.writer import Keeper, LaneKeeper
+from truearc.robot.runtime import Recorder
+from truearc.robot.types import Sighting, Tick
+from truearc.robot.vision import find_target
+from truearc.robot.vision_source import Eyes, InlineEyes
+
+CLOSE_S = 2.0                         # for a camera to be let go
+
+
+class OneProcess:
+    """Layout with everything in this process; `wires` closes what is opened. `open_screen`: opens what shows ticks."""
+
+    def __init__(self, config: Config, wires: ExitStack, open_screen: OpenScreen | None = None) -> None:
+        self._config, self._wires, self._open_screen = config, wires, open_screen
+
+    def open_eyes(self, clock: Clock) -> Eyes:
+        """Eyes on the configuration's camera, which may come later."""
+        if (elsewhere := open_eyes(self._config, clock)) is not None:
+            self._wires.callback(elsewhere.close)
+            return elsewhere
+        cv2.setNumThreads(1)
+        camera = open_mended(self._config, clock)
+        self._wires.callback(camera.close)
+        return InlineEyes(camera, make_see(self._config))
+
+    def open_keeper(self, folder: Path, contents: Mapping[str, bytes]) -> Keeper:
+        """Make a recording's folder and open its files; OSError or InputError when they cannot be."""
+        start_pruning(self._config.recording, now_unix_s, folder)
+        return LaneKeeper(folder, contents, lossless=False, waits=True)
+
+    def show(self, recorder: Recorder) -> Recorder:
+        """Return that recorder; its ticks are shown, if anything shows them."""
+        screen = None if self._open_screen is None else self._open_screen(MonotonicClock())
+        if screen is not None:
+            self._wires.callback(screen.close)
+        return with_screen(recorder, screen)
+
+    def lines(self) -> list[str]:
+        """Return what runs where, as text."""
+        return ["vision and recorder are in the same process"]
+
+
+class ThreeProcesses:
+    """Layout with vision, and the recorder with what shows ticks, in processes of their own; `wires` ends them.
+
+    Both start at once, side by side. Methods as of OneProcess.
+    """
+
+    def __init__(self, config: Config, wires: ExitStack, open_screen: OpenScreen | None = None) -> None:
+        room = make_room(config.camera.width_px, config.camera.height_px)
+        memory = make_shared(room.bytes)
+        self._sightings = Slots(memory, room)
+        self.vision = Child("vision", look, (config, memory, room), restarts=True, mortal=True)
+        wires.callback(self.vision.close, CLOSE_S)
+        self.recorder = RecorderProcess(wires, open_screen, config.recording)
+
+    def open_eyes(self, clock: Clock) -> Eyes:
+        self.vision.wait()
+        return FarEyes(self._sightings, lambda: self.vision.trouble, clock)
+
+    def open_keeper(self, folder: Path, contents: Mapping[str, bytes]) -> Keeper:
+        return self.recorder.open_keeper(folder, contents)
+
+    def show(self, recorder: Recorder) -> Recorder:
+        return recorder                           # its process does
+
+    def lines(self) -> list[str]:
+        return [f"vision is process {self.vision.pid}", f"recorder is process {self.recorder.child.pid}"]
+
+
+class RecorderProcess:
+    """Process that writes files until the control process ends it or dies; it must outlive a control process that dies.
+    """
+
+    def __init__(self, wires: ExitStack, open_screen: OpenScreen | None = None,
+                 limits: RecordingConfig | None = None) -> None:
+        """`limits`: what earlier sessions may take."""
+        ours, self._theirs = socket.socketpair()
+        memory = make_shared(NEWS.bytes)
+        self.child = Child("recorder", write, (self._theirs, memory, open_screen, limits), restarts=False, mortal=False)
+        self._outbox, self._news = Outbox(ours), Slots(memory, NEWS)
+        wires.callback(self._theirs.close)        # last: a process that is just being started still takes it over
+        wires.callback(self.child.close, CLOSE_S)
+        wires.callback(self._outbox.close)        # which ends it, if nothing else did
+
+    def open_keeper(self, folder: Path, contents: Mapping[str, bytes]) -> Keeper:
+        """InputError when it cannot start, or the files cannot be opened."""
+        with about("cannot start", LinkLost):
+            self.child.wait()
+        self._theirs.close()                      # the other process has it
+        return FarKeeper(folder, contents, self._outbox, self._news, self.child, MonotonicClock())
+
+
+ProcessLayout = OneProcess | ThreeProcesses
+LAYOUTS: dict[str, type[ProcessLayout]] = {"three": ThreeProcesses, "one": OneProcess}
+
+
+def look(line: Line, is_first: bool, config: Config, memory: object, room: Capacity) -> None:
+    """The vision process; its camera may come later."""
+    cv2.setNumThreads(1)
+    clock, slots = MonotonicClock(), Slots(memory, room)
+    slots.beat(clock.now_ns())
+    if (elsewhere := open_eyes(config, clock)) is not None:
+        line.say(None)
+        relay(elsewhere, slots, clock, line.is_over)
+        elsewhere.close()
+        return
+    camera = open_mended(config, clock)
+    if camera.lost is not None:
+        tell(slots, camera.lost, None)
+    line.say(None)
+    watch(camera, make_see(config), slots, clock, line.is_over)
+    camera.close()
+
+
+def write(line: Line, is_first: bool, end: socket.socket, memory: object,
+          open_screen: OpenScreen | None, limits: RecordingConfig | None = None) -> None:
+    """The recorder process, until the control process ends or dies."""
+    cv2.setNumThreads(1)
+    inbox, clock = Inbox(end), MonotonicClock()
+    screen = None if open_screen is None else open_screen(clock)
+    desk = Desk(Slots(memory, NEWS), clock, make_show(screen), partial(start_pruning, limits, now_unix_s))
+    line.say(None)
+    desk.serve(inbox)
+    inbox.close()
+    if screen is not None:
+        screen.close()
+
+
+def now_unix_s() -> float:
+    """The time of day, as files are stamped with it."""
+    return (MonotonicClock().now_ns() + wall_offset_ns()) / NS_PER_S
+
+
+def make_show(screen: Screen | None) -> Callable[[list[Row]], None]:
+    """Shows rows of ticks, as they are written, on the screen; none, where there is none."""
+    if screen is None:
+        return lambda rows: None
+    decoder = msgspec.json.Decoder(Tick)
+
+    def show(rows: list[Row]) -> None:
+        for _, text, *_ in rows:
+            screen.show(decoder.decode(text))
+
+    return show
+
+
+def open_mended(config: Config, clock: Clock) -> MendedCamera:
+    """The configuration's camera, which is opened as soon as it is there, and again when it was lost."""
+    asked = config.camera
+    return MendedCamera(lambda: open_camera(asked.device, asked.width_px, asked.height_px, asked.fps, clock,
+                                            asked.exposure_s))
+
+
+def make_see(config: Config) -> Callable[[CameraFrame], Sighting]:
+    """Vision as configured."""
+    return lambda frame: find_target(frame, config)
