@@ -18,7 +18,7 @@ from truearc.hw.devices.odrive.emulator import SETTINGS, OdriveNode, OdriveSetti
 from truearc.hw.protocols import NS_PER_MS, Frame, Order
 
 RETRY_NS = 100_000_000                # how often orders to come up or to let go are repeated: a frame may be lost
-ENDSTOP_NS = 20_000_000               # between two questions about the limit switch
+ENDSTOP_NS = 50_000_000               # between two questions about the limit switch
 FEED_NS = 25_000_000                  # an unchanged torque is repeated this often: the watchdog wants to hear it
 
 
