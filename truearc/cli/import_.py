@@ -18,8 +18,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     importers = load_importers()
     known = "; ".join(f"{importer.name}: {', or '.join(importer.ways)}" for importer in importers)
     parser.add_argument("source", choices=sorted({*OTHER_FORMATS, *(importer.name for importer in importers)}),
-                        help=f"csv, {', '.join(OTHER_FORMATS)}: any team's; others: whose recordings (more come with "
-                        "pip install ./frc or ./proof in a checkout)")
+                        help=f"{', '.join(OTHER_FORMATS)} or csv: any team's; others: whose recordings (more come "
+                        "with pip install ./proof in a checkout)")
     parser.add_argument("files", nargs="+", metavar="FILE", help=f"the public originals, or tables of them: {known}")
     parser.add_argument("-o", "--out", type=OutFolder(DATASET), required=True, metavar="DIR",
                         help="dataset directory to write")
