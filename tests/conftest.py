@@ -24,7 +24,7 @@ VCAN0 = Path("/sys/class/net/vcan0")
 # Folders, files or tests (beginnings of their ids) that `make test-long` runs although no mark of theirs says so.
 LONG = (
     "tests/golden/test_proof_1.py::test_weights_export_to_the_gate_that_they_did", "tests/house/test_benchmarks.py",
-    "tests/proof/importers/test_import_sepia_drops.py::test_drag_with_the_square_of_the_speed_is_named",
+    "tests/proof/importers/test_import_ball_drops.py::test_drag_with_the_square_of_the_speed_is_named",
     "tests/proof/reproduce", "tests/proof/rivals/test_pysindy.py", "tests/sim/discover/test_example_term.py",
     "tests/sim/discover/test_no_information.py", "tests/sim/discover/test_none_found.py",
     "tests/sim/discover/test_row_order.py", "tests/sim/infer/test_times.py", "tests/sim/test_one_core.py",

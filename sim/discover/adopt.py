@@ -141,7 +141,7 @@ def judge_adoption(investigation: Investigation, gain: "Gain | None" = None,
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """A simulation that may be adopted, with its measures on hold-out shots (truearc.sim.discover.decide.Trial).
+    """A simulation that may be adopted, with its measures on hold-out shots (truearc.sim.discover.decide.Adoptable).
 
     named: effects with a name, each beside those before it; free: curves of unexplained ones; several: the average of
     the last names where they are several; evidence: of it all; why: reason why a curve is not in it.

@@ -152,7 +152,7 @@ def credible_set(naming: Naming, posterior: Hypotheses | None, beside: bool = Fa
     return (*chosen, *(name for name in dict.fromkeys((*naming.aliases, *twins)) if name not in chosen))
 
 
-class Verdict(NamedTuple):
+class Judgement(NamedTuple):
     """`verdict`: named, set or unknown; `terms`: the set, None without a name; rivals: what may have changed in place
     of the first term, that one among them, each with its share of that one's probability."""
 
@@ -161,16 +161,16 @@ class Verdict(NamedTuple):
     rivals: tuple[NumberChange, ...]
 
 
-def verdict_of(first: Step, fitted: BaselineFit, home: BaselineFit | None) -> Verdict:
+def verdict_of(first: Step, fitted: BaselineFit, home: BaselineFit | None) -> Judgement:
     """The verdict on the first effect; home: the fit of the earlier session, if changes since then were looked for."""
     if first.unknown:
-        return Verdict("unknown", None, ())
+        return Judgement("unknown", None, ())
     terms = tuple(name.partition(".")[0] for name in first.chosen)
     leader = next(name for name in first.naming.probability if name.partition(".")[0] in terms)
     rivals = () if home is None else rivals_of(fitted, home, leader)
     if rivals:
         terms = tuple(dict.fromkeys((*(one.name.partition(".")[0] for one in rivals), *terms)))
-    return Verdict("named" if len(terms) == 1 else "set", terms, rivals)
+    return Judgement("named" if len(terms) == 1 else "set", terms, rivals)
 
 
 def form_of(members: Sequence[float]) -> str:
@@ -182,7 +182,7 @@ def form_of(members: Sequence[float]) -> str:
     return "likely" if members[0] > max(0.5, OUTWEIGHS * members[1]) else "several"
 
 
-class Trial(Protocol):
+class Adoptable(Protocol):
     """A simulation that may be adopted; its hold-out forecasts are measured when they are asked for."""
 
     @property
@@ -211,25 +211,25 @@ class Trial(Protocol):
         """Points that hold-out shots would have scored; None where no target tells any."""
 
 
-AnyTrial = TypeVar("AnyTrial", bound=Trial)
+AnyAdoptable = TypeVar("AnyAdoptable", bound=Adoptable)
 
 
 @dataclass(frozen=True)
-class Choice(Generic[AnyTrial]):
+class Choice(Generic[AnyAdoptable]):
     """What is adopted.
 
     why: reason why not all that was found is, "" if it is. points: of the first trial that was judged by them.
     at_limit: numbers of what was tried that stopped at the end of their range.
     """
 
-    trial: AnyTrial
+    trial: AnyAdoptable
     why: str
     points: Adoption | None
     at_limit: dict[str, float]
 
 
-def choose(trials: Iterable[AnyTrial], nearest: Callable[[], AnyTrial] | None, nothing: AnyTrial,
-           why: str) -> Choice[AnyTrial]:
+def choose(trials: Iterable[AnyAdoptable], nearest: Callable[[], AnyAdoptable] | None, nothing: AnyAdoptable,
+           why: str) -> Choice[AnyAdoptable]:
     """The first of `trials` that is not refused; else `nearest`, if points surely gain by it; else `nothing`. why:
     reason why the first trial has not all that was found."""
     first: Adoption | None = None
@@ -250,7 +250,7 @@ def choose(trials: Iterable[AnyTrial], nearest: Callable[[], AnyTrial] | None, n
     return Choice(nothing, why, first, at_limit)
 
 
-def refuse(trial: Trial) -> str:
+def refuse(trial: Adoptable) -> str:
     """Why a simulation is not adopted, the first reason that holds; "" where none does. Points come last."""
     if trial.at_limit:
         return f"beside them {', '.join(trial.at_limit)} stopped at the end of its range"

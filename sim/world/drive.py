@@ -4,11 +4,13 @@ import math
 from typing import NamedTuple
 
 from truearc.sim.world.options import Options
-from truearc.sim.world.scene import LOWER_INERTIA_KG_M2, UPPER_GEAR, UPPER_INERTIA_KG_M2
 
 CHARGE_C = 18.0 * 3600.0          # 18 Ah, lead acid
 FALL_V = 1.2                      # open-circuit voltage lost from full to empty
 STANDING_W = 20.0                 # computer, radio, ring light
+UPPER_GEAR = 0.5625
+LOWER_INERTIA_KG_M2 = 2.2e-3      # wheel, shaft, belt and both rotors
+UPPER_INERTIA_KG_M2 = 1.3e-3
 INERTIA_KG_M2 = LOWER_INERTIA_KG_M2 + UPPER_GEAR**2 * UPPER_INERTIA_KG_M2     # seen at the lower wheel = motor shaft
 COULOMB_NM = 0.04                 # bearings, belt
 VISCOUS_NM_S = 1.6e-4

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from truearc.sim.world.drive import step_shaft
+from truearc.sim.world.drive import UPPER_GEAR, step_shaft
 from truearc.sim.world.options import Options
-from truearc.sim.world.scene import GRAVITY_M_S2, NIP_STEP_S, TOUCH_X_M, UPPER_GEAR, Ball, make_nip
+from truearc.sim.world.scene import GRAVITY_M_S2, NIP_STEP_S, TOUCH_X_M, Ball, make_nip
 
 ROLLER_M = 0.004                  # ball travel per radian of the motor
 INERTIA_KG_M2 = 3e-5              # rotor, gears, roller

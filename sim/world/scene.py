@@ -8,6 +8,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from truearc.sim.world.drive import LOWER_INERTIA_KG_M2, UPPER_GEAR, UPPER_INERTIA_KG_M2
 from truearc.sim.world.options import Options
 
 RACK = 12
@@ -26,11 +27,8 @@ SIDE_M_S = 0.05                   # sideways drift when the wheels take it
 DRAG_SHARE = 0.02                 # how its seams happen to face the air
 LOWER_RADIUS_M = 0.0508
 UPPER_RADIUS_M = 0.0349
-UPPER_GEAR = 0.5625
 COMPRESSION_M = 0.046
 GAP_M = 2.0 * RADIUS_M - COMPRESSION_M
-LOWER_INERTIA_KG_M2 = 2.2e-3      # wheel, shaft, belt and both rotors
-UPPER_INERTIA_KG_M2 = 1.3e-3
 NIP_STEP_S = 2e-4
 FLIGHT_STEP_S = 2.5e-3
 FRICTION = 1.0

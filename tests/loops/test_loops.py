@@ -121,7 +121,7 @@ def test_a_recording_with_nothing_in_it_is_an_error(session, tmp_path, capsys):
 
 
 def test_a_recording_is_never_written_over(session):
-    with pytest.raises(InputError, match="exists already"):
+    with pytest.raises(InputError, match="already exists"):
         emulate(CONFIGURATION, session[0], trials=1, seed=0)
 
 

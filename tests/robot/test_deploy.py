@@ -36,8 +36,8 @@ from truearc.robot.deploy import (
     make_config,
     make_files,
     make_parts,
+    make_rules,
 )
-from truearc.robot.motors import make_rules
 from truearc.robot.sysid import HOME
 
 PARTS = Parts(True, True, False, 3, 50, "", "2341:8036", 5.0)

@@ -14,6 +14,7 @@ from truearc.errors import INSTALL_HINTS, InputError, load_text
 from truearc.robot.config.reading_tables import distribution_of_table
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.deploy import (
+    CONFIG,
     INSTALL,
     RECORDING,
     Parts,
@@ -57,7 +58,6 @@ def deploy(args: argparse.Namespace) -> int:
     Carries the package, its configuration and its model, and runs the doctor there. Exit 1 when a step fails or the
     doctor finds a failure.
     """
-    from truearc.robot.recording.session import CONFIG  # which loads the gate
     if not re.fullmatch(r"([A-Za-z0-9_][A-Za-z0-9._-]*@)?[A-Za-z0-9][A-Za-z0-9.-]*", args.host):
         raise InputError(f"{args.host!r}: not user@host")
     config = load_config(args.config)

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from msgspec import UNSET
 from msgspec.structs import replace
@@ -26,8 +27,10 @@ from truearc.robot.runtime import run
 from truearc.robot.sysid import POLICY, make_step, phases, say
 from truearc.robot.types import Progress, Sent, Tick
 from truearc.robot.vision_source import NoEyes
-from truearc.sim.world.emulated_robot import MakeNodes, check_emulated, emulated_rig, make_nodes
-from truearc.sim.world.world import World
+
+if TYPE_CHECKING:                     # needs MuJoCo, which a robot does without
+    from truearc.sim.world.emulated_robot import MakeNodes
+    from truearc.sim.world.world import World
 
 Say = Callable[[str], None]
 Press = tuple[int, str]               # when (ns) and which button
@@ -86,9 +89,10 @@ def drive_robot(config: Config, folder: Path | None, tell: Say) -> Path:
     return folder
 
 
-def drive_twin(config: Config, folder: Path, world: World, tell: Say, presses: Sequence[Press] = ARM,
-               nodes_of: MakeNodes = make_nodes) -> Reason | None:
-    """Drive `world` until the program is over; returns how it ended. `nodes_of` makes the devices."""
+def drive_twin(config: Config, folder: Path, world: "World", tell: Say, presses: Sequence[Press] = ARM,
+               nodes_of: "MakeNodes | None" = None) -> Reason | None:
+    """Drive `world` until the program is over; returns how it ended. `nodes_of` makes devices other than its own."""
+    from truearc.sim.world.emulated_robot import check_emulated, emulated_rig, make_nodes
     step, box, left = make_step(check_emulated(config)), open_button_box(), list(presses)
 
     def operate(t_ns: int) -> None:
@@ -101,8 +105,8 @@ def drive_twin(config: Config, folder: Path, world: World, tell: Say, presses: S
         def over(now_ns: int) -> bool:
             return watch.over is not None or now_ns > LONGEST_NS
 
-        with emulated_rig(config, world, nodes_of(config, world), box, NoEyes(), (operate,), recorder.tap,
-                          over) as (rig, _):
+        nodes = (nodes_of or make_nodes)(config, world)
+        with emulated_rig(config, world, nodes, box, NoEyes(), (operate,), recorder.tap, over) as (rig, _):
             run(rig, config, None, watch, step)
     if recorder.failed is not None:
         raise recorder.failed

@@ -28,4 +28,4 @@ FRC_3476 = Importer("frc-3476", ("CLONE/", "shooterconfig.json", "HISTORY.csv"),
 FRC_971 = Importer("frc-971", ("constants.cc", "SPEEDS.csv"), _later("exit_speeds", "import_971"))
 FUEL = Importer("fuel", ("shooter.py", "SPEEDS.csv"), _later("exit_speeds", "import_fuel"))
 SEPIA_DROPS = Importer("sepia-drops", ("TIMES.dat HEIGHTS.height RADII.radii", "DROPS.txt"),
-                       _later("sepia_drops", "import_sepia_drops"))
+                       _later("ball_drops", "import_sepia_drops"))

@@ -7,18 +7,16 @@ import mujoco
 import numpy as np
 import pytest
 
+from truearc.sim.world.drive import LOWER_INERTIA_KG_M2, UPPER_GEAR, UPPER_INERTIA_KG_M2
 from truearc.sim.world.nip import Feeder, Nip, rotate_from_launch
 from truearc.sim.world.options import Options
 from truearc.sim.world.scene import (
     COMPRESSION_M,
-    LOWER_INERTIA_KG_M2,
     MASS_SHARE,
     NIP_STEP_S,
     RACK,
     SEAT_M,
     STIFFNESS_SHARE,
-    UPPER_GEAR,
-    UPPER_INERTIA_KG_M2,
     Ball,
     Rack,
     make_nip,
