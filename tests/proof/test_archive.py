@@ -33,7 +33,7 @@ def packed(marked: Room, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def room(packed: Path, tmp_path: Path) -> Room:
+def unpacked(packed: Path, tmp_path: Path) -> Room:
     room = Room(tmp_path / "again")
     unpack(packed, room)
     return room
@@ -56,8 +56,8 @@ def test_a_round_that_is_not_marked_is_not_packed(played: Room, tmp_path: Path) 
 
 
 @pytest.mark.slow
-def test_packing_twice_gives_the_same_file(room: Room, packed: Path, tmp_path: Path) -> None:
-    pack(room, tmp_path / "twice.tar.xz")
+def test_packing_twice_gives_the_same_file(unpacked: Room, packed: Path, tmp_path: Path) -> None:
+    pack(unpacked, tmp_path / "twice.tar.xz")
     assert (tmp_path / "twice.tar.xz").read_bytes() == packed.read_bytes()
 
 
@@ -107,9 +107,9 @@ def choose_data(room: Room) -> str:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("cheat", [change_claims, change_marks, forge_marks, change_seal, leave_out, choose_data])
-def test_whatever_was_changed_or_left_out_is_named(room: Room, cheat: Callable[[Room], str]) -> None:
-    expected = cheat(room)
-    assert any(expected in line for line in check_round(room, 3, quiet).wrong)      # all that there are
+def test_whatever_was_changed_or_left_out_is_named(unpacked: Room, cheat: Callable[[Room], str]) -> None:
+    expected = cheat(unpacked)
+    assert any(expected in line for line in check_round(unpacked, 3, quiet).wrong)      # all that there are
 
 
 @pytest.mark.slow
@@ -123,12 +123,13 @@ def test_what_is_no_packed_round_is_refused(tmp_path: Path, capsys) -> None:
 
 
 @pytest.mark.slow
-def test_which_worlds_are_made_again_nobody_knows_beforehand(room: Room) -> None:
+def test_which_worlds_are_made_again_nobody_knows_beforehand(unpacked: Room) -> None:
     """Of three worlds one is made again: not always the same, and the same by the same seed."""
-    marks = {one.world: one for one in graded_of(room)}
+    marks = {one.world: one for one in graded_of(unpacked)}
 
     def remade(worlds: int, seed: int | None = None) -> tuple[str, ...]:
-        return check_round(room, worlds, quiet, seed, lambda *some: [], lambda root, job: marks[job[0].name]).remade
+        return check_round(
+            unpacked, worlds, quiet, seed, lambda *some: [], lambda root, job: marks[job[0].name]).remade
 
     assert {remade(1) for _ in range(60)} == {("w0001",), ("w0002",), ("w0003",)}
     assert remade(1, 7) == remade(1, 7)
