@@ -84,7 +84,7 @@ def _by_belief(distance_m: float, estimate: Estimate, memory: Memory, config: Co
     file = aims.get(memory.aim_sha256 or "")
     if file is None:
         return NO_FILE
-    asked = None if config.nt4 is None else config.nt4.velocity
+    asked = config.driving
     toward, left = estimate.toward_m_s, estimate.leftward_m_s
     moving = None if asked is None or toward is UNSET or left is UNSET else file.moving(
         distance_m, toward, left, asked.delay_s)

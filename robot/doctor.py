@@ -67,6 +67,15 @@ def check_box(box: Stream, clock: Clock) -> Finding:
     return failure(check, f"silent for {BOX_S:g} s", "look at its power and at [buttons] port and baud")
 
 
+def check_calibration(camera: CameraConfig) -> Finding:
+    """Whether a camera that sees tags has a calibration that says how good it is."""
+    check = "camera for tags"
+    if camera.focal_sigma > 0.0 or any(camera.distortion):
+        return ok(check, "[camera] has a calibration with its uncertainty")
+    return warning(check, "[camera] states neither distortion nor how well its focal length is known",
+                   "`truearc vision-calibrate` finds both")
+
+
 def check_exposure(camera: CameraConfig, exposure: Exposure | None) -> Finding:
     """Whether images are taken with a fixed exposure that ends before the next begins."""
     check, do = "camera exposure", EXPOSURE_DO.format(camera.device)

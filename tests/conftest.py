@@ -64,6 +64,17 @@ def all_shapes_checked() -> None:
     shape_checks.start_again()
 
 
+@pytest.fixture(scope="session")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A session of the emulated robot: two shots, both marked."""
+    from truearc.cli.common import SHIPPED
+    from truearc.robot.config.schema import load_config
+    from truearc.sim.world.emulated_robot import emulate
+    folder = tmp_path_factory.mktemp("recorded") / "plain"
+    emulate(load_config(SHIPPED), folder, trials=2, seed=3)
+    return folder
+
+
 @pytest.fixture(scope="module", autouse=True)
 def kept_out_of_garbage_collection() -> Iterator[None]:
     """What JAX has traced and compiled stays for the whole run: without this every collection looks through it."""

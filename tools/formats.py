@@ -96,6 +96,7 @@ Angles are above the horizontal.
 
 ## launcher.toml
 Every key is needed, except those that are comments in the [shipped file](../../robot/launcher.toml), and `[identify]`.
+The table `[nt4]` of `truearc-frc`: [advice](../how-to/advise.md#nt4).
 
 | key | unit | shipped | range | meaning |
 |---|---|---|---|---|

@@ -31,6 +31,7 @@ from benchmarks.matrix.judge import Result
 from benchmarks.proof import load
 from tools import formats
 from truearc.cli.commands import COMMANDS, GROUPS, Command, load_plugins, make_parser
+from truearc.errors import INSTALL_HINTS
 from truearc.hw import fault_codes
 from truearc.hw.devices.registry import find_family
 from truearc.hw.reason import NESTED, OPTIONAL, Code, Message
@@ -65,7 +66,7 @@ Made from the code by `python -m tools.pages reference`.
 
 def commands_page() -> str:
     """The page of commands: a table for each group."""
-    commands = sorted((*COMMANDS, *(one for one in load_plugins() if one.distribution == "truearc-proof")),
+    commands = sorted((*COMMANDS, *(one for one in load_plugins() if one.distribution in INSTALL_HINTS)),
                       key=lambda one: [*GROUPS, one.group].index(one.group))
     lines = [COMMANDS_HEAD]
     for group, members in itertools.groupby(commands, key=lambda one: one.group):

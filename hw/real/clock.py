@@ -8,7 +8,7 @@ from datetime import datetime
 class MonotonicClock:
     """The machine's monotonic clock, in whole microseconds; unmoved by the wall clock being set.
 
-    Candump and WPILOG files have six decimals: what they say of a time is all there is to it.
+    Candump files have six decimals: what they say of a time is all there is to it.
     """
 
     def now_ns(self) -> int:

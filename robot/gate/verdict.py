@@ -111,7 +111,7 @@ def judge_target(inputs: Inputs, estimate: Estimate, config: Config) -> list[Rea
 
 def judge_motion(estimate: Estimate, aim: Aim, config: Config) -> list[Reason]:
     """Reasons from how the robot drives, where it tells: not known, too fast, no set point for that, no lead taken."""
-    asked = None if config.nt4 is None else config.nt4.velocity
+    asked = config.driving
     if asked is None:
         return []
     if estimate.toward_m_s is UNSET or estimate.bearing_deg is UNSET:

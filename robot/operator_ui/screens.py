@@ -1,4 +1,4 @@
-"""Screens, which show ticks to people: the operator's page, topics of NetworkTables."""
+"""Screens, which show ticks to people: the operator's page, and what other distributions publish."""
 
 from collections.abc import Callable, Sequence
 from typing import Protocol

@@ -134,8 +134,8 @@ sys.exit(main({words!r}))
 
 
 @pytest.mark.parametrize(("words", "said"), [
-    (["prove", "--worlds", "1"], "is part of the repository's proof/: "),
-    (["reproduce"], "is part of the repository's proof/: "),
+    (["prove", "--worlds", "1"], "needs truearc-proof: "),
+    (["reproduce"], "needs truearc-proof: "),
 ], ids=" ".join)
 def test_what_proof_adds_is_refused_with_what_to_install(words: list[str], said: str) -> None:
     done = subprocess.run([sys.executable, "-c", ALONE.format(words=words)], capture_output=True, text=True)

@@ -13,7 +13,7 @@ from truearc.cli.commands import Command, list_commands, make_parser
 from truearc.cli.main import main
 
 ALWAYS = {"help", "force"}            # of every command, and of every one with outputs (test_outputs.py)
-PACKAGES = ("truearc.cli", "truearc_proof.cli")
+PACKAGES = ("truearc.cli", "truearc_proof.cli", "truearc_frc")
 
 
 @pytest.mark.parametrize("command", list_commands(), ids=lambda command: command.name)

@@ -64,9 +64,8 @@ ELSEWHERE = {
     r"^sudo ": "changes the machine's network or services",
     r"^systemctl ": "asks for a service that only a robot has",
     r"^truearc run ": "goes on until it is stopped; tests/loops runs it against emulated devices",
-    r"^truearc advise ": "goes on until it is stopped; tests/loops/test_advise.py has it beside a robot",
+    r"^truearc advise ": "goes on until it is stopped; tests/frc/test_advise_session.py has it beside a robot",
     r"^truearc doctor.* --(set|move)": "writes to devices, or moves them; tests/robot/doctor does",
-    r"^truearc doctor --nt": "asks the server of a robot; tests/robot/doctor/test_network.py has one",
     r"^python -m tools\.pages": "writes pages, which tests/house/test_site.py compares",
     r"^truearc serve ": "goes on until it is stopped; tests/cli/test_serve.py runs it and ends it by Ctrl-C",
     r"^truearc emulate .*--bus slcan:auto": "waits for a robot in another process; tests/loops/test_loops.py has both",
@@ -254,7 +253,7 @@ def workspace(tmp_path: Path, data_dir: Path, monday: Path, monkeypatch: pytest.
     folder.mkdir()
     (tmp_path / "shared").symlink_to(data_dir.parent)
     for name in ("Makefile", "pyproject.toml", "constraints.txt", "benchmarks", "tests", "tools", "robot", "hw", "sim",
-                 "model_export", "truearc", "proof"):
+                 "model_export", "truearc", "proof", "frc"):
         (folder / name).symlink_to(ROOT / name)
     for name in ("docs", "examples"):
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("*.egg-info", "__pycache__", "*.png"))

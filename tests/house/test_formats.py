@@ -20,7 +20,8 @@ GOLDEN = sorted([*REFERENCE.glob("finding-*/finding.json"), *REFERENCE.glob("ide
                  *REFERENCE.glob("design/*.json"), *REFERENCE.glob("gated-*/session.json"),
                  Path(__file__).parents[1] / "robot" / "aim.json",
                  REFERENCE.parent / "inputs" / "proposal.json"])
-ELSEWHERE = ("axes.", "rig.", "collect.prescribed.")     # docs/how-to/motors.md, docs/reference/dataset.md, `--plan`
+# docs/how-to/motors.md, docs/reference/dataset.md, `--plan`, docs/how-to/advise.md
+ELSEWHERE = ("axes.", "rig.", "collect.prescribed.", "readings.")
 
 
 def validator(name: str) -> Any:

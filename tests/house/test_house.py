@@ -15,7 +15,7 @@ from tests.conftest import LONG
 from tools.measure import WHEEL, code, lines_of_code, longest_chain, python_files
 
 ROOT = Path(__file__).parents[2]
-TOPS = ("hw", "robot", "sim", "model_export", "truearc", "proof")
+TOPS = ("hw", "robot", "sim", "model_export", "truearc", "proof", "frc")
 FILES = sorted(path for top in TOPS for path in (ROOT / top).rglob("*.py"))
 LONGEST_FILE, LONGEST_FUNCTION = 600, 60
 MOST_LINES = 36800                   # of code in the wheel

@@ -18,7 +18,8 @@ NAME = re.compile(r"(?<![\w./<{*-])(?:\.\.?/)*[\w-][\w./-]*\.md\b")
 ELSEWHERE = ("parameters/SparkParameters-v0.1.2.md",)           # a page of REV's, quoted as the source of facts
 MADE_BY_TESTS = ("bare.md", "page.md", "notes.md", "a.md", "docs/gone.md")      # files that tests write themselves
 
-TOPS = ("hw", "robot", "sim", "model_export", "truearc", "proof", "benchmarks", "tests", "tools", "docs", "examples")
+TOPS = ("hw", "robot", "sim", "model_export", "truearc", "proof", "frc", "benchmarks", "tests", "tools", "docs",
+        "examples")
 CODE_PATH = re.compile(rf"(?<![\w./<{{*-])(?:{'|'.join(TOPS)})/[\w./*<>{{}}-]*")
 HISTORY = ("CHANGELOG.md", "docs/measured/proof.md")           # they name files and commands as they were
 COMMAND = re.compile(r"(?<!import )(?<![\w./-])(?:\.venv/bin/)?truearc ([a-z][^`|;&#\n]*)")
@@ -90,9 +91,10 @@ def lost_paths(code: str) -> list[str]:
 
 
 def commands() -> set[str]:
-    """Names of truearc's commands and of proof's."""
-    project = tomllib.loads((ROOT / "proof" / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    return {command.name for command in COMMANDS} | set(project["entry-points"][ENTRY_POINTS])
+    """Names of truearc's commands, of proof's and of frc's."""
+    projects = [tomllib.loads((ROOT / name / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+                for name in ("proof", "frc")]
+    return {command.name for command in COMMANDS}.union(*(one["entry-points"][ENTRY_POINTS] for one in projects))
 
 
 def wrong_commands(code: str, known: set[str]) -> list[str]:

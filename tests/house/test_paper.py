@@ -32,11 +32,11 @@ def test_paper_has_some_thousand_words_and_the_sections_of_its_journal() -> None
 
 def test_version_is_the_same_everywhere() -> None:
     stated = {name: tomllib.loads((ROOT / name / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
-              for name in (".", "proof")}
+              for name in (".", "proof", "frc")}
     version = stated["."]
     citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     released = re.search(r"^date-released: (\S+)$", citation, re.MULTILINE)
     changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert released is not None and date.fromisoformat(released[1]) and f"## {version} - {released[1]}" in changes
-    assert stated["proof"] == version and f"\nversion: {version}\n" in citation
+    assert stated["frc"] == stated["proof"] == version and f"\nversion: {version}\n" in citation
     assert f"Version {version}." in (ROOT / "README.md").read_text(encoding="utf-8")

@@ -28,7 +28,7 @@ SUFFIXES = {"s": "_s", "m": "_m", "deg": "_deg", "rad/s": "_rad_s", "Nm": "_nm",
 
 def calls():
     """(code constant, keyword names, place) of every call of a code in the product."""
-    for path in (path for room in ("hw", "robot", "truearc") for path in (ROOT / room).rglob("*.py")):
+    for path in (path for room in ("hw", "robot", "truearc", "frc") for path in (ROOT / room).rglob("*.py")):
         if path in DECLARING or path in TELLING:
             continue
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):

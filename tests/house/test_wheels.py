@@ -19,20 +19,22 @@ ROOT = Path(__file__).parents[2]
 ALONE = ("import sys; sys.meta_path[:] = [one for one in sys.meta_path if 'editable' not in repr(one).lower()]; "
          "sys.path[:] = [{site!r}] + [one for one in sys.path if one]; ")
 LINT = ALONE + "from importlinter.cli import lint_imports_command; lint_imports_command()"
-CYCLES = ALONE + ("import graphlib, grimp; graph = grimp.build_graph('truearc', 'truearc_proof', cache_dir=None); "
+CYCLES = ALONE + ("import graphlib, grimp; "
+                  "graph = grimp.build_graph('truearc', 'truearc_proof', 'truearc_frc', cache_dir=None); "
                   "graphlib.TopologicalSorter({{one: graph.find_modules_directly_imported_by(one) "
                   "for one in graph.modules}}).prepare()")
 PLACES = {"truearc": "truearc", "hw": "truearc/hw", "robot": "truearc/robot", "sim": "truearc/sim",
-          "model_export": "truearc/model_export", "proof/truearc_proof": "truearc_proof"}
+          "model_export": "truearc/model_export", "proof/truearc_proof": "truearc_proof",
+          "frc/truearc_frc": "truearc_frc"}
 
 
 def build_wheels(folder: Path) -> Path:
-    """Build both wheels and unpack them side by side; returns the folder that holds the packages."""
+    """Build all wheels and unpack them side by side; returns the folder that holds the packages."""
     source = copy_source(ROOT, folder / "source")
     ignore = shutil.ignore_patterns("__pycache__", "*.egg-info", "build")
-    shutil.copytree(ROOT / "proof", source / "proof", ignore=ignore)
+    others = [shutil.copytree(ROOT / name, source / name, ignore=ignore) for name in ("proof", "frc")]
     done = subprocess.run([sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation",
-                           "--wheel-dir", str(folder), str(source), str(source / "proof")],
+                           "--wheel-dir", str(folder), str(source), *map(str, others)],
                           capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     site = folder / "site"
@@ -64,7 +66,7 @@ def test_wheels_hold_what_git_tracks(site: Path) -> None:
 
 def test_wheel_has_one_top_level_name(site: Path) -> None:
     names = {path.name for path in site.iterdir() if not path.name.endswith(".dist-info")}
-    assert names == {"truearc", "truearc_proof"}
+    assert names == {"truearc", "truearc_proof", "truearc_frc"}
 
 
 def test_source_distribution_holds_what_git_tracks(tmp_path: Path) -> None:

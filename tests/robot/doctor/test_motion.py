@@ -227,7 +227,7 @@ def test_what_is_not_ours_is_not_moved():
 
 @pytest.mark.parametrize(("words", "says"), [
     (["--yes"], "--yes: applies with --move or --set only"), (["--move"], "no terminal"),
-    (["--move", "--nt", "2504", "--map", "m.toml"], "--nt"), (["--move", "--set", "--yes"], "--move: apart"),
+    (["--move", "--set", "--yes"], "--move: apart"),
 ])
 def test_move_without_a_yes_is_refused_before_anything_is_opened(words, says, capsys):
     assert main(["doctor", "--config", str(SHIPPED), *words]) == 2
@@ -272,7 +272,7 @@ def test_on_a_serial_bus_it_asks_moves_and_tells(wrong, tmp_path, monkeypatch, c
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         with excuse_stalls():
-            doctor_checks.check_move(argparse.Namespace(move=True, yes=False, nt=None, map=None))
+            doctor_checks.check_move(argparse.Namespace(move=True, yes=False))
             found = [*doctor_checks._look_at_can(config, clock, None, 2.0)]
             findings = {one.check: one for one in doctor_checks.move_robot(config, clock, found, False)}
             check_real(wrong, found, findings, capsys.readouterr().err)

@@ -13,12 +13,12 @@ import truearc as ta
 from tests.robot.good_tick import NOW_NS, good_inputs, good_memory, seconds
 from truearc.cli.common import SHIPPED
 from truearc.robot.aim_file import AimFile, load_aim_for
-from truearc.robot.config.nt4 import Nt4, Nt4Velocity
 from truearc.robot.config.schema import AimConfig, Config, load_config
 from truearc.robot.gate.model import Rating
 from truearc.robot.tick import step
 from truearc.robot.types import RobotVelocity, Sighting, Tick
 from truearc.sim.infer.belief import point_belief
+from truearc_frc.table import Nt4, Nt4Velocity, with_nt4
 
 CD, CL, LOSS = 0.45, 0.1, 0.38
 BELIEF = point_belief({"drag": {"cd": CD}, "magnus": {"cl": CL}, "exit_efficiency": {"loss": LOSS}},
@@ -32,7 +32,7 @@ assert TARGET is not None
 
 
 def config(velocity: Nt4Velocity = VELOCITY) -> Config:
-    return replace(SHIPPED_CONFIG, aim=AimConfig("belief", 0.005), nt4=Nt4("254", velocity=velocity))
+    return with_nt4(replace(SHIPPED_CONFIG, aim=AimConfig("belief", 0.005)), Nt4("254", velocity=velocity))
 
 
 @pytest.fixture(scope="module")

@@ -17,13 +17,14 @@ import truearc as ta
 from tests.sim.data import stranger_log
 from tests.sim.data.stranger_log import write_stranger_log
 from truearc.cli.main import main
-from truearc.robot.advice.advice_io import Scaled
 from truearc.robot.config.shot_map import as_signal, load_map, ready_maps
-from truearc.robot.recording.export.wpilog import WpilogWriter, make_payload
 from truearc.robot.recording.session import load_trials
 from truearc.sim.data.importers.any_team import guess
 from truearc.sim.data.importers.guess_map import _meaning
-from truearc.sim.data.importers.series import Series, read_csv_log, read_wpilog
+from truearc.sim.data.importers.series import Series, read_csv_log
+from truearc_frc.advice import Scaled
+from truearc_frc.wpilog_export import WpilogWriter, make_payload
+from truearc_frc.wpilog_log import read_wpilog
 
 pytest.importorskip("wpiutil")
 COMPARED = ("distance_m", "hood_deg", "motor_ratio", "battery_v", "t_s", "since_last_shot_s")
@@ -302,7 +303,7 @@ def test_a_wrong_map_is_named_by_file_and_key(text: str, said: str, log: Path, r
 
 @pytest.mark.parametrize(("arguments", "said"), [
     (["--guess"], "--rig RIG.toml is needed"), (["--rig", "RIG"], "--map MAP is needed, or --guess"),
-    (["--rig", "RIG", "--map", "wpilab"], "a map that comes with truearc (advantagekit, ftc-csv"),
+    (["--rig", "RIG", "--map", "wpilab"], "an installed map (advantagekit, ftc-csv"),
 ])
 def test_what_is_missing_is_said(arguments: list[str], said: str, log: Path, rig: Path, tmp_path: Path,
                                  capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from truearc.robot.advice.nt_keys import OURS
+from truearc_frc.keys import OURS
 
 DASHBOARDS = Path(__file__).parents[2] / "examples" / "dashboards"
 LAYOUT = DASHBOARDS / "elastic.json"

@@ -14,7 +14,6 @@ import pytest
 
 from truearc.cli.main import main
 
-pytest.importorskip("ntcore")
 pytestmark = pytest.mark.slow
 GATE = Path(__file__).parents[1] / "golden" / "reference" / "export-physics" / "gate.onnx"
 SECONDS, AFTER_S = 6.5, 3.5
@@ -76,13 +75,13 @@ def test_advice_comes_at_twenty_hertz_with_its_age_and_replays(tmp_path: Path) -
 
 
 def test_no_advice_to_fire_when_a_key_is_gone(tmp_path: Path) -> None:
-    heard, _, _ = beside(tmp_path, "disappears", "/Shooter/RPM")      # other troubles: tests/robot/test_advice.py
+    heard, _, _ = beside(tmp_path, "disappears", "/Shooter/RPM")      # other troubles: test_advice.py
     assert "FIRE" in [word for at, word in heard if at < AFTER_S]
     assert "FIRE" not in [word for at, word in heard if at > AFTER_S + 1.0]
 
 
 @pytest.mark.parametrize(("words", "said"), [(["--map", "tracker"], "name no motor_rad_s and no wheel"),
-                                             (["--map", "nowhere"], "neither a file nor a map"),
+                                             (["--map", "nowhere"], "neither a file nor an installed map"),
                                              (["--map", "wpilib", "--rate", "5"], "expected 20 to 1000")])
 def test_what_cannot_begin_is_refused_before_there_is_a_folder(words: list[str], said: str, tmp_path: Path,
                                                                capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,16 +2,29 @@
 
 import re
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Annotated, Literal
 
+import msgspec
 from msgspec import Meta, Struct
+from msgspec.structs import replace
 
 from truearc.hw.devices.family import Positive
+from truearc.robot.config.limits import Limit, out_of_range
+from truearc.robot.config.reading_tables import stated
+from truearc.robot.config.schema import Config
 
 TEAM = re.compile(r"0*([1-9][0-9]{0,3}|1[0-9]{4}|2[0-4][0-9]{3}|25[0-5][0-9]{2})")   # as 10.TE.AM.2 can say
 PORT = re.compile(r"[1-9][0-9]{0,4}")
 MOST_PORT = 65535
 EXPECTED = "give a team number (1 to 25599) or HOST[:PORT]"
+NAME = "nt4"
+LISTEN_S = 2.0                        # to the server's keys before they are judged, if not said
+LIMITS = (
+    Limit("nt4.velocity.most_m_s", 0.01, 6, "above, no robot drives; this may be another unit"),
+    Limit("nt4.velocity.pointing_deg", 0.1, 15, "below, no heading is so exact; above, every ball misses"),
+    Limit("nt4.velocity.delay_s", 0, 1, "above, no ball is so late"),
+)
 
 
 class Nt4Vision(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -57,11 +70,22 @@ def server_parts(server: str) -> tuple[int, str, int] | None:
     return 0, host, int(port) if colon else 0
 
 
-def nt4_errors(nt4: Nt4, has_tags: bool) -> Iterator[tuple[str, str]]:
-    """Key and objection of each value that cannot be; has_tags: there is a table [apriltag]."""
+def nt4_of(config: Config) -> Nt4 | None:
+    """The table of a configuration; None where it has none."""
+    return msgspec.convert(config.readings[NAME], Nt4) if NAME in config.readings else None
+
+
+def with_nt4(config: Config, nt4: Nt4) -> Config:
+    """The configuration with this table."""
+    return replace(config, readings={**config.readings, NAME: stated(nt4)})
+
+
+def nt4_errors(nt4: Nt4, config: Config) -> Iterator[tuple[str, str]]:
+    """Key and objection of each value that cannot be; config: all other tables."""
+    yield from out_of_range(SimpleNamespace(nt4=nt4), LIMITS)
     if server_parts(nt4.server) is None:
         yield "nt4.server", f"{nt4.server!r} is not a robot: {EXPECTED}"
-    if nt4.vision is not None and not has_tags:
+    if nt4.vision is not None and config.apriltag is None:
         yield "nt4.vision", "needs [apriltag], whose ids, centre_height_m and behind_m say which tags mark the target"
     if nt4.vision is not None and not nt4.vision.camera.strip("/"):
         yield "nt4.vision.camera", "is empty; give the camera's name"

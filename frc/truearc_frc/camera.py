@@ -12,15 +12,15 @@ from collections.abc import Mapping
 from typing import NamedTuple, NoReturn
 
 from truearc.hw.fault_codes import CAMERA_FROZEN
-from truearc.hw.protocols import CameraFrame, Clock, LinkLost
+from truearc.hw.protocols import NS_PER_S, CameraFrame, Clock, LinkLost
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
-from truearc.robot.advice.advice_io import NS_PER_S, Keys
-from truearc.robot.advice.nt_keys import NtKeys, Reading
-from truearc.robot.advice.tick import CALM_S, DISTANCE_RATE_M_S, DISTANCE_STEP_M
-from truearc.robot.config.nt4 import Nt4Vision
+from truearc.robot.advice import CALM_S, DISTANCE_RATE_M_S, DISTANCE_STEP_M
 from truearc.robot.config.schema import CameraConfig, Config
 from truearc.robot.types import Sighting
+from truearc_frc.advice import Keys
+from truearc_frc.keys import NtKeys, Reading
+from truearc_frc.table import Nt4Vision, nt4_of
 
 MOST_LATENCY_S = 1.0                  # more is a mistake
 OFF_SIGMAS = 4.0                      # of a tag's height that contradicts the mounting
@@ -72,8 +72,9 @@ class NtCamera:
     """
 
     def __init__(self, config: Config, keys: Keys, clock: Clock) -> None:
-        assert config.nt4 is not None and config.nt4.vision is not None and config.apriltag is not None
-        self._vision, self._tag, self._camera = config.nt4.vision, config.apriltag, config.camera
+        nt4 = nt4_of(config)
+        assert nt4 is not None and nt4.vision is not None and config.apriltag is not None
+        self._vision, self._tag, self._camera = nt4.vision, config.apriltag, config.camera
         self._keys, self._clock = keys, clock
         self._names, self._needed = names_of_camera(self._vision), keys_of_camera(self._vision)
         self._oldest_ns = round(config.gate.sighting_age_s * NS_PER_S)
@@ -165,8 +166,9 @@ class OwnNtCamera(NtCamera):
     """With a connection of its own, to be closed."""
 
     def __init__(self, config: Config, clock: Clock) -> None:
-        assert config.nt4 is not None and config.nt4.vision is not None
-        self._own = NtKeys(config.nt4.server, keys_of_camera(config.nt4.vision))
+        nt4 = nt4_of(config)
+        assert nt4 is not None and nt4.vision is not None
+        self._own = NtKeys(nt4.server, keys_of_camera(nt4.vision))
         super().__init__(config, self._own, clock)
 
     def close(self) -> None:

@@ -1,5 +1,4 @@
-"""A RobotIo of NetworkTables keys: inputs as of a launcher of ours, and commands that go nowhere; and what publishes
-the tick's verdict."""
+"""A RobotIo of NetworkTables keys: inputs as of a launcher of ours, and commands that go nowhere."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -8,25 +7,16 @@ from typing import Protocol
 from msgspec import UNSET
 
 from truearc.errors import InputError
-from truearc.hw.protocols import AngleReading, ButtonEvent, CameraFrame, Clock, LinkLost, MotorReading
+from truearc.hw.protocols import NS_PER_S, AngleReading, ButtonEvent, CameraFrame, Clock, LinkLost, MotorReading
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
-from truearc.robot.advice.nt_keys import Reading
-from truearc.robot.advice.tick import POLICY
-from truearc.robot.aim import NOWHERE, as_at_rest
 from truearc.robot.config.schema import Config
 from truearc.robot.config.shot_map import NOT_MARKED, ShotMap, Signal, as_signal, plain
 from truearc.robot.config.unit_table import MOTOR, WHEEL, factor_of, unit_in
 from truearc.robot.gate.contract import FEATURES
-from truearc.robot.gate.model import Gate
-from truearc.robot.reasons import texts
-from truearc.robot.runtime import Recorder
-from truearc.robot.types import Command, Inputs, RobotVelocity, Sent, Sighting, Tick
+from truearc.robot.types import Command, Inputs, RobotVelocity, Sent, Sighting
+from truearc_frc.keys import Reading
 
-NS_PER_S = 1_000_000_000
-STALE = {code.name for code in (
-    because.NT_LOST, because.KEY_MISSING, because.CAMERA_LOST, because.ROBOT_SPEED_UNKNOWN, because.DEVICE_STALE,
-    because.DEVICE_NEVER_RECEIVED, because.TARGET_STALE, because.TARGET_NEVER_SEEN, because.TICKS_STALLED)}
 DISTANCE = "distance_m"
 NEEDED = (DISTANCE, "hood_deg", "battery_v")
 # Lowest and highest of a column that can be; of the motors' speed as a share of the free speed. Distance and hood: no
@@ -221,8 +211,7 @@ def advised_columns(shot_map: ShotMap, config: Config) -> dict[str, str | Signal
     speed = next((one for one in columns if one == MOTOR or WHEEL.fullmatch(one)), None)
     if speed is None:
         raise InputError(f"the map's columns name no {MOTOR} and no wheel: the gate needs a speed")
-    seen = config.nt4 is not None and config.nt4.vision is not None       # a camera measures the distance
-    needed = [column for column in NEEDED if not (seen and column == DISTANCE)]
+    needed = [column for column in NEEDED if not (config.is_seen_elsewhere and column == DISTANCE)]
     for column in needed:
         if column not in columns:
             raise InputError(f"the map has no columns.{column}, which advice needs")
@@ -235,63 +224,3 @@ def advised_columns(shot_map: ShotMap, config: Config) -> dict[str, str | Signal
     wheel = as_signal(columns[speed])
     scaled = Signal(wheel.key, wheel.unit, wheel.times / gears[name], wheel.plus / gears[name], wheel.alive)
     return {MOTOR: scaled, **{column: columns[column] for column in needed}}
-
-
-class Adviser:
-    """A Recorder that publishes each tick's verdict, then passes the tick on."""
-
-    def __init__(self, recorder: Recorder, keys: Keys, config: Config, gate: Gate) -> None:
-        self._recorder, self._keys, self._config, self._gate = recorder, keys, config, gate
-
-    def record(self, tick: Tick, sent: Sent) -> None:
-        """Publish, then record."""
-        self._keys.publish(advice_of(tick, self._config, self._gate))
-        self._recorder.record(tick, sent)
-
-    def keep_picture(self, picture: CameraFrame) -> None:
-        self._recorder.keep_picture(picture)
-
-
-def advice_of(tick: Tick, config: Config, gate: Gate | None) -> dict[str, float | str | tuple[str, ...]]:
-    """Return the values to publish of a tick; NaN: not known.
-
-    verdict: FIRE, HOLD, or STALE where a key is missing or old; age_s: of the oldest key. hood_deg, wheel_rad_s (of the
-    motors), correction, lead_deg (to the left of the target): the aim file's, NaN and 0 where it has none; without one
-    where the launcher is, and 0.
-    """
-    seen, verdict = tick.estimate, tick.verdict
-    novelty = math.nan
-    answered = verdict.p_two is not None
-    if gate is not None and answered and seen.distance_m is not None and seen.hood_deg is not None:
-        asked = as_at_rest(seen, tick.aim)
-        novelty = _or_nan(gate.rate(asked.distance_m or 0.0, asked.motor_ratio, seen.hood_deg).novelty)
-    oldest_ns = _oldest_ns(tick)
-    word = "FIRE" if verdict.fire else (
-        "STALE" if any(reason.code in STALE for reason in verdict.reasons) else "HOLD")
-    hood_deg, ratio = _set_points(tick)
-    free = config.rig.launcher.free_speed_rad_s or math.nan
-    return {"p_two": _or_nan(verdict.p_two), "p_three": _or_nan(verdict.p_three), "verdict": word,
-            "reasons": tuple(texts(verdict.reasons)), "novelty": novelty, "hood_deg": hood_deg,
-            "wheel_rad_s": ratio * free,
-            "correction": tick.aim.correction if isinstance(tick.aim.correction, float) else 0.0,
-            "lead_deg": tick.aim.lead_deg if isinstance(tick.aim.lead_deg, float) else 0.0,
-            "age_s": (tick.inputs.t_ns - oldest_ns) / NS_PER_S if oldest_ns else math.nan}
-
-
-def _set_points(tick: Tick) -> tuple[float, float]:
-    """(hood in degrees, share of the free speed), NaN where there are none."""
-    has_launcher = tick.estimate.hood_deg is not None and tick.inputs.flywheels[0].t_ns
-    if tick.aim.source in NOWHERE or (tick.aim.source == POLICY and not has_launcher):
-        return math.nan, math.nan
-    return tick.aim.hood_deg, tick.aim.motor_ratio
-
-
-def _oldest_ns(tick: Tick) -> int:
-    """The stamp of the oldest key; 0 where one has never come. A motor of ours may not tell its battery."""
-    inputs, motor, last = tick.inputs, tick.inputs.flywheels[0], tick.memory.last_sighting
-    return min(motor.t_ns, motor.bus_t_ns or motor.t_ns, inputs.hood_angle.t_ns if inputs.hood_angle else 0,
-               last.t_ns if last else 0, inputs.t_ns if inputs.velocity is UNSET else inputs.velocity.t_ns)
-
-
-def _or_nan(value: float | None) -> float:
-    return math.nan if value is None else value

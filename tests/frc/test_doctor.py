@@ -11,15 +11,16 @@ import pytest
 from msgspec.structs import replace
 
 from truearc.cli.common import SHIPPED
+from truearc.cli.doctor_checks import look_at_readings
 from truearc.cli.main import main
 from truearc.hw.devices.family import FAILURE, OK, WARNING
-from truearc.robot.advice.advice_io import scaled_columns
-from truearc.robot.advice.nt_camera import calibration_key, keys_of_camera
-from truearc.robot.advice.nt_keys import Reading
-from truearc.robot.config.nt4 import Nt4, Nt4Velocity, Nt4Vision
 from truearc.robot.config.schema import AprilTag, Config, load_config
 from truearc.robot.config.shot_map import load_map
-from truearc.robot.doctor_network import HeardKeys, check_network, check_tags, keys_wanted
+from truearc_frc.advice import scaled_columns
+from truearc_frc.camera import calibration_key, keys_of_camera
+from truearc_frc.doctor import HeardKeys, check_network, check_tags, keys_wanted
+from truearc_frc.keys import Reading
+from truearc_frc.table import Nt4, Nt4Velocity, Nt4Vision, with_nt4
 
 CONFIG = load_config(SHIPPED)
 MAP = """schema = "truearc.shot-map/1"
@@ -35,8 +36,8 @@ HEARD = HeardKeys(2.0, True, {"/a": Reading(1, 3.0), "/b": Reading(1, 0.0)}, {"/
 
 
 def seeing(kind: str) -> Config:
-    return replace(CONFIG, apriltag=AprilTag((4,), 0.1651, 1.35),
-                   nt4=Nt4("254", Nt4Vision(kind, "front", 0.05)))              # type: ignore[arg-type]
+    return with_nt4(replace(CONFIG, apriltag=AprilTag((4,), 0.1651, 1.35)),
+                    Nt4("254", Nt4Vision(kind, "front", 0.05)))                 # type: ignore[arg-type]
 
 
 def levels(heard: HeardKeys, lively: tuple[str, ...] = ("/a",), still: tuple[str, ...] = ("/b",)) -> list[str]:
@@ -90,8 +91,8 @@ def test_a_server_that_is_not_there_is_all_that_is_said() -> None:
 
 
 def test_the_keys_of_the_configuration_are_looked_at() -> None:
-    facts = replace(seeing("photonvision"), nt4=Nt4("254", Nt4Vision("photonvision", "front", 0.05),
-                                                    Nt4Velocity("/v", 2.0, 2.0, alive="/t")))
+    facts = with_nt4(CONFIG, Nt4("254", Nt4Vision("photonvision", "front", 0.05),
+                                 Nt4Velocity("/v", 2.0, 2.0, alive="/t")))
     lively, still = keys_wanted(facts)
     assert lively == ["/photonvision/front/heartbeat", "/t"]
     assert set(still) >= {"/photonvision/front/targetPose/0", "/v/0", "/v/1"}
@@ -104,12 +105,16 @@ def test_whether_the_camera_is_calibrated_for_tags() -> None:
     assert key == "/photonvision/front/cameraIntrinsics/0" and key not in keys_of_camera(vision)
     for facts, newest, level in (
             (seeing("photonvision"), {key: Reading(1, 700.0)}, OK), (seeing("photonvision"), {}, FAILURE),
-            (seeing("limelight"), {}, WARNING),
-            (replace(CONFIG, camera=replace(CONFIG.camera, target="apriltag")), None, WARNING),
-            (replace(CONFIG, camera=replace(CONFIG.camera, target="apriltag", focal_sigma=0.01)), None, OK)):
+            (seeing("limelight"), {}, WARNING)):
         (finding,) = check_tags(facts, newest)
         assert finding.level == level and bool(finding.do) == (level != OK)
-    assert not list(check_tags(CONFIG, None))
+    assert not list(check_tags(CONFIG, {}))
+
+
+@pytest.mark.parametrize(("sigma", "level"), [(0.0, WARNING), (0.01, OK)])
+def test_a_camera_of_ours_that_sees_tags_needs_a_calibration(sigma: float, level: str) -> None:
+    (finding,) = look_at_readings(replace(CONFIG, camera=replace(CONFIG.camera, target="apriltag", focal_sigma=sigma)))
+    assert finding.level == level and not list(look_at_readings(CONFIG))
 
 
 @pytest.fixture
@@ -139,7 +144,8 @@ def robot(nt_server: tuple[Any, str]) -> Iterator[str]:
 
 def test_the_keys_of_a_map_on_a_real_server(robot: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "shots.toml").write_text(MAP, encoding="utf-8")
-    assert main(["doctor", "--nt", robot, "--map", str(tmp_path / "shots.toml"), "--seconds", "1"]) == 1
+    words = ["advise", "--check", "--nt", robot, "--map", str(tmp_path / "shots.toml"), "--seconds", "1"]
+    assert main(words) == 1
     said = capsys.readouterr().out
     assert f"ok       NetworkTables server: {robot} answers" in said
     assert "key /Vision/Distance: distance_m 3" in said
@@ -150,8 +156,10 @@ def test_the_keys_of_a_map_on_a_real_server(robot: str, tmp_path: Path, capsys: 
 
 
 @pytest.mark.parametrize(("words", "said"), [
-    (["--nt", "254"], "belong together"), (["--map", "wpilib"], "belong together"), ([], "--config is needed"),
-    (["--nt", "robot:x", "--map", "tracker"], "no motor_rad_s")])
+    (["--check", "--nt", "254"], "--map: missing"), (["--nt", "254", "--map", "wpilib"], "--gate is needed"),
+    (["--nt", "254", "--map", "wpilib", "--json"], "--json: applies with --check only"),
+    (["--check", "--nt", "254", "--map", "wpilib", "--gate", "x"], "--gate: does not apply with --check"),
+    (["--check", "--nt", "robot:x", "--map", "tracker"], "no motor_rad_s")])
 def test_what_cannot_be_looked_at_is_refused(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["doctor", *words]) == 2
+    assert main(["advise", *words]) == 2
     assert said in capsys.readouterr().err

@@ -13,18 +13,14 @@ from hypothesis import given
 from hypothesis import strategies as some
 from msgspec.structs import replace
 
-from tests.robot.nt_server import Table
-from tests.robot.test_advice import GATE, HZ, MAP, NS, Clock, Robot
+from tests.frc.nt_server import Table
+from tests.frc.test_advice import GATE, HZ, MAP, NS, Clock, Robot
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.hw.protocols import LinkLost
 from truearc.hw.real.processes import Slots
-from truearc.robot.advice.advice_io import AdviceIo, Adviser, advised_columns
-from truearc.robot.advice.nt_camera import NtCamera, OwnNtCamera, keys_of_camera
-from truearc.robot.advice.nt_keys import Reading
-from truearc.robot.advice.tick import POLICY, step
-from truearc.robot.config.nt4 import Nt4, Nt4Vision
+from truearc.robot.advice import POLICY, step
 from truearc.robot.config.schema import AprilTag, Config, load_config
 from truearc.robot.gate.model import load_gate
 from truearc.robot.processes.vision import FarEyes, make_room, relay
@@ -33,6 +29,11 @@ from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.runtime import run
 from truearc.robot.types import Sighting
+from truearc_frc.advice import AdviceIo, advised_columns
+from truearc_frc.camera import NtCamera, OwnNtCamera, keys_of_camera
+from truearc_frc.keys import Reading
+from truearc_frc.publisher import Adviser
+from truearc_frc.table import Nt4, Nt4Vision, nt4_of, with_nt4
 
 KINDS = ("photonvision", "limelight")
 TAG_M, BEHIND_M, LATENCY_S = 1.35, 0.6, 0.035
@@ -42,9 +43,9 @@ NOW_NS = 50 * NS
 def config(kind: str, pitch_deg: float = 24.0, height_m: float = 0.6, **vision: float) -> Config:
     shipped = load_config(SHIPPED)
     camera = replace(shipped.camera, pitch_deg=pitch_deg, height_m=height_m)
-    return replace(shipped, camera=camera, tick_hz=HZ, apriltag=AprilTag((4, 7), 0.1651, TAG_M, BEHIND_M),
-                   gate=replace(shipped.gate, policy="model", reading_age_s=0.5, sighting_age_s=0.5),
-                   nt4=Nt4("254", Nt4Vision(kind, "front", **{"sigma_m": 0.03, **vision})))     # type: ignore[arg-type]
+    facts = replace(shipped, camera=camera, tick_hz=HZ, apriltag=AprilTag((4, 7), 0.1651, TAG_M, BEHIND_M),
+                    gate=replace(shipped.gate, policy="model", reading_age_s=0.5, sighting_age_s=0.5))
+    return with_nt4(facts, Nt4("254", Nt4Vision(kind, "front", **{"sigma_m": 0.03, **vision})))  # type: ignore[arg-type]
 
 
 def seen_by(kind: str, distance_m: float, bearing_deg: float, pitch_deg: float, height_m: float) -> list[float]:
@@ -121,7 +122,7 @@ def test_a_key_that_is_not_there_is_named(kind: str) -> None:
         with pytest.raises(LinkLost) as lost:
             look(kind, found)
         assert lost.value.reason.params == {"key": key}
-    assert set(whole) == set(keys_of_camera(config(kind).nt4.vision))           # type: ignore[union-attr]
+    assert set(whole) == set(keys_of_camera(nt4_of(config(kind)).vision))           # type: ignore[union-attr]
     table = Table(whole)
     table.connected = False
     with pytest.raises(LinkLost, match="nt_lost"):
@@ -193,7 +194,7 @@ class Seeing(Robot):
 
 
 def advised(robot: Seeing, seconds: float, recorder: object = None) -> list[str]:
-    from tests.robot.test_advice import Nothing
+    from tests.frc.test_advice import Nothing
     clock, facts, gate = Clock(), config(robot.kind), load_gate(GATE)
     end_ns = clock.t_ns + round(seconds * NS)
     io = AdviceIo(facts, MAP, robot, clock, lambda: clock.t_ns >= end_ns, 0.02, NtCamera(facts, robot, clock))
@@ -229,7 +230,7 @@ def test_a_struct_on_a_real_server_reaches_the_control_process(nt_server: tuple[
     pose = table.getRawTopic("targetPose").publish("struct:Transform3d")
     numbers = {name: table.getDoubleTopic(name).publish() for name in ("latencyMillis",)}
     alive, seen = table.getIntegerTopic("heartbeat").publish(), table.getBooleanTopic("hasTarget").publish()
-    facts = replace(config("photonvision"), nt4=Nt4(address, Nt4Vision("photonvision", "front", 0.03)))
+    facts = with_nt4(config("photonvision"), Nt4(address, Nt4Vision("photonvision", "front", 0.03)))
 
     class Ticking:
         def now_ns(self) -> int:

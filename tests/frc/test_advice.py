@@ -11,13 +11,10 @@ import pytest
 from msgspec.structs import replace
 
 from tests.robot.aim_files import CONTENT, HOOD, LEAD, RATIO, write
-from truearc.cli.advise_robot import keys_of
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.errors import InputError
-from truearc.robot.advice.advice_io import AdviceIo, Adviser, advised_columns
-from truearc.robot.advice.nt_keys import NtKeys, Reading, names_of, parse_server
-from truearc.robot.advice.tick import POLICY, step
+from truearc.robot.advice import POLICY, step
 from truearc.robot.aim_file import Segment, load_aim
 from truearc.robot.config.schema import AimConfig, Config, load_config
 from truearc.robot.config.shot_map import Detection, OutcomeKeys, ShotMap, Signal
@@ -27,6 +24,10 @@ from truearc.robot.recording.session import load_trials, make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.runtime import run
 from truearc.robot.types import Tick
+from truearc_frc.advice import AdviceIo, advised_columns
+from truearc_frc.advise_session import keys_of
+from truearc_frc.keys import NtKeys, Reading, names_of, parse_server
+from truearc_frc.publisher import Adviser
 
 GATE = Path(__file__).parents[1] / "golden" / "reference" / "export-physics" / "gate.onnx"
 MAP = ShotMap("truearc.shot-map/1", columns={
@@ -183,7 +184,7 @@ class Resting(Robot):
 def test_a_key_may_stand_still_while_another_says_that_the_program_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     assert advise(Resting(), 3.0)[-1] == "STALE"
     alive = replace(MAP, columns={**MAP.columns, "hood_deg": Signal("/Hood/Angle", "deg", alive="/Loops")})
-    monkeypatch.setattr("tests.robot.test_advice.MAP", alive)
+    monkeypatch.setattr("tests.frc.test_advice.MAP", alive)
     assert "/Loops" in keys_of(alive)
     runs, died, without = Resting(), Resting(2.0), Robot()
     assert [advise(robot, 3.0)[-1] for robot in (runs, died, without)] == ["FIRE", "STALE", "STALE"]

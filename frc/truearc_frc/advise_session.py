@@ -1,4 +1,4 @@
-"""The work of `truearc advise`: connects, records, runs until a signal."""
+"""One session of `truearc advise`: connects, records, and runs until a signal; or only looks at the keys."""
 
 import argparse
 import sys
@@ -10,24 +10,33 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
+from truearc.cli.doctor_checks import report
 from truearc.cli.run_robot import Ending, make_room
 from truearc.errors import InputError
 from truearc.hw.real.clock import MonotonicClock, wall_clock, wall_offset_ns
-from truearc.robot.advice.advice_io import AdviceIo, Adviser, advised_columns
-from truearc.robot.advice.nt_camera import NtCamera, keys_of_camera
-from truearc.robot.advice.nt_keys import NtKeys
-from truearc.robot.advice.nt_publisher import PATIENCE_S
-from truearc.robot.advice.nt_velocity import NtVelocity, keys_of_velocity
-from truearc.robot.advice.tick import POLICY, step
+from truearc.robot.advice import POLICY, step
 from truearc.robot.aim_file import load_aim_for
-from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import AimConfig, Config, load_config
+from truearc.robot.config.rig_spec import Rig, rig_errors
+from truearc.robot.config.schema import AimConfig, Config, load_config, load_toml
 from truearc.robot.config.shot_map import ShotMap, as_signal, load_map
 from truearc.robot.gate.model import load_gate
 from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import RecordingRig
 from truearc.robot.runtime import run
+from truearc_frc.advice import AdviceIo, advised_columns
+from truearc_frc.camera import NtCamera, keys_of_camera
+from truearc_frc.doctor import look_beside
+from truearc_frc.keys import NtKeys
+from truearc_frc.publisher import PATIENCE_S, Adviser
+from truearc_frc.table import LISTEN_S, nt4_of
+from truearc_frc.velocity import NtVelocity, keys_of_velocity
+
+
+def check(args: argparse.Namespace) -> int:
+    """Print what the doctor says of the robot's keys; 1 if any is a failure. args: those of `truearc advise`."""
+    return report([*look_beside(load_config(args.config), args.nt, load_map(args.map),
+                                args.seconds or LISTEN_S)], args.json)
 
 
 def advise(args: argparse.Namespace) -> tuple[int, Path]:
@@ -47,7 +56,8 @@ def advise(args: argparse.Namespace) -> tuple[int, Path]:
                 path = Path(place) / "aim.json"
                 path.write_bytes(aim)
                 aims = {"": load_aim_for(path, config)}
-        seeing, driving = (config.nt4.vision, config.nt4.velocity) if config.nt4 else (None, None)
+        nt4 = nt4_of(config)
+        seeing, driving = (nt4.vision, nt4.velocity) if nt4 else (None, None)
         keys = NtKeys(args.nt, [*keys_of(shot_map), *(keys_of_camera(seeing) if seeing else []),
                                 *(keys_of_velocity(driving) if driving else [])])
         wires.callback(keys.close)
@@ -90,8 +100,6 @@ def keys_of(shot_map: ShotMap) -> list[str]:
 
 
 def _load_rig(path: Path) -> Rig:
-    from truearc.robot.config.rig_spec import rig_errors
-    from truearc.robot.config.schema import load_toml
     rig = load_toml(path, Rig)
     wrong = [f"{path}: {key}: {what}" for key, what in rig_errors(rig)]
     if wrong:

@@ -11,18 +11,25 @@ from hypothesis import strategies as some
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from tests.frc.nt_server import Table
+from tests.frc.test_advice import NS, Clock
 from tests.robot.good_tick import good_inputs
-from tests.robot.nt_server import Table
-from tests.robot.test_advice import NS, Clock
 from truearc.cli.common import SHIPPED
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.processes import Slots
-from truearc.robot.advice.nt_keys import Reading
-from truearc.robot.advice.nt_velocity import NtVelocity, OwnNtVelocity, keys_of_velocity
-from truearc.robot.config.nt4 import Nt4, Nt4Velocity
 from truearc.robot.config.schema import Config, load_config
-from truearc.robot.processes.velocity import ROOM, FarVelocity, MovingRig, tell_velocity
 from truearc.robot.types import Command, Inputs, RobotVelocity, Sent
+from truearc_frc.keys import Reading
+from truearc_frc.table import Nt4, Nt4Velocity, with_nt4
+from truearc_frc.velocity import (
+    ROOM,
+    FarVelocity,
+    MovingRig,
+    NtVelocity,
+    OwnNtVelocity,
+    keys_of_velocity,
+    tell_velocity,
+)
 
 SHIPPED_CONFIG = load_config(SHIPPED)
 NOW_NS = 50 * NS
@@ -33,7 +40,7 @@ speeds = some.floats(-6.0, 6.0)
 
 
 def config(velocity: Nt4Velocity, server: str = "254") -> Config:
-    return replace(SHIPPED_CONFIG, nt4=Nt4(server, velocity=velocity))
+    return with_nt4(SHIPPED_CONFIG, Nt4(server, velocity=velocity))
 
 
 def keys(forward: float, left: float, t_ns: int = NOW_NS, **other: float) -> dict[str, Reading]:

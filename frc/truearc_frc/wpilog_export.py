@@ -1,17 +1,22 @@
-"""WPILOG, which AdvantageScope and SysId open: append-only records of named signals, little-endian throughout.
+"""A recorded session as WPILOG, which AdvantageScope and SysId open.
 
-File: "WPILOG", version 1.0 (u16), length and text of an extra header. Record: one byte that says how many bytes its
-signal number, payload size and time take, those three, the payload. Signal 0 says which signals there are. Times are
-whole microseconds. A struct is its numbers in a row; entries /.schema/struct:NAME say which. Sources: WPILib's
-datalog.adoc, and wpimath's Pose2dStruct.
+Append-only records of named signals, little-endian throughout. File: "WPILOG", version 1.0 (u16), length and text of
+an extra header. Record: one byte that says how many bytes its signal number, payload size and time take, those three,
+the payload. Signal 0 says which signals there are. Times are whole microseconds. A struct is its numbers in a row;
+entries /.schema/struct:NAME say which. Sources: WPILib's datalog.adoc, and wpimath's Pose2dStruct.
 """
 
+import json
 import struct
 from collections.abc import Sequence
 from typing import IO
 
-from truearc.robot.recording.export.field_pose import FieldPose
-from truearc.robot.recording.export.tabular import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Value
+import msgspec
+
+from truearc.robot.recording.export.convert import ExportRows, due
+from truearc.robot.recording.export.field_pose import ASSUMED, FieldPose, pose_of
+from truearc.robot.recording.export.tabular import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Column, Value
+from truearc.robot.recording.session import Trial, wall_time
 
 TYPES = {FLOAT: "double", INT: "int64", BOOL: "boolean", TEXT: "string", TEXTS: "string[]", FLOATS: "double[]",
          "json": "json", "structschema": "structschema", "struct:Pose2d": "struct:Pose2d"}
@@ -63,6 +68,56 @@ class SignalChanges:
         if payload is not None and payload != self._said.get(signal):
             self._said[signal] = payload
             self._log.append(signal, t_us, payload)
+
+
+def write_wpilog(rows: ExportRows, file: IO[bytes]) -> None:
+    """Every signal when it changes, under /estimate/hood_deg and the like, and each trial as JSON under /trial.
+
+    Beside them, under the names that AdvantageScope knows: `DS:enabled` (armed), `systemTime` (wall clock, once), and
+    `/pose`, a Pose2d of the robot before the target (truearc.robot.recording.export.field_pose).
+    """
+    log = WpilogWriter(file, "truearc")
+    changes = SignalChanges(log)
+    numbers: list[int] = []
+    enabled = pose = trial_number = 0
+    trials = rows.trials_in_time()
+    for tick, _ in rows.ticks():
+        t_us = tick.inputs.t_ns // 1000
+        if not numbers:
+            numbers = [_start(log, column, t_us) for column in rows.columns]
+            trial_number = log.start("/trial", "json", "", t_us)
+            enabled = log.start("DS:enabled", BOOL, "", t_us)
+            pose = log.start_pose("/pose", _said(source=ASSUMED), t_us)
+            _write_wall_time(log, rows, tick.inputs.t_ns)
+        for trial in due(trials, tick.inputs.t_ns):
+            _log_trial(log, trial_number, trial)
+        for number, column, value in zip(numbers, rows.columns, rows.flat.row(tick), strict=True):
+            changes.append(number, t_us, make_payload(column.kind, value))
+        changes.append(enabled, t_us, make_payload(BOOL, tick.memory.armed))
+        changes.append(pose, t_us, pose_payload(pose_of(tick)))
+    for trial in due(trials):
+        _log_trial(log, trial_number, trial)
+
+
+def _start(log: WpilogWriter, column: Column, t_us: int) -> int:
+    return log.start("/" + column.name.replace(".", "/"), column.kind, _said(unit=column.unit) if column.unit else "",
+                     t_us)
+
+
+def _write_wall_time(log: WpilogWriter, rows: ExportRows, t_ns: int) -> None:
+    """WPILib's own entry for it; none of an emulated robot."""
+    wall = wall_time(rows.header)
+    if wall.offset_ns:
+        number = log.start("systemTime", INT, _said(source=wall.how, format="time_t_us"), t_ns // 1000)
+        log.append(number, t_ns // 1000, make_payload(INT, (t_ns + wall.offset_ns) // 1000) or b"")
+
+
+def _said(**metadata: str) -> str:
+    return json.dumps(metadata)
+
+
+def _log_trial(log: WpilogWriter, signal: int, trial: Trial) -> None:
+    log.append(signal, trial.outcome.t_ns // 1000, msgspec.json.encode(trial))
 
 
 def pose_payload(pose: FieldPose | None) -> bytes | None:

@@ -3,19 +3,20 @@
 import math
 import time
 
+import ntcore
 import pytest
 from msgspec.structs import replace
 
+from tests.frc.nt_server import free_port
 from tests.robot.alike import codes
 from tests.robot.encoders import NT4
 from tests.robot.good_tick import NOW_NS, good_inputs, good_memory
-from tests.robot.nt_server import free_port
 from truearc.hw.devices.family import FAILURE, OK, Around
 from truearc.robot import reasons as because
-from truearc.robot.advice.nt_keys import Reading
 from truearc.robot.hood_encoders import encoder_family_of
-from truearc.robot.nt_encoder import NtEncoder, examine
 from truearc.robot.tick import step
+from truearc_frc.encoder import NtEncoder, examine
+from truearc_frc.keys import Reading
 
 TABLE = NT4.hood_encoder
 
@@ -65,9 +66,8 @@ def test_a_key_that_freezes_or_jumps_is_a_hold(age_s: float, off_deg: float, cod
 
 
 def test_a_real_server_is_read_without_waiting_and_the_doctor_sees_what_it_publishes() -> None:
-    ntcore = pytest.importorskip("ntcore")
     port = free_port()
-    table, around = TABLE, Around(0.1, f"127.0.0.1:{port}")
+    table, around = TABLE, Around(0.1, {"nt4": {"server": f"127.0.0.1:{port}"}})
     finding, = examine(table, around, None)       # no server yet
     assert finding.level == FAILURE and "no connection" in finding.says
     server = ntcore.NetworkTableInstance.create()
@@ -105,6 +105,6 @@ def test_the_doctor_says_that_a_key_is_published(monkeypatch: pytest.MonkeyPatch
 
         def close(self) -> None: ...
 
-    monkeypatch.setattr("truearc.robot.nt_encoder.NtKeys", Keys)
-    finding, = examine(TABLE, Around(0.1, "127.0.0.1:1"), None)
+    monkeypatch.setattr("truearc_frc.encoder.NtKeys", Keys)
+    finding, = examine(TABLE, Around(0.1, {"nt4": {"server": "127.0.0.1:1"}}), None)
     assert finding.level == OK

@@ -2,46 +2,25 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Literal, Protocol
-
-from msgspec import Struct
+from typing import Protocol
 
 from truearc.errors import InputError
-from truearc.hw.devices.family import (
-    CHECK,
-    Around,
-    Direction,
-    Encoder,
-    EncoderFamily,
-    Finding,
-    Finite,
-    Heard,
-    HoodEncoder,
-    failure,
-    ok,
-)
+from truearc.hw.devices.family import CHECK, Around, Encoder, EncoderFamily, Finding, Heard, failure, ok
 from truearc.hw.emulated.nodes import Plant
 from truearc.hw.protocols import NS_PER_MS as MS
 from truearc.hw.protocols import AngleReading
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
-from truearc.robot.advice.nt_keys import NtKeys, Reading
+from truearc.robot.hood_encoders import ReadEncoder
+from truearc_frc.keys import NtKeys, Reading
+from truearc_frc.table import NAME
 
 DEGREES = {"deg": 1.0, "rad": 180.0 / math.pi, "rev": 360.0}
 MOST_DEG = 360.0                      # in size; more is not an angle of a hood, or not in this unit
 SIGMA_DEG = 0.3                       # it is up to two of the robot's loops old, and so may a moving hood's be off
 LOOP_NS = 20 * MS                     # of a robot program
 LOOK_NS, STEP_NS = 2000 * MS, 5 * MS  # that the doctor waits for the server
-
-
-class NtEncoderConfig(Struct, HoodEncoder, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="nt4"):
-    """A key of [nt4]'s server in which the robot's program publishes the hood's angle, each loop, equal values too."""
-
-    key: str
-    unit: Literal["deg", "rad", "rev"]
-    zero_deg: Finite                  # its value in degrees where the launch elevation is 0
-    direction: Direction              # +1 if it grows with elevation
 
 
 class AngleKeys(Protocol):
@@ -56,7 +35,7 @@ class AngleKeys(Protocol):
 class NtEncoder(Encoder):
     """The newest value of a key; its stamp is when it was published, so one that stays away grows old."""
 
-    def __init__(self, table: NtEncoderConfig, keys: AngleKeys) -> None:
+    def __init__(self, table: ReadEncoder, keys: AngleKeys) -> None:
         self._key, self._deg, self._keys = table.key, DEGREES[table.unit], keys
         self._faults: tuple[Reason, ...] = ()
 
@@ -75,10 +54,10 @@ class NtEncoder(Encoder):
         return self._faults
 
 
-def examine(table: NtEncoderConfig, around: Around, heard: Heard) -> Iterator[Finding]:
+def examine(table: ReadEncoder, around: Around, heard: Heard) -> Iterator[Finding]:
     """Whether the server is there, has the key, and publishes it often enough."""
     try:
-        keys = NtKeys(around.nt_server, [table.key])
+        keys = NtKeys(around.readings[NAME]["server"], [table.key])
     except InputError as error:
         yield failure(CHECK, str(error), "see nt4.server")
         return
@@ -103,7 +82,7 @@ class _WorldKeys:
 
     connected = True
 
-    def __init__(self, table: NtEncoderConfig, plant: Plant) -> None:
+    def __init__(self, table: ReadEncoder, plant: Plant) -> None:
         self._table, self._plant = table, plant
         self._newest: Reading | None = None
 
@@ -115,9 +94,10 @@ class _WorldKeys:
         return {table.key: self._newest}
 
 
-NT4 = EncoderFamily(
-    driver="nt4", table=NtEncoderConfig, example=NtEncoderConfig("/Hood/AngleDeg", "deg", 0.0, 1),
-    least_sigma_deg=SIGMA_DEG, make=lambda table, around: NtEncoder(table, NtKeys(around.nt_server, [table.key])),
+NT_ENCODER = EncoderFamily(
+    driver=NAME, table=ReadEncoder, example=ReadEncoder(NAME, "/Hood/AngleDeg", "deg", 0.0, 1),
+    least_sigma_deg=SIGMA_DEG,
+    make=lambda table, around: NtEncoder(table, NtKeys(around.readings[NAME]["server"], [table.key])),
     make_rules=lambda table, each_tick: (), questions=lambda table: (), examine=examine,
     make_node=lambda table, plant, nodes: None,
     make_off_bus=lambda table, plant: NtEncoder(table, _WorldKeys(table, plant)))

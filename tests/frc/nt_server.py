@@ -3,7 +3,7 @@
 import socket
 from collections.abc import Mapping
 
-from truearc.robot.advice.nt_keys import Reading
+from truearc_frc.keys import Reading
 
 
 def free_port() -> int:

@@ -1,16 +1,24 @@
 """The robot's NetworkTables as they were heard for a while: server, keys, clocks, a camera that sees tags."""
 
 import math
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
+from truearc.errors import InputError
 from truearc.hw.devices.family import Finding, failure, ok, warning
-from truearc.robot.advice.advice_io import Scaled
-from truearc.robot.advice.nt_camera import calibration_key, keys_of_camera
-from truearc.robot.advice.nt_keys import Reading
-from truearc.robot.advice.nt_velocity import keys_of_velocity
+from truearc.hw.protocols import NS_PER_S, Clock
+from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import Config
+from truearc.robot.config.shot_map import ShotMap, as_signal
+from truearc_frc.advice import Scaled, scaled_columns
+from truearc_frc.camera import calibration_key, keys_of_camera
+from truearc_frc.keys import NtKeys, Reading
+from truearc_frc.table import LISTEN_S, nt4_of
+from truearc_frc.velocity import keys_of_velocity
 
+LOOK_NS = 10_000_000
+CONNECT_S = 5.0                       # for the library to find the server
 AHEAD_S = 0.05                        # stamps from the future: more than rounding
 DRIFT_S = 0.02                        # between two answers of the server to what time it is
 SERVER, CLOCKS, TAGS = "NetworkTables server", "NetworkTables clocks", "camera for tags"
@@ -33,7 +41,7 @@ class HeardKeys(NamedTuple):
 
 def keys_wanted(config: Config) -> tuple[list[str], list[str]]:
     """Keys that [nt4] names: those that must change, and those that may stand still."""
-    nt4 = config.nt4
+    nt4 = nt4_of(config)
     if nt4 is None:
         return [], []
     lively, still = list[str](), list[str]()
@@ -103,19 +111,67 @@ def _check_clocks(heard: HeardKeys) -> Finding:
     return ok(CLOCKS, f"no stamp is ahead of ours; the server's clock keeps within {drift_s * 1e3:.0f} ms")
 
 
-def check_tags(config: Config, newest: Mapping[str, Reading] | None) -> Iterator[Finding]:
-    """Whether the camera that sees tags is calibrated; nothing where none is to. newest: keys, where they were read."""
-    vision = None if config.nt4 is None else config.nt4.vision
+def check_tags(config: Config, newest: Mapping[str, Reading]) -> Iterator[Finding]:
+    """Whether the camera that sees tags is calibrated; nothing where none is to. newest: keys that were read."""
+    nt4 = nt4_of(config)
+    vision = None if nt4 is None else nt4.vision
     if vision is None:
-        if config.camera.target == "apriltag":
-            stated = config.camera.focal_sigma > 0.0 or any(config.camera.distortion)
-            yield ok(TAGS, "[camera] has a calibration with its uncertainty") if stated else warning(
-                TAGS, "[camera] states neither distortion nor how well its focal length is known",
-                "`truearc vision-calibrate` finds both")
-    elif (key := calibration_key(vision)) is None:
+        return
+    if (key := calibration_key(vision)) is None:
         yield warning(TAGS, "a Limelight does not say whether it is calibrated", "look at its own page: Calibration")
-    elif newest is None or key not in newest:
+    elif key not in newest:
         yield failure(TAGS, f"PhotonVision has no calibration of {vision.camera!r} at this resolution",
                       "calibrate it on PhotonVision's page: without, targetPose has no pose")
     else:
         yield ok(TAGS, f"PhotonVision has a calibration of {vision.camera!r}")
+
+
+def look_at_server(config: Config) -> Iterator[Finding]:
+    """As [nt4] says, with its camera for tags."""
+    nt4 = nt4_of(config)
+    assert nt4 is not None
+    yield from _listen_and_check(config, nt4.server, *keys_wanted(config), seconds=LISTEN_S)
+
+
+def look_beside(config: Config, server: str, shot_map: ShotMap, seconds: float) -> Iterator[Finding]:
+    """At the keys that `truearc advise` reads by a map."""
+    columns = [*scaled_columns(shot_map, config).values()]
+    quiet = [as_signal(said).key for said in (shot_map.shots.feed, shot_map.outcome.key) if said]
+    seen, still = keys_wanted(config)
+    lively, resting = [one.alive or one.key for one in columns], [one.key for one in columns if one.alive]
+    yield from _listen_and_check(config, server, [*lively, *seen],
+                                 [*resting, *quiet, *shot_map.outcome.buttons, *still], seconds, columns,
+                                 [shot_map.outcome.key])
+
+
+def _listen_and_check(config: Config, server: str, lively: Sequence[str], still: Sequence[str],
+                      seconds: float, columns: Sequence[Scaled] = (), texts: Sequence[str] = ()) -> Iterator[Finding]:
+    try:
+        keys = NtKeys(server, [*lively, *still])
+    except InputError as error:
+        yield failure(SERVER, str(error), "correct the address")
+        return
+    try:
+        heard = hear(keys, MonotonicClock(), seconds)
+    finally:
+        keys.close()
+    yield from check_network(server, lively, still, heard, columns, texts)
+    if heard.is_connected:
+        yield from check_tags(config, heard.newest)
+
+
+def hear(keys: NtKeys, clock: Clock, seconds: float) -> HeardKeys:
+    """Wait for the server, then read every key for so long."""
+    began_ns = clock.now_ns()
+    while not keys.connected and clock.now_ns() - began_ns < CONNECT_S * NS_PER_S:
+        clock.sleep_until_ns(clock.now_ns() + LOOK_NS)
+    newest, changes, ahead_s, offsets_s = dict[str, Reading](), Counter[str](), -math.inf, list[float]()
+    began_ns = clock.now_ns()
+    while keys.connected and clock.now_ns() - began_ns < seconds * NS_PER_S:
+        clock.sleep_until_ns(clock.now_ns() + LOOK_NS)
+        before, newest = newest, dict(keys.read(clock.now_ns()))
+        changes.update(key for key, reading in newest.items() if key in before and reading.t_ns != before[key].t_ns)
+        ahead_s = max(ahead_s, keys.ahead_s())
+        if (offset_s := keys.offset_s) is not None:
+            offsets_s.append(offset_s)
+    return HeardKeys(seconds, keys.connected, newest, changes, ahead_s, offsets_s)

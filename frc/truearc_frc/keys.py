@@ -6,11 +6,12 @@ The library publishes a value when it changes, so a stamp is that of the newest 
 import math
 import struct
 from collections.abc import Mapping, Sequence
-from importlib.util import find_spec
 from typing import Any, NamedTuple
 
+import ntcore
+
 from truearc.errors import InputError
-from truearc.robot.config.nt4 import EXPECTED, server_parts
+from truearc_frc.table import EXPECTED, server_parts
 
 OURS = "/truearc/"
 OLDER = "/AdvantageKit"               # where AdvantageKit puts what its log has under /RealOutputs and the like
@@ -33,13 +34,11 @@ class NtKeys:
     """Subscribes to keys of a server, by address or team number, and publishes `/truearc/...`; `close` ends both.
 
     Raises:
-        InputError: WPILib's library is not installed, or `server` is not a team number or HOST[:PORT].
+        InputError: `server` is not a team number or HOST[:PORT].
     """
 
     def __init__(self, server: str, keys: Sequence[str]) -> None:
         team, host, port = parse_server(server)
-        need_library()
-        import ntcore
         self._now = ntcore._now                        # the library's clock, in us
         self._instance = ntcore.NetworkTableInstance.create()
         if team:
@@ -118,12 +117,6 @@ def parse_server(server: str) -> tuple[int, str, int]:
     if parts is None:
         raise InputError(f"NetworkTables: {server!r} is not a robot: {EXPECTED}")
     return parts
-
-
-def need_library() -> None:
-    """InputError where WPILib's library is not installed."""
-    if find_spec("ntcore") is None:
-        raise InputError("NetworkTables needs WPILib's own library; install it: pip install 'truearc[frc]'")
 
 
 def names_of(key: str) -> list[str]:
