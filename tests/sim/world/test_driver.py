@@ -2,9 +2,9 @@ import itertools
 
 import pytest
 
-from truearc.sim.world.bench import TICK_NS, Bench
-from truearc.sim.world.driver import Driver
+from truearc.sim.world.emulated_robot import Driver
 from truearc.sim.world.options import Options
+from truearc.sim.world.season import TICK_NS, Bench
 from truearc.sim.world.world import World
 
 

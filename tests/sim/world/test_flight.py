@@ -6,10 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from truearc.sim.world.flight import Flight
-from truearc.sim.world.nip import Released
+from truearc.sim.world.field import Flight
 from truearc.sim.world.options import Options
-from truearc.sim.world.scene import Ball
+from truearc.sim.world.scene import Ball, Released
 
 MASS, RADIUS, GRAVITY = 0.14, 0.0889, 9.81
 BALL = Ball("b", MASS, RADIUS, 8000.0, 1.0, 1.0, 0.0, 0.0)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from truearc.robot.config import schema as config
 from truearc.robot.config.schema import load_config
-from truearc.sim.world.hood import COULOMB_NM, LEAD_M, Hood, elevation_deg, screw_rad
+from truearc.sim.world.drive import HOOD_COULOMB_NM, LEAD_M, Hood, elevation_deg, screw_rad
 from truearc.sim.world.options import Options
 
 DT = 0.005
@@ -74,7 +74,7 @@ def test_the_motor_counts_from_switch_on_by_the_law_of_cosines() -> None:
 
 def test_below_its_friction_nothing_moves() -> None:
     hood = Hood(50.0, Options())
-    _run(hood, 0.99 * COULOMB_NM, 1.0)
+    _run(hood, 0.99 * HOOD_COULOMB_NM, 1.0)
     assert (hood.elevation_deg, hood.position_rad) == (50.0, 0.0)
 
 

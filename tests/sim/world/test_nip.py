@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from truearc.sim.world.drive import LOWER_INERTIA_KG_M2, UPPER_GEAR, UPPER_INERTIA_KG_M2
-from truearc.sim.world.nip import Feeder, Nip, rotate_from_launch
 from truearc.sim.world.options import Options
 from truearc.sim.world.scene import (
     COMPRESSION_M,
@@ -18,8 +17,11 @@ from truearc.sim.world.scene import (
     SEAT_M,
     STIFFNESS_SHARE,
     Ball,
+    Feeder,
+    Nip,
     Rack,
     make_nip,
+    rotate_from_launch,
 )
 
 CALM = Options(scatter_scale=0.0)

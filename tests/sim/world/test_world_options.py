@@ -8,8 +8,8 @@ import pytest
 
 from tests.sim.world.calm import CALM, calm, fire
 from truearc.errors import InputError
-from truearc.sim.world.bench import TICK_NS
 from truearc.sim.world.options import Options, load_options
+from truearc.sim.world.season import TICK_NS
 from truearc.sim.world.world import World
 
 
