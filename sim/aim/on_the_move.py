@@ -22,8 +22,7 @@ from truearc.sim.infer.forecast import Values, configured
 from truearc.sim.infer.likelihood.data import Given, given_of
 from truearc.sim.physics.catalogue import Catalogue, flight_terms
 from truearc.sim.physics.flight import make_law, reach_plane, rk4, start_of
-from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.term import BallState
+from truearc.sim.physics.term import BallState, Exit
 from truearc.sim.physics.vector import Vec, plus
 
 PROBE_M_S = 1.5                       # velocities of the robot, to and fro, at which the corrections are exact

@@ -10,9 +10,19 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.term import BallState, FlightTerm, Forces, LaunchTerm, Number, Rig, SensingTerm, Term, Values
-from truearc.sim.physics.term_fields import Parameter
+from truearc.sim.physics.term import (
+    BallState,
+    Exit,
+    FlightTerm,
+    Forces,
+    LaunchTerm,
+    Number,
+    Parameter,
+    Rig,
+    SensingTerm,
+    Term,
+    Values,
+)
 from truearc.sim.physics.vector import Vec, axes, length
 
 FOUND = "as discovery found it in recordings"

@@ -5,19 +5,26 @@ import math
 import jax.numpy as jnp
 
 from truearc.sim.physics.term import (
+    SECONDS,
+    SHARE,
+    SPEED,
     AirShareTerm,
     AirTerm,
     BallState,
     FlightTerm,
     Forces,
     ForceShareTerm,
+    Instrument,
     Number,
+    Parameter,
+    Phrase,
     Rig,
     Values,
     WindTerm,
+    amplitude,
+    either_way,
     wind_speed,
 )
-from truearc.sim.physics.term_fields import SECONDS, SHARE, SPEED, Instrument, Parameter, Phrase, amplitude, either_way
 from truearc.sim.physics.vector import Vec, cross, dot, length, scale, times, total
 
 LEAST = 0.1                           # of 1 + rate S, should a search try rates far below 0

@@ -2,8 +2,22 @@
 
 import jax.numpy as jnp
 
-from truearc.sim.physics.term import Circumstances, Exit, LaunchTerm, Rig, SpeedTerm, Values
-from truearc.sim.physics.term_fields import LENGTH, SHARE, Instrument, Parameter, Phrase, Prior, amplitude, either_way
+from truearc.sim.physics.term import (
+    LENGTH,
+    SHARE,
+    Circumstances,
+    Exit,
+    Instrument,
+    LaunchTerm,
+    Parameter,
+    Phrase,
+    Prior,
+    Rig,
+    SpeedTerm,
+    Values,
+    amplitude,
+    either_way,
+)
 
 
 class WheelSlip(LaunchTerm):

@@ -5,8 +5,24 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from truearc.sim.physics.term import DistanceTerm, Exit, HoodTerm, Number, Rig, SensingTerm, Values, WatchTerm
-from truearc.sim.physics.term_fields import ANGLE, LENGTH, SHARE, Instrument, Parameter, Phrase, amplitude, either_way
+from truearc.sim.physics.term import (
+    ANGLE,
+    LENGTH,
+    SHARE,
+    DistanceTerm,
+    Exit,
+    HoodTerm,
+    Instrument,
+    Number,
+    Parameter,
+    Phrase,
+    Rig,
+    SensingTerm,
+    Values,
+    WatchTerm,
+    amplitude,
+    either_way,
+)
 from truearc.sim.physics.vector import Vec, add, scale, times
 
 

@@ -25,8 +25,8 @@ from truearc.sim.infer.belief import (
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.physics.catalogue import effective, flight_terms
 from truearc.sim.physics.flight import path
-from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import fly_rows, launch_of, predict
+from truearc.sim.physics.term import Exit
 
 KNOTS = (2.0, 3.0, 4.0, 6.0)
 CURVE = Curve((0.0, 0.02, 0.01, 0.05), 0.03, "distance_m", KNOTS, low=1.5, high=7.0)

@@ -9,7 +9,7 @@ from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY, weightless
 from truearc.sim.paper import grid_labels
 from truearc.sim.paper.grid_labels import LONG, SHORT, find_hits, fly_pairs, label_launches, make_flyer
-from truearc.sim.physics.launch import Exit
+from truearc.sim.physics.term import Exit
 from truearc_proof.reproduce.collect import exit_seed
 
 TARGET = (2.44, 0.07, 0.35)

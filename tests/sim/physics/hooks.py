@@ -10,11 +10,11 @@ import numpy as np
 from tests.sim.physics.rigs import GUPPY
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.physics.catalogue import find_terms
-from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.term import (
     AirTerm,
     ArrivalTerm,
     BallState,
+    Exit,
     FlightTerm,
     LaunchTerm,
     Opening,

@@ -14,9 +14,8 @@ from truearc.robot.config.rig_spec import WorldFacts
 from truearc.sim.data.dataset import Shots
 from truearc.sim.physics.catalogue import flight_terms
 from truearc.sim.physics.flight import fly, make_law, path, reach_plane, rk4
-from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import leave, predict
-from truearc.sim.physics.term import BallState
+from truearc.sim.physics.term import BallState, Exit
 from truearc.sim.physics.vector import Vec
 
 SEED = flight_terms(("gravity", "drag", "magnus"))

@@ -6,7 +6,7 @@ import pytest
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY, with_wheels
 from truearc.errors import InputError
-from truearc.sim.physics.launch import exit_no_slip
+from truearc.sim.physics.simulate import exit_no_slip
 from truearc_proof.reproduce.collect import exit_seed
 
 

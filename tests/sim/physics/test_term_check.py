@@ -6,7 +6,7 @@ import pytest
 
 from tests.sim.physics.own import Flex
 from truearc.errors import InputError
-from truearc.sim.physics.catalogue import TERMS
+from truearc.sim.physics.catalogue import TERMS, check_term
 from truearc.sim.physics.term import (
     Exit,
     Instrument,
@@ -18,7 +18,6 @@ from truearc.sim.physics.term import (
     Values,
     WatchTerm,
 )
-from truearc.sim.physics.term_check import check_term
 
 PRIOR = Prior("linear", 0.0, 1.0, "a reason")
 

@@ -23,6 +23,7 @@ from truearc.sim.data.conditions import Circumstances
 from truearc.sim.physics.catalogue import (
     TERMS,
     arrival_terms,
+    check_term,
     effective,
     find_parameter,
     find_terms,
@@ -31,9 +32,7 @@ from truearc.sim.physics.catalogue import (
     sensing_terms,
     watch_terms,
 )
-from truearc.sim.physics.term import AirTerm, FlightTerm, complete
-from truearc.sim.physics.term_check import check_term
-from truearc.sim.physics.term_fields import from_scale, to_scale
+from truearc.sim.physics.term import AirTerm, FlightTerm, complete, from_scale, to_scale
 
 NAMES = tuple(term.name for term in TERMS)
 IN_THE_AIR = [term for term in TERMS if isinstance(term, FlightTerm | AirTerm)]

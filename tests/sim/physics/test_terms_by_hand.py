@@ -5,8 +5,7 @@ import pytest
 
 from tests.sim.physics.rigs import GUPPY
 from truearc.sim.physics.catalogue import find_terms
-from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.term import BallState, Opening
+from truearc.sim.physics.term import BallState, Exit, Opening
 from truearc.sim.physics.vector import Vec
 
 LEVEL = BallState(Vec(0.0, 0.0, 1.0), Vec(10.0, 0.0, 0.0), Vec(0.0, -5.0, 0.0), 0.5)
