@@ -27,25 +27,10 @@ from typing import Any
 
 from truearc.errors import InputError, PluginError, distribution_of, load_plugin, load_text, place_of
 from truearc.sim.data.conditions import Circumstances
+from truearc.sim.physics import term as kinds
 from truearc.sim.physics import terms as built_in
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS, POINT
-from truearc.sim.physics.term import (
-    DIRECTIONS,
-    KINDS,
-    SCALES,
-    STAGES,
-    ArrivalTerm,
-    InFlight,
-    Instrument,
-    LaunchTerm,
-    Parameter,
-    Phrase,
-    SensingTerm,
-    Term,
-    WatchTerm,
-    complete,
-    fits_scale,
-)
+from truearc.sim.physics.term import Instrument, Parameter, Phrase, Term, WatchTerm, complete
 
 NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 UNIT = re.compile(r"(1|((kg|rad|rev|deg|m|s)\d*)+)(/((kg|rad|rev|deg|m|s)\d*)+)?")
@@ -57,8 +42,8 @@ def check_term(term: Term) -> None:
     Raises:
         InputError: names the class, and every declaration that is missing or wrong.
     """
-    if not isinstance(term, KINDS):
-        raise InputError(f"{_where(term)}: expected an instance of {', '.join(kind.__name__ for kind in KINDS)}")
+    if not isinstance(term, kinds.KINDS):
+        raise InputError(f"{_where(term)}: expected an instance of {', '.join(kind.__name__ for kind in kinds.KINDS)}")
     if problems := list(_problems(term)):
         raise InputError(f"{_where(term)}: {'; '.join(problems)}")
 
@@ -73,8 +58,8 @@ def _problems(term: Term) -> Iterator[str]:
         yield f"name: {term.name!r} is not lower-case words joined by _"
     if not type(term).__doc__:
         yield "no docstring, which the table of terms shows as its law"
-    yield from _one_of(term, "stage", STAGES)
-    yield from _one_of(term, "direction", DIRECTIONS)
+    yield from _one_of(term, "stage", kinds.STAGES)
+    yield from _one_of(term, "direction", kinds.DIRECTIONS)
     order = getattr(term, "order", None)
     if not (isinstance(order, tuple) and len(order) == 2 and isinstance(order[0], int | float) and order[1]):
         yield f"order: {order!r} is not a number and a reason, such as 50, \"a factor of the speed\""
@@ -148,9 +133,10 @@ def _parameter(one: Parameter) -> Iterator[str]:
     if one.by_ball < 0.0 or (one.fit_each_ball and not one.by_ball):
         yield "by_ball: is not above 0"
     prior = one.prior
-    if prior is not None and (prior.scale not in SCALES or prior.sd <= 0.0 or not prior.reason
-                              or not fits_scale(prior.scale, prior.centre)):
-        yield f"prior: its scale is none of {', '.join(SCALES)}, its centre is not on it, or sd or reason is missing"
+    if prior is not None and (prior.scale not in kinds.SCALES or prior.sd <= 0.0 or not prior.reason
+                              or not kinds.fits_scale(prior.scale, prior.centre)):
+        yield (f"prior: its scale is none of {', '.join(kinds.SCALES)}, its centre is not on it, or sd or reason is "
+               "missing")
 
 
 GROUP = "truearc.terms"
@@ -171,7 +157,7 @@ class Catalogue:
         for term in self.terms:
             check_term(term)
         check_unique([*NAMELESS, *self.terms])
-        ordered = sorted(self.terms, key=lambda term: (STAGES.index(term.stage), term.order[0], term.name))
+        ordered = sorted(self.terms, key=lambda term: (kinds.STAGES.index(term.stage), term.order[0], term.name))
         object.__setattr__(self, "terms", tuple(ordered))
 
     def __iter__(self) -> Iterator[Term]:
@@ -228,9 +214,9 @@ def find_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[Te
     return as_catalogue(among).find(names)
 
 
-def sensing_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[SensingTerm, ...]:
+def sensing_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[kinds.SensingTerm, ...]:
     """Those of the named terms that correct what the robot's sensors say of a configuration."""
-    return tuple(term for term in find_terms(names, among) if isinstance(term, SensingTerm))
+    return tuple(term for term in find_terms(names, among) if isinstance(term, kinds.SensingTerm))
 
 
 def watch_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[WatchTerm, ...]:
@@ -238,19 +224,19 @@ def watch_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[W
     return tuple(term for term in find_terms(names, among) if isinstance(term, WatchTerm))
 
 
-def launch_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[LaunchTerm, ...]:
+def launch_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[kinds.LaunchTerm, ...]:
     """Those of the named terms that act while the wheels hold the ball."""
-    return tuple(term for term in find_terms(names, among) if isinstance(term, LaunchTerm))
+    return tuple(term for term in find_terms(names, among) if isinstance(term, kinds.LaunchTerm))
 
 
-def flight_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[InFlight, ...]:
+def flight_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[kinds.InFlight, ...]:
     """Those of the named terms that act in the air, on the ball or on what air it meets."""
-    return tuple(term for term in find_terms(names, among) if isinstance(term, InFlight))
+    return tuple(term for term in find_terms(names, among) if isinstance(term, kinds.InFlight))
 
 
-def arrival_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[ArrivalTerm, ...]:
+def arrival_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[kinds.ArrivalTerm, ...]:
     """Those of the named terms that are about the target."""
-    return tuple(term for term in find_terms(names, among) if isinstance(term, ArrivalTerm))
+    return tuple(term for term in find_terms(names, among) if isinstance(term, kinds.ArrivalTerm))
 
 
 def effective(params: Mapping[str, Mapping[str, Any]], circumstances: Circumstances,

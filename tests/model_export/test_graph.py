@@ -13,8 +13,7 @@ from onnx.reference import ReferenceEvaluator
 from scipy.spatial import cKDTree
 
 from truearc.errors import InputError
-from truearc.model_export.graph import export_weights, make_model
-from truearc.model_export.parts import network_part, novelty_part
+from truearc.model_export.graph import export_weights, make_model, network_part, novelty_part
 from truearc.robot.gate import contract
 from truearc.robot.gate.contract import KEY_SEAL
 from truearc.robot.gate.model import load_gate

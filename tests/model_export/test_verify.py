@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from truearc.model_export import NETWORK_TOLERANCE
 from truearc.model_export.graph import export_weights, load_trained
-from truearc.model_export.tolerances import NETWORK_TOLERANCE
 from truearc.model_export.verify import compare, domain_grid, find_faults
 from truearc.robot.gate.contract import NOVELTY as NOVELTY_OUTPUT
 from truearc.robot.gate.contract import OUTPUT

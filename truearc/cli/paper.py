@@ -8,8 +8,8 @@ import truearc as ta
 from truearc.cli.common import add_accept, add_terms_from, catalogue_of, fixed, listed, make_progress, number, refuse
 from truearc.cli.outputs import DATASET, WEIGHTS, OutFolder, out_file
 from truearc.errors import save_whole
-from truearc.sim.paper.settings import DEFAULT_RECIPE as DEFAULT
-from truearc.sim.paper.settings import PATIENCE, STEP
+from truearc.sim.paper import DEFAULT_RECIPE as DEFAULT
+from truearc.sim.paper import PATIENCE, STEP
 
 if TYPE_CHECKING:
     from truearc.api.fitting import GridSearch

@@ -14,16 +14,20 @@ from scipy.spatial import cKDTree
 from scipy.stats import norm
 
 from truearc.errors import InputError
-from truearc.sim.gate.likelihood import (
+from truearc.sim.gate.model import (
+    SAME_DISTANCE,
     SIZE,
     GateData,
     GateShape,
     Widths,
     cell_probabilities,
     curvature,
+    farthest_points,
+    fit_novelty,
+    novelty_record,
+    parse_novelty,
     value_and_slope,
 )
-from truearc.sim.gate.model import SAME_DISTANCE, farthest_points, fit_novelty, novelty_record, parse_novelty
 
 WIDTHS, HALVES = Widths(0.03, 0.02), jnp.array([0.35, 0.07])
 ROWS = np.random.default_rng(1).uniform([2.0, 0.4, 30.0], [8.0, 0.8, 55.0], (90, 3))

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from tests.sim.training_rows import REAL, SIMULATED, sigmoid, some_rows
 from truearc.errors import InputError
+from truearc.sim.paper import Recipe
 from truearc.sim.paper.network import Layers, Rows, accuracy, cross_entropy, initial_layers, logits, mean_loss
-from truearc.sim.paper.settings import Recipe
 from truearc.sim.paper.train_many import (
     LANES,
     Job,
