@@ -142,19 +142,15 @@ def beyond(settings: Mapping[str, float], fitted: Mapping[str, list[float]]) -> 
                      if name in fitted and not fitted[name][0] - 1e-9 <= value <= fitted[name][1] + 1e-9)
 
 
-def lead_deg(rig: Rig, belief: Belief, distance_m: Float[np.ndarray, " n"], hood_deg: Float[np.ndarray, " n"],
-             motor_ratio: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+def lead_deg(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, motor_ratio: Rows) -> Rows:
     """Angle by which to turn the launcher to the left [n], in degrees, against the drift; NaN: does not come there."""
     side_m = flown(rig, belief, distance_m, hood_deg, motor_ratio)[0]
     return np.asarray(np.degrees(np.arctan2(-side_m, distance_m)) + 0.0)
 
 
-def flown(rig: Rig, belief: Belief, distance_m: Float[np.ndarray, " n"], hood_deg: Float[np.ndarray, " n"],
-          motor_ratio: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+def flown(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, motor_ratio: Rows) -> tuple[Rows, Rows]:
     """(drift to the left in m [n], time of flight in s [n]) at the target; NaN: does not come there."""
-    shots = Shots(tuple(map(str, range(len(distance_m)))),
-                  {"distance_m": distance_m, "hood_deg": hood_deg, "motor_ratio": motor_ratio}, {})
-    given = given_of(rig, shots, before_the_shot(belief.curves, rig, shots))
+    given = _given(rig, belief, distance_m, hood_deg, motor_ratio)
     side_m, flown_s = _flown(rig, belief.coefficients, given, belief.catalogue)
     return np.asarray(side_m), np.asarray(flown_s)
 
@@ -164,8 +160,7 @@ def _flown(rig: Rig, values: Values, given: Given, among: Catalogue) -> tuple[An
     at, exit, distance_m = configured(rig, values, given, among)
     law = make_law(rig, flight_terms({"gravity", *values}, among), at)
     plane = reach_plane(rig, law, exit, distance_m, timed=True)
-    nan = jax.numpy.nan
-    return jax.numpy.where(plane.near, plane.side_m, nan), jax.numpy.where(plane.near, plane.flown_s, nan)
+    return jnp.where(plane.near, plane.side_m, jnp.nan), jnp.where(plane.near, plane.flown_s, jnp.nan)
 
 
 def draw_aim(rows: Sequence[Any], refused: Sequence[tuple[float, str]]) -> Figure:
@@ -196,8 +191,6 @@ STEPS = 128                           # of a flight over time
 SECANT = 6                            # steps to the speed that meets the height
 FIRST_LOG = 0.02                      # of the first one
 CLOSE_M = 1e-4                        # of the height, which it must meet
-
-Rows = Float[np.ndarray, " n"]
 
 
 class OnTheMove(NamedTuple):
@@ -252,8 +245,7 @@ def _at_plane(flown: Float[np.ndarray, "6 n"], distance_m: Rows) -> tuple[Rows, 
 
 
 def _given(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, motor_ratio: Rows) -> Given:
-    shots = Shots(tuple(map(str, range(len(distance_m)))),
-                  {"distance_m": distance_m, "hood_deg": hood_deg, "motor_ratio": motor_ratio}, {})
+    shots = Shots.of_settings(distance_m, hood_deg, motor_ratio)
     return given_of(rig, shots, before_the_shot(belief.curves, rig, shots))
 
 

@@ -378,9 +378,9 @@ def physics_of(rig: Rig, belief: Belief, features: np.ndarray) -> Physics:
     InputError when the rig has no target.
     """
     centre_m = opening_of(rig, belief.coefficients, belief.catalogue).centre_m
-    numbers = {feature.name: np.array(features[:, k], float) for k, feature in enumerate(FEATURES)}
+    shots = Shots.of_settings(**{feature.name: np.array(features[:, k], float) for k, feature in enumerate(FEATURES)})
     scattered = belief if belief.scatter else replace(belief, scatter=dict(TYPICAL_SCATTER))
-    ahead = forecast(rig, scattered, Shots(tuple(map(str, range(len(features)))), numbers, {}))
+    ahead = forecast(rig, scattered, shots)
     back = np.isnan(ahead.height_m)
     deviation_m = np.where(back, LOWEST_M, np.maximum(ahead.height_m - centre_m, LOWEST_M))
     by_speed_m = np.where(back, STEEPEST_M, STEEPEST_M * np.tanh(ahead.by_launch[:, 0] / STEEPEST_M))
