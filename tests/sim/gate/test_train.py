@@ -137,12 +137,6 @@ def test_configurations_labelled_alike_every_time_make_the_spread_small() -> Non
     assert figures_of(gate.probabilities(marks.features[test]), marks.level[test]).accuracy >= 0.84
 
 
-def test_what_cannot_be_learned_is_refused(recorded: Dataset) -> None:
-    no_target = type(recorded.facts)(recorded.facts.ball, recorded.facts.launcher)
-    with pytest.raises(InputError, match="target"):
-        train_physics_gate(no_target, BELIEF, recorded.shots)
-
-
 def make(outcome: tuple[str, ...], side: tuple[str, ...] | None = None, **numbers: list[float]) -> Shots:
     n = len(outcome)
     columns = {name: np.full(n, value) for name, value in (("distance_m", 4.0), ("motor_ratio", 0.5),

@@ -91,13 +91,6 @@ def test_labels_are_those_of_an_independent_flight(outcomes: np.ndarray) -> None
     assert compared > 230
 
 
-def test_every_outcome_is_on_the_grid_and_most_is_misses(outcomes: np.ndarray) -> None:
-    shares = {outcome: (outcomes == outcome).mean() for outcome in ("miss", "two", "three")}
-    assert shares["miss"] > 0.9
-    # a window of +-0.07 m inside one of +-0.35 m: a fifth of those who come near, near enough
-    assert shares["three"] / (shares["three"] + shares["two"]) == pytest.approx(0.2, abs=0.02)
-
-
 @given(st.integers(3, 90), st.integers(0, 2**32), st.sets(st.integers(0, 299), max_size=120))
 def test_the_sample_is_balanced_and_avoids_what_is_taken(count: int, seed: int, taken: set[int]) -> None:
     outcomes = np.array(["miss", "two", "three"] * 100)
@@ -155,11 +148,6 @@ def test_recorded_configurations_are_replaced(outcomes: np.ndarray) -> None:
     assert sorted(map(shots.text("outcome").count, ("miss", "two", "three"))) == [30, 30, 30]
     places = np.array([int(name.removeprefix("sim-")) for name in shots.shot_id])
     assert shots.text("outcome") == tuple(outcomes[places].tolist())
-
-
-def test_a_rig_without_target_is_refused() -> None:
-    with pytest.raises(InputError, match="target"):
-        label_grid(Rig(RIG.ball, RIG.launcher), BELIEF)
 
 
 def test_provenance_is_optional_but_not_rubbish(tmp_path) -> None:

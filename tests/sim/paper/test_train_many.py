@@ -22,7 +22,6 @@ from truearc.sim.paper.train_many import (
     make_decks,
     pack,
     train_many,
-    unpack,
 )
 from truearc.sim.paper.train_many import sigmoid as fast_sigmoid
 
@@ -197,8 +196,3 @@ def test_rows_meet_each_other_in_every_order() -> None:
     share = np.array([[(orders[:, place] == row).any(axis=1).mean() for place in range(3)] for row in range(30)])
     assert np.abs(share - 1.0 / 3.0).max() < 5.0 * math.sqrt(2.0 / 9.0 / 3000)
     assert all(not np.array_equal(one, other) for one, other in pairwise(orders[:50]))
-
-
-def test_packed_layers_come_back() -> None:
-    layers = initial_layers(np.random.default_rng(2))
-    assert all(np.array_equal(a, b) for a, b in zip(unpack(pack(layers)), layers, strict=True))

@@ -1,13 +1,12 @@
-"""The catalogue as a value, with terms of distributions and of files: order, names, every declared field used."""
+"""The catalogue as a value, with terms of distributions and of files: order, names, what a term must declare."""
 
-import ast
-import dataclasses
 import inspect
 import pickle
 import subprocess
 import sys
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ import pytest
 from tests.sim.physics import own
 from tests.sim.physics.own import Flex
 from tests.sim.physics.rigs import GUPPY
-from tools.pages import TERMS_BEGIN, TERMS_END, put_terms
 from truearc import sim
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Shots
@@ -25,6 +23,7 @@ from truearc.sim.physics.catalogue import (
     Catalogue,
     as_catalogue,
     catalogue,
+    check_term,
     find_parameter,
     find_terms,
     terms_of_distributions,
@@ -32,7 +31,18 @@ from truearc.sim.physics.catalogue import (
 )
 from truearc.sim.physics.nonparametric import NAMELESS
 from truearc.sim.physics.simulate import predict
-from truearc.sim.physics.term import STAGES, InFlight, Instrument, LaunchTerm, Parameter, Phrase, Prior, Term
+from truearc.sim.physics.term import (
+    STAGES,
+    Exit,
+    Instrument,
+    LaunchTerm,
+    Parameter,
+    Phrase,
+    Prior,
+    Rig,
+    Term,
+    Values,
+)
 from truearc_proof.parallel import fan_out
 
 ROOT = Path(sim.__file__).parent.parent
@@ -89,30 +99,6 @@ def test_shots_fly_with_a_further_term() -> None:
     np.testing.assert_allclose(flexed.height_m, predict(GUPPY, coefficients, lower).height_m, rtol=1e-9)
     with pytest.raises(InputError, match="no term 'flex'"):
         predict(GUPPY, {"flex": {"angle_deg": 2.0}}, shots)
-
-
-def test_every_declared_field_is_used_beside_the_declarations() -> None:
-    """By the product or the page of terms: a field that only the check reads would be a burden without a use."""
-    own = {"term.py", "catalogue.py"}
-    files = [path for folder in ("sim", "truearc", "tools") for path in (ROOT / folder).rglob("*.py")
-             if not (path.parent.name == "physics" and path.name in own) and path.parent.name != "terms"]
-    read = {node.attr for path in files for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-            if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load)}
-    declared = {*Term.__annotations__, *InFlight.__annotations__, *Phrase._fields, *Instrument._fields,
-                *(field.name for kind in (Parameter, Prior) for field in dataclasses.fields(kind))}
-    assert len(declared) > 30
-    assert declared - read == set()
-
-
-def test_every_term_is_on_the_page_of_terms() -> None:
-    page = (ROOT / "docs" / "reference" / "terms.md").read_text(encoding="utf-8")
-    assert all(f"| `{name}` |" in page for name in BUILT_IN.names)
-
-
-@pytest.mark.parametrize("page", ["no marks", TERMS_BEGIN, TERMS_END])
-def test_a_page_without_marks_is_refused(page: str) -> None:
-    with pytest.raises(ValueError, match="lacks"):
-        put_terms(page)
 
 
 @pytest.fixture
@@ -218,3 +204,53 @@ def test_distributions_are_looked_for_when_first_needed_and_never_by_the_robot(s
         found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True,
                                env={"PYTHONPATH": f"{site}:{Path(own.__file__).parents[3]}"})
         assert found.stdout.strip() == ("neither" if ".robot." in module else "{'truearc.sim.physics'}")
+
+
+PRIOR = Prior("linear", 0.0, 1.0, "a reason")
+
+
+def number(**changed: Any) -> tuple[Parameter, ...]:
+    said = {"name": "angle_deg", "unit": "deg", "low": -1.0, "high": 1.0, "default": 0.0, "source": "a source",
+            "prior": PRIOR, "meaning": "an angle"}
+    return (Parameter(**{**said, **changed}),)
+
+
+@pytest.mark.parametrize(("changed", "message"), [
+    ({"name": "Hood flex"}, "name: 'Hood flex'"), ({"direction": "up"}, "direction: 'up' is none of along"),
+    ({"order": (5, "")}, "order: "), ({"sentence": "It bends"}, "full stop"), ({"__doc__": None}, "no docstring"),
+    ({"phrase": Phrase("bends", "unbends", 1.0, "")}, "phrase: "), ({"label": ""}, "label: is empty"),
+    ({"instrument": None}, "instrument: "), ({"instrument": Instrument("ruler", "a ruler", 0.0)}, "not above 0"),
+    ({"follows": "moonlight", "record": "the moon"}, "follows: 'moonlight'"),
+    ({"follows": "curve_by"}, "record: is empty"),
+    ({"positive": 1.0}, "positive: "), ({"law_sd": 0.0}, "law_sd: "),
+    ({"calibration_sd": 0.1}, "calibration_sd: "), ({"parameters": ()}, "parameters: expected a tuple"),
+    ({"parameters": (*number(), *number())}, "two have one name"),
+    ({"parameters": number(unit="foot")}, "unit: got 'foot'"),
+    ({"parameters": number(default=3.0)}, "not within -1.0 to 1.0"), ({"parameters": number(source="")}, "source: is"),
+    ({"parameters": number(meaning="")}, "meaning: is empty"), ({"parameters": number(prior=None)}, "has no prior"),
+    ({"parameters": number(low=0.5, default=0.6)}, "whose default is 0"),
+    ({"parameters": number(prior=Prior("log", -1.0, 1.0, "a reason"))}, "prior: its scale"),
+    ({"parameters": number(fit_each_ball=True)}, "by_ball: ")])
+def test_wrong_declaration_is_named(changed: dict[str, Any], message: str) -> None:
+    wrong = type("Wrong", (Flex,), {"__doc__": "A law.", **changed})
+    with pytest.raises(InputError, match=r"^Wrong: ") as caught:
+        check_term(wrong())
+    assert message in str(caught.value)
+
+
+def test_every_problem_is_named_at_once() -> None:
+    class Nothing(LaunchTerm):
+        """Declares nothing."""
+
+        def leave(self, rig: Rig, values: Values, exit: Exit) -> Exit:
+            return exit
+
+    with pytest.raises(InputError) as caught:
+        check_term(Nothing())
+    assert all(f"{field}: " in str(caught.value) for field in ("order", "direction", "sentence", "phrase",
+                                                               "instrument", "parameters"))
+
+
+def test_what_is_no_term_is_refused() -> None:
+    with pytest.raises(InputError, match="'hood_flex': expected an instance of SensingTerm"):
+        check_term("hood_flex")       # type: ignore[arg-type]
