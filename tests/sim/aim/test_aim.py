@@ -54,7 +54,6 @@ def test_probabilities_are_those_of_drawn_shots() -> None:
         "motor_ratio": ratio * np.exp(SCATTER["speed"] * rng.normal(size=n))}, {})
     height_m = np.asarray(predict(QUIET, DRAG, drawn).height_m)
     target = GUPPY.target
-    assert target is not None
     off_m = np.abs(height_m - target.centre_height_m)
     for p, half_m in ((stated.p_two, target.two_half_height_m), (stated.p_three, target.three_half_height_m)):
         share = float((off_m <= half_m).mean())
@@ -123,7 +122,6 @@ def test_between_the_rows_numbers_go_on_smoothly(table: ta.AimTable) -> None:
     height = predict(GUPPY, DRAG, Shots(tuple(map(str, range(81))), {
         "distance_m": np.array([one.distance_m for one in fine]), "motor_ratio": ratio,
         "hood_deg": np.array([one.hood_deg for one in fine])}, {})).height_m
-    assert GUPPY.target is not None
     assert np.abs(np.asarray(height) - GUPPY.target.centre_height_m).max() < 0.05
     with pytest.raises(ta.InputError, match="7 is outside the table's 2 to 6"):
         table.at(7.0)

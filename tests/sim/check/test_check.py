@@ -69,7 +69,6 @@ def test_balls_that_are_not_the_rigs_are_warned_of(table: Dataset) -> None:
 
 
 def test_a_target_height_in_feet_is_called_so(table: Dataset) -> None:
-    assert table.rig.target is not None
     feet = replace(table, facts=changed(table.rig, target=Target(table.rig.target.centre_height_m / 0.3048)))
     with pytest.raises(InputError, match=r"target.centre_height_m in feet, which would be|target.centre_height_m: "):
         check_plausible(feet)

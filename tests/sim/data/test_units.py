@@ -84,7 +84,6 @@ def test_commas_that_were_read_as_points_are_reported(tmp_path: Path, capsys: py
     ("t_s,x_ft,y_ft,z_ft", 0.3048)])
 def test_tracks_as_the_plausibility_checks_advise(tmp_path: Path, header: str, factor: float) -> None:
     tracks = load(tmp_path, SI, f"shot_id,{header}\na,1,10,20,30\na,2,11,21,31\n").tracks
-    assert tracks is not None
     assert np.array([tracks.x_m, tracks.y_m, tracks.z_m]) == pytest.approx(
         factor * np.array([[10, 11], [20, 21], [30, 31]]))
     assert tracks.t_s == pytest.approx(np.array([1, 2]) * (1e-3 if "t_ms" in header else 1.0))

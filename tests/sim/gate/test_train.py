@@ -32,7 +32,6 @@ def recorded() -> Dataset:
 @pytest.fixture(scope="module")
 def trained(recorded: Dataset) -> tuple[PhysicsGate, Heldout]:
     gate, heldout = train_physics_gate(recorded.facts, BELIEF, recorded.shots)
-    assert heldout is not None
     return gate, heldout
 
 

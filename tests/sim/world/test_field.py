@@ -176,7 +176,6 @@ def _reference(start: Released, cd: float, magnus: float, wind: tuple[float, flo
 @settings(max_examples=40, deadline=None)
 def test_in_vacuum_a_ball_crosses_where_the_parabola_does(speed: float, deg: float) -> None:
     arrival = _fly(VACUUM, _start(speed, deg)).arrival
-    assert arrival is not None
     after = DISTANCE / (speed * math.cos(math.radians(deg)))
     height = 0.75 + DISTANCE * math.tan(math.radians(deg)) - 0.5 * GRAVITY * after**2
     lands = (speed * math.sin(math.radians(deg))
@@ -218,8 +217,6 @@ def test_backspin_lifts_and_sidespin_turns_by_the_right_hand() -> None:
     plain = _fly(Options(), _start(10.5, 45.0)).arrival
     back = _fly(Options(), _start(10.5, 45.0, (0.0, -60.0, 0.0))).arrival
     side = _fly(Options(), _start(10.5, 45.0, (0.0, 0.0, 30.0))).arrival
-    assert plain is not None and back is not None and side is not None
-    assert plain.z_m is not None and back.z_m is not None and side.y_m is not None
     assert back.z_m > plain.z_m + 0.3
     assert side.y_m > 0.1                             # z x (x cos, 0, ...) is +y: to the left
 

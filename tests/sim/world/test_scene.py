@@ -106,7 +106,6 @@ def _shoot(wheel: float, ball: Ball | None = None, elevation_deg: float = 45.0, 
 
 def _summary(nip: Nip, wheel: float) -> tuple[float, float, float, float]:
     """Speed over the ideal, droop, spin over no-slip, exit angle in degrees."""
-    assert nip.released is not None
     velocity = nip.released.velocity_m_s
     ideal = wheel * (0.0508 + 0.5625 * 0.0349) / 2.0
     no_slip = wheel * (0.0508 - 0.5625 * 0.0349) / (2.0 * 0.0889)
@@ -143,7 +142,6 @@ def test_faster_wheels_slip_more() -> None:
 @pytest.mark.parametrize("torque", [0.0, 1.5])
 def test_a_ball_gets_no_more_energy_than_the_wheels_and_the_motors_give(wheel: float, torque: float) -> None:
     nip, spent = _shoot(wheel, torque=torque, elevation_deg=0.0)
-    assert nip.released is not None
     velocity, spin = nip.released.velocity_m_s, nip.released.spin_rad_s
     got = 0.5 * 0.14 * (velocity @ velocity - 1.1**2) + 0.5 * 0.4 * 0.14 * 0.0889**2 * (spin @ spin)
     given = 0.5 * INERTIA * (wheel**2 - nip.wheel_rad_s**2) + torque * wheel * spent + 8.0 * 0.07   # and the feeder
