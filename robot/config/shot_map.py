@@ -91,11 +91,6 @@ def plain(value: object) -> str:
     return {"true": "1", "false": "0"}.get(str(value).strip().lower(), str(value).strip().lower())
 
 
-def ready_maps() -> dict[str, str]:
-    """{name: what it is for} of the maps that come with truearc."""
-    return {name: _read(text, name).about for name, text in _shipped().items()}
-
-
 def _shipped() -> dict[str, str]:
     folder = files("truearc.robot.config") / "maps"
     return {one.name.removesuffix(".toml"): one.read_text(encoding="utf-8")

@@ -4,32 +4,12 @@ import jax
 import numpy as np
 import pytest
 
-from tests.sim.physics.hooks import (
-    DISTANCES_M,
-    EXITS,
-    FLOWN_S,
-    HOLE,
-    call,
-    factor,
-    finite,
-    rescaled,
-    state,
-    typical,
-    untouched,
-)
+from tests.sim.physics import hooks
+from tests.sim.physics.hooks import call, state, typical, untouched
 from tests.sim.physics.rigs import GUPPY
 from truearc.sim.data.conditions import Circumstances
-from truearc.sim.physics.catalogue import (
-    TERMS,
-    arrival_terms,
-    effective,
-    find_parameter,
-    find_terms,
-    flight_terms,
-    launch_terms,
-    sensing_terms,
-    watch_terms,
-)
+from truearc.sim.physics import catalogue
+from truearc.sim.physics.catalogue import TERMS, find_terms
 from truearc.sim.physics.term import AirTerm, BallState, Exit, FlightTerm, Opening, complete, from_scale, to_scale
 from truearc.sim.physics.vector import Vec
 
@@ -44,7 +24,7 @@ every_term_in_the_air = pytest.mark.parametrize("term", IN_THE_AIR, ids=lambda t
 def test_what_is_fitted_has_a_prior_and_is_found_by_name(term):
     for parameter in term.parameters:
         assert (parameter.prior is None) == (parameter.name in KNOWN.get(term.name, ()))
-        assert find_parameter(f"{term.name}.{parameter.name}") is parameter
+        assert catalogue.find_parameter(f"{term.name}.{parameter.name}") is parameter
 
 
 @every_term
@@ -57,8 +37,9 @@ def test_scales_go_there_and_back(term):
 
 
 def test_each_term_has_the_hook_of_its_stage_and_is_on_its_page():
-    hooks = {"sensing": (*sensing_terms(NAMES), *watch_terms(NAMES)), "launch": launch_terms(NAMES),
-             "flight": flight_terms(NAMES), "arrival": arrival_terms(NAMES)}
+    hooks = {"sensing": (*catalogue.sensing_terms(NAMES), *catalogue.watch_terms(NAMES)),
+             "launch": catalogue.launch_terms(NAMES), "flight": catalogue.flight_terms(NAMES),
+             "arrival": catalogue.arrival_terms(NAMES)}
     for stage, terms in hooks.items():
         assert set(terms) == {term for term in TERMS if term.stage == stage}
         assert all(type(term).__module__ == f"truearc.sim.physics.terms.{stage}" for term in terms)
@@ -76,13 +57,13 @@ def test_zero_amplitude_changes_no_bit(term):
 def test_gradients_are_finite_also_at_rest_and_at_zero(term, speed):
     numbers = state(2)
     numbers[3:6] *= speed
-    exit = EXITS._replace(speed_m_s=EXITS.speed_m_s * speed, spin_rev_s=EXITS.spin_rev_s * speed)
+    exit = hooks.EXITS._replace(speed_m_s=hooks.EXITS.speed_m_s * speed, spin_rev_s=hooks.EXITS.spin_rev_s * speed)
     for values in (typical(term), typical(term) | {term.parameters[0].name: 0.0}):
         by_values = jax.jacfwd(lambda values: call(term, values, numbers, exit=exit))(values)
         by_state = jax.jacfwd(lambda now, exit, values=values: call(term, values, now, exit=exit), argnums=(0, 1))(
             numbers, exit)
-        assert finite(by_values)
-        assert finite(by_state)
+        assert hooks.finite(by_values)
+        assert hooks.finite(by_state)
     assert np.any(np.asarray(jax.jacfwd(lambda values: call(term, values))(values)[term.parameters[0].name]) != 0.0)
 
 
@@ -127,13 +108,14 @@ def test_units_are_dimensionally_right(term):
     if term.follows == "closing_speed_m_s":
         time = 1.0                    # the effective value is a length, by a speed that is not said here
         length = 1.0
-    values = {p.name: typical(term)[p.name] * factor(p.unit, length, time, mass) for p in term.parameters}
+    values = {p.name: typical(term)[p.name] * hooks.factor(p.unit, length, time, mass) for p in term.parameters}
     speed = length / time
     numbers = state(3) * np.repeat([length, speed, 1.0 / time], 3)
-    exit = EXITS._replace(speed_m_s=EXITS.speed_m_s * speed, spin_rev_s=EXITS.spin_rev_s / time,
-                          above_m=EXITS.above_m * length)
-    there = call(term, values, numbers, rig=rescaled(length, time, mass), exit=exit, distance_m=DISTANCES_M * length,
-                 hole=type(HOLE)(*(part * length for part in HOLE)), time_s=FLOWN_S * time)
+    exit = hooks.EXITS._replace(speed_m_s=hooks.EXITS.speed_m_s * speed, spin_rev_s=hooks.EXITS.spin_rev_s / time,
+                          above_m=hooks.EXITS.above_m * length)
+    there = call(term, values, numbers, rig=hooks.rescaled(length, time, mass), exit=exit,
+                 distance_m=hooks.DISTANCES_M * length, hole=type(hooks.HOLE)(*(part * length for part in hooks.HOLE)),
+                 time_s=hooks.FLOWN_S * time)
     here = np.asarray(call(term, typical(term), state(3)))
     rows = {"sensing": (speed, 1.0, 1.0 / time, length, length), "launch": (speed, 1.0, 1.0 / time, length)}
     in_units = {"flight": (length / time**2,) if isinstance(term, FlightTerm) else (speed, 1.0 / time),
@@ -146,7 +128,7 @@ def test_units_are_dimensionally_right(term):
 @every_term
 def test_what_it_follows_scales_its_amplitude(term):
     shot = Circumstances(**{name: np.array([0.3, -1.2]) for name in Circumstances._fields})
-    values = effective({term.name: {p.name: typical(term)[p.name] for p in term.parameters}}, shot)[term.name]
+    values = catalogue.effective({term.name: {p.name: typical(term)[p.name] for p in term.parameters}}, shot)[term.name]
     name = term.parameters[0].name
     amplitude = typical(term)[name]
     if term.name == "rapid_fire":
@@ -161,13 +143,13 @@ def test_what_it_follows_scales_its_amplitude(term):
 @every_term
 def test_an_ordinary_shot_knows_no_departure(term):
     """Terms that follow something are absent where it is unknown; a wheel's dip is then the mean one."""
-    values = effective({term.name: typical(term)}, Circumstances())[term.name]
+    values = catalogue.effective({term.name: typical(term)}, Circumstances())[term.name]
     followed = term.follows not in (None, "droop") or term.name == "rapid_fire"
     assert (float(values[term.parameters[0].name]) == 0.0) == followed
 
 
 def test_the_seeds_believed_terms_are_there():
-    assert [term.name for term in flight_terms(GUPPY.believe.terms)] == ["gravity", "drag", "magnus"]
+    assert [term.name for term in catalogue.flight_terms(GUPPY.believe.terms)] == ["gravity", "drag", "magnus"]
 
 
 def test_absent_parameters_take_their_defaults():
