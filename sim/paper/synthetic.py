@@ -61,26 +61,19 @@ def grid_shots(index: np.ndarray) -> Shots:
     return Shots(tuple(f"sim-{position:06d}" for position in index), numbers, {})
 
 
-def grid_heights(rig: Rig, coefficients: Mapping[str, Mapping[str, float]],
-                 progress: Progress = lambda done, note: None, curves: Curves = NONE,
-                 among: Catalogue | None = None) -> np.ndarray:
-    """Height in m at the plane of every configuration of the grid, flat, nan where it is not reached.
-
-    By the simulator with gravity and these terms, of which some may go with curves. among: the catalogue of the terms,
-    truearc.sim.physics.catalogue.catalogue() when not given. InputError when the rig cannot turn a
-    motor ratio into a launch.
-    """
-    shots = grid_shots(np.arange(np.prod(SHAPE)))
-    before = before_the_shot(curves, rig, shots)
-    return np.asarray(predict(rig, coefficients, shots, progress, before, among, STEP_S).height_m)
-
-
 def label_grid(rig: Rig, coefficients: Mapping[str, Mapping[str, float]],
                progress: Progress = lambda done, note: None, curves: Curves = NONE,
                among: Catalogue | None = None) -> np.ndarray:
-    """Outcome of every configuration of the grid, flat; InputError as grid_heights, or when the rig has no target."""
+    """Outcome of every configuration of the grid, flat, by the simulator with gravity and these terms.
+
+    Some of the terms may go with curves. among: the catalogue of the terms, truearc.sim.physics.catalogue.catalogue()
+    when not given. InputError when the rig has no target, or cannot turn a motor ratio into a launch.
+    """
     opening = opening_of(rig, coefficients, among)     # a rig without target: no work
-    return classify(rig, grid_heights(rig, coefficients, progress, curves, among), opening)
+    shots = grid_shots(np.arange(np.prod(SHAPE)))
+    before = before_the_shot(curves, rig, shots)
+    flown = predict(rig, coefficients, shots, progress, before, among, STEP_S)
+    return classify(rig, np.asarray(flown.height_m), opening)
 
 
 def taken_configurations(shots: Shots) -> np.ndarray:
