@@ -26,7 +26,7 @@ from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.investigate import discover
 from truearc.sim.physics.catalogue import BUILT_IN, Catalogue, catalogue, terms_of_file
 from truearc.sim.physics.flight import path
-from truearc.sim.physics.launch import Exit
+from truearc.sim.physics.term import Exit
 from truearc_proof.importers.ball_drops import import_sepia_drops
 from truearc_proof.rivals import OURS, RIVALS, find_rival
 from truearc_proof.rivals.claim import Claim, believed_of, rms

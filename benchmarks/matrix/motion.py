@@ -29,9 +29,8 @@ from truearc.robot.config.schema import Config, Prescribed, load_config
 from truearc.robot.operator_ui.view import find_message, tell
 from truearc.robot.recording.files import TappedBus
 from truearc.robot.types import Sighting, Tick
-from truearc.sim.world.drive import Belt
+from truearc.sim.world.drive import HOOD_COULOMB_NM, Belt, Hood
 from truearc.sim.world.emulated_robot import make_nodes
-from truearc.sim.world.hood import COULOMB_NM, Hood
 from truearc.sim.world.options import Options
 from truearc.sim.world.world import World
 
@@ -388,7 +387,7 @@ class SickHood(Hood):
             return torque_nm
         if self.speed_rad_s:
             return torque_nm - math.copysign(STIFF_NM, self.speed_rad_s)
-        return 0.0 if abs(torque_nm) <= STIFF_NM + COULOMB_NM else torque_nm - math.copysign(STIFF_NM, torque_nm)
+        return 0.0 if abs(torque_nm) <= STIFF_NM + HOOD_COULOMB_NM else torque_nm - math.copysign(STIFF_NM, torque_nm)
 
 
 class SickBelt(Belt):

@@ -33,8 +33,7 @@ from truearc.hw.real.can_bus import ROOM, WAIT_S, CanBus, SupervisedBus, open_ca
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.processes import Capacity, Child, Line, Slots, make_shared
 from truearc.hw.real.wires import MendedCamera, MendedStream, open_serial
-from truearc.model_export.graph import make_model
-from truearc.model_export.parts import Part
+from truearc.model_export.graph import Part, make_model
 from truearc.robot.config.schema import Config
 from truearc.robot.gate.contract import INPUT, NOVELTY, OUTPUT
 from truearc.robot.gate.model import Gate, Rating

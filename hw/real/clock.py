@@ -34,11 +34,6 @@ def wall_offset_ns() -> int:
     return time.time_ns() - time.monotonic_ns()
 
 
-def unix_s(text: str) -> int:
-    """A time of day as `wall_clock` writes it, in whole seconds since 1970; ValueError where it is none."""
-    return int(datetime.fromisoformat(text).timestamp())
-
-
 def make_pauses_s(first_s: float, longest_s: float) -> Iterator[float]:
     """How long to wait before each attempt: twice as long each time, up to `longest_s`."""
     pause_s = first_s

@@ -93,11 +93,6 @@ def plain(value: object) -> str:
     return {"true": "1", "false": "0"}.get(str(value).strip().lower(), str(value).strip().lower())
 
 
-def ready_maps() -> dict[str, str]:
-    """{name: what it is for} of the maps that are installed."""
-    return {name: _read(text, name).about for name, text in _shipped().items()}
-
-
 def _shipped() -> dict[str, str]:
     """Texts by name, of truearc and of the packages that installed distributions name."""
     folders = (files("truearc.robot.config") / "maps", *(files(point.value) for point in entry_points(group=MAPS)))

@@ -33,8 +33,7 @@ from truearc.sim.infer.likelihood.noise import SCATTER_MOST, SCATTER_PRIOR, SCAT
 from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_parameter, find_terms
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS
-from truearc.sim.physics.term import WatchTerm, complete
-from truearc.sim.physics.term_fields import LOG, fits_scale
+from truearc.sim.physics.term import LOG, WatchTerm, complete, fits_scale
 from truearc.sim.printed import Progress, part_of
 
 GRID = (-1.0, -0.5, 0.0, 0.5, 1.0)    # of each coefficient's prior, in standard deviations, where the fit may start

@@ -16,7 +16,7 @@ from truearc.robot.recording.replay import replay
 from truearc.robot.recording.session import load_trials
 from truearc.sim.sysid.fit import fit_law, fit_motion
 from truearc.sim.sysid.session import load_driven
-from truearc.sim.world import drive, hood
+from truearc.sim.world import drive
 from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.options import Options
 from truearc.sim.world.world import World
@@ -58,8 +58,8 @@ def test_the_flywheels_friction_and_inertia_are_the_worlds(fits):
 def test_the_hoods_friction_and_inertia_are_the_worlds(fits):
     fit = fits["hood"]
     assert fit.r2 > 0.9999
-    for name, truth in (("ka", hood.INERTIA_KG_M2), ("ks", hood.COULOMB_NM), ("ks_back", hood.COULOMB_NM),
-                        ("kv", hood.VISCOUS_NM_S)):
+    for name, truth in (("ka", drive.SCREW_INERTIA_KG_M2), ("ks", drive.HOOD_COULOMB_NM),
+                        ("ks_back", drive.HOOD_COULOMB_NM), ("kv", drive.SCREW_VISCOUS_NM_S)):
         assert fit.value(name) == pytest.approx(truth, rel=0.02), name
 
 

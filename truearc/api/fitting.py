@@ -21,10 +21,9 @@ from truearc.sim.infer.belief import Belief, launcher_of, point_belief, ranges_o
 from truearc.sim.infer.fit import MapFit, fit_map
 from truearc.sim.infer.fit_report import CrossValidation, cross_validate, fit_lines, number_text
 from truearc.sim.infer.intervals import Pooling, ProfileInterval, one_rig, pool_normal, profile_interval, said_by
+from truearc.sim.paper import STEP
 from truearc.sim.paper.grid_fit import GridFit, Score, draw_map, explain, fit_grid, map_deviation, provenance_of, score
-from truearc.sim.paper.settings import STEP
-from truearc.sim.physics.term import Term
-from truearc.sim.physics.term_fields import LINEAR, from_scale
+from truearc.sim.physics.term import LINEAR, Term, from_scale
 from truearc.sim.printed import Printed, Progress, make_text
 from truearc.sim.statistics import Z90
 

@@ -16,7 +16,7 @@ import truearc as ta
 from truearc.cli.common import SHIPPED, add_accept, load_any_rig, make_progress, number, refuse
 from truearc.cli.outputs import WEIGHTS, OutFolder, out_file
 from truearc.errors import InputError, load_bytes, save_whole
-from truearc.model_export.tolerances import NETWORK_TOLERANCE, PHYSICS_TOLERANCE
+from truearc.model_export import NETWORK_TOLERANCE, PHYSICS_TOLERANCE
 from truearc.robot.config.schema import Config
 
 if TYPE_CHECKING:

@@ -30,7 +30,8 @@ from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.recordings import label_by_repeatability, shots_from_sessions
 from truearc.sim.paper.grid_fit import fit_grid
 from truearc.sim.paper.synthetic import AXES, SHAPE, grid_shots, label_grid, sample_balanced, taken_configurations
-from truearc.sim.physics.launch import Exit, exit_opposed, is_opposed
+from truearc.sim.physics.simulate import exit_opposed, is_opposed
+from truearc.sim.physics.term import Exit
 from truearc.sim.printed import Progress
 from truearc_proof.reproduce.settings import Settings
 

@@ -23,9 +23,9 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.gate.train import train_physics_gate
 from truearc.sim.infer.fit import fit_map
+from truearc.sim.paper import Recipe
 from truearc.sim.paper.grid_fit import Score, fit_grid, score
 from truearc.sim.paper.network import LABELS, Rows, probabilities, training_rows
-from truearc.sim.paper.settings import Recipe
 from truearc.sim.paper.sweep import SweepSetting
 from truearc.sim.paper.synthetic import grid_shots, label_grid, sample_balanced, taken_configurations
 from truearc.sim.paper.train_many import Job, train_many

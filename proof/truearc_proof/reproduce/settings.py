@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from truearc.errors import InputError
-from truearc.sim.paper.settings import PATIENCE, STEPS
+from truearc.sim.paper import PATIENCE, STEPS
 
 QUICK_DRAWS = 3                       # repetitions with --quick
 LEAST = 6                             # fewer configurations of an outcome than this cannot be split

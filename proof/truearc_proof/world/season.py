@@ -13,10 +13,9 @@ from truearc.robot.config.shot_map import OUTCOMES
 from truearc.sim.data.dataset import Tracks
 from truearc.sim.printed import Progress
 from truearc.sim.world import season
-from truearc.sim.world.bench import Ball, Bench
 from truearc.sim.world.field import CENTRE_HEIGHT_M, Pose
 from truearc.sim.world.options import Options
-from truearc.sim.world.season import Season, ShotSetting, Trial
+from truearc.sim.world.season import Ball, Bench, Season, ShotSetting, Trial
 from truearc.sim.world.world import World
 
 LEVELS = ("L0", "L1", "L2")
@@ -100,7 +99,7 @@ def ball_from_muzzle(world: World) -> Ball | None:
     """(s since it left, x, y, z in the launcher's axes) of the ball that left last, None if none is in the air."""
     if not world.flying:
         return None
-    data = world.flying[-1].flight.data
+    data = world.flying[-1].data
     x_m, y_m, z_m = map(float, _from_muzzle(data.qpos[:3], world.chassis.pose()))
     return float(data.time), x_m, y_m, z_m
 

@@ -4,11 +4,11 @@ import math
 import statistics
 import time
 
-from truearc.sim.world.bench import Bench
 from truearc.sim.world.drive import UPPER_GEAR
 from truearc.sim.world.field import BallResult
 from truearc.sim.world.options import Options
 from truearc.sim.world.scene import LOWER_RADIUS_M, UPPER_RADIUS_M
+from truearc.sim.world.season import Bench
 from truearc.sim.world.world import World
 
 FULL_RAD_S = 594.0

@@ -1,6 +1,6 @@
 """What may be measured of a concealed robot instead of more shots, and what its keeper then reads.
 
-By the ids of the terms' instruments (truearc.sim.physics.term_fields.Instrument). One of these is one measurement of
+By the ids of the terms' instruments (truearc.sim.physics.term.Instrument). One of these is one measurement of
 all its terms. Each: {term: standard deviation of one reading, in the unit of the catalogue's parameter}. Their order
 seeds the readings. The solver's hash covers this file, and none that makes data.
 """

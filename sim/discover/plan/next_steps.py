@@ -28,8 +28,7 @@ from truearc.sim.infer.fit import BaselineFit
 from truearc.sim.infer.likelihood.linearization import linearise
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue
-from truearc.sim.physics.term import Term, WatchTerm
-from truearc.sim.physics.term_fields import Instrument
+from truearc.sim.physics.term import Instrument, Term, WatchTerm
 
 LEAST_CHANCE = 1e-300                 # of a name that is out of the question, so that it has a logarithm
 DRAWS = 4000

@@ -27,8 +27,7 @@ from truearc.sim.infer.likelihood.layout import LinearizationPoint, ParameterLay
 from truearc.sim.infer.likelihood.linearization import linearise
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, without
 from truearc.sim.physics.catalogue import find_parameter, find_terms
-from truearc.sim.physics.term import Parameter, Term
-from truearc.sim.physics.term_fields import from_scale, to_scale
+from truearc.sim.physics.term import Parameter, Term, from_scale, to_scale
 from truearc.sim.printed import Progress
 
 NO_FLIGHT = -1e6                      # nats, of what does not fly

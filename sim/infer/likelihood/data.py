@@ -34,16 +34,18 @@ from truearc.sim.infer.likelihood.observations import (
     see_outcomes,
 )
 from truearc.sim.infer.likelihood.score_table import Array
-from truearc.sim.physics.launch import Exit, exit_no_slip, is_opposed
 from truearc.sim.physics.simulate import (
     by_wheels,
+    exit_no_slip,
     has_wheels,
+    is_opposed,
     launch_of,
     launch_state,
     own_balls,
     require,
     roll,
 )
+from truearc.sim.physics.term import Exit
 
 FEWEST_SHOTS = 10                     # by which a simulation is judged
 

@@ -34,8 +34,7 @@ from truearc.sim.infer.likelihood.noise import (
 from truearc.sim.infer.likelihood.score_table import Array, Column
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_parameter, find_terms, flight_terms
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS, find_nameless
-from truearc.sim.physics.term import DIRECTIONS, STAGES, Parameter, Term, WatchTerm, complete
-from truearc.sim.physics.term_fields import LEFT, LOG
+from truearc.sim.physics.term import DIRECTIONS, LEFT, LOG, STAGES, Parameter, Term, WatchTerm, complete
 
 
 class Measurement(NamedTuple):

@@ -15,8 +15,8 @@ import truearc.cli.main as truearc
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import load_dataset
-from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import launch_of
+from truearc.sim.physics.term import Exit
 from truearc_proof.importers.set_points import BALL, FILE_3476, import_254, import_2910, import_3476
 
 HEADER = ("team", "table", "distance_m", "wheel_rpm", "hood_raw", "note")

@@ -8,8 +8,8 @@ from truearc import robot
 from truearc.robot.config.schema import load_config
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.recordings import rule
-from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import classify, fly_rows, launch_of, predict
+from truearc.sim.physics.term import Exit
 from truearc_proof.reproduce.collect import LAUNCHABLE, Pool
 from truearc_proof.reproduce.settings import Settings
 

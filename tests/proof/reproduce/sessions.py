@@ -10,8 +10,8 @@ from truearc.robot.config.schema import Prescribed
 from truearc.robot.recording.session import CONFIG, HEADER, TRIALS, Trial, make_header
 from truearc.robot.types import Outcome, Shot
 from truearc.sim.data.dataset import Shots
-from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import classify, fly_rows, launch_of
+from truearc.sim.physics.term import Exit
 
 
 class Launcher:

@@ -32,8 +32,8 @@ from truearc.robot.doctor_motion import COAST_S, SmallMotion, check_motion, plan
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
 from truearc.robot.vision_source import NoEyes
+from truearc.sim.world.drive import LOW_DEG
 from truearc.sim.world.emulated_robot import WATCHDOG_MS, emulated_rig, keep_time, make_nodes
-from truearc.sim.world.hood import LOW_DEG
 from truearc.sim.world.world import World
 from truearc_proof.world.faults import SILENT, Fault
 

@@ -22,7 +22,7 @@ from truearc.sim.infer.likelihood.linearization import SCATTERED, linearise
 from truearc.sim.infer.likelihood.noise import SCATTERS
 from truearc.sim.infer.likelihood.observations import see_outcomes
 from truearc.sim.infer.likelihood.score_table import Column
-from truearc.sim.physics.launch import Exit
+from truearc.sim.physics.term import Exit
 
 ASKED = ("wind_x.speed_m_s", "wind_y.speed_m_s", "wind_z.speed_m_s", "spin_decay.rate_per_s", "spin_drag.share",
          "drag_reynolds.slope", "lift_saturation.rate", "drag_wear.share", "buoyancy.share", "added_mass.share",

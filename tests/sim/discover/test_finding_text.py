@@ -39,8 +39,7 @@ from truearc.sim.discover.report.finding_text import (
 )
 from truearc.sim.infer.likelihood.score_table import Column
 from truearc.sim.physics.catalogue import TERMS, find_terms
-from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.term import BallState, Opening, complete
+from truearc.sim.physics.term import BallState, Exit, Opening, complete
 from truearc.sim.physics.vector import Vec
 
 WHERE = Where("launch", None, None, None, {}, None, None, (), None)

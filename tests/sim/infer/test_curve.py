@@ -5,11 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from msgspec.structs import replace as replace_struct
 
 from tests.sim.physics.rigs import GUPPY
 from truearc.errors import InputError
-from truearc.robot.config.rig_spec import Noise
 from truearc.sim.data.conditions import ORDINARY
 from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.detect.covariates import smooth_shapes, spline_knots
@@ -25,13 +23,11 @@ from truearc.sim.infer.belief import (
     replace_values,
 )
 from truearc.sim.infer.forecast import forecast
-from truearc.sim.paper.synthetic import assign, fly_draws
 from truearc.sim.physics.catalogue import effective, flight_terms
 from truearc.sim.physics.flight import path
-from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import fly_rows, launch_of, predict
+from truearc.sim.physics.term import Exit
 
-SILENT = replace_struct(GUPPY, noise=Noise(0.0, 0.0, 0.0, 0.0))
 KNOTS = (2.0, 3.0, 4.0, 6.0)
 CURVE = Curve((0.0, 0.02, 0.01, 0.05), 0.03, "distance_m", KNOTS, low=1.5, high=7.0)
 AIR = {"drag": {"cd": 0.5}, "magnus": {"cl": 0.06}}
@@ -151,12 +147,6 @@ def test_points_that_are_in_doubt_make_heights_doubtful(curve: Curve, tmp_path: 
     assert np.allclose(told.parameter_m, 0.004 * np.linalg.norm(slopes, axis=1), rtol=1e-3)
     some = np.array([flown(one) for one in draw(belief, 400, np.random.default_rng(0))])
     assert np.allclose(some.std(0), told.parameter_m, rtol=0.15)
-    many = Shots(tuple(map(str, range(400))), {name: np.full(400, column[1])
-                                               for name, column in CONFIGURATIONS.numbers.items()}, {})
-    rng = np.random.default_rng(1)
-    drawn = fly_draws(SILENT, many, assign(draw(belief, 100, rng), 400, rng), rng,
-                      circumstances=before_the_shot(curves, GUPPY, many))
-    assert drawn.std() == pytest.approx(told.parameter_m[1], rel=0.2)
 
 
 def flown(belief: Belief) -> np.ndarray:
