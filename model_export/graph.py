@@ -15,9 +15,8 @@ from onnx import TensorProto, helper, numpy_helper
 from truearc.errors import naming, whole_file
 from truearc.model_export.parts import Part, network_part, novelty_part, physics_part
 from truearc.model_export.tolerances import NETWORK_TOLERANCE, PHYSICS_TOLERANCE
-from truearc.robot.gate import contract
-from truearc.robot.gate.contract import KEY_SEAL, UNSEALED, seal
-from truearc.robot.gate.model import load_gate
+from truearc.robot import gate as contract
+from truearc.robot.gate import KEY_SEAL, UNSEALED, load_gate, seal
 from truearc.sim.gate.model import KIND, MODEL_FILE, Novelty, describe_novelty, load_physics_gate, parse_novelty
 from truearc.sim.gate.surrogate import Domain, make_surrogate
 from truearc.sim.paper.network import RECORD_FILE, load_weights, probabilities, weights_hash

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from onnx import NodeProto, helper
 
-from truearc.robot.gate.contract import INPUT, NOVELTY, OUTPUT
+from truearc.robot.gate import INPUT, NOVELTY, OUTPUT
 from truearc.sim.gate.likelihood import LAPSE_CELLS, GateShape
 from truearc.sim.gate.model import Novelty
 from truearc.sim.gate.surrogate import Surrogate, as_cosines

@@ -3,7 +3,7 @@
 from types import MappingProxyType
 from typing import Any
 
-from truearc.hw.devices.canandmag.family import CANANDMAG
+from truearc.hw.devices.canandmag import CANANDMAG
 from truearc.hw.devices.family import EncoderFamily, HoodEncoder, driver_of
 from truearc.hw.devices.motor_encoder import MOTOR, NONE
 from truearc.hw.devices.spark.encoder import SPARK_ENCODER

@@ -24,7 +24,7 @@ from truearc.robot.advice.tick import POLICY, step
 from truearc.robot.config.nt4 import Nt4, Nt4Velocity, Nt4Vision
 from truearc.robot.config.schema import AprilTag, Config, load_config
 from truearc.robot.config.shot_map import ShotMap, Signal
-from truearc.robot.gate.model import Rating
+from truearc.robot.gate import Rating
 from truearc.robot.reasons import text
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay import Comparer, Difference, RecordedRows

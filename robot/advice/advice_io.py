@@ -17,8 +17,7 @@ from truearc.robot.aim import NOWHERE, as_at_rest
 from truearc.robot.config.schema import Config
 from truearc.robot.config.shot_map import NOT_MARKED, ShotMap, Signal, as_signal, plain
 from truearc.robot.config.unit_table import MOTOR, WHEEL, factor_of, unit_in
-from truearc.robot.gate.contract import FEATURES
-from truearc.robot.gate.model import Gate
+from truearc.robot.gate import FEATURES, Gate
 from truearc.robot.reasons import texts
 from truearc.robot.runtime import Recorder
 from truearc.robot.types import Command, Inputs, RobotVelocity, Sent, Sighting, Tick

@@ -11,7 +11,7 @@ from truearc.hw.protocols import Clock
 from truearc.robot.advice.advice_io import NS_PER_S, advice_of
 from truearc.robot.advice.nt_keys import NtKeys
 from truearc.robot.config.schema import Config
-from truearc.robot.gate.model import Gate, load_gate
+from truearc.robot.gate import Gate, load_gate
 from truearc.robot.types import Tick
 
 LOOK_S = 0.02                         # between looks for a newer tick
@@ -30,7 +30,7 @@ class Topics(Protocol):
 
 
 class NtPublisher:
-    """A screen (truearc.robot.operator_ui.screens) whose thread alone has to do with the network.
+    """A screen (truearc.robot.runtime) whose thread alone has to do with the network.
 
     Of the ticks since it last published it takes the newest, but one with a FIRE before any other: that is one tick
     for each ball. clock: that of the ticks, by which `age_s` is brought up to date; None: time passes otherwise.

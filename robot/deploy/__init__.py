@@ -40,18 +40,15 @@ class Parts(Struct, frozen=True):
 
 def make_parts(config: Config, parts: Parts) -> Parts:
     """`parts`, checked against the configuration; InputError names the option that cannot be."""
-    for wrong in (*_missing_plugins(config, parts), *_wrong_names(config, parts), *_wrong_numbers(config, parts)):
+    for wrong in (*_wrong_names(config, parts), *_wrong_numbers(config, parts)):
         raise InputError(wrong)
     return parts
 
 
-def _missing_plugins(config: Config, parts: Parts) -> Iterator[str]:
-    for name, driver in ((name, driver_of(axis)) for name, axis in name_axes(config)):
-        if driver not in BY_DRIVER and not parts.has_plugins:
-            yield f"{name}: driver {driver!r} is of another distribution; --plugin names its wheel or source folder"
-
-
 def _wrong_names(config: Config, parts: Parts) -> Iterator[str]:
+    for name, axis in name_axes(config):
+        if (driver := driver_of(axis)) not in BY_DRIVER and not parts.has_plugins:
+            yield f"{name}: driver {driver!r} is of another distribution; --plugin names its wheel or source folder"
     channel = config.can.channel
     if config.can.interface == "socketcan" and not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]{0,14}", channel):
         yield f"[can] channel {channel!r}: not the name of a network interface"

@@ -19,7 +19,7 @@ import numpy as np
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.gate.contract import FEATURES
+from truearc.robot.gate import FEATURES
 from truearc.sim.data.dataset import Shots
 from truearc.sim.gate import likelihood as chance
 from truearc.sim.gate.likelihood import GateFit

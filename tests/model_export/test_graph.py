@@ -15,9 +15,8 @@ from scipy.spatial import cKDTree
 from truearc.errors import InputError
 from truearc.model_export.graph import export_weights, make_model
 from truearc.model_export.parts import network_part, novelty_part
-from truearc.robot.gate import contract
-from truearc.robot.gate.contract import KEY_SEAL
-from truearc.robot.gate.model import load_gate
+from truearc.robot import gate as contract
+from truearc.robot.gate import KEY_SEAL, load_gate
 from truearc.sim.gate.model import describe_novelty, fit_novelty, novelty_record
 from truearc.sim.paper.network import Layers, Network, initial_layers, save_weights, weights_hash
 

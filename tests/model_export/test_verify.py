@@ -10,9 +10,8 @@ import pytest
 from truearc.model_export.graph import export_weights, load_trained
 from truearc.model_export.tolerances import NETWORK_TOLERANCE
 from truearc.model_export.verify import compare, domain_grid, find_faults
-from truearc.robot.gate.contract import NOVELTY as NOVELTY_OUTPUT
-from truearc.robot.gate.contract import OUTPUT
-from truearc.robot.gate.model import Gate, load_gate
+from truearc.robot.gate import NOVELTY as NOVELTY_OUTPUT
+from truearc.robot.gate import OUTPUT, Gate, load_gate
 from truearc.sim.gate.model import fit_novelty, novelty_record
 from truearc.sim.paper.network import Layers, Network, initial_layers, load_weights, save_weights
 

@@ -17,7 +17,7 @@ from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.advice.nt_publisher import NtPublisher, open_publisher
 from truearc.robot.config.nt4 import Nt4
 from truearc.robot.config.schema import load_config
-from truearc.robot.operator_ui.screens import open_screens
+from truearc.robot.runtime import open_screens
 from truearc.robot.tick import step
 from truearc.robot.types import Tick, Verdict
 

@@ -31,11 +31,11 @@ from truearc.robot.config.shot_map import as_signal, load_map
 from truearc.robot.doctor import find_hood
 from truearc.robot.doctor_motion import SmallMotion, check_motion, describe, plan
 from truearc.robot.doctor_network import HeardKeys, check_network, check_tags, keys_wanted
+from truearc.robot.eyes import NoEyes
 from truearc.robot.motors import name_axes
 from truearc.robot.recording.files import TappedBus
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
-from truearc.robot.vision_source import NoEyes
 
 LOOK_NS = 10_000_000
 CONNECT_S = 5.0                       # for the library to find the server
