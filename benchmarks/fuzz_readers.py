@@ -16,7 +16,7 @@ from truearc.errors import InputError
 from truearc.robot.aim_file import load_aim
 from truearc.robot.config.schema import CameraFile, load_config, load_toml
 from truearc.robot.config.shot_map import load_map
-from truearc.robot.gate.model import load_gate
+from truearc.robot.gate import load_gate
 from truearc.robot.recording.export.convert import ExportRows
 from truearc.robot.recording.files import parse_candump
 from truearc.robot.recording.reader import TickReader

@@ -14,9 +14,8 @@ from onnx import NodeProto, TensorProto, helper, numpy_helper
 
 from truearc.errors import naming, whole_file
 from truearc.model_export import NETWORK_TOLERANCE, PHYSICS_TOLERANCE
-from truearc.robot.gate import contract
-from truearc.robot.gate.contract import INPUT, KEY_SEAL, NOVELTY, OUTPUT, UNSEALED, seal
-from truearc.robot.gate.model import load_gate
+from truearc.robot import gate as contract
+from truearc.robot.gate import INPUT, KEY_SEAL, NOVELTY, OUTPUT, UNSEALED, load_gate, seal
 from truearc.sim.gate import model as gates
 from truearc.sim.gate.surrogate import Domain, Surrogate, as_cosines, make_surrogate
 from truearc.sim.paper.network import RECORD_FILE, Network, load_weights, probabilities, weights_hash

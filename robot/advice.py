@@ -1,6 +1,6 @@
 """One tick of advice about a launcher that others drive. Pure, like truearc.robot.tick, so a replay is exact.
 
-The verdict is the same code's (truearc.robot.gate.verdict), less the interlocks of motors that are not ours. FIRE
+The verdict is the same code's (truearc.robot.verdict), less the interlocks of motors that are not ours. FIRE
 means: every key is fresh and plausible, the wheels are steady, the aim file, where there is one, has a set point for
 this distance, and the model agrees with the launcher as it stands, at the set point or not.
 """
@@ -10,16 +10,15 @@ from msgspec.structs import replace
 
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
-from truearc.robot.aim import NOWHERE, as_at_rest, is_moving, speed_m_s
+from truearc.robot.aim import NOWHERE, as_at_rest, is_moving, operate, speed_m_s
 from truearc.robot.aim import aim as aim_at
 from truearc.robot.aim_file import NO_AIMS, Aims
-from truearc.robot.button_logic import operate
 from truearc.robot.config.schema import Config
 from truearc.robot.control import RELEASED
 from truearc.robot.estimate import estimate, remember
-from truearc.robot.gate.model import Gate
-from truearc.robot.gate.verdict import judge_model, judge_motion, judge_target, no_aim
+from truearc.robot.gate import Gate
 from truearc.robot.types import Aim, Estimate, Inputs, Memory, Shot, Tick, Verdict, Watched
+from truearc.robot.verdict import judge_model, judge_motion, judge_target, no_aim
 
 NS = 1e-9
 POLICY = "advice"                     # what the session's header says

@@ -7,7 +7,7 @@ from typing import Any, Literal, NoReturn
 from msgspec import Struct
 
 from truearc.errors import ELSEWHERE, InputError, PluginError
-from truearc.hw.devices.canandmag.family import CANANDMAG
+from truearc.hw.devices.canandmag import CANANDMAG
 from truearc.hw.devices.family import Direction, EncoderFamily, Finite, HoodEncoder, driver_of
 from truearc.hw.devices.motor_encoder import MOTOR, NONE
 from truearc.hw.devices.spark.encoder import SPARK_ENCODER

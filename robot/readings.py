@@ -9,9 +9,8 @@ from truearc.hw.devices.family import Finding
 from truearc.hw.protocols import Clock
 from truearc.robot.config.reading_tables import find_table
 from truearc.robot.config.schema import Config
-from truearc.robot.operator_ui.screens import Screen, Screens
-from truearc.robot.runtime import RobotIo
-from truearc.robot.vision_source import Eyes
+from truearc.robot.eyes import Eyes
+from truearc.robot.runtime import RobotIo, Screen, Screens
 
 Layer = Callable[[RobotIo], RobotIo]
 

@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 from msgspec import UNSET, Struct, UnsetType
 
-from truearc.hw.devices.canandmag.family import CanandmagConfig
+from truearc.hw.devices.canandmag import CanandmagConfig
 from truearc.robot.aim_file import AimContent
 from truearc.robot.config.limits import LIMITS, Bound, shown
 from truearc.robot.config.rig_spec import Rig

@@ -19,7 +19,7 @@ from truearc.hw.emulated.nodes import StepClock
 from truearc.robot.advice import POLICY, step
 from truearc.robot.config.schema import AprilTag, Config, load_config
 from truearc.robot.config.shot_map import ShotMap, Signal
-from truearc.robot.gate.model import Rating
+from truearc.robot.gate import Rating
 from truearc.robot.reasons import text
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay import Comparer, Difference, RecordedRows

@@ -20,7 +20,7 @@ from benchmarks.matrix.rows import CODES, EITHER
 from benchmarks.matrix.run import Span, frame_id, is_odrive, with_launcher
 from truearc.cli.common import SHIPPED
 from truearc.hw.codec import load_codec
-from truearc.hw.devices.canandmag.frames import frame_id as encoder_id
+from truearc.hw.devices.canandmag import frame_id as encoder_id
 from truearc.hw.devices.motor_encoder import NoEncoder
 from truearc.hw.emulated.nodes import MotorTruth, Node, Twin
 from truearc.hw.protocols import CameraFrame, Clock, Frame
@@ -70,7 +70,7 @@ class Moved(msgspec.Struct):
 
 
 class ToldEyes:
-    """truearc.robot.vision_source.Eyes: the target in its place, ten times a second, as long as it is to be seen."""
+    """truearc.robot.eyes.Eyes: the target in its place, ten times a second, as long as it is to be seen."""
 
     def __init__(self, clock: Clock, is_hidden: Callable[[], bool]) -> None:
         self.clock, self._is_hidden = clock, is_hidden

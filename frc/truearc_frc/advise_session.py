@@ -19,7 +19,7 @@ from truearc.robot.aim_file import load_aim_for
 from truearc.robot.config.rig_spec import Rig, rig_errors
 from truearc.robot.config.schema import AimConfig, Config, load_config, load_toml
 from truearc.robot.config.shot_map import ShotMap, as_signal, load_map
-from truearc.robot.gate.model import load_gate
+from truearc.robot.gate import load_gate
 from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import RecordingRig

@@ -63,7 +63,7 @@ def calibration_key(vision: Nt4Vision) -> str | None:
 
 
 class NtCamera:
-    """truearc.robot.vision_source.Eyes on keys; neither call waits for the network.
+    """truearc.robot.eyes.Eyes on keys; neither call waits for the network.
 
     A distance is horizontal, from the lens to the tag and [apriltag] behind_m more, as that of an image. A tag that is
     not the target's, or whose height contradicts the camera's mounting, does not count. Both raise LinkLost for a key

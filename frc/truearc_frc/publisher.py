@@ -14,7 +14,7 @@ from truearc.robot import reasons as because
 from truearc.robot.advice import POLICY
 from truearc.robot.aim import NOWHERE, as_at_rest
 from truearc.robot.config.schema import Config
-from truearc.robot.gate.model import Gate, load_gate
+from truearc.robot.gate import Gate, load_gate
 from truearc.robot.reasons import texts
 from truearc.robot.runtime import Recorder
 from truearc.robot.types import Sent, Tick
@@ -40,7 +40,7 @@ class Topics(Protocol):
 
 
 class NtPublisher:
-    """A screen (truearc.robot.operator_ui.screens) whose thread alone has to do with the network.
+    """A screen (truearc.robot.runtime) whose thread alone has to do with the network.
 
     Of the ticks since it last published it takes the newest, but one with a FIRE before any other: that is one tick
     for each ball. clock: that of the ticks, by which `age_s` is brought up to date; None: time passes otherwise.

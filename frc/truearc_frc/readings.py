@@ -8,8 +8,8 @@ from truearc.hw.devices.family import Finding
 from truearc.hw.protocols import Clock
 from truearc.robot.config.reading_tables import ReadingTable
 from truearc.robot.config.schema import Config
-from truearc.robot.operator_ui.screens import Screen
 from truearc.robot.readings import Layer, OwnEyes, Source
+from truearc.robot.runtime import Screen
 from truearc_frc.camera import OwnNtCamera
 from truearc_frc.doctor import look_at_server
 from truearc_frc.encoder import NT_ENCODER

@@ -305,8 +305,9 @@ def load_toml(path: str | Path, kind: type[Kind]) -> Kind:
 def parse_toml(text: str, kind: type[Kind], name: str) -> Kind:
     """As load_toml, of text that came from somewhere called `name`."""
     others = _other_tables(errors.parse_table(text, name), text, name) if kind is Config else ()
-    return _as_plain(errors.parse_struct(text, _beside(kind, others), name, read_axis, table_struct, _known), kind,
-                     others)
+    plain: Kind = _as_plain(
+        errors.parse_struct(text, _beside(kind, others), name, read_axis, table_struct, _known), kind, others)
+    return plain
 
 
 def _other_tables(table: dict[str, Any], text: str, name: str) -> tuple[ReadingTable, ...]:

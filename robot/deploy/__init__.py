@@ -47,8 +47,8 @@ def make_parts(config: Config, parts: Parts) -> Parts:
 
 
 def _missing_plugins(config: Config, parts: Parts) -> Iterator[str]:
-    for name, driver in ((name, driver_of(axis)) for name, axis in name_axes(config)):
-        if driver not in BY_DRIVER and not parts.has_plugins:
+    for name, axis in name_axes(config):
+        if (driver := driver_of(axis)) not in BY_DRIVER and not parts.has_plugins:
             yield f"{name}: driver {driver!r} is of another distribution; --plugin names its wheel or source folder"
     for name in config.readings:
         if distribution_of_table(name) not in INSTALL_HINTS and not parts.has_plugins:

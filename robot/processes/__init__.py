@@ -1,1 +1,1 @@
-"""What runs beside the control loop: vision, recorder, watchdog and tick timing."""
+"""The robot's velocity, read in a process of its own."""

@@ -7,7 +7,7 @@
     can0.log         every CAN frame both ways, candump text
     trials.jsonl     one line per outcome, each fsynced
     frames/          the image behind each shot, and frames.jsonl
-    lateness.jsonl   one line per second: how late ticks came (truearc.robot.processes.loop_health); real robots only
+    lateness.jsonl   one line per second: how late ticks came (truearc.robot.runtime); real robots only
     damaged/         the files that `truearc session recover` has replaced
 """
 
@@ -22,7 +22,7 @@ from msgspec import UNSET, Struct, UnsetType
 from truearc.errors import MAX_TEXT_BYTES, NO_JSON, InputError, in_words, load_bytes, naming
 from truearc.robot.aim_file import AimFile, Aims, load_aim
 from truearc.robot.config.schema import Config, config_hash, config_of, is_hash_of
-from truearc.robot.gate.model import Gate, load_gate
+from truearc.robot.gate import Gate, load_gate
 from truearc.robot.types import Outcome, Shot, Tick
 
 FORMAT = "truearc.session/2"

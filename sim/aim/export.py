@@ -16,7 +16,7 @@ from scipy.interpolate import PchipInterpolator
 from truearc.errors import InputError
 from truearc.robot.aim_file import SCHEMA, AimContent, AimFile, Curve, Motion, Segment, contract_hash, rig_of
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.gate.contract import UNSEALED, seal
+from truearc.robot.gate import UNSEALED, seal
 from truearc.sim.aim.make_table import RPM, AimRow, on_the_move
 from truearc.sim.aim.solve import chances_of, solve
 from truearc.sim.infer.belief import Belief

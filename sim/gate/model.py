@@ -30,7 +30,7 @@ from scipy.optimize import minimize
 import truearc.sim.physics  # noqa: F401 - the house's one switch to double precision
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.gate.contract import FEATURES
+from truearc.robot.gate import FEATURES
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import Belief, as_table, from_table
 from truearc.sim.infer.forecast import forecast

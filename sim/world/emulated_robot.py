@@ -31,17 +31,16 @@ from truearc.hw.real.wires import open_serial
 from truearc.robot.aim_file import NO_AIMS, Aims, load_aim_for, needs_aim
 from truearc.robot.config.overrides import split_bus
 from truearc.robot.config.schema import AimConfig, CameraConfig, Config, Tape
-from truearc.robot.gate.model import load_gate
+from truearc.robot.eyes import Eyes
+from truearc.robot.gate import load_gate
 from truearc.robot.hood_encoders import encoder_family_of
 from truearc.robot.motors import guard, make_motors, name_axes
-from truearc.robot.operator_ui.screens import Screen, with_screen
 from truearc.robot.recording.files import TappedBus
 from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import HardwareRig, RecordingRig
-from truearc.robot.runtime import run
+from truearc.robot.runtime import Screen, run, with_screen
 from truearc.robot.tick import step
-from truearc.robot.vision_source import Eyes
 from truearc.sim.printed import Progress
 from truearc.sim.world.drive import FEEDER, FLYWHEEL, HOOD
 from truearc.sim.world.emulated_vision import TwinEyes, make_lens, make_tape

@@ -18,7 +18,7 @@ from truearc.robot.advice import POLICY, step
 from truearc.robot.aim_file import Segment, load_aim
 from truearc.robot.config.schema import AimConfig, Config, load_config
 from truearc.robot.config.shot_map import Detection, OutcomeKeys, ShotMap, Signal
-from truearc.robot.gate.model import load_gate
+from truearc.robot.gate import load_gate
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials, make_header
 from truearc.robot.recording.writer import SessionWriter

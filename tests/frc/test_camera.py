@@ -22,8 +22,8 @@ from truearc.hw.protocols import LinkLost
 from truearc.hw.real.processes import Slots
 from truearc.robot.advice import POLICY, step
 from truearc.robot.config.schema import AprilTag, Config, load_config
-from truearc.robot.gate.model import load_gate
-from truearc.robot.processes.vision import FarEyes, make_room, relay
+from truearc.robot.eyes import FarEyes, make_room, relay
+from truearc.robot.gate import load_gate
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter

@@ -18,7 +18,7 @@ from truearc.cli.common import SHIPPED
 from truearc.hw.protocols import CameraFrame
 from truearc.robot.advice import POLICY, step
 from truearc.robot.config.schema import AprilTag, Config
-from truearc.robot.gate.model import load_gate
+from truearc.robot.gate import load_gate
 from truearc.robot.hood_encoders import ReadEncoder
 from truearc.robot.reasons import ROBOT_TOO_FAST
 from truearc.robot.recording.reader import TickReader

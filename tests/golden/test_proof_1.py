@@ -10,8 +10,7 @@ import pytest
 
 import truearc as ta
 from tests.golden.artefacts import unpack
-from truearc.robot.gate.contract import FEATURES
-from truearc.robot.gate.model import load_gate
+from truearc.robot.gate import FEATURES, load_gate
 from truearc.sim.discover.finding import load_record, make_json
 
 OLD = Path(__file__).with_name("proof_1")

@@ -12,7 +12,7 @@ import pytest
 from tests.golden.make import REFERENCE
 from tools.formats import DOCUMENTS, launcher_keys, make_page, make_schema
 from tools.pages import SCHEMAS
-from truearc.hw.devices.canandmag.family import CanandmagConfig
+from truearc.hw.devices.canandmag import CanandmagConfig
 from truearc.hw.devices.family import HoodEncoder
 from truearc.robot.config.schema import Config
 

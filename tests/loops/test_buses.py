@@ -27,6 +27,7 @@ from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.reason import Reason
 from truearc.robot.config.overrides import split_bus, with_ports
 from truearc.robot.config.schema import load_config
+from truearc.robot.eyes import InlineEyes
 from truearc.robot.motors import guard
 from truearc.robot.reasons import CAN_LOST, DEVICE_NEVER_RECEIVED, DEVICE_STALE, IMAGE_DARK, text
 from truearc.robot.recording.reader import TickReader
@@ -34,7 +35,6 @@ from truearc.robot.recording.session import Trial
 from truearc.robot.rig import HardwareRig
 from truearc.robot.tick import step
 from truearc.robot.types import Memory, Sighting
-from truearc.robot.vision_source import InlineEyes
 from truearc.sim.world.emulated_robot import keep_time, make_nodes, open_device_bus
 
 LIMIT_S = 240.0

@@ -18,11 +18,11 @@ from truearc.hw import fault_codes as hw
 from truearc.robot import reasons as bot
 from truearc.robot.config.overrides import with_plan
 from truearc.robot.config.schema import Prescribed, config_hash, load_config
-from truearc.robot.processes.loop_health import WatchedRig
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay import Difference, replay
 from truearc.robot.recording.session import CONFIG, load_session_config, load_trials
 from truearc.robot.rig import ReplayRig
+from truearc.robot.runtime import WatchedRig
 from truearc.robot.types import Command
 from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.world.emulated_robot import emulate

@@ -11,9 +11,9 @@ from msgspec.structs import replace
 from benchmarks.soak import Sample, drift_s, growth_mb, judge_memory, judge_recording, soak
 from tests.robot.good_tick import CONFIG
 from tests.robot.recording.test_writer import ticks
-from truearc.robot.processes.loop_health import Lateness
 from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
+from truearc.robot.runtime import Lateness
 
 SECONDS = float(os.environ.get("TRUEARC_SOAK_S", "30"))
 TICK_NS = 5_000_000

@@ -9,7 +9,7 @@ import pytest
 
 import truearc.cli.main as truearc
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target, Wheel
-from truearc.robot.gate.model import load_gate
+from truearc.robot.gate import load_gate
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import hash_dataset, load_dataset, save_dataset
 

@@ -18,10 +18,9 @@ from truearc.errors import InputError
 from truearc.model_export import NETWORK_TOLERANCE
 from truearc.model_export.graph import export_weights, load_trained, make_model, network_part, novelty_part
 from truearc.model_export.verify import compare, domain_grid, find_faults
-from truearc.robot.gate import contract
-from truearc.robot.gate.contract import KEY_SEAL, OUTPUT
-from truearc.robot.gate.contract import NOVELTY as NOVELTY_OUTPUT
-from truearc.robot.gate.model import Gate, load_gate
+from truearc.robot import gate as contract
+from truearc.robot.gate import KEY_SEAL, OUTPUT, Gate, load_gate
+from truearc.robot.gate import NOVELTY as NOVELTY_OUTPUT
 from truearc.sim.gate.model import describe_novelty, fit_novelty, novelty_record
 from truearc.sim.paper.network import Layers, Network, initial_layers, load_weights, save_weights, weights_hash
 

@@ -9,7 +9,7 @@ import pytest
 
 import truearc.cli.main as truearc
 from tests.sim.gate.worlds import BELIEF, make_shots
-from truearc.robot.gate.model import load_gate
+from truearc.robot.gate import load_gate
 from truearc.sim.data.files import load_dataset, save_dataset
 
 

@@ -7,7 +7,7 @@ import pytest
 from truearc.api.results import Table
 from truearc.errors import InputError
 from truearc.model_export.verify import HEADER, features_of, rate_shots
-from truearc.robot.gate.model import Gate
+from truearc.robot.gate import Gate
 from truearc.sim.data.dataset import Shots
 
 

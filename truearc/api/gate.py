@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from truearc.api.arguments import check_kind
 from truearc.errors import InputError
 from truearc.model_export.graph import export_weights
-from truearc.robot.gate.model import load_gate
+from truearc.robot.gate import load_gate
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import hash_dataset

@@ -62,7 +62,7 @@ def deploy(args: argparse.Namespace) -> int:
         raise InputError(f"{args.host!r}: not user@host")
     config = load_config(args.config)
     if args.gate:
-        from truearc.robot.gate.model import load_gate
+        from truearc.robot.gate import load_gate
         load_gate(args.gate)                      # a model that the robot would refuse is refused here
     if args.aim:
         from truearc.robot.aim_file import load_aim_for

@@ -26,12 +26,12 @@ from truearc.robot import doctor
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.doctor import find_hood
 from truearc.robot.doctor_motion import SmallMotion, check_motion, describe, plan
+from truearc.robot.eyes import NoEyes
 from truearc.robot.motors import name_axes
 from truearc.robot.readings import sources_of
 from truearc.robot.recording.files import TappedBus
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
-from truearc.robot.vision_source import NoEyes
 
 CHECK = "motion"
 LOOK_S = 0.5                          # at where the hood is, before anything is asked

@@ -121,9 +121,9 @@ def _emulate(args: argparse.Namespace, config: Config, trials: int) -> "Emulatio
         raise InputError(f"{args.config}: gate.policy is 'model', so --gate is needed")
     from truearc.cli.gate import make_command
     from truearc.hw.real.clock import MonotonicClock
-    from truearc.robot.operator_ui.screens import open_screens
     from truearc.robot.operator_ui.server import open_page
     from truearc.robot.readings import open_their_screens
+    from truearc.robot.runtime import open_screens
     from truearc.sim.world.options import load_options
     asks = make_command(args.gate, config) if args.gate else ()
     page = open_screens((partial(open_page, args.page, config, args.out.name, gate_command=asks),

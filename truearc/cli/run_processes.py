@@ -16,17 +16,15 @@ from truearc.hw.real.clock import MonotonicClock, wall_offset_ns
 from truearc.hw.real.processes import Capacity, Child, Inbox, Line, Outbox, Slots, make_shared
 from truearc.hw.real.wires import MendedCamera
 from truearc.robot.config.schema import Config, RecordingConfig
-from truearc.robot.operator_ui.screens import OpenScreen, Screen, with_screen
-from truearc.robot.processes.recorder import NEWS, Desk, FarKeeper
-from truearc.robot.processes.vision import FarEyes, make_room, relay, tell, watch
+from truearc.robot.eyes import Eyes, FarEyes, InlineEyes, make_room, relay, tell, watch
 from truearc.robot.readings import open_eyes
 from truearc.robot.recording.files import Row
+from truearc.robot.recording.recorder import NEWS, Desk, FarKeeper
 from truearc.robot.recording.retention import start_pruning
 from truearc.robot.recording.writer import Keeper, LaneKeeper
-from truearc.robot.runtime import Recorder
+from truearc.robot.runtime import OpenScreen, Recorder, Screen, with_screen
 from truearc.robot.types import Sighting, Tick
 from truearc.robot.vision import find_target
-from truearc.robot.vision_source import Eyes, InlineEyes
 
 CLOSE_S = 2.0                         # for a camera to be let go
 

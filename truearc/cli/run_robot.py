@@ -24,21 +24,19 @@ from truearc.hw.real.wires import MendedStream, open_serial
 from truearc.robot.aim_file import AimFile, load_aim_for, needs_aim
 from truearc.robot.config.overrides import load_plan, with_plan, with_ports
 from truearc.robot.config.schema import Config, load_config
-from truearc.robot.gate.model import load_gate
+from truearc.robot.eyes import Eyes
+from truearc.robot.gate import load_gate
 from truearc.robot.motors import guard, make_motors
 from truearc.robot.operator_ui import parse_page
 from truearc.robot.operator_ui.aim_inbox import AimInbox, OfferingRig
-from truearc.robot.operator_ui.screens import open_screens
 from truearc.robot.operator_ui.server import open_page
-from truearc.robot.processes.loop_health import Lateness, TimedRig, WatchedRig
 from truearc.robot.readings import open_their_screens, sources_of
 from truearc.robot.recording.files import DISK_ERRNOS, TappedBus
 from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import HardwareRig, RecordingRig
-from truearc.robot.runtime import RobotIo, run
+from truearc.robot.runtime import Lateness, RobotIo, TimedRig, WatchedRig, open_screens, run
 from truearc.robot.tick import step
-from truearc.robot.vision_source import Eyes
 
 ROOM_BYTES = 100 << 20                # a quarter of an hour of recording, which a session should find to begin with
 

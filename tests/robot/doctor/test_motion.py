@@ -20,7 +20,7 @@ from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.hw.codec import load_codec
 from truearc.hw.devices.button_box import open_button_box
-from truearc.hw.devices.canandmag.frames import frame_id
+from truearc.hw.devices.canandmag import frame_id
 from truearc.hw.devices.family import FAILURE, OK, WARNING, Finding, Heard, failure
 from truearc.hw.devices.motor_encoder import NONE
 from truearc.hw.emulated.nodes import Node, Twin
@@ -29,9 +29,9 @@ from truearc.hw.emulated.serial_link import SlcanAdapter
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import load_config
 from truearc.robot.doctor_motion import COAST_S, SmallMotion, check_motion, plan
+from truearc.robot.eyes import NoEyes
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
-from truearc.robot.vision_source import NoEyes
 from truearc.sim.world.drive import LOW_DEG
 from truearc.sim.world.emulated_robot import WATCHDOG_MS, emulated_rig, keep_time, make_nodes
 from truearc.sim.world.world import World

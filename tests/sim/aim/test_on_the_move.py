@@ -14,7 +14,7 @@ from tests.robot.good_tick import NOW_NS, good_inputs, good_memory, seconds
 from truearc.cli.common import SHIPPED
 from truearc.robot.aim_file import AimFile, load_aim_for
 from truearc.robot.config.schema import AimConfig, Config, load_config
-from truearc.robot.gate.model import Rating
+from truearc.robot.gate import Rating
 from truearc.robot.tick import step
 from truearc.robot.types import RobotVelocity, Sighting, Tick
 from truearc.sim.infer.belief import point_belief

@@ -15,7 +15,7 @@ import numpy as np
 from msgspec import Struct
 
 from truearc.errors import InputError, in_words
-from truearc.hw.protocols import CameraFrame, Clock, LinkLost
+from truearc.hw.protocols import NS_PER_S, CameraFrame, Clock, LinkLost
 from truearc.hw.real.processes import Capacity, Child, Inbox, Outbox, Slots
 from truearc.hw.reason import Reason
 from truearc.robot.reasons import RECORDER_UNRESPONSIVE, text
@@ -26,7 +26,6 @@ SAY_S = 1.0                           # between lines on the console: what is re
 LOOK_S = 0.1                          # it says this often, at least, that it is alive and how the files are
 NEWS = Capacity(4, 4096)
 LONGEST_WORDS = 1000
-NS_PER_S = 1_000_000_000
 SILENT_S = 1.5                        # a recorder that has not stirred for so long does not answer
 LOOK_NS = 200_000                     # between looks at whether a trial has been kept
 OPEN_S = 30.0                         # for files to be opened

@@ -8,17 +8,16 @@ import math
 
 from msgspec import UNSET
 
+from truearc.hw.protocols import NS
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.aim import BEYOND, NO_FILE, as_at_rest, is_moving, is_planned, speed_m_s
 from truearc.robot.config.schema import Config, GateConfig
-from truearc.robot.gate.contract import FEATURES, NOVELTY_LIMIT
-from truearc.robot.gate.doubts import doubted_readings
-from truearc.robot.gate.model import Gate, Rating
+from truearc.robot.estimate import doubted_readings
+from truearc.robot.gate import FEATURES, NOVELTY_LIMIT, Gate, Rating
 from truearc.robot.motion import Watch
 from truearc.robot.types import Aim, Estimate, Inputs, Memory, Verdict
 
-NS = 1e-9
 FARTHEST_M = FEATURES[0].high         # no launcher is further from its target
 
 
@@ -61,7 +60,8 @@ def _launcher(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, conf
     wanted = aim.motor_ratio * (config.rig.launcher.free_speed_rad_s or 0.0)
     if wanted <= 0.0:
         return [no_aim(estimate, aim)]
-    reasons = _place(aim)
+    reasons = [] if is_planned(aim) else [because.NO_AIM() if aim.stand_m is UNSET else
+                                          because.NOT_AT_PLACE(place_m=aim.stand_m)]
     if not abs(estimate.motor_rad_s - wanted) <= config.flywheel.tolerance_rad_s:
         reasons.append(because.WHEELS_OFF_SPEED(speed_rad_s=estimate.motor_rad_s, wanted_rad_s=wanted))
     if not estimate.motor_spread_rad_s <= config.flywheel.spread_rad_s:
@@ -70,12 +70,6 @@ def _launcher(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, conf
     if not reasons and not (memory.steady_t_ns and (inputs.t_ns - memory.steady_t_ns) * NS >= config.flywheel.steady_s):
         reasons.append(because.NOT_SETTLED())
     return reasons
-
-
-def _place(aim: Aim) -> list[Reason]:
-    if aim.stand_m is not UNSET:
-        return [because.NOT_AT_PLACE(place_m=aim.stand_m)]
-    return [] if is_planned(aim) else [because.NO_AIM()]
 
 
 def no_aim(estimate: Estimate, aim: Aim) -> Reason:
@@ -146,15 +140,10 @@ def judge_model(estimate: Estimate, config: GateConfig,
 def doubt_rating(rating: Rating, threshold: float) -> list[Reason]:
     """The model's reasons to HOLD, none where it agrees; `threshold`: p_three at least."""
     if not rating.in_domain:
-        return [_outside(rating)]
+        is_new = rating.novelty is not None and rating.novelty > NOVELTY_LIMIT
+        return [because.MODEL_OUTSIDE_DOMAIN(**({"novelty": rating.novelty} if is_new else {}))]
     if rating.p_three is None or not math.isfinite(rating.p_three):
         return [because.MODEL_NOT_FINITE()]
     if not rating.p_three >= threshold:
         return [because.MODEL_BELOW_THRESHOLD(p_three=rating.p_three, threshold=threshold)]
     return []
-
-
-def _outside(rating: Rating) -> Reason:
-    if rating.novelty is not None and rating.novelty > NOVELTY_LIMIT:
-        return because.MODEL_OUTSIDE_DOMAIN(novelty=rating.novelty)
-    return because.MODEL_OUTSIDE_DOMAIN()

@@ -1,6 +1,7 @@
-"""Vision in a process of its own, and FarEyes, the control process's end of it."""
+"""Eyes, which give sightings: a camera and vision, in this process or in one of its own."""
 
 from collections.abc import Callable
+from typing import Protocol
 
 import msgspec
 import numpy as np
@@ -10,9 +11,57 @@ from msgspec import Struct
 from truearc.hw.protocols import Camera, CameraFrame, Clock, LinkLost
 from truearc.hw.real.processes import Capacity, Slots
 from truearc.hw.reason import Reason
-from truearc.robot.reasons import VISION_UNRESPONSIVE
+from truearc.robot.reasons import VISION_FAILED, VISION_UNRESPONSIVE
 from truearc.robot.types import Sighting
-from truearc.robot.vision_source import LONGEST_DETAIL, Eyes, vision_failed
+
+LONGEST_DETAIL = 1000                 # characters, of whatever an error has to say
+
+
+class Eyes(Protocol):
+    """Neither call blocks the tick; both raise LinkLost when the camera is gone."""
+
+    def read(self) -> Sighting | None:
+        """What vision made of the newest image, once; None when there is nothing new."""
+
+    def picture(self) -> CameraFrame | None:
+        """The image behind the newest sighting read."""
+
+
+class NoEyes:
+    """For what needs no target."""
+
+    def read(self) -> Sighting | None:
+        return None
+
+    def picture(self) -> CameraFrame | None:
+        return None
+
+
+class InlineEyes:
+    """Camera and vision in the caller's own time."""
+
+    def __init__(self, camera: Camera, see: Callable[[CameraFrame], Sighting]) -> None:
+        self._camera, self._see = camera, see
+        self._picture: CameraFrame | None = None
+
+    def read(self) -> Sighting | None:
+        picture = self._camera.read()
+        if picture is None:
+            return None
+        self._picture = picture
+        try:
+            return self._see(picture)
+        except Exception as error:    # whatever vision or its libraries may raise: the loop goes on, and holds
+            raise LinkLost(vision_failed(error)) from error
+
+    def picture(self) -> CameraFrame | None:
+        return self._picture
+
+
+def vision_failed(error: Exception) -> Reason:
+    """Of an image on which vision failed: it does not even know that there is no target."""
+    return VISION_FAILED(detail=f"{type(error).__name__}: {error}"[:LONGEST_DETAIL])
+
 
 LOOK_S = 0.002                        # between looks at whether there is a new image
 SILENT_NS = 1_500_000_000             # without a sign of life for so long, the process does not respond
@@ -68,7 +117,7 @@ def tell(slots: Slots, why: Reason, told: Reason | None) -> Reason:
 
 
 class FarEyes:
-    """truearc.robot.vision_source.Eyes on what another process sees.
+    """truearc.robot.eyes.Eyes on what another process sees.
 
     `how_it_is`: what is wrong with that process; None while it works.
     """
@@ -80,7 +129,8 @@ class FarEyes:
         self._seen_ns = 0
 
     def read(self) -> Sighting | None:
-        if (trouble := self._trouble()) is not None:
+        silent_ns = self._clock.now_ns() - self._slots.beaten_ns()
+        if (trouble := self._how_it_is() or (VISION_UNRESPONSIVE() if silent_ns > SILENT_NS else None)) is not None:
             raise LinkLost(trouble)
         text = self._slots.read()
         if text is None:
@@ -99,10 +149,6 @@ class FarEyes:
         """A copy of the image behind the newest sighting read; None where vision has written over it by now."""
         image = self._slots.image()
         return None if image is None else CameraFrame(self._seen_ns, image)
-
-    def _trouble(self) -> Reason | None:
-        silent_ns = self._clock.now_ns() - self._slots.beaten_ns()
-        return self._how_it_is() or (VISION_UNRESPONSIVE() if silent_ns > SILENT_NS else None)
 
 
 def _shortened(why: Reason) -> Reason:
