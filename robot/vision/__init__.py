@@ -1,7 +1,7 @@
 """Image -> Sighting: the retro-reflective half hexagon, its distance, and how far to trust it. Pure.
 
-threshold.py refuses images that are too bright and finds regions of the tape's colour, marks.py turns a region into
-four sub-pixel marks, pose.py turns marks into a camera pose with covariance. Here the one candidate becomes a Sighting,
+marks.py refuses images that are too bright, finds regions of the tape's colour and turns a region into four sub-pixel
+marks, pose.py turns marks into a camera pose with covariance. Here the one candidate becomes a Sighting,
 or the reason why there is none; `draw_mask` and `draw_regions` show people what was made of an image.
 """
 

@@ -1,1 +1,0 @@
-"""The robot's velocity, read in a process of its own."""
