@@ -51,12 +51,12 @@ def _with_ceiling(finding: dict[str, Any], found: Investigation, job: Job, world
     """The finding with what could have been found and gained."""
     wanted = true_parameter(job)
     if job.kind == "off" and found.fitted is not None:
-        return {**finding, "strength": strength_of(found.fitted.evidence, shift_m(world))}
+        return {**finding, "strength": strength_of(found.fitted.scores, shift_m(world))}
     if wanted is None:
         return finding
     name, amplitude = f"{job.name}.{wanted[0]}", wanted[1]
     fit = {**(finding["fit"] or {}), "oracle_gain_per_shot": oracle_gain(found, name, amplitude)}
-    ceiling = found.fitted and ceiling_of(found.fitted.evidence, job.level, name, amplitude, job.index)
+    ceiling = found.fitted and ceiling_of(found.fitted.scores, job.level, name, amplitude, job.index)
     return {**finding, "fit": fit, "ceiling": ceiling}
 
 

@@ -24,13 +24,12 @@ from truearc.sim.discover.finding import Adoption, FindingRecord
 from truearc.sim.discover.select import simulations as worth
 from truearc.sim.discover.select.effects import Search, Step
 from truearc.sim.discover.select.simulations import Freed, Mixed, all_freed, mixed, shares, track_errors
-from truearc.sim.discover.select.terms import SURE, Refit, by_own_prior, further_values, refit
+from truearc.sim.discover.select.terms import SURE, by_own_prior
 from truearc.sim.infer.belief import Belief, Coefficients, Curve, moved_curves
-from truearc.sim.infer.fit import BaselineFit, believed_spot, coefficients_of, covariance_of, scatter_of, stopped
-from truearc.sim.infer.likelihood.data import Intake
-from truearc.sim.infer.likelihood.layout import is_tracker, only_shared
-from truearc.sim.infer.likelihood.linearization import linearise
-from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, clustered_error, unseen_change, without
+from truearc.sim.infer.fit import Fit
+from truearc.sim.infer.launcher import LauncherFit, coefficients_of, covariance_of, scatter_of, stopped
+from truearc.sim.infer.likelihood.layout import is_tracker
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, clustered_error
 from truearc.sim.physics.catalogue import Catalogue, catalogue
 from truearc.sim.physics.nonparametric import CURVE
 from truearc.sim.statistics import POINTS_THREE, Z90
@@ -47,7 +46,7 @@ class Investigation:
     which a term's test is an alarm."""
 
     finding: FindingRecord
-    fitted: BaselineFit | None = None
+    fitted: LauncherFit | None = None
     asked: Asked | None = None
     steps: tuple[Step, ...] = ()
     belief: Belief | None = None
@@ -67,7 +66,7 @@ def ball_effects(evidence: ScoreTable) -> Int[Array, " k"]:
 
 def usual_score(evidence: ScoreTable) -> Float[Array, " n"]:
     """Log score [n] of each shot by fits of all columns to the other folds, had the balls been as believed."""
-    change, balls = unseen_change(evidence), ball_effects(evidence)
+    change, balls = evidence.held_out_change(), ball_effects(evidence)
     change[:, balls] = -evidence.point[balls]
     return np.asarray(evidence.log_score + evidence.gain(change))
 
@@ -90,12 +89,12 @@ def make_belief(investigation: Investigation,
     """
     choice = choice or judge_adoption(investigation)
     taken, among, finding = choice.trial, investigation.catalogue, investigation.finding
-    named, free, several, evidence = taken.named, taken.free, taken.several, taken.evidence
+    named, free, several, evidence = taken.named, taken.free, taken.several, taken.scores
     put_in = {column.name for column in evidence.columns[evidence.first_shared:]}      # not what a rival overtook
     names = [name for step in named[:-1 if several else None] for name in step.refit.names if name in put_in]
     coefficients, curves = _nameless(evidence, free, investigation.belief)
     coefficients |= coefficients_of(evidence, finding.data.believed, among)
-    further = further_values(named[-1].refit.layout, named[-1].refit.spot, tuple(names)) if names else {}
+    further = named[-1].refit.model.shapes_at(named[-1].refit.point, tuple(names)) if names else {}
     coefficients |= {term: {**coefficients[term], **values} for term, values in further.items()}
     kept, covariance = covariance_of(evidence, among)
     if further:
@@ -151,7 +150,7 @@ class Simulation:
     named: tuple[Step, ...]
     free: tuple[Freed, ...]
     several: Mixed | None
-    evidence: ScoreTable
+    scores: ScoreTable
     why: str
     usual: Gain
     threshold: float | None
@@ -169,8 +168,8 @@ class Simulation:
         elif named:
             named = (*named[:-1], with_own_priors(named))
         several = mixed(named[-1]) if named and not free else None
-        evidence = (free[-1].evidence if free else several.evidence if several else named[-1].refit.evidence if named
-                    else without(_fitted(investigation).evidence))
+        evidence = (free[-1].scores if free else several.scores if several else named[-1].refit.scores if named
+                    else _fitted(investigation).scores.shared_only())
         return Simulation(investigation, named, free, several, evidence, why, gain, threshold)
 
     @property
@@ -179,34 +178,32 @@ class Simulation:
 
     @cached_property
     def at_limit(self) -> dict[str, float]:
-        return stopped(self.evidence, self.investigation.catalogue)
+        return stopped(self.scores, self.investigation.catalogue)
 
     @property
     def ends_m(self) -> tuple[float, float] | None:
         fitted, among = _fitted(self.investigation), self.investigation.catalogue
-        if not self.named or not fitted.intake.filmed:
+        if not self.named or not fitted.model.data.filmed:
             return None
-        before_m, after_m = (flown_error(fitted.intake, one, among)
-                             for one in (_without(fitted), self.named[-1].refit))
-        return before_m, after_m
+        return flown_error(fitted.without_terms(), among), flown_error(self.named[-1].refit, among)
 
     @property
     def beaten(self) -> float | None:
         fitted = _fitted(self.investigation)
-        plane = fitted.evidence.plane
-        if not fitted.intake.filmed or plane is None or self.evidence.plane is None:
+        plane = fitted.scores.plane
+        if not fitted.model.data.filmed or plane is None or self.scores.plane is None:
             return None
-        models = ([_without(fitted)], [0.0]) if self.empty else _models(self)
+        models = ([fitted.without_terms()], [0.0]) if self.empty else _models(self)
         return worth.shares_beaten(plane.seen, worth.hold_out(*models))
 
     @property
     def other_balls(self) -> bool:
-        return len(ball_effects(without(_fitted(self.investigation).evidence))) > 0
+        return len(ball_effects(_fitted(self.investigation).scores.shared_only())) > 0
 
     @property
     def gain(self) -> tuple[float, float] | None:
         if self.other_balls:
-            return self.usual(without(_fitted(self.investigation).evidence), self.evidence)
+            return self.usual(_fitted(self.investigation).scores.shared_only(), self.scores)
         fit = self.investigation.finding.fit
         return None if fit is None else gain_interval(fit)
 
@@ -215,12 +212,12 @@ class Simulation:
         return None if self.threshold is None else judge_points(self.investigation, self, self.threshold)
 
 
-def _fitted(investigation: Investigation) -> BaselineFit:
+def _fitted(investigation: Investigation) -> LauncherFit:
     assert investigation.fitted is not None
     return investigation.fitted
 
 
-def _widened(names: tuple[str, ...], covariance: Float[Array, "p p"], found: Refit,
+def _widened(names: tuple[str, ...], covariance: Float[Array, "p p"], found: LauncherFit,
              further: Coefficients) -> Float[Array, "p p"]:
     """The covariance with the standard deviations of amplitudes that include those of their terms' shape parameters."""
     scale = np.ones(len(names))
@@ -243,48 +240,39 @@ def judge_points(investigation: Investigation, taken: Simulation,
     is, else the fit of what was believed. None where nothing was taken, or no target tells points. threshold: of the
     gate."""
     fitted = investigation.fitted
-    if fitted is None or taken.empty or fitted.intake.rig.target is None:
+    if fitted is None or taken.empty or fitted.model.data.rig.target is None:
         return None
-    if fitted.evidence.plane is None or taken.evidence.plane is None:
+    if fitted.scores.plane is None or taken.scores.plane is None:
         return None
-    seen, rows = fitted.evidence.plane.seen, fitted.evidence.plane.rows
-    old = worth.hold_out([_without(fitted)], [0.0]) if investigation.belief is None else (
+    seen, rows = fitted.scores.plane.seen, fitted.scores.plane.rows
+    old = worth.hold_out([fitted.without_terms()], [0.0]) if investigation.belief is None else (
         worth.as_believed(unfitted(fitted)))
     new = worth.hold_out(*_models(taken))
     before, after = (worth.points_of(seen, one, (old, new), threshold) for one in (old, new))
     scored, held = worth.scored_points(seen), POINTS_THREE * threshold
     gain = after.worth(held) - before.worth(held)
-    error = Z90 * clustered_error(gain, fitted.together[rows])
+    error = Z90 * clustered_error(gain, fitted.scores.together[rows])
     passed = [float(scored[one.fires].mean()) if one.fires.any() else None for one in (before, after)]
     return Adoption(len(rows), threshold, float(before.aimed.mean()), float(after.aimed.mean()),
                     float(before.fires.mean()), float(after.fires.mean()), passed[0], passed[1], float(gain.mean()),
                     float(gain.mean() - error), float(gain.mean() + error), None)
 
 
-def _without(fitted: BaselineFit) -> worth.JudgedFit:
-    """The fit with its shared columns alone."""
-    return worth.JudgedFit(fitted.intake, only_shared(fitted.layout), fitted.spot, without(fitted.evidence))
-
-
-def unfitted(fitted: BaselineFit) -> worth.JudgedFit:
+def unfitted(fitted: LauncherFit) -> LauncherFit:
     """The believed simulation as it was before these shots."""
-    layout = only_shared(fitted.layout)
-    spot = believed_spot(fitted.intake, layout)
-    return worth.JudgedFit(fitted.intake, layout, spot, linearise(fitted.intake, layout, spot)[0])
+    model = fitted.model.shared_only()
+    return Fit(model, model.believed(), model.linearise(model.believed())[0])
 
 
-def _models(taken: Simulation) -> tuple[list[worth.JudgedFit], list[float]]:
+def _models(taken: Simulation) -> tuple[list[LauncherFit], list[float]]:
     """The simulations whose average is taken, and the nats of each."""
     if taken.free:
-        fitted = taken.free[-1].fitted
-        return [worth.JudgedFit(fitted.intake, only_shared(fitted.layout), fitted.spot, taken.evidence)], [0.0]
+        return [replace(taken.free[-1].fitted.without_terms(), scores=taken.scores)], [0.0]
     last = taken.named[-1]
     if taken.several is None:
-        return [worth.JudgedFit(last.fitted.intake, last.refit.layout, last.refit.spot, last.refit.evidence)], [0.0]
-    refits = [last.naming.refits[name] for name in taken.several.share]
+        return [last.refit], [0.0]
     nothing = float(np.log(sum(candidate.visible for candidate in last.naming.candidates)))
-    return ([_without(last.fitted), *(worth.JudgedFit(last.fitted.intake, one.layout, one.spot, one.evidence)
-                                         for one in refits)],
+    return ([last.fitted.without_terms(), *(last.naming.refits[name] for name in taken.several.share)],
             [nothing, *(last.naming.nats[name] for name in taken.several.share)])
 
 
@@ -293,10 +281,10 @@ def _best_flown(investigation: Investigation) -> tuple[tuple[Step, ...], str]:
     """
     steps, fitted = investigation.steps, investigation.fitted
     named = [k for k, step in enumerate(steps) if not step.unknown]
-    if fitted is None or not fitted.intake.filmed or not named:
+    if fitted is None or not fitted.model.data.filmed or not named:
         return steps, ""
     cuts = [_cut(fitted, steps[:k + 1]) for k in named]
-    errors_m = [flown_error(fitted.intake, cut[-1].refit, investigation.catalogue) for cut in cuts]
+    errors_m = [flown_error(cut[-1].refit, investigation.catalogue) for cut in cuts]
     best = int(np.argmin(errors_m))
     if best == len(named) - 1:
         return steps, ""
@@ -306,14 +294,14 @@ def _best_flown(investigation: Investigation) -> tuple[tuple[Step, ...], str]:
         f"are forecast to, {errors_m[best]:.3f} m without it")
 
 
-def _cut(fitted: BaselineFit, steps: tuple[Step, ...]) -> tuple[Step, ...]:
+def _cut(fitted: LauncherFit, steps: tuple[Step, ...]) -> tuple[Step, ...]:
     """Return the steps, the last of them fitted without shared effects that no step has."""
     last = steps[-1]
-    shared = [{column.name for column in one.layout.columns[one.layout.first_shared:]} for one in (fitted, last.fitted)]
+    shared = [{column.name for column in one.scores.columns[one.scores.shared]} for one in (fitted, last.fitted)]
     if shared[1] - shared[0] <= {step.naming.leader for step in steps}:
         return steps
     name = last.naming.leader
-    alone = refit(fitted, (name,), last.refit.amplitude)
+    alone = fitted.with_terms((name,), last.refit.amplitude)
     naming = replace(last.naming, refits={name: alone}, nats={name: alone.log_evidence}, alike=(),
                      inclusion=last.naming.probability)
     return (*steps[:-1], replace(last, naming=naming, chosen=(name,), base=(), fitted=fitted))
@@ -329,15 +317,14 @@ def with_own_priors(named: tuple[Step, ...]) -> Step:
     return replace(last, naming=replace(last.naming, refits=refits))
 
 
-def flown_error(intake: Intake, found: Refit | worth.JudgedFit, among: Catalogue) -> float:
+def flown_error(found: LauncherFit, among: Catalogue) -> float:
     """RMS error in m of where tracks end, each shot by a fit to the other folds, flown as an adopted belief is: from
     its settings alone, and without the errors of the tracker that were fitted beside it."""
-    layout, spot, evidence = found.layout, found.spot, found.evidence
-    tracker = np.array([is_tracker(column, among) for column in evidence.columns])
-    values, change = spot.values.copy(), unseen_change(evidence)
-    values[layout.source[tracker]] = 0.0
+    tracker = np.array([is_tracker(column, among) for column in found.scores.columns])
+    values, change = found.point.values.copy(), found.scores.held_out_change()
+    values[found.model.layout.source[tracker]] = 0.0
     change[:, tracker] = 0.0
-    errors_m = track_errors(intake, layout, replace(spot, values=values), change, 0.0)
+    errors_m = track_errors(replace(found, point=replace(found.point, values=values)), change, 0.0)
     return float(np.sqrt(np.mean(np.sum(errors_m**2, axis=1))))
 
 

@@ -46,8 +46,8 @@ from truearc.sim.discover.detect.localization import Place
 from truearc.sim.discover.finding import Adoption, FitSummary
 from truearc.sim.discover.select.effects import Search, Step, Weighed, out_of_nature, rest_beside, take_apart
 from truearc.sim.discover.select.posterior import SHARES, Hypotheses, Hypothesis
-from truearc.sim.discover.select.terms import SURE, Naming, promote
-from truearc.sim.infer.fit import BaselineFit
+from truearc.sim.discover.select.terms import SURE, Naming
+from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.printed import Progress, part_of
 from truearc.sim.statistics import Z90
 
@@ -61,7 +61,7 @@ EVEN = 0.5                            # probability of both of two names, from w
 CLEARLY = 2.0                         # standard errors by which plain shares of outcomes beat a forecast
 
 
-def decide(fitted: BaselineFit, place: Place | None, search: Search, progress: Progress) -> tuple[Step, ...]:
+def decide(fitted: LauncherFit, place: Place | None, search: Search, progress: Progress) -> tuple[Step, ...]:
     """The effects that are reported, in the order in which they were found; at least one."""
     found = search.weigh(fitted, place, (), part_of(progress, 0.0, 0.5))
     posterior, whole = found.posterior, one_effect(found)
@@ -72,7 +72,7 @@ def decide(fitted: BaselineFit, place: Place | None, search: Search, progress: P
         return (whole,)
     both = not varies and posterior.share("both") > posterior.share("two")
     first = as_named(found.beside(), posterior, True) if both else as_named(found.step, posterior)
-    named = promote(fitted, first.refit)
+    named = fitted.beside(first.refit)
     left = search.left(named)
     if left is None:                                                                            # rows 3 and 4
         return (first if posterior.share("both") >= UNKNOWN and 1.0 - posterior.unexplained() > ANY else whole,)
@@ -92,7 +92,7 @@ def decide(fitted: BaselineFit, place: Place | None, search: Search, progress: P
     return (first, *map(as_unknown, rest))
 
 
-def _beside_both(both: BaselineFit, names: tuple[str, ...], search: Search, progress: Progress) -> tuple[Step, ...]:
+def _beside_both(both: LauncherFit, names: tuple[str, ...], search: Search, progress: Progress) -> tuple[Step, ...]:
     """What is left beside two names, if it has a name or a place."""
     left = search.left(both)
     if left is None:
@@ -101,9 +101,9 @@ def _beside_both(both: BaselineFit, names: tuple[str, ...], search: Search, prog
     return (rest,) if rest.place is not None or not rest.unknown else ()
 
 
-def _direction(fitted: BaselineFit, change: Hypothesis) -> str:
+def _direction(fitted: LauncherFit, change: Hypothesis) -> str:
     assert change.family is not None
-    return fitted.evidence.columns[fitted.evidence.index(change.family.column)].direction
+    return fitted.scores.columns[fitted.scores.index(change.family.column)].direction
 
 
 def one_effect(found: Weighed) -> Step:
@@ -161,7 +161,7 @@ class Judgement(NamedTuple):
     rivals: tuple[NumberChange, ...]
 
 
-def verdict_of(first: Step, fitted: BaselineFit, home: BaselineFit | None) -> Judgement:
+def verdict_of(first: Step, fitted: LauncherFit, home: LauncherFit | None) -> Judgement:
     """The verdict on the first effect; home: the fit of the earlier session, if changes since then were looked for."""
     if first.unknown:
         return Judgement("unknown", None, ())

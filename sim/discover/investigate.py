@@ -20,10 +20,10 @@ from truearc.sim.discover.report.build_finding import make_finding, silent
 from truearc.sim.discover.report.finding_text import say_limits
 from truearc.sim.discover.select.effects import Search, Step
 from truearc.sim.infer.belief import Belief, launcher_of, ranges_of
-from truearc.sim.infer.fit import BaselineFit, believed_spot, climb, fit_believed, usual_spot
+from truearc.sim.infer.fit import Fit, climb, fit_believed
+from truearc.sim.infer.launcher import Launcher, LauncherFit
 from truearc.sim.infer.likelihood.data import every_column, take_in
-from truearc.sim.infer.likelihood.layout import Measured, ParameterLayout, groups_of, lay_out, only_shared
-from truearc.sim.infer.likelihood.linearization import linearise
+from truearc.sim.infer.likelihood.layout import Layout, Measured, lay_out
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.physics.term import Term
@@ -52,18 +52,17 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
     names = believed_names(dataset, believed if belief is None else tuple(belief.coefficients), among)
     _check_measured(measured or {}, names)
     dataset, since = dataset.in_order(), None if since is None else since.in_order()
-    intake = take_in(dataset, {} if belief is None else belief.curves)
-    layout = lay_out(intake, names, groups_of(dataset.shots, intake.rows), among, belief)
-    layout = replace(layout, measured=measured or {})
-    if not len(intake.rows):
-        return Investigation(silent(dataset, intake, names, false_alarm, among), catalogue=among)
-    fitted = fit_believed(intake, layout, lambda done, note: progress(0.3 * done, note))
-    home = None if since is None or belief is None else _at_home(since, belief, names, layout)
+    model = Launcher.of(dataset, names, among, belief)
+    model = replace(model, layout=replace(model.layout, measured=measured or {}))
+    if not len(model.data.rows):
+        return Investigation(silent(dataset, model.data, names, false_alarm, among), catalogue=among)
+    fitted = fit_believed(model, lambda done, note: progress(0.3 * done, note))
+    home = None if since is None or belief is None else _at_home(since, belief, names, model.layout)
     search = make_search(dataset, false_alarm, seed, home)
     asked, judged = detect(fitted, search, lambda done, note: progress(0.3 + 0.2 * done, note))
     if not asked.tests:
-        return Investigation(silent(dataset, intake, names, false_alarm, among), catalogue=among)
-    place = locate(fitted.evidence, asked, judged, false_alarm, search.shots, seed)
+        return Investigation(silent(dataset, model.data, names, false_alarm, among), catalogue=among)
+    place = locate(fitted.scores, asked, judged, false_alarm, search.shots, seed)
     steps: tuple[Step, ...] = ()
     if judged.p_any <= false_alarm:
         steps = decide(fitted, place, search, lambda done, note: progress(0.5 + 0.5 * done, note))
@@ -111,19 +110,18 @@ def make_search(dataset: Dataset, false_alarm: float = FALSE_ALARM, seed: int = 
                   home)
 
 
-def detect(fitted: BaselineFit, search: Search, progress: Progress) -> tuple[Asked, Judged]:
+def detect(fitted: LauncherFit, search: Search, progress: Progress) -> tuple[Asked, Judged]:
     """All tests of one fit, judged. Without a test nothing is judged."""
     asked = search.ask(fitted)
     judged = judge(asked.scores, [test.family for test in asked.tests], ALLOWANCE, SIGN_DRAWS, search.seed, progress)
     return asked, judged
 
 
-def _at_home(since: Dataset, belief: Belief, terms: tuple[str, ...], later: ParameterLayout) -> ReferenceSession:
+def _at_home(since: Dataset, belief: Belief, terms: tuple[str, ...], later: Layout) -> ReferenceSession:
     """The belief at its best in the session that it was made from, laid out like the later one."""
-    intake = take_in(since, belief.curves)
-    layout = lay_out(intake, terms, groups_of(since.shots, intake.rows), later.chain.catalogue, belief, later)
-    spot, _ = climb(intake, only_shared(layout), usual_spot(intake, layout))
-    return ReferenceSession(BaselineFit(intake, layout, spot, linearise(intake, layout, spot)[0]), every_column(since))
+    model = Launcher.of(since, terms, later.chain.catalogue, belief, later)
+    point = climb(model.shared_only(), model.middle()).point
+    return ReferenceSession(Fit(model, point, model.linearise(point)[0]), every_column(since))
 
 
 def follow_shots(dataset: Dataset, belief: Belief, seed: int = 0) -> ChangeTest:
@@ -149,11 +147,11 @@ def score_since(dataset: Dataset, belief: Belief) -> ScoreTable | None:
     """The score table of a dataset about the belief's mean; None where no shot says anything of the height."""
     dataset = before_flight(dataset.in_order())
     names = believed_names(dataset, tuple(belief.coefficients), belief.catalogue)
-    intake = take_in(dataset, belief.curves, fewest=1)
-    if not len(intake.marked):
+    data = take_in(dataset, belief.curves, fewest=1)
+    if not len(data.marked):
         return None
-    layout = lay_out(intake, names, None, belief.catalogue, belief)
-    return linearise(intake, layout, believed_spot(intake, layout))[0]
+    model = Launcher(data, lay_out(data, names, None, belief.catalogue, belief))
+    return model.linearise(model.believed())[0]
 
 
 def before_flight(dataset: Dataset) -> Dataset:

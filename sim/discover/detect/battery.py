@@ -38,8 +38,7 @@ from truearc.sim.discover.detect.covariates import (
     weights_of,
 )
 from truearc.sim.discover.detect.score_test import Scores, efficient_scores
-from truearc.sim.discover.select.terms import promote, refit
-from truearc.sim.infer.fit import BaselineFit
+from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
 
 MOST = 4.0                            # times home's information that a session may have: else home's noise drowns it
@@ -49,13 +48,13 @@ MOST = 4.0                            # times home's information that a session 
 class ReferenceSession:
     """`fitted`: the belief at its best there, with the same questions; `columns` {name: of every shot} there."""
 
-    fitted: BaselineFit
+    fitted: LauncherFit
     columns: Mapping[str, Any]
     company: dict[tuple[str, ...], "ReferenceSession"] = field(default_factory=dict, repr=False)
 
     @property
     def look(self) -> Look:
-        rows = self.fitted.evidence.rows
+        rows = self.fitted.scores.rows
         return Look(len(rows), lambda what: self.find(what)[rows])
 
     def find(self, what: Covariate | Factor) -> Shaped[Array, " shots"]:
@@ -77,13 +76,13 @@ class ReferenceSession:
 
     def index(self, name: str) -> int | None:
         """Of the tested column; None where there is none."""
-        columns = self.fitted.evidence.columns[:self.fitted.evidence.first_shared]
+        columns = self.fitted.scores.columns[:self.fitted.scores.first_shared]
         return next((k for k, column in enumerate(columns) if column.name == name), None)
 
     def beside(self, scores: Scores, evidence: ScoreTable, number: int, shapes: Sequence[WeightFunction],
                weights: Float[Array, "n q"]) -> Scores:
         """The scores of `shapes` (`weights` [n, q]) on the evidence's column, less home's, whose signs follow."""
-        mine = self.fitted.evidence
+        mine = self.fitted.scores
         column = self.index(evidence.columns[number].name)
         rows = len(mine.rows) + len(mine.precision)
         if column is None:
@@ -95,19 +94,19 @@ class ReferenceSession:
         share = np.where(said <= MOST * told, said / np.maximum(told, 1e-300), 0.0)
         return _joined(scores, found, share)
 
-    def among(self, fitted: BaselineFit) -> "ReferenceSession":
+    def among(self, fitted: LauncherFit) -> "ReferenceSession":
         """Home with the effects that `fitted` has been given since fitted there, too."""
-        first = fitted.evidence.first_shared
-        given = {column.name for column in fitted.evidence.columns[first:] if column.kind != "group"}
-        own = self.fitted.evidence.columns[self.fitted.evidence.first_shared:]
+        first = fitted.scores.first_shared
+        given = {column.name for column in fitted.scores.columns[first:] if column.kind != "group"}
+        own = self.fitted.scores.columns[self.fitted.scores.first_shared:]
         names = tuple(sorted(name for name in given - {column.name for column in own} if self.index(name) is not None))
         if names and names not in self.company:
-            found = refit(self.fitted, names, np.zeros(len(names)))
-            self.company[names] = replace(self, fitted=promote(self.fitted, found), company={})
+            found = self.fitted.with_terms(names, np.zeros(len(names)))
+            self.company[names] = replace(self, fitted=self.fitted.beside(found), company={})
         return self.company[names] if names else self
 
     def _all(self, value: int | float) -> Shaped[Array, " shots"]:
-        return np.full(int(self.fitted.evidence.rows.max(initial=-1)) + 1, value)
+        return np.full(int(self.fitted.scores.rows.max(initial=-1)) + 1, value)
 
 
 def _said(evidence: ScoreTable, column: int, weights: Float[Array, "n q"]) -> Float[Array, " q"]:
@@ -220,7 +219,7 @@ class TrackerChange:
     together: tuple[str, ...]
 
 
-def compare_trackers(fitted: BaselineFit, home: BaselineFit, false_alarm: float) -> TrackerChange | None:
+def compare_trackers(fitted: LauncherFit, home: LauncherFit, false_alarm: float) -> TrackerChange | None:
     """Compare the calibrations of two fits of one belief; None where they agree, or there are too few tracks."""
     if not can_compare(fitted, home):
         return None
@@ -249,17 +248,17 @@ def compare_trackers(fitted: BaselineFit, home: BaselineFit, false_alarm: float)
     return TrackerChange(p_value, tuple(sorted(listed, key=lambda one: -one.probability)), together)
 
 
-def can_compare(fitted: BaselineFit, home: BaselineFit) -> bool:
+def can_compare(fitted: LauncherFit, home: LauncherFit) -> bool:
     """Whether both sessions have the tracker's numbers, and enough flights."""
     names = _numbers(fitted, home)
     return bool(names) and _clusters(fitted, home) > len(names) + 1
 
 
-def _clusters(fitted: BaselineFit, home: BaselineFit) -> int:
-    return min(len(np.unique(one.together)) for one in (fitted, home))
+def _clusters(fitted: LauncherFit, home: LauncherFit) -> int:
+    return min(len(np.unique(one.scores.together)) for one in (fitted, home))
 
 
-def rivals_of(fitted: BaselineFit, home: BaselineFit, term: str) -> tuple[NumberChange, ...]:
+def rivals_of(fitted: LauncherFit, home: LauncherFit, term: str) -> tuple[NumberChange, ...]:
     """The term, and the tracker's numbers of which one alone explains the sessions' difference about as well; each as
     likely a priori. Empty where there are none."""
     names = _numbers(fitted, home)
@@ -272,20 +271,20 @@ def rivals_of(fitted: BaselineFit, home: BaselineFit, term: str) -> tuple[Number
     return tuple(seen.number(k, probability[k], (k,)) for k in (len(names), *near)) if near else ()
 
 
-def _numbers(fitted: BaselineFit, home: BaselineFit) -> list[str]:
+def _numbers(fitted: LauncherFit, home: LauncherFit) -> list[str]:
     """Columns of the tracker's calibration that both sessions have."""
-    wanted = [f"{term.name}.{term.amplitude.name}" for term in fitted.layout.chain.catalogue
+    wanted = [f"{term.name}.{term.amplitude.name}" for term in fitted.model.catalogue
               if term.calibration_sd is not None or term.compared]
     return [name for name in wanted if all(name in _columns(one) for one in (fitted, home))]
 
 
-def _columns(fitted: BaselineFit) -> set[str]:
-    return {column.name for column in fitted.evidence.columns} if fitted.intake.filmed else set()
+def _columns(fitted: LauncherFit) -> set[str]:
+    return {column.name for column in fitted.scores.columns} if fitted.model.data.filmed else set()
 
 
-def _terms(fitted: BaselineFit) -> set[str]:
+def _terms(fitted: LauncherFit) -> set[str]:
     """Terms that are tested, and believed ones that may have changed."""
-    return {column.name for column in fitted.evidence.columns[:fitted.evidence.first_shared] if column.kind == "term"}
+    return {column.name for column in fitted.scores.columns[:fitted.scores.first_shared] if column.kind == "term"}
 
 
 @dataclass(frozen=True)
@@ -312,11 +311,11 @@ class _Difference:
         return self.covariance + np.diag([one**2 if k in subset else 0.0 for k, one in enumerate(self.usual)])
 
 
-def _difference(fitted: BaselineFit, home: BaselineFit, names: Sequence[str], term: str = "") -> _Difference:
+def _difference(fitted: LauncherFit, home: LauncherFit, names: Sequence[str], term: str = "") -> _Difference:
     """Of the tracker's numbers, and of one term where it is named."""
-    (value, here), (before, there) = (_estimate(one.evidence, one.together, _places(one.evidence, names, term))
+    (value, here), (before, there) = (_estimate(one.scores, one.scores.together, _places(one.scores, names, term))
                                       for one in (fitted, home))
-    columns = tuple(fitted.evidence.columns[k] for k in _places(fitted.evidence, names, term))
+    columns = tuple(fitted.scores.columns[k] for k in _places(fitted.scores, names, term))
     return _Difference(columns, value - before, here + there, np.sqrt(2.0) * np.array([one.usual for one in columns]))
 
 

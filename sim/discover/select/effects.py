@@ -15,9 +15,9 @@ from truearc.sim.discover.detect.covariates import Covariate, Factor
 from truearc.sim.discover.detect.localization import Place, locate
 from truearc.sim.discover.detect.score_test import Judged, judge
 from truearc.sim.discover.select.posterior import Hypotheses, Hypothesis, weigh
-from truearc.sim.discover.select.terms import NEVER, Naming, Refit, name_terms, promote, refit
-from truearc.sim.infer.fit import BaselineFit
-from truearc.sim.infer.likelihood.score_table import Array, Column, clustered_error, folds_of, unseen_score, without
+from truearc.sim.discover.select.terms import NEVER, Naming, name_terms
+from truearc.sim.infer.launcher import LauncherFit
+from truearc.sim.infer.likelihood.score_table import Array, Column, clustered_error, folds_of
 from truearc.sim.printed import Progress, part_of
 
 DRAWS = 999                           # after the first step, whose probability is the one that is promised
@@ -43,20 +43,20 @@ class Step:
     average: Each
     free: Each | None
     base: tuple[str, ...]             # names put in before
-    fitted: BaselineFit               # without this effect
+    fitted: LauncherFit               # without this effect
     unexplained: float = 0.0
     change: Hypothesis | None = None
     unknown: bool = False
     chosen: tuple[str, ...] = ()
 
     @property
-    def refit(self) -> Refit:
+    def refit(self) -> LauncherFit:
         return self.naming.refits[self.naming.leader]
 
     @property
     def column(self) -> Column:
         """Of the leading name, in `fitted`."""
-        return self.fitted.evidence.columns[self.fitted.evidence.index(self.naming.leader)]
+        return self.fitted.scores.columns[self.fitted.scores.index(self.naming.leader)]
 
 
 @dataclass(frozen=True)
@@ -70,22 +70,22 @@ class Search:
     seed: int
     home: ReferenceSession | None = None          # the session since which changes are looked for
 
-    def ask(self, fitted: BaselineFit) -> Asked:
+    def ask(self, fitted: LauncherFit) -> Asked:
         """All tests of the fit, the misfit of the reference session subtracted."""
         home = None if self.home is None else self.home.among(fitted)
-        return ask_everything(fitted.evidence, self.covariates, self.factors, self.shots, self.seed, home)
+        return ask_everything(fitted.scores, self.covariates, self.factors, self.shots, self.seed, home)
 
-    def left(self, fitted: BaselineFit) -> tuple[Asked, Judged] | None:
+    def left(self, fitted: LauncherFit) -> tuple[Asked, Judged] | None:
         """All tests, judged, if anything is left beside the effects found already."""
         asked = self.ask(fitted)
         judged = judge_left(asked, self.seed) if asked.tests else None
         return None if judged is None or judged.p_any > self.false_alarm else (asked, judged)
 
-    def where(self, fitted: BaselineFit, left: tuple[Asked, Judged]) -> Place | None:
+    def where(self, fitted: LauncherFit, left: tuple[Asked, Judged]) -> Place | None:
         """Where the rest is."""
-        return locate(fitted.evidence, *left, self.false_alarm, self.shots, self.seed)
+        return locate(fitted.scores, *left, self.false_alarm, self.shots, self.seed)
 
-    def weigh(self, fitted: BaselineFit, place: Place | None, base: tuple[str, ...],
+    def weigh(self, fitted: LauncherFit, place: Place | None, base: tuple[str, ...],
               progress: Progress) -> "Weighed":
         """What may be missing in the fit beside the names of `base`."""
         naming = name_terms(fitted, lambda done, note: progress(0.5 * done, note))
@@ -110,16 +110,16 @@ class Weighed:
         return replace(self.step, naming=naming, unexplained=self.posterior.share("unexplained"))
 
 
-def make_step(naming: Naming, place: Place | None, base: tuple[str, ...], fitted: BaselineFit) -> Step:
+def make_step(naming: Naming, place: Place | None, base: tuple[str, ...], fitted: LauncherFit) -> Step:
     """One effect by its names, not decided."""
     before, after, average = unseen_scores(naming, fitted)
     if place is not None:
-        place = replace(place, test=replace(place.test, column=fitted.evidence.index(place.column.name)))
+        place = replace(place, test=replace(place.test, column=fitted.scores.index(place.column.name)))
     return Step(naming, place, before, after, average, None if place is None else place.correction.log_after, base,
                 fitted)
 
 
-def rest_beside(named: BaselineFit, place: Place | None, name: str, change: Hypothesis | None) -> tuple[Step, ...]:
+def rest_beside(named: LauncherFit, place: Place | None, name: str, change: Hypothesis | None) -> tuple[Step, ...]:
     """The effect that is left beside a name, where it can be placed."""
     if place is None:
         return ()
@@ -132,50 +132,50 @@ class Pair:
     """Two effects, each named with the other in, and the fit with both."""
 
     steps: tuple[Step, Step]
-    both: BaselineFit
+    both: LauncherFit
 
     @property
     def names(self) -> tuple[str, str]:
         return self.steps[0].naming.leader, self.steps[1].naming.leader
 
 
-def take_apart(fitted: BaselineFit, first: Step, pair: Refit, progress: Progress) -> Pair:
+def take_apart(fitted: LauncherFit, first: Step, pair: LauncherFit, progress: Progress) -> Pair:
     """An effect for each of two names, its rivals judged beside the other.
 
     The second is the likeliest beside the first once it is truly refitted, which the pair's closed form only guesses.
     """
     lead = 0 if pair.names[0] == first.naming.leader else 1
-    beside = promote(fitted, refit(fitted, (pair.names[lead],), pair.amplitude[[lead]]))
+    beside = fitted.beside(fitted.with_terms((pair.names[lead],), pair.amplitude[[lead]]))
     second = name_terms(beside, part_of(progress, 0.0, 0.5), {pair.names[1 - lead]: float(pair.amplitude[1 - lead])})
     other = second.refits[second.leader]
-    base = promote(fitted, refit(fitted, (second.leader,), other.amplitude))
+    base = fitted.beside(fitted.with_terms((second.leader,), other.amplitude))
     naming = name_terms(base, part_of(progress, 0.5, 0.5), {pair.names[lead]: float(pair.amplitude[lead])})
     names = (naming.leader, second.leader)
     start = np.array([naming.refits[names[0]].amplitude[0], other.amplitude[0]])
     return Pair((make_step(naming, first.place, (), base), make_step(second, None, (pair.names[lead],), beside)),
-                promote(fitted, refit(fitted, names, start)))
+                fitted.beside(fitted.with_terms(names, start)))
 
 
-def out_of_nature(found: Refit, before: Refit | BaselineFit) -> bool:
+def out_of_nature(found: LauncherFit, before: LauncherFit) -> bool:
     """Whether the fit moves a number that was there before to CREDIBLE_SD standard deviations from what the catalogue
     knows: then the term that was added stands for something else. Numbers of an earlier session may change."""
     known = {column.name for column in before.layout.columns[before.layout.first_shared:]}
     return bool((_strange(found) - _strange(before)) & known)
 
 
-def _strange(fit: Refit | BaselineFit) -> set[str]:
+def _strange(fit: LauncherFit) -> set[str]:
     layout, first = fit.layout, fit.layout.first_shared
     sd = np.sqrt(np.diag(np.linalg.inv(layout.precision)))
-    far = np.abs(fit.evidence.point[first:] - layout.centre) > CREDIBLE_SD * sd
+    far = np.abs(fit.scores.point[first:] - layout.centre) > CREDIBLE_SD * sd
     return {one.name for one, out in zip(layout.columns[first:], far & layout.in_slot[first:], strict=True)
             if out and not one.told}
 
 
-def unseen_scores(naming: Naming, fitted: BaselineFit) -> tuple[Each, Each, Each]:
+def unseen_scores(naming: Naming, fitted: LauncherFit) -> tuple[Each, Each, Each]:
     """Log scores [n] of unseen shots (without any name, with the leading one, averaged over all refitted ones that are
     possible)."""
-    before = unseen_score(without(fitted.evidence))
-    scores = {name: unseen_score(one.evidence) for name, one in naming.refits.items()
+    before = fitted.held_out()
+    scores = {name: one.scores.held_out() for name, one in naming.refits.items()
               if name == naming.leader or naming.nats[name] > NEVER}
     return before, scores[naming.leader], averaged(naming, before, scores)
 
@@ -201,6 +201,6 @@ def judge_left(asked: Asked, seed: int) -> Judged:
     return judge(asked.scores, [test.family for test in asked.tests], ALLOWANCE, DRAWS, seed, lambda done, note: None)
 
 
-def clearly(gain: Each, fitted: BaselineFit) -> bool:
+def clearly(gain: Each, fitted: LauncherFit) -> bool:
     """Whether log scores [n] of unseen shots gain more than CLEARLY standard errors, and more than CLEARLY nats."""
-    return bool(gain.mean() > CLEARLY * clustered_error(gain, fitted.together) and gain.sum() > CLEARLY)
+    return bool(gain.mean() > CLEARLY * clustered_error(gain, fitted.scores.together) and gain.sum() > CLEARLY)

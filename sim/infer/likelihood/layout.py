@@ -63,7 +63,7 @@ class Groups:
 
 
 @dataclass(frozen=True)
-class ParameterLayout:
+class Layout:
     """Which columns of the evidence are which inputs of the chain.
 
     columns: free, terms, then shared. source [P]: for each column its input of the chain (slot, deviate or push), or
@@ -108,7 +108,7 @@ class ParameterLayout:
 
 
 @dataclass(frozen=True)
-class LinearizationPoint:
+class Point:
     """Where the chain is linearised: `values` [slots], log scatters [S], each shot's deviates [n, D], and the effects
     of groups [Q], to which all is taken to be linear."""
 
@@ -118,11 +118,11 @@ class LinearizationPoint:
     effects: Float[Array, " Q"]
 
     @staticmethod
-    def still(layout: ParameterLayout, shots: int, values: Float[Array, " slots"],
-              log_scatter: Float[Array, " S"]) -> "LinearizationPoint":
+    def still(layout: Layout, shots: int, values: Float[Array, " slots"],
+              log_scatter: Float[Array, " S"]) -> "Point":
         """Of `shots` without deviations."""
         deviates = np.zeros((shots, layout.chain.deviates))
-        return LinearizationPoint(values, log_scatter, deviates, np.zeros(layout.grouped))
+        return Point(values, log_scatter, deviates, np.zeros(layout.grouped))
 
 
 def column_of(term: str, among: Catalogue | None = None) -> str:
@@ -218,7 +218,7 @@ def groups_of(shots: Shots, rows: Int[Array, " n"]) -> tuple[str, Int[Array, " n
 
 def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Int[Array, " n"], int] | None = None,
             among: Catalogue | None = None, belief: Belief | None = None,
-            later: ParameterLayout | None = None) -> ParameterLayout:
+            later: Layout | None = None) -> Layout:
     """Every column that the data could speak of; InputError for a believed term that there is none of.
 
     among: the catalogue whose terms are tested, and which the believed ones are of;
@@ -270,7 +270,7 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Int[Ar
         prior += [(0.0, 1.0)] * (effects.count * len(effects.inputs))
     centre, sd = np.array(prior, dtype=float).reshape(-1, 2).T
     columns, source = zip(*found, strict=True)
-    layout = ParameterLayout(chain, columns, np.array(source, dtype=int), scatters, np.diag(sd**-2.0), centre, edges,
+    layout = Layout(chain, columns, np.array(source, dtype=int), scatters, np.diag(sd**-2.0), centre, edges,
                              usual, effects)
     return layout if belief is None else inform(bent(layout, belief), belief, sure=later is None)
 
@@ -453,7 +453,7 @@ def own_slope(name: str, value: float, among: Catalogue) -> float:
     return {LOG: value, LEFT: 1.0 - value}.get(scale_of(name, among), 1.0)
 
 
-def inform(layout: ParameterLayout, belief: Belief, sure: bool = True) -> ParameterLayout:
+def inform(layout: Layout, belief: Belief, sure: bool = True) -> Layout:
     """The layout, whose priors are independent, with what the belief knows better.
 
     A coefficient that the belief states without uncertainty keeps its width and takes the belief's value; so do all
@@ -496,14 +496,14 @@ def widened(precision: Float[Array, "p p"], by: Iterable[tuple[int, float]]) -> 
     return precision
 
 
-def bent(layout: ParameterLayout, belief: Belief) -> ParameterLayout:
+def bent(layout: Layout, belief: Belief) -> Layout:
     """The layout with the belief's unexplained effects, and the points of their curves among the shared columns."""
     for name, curve in belief.curves.items():
         layout = with_curve(layout, name, belief.coefficients[name], curve)
     return layout
 
 
-def with_curve(layout: ParameterLayout, name: str, values: Mapping[str, float], curve: Curve) -> ParameterLayout:
+def with_curve(layout: Layout, name: str, values: Mapping[str, float], curve: Curve) -> Layout:
     """The layout with the nameless term `name`, its parameters fixed, and the curve's points in front of the shared
     columns; they start where the curve has them."""
     chain, term = layout.chain, find_nameless(name)
@@ -532,7 +532,7 @@ def _shifted(inputs: Int[np.ndarray, " k"], first: int, by: int) -> Int[np.ndarr
     return np.where(inputs >= first, inputs + by, inputs)
 
 
-def only_shared(layout: ParameterLayout, more: Iterable[str] = ()) -> ParameterLayout:
+def only_shared(layout: Layout, more: Iterable[str] = ()) -> Layout:
     """The layout without free columns and terms, except the named ones, which become shared with their usual size
     as a prior. One that is a change of a shared number widens that one's prior instead, and puts it in front."""
     first = layout.first_shared
@@ -548,13 +548,23 @@ def only_shared(layout: ParameterLayout, more: Iterable[str] = ()) -> ParameterL
     order = np.array([*changed, *rest], dtype=int) - first
     own = [prior_of(layout.measured, layout.columns[k].name, layout.columns[k].usual) for k in named]
     precision = block_diag(np.diag([one.precision for one in own]), known[np.ix_(order, order)])
-    return ParameterLayout(lean_chain(layout, kept), tuple(layout.columns[k] for k in kept), layout.source[kept],
+    return Layout(lean_chain(layout, kept), tuple(layout.columns[k] for k in kept), layout.source[kept],
                   tuple(place.get(column, -1) for column in layout.scatters), precision,
                   np.concatenate([[one.centre for one in own], layout.centre[order]]), layout.edges_s, layout.usual,
                   layout.groups, layout.measured, layout.see, layout.steady)
 
 
-def lean_chain(layout: ParameterLayout, kept: list[int]) -> Chain:
+def promoted(layout: Layout, names: tuple[str, ...]) -> Layout:
+    """The layout with these columns moved from the asked to the shared ones."""
+    kept = [k for k in range(layout.first_shared) if layout.columns[k].name not in names]
+    inner = only_shared(layout, names)
+    shift = len(kept)
+    return replace(inner, chain=layout.chain, columns=(*(layout.columns[k] for k in kept), *inner.columns),
+                   source=np.concatenate([layout.source[kept], inner.source]),
+                   scatters=tuple(place + shift if place >= 0 else -1 for place in inner.scatters))
+
+
+def lean_chain(layout: Layout, kept: list[int]) -> Chain:
     """The chain with as few terms in the air as these columns need, but one of two: compiled code is shared."""
     chain = layout.chain
     airborne = {term.name for term in flight_terms(chain.terms, chain.catalogue)}

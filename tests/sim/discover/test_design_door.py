@@ -25,7 +25,7 @@ from truearc.sim.physics.catalogue import as_catalogue
 
 def test_a_plan_names_configurations_that_were_shot() -> None:
     fitted = fit_straight({"spin_drag.share": 0.45}, 5, shots=30)
-    (step, *_) = decide(fitted, None, Search(len(fitted.evidence.rows), (), (), 0.05, 0), lambda done, note: None)
+    (step, *_) = decide(fitted, None, Search(len(fitted.scores.rows), (), (), 0.05, 0), lambda done, note: None)
     step = replace(step, unknown=False)
     distance_m = np.linspace(2.0, 6.0, 30)
     shots = Shots(tuple(f"s{k}" for k in range(30)), {"distance_m": distance_m, "hood_deg": np.full(30, 45.0)}, {})

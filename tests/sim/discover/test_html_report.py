@@ -133,7 +133,7 @@ def test_an_effect_without_a_name_is_drawn_with_its_free_curve(drifting: Investi
     place = drifting.steps[0].place
     assert place is not None and isinstance(place.test.what, Covariate)
     share, sd = curve_of(place.correction)
-    t_s = place.test.what.values[place.correction.evidence.rows]
+    t_s = place.test.what.values[place.correction.scores.rows]
     true = 0.1 * (t_s - t_s.mean()) / t_s.max()          # of World(speed_drift=0.1), to first order
     assert np.abs(share - true).max() < 0.012 and (np.abs(share - true) < 3.0 * sd + 0.003).all()
     assert 0.0 < sd.max() < 0.02
