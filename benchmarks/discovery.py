@@ -16,9 +16,8 @@ import msgspec
 
 from benchmarks.worlds import KINDS, Job, Line, fill_and_tell, mark_job, parser_of, plan_jobs, true_parameter, world_of
 from truearc.sim.compute import keep_compiled
-from truearc.sim.discover.adopt import Investigation
 from truearc.sim.discover.finding import make_json
-from truearc.sim.discover.investigate import discover
+from truearc.sim.discover.investigate import Investigation, discover
 from truearc_proof.report.tables import said, share
 from truearc_proof.scoring.oracle import ceiling_of, oracle_gain, strength_of
 from truearc_proof.scoring.score_world import NULLS, Mark

@@ -14,7 +14,7 @@ import numpy as np
 from msgspec import Struct
 
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.adopt import Investigation
+from truearc.sim.discover.investigate import Investigation
 from truearc.sim.discover.select.simulations import end_errors
 from truearc.sim.discover.select.terms import Candidate, one_step
 from truearc.sim.infer.launcher import LauncherFit

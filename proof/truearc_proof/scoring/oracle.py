@@ -14,7 +14,7 @@ import numpy as np
 
 from truearc.sim.data.conditions import circumstances_of, counts_shots
 from truearc.sim.data.dataset import Dataset, join_datasets
-from truearc.sim.discover.adopt import Investigation
+from truearc.sim.discover.investigate import Investigation
 from truearc.sim.discover.plan.next_steps import Contest, worth
 from truearc.sim.discover.select.terms import ALIAS, efficient, nats_for, visible_terms
 from truearc.sim.infer.belief import Belief, along, point_belief

@@ -11,9 +11,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.linalg import block_diag
 
-from truearc.sim.discover.detect.battery import FREE, PATTERN, Asked, Test
+from truearc.sim.discover.detect.battery import FREE, PATTERN, Asked, Judged, Test
 from truearc.sim.discover.detect.covariates import STEP, Covariate, CovariatePair, Factor, smooth_shapes
-from truearc.sim.discover.detect.score_test import Judged
 from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable, by_folds, go_uphill
 from truearc.sim.physics.term import STAGES
 

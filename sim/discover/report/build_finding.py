@@ -9,16 +9,22 @@ from msgspec import UNSET, UnsetType, structs
 
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover import finding as parts
-from truearc.sim.discover.decide import verdict_of
-from truearc.sim.discover.detect.battery import TERMS, Asked, NumberChange, can_compare, compare_trackers, name_of
+from truearc.sim.discover.decide import Search, Step, verdict_of
+from truearc.sim.discover.detect.battery import (
+    TERMS,
+    Asked,
+    Judged,
+    NumberChange,
+    can_compare,
+    compare_trackers,
+    name_of,
+)
 from truearc.sim.discover.detect.covariates import Covariate, carried_by, followed_column
 from truearc.sim.discover.detect.localization import Place, contrast_of, size_weights, times_of
-from truearc.sim.discover.detect.score_test import Judged
 from truearc.sim.discover.finding import FindingRecord, FitSummary, FoundEffect, Named, TestResult, Unknown, Where
 from truearc.sim.discover.plan.next_steps import blind_terms, has_spin, measure_blind, measure_names, next_steps
 from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report.finding_text import say_improbable
-from truearc.sim.discover.select.effects import Search, Step
 from truearc.sim.discover.select.simulations import end_errors, side_errors, times_off
 from truearc.sim.discover.select.terms import posterior_amplitude
 from truearc.sim.infer.launcher import LauncherFit, improbable, stopped

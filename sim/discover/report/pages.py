@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 from msgspec import UnsetType
 
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.discover.adopt import Investigation
-from truearc.sim.discover.decide import form_of, gain_interval
+from truearc.sim.discover.decide import Step, form_of, gain_interval
 from truearc.sim.discover.detect.covariates import IN_FLIGHT, CovariatePair
 from truearc.sim.discover.finding import FindingRecord
+from truearc.sim.discover.investigate import Investigation
 from truearc.sim.discover.plan.identifiability import TAKEN, Fittable, Sight, TermIdentifiability, sight_of
 from truearc.sim.discover.plan.next_steps import MOST_RANDOM, Block, Design
 from truearc.sim.discover.report import finding_text as wording
@@ -30,7 +30,6 @@ from truearc.sim.discover.report.pictures import (
     sight_png,
     views_of,
 )
-from truearc.sim.discover.select.effects import Step
 from truearc.sim.infer.likelihood.score_table import Array
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_terms
 from truearc.sim.printed import make_text

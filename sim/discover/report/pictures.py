@@ -15,12 +15,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from truearc.sim.discover.decide import Step
 from truearc.sim.discover.detect.battery import Asked
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor, followed_column
 from truearc.sim.discover.detect.localization import Place, curve_of, joint_bands
 from truearc.sim.discover.plan.identifiability import Sight
 from truearc.sim.discover.report.finding_text import plain, scale_of
-from truearc.sim.discover.select.effects import Step
 from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood import observations as outcomes
 from truearc.sim.infer.likelihood.score_table import Array, PlaneScores, ScoreTable

@@ -28,10 +28,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.special import ndtr, softmax
 
+from truearc.sim.discover.decide import Search, Step, clearly, judge_left
 from truearc.sim.discover.detect.battery import FREE, Test
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor, spline_knots
 from truearc.sim.discover.detect.localization import Correction, correct
-from truearc.sim.discover.select.effects import Search, Step, clearly, judge_left
 from truearc.sim.discover.select.posterior import climb_with, term_of
 from truearc.sim.discover.select.terms import SURE, Naming
 from truearc.sim.infer.belief import Curve, natural

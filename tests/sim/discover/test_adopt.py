@@ -12,11 +12,10 @@ from tests.sim.discover.odd_rigs import make_drops
 from tests.sim.few_terms import few_terms
 from truearc.sim.data.conditions import circumstances_of
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.discover import adopt
-from truearc.sim.discover.adopt import Investigation, judge_adoption, make_belief
+from truearc.sim.discover import investigate as adopt
 from truearc.sim.discover.detect.localization import Correction
 from truearc.sim.discover.finding import Adoption
-from truearc.sim.discover.investigate import discover, with_worth
+from truearc.sim.discover.investigate import Investigation, discover, judge_adoption, make_belief, with_worth
 from truearc.sim.discover.report.finding_text import console_lines, say_adopted
 from truearc.sim.discover.select import simulations as freed
 from truearc.sim.discover.select.posterior import Family, Hypothesis, Part

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.sim.discover.made import column, gaussian
-from truearc.sim.discover.adopt import ball_effects, usual_gain, usual_score
+from truearc.sim.discover.investigate import ball_effects, usual_gain, usual_score
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 
 SHOTS, LUCK_SD = 200, 1.0

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from truearc.sim.discover.adopt import ball_effects, judge_adoption, make_belief
 from truearc.sim.discover.finding import FindingRecord
-from truearc.sim.discover.investigate import discover
+from truearc.sim.discover.investigate import ball_effects, discover, judge_adoption, make_belief
 from truearc.sim.discover.plan.next_steps import moved_by, parting_shot
 from truearc.sim.infer.belief import Belief
 from truearc_proof.truth.generate import shoot

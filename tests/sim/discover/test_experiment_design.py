@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal
 from tests.sim.discover.made import at_least_squares
 from tests.sim.discover.straight import ASKED, NAMES, SHARED, fit_straight, slopes_and_y
 from truearc.sim.data.dataset import Shots
-from truearc.sim.discover.decide import decide
+from truearc.sim.discover.decide import Search, Step, decide
 from truearc.sim.discover.plan.next_steps import (
     PACES,
     SURE,
@@ -24,7 +24,6 @@ from truearc.sim.discover.plan.next_steps import (
     within_reach,
     worth,
 )
-from truearc.sim.discover.select.effects import Search, Step
 from truearc.sim.infer.fit import fit_believed
 from truearc.sim.infer.launcher import Launcher
 from truearc.sim.infer.likelihood.data import take_in

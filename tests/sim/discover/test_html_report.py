@@ -12,11 +12,10 @@ import pytest
 
 from tests.sim.discover.worlds import FACTS, World, make_outcomes
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.discover.adopt import Investigation
 from truearc.sim.discover.detect.covariates import Covariate
 from truearc.sim.discover.detect.localization import curve_of
 from truearc.sim.discover.finding import FoundEffect, Interval, Named
-from truearc.sim.discover.investigate import discover
+from truearc.sim.discover.investigate import Investigation, discover
 from truearc.sim.discover.plan.identifiability import foresee
 from truearc.sim.discover.report.pages import (
     make_pictures,

@@ -12,9 +12,8 @@ from tests.sim.discover.odd_rigs import make_drops, make_three_wheels
 from tests.sim.few_terms import few_terms
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset, Shots, join_datasets
-from truearc.sim.discover.adopt import Investigation
 from truearc.sim.discover.finding import FindingRecord, make_json
-from truearc.sim.discover.investigate import discover
+from truearc.sim.discover.investigate import Investigation, discover
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
 

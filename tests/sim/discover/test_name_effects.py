@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from tests.sim.discover.straight import ASKED, SHARED, fit_straight
-from truearc.sim.discover.decide import decide
-from truearc.sim.discover.select.effects import Search, Step, unseen_scores
+from truearc.sim.discover.decide import Search, Step, decide, unseen_scores
 from truearc.sim.discover.select.terms import NEVER, name_terms
 from truearc.sim.infer.launcher import LauncherFit
 

@@ -14,10 +14,9 @@ from tests.sim.thin import thinned
 from truearc.api.discovery import _check_since
 from truearc.errors import InputError
 from truearc.sim.data.importers.imported import doubts_of, only
-from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.detect.battery import compare_trackers
 from truearc.sim.discover.detect.localization import locate
-from truearc.sim.discover.investigate import detect, discover, make_search
+from truearc.sim.discover.investigate import detect, discover, make_belief, make_search
 from truearc.sim.infer.belief import point_belief
 from truearc.sim.infer.fit import fit_believed
 from truearc.sim.infer.launcher import Launcher, fit_map

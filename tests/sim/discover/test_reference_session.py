@@ -5,9 +5,9 @@ import pytest
 from scipy import stats
 
 from tests.sim.discover.straight import fit_straight
+from truearc.sim.discover.decide import judge_left
 from truearc.sim.discover.detect.battery import Asked, ReferenceSession, ask_everything
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
-from truearc.sim.discover.select.effects import judge_left
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood.data import take_in

@@ -6,8 +6,7 @@ from scipy.optimize import minimize
 
 from tests.sim.discover.made import column, gaussian, with_plane
 from tests.sim.discover.straight import NAMES, SHARED, fit_straight, slopes_and_y
-from truearc.sim.discover.adopt import make_belief
-from truearc.sim.discover.investigate import discover
+from truearc.sim.discover.investigate import discover, make_belief
 from truearc.sim.infer.likelihood.score_table import (
     FOLDS,
     ScoreTable,

@@ -11,8 +11,7 @@ import truearc as ta
 from truearc.errors import InputError
 from truearc.sim.data.conditions import circumstances_of
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.adopt import Investigation, make_belief, with_own_priors
-from truearc.sim.discover.investigate import discover
+from truearc.sim.discover.investigate import Investigation, discover, make_belief, with_own_priors
 from truearc.sim.discover.report.finding_text import say_adopted
 from truearc.sim.discover.select.simulations import LEAST_SHARE, mixed, shares
 from truearc.sim.infer.belief import Coefficients, load_belief, point_belief

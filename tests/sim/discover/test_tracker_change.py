@@ -9,6 +9,7 @@ import pytest
 from tests.sim.discover.odd_rigs import make_drops
 from truearc.robot.config.rig_spec import Site, Tracker
 from truearc.sim.data.dataset import Dataset
+from truearc.sim.discover.decide import Step
 from truearc.sim.discover.detect.battery import (
     ReferenceSession,
     TrackerChange,
@@ -19,7 +20,6 @@ from truearc.sim.discover.detect.battery import (
 from truearc.sim.discover.investigate import make_search
 from truearc.sim.discover.plan.next_steps import next_steps
 from truearc.sim.discover.report import build_finding
-from truearc.sim.discover.select.effects import Step
 from truearc.sim.discover.select.terms import Naming
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.fit import fit_believed
