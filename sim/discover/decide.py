@@ -42,7 +42,6 @@ from dataclasses import dataclass, replace
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
-from jaxtyping import Float
 from scipy.special import logsumexp
 
 from truearc.sim.discover.detect.battery import (
@@ -61,7 +60,8 @@ from truearc.sim.discover.finding import Adoption, FitSummary
 from truearc.sim.discover.select.posterior import SHARES, Hypotheses, Hypothesis, weigh
 from truearc.sim.discover.select.terms import NEVER, SURE, Naming, name_terms
 from truearc.sim.infer.launcher import LauncherFit
-from truearc.sim.infer.likelihood.score_table import Array, Column, clustered_error, folds_of
+from truearc.sim.infer.likelihood.data import Each
+from truearc.sim.infer.likelihood.score_table import Column, clustered_error, folds_of
 from truearc.sim.printed import Progress, part_of
 from truearc.sim.statistics import Z90
 
@@ -75,7 +75,6 @@ EVEN = 0.5                            # probability of both of two names, from w
 CLEARLY = 2.0                         # standard errors by which plain shares beat a forecast, or a free curve is better
 DRAWS = 999                           # after the first step, whose probability is the one that is promised
 CREDIBLE_SD = 4.0                     # standard deviations of a prior, in which a term's number is believable
-Each = Float[Array, " n"]             # a number of each shot
 
 
 @dataclass(frozen=True)

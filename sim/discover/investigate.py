@@ -89,7 +89,9 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
     """
     among = belief.catalogue if terms is None and belief is not None else as_catalogue(terms)
     names = believed_names(dataset, believed if belief is None else tuple(belief.coefficients), among)
-    _check_measured(measured or {}, names)
+    for term in sorted({name.partition(".")[0] for name in measured or {}} & set(names)):
+        raise InputError(f"measured: {term} is believed already: put what was measured into rig.toml or the "
+                         "coefficients")
     dataset, since = dataset.in_order(), None if since is None else since.in_order()
     model = Launcher.of(dataset, names, among, belief)
     model = replace(model, layout=replace(model.layout, measured=measured or {}))
@@ -134,12 +136,6 @@ def believed_names(dataset: Dataset, believed: Sequence[str] | None, among: Cata
             raise
         raise InputError(f"{dataset.name}: rig.toml: believe.terms: {error}") from error
     return (*among.always, *(name for name in given if name not in among.always))
-
-
-def _check_measured(measured: Measured, terms: Sequence[str]) -> None:
-    for term in sorted({name.partition(".")[0] for name in measured} & set(terms)):
-        raise InputError(f"measured: {term} is believed already: put what was measured into rig.toml or the "
-                         f"coefficients")
 
 
 def make_search(dataset: Dataset, false_alarm: float = FALSE_ALARM, seed: int = 0,

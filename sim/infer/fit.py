@@ -1,18 +1,19 @@
 """A fit: a simulation where it is most probable of all, and what data say there of everything that it may lack.
 
 A fit owns its model (the simulation with the data that it is compared with), the point where it is, and the scores
-there. It knows nothing of launchers: all that it asks is in `Model`.
+there. It knows nothing of launchers: all that it asks is in truearc.sim.infer.model.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Generic, NamedTuple, Protocol, Self, TypeVar
+from typing import Any, Generic, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
+from truearc.sim.infer.model import AnyModel, Columns, Model, Shape
 from truearc.sim.printed import Progress, part_of
 
 ROUNDS = 40                           # of flying, and of steps between two flights
@@ -29,70 +30,6 @@ SLACK = 0.3                           # nats a step may lose with samples: score
 NO_FLIGHT = -1e6                      # nats, of what does not fly
 SHAPE_REACH = 3.0                     # standard deviations from a shape parameter's prior centre: the end of the search
 PLAIN = 2.0                           # standard errors of an amplitude, from which its term's shape is fitted, too
-
-
-class Layout(Protocol):
-    """Columns of a model, the shared ones last, and the normal prior of these: centre [p], precision [p, p]."""
-
-    @property
-    def columns(self) -> tuple[Column, ...]: ...
-    @property
-    def first_shared(self) -> int: ...
-    @property
-    def centre(self) -> Float[Array, " p"]: ...
-    @property
-    def precision(self) -> Float[Array, "p p"]: ...
-
-
-class Shape(Protocol):
-    """A number of a term that is fitted beside the term's amplitude, but is no column."""
-
-    def put(self, point: Any, place: float) -> Any:
-        """Return the point with the number `place` standard deviations from its prior's centre, within its range."""
-
-
-class Model(Protocol):
-    """A simulation with its data. A point is the model's own: only the model looks into it."""
-
-    @property
-    def layout(self) -> Layout:
-        """What is fitted and asked."""
-    @property
-    def sampled(self) -> bool:
-        """Whether shots are series of samples, whose own unknowns must settle while the fit climbs."""
-    @property
-    def has_one_top(self) -> bool:
-        """Whether the likelihood has a single top, beside those where a fit is lost."""
-
-    def fly(self, point: Any) -> Any:
-        """Return the prediction at a point and its slopes, from which `linearise` starts for points near by."""
-    def linearise(self, point: Any, flown: Any = None) -> tuple[ScoreTable, Any]:
-        """Return the scores at a point, and the point with each shot's own unknowns where they are likeliest."""
-    def forecast(self, point: Any) -> ScoreTable:
-        """Return the scores had nothing been measured of a shot but its result: by its settings alone."""
-    def about(self, point: Any) -> Any:
-        """Return a point that has been moved with the shots' own unknowns put right where slopes depend on them."""
-    def moved(self, point: Any, change: Float[Array, " P"]) -> Any:
-        """Return a point after its columns change, none of them beyond its limit."""
-    def leads_out(self, point: Any, step: Float[Array, " P"]) -> Bool[Array, " P"]:
-        """Return the columns [P] at a limit that the step would lead beyond."""
-    def is_lost(self, point: Any) -> bool:
-        """Return whether a fit that came to rest there explains nothing: its slopes tell little."""
-    def starts(self) -> Sequence[Any]:
-        """Return the points to climb from, the likeliest first."""
-    def easier(self) -> Iterable[Self]:
-        """Return models of easier ground that are climbed first, one after the other."""
-    def afar(self, change: Float[Array, " P"]) -> tuple[Any, Iterable[Self]]:
-        """Return the start of a climb where the fit was lost, `change` put in or not, and what is climbed first."""
-    def shapes(self, names: tuple[str, ...]) -> Sequence[Shape]:
-        """Return the shapes of the terms of these columns."""
-    def shared_only(self, names: Iterable[str] = ()) -> Self:
-        """Return the model of the shared columns alone, the named ones among them, first."""
-    def sharing(self, names: tuple[str, ...]) -> Self:
-        """Return the model with these columns among the shared ones, all others asked as before."""
-
-
-AnyModel = TypeVar("AnyModel", bound=Model)
 
 
 @dataclass(frozen=True)
@@ -361,9 +298,9 @@ def _step_within(model: Model, point: Any, scores: ScoreTable,
         free &= ~out
 
 
-def objective(scores: ScoreTable, layout: Layout) -> float:
+def objective(scores: ScoreTable, layout: Columns) -> float:
     """Log posterior, up to a constant."""
-    off = scores.point[scores.first_shared:] - layout.centre
+    off = scores.point[len(scores.point) - len(layout.centre):] - layout.centre
     value = float(scores.log_score.sum() - 0.5 * off @ layout.precision @ off)
     return value if np.isfinite(value) else -np.inf
 

@@ -12,7 +12,7 @@ from truearc.sim.infer.launcher import MapFit, Sought
 from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, say_few
 from truearc.sim.infer.likelihood.noise import UNMEASURED_M
 from truearc.sim.infer.likelihood.observations import class_chances
-from truearc.sim.infer.likelihood.score_table import fit_linear
+from truearc.sim.infer.likelihood.score_table import FOLDS, fit_linear
 from truearc.sim.printed import Progress, left_out_lines
 
 CORRELATED = 0.9                      # pairs from here on are named
@@ -67,7 +67,6 @@ def slopes(fit: MapFit) -> Float[np.ndarray, " p"]:
     return np.array([one.sd * one.slope(float(fit.scores.point[one.column])) for one in fit.sought])
 
 
-FOLDS = 5
 STEPS = {"distance_m": 0.1, "hood_deg": 1.0, "motor_ratio": 0.01}      # shots within one step are one configuration
 SMOOTH = 1.0                          # shots of each outcome added to the shares that the fit competes with
 

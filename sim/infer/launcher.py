@@ -20,7 +20,7 @@ from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, Intake, take_in
 from truearc.sim.infer.likelihood.forward_model import plane_grid
 from truearc.sim.infer.likelihood.layout import SCATTER_NAMES, Layout, Point, believed_name, is_tracker, own_slope
 from truearc.sim.infer.likelihood.noise import SCATTER_MOST, SCATTER_PRIOR, SCATTERS
-from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_parameter, find_terms
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS
 from truearc.sim.physics.term import Parameter, WatchTerm, complete
@@ -325,17 +325,12 @@ def sought_of(layout: Layout) -> tuple[Sought, ...]:
     return tuple(found)
 
 
-def belongs(column: Column, among: Catalogue) -> bool:
-    """A parameter of the simulation or a scatter of the launch, not a ball's random effect or a tracker's calibration.
-    """
-    if column.kind == "group" or is_tracker(column, among):
-        return False
-    return column.name in SCATTER_NAMES or not column.name.startswith(SCATTER + ".")
-
-
 def believed_columns(scores: ScoreTable, among: Catalogue) -> list[int]:
-    """Places of the shared columns that belong to a belief."""
-    return [k for k in range(scores.first_shared, len(scores.columns)) if belongs(scores.columns[k], among)]
+    """Places of the shared columns that belong to a belief: parameters and scatters of the launch, not a ball's random
+    effects or a tracker's calibration."""
+    return [k for k, column in enumerate(scores.columns[scores.shared], scores.first_shared)
+            if column.kind != "group" and not is_tracker(column, among)
+            and (column.name in SCATTER_NAMES or not column.name.startswith(SCATTER + "."))]
 
 
 def coefficients_of(scores: ScoreTable, believed: tuple[str, ...], among: Catalogue) -> Coefficients:

@@ -18,9 +18,9 @@ from truearc.sim.discover.investigate import Investigation
 from truearc.sim.discover.select.simulations import end_errors
 from truearc.sim.discover.select.terms import Candidate, one_step
 from truearc.sim.infer.launcher import LauncherFit
+from truearc.sim.infer.likelihood.score_table import FOLDS, folds_of
 
 Array = np.ndarray
-FOLDS = 5
 LIKELY = 3
 MOST_USUAL = 3.0                      # usual sizes from which a refit starts at most
 
@@ -67,7 +67,7 @@ class Held(NamedTuple):
 
 def folds(n: int) -> tuple[Held, ...]:
     """Every fifth of n shots, as truearc's own figures on unseen shots have it."""
-    fold = np.arange(n) % FOLDS
+    fold = folds_of(n)
     return tuple(Held(fold != k, fold == k) for k in range(FOLDS))
 
 

@@ -57,7 +57,7 @@ from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
 from truearc.sim.printed import Progress
 
 FEWEST_SIGNS = 8.0                    # a test that rests on fewer shots is not made: their signs can hardly say 1 %
-LEAST_SHARE = 1e-4                    # of a test's information that must survive the projection
+LEAST_SHARE = 1e-4                    # of the information of a test or term that must survive the projection
 MOST_LEVERAGE = 0.9
 PIECES = 30                           # that what an earlier session found of one number is split into
 TINY = 1e-300                         # what is not known at all has a root, too
@@ -352,6 +352,7 @@ def ask_everything(evidence: ScoreTable, covariates: Sequence[Covariate], factor
     grouped = next((column.name.partition(" ")[0] for column in evidence.columns if column.kind == "group"), "")
     shapes = [SAME_SHAPE, *(shape for one in covariates for shape in functions.number_shapes(one, look)),
               *(shape for one in factors if one.name != grouped for shape in functions.group_shapes(one, look))]
+    pairs = functions.pair_shapes(covariates, look, seed)
     tests: list[Test] = []
     parts: list[Scores] = []
 
@@ -367,7 +368,7 @@ def ask_everything(evidence: ScoreTable, covariates: Sequence[Covariate], factor
             ask(number, TERMS if column.kind == "term" else FREE, [SAME_SHAPE])
         else:
             ask(number, FREE, shapes)
-    if pairs := functions.pair_shapes(covariates, look, seed):
+    if pairs:
         ask(evidence.index("launch speed"), PATTERN, pairs)
     scores = _join(parts)
     kept = np.flatnonzero(scores.kept)

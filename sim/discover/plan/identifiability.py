@@ -23,8 +23,9 @@ from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.conditions import ORDINARY
 from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
-from truearc.sim.discover.detect.battery import ALLOWANCE, TERMS
+from truearc.sim.discover.detect.battery import ALLOWANCE, LEAST_SHARE, TERMS
 from truearc.sim.discover.finding import FALSE_ALARM, LEVELS, SEASON_SHOTS
+from truearc.sim.discover.select.terms import BUSY
 from truearc.sim.infer.belief import Coefficients
 from truearc.sim.infer.fit import fit_believed
 from truearc.sim.infer.launcher import Launcher
@@ -40,8 +41,6 @@ SCHEMA = "truearc.identifiability/1"
 FOUR_IN_FIVE = float(ndtri(0.8))      # standard deviations beyond the threshold, for a power of 0.8
 DRAWS, SEED = 4000, 0                 # of scores by chance
 ALIKE = 0.95                          # correlation of efficient slopes from which two terms are one to these data
-LEAST_SHARE = 1e-4                    # of its own information, with all coefficients free, that a term needs to be seen
-BUSY = 1e-12
 NOTHING = 1e-9                        # information on a term at its usual size that no number of shots makes up for
 ABSORBS = 0.1                         # of the largest coefficient's part, from which one is named, too
 UNTOUCHED, TAKEN = "untouched", "taken up"      # values of truearc.identifiability/1

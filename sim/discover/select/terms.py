@@ -18,6 +18,7 @@ from jaxtyping import Float, Int
 from scipy.special import log_ndtr, logsumexp, ndtr
 from scipy.stats import norm
 
+from truearc.sim.discover.detect.battery import LEAST_SHARE
 from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood.layout import nats_measured
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
@@ -132,10 +133,9 @@ SHARE = 0.5                           # or this share of its nats: one step is a
 ALIAS = 0.95                          # correlation of two efficient slopes from which only words part them
 TOLD_APART = 2.0                      # nats by which one of two such fits the better, all the same
 SURE = 0.9                            # probability of one name, or that a set holds of what is explained
-LEAST_INFORMATION = 1e-4              # of a term's own, that must be left by the shared columns
 SCAN = (-3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 3.0)     # usual sizes that are flown where the fit is lost,
 FIRM = 100.0                          # and from which a refit starts, hardly drawn towards zero
-BUSY = 1e-12
+BUSY = 1e-12                          # information, below which nothing in the data depends on a term
 MOST_USUAL = 6.0                      # usual sizes beyond which an amplitude is not what its name says,
 SPARE_SD = 2.0                           # by more standard deviations than this
 NEVER = -1e3                          # nats
@@ -210,7 +210,7 @@ def one_step(evidence: ScoreTable) -> tuple[tuple[Candidate, ...], Float[Array, 
     found = []
     for number, column in enumerate(columns):
         own, kept = total[column, column], left[number, number]
-        visible = bool(own > BUSY and kept > LEAST_INFORMATION * own)
+        visible = bool(own > BUSY and kept > LEAST_SHARE * own)
         information = kept if visible else 0.0
         usual = evidence.columns[column].usual
         found.append(Candidate(evidence.columns[column].name, column,

@@ -234,17 +234,17 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Int[Ar
     check_believed((name for name in believed if belief is None or name not in belief.coefficients), catalogue)
     slots = tuple((term.name, p.name) for term in catalogue for p in term.parameters)
     usual = np.array([float(p.default) for term in catalogue for p in term.parameters])
-    tracked = intake.samples is not None
+    tracked, filmed = intake.samples is not None, intake.filmed
     chain = Chain(intake.stripped, catalogue.names, slots, BANDS if tracked else 0, _substeps(intake),
                   bool(len(intake.marked)), tracked, bool(np.asarray(intake.lanes.free).any()), catalogue)
     edges = _edges(intake) if later is None else later.edges_s
-    first_push = len(slots) + chain.deviates
-    found = [(column, len(slots) + number) for number, column in (*FREE, *([AZIMUTH] if intake.filmed else []))]
-    found += [(column, first_push + number) for number, column in _pushes(chain, edges)]
+    first_push, width = len(slots) + chain.deviates, chain.pushes // len(DIRECTIONS)
+    found = [(column, len(slots) + number) for number, column in (*FREE, *([AZIMUTH] if filmed else []))]
+    found += [(column, first_push + number) for number, column in _pushes(chain, width, edges)]
     sideless = intake.scatter is not None and intake.scatter.sigma_m[1] >= UNMEASURED_M       # y tells nothing
     if sideless:
         found = [(column, place) for column, place in found if column.direction != "lateral"]
-    trackers = calibrated(catalogue) if intake.filmed else [one for one in catalogue if isinstance(one, WatchTerm)]
+    trackers = calibrated(catalogue) if filmed else [one for one in catalogue if isinstance(one, WatchTerm)]
     known = {*believed, *catalogue.always, *(term.name for term in trackers if tracked)}
     asked = [term for term in catalogue if term.name not in known and (belief is not None or not term.relative)
              and not (sideless and isinstance(term, WatchTerm) and term.direction == "lateral")]
@@ -389,9 +389,9 @@ def _scatter_place(intake: Intake, first: int, number: int) -> int:
     return first + sum(wanted[:number]) if wanted[number] else -1
 
 
-def _pushes(chain: Chain, edges: Float[Array, " edges"]) -> list[tuple[int, Column]]:
-    """Throughout the flight, in each band of its time, and with the speed; outcomes see no sideways push."""
-    width = chain.pushes // len(DIRECTIONS)
+def _pushes(chain: Chain, width: int, edges: Float[Array, " edges"]) -> list[tuple[int, Column]]:
+    """Throughout the flight, in each band of its time, and with the speed: `width` of each direction; outcomes see no
+    sideways push."""
     found = []
     for number, direction in enumerate(DIRECTIONS):
         if direction == "lateral" and not chain.track:

@@ -163,7 +163,7 @@ def test_a_curve_beside_which_a_coefficient_is_impossible_is_not_adopted(nameles
         assert free is not None
         point = free.scores.point.copy()
         point[free.scores.index("drag.cd")] = find_parameter("drag.cd").low
-        return replace(free, evidence=replace(free.scores, point=point))
+        return replace(free, scores=replace(free.scores, point=point))
 
     monkeypatch.setattr(freed, "freed", driven)
     belief, provenance = make_belief(nameless)

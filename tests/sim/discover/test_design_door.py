@@ -42,7 +42,7 @@ def test_wheels_that_shall_run_otherwise_and_what_must_be_alike_are_said() -> No
     shots = Shots(("a", "b"), {"distance_m": np.array([3.0, 4.0]), "motor_ratio": np.array([0.4, 0.5])}, {})
     design = Design(("drag_wear.share", "wheel_slip.loss_per_m_s"), np.array([0.5, 0.5]),
                     (Block(1, 20, 1.06), Block(1, 20), Block(1, 20, 1.06)), 0.0, 0.5, None, ())
-    step = SimpleNamespace(fitted=SimpleNamespace(evidence=SimpleNamespace(rows=np.arange(2))))
+    step = SimpleNamespace(fitted=SimpleNamespace(scores=SimpleNamespace(rows=np.arange(2))))
     table = design_table(design, Dataset("d", STRAIGHT, shots), cast(Step, step))
     faster, plain = (one for one in table["next"] if one["do"] == "shoot")
     assert (faster["shots"], faster["motor_ratio"], faster["pace"]) == (40, pytest.approx(0.53), 1.06)
