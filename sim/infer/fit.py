@@ -7,7 +7,7 @@ there. It knows nothing of launchers: all that it asks is in truearc.sim.infer.m
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Generic, NamedTuple
+from typing import Any, Generic
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -242,7 +242,8 @@ def climb(model: AnyModel, point: Any, progress: Progress = lambda done, note: N
     return kept.fit
 
 
-class _Visited(NamedTuple, Generic[AnyModel]):
+@dataclass(frozen=True)
+class _Visited(Generic[AnyModel]):
     """A fit on its way with what was flown there, and the log posterior."""
 
     fit: Fit[AnyModel]

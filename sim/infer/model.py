@@ -7,7 +7,7 @@ point is where a simulation is linearised; it is the model's own, and only the m
 from collections.abc import Iterable, Sequence
 from typing import Any, Protocol, Self, TypeVar, runtime_checkable
 
-from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
+from truearc.sim.infer.likelihood.score_table import Centre, Change, Column, Precision, ScoreTable, Which
 
 
 @runtime_checkable
@@ -19,9 +19,9 @@ class Columns(Protocol):
     @property
     def first_shared(self) -> int: ...
     @property
-    def centre(self) -> Array: ...
+    def centre(self) -> Centre: ...
     @property
-    def precision(self) -> Array: ...
+    def precision(self) -> Precision: ...
 
 
 @runtime_checkable
@@ -54,9 +54,9 @@ class Model(Protocol):
         """Return the scores had nothing been measured of a shot but its result: by its settings alone."""
     def about(self, point: Any) -> Any:
         """Return a point that has been moved with the shots' own unknowns put right where slopes depend on them."""
-    def moved(self, point: Any, change: Array) -> Any:
+    def moved(self, point: Any, change: Change) -> Any:
         """Return a point after its columns change by `change` [P], none of them beyond its limit."""
-    def leads_out(self, point: Any, step: Array) -> Array:
+    def leads_out(self, point: Any, step: Change) -> Which:
         """Return the columns [P] at a limit that the step [P] would lead beyond."""
     def is_lost(self, point: Any) -> bool:
         """Return whether a fit that came to rest there explains nothing: its slopes tell little."""
@@ -64,7 +64,7 @@ class Model(Protocol):
         """Return the points to climb from, the likeliest first."""
     def easier(self) -> Iterable[Self]:
         """Return models of easier ground that are climbed first, one after the other."""
-    def afar(self, change: Array) -> tuple[Any, Iterable[Self]]:
+    def afar(self, change: Change) -> tuple[Any, Iterable[Self]]:
         """Return the start of a climb where the fit was lost, `change` put in or not, and what is climbed first."""
     def shapes(self, names: tuple[str, ...]) -> Sequence[Shape]:
         """Return the shapes of the terms of these columns."""

@@ -324,7 +324,7 @@ def is_possible(found: LauncherFit, *usual: float) -> bool:
 
     By where it would go, so that a fit that came to rest at the end of its range does not pass for one inside it.
     """
-    among = found.model.layout.chain.catalogue
+    among = found.model.catalogue
     low, high = np.array([(one.low, one.high) for one in (find_parameter(name, among) for name in found.names)]).T
     spare = SPARE_SD * found.sd
     return bool(((found.wanted >= low - spare) & (found.wanted <= high + spare)

@@ -21,6 +21,10 @@ from truearc.sim.infer.likelihood.observations import OutcomeObservations
 from truearc.sim.statistics import invert
 
 Array = np.ndarray
+Change = Float[Array, " P"]            # of all columns
+Which = Bool[Array, " P"]
+Centre = Float[Array, " p"]            # of the shared ones
+Precision = Float[Array, "p p"]
 Seen = tuple[OutcomeObservations, Float[Array, " m"], Float[Array, " m"]]       # with mean and spread of the heights
 
 
