@@ -70,12 +70,14 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: LauncherFit, 
                  place: Place | None, steps: Sequence[Step], search: Search) -> FindingRecord:
     """Put it together; without steps nothing was found."""
     intake, among, false_alarm = fitted.model.data, fitted.model.catalogue, search.false_alarm
+    lacks, topspin, doubted = untested(dataset), _has_topspin(dataset), _improbable(fitted, steps)
+    believed = fitted.scores.shared_only()
+    best = next((step.refit.scores for step in reversed(steps) if not step.unknown), believed)
+    at_limit = {name: value for name, value in stopped(believed, among).items()
+                if not name.startswith("scatter.")}                      # scatters take what is missing
     data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {"all": fitted.values},
-                             {"by": "shot", "count": len(dataset.shots)}, dataset.accepted, untested(dataset),
-                             _has_topspin(dataset),
-                             _terms_only(stopped(fitted.scores.shared_only(), among))
-                             | stopped(best_of(fitted, steps), among),
-                             _improbable(fitted, steps))
+                             {"by": "shot", "count": len(dataset.shots)}, dataset.accepted, lacks, topspin,
+                             at_limit | stopped(best, among), doubted)
     results = _results(fitted.scores, asked, judged, false_alarm)
     mismatch = parts.Mismatch(bool(steps), judged.p_any, false_alarm, results, len(asked.tests), judged.families)
     fit = _fit(fitted, steps)
@@ -147,17 +149,6 @@ def _improbable(fitted: LauncherFit, steps: Sequence[Step]) -> dict[str, float]:
     found = last or fitted
     return {name: value for name, value in improbable(found.model.layout, found.scores.point).items()
             if name.startswith("track_") and name not in found.names}
-
-
-def _terms_only(at_limit: dict[str, float]) -> dict[str, float]:
-    """Without scatters, which take what is missing."""
-    return {name: value for name, value in at_limit.items() if not name.startswith("scatter.")}
-
-
-def best_of(fitted: LauncherFit, steps: Sequence[Step]) -> ScoreTable:
-    """The fit with every named effect; the baseline's shared numbers where nothing has a name."""
-    named = [step.refit.scores for step in steps if not step.unknown]
-    return named[-1] if named else fitted.scores.shared_only()
 
 
 def _further(step: Step) -> FoundEffect:
@@ -271,8 +262,8 @@ def _fit(fitted: LauncherFit, steps: Sequence[Step]) -> FitSummary:
     null = believed.scores
     before_change = null.held_out_change()
     before = null.log_score + null.gain(before_change)
-    rmse = end_errors(believed, before_change)
     accuracy = _accuracy(null, before_change)
+    rmse = end_errors(believed, before_change)
     height_at = "track end" if fitted.model.data.filmed else "plane"
     if not steps:
         return FitSummary(len(null.rows), float(before.mean()), None, None, None, rmse, None, accuracy, None, height_at)

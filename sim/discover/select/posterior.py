@@ -31,13 +31,13 @@ from truearc.sim.discover.select.terms import (
     efficient,
     is_possible,
     nats_in_range,
-    nats_known,
+    nats_measured,
     one_step,
 )
 from truearc.sim.infer.belief import Curve
 from truearc.sim.infer.fit import climb
 from truearc.sim.infer.launcher import Launcher, LauncherFit
-from truearc.sim.infer.likelihood.layout import Layout, nats_measured, with_curve
+from truearc.sim.infer.likelihood.layout import Layout, with_curve
 from truearc.sim.infer.likelihood.score_table import Array, Column, PlaneScores, ScoreTable, fit_linear
 from truearc.sim.physics.nonparametric import find_nameless
 from truearc.sim.statistics import invert
@@ -431,6 +431,12 @@ def _refitted(fitted: LauncherFit, guesses: Guesses, least: float) -> dict[tuple
                 for name, a, sd in zip(one.names, one.amplitude, one.sd, strict=True))
         found[names] = one, nats
     return found
+
+
+def nats_known(fitted: LauncherFit, name: str, amplitude: float, sd: float, usual: float) -> float:
+    """Nats for an amplitude beside the shots: its range, and what was measured of it."""
+    return (nats_in_range(fitted, name, amplitude, sd, usual)
+            + nats_measured(fitted.model.layout.measured, name, amplitude, sd))
 
 
 def range_nats(fitted: LauncherFit, naming: Naming, name: str) -> float:

@@ -20,7 +20,7 @@ from scipy.stats import norm
 
 from truearc.sim.discover.detect.battery import LEAST_SHARE
 from truearc.sim.infer.launcher import LauncherFit
-from truearc.sim.infer.likelihood.layout import nats_measured
+from truearc.sim.infer.likelihood.layout import Measured
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import find_parameter, find_terms
 from truearc.sim.physics.term import Term
@@ -29,10 +29,14 @@ from truearc.sim.printed import Progress
 TERM_SIZES = (0.5, 1.0, 2.0, 4.0)     # of a term's amplitude, by the usual one
 
 
-def nats_known(fitted: LauncherFit, name: str, amplitude: float, sd: float, usual: float) -> float:
-    """Nats for an amplitude beside the shots: its range, and what was measured of it."""
-    return (nats_in_range(fitted, name, amplitude, sd, usual)
-            + nats_measured(fitted.model.layout.measured, name, amplitude, sd))
+def nats_measured(measured: Measured, column: str, amplitude: float, sd: float) -> float:
+    """Log likelihood ratio of what was measured of this column: of an amplitude ~ N(amplitude, sd^2), to nothing of the
+    kind. 0 where nothing was measured."""
+    if column not in measured:
+        return 0.0
+    value, own = measured[column]
+    variance = own**2 + sd**2
+    return float(0.5 * (np.log(own**2 / variance) + value**2 / own**2 - (value - amplitude)**2 / variance))
 
 
 def nats_in_range(fitted: LauncherFit, name: str, amplitude: float, sd: float, usual: float) -> float:

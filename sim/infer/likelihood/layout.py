@@ -131,16 +131,6 @@ def column_of(term: str, among: Catalogue | None = None) -> str:
     return f"{term}.{found.parameters[0].name}"
 
 
-def nats_measured(measured: Measured, column: str, amplitude: float, sd: float) -> float:
-    """Log likelihood ratio of what was measured of this column: of an amplitude ~ N(amplitude, sd^2), to nothing of the
-    kind. 0 where nothing was measured."""
-    if column not in measured:
-        return 0.0
-    value, own = measured[column]
-    variance = own**2 + sd**2
-    return float(0.5 * (np.log(own**2 / variance) + value**2 / own**2 - (value - amplitude)**2 / variance))
-
-
 class MeasuredPrior(NamedTuple):
     centre: float
     precision: float
