@@ -24,16 +24,7 @@ from scipy.special import logsumexp
 
 from truearc.sim.discover.detect.battery import ReferenceSession
 from truearc.sim.discover.detect.covariates import Covariate, Factor, varies
-from truearc.sim.discover.select.terms import (
-    NEVER,
-    Candidate,
-    Naming,
-    efficient,
-    is_possible,
-    nats_in_range,
-    nats_measured,
-    one_step,
-)
+from truearc.sim.discover.select import terms
 from truearc.sim.infer.belief import Curve
 from truearc.sim.infer.fit import climb
 from truearc.sim.infer.launcher import Launcher, LauncherFit
@@ -305,12 +296,13 @@ def kind_of(one: Hypothesis) -> str:
     return "unexplained" if not one.names else "varies" if one.family.column in one.names else "both"
 
 
-def weigh(fitted: LauncherFit, naming: Naming, covariates: Sequence[Covariate], factors: Sequence[Factor],
+def weigh(fitted: LauncherFit, naming: terms.Naming, covariates: Sequence[Covariate], factors: Sequence[Factor],
           home: ReferenceSession | None = None) -> Hypotheses:
     """The posterior over what is missing in `fitted`, whose single terms `naming` has ranked; or over what has changed
     since `home`, whose own misfit an unexplained change must exceed."""
     visible = [c for c in naming.candidates if c.visible]
-    singles = {name: nats + range_nats(fitted, naming, name) for name, nats in naming.nats.items() if nats > NEVER}
+    singles = {name: nats + range_nats(fitted, naming, name) for name, nats in naming.nats.items()
+               if nats > terms.NEVER}
     top = max(singles.values(), default=0.0)
     single_prior = np.log(SHARES["one"] / len(visible))
     found = [Hypothesis((name,), None, nats, single_prior) for name, nats in singles.items()]
@@ -322,15 +314,15 @@ def weigh(fitted: LauncherFit, naming: Naming, covariates: Sequence[Covariate], 
               for one, nats in _climbed(fitted.scores, families, null)]
     pair_prior = np.log(SHARES["two"] / max(0.5 * len(visible) * (len(visible) - 1), 1.0))
     both_prior = np.log(SHARES["both"] / (count * len(visible)))
-    leaders = [name for name in sorted(naming.refits, key=lambda name: -singles.get(name, NEVER))[:LEADERS]
-               if singles.get(name, NEVER) > top - max(WITHIN, SHARE * top)]
+    leaders = [name for name in sorted(naming.refits, key=lambda name: -singles.get(name, terms.NEVER))[:LEADERS]
+               if singles.get(name, terms.NEVER) > top - max(WITHIN, SHARE * top)]
     guesses = _at_once(fitted, visible, null)
     usual = {one.name: fitted.scores.columns[one.column].usual for one in visible}
     for first in leaders:
         base = fitted.beside(naming.refits[first])
         bases[(first,)] = base, singles[first]
         floor = log_evidence(base.scores.shared_only())[0]
-        for second in sorted((c for c in one_step(base.scores)[0] if c.visible), key=lambda c: -c.nats)[:SECONDS]:
+        for second in sorted((c for c in terms.one_step(base.scores)[0] if c.visible), key=lambda c: -c.nats)[:SECONDS]:
             own = base.scores.columns[second.column]
             part = Part(second.column, np.ones((len(base.scores.rows), 1)), np.array([own.usual]))
             value, change, sd = log_evidence(with_parts(base.scores, [part]))
@@ -388,12 +380,12 @@ def _flown(found: Sequence[Hypothesis], bases: Bases) -> list[Hypothesis]:
     return found
 
 
-def _at_once(fitted: LauncherFit, visible: Sequence[Candidate], null: float) -> Guesses:
+def _at_once(fitted: LauncherFit, visible: Sequence[terms.Candidate], null: float) -> Guesses:
     """The SECONDS likeliest of all pairs by closed form, on the table of the fit; neither name need be likely alone."""
     evidence = fitted.scores
     columns = np.array([one.column for one in visible], dtype=int)
     usual = np.array([evidence.columns[k].usual for k in columns])
-    score, info = efficient(evidence, columns)
+    score, info = terms.efficient(evidence, columns)
     score, info = score * usual, info * np.outer(usual, usual)
     first, second = np.triu_indices(len(columns), 1)
     own = 1.0 + np.diag(info)
@@ -423,11 +415,11 @@ def _refitted(fitted: LauncherFit, guesses: Guesses, least: float) -> dict[tuple
         if left[0][0] <= best - GUESS * abs(best):
             break
         _, names, start = left.pop(0)
-        one, nats = fitted.with_terms(names, np.array(start)), NEVER
-        if is_possible(one, *(usual[name] for name in one.names)):
+        one, nats = fitted.with_terms(names, np.array(start)), terms.NEVER
+        if terms.is_possible(one, *(usual[name] for name in one.names)):
             nats = one.log_evidence + sum(
-                nats_in_range(fitted, name, float(a), float(sd), usual[name])
-                + nats_measured(fitted.model.layout.measured, name, 0.0, usual[name])   # the rest: in the fit's prior
+                terms.nats_in_range(fitted, name, float(a), float(sd), usual[name])
+                + terms.nats_measured(fitted.model.layout.measured, name, 0.0, usual[name])     # the rest is a prior
                 for name, a, sd in zip(one.names, one.amplitude, one.sd, strict=True))
         found[names] = one, nats
     return found
@@ -435,17 +427,17 @@ def _refitted(fitted: LauncherFit, guesses: Guesses, least: float) -> dict[tuple
 
 def nats_known(fitted: LauncherFit, name: str, amplitude: float, sd: float, usual: float) -> float:
     """Nats for an amplitude beside the shots: its range, and what was measured of it."""
-    return (nats_in_range(fitted, name, amplitude, sd, usual)
-            + nats_measured(fitted.model.layout.measured, name, amplitude, sd))
+    return (terms.nats_in_range(fitted, name, amplitude, sd, usual)
+            + terms.nats_measured(fitted.model.layout.measured, name, amplitude, sd))
 
 
-def range_nats(fitted: LauncherFit, naming: Naming, name: str) -> float:
+def range_nats(fitted: LauncherFit, naming: terms.Naming, name: str) -> float:
     """For the prior of a refitted name's amplitude being cut where the parameter's range ends."""
     found = naming.refits.get(name)
     if found is None:
         return 0.0
     usual = fitted.scores.columns[fitted.scores.index(name)].usual
-    return nats_in_range(fitted, name, float(found.amplitude[0]), float(found.sd[0]), usual)
+    return terms.nats_in_range(fitted, name, float(found.amplitude[0]), float(found.sd[0]), usual)
 
 
 def families_of(evidence: ScoreTable, covariates: Sequence[Covariate], factors: Sequence[Factor],

@@ -18,19 +18,9 @@ from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig, Tracker
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import SCATTER, Belief, Curve, scale_of
+from truearc.sim.infer.likelihood import noise
 from truearc.sim.infer.likelihood.data import Intake
 from truearc.sim.infer.likelihood.forward_model import Chain, Prediction
-from truearc.sim.infer.likelihood.noise import (
-    BALL_SPEED,
-    BALLS_PART,
-    CALIBRATED,
-    OTHER_BALLS,
-    OTHER_RAD,
-    SCATTER_PRIOR,
-    SCATTERS,
-    UNMEASURED_M,
-    WEAKER,
-)
 from truearc.sim.infer.likelihood.score_table import Array, Column
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_parameter, find_terms, flight_terms
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS, find_nameless
@@ -231,7 +221,7 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Int[Ar
     first_push, width = len(slots) + chain.deviates, chain.pushes // len(DIRECTIONS)
     found = [(column, len(slots) + number) for number, column in (*FREE, *([AZIMUTH] if filmed else []))]
     found += [(column, first_push + number) for number, column in _pushes(chain, width, edges)]
-    sideless = intake.scatter is not None and intake.scatter.sigma_m[1] >= UNMEASURED_M       # y tells nothing
+    sideless = intake.scatter is not None and intake.scatter.sigma_m[1] >= noise.UNMEASURED_M       # y tells nothing
     if sideless:
         found = [(column, place) for column, place in found if column.direction != "lateral"]
     trackers = calibrated(catalogue) if filmed else [one for one in catalogue if isinstance(one, WatchTerm)]
@@ -243,10 +233,10 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Int[Ar
                slots.index((term.name, term.amplitude.name))) for term in asked]
     shared = _shared(intake, believed, slots, catalogue)
     found += _changed(shared, belief)
-    scatters = tuple(_scatter_place(intake, len(found) + len(shared), k) for k in range(len(SCATTERS)))
-    names = [name for name, place in zip(SCATTERS, scatters, strict=True) if place >= 0]
+    scatters = tuple(_scatter_place(intake, len(found) + len(shared), k) for k in range(len(noise.SCATTERS)))
+    names = [name for name, place in zip(noise.SCATTERS, scatters, strict=True) if place >= 0]
     prior = [(mean, sd) for _, _, mean, sd in shared]
-    prior += [(np.log(SCATTER_PRIOR[name][0]), np.log(SCATTER_PRIOR[name][1])) for name in names]
+    prior += [(np.log(noise.SCATTER_PRIOR[name][0]), np.log(noise.SCATTER_PRIOR[name][1])) for name in names]
     found += [(column, place) for column, place, *_ in shared]
     found += [(Column(name, "shared", "launch", "along", "1", 1.0), -1) for name in names]
     effects: Groups | None
@@ -269,7 +259,7 @@ def _groups(groups: tuple[str, Int[Array, " n"], int], believed: tuple[str, ...]
             catalogue: Catalogue) -> Groups:
     """Speed, and believed numbers that each ball has its own of (Parameter.fit_each_ball)."""
     _, label, count = groups
-    inputs, scale = [len(slots)], [BALL_SPEED]
+    inputs, scale = [len(slots)], [noise.BALL_SPEED]
     for term in catalogue.find(believed):
         for one in term.parameters:
             if one.fit_each_ball:
@@ -283,7 +273,7 @@ def _other_balls(intake: Intake, belief: Belief, slots: tuple[tuple[str, str], .
     inputs, scale = (_as_shots_differ(belief, slots) if intake.samples is None else
                      _as_balls_differ(belief, slots, catalogue))
     return Groups(np.zeros(len(intake.rows), dtype=int), 1, np.array(inputs, dtype=int),
-                  np.array(scale) / np.sqrt(OTHER_BALLS))
+                  np.array(scale) / np.sqrt(noise.OTHER_BALLS))
 
 
 def _as_balls_differ(belief: Belief, slots: tuple[tuple[str, str], ...],
@@ -294,13 +284,13 @@ def _as_balls_differ(belief: Belief, slots: tuple[tuple[str, str], ...],
     mine = {(term.name, one.name): one.by_ball * abs(belief.value(f"{term.name}.{one.name}"))
             for term, one in of_a_ball if belief.has(f"{term.name}.{one.name}")}
     return ([len(slots), len(slots) + 1, *(slots.index(slot) for slot in mine)],
-            [BALL_SPEED, OTHER_RAD, *mine.values()])
+            [noise.BALL_SPEED, noise.OTHER_RAD, *mine.values()])
 
 
 def _as_shots_differ(belief: Belief, slots: tuple[tuple[str, str], ...]) -> tuple[list[int], list[float]]:
     """In speed and elevation, by no more than launches do from shot to shot: outcomes show no more of a ball."""
     spread = belief.scatter.get("speed", 0.0), np.radians(belief.scatter.get("elevation_deg", 0.0))
-    return [len(slots), len(slots) + 1], [float(np.sqrt(BALLS_PART) * value) for value in spread]
+    return [len(slots), len(slots) + 1], [float(np.sqrt(noise.BALLS_PART) * value) for value in spread]
 
 
 def usual_of(term: Term, rig: Rig) -> float:
@@ -321,7 +311,7 @@ def weak_prior(parameter: Parameter) -> tuple[float, float]:
     if prior is None:
         return parameter.default, 0.2 * (parameter.high - parameter.low)
     spread = {"linear": 1.0, "log": prior.centre, "left": 1.0 - prior.centre}[prior.scale]
-    return prior.centre, WEAKER * spread * prior.sd
+    return prior.centre, noise.WEAKER * spread * prior.sd
 
 
 def check_believed(believed: Iterable[str], among: Catalogue | None = None) -> None:
@@ -357,7 +347,7 @@ def calibrated(catalogue: Catalogue) -> tuple[Term, ...]:
 def calibration_sd(term: Term, tracker: Tracker) -> float:
     """One standard deviation of a tracker's error, as rig.toml states it, or as is usual of such a tracker."""
     stated: float | None = getattr(tracker, STATED.get(term.name, ""), None)
-    return stated or (term.calibration_sd or 0.0) * (CALIBRATED if tracker.calibrated else 1.0)
+    return stated or (term.calibration_sd or 0.0) * (noise.CALIBRATED if tracker.calibrated else 1.0)
 
 
 def is_tracker(column: Column, among: Catalogue) -> bool:
@@ -375,7 +365,7 @@ def _scatter_place(intake: Intake, first: int, number: int) -> int:
     """The column of a scatter, or -1 where nothing could tell it."""
     there = np.append(intake.scattered != 0.0, np.full((len(intake.rows), 1), intake.filmed), axis=1)
     wanted = [bool(there[:, k].any()) and (one != "scatter.azimuth_rad" or intake.filmed)
-              for k, one in enumerate(SCATTERS)]
+              for k, one in enumerate(noise.SCATTERS)]
     return first + sum(wanted[:number]) if wanted[number] else -1
 
 
