@@ -16,9 +16,8 @@ import msgspec
 
 from benchmarks.worlds import KINDS, Job, Line, fill_and_tell, mark_job, parser_of, plan_jobs, true_parameter, world_of
 from truearc.sim.compute import keep_compiled
-from truearc.sim.discover.adopt import Investigation
 from truearc.sim.discover.finding import make_json
-from truearc.sim.discover.investigate import discover
+from truearc.sim.discover.investigate import Investigation, discover
 from truearc_proof.report.tables import said, share
 from truearc_proof.scoring.oracle import ceiling_of, oracle_gain, strength_of
 from truearc_proof.scoring.score_world import NULLS, Mark
@@ -51,12 +50,12 @@ def _with_ceiling(finding: dict[str, Any], found: Investigation, job: Job, world
     """The finding with what could have been found and gained."""
     wanted = true_parameter(job)
     if job.kind == "off" and found.fitted is not None:
-        return {**finding, "strength": strength_of(found.fitted.evidence, shift_m(world))}
+        return {**finding, "strength": strength_of(found.fitted.scores, shift_m(world))}
     if wanted is None:
         return finding
     name, amplitude = f"{job.name}.{wanted[0]}", wanted[1]
     fit = {**(finding["fit"] or {}), "oracle_gain_per_shot": oracle_gain(found, name, amplitude)}
-    ceiling = found.fitted and ceiling_of(found.fitted.evidence, job.level, name, amplitude, job.index)
+    ceiling = found.fitted and ceiling_of(found.fitted.scores, job.level, name, amplitude, job.index)
     return {**finding, "fit": fit, "ceiling": ceiling}
 
 

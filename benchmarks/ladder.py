@@ -19,8 +19,7 @@ from benchmarks.worlds import Job, true_parameter, world_of
 from truearc.sim.compute import keep_compiled
 from truearc.sim.discover.select.terms import efficient, visible_terms
 from truearc.sim.infer.fit import fit_believed
-from truearc.sim.infer.likelihood.data import take_in
-from truearc.sim.infer.likelihood.layout import groups_of, lay_out
+from truearc.sim.infer.launcher import Launcher
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc_proof.scoring.oracle import strength_of
 from truearc_proof.truth.generate import shift_m, shoot
@@ -35,9 +34,7 @@ def lambdas(level: str, worlds: int, seed: int, shots: int) -> dict[str, float]:
     for index in range(worlds):
         world = world_of(Job("nulls", "clean", level, shots, 0.0, seed, index))
         dataset = shoot(world)
-        intake = take_in(dataset)
-        layout = lay_out(intake, BELIEVED, groups_of(dataset.shots, intake.rows))
-        evidence = fit_believed(intake, layout).evidence
+        evidence = fit_believed(Launcher.of(dataset, BELIEVED)).scores
         columns = visible_terms(evidence)
         left = np.diag(efficient(evidence, columns)[1])
         information = {evidence.columns[k].name: float(value) for k, value in zip(columns, left, strict=True)}

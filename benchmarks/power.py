@@ -20,9 +20,8 @@ from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.finding import FALSE_ALARM
 from truearc.sim.discover.investigate import detect, make_search
 from truearc.sim.discover.plan.identifiability import sight_of
-from truearc.sim.infer.fit import BaselineFit, fit_believed
-from truearc.sim.infer.likelihood.data import take_in
-from truearc.sim.infer.likelihood.layout import groups_of, lay_out
+from truearc.sim.infer.fit import fit_believed
+from truearc.sim.infer.launcher import Launcher, LauncherFit
 from truearc.sim.printed import make_text
 from truearc_proof.scoring.score_finding import in_catalogue
 from truearc_proof.truth.generate import shoot
@@ -36,7 +35,7 @@ def run(level: str, shots: int, seed: int) -> Line:
     """One world: {effect: whether discovery reports it at the size that would be seen four times in five}."""
     keep_compiled()
     still = shoot(make_world({}, level, shots, seed))
-    smallest = {one.term: (one.smallest, one.usual) for one in sight_of(fitted(still).evidence, level, ()).terms}
+    smallest = {one.term: (one.smallest, one.usual) for one in sight_of(fitted(still).scores, level, ()).terms}
     found: dict[str, bool] = {}
     for place, name in enumerate(sorted(names_of("effects", level))):
         effect = find_effect(name)
@@ -51,10 +50,9 @@ def run(level: str, shots: int, seed: int) -> Line:
     return {"level": level, "shots": shots, "found": found}
 
 
-def fitted(dataset: Dataset) -> BaselineFit:
+def fitted(dataset: Dataset) -> LauncherFit:
     """The baseline at its best."""
-    intake = take_in(dataset)
-    return fit_believed(intake, lay_out(intake, BELIEVED, groups_of(dataset.shots, intake.rows)))
+    return fit_believed(Launcher.of(dataset, BELIEVED))
 
 
 def make_table(lines: Sequence[Line]) -> str:

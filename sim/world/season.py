@@ -13,10 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from truearc.hw.protocols import NS
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.shot_map import OUTCOMES
 from truearc.sim.data.dataset import Dataset, Shots, Traces
-from truearc.sim.data.recordings import AFTER_S, BEFORE_S, NS
+from truearc.sim.data.recordings import AFTER_S, BEFORE_S
 from truearc.sim.printed import Progress
 from truearc.sim.world.drive import HOOD_COULOMB_NM
 from truearc.sim.world.field import BallResult

@@ -21,7 +21,7 @@ UNWANTED = {"jax", "scipy", "mujoco", "cv2", "cantools"}
 SHOTS = Path(__file__).parents[2] / "examples" / "spreadsheet"
 APART = {("demo_effects.py", "world.options"),   # the demo plays a world, too, and its page has the hash of the shots
          ("demo.py", "data.files"),
-         *(("demo_acts.py", module) for module in ("aim.solve", "data.dataset", "discover.adopt", "world.options",
+         *(("demo_acts.py", module) for module in ("aim.solve", "data.dataset", "discover.investigate", "world.options",
                                                    "world.season"))}
 REFERENCE = Path(__file__).parents[1] / "golden" / "reference"
 

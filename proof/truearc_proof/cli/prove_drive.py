@@ -32,8 +32,8 @@ from truearc.robot.recording.session import load_trials
 from truearc.sim.compute import keep_compiled
 from truearc.sim.data.files import save_dataset
 from truearc.sim.data.recordings import shots_from_sessions
-from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.finding import make_json
+from truearc.sim.discover.investigate import make_belief
 from truearc.sim.discover.report.finding_text import say_adopted
 from truearc.sim.printed import Progress
 from truearc.sim.world.emulated_robot import emulate

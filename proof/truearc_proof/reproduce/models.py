@@ -22,7 +22,7 @@ from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.gate.train import train_physics_gate
-from truearc.sim.infer.fit import fit_map
+from truearc.sim.infer.launcher import fit_map
 from truearc.sim.paper import Recipe
 from truearc.sim.paper.grid_fit import Score, fit_grid, score
 from truearc.sim.paper.network import LABELS, Rows, probabilities, training_rows

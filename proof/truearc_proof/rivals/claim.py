@@ -14,15 +14,13 @@ import numpy as np
 from msgspec import Struct
 
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.adopt import Investigation
+from truearc.sim.discover.investigate import Investigation
 from truearc.sim.discover.select.simulations import end_errors
-from truearc.sim.discover.select.terms import Candidate, Refit, one_step, refit
-from truearc.sim.infer.fit import BaselineFit
-from truearc.sim.infer.likelihood.layout import only_shared
-from truearc.sim.infer.likelihood.score_table import unseen_change, without
+from truearc.sim.discover.select.terms import Candidate, one_step
+from truearc.sim.infer.launcher import LauncherFit
+from truearc.sim.infer.likelihood.score_table import FOLDS, folds_of
 
 Array = np.ndarray
-FOLDS = 5
 LIKELY = 3
 MOST_USUAL = 3.0                      # usual sizes from which a refit starts at most
 
@@ -47,13 +45,13 @@ class Claim(Struct, frozen=True):
 class RivalBelief:
     """The believed simulation fitted to the dataset, as truearc fits it; refits: of single terms, as far as made."""
 
-    fitted: BaselineFit
-    refits: Mapping[str, Refit] = field(default_factory=dict)
+    fitted: LauncherFit
+    refits: Mapping[str, LauncherFit] = field(default_factory=dict)
 
     @property
     def terms(self) -> tuple[str, ...]:
         """Terms that are believed."""
-        columns = self.fitted.evidence.columns[self.fitted.evidence.first_shared:]
+        columns = self.fitted.scores.columns[self.fitted.scores.first_shared:]
         return tuple(dict.fromkeys(column.name.partition(".")[0] for column in columns if column.kind == "shared"))
 
 
@@ -69,7 +67,7 @@ class Held(NamedTuple):
 
 def folds(n: int) -> tuple[Held, ...]:
     """Every fifth of n shots, as truearc's own figures on unseen shots have it."""
-    fold = np.arange(n) % FOLDS
+    fold = folds_of(n)
     return tuple(Held(fold != k, fold == k) for k in range(FOLDS))
 
 
@@ -89,23 +87,21 @@ def rms(errors: Array) -> float:
 def answer_argmax(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
     """Return the best fit's name and its forecast errors; nothing in it is random."""
     fitted = believed.fitted
-    candidates = [one for one in one_step(fitted.evidence)[0] if one.visible]
+    candidates = [one for one in one_step(fitted.scores)[0] if one.visible]
     if not candidates:
         return Claim(False)
     ordered = sorted(candidates, key=lambda one: -one.z**2)
     refits = {one.name: believed.refits.get(one.name) or _refit(fitted, one) for k, one in enumerate(ordered)
               if k < LIKELY or one.name in believed.refits}
-    fits = {name: float(found.evidence.log_score.sum()) for name, found in refits.items()}
+    fits = {name: float(found.scores.log_score.sum()) for name, found in refits.items()}
     ranked = sorted(fits, key=lambda name: -fits[name]) + [one.name for one in ordered if one.name not in fits]
-    null = without(fitted.evidence)
-    before = end_errors(fitted.intake, only_shared(fitted.layout), fitted.spot, null, unseen_change(null))
-    best = refits[ranked[0]]
-    after = end_errors(fitted.intake, best.layout, best.spot, best.evidence, unseen_change(best.evidence))
+    null, best = fitted.without_terms(), refits[ranked[0]]
+    before, after = (end_errors(one, one.scores.held_out_change()) for one in (null, best))
     names = tuple(dict.fromkeys(name.partition(".")[0] for name in ranked))
-    return Claim(True, names, before, after, {"gain": fits[ranked[0]] - float(null.log_score.sum())})
+    return Claim(True, names, before, after, {"gain": fits[ranked[0]] - float(null.scores.log_score.sum())})
 
 
-def _refit(fitted: BaselineFit, one: Candidate) -> Refit:
+def _refit(fitted: LauncherFit, one: Candidate) -> LauncherFit:
     """From one step on, tamed: all is linear nearby only."""
-    usual = fitted.evidence.columns[one.column].usual
-    return refit(fitted, (one.name,), np.array([np.clip(one.amplitude, -MOST_USUAL * usual, MOST_USUAL * usual)]))
+    usual = fitted.scores.columns[one.column].usual
+    return fitted.with_terms((one.name,), np.clip([one.amplitude], -MOST_USUAL * usual, MOST_USUAL * usual))

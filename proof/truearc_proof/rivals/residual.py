@@ -23,8 +23,6 @@ from threadpoolctl import threadpool_limits
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.detect.covariates import FOLLOWED, Covariate, gather_covariates
 from truearc.sim.discover.select.simulations import track_errors
-from truearc.sim.infer.likelihood.layout import only_shared
-from truearc.sim.infer.likelihood.score_table import unseen_change, without
 from truearc.sim.physics.catalogue import TERMS
 from truearc_proof.rivals.claim import Array, Claim, RivalBelief, folds, rms
 
@@ -53,7 +51,7 @@ def claim_by(dataset: Dataset, believed: RivalBelief, make: Callable[[], Learner
     """Return the learner's claim; it says something if it forecasts held-out residuals better than 0 does."""
     covariates = gather_covariates(dataset)
     residuals = residuals_of(believed)
-    table = table_of(covariates, believed.fitted.intake.rows[believed.fitted.intake.tracked])
+    table = table_of(covariates, believed.fitted.model.data.rows[believed.fitted.model.data.tracked])
     foretold = cross_validate(table, residuals, make)
     each = gain_of_each(residuals, foretold)
     says = bool(each.mean() > 0.0)
@@ -66,9 +64,8 @@ def claim_by(dataset: Dataset, believed: RivalBelief, make: Callable[[], Learner
 def residuals_of(believed: RivalBelief) -> Array:
     """[k, c] in m of the tracked shots' measured coordinates, height last, each by a believed fit that has not seen
     it."""
-    fitted = believed.fitted
-    null = without(fitted.evidence)
-    errors = track_errors(fitted.intake, only_shared(fitted.layout), fitted.spot, unseen_change(null))
+    null = believed.fitted.without_terms()
+    errors = track_errors(null, null.scores.held_out_change())
     return errors[:, (errors != 0.0).any(axis=0)]
 
 

@@ -26,7 +26,7 @@ import truearc.sim
 import truearc_proof
 from truearc.sim.check.check import CHECKS
 from truearc.sim.data.dataset import join_datasets
-from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover.investigate import make_belief
 from truearc.sim.infer.belief import as_table, from_table
 from truearc.sim.physics.catalogue import BUILT_IN
 from truearc.sim.printed import Progress

@@ -14,14 +14,15 @@ import numpy as np
 
 from truearc.sim.data.conditions import circumstances_of, counts_shots
 from truearc.sim.data.dataset import Dataset, join_datasets
-from truearc.sim.discover.adopt import Investigation
+from truearc.sim.discover.investigate import Investigation
 from truearc.sim.discover.plan.next_steps import Contest, worth
-from truearc.sim.discover.select.terms import ALIAS, efficient, nats_for, refit, visible_terms
+from truearc.sim.discover.select.terms import ALIAS, efficient, nats_for, visible_terms
 from truearc.sim.infer.belief import Belief, along, point_belief
-from truearc.sim.infer.fit import BaselineFit, coefficients_of, fit_believed
-from truearc.sim.infer.likelihood.data import every_column, take_in
-from truearc.sim.infer.likelihood.layout import column_of, groups_of, lay_out
-from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, plane_terms, unseen_score, without
+from truearc.sim.infer.fit import fit_believed
+from truearc.sim.infer.launcher import Launcher, LauncherFit, coefficients_of
+from truearc.sim.infer.likelihood.data import every_column
+from truearc.sim.infer.likelihood.layout import column_of
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, plane_terms
 from truearc.sim.physics.catalogue import BUILT_IN
 from truearc.sim.physics.simulate import opening_of, predict
 from truearc_proof.scoring.score_finding import ALIASES, PARAMETER
@@ -122,10 +123,10 @@ def oracle_gain(investigation: Investigation, name: str, amplitude: float) -> fl
     fitted = investigation.fitted
     if fitted is None or not investigation.steps:
         return None
-    if name not in {column.name for column in fitted.evidence.columns[:fitted.evidence.first_shared]}:
+    if name not in {column.name for column in fitted.scores.columns[:fitted.scores.first_shared]}:
         return None
-    told = refit(fitted, (name,), np.array([amplitude]))
-    return float((unseen_score(told.evidence) - unseen_score(without(fitted.evidence))).mean())
+    told = fitted.with_terms((name,), np.array([amplitude]))
+    return float((told.scores.held_out() - fitted.held_out()).mean())
 
 
 class Measured(NamedTuple):
@@ -149,30 +150,30 @@ def measure(drawn: Drawn, dataset: Dataset, claimed: bool = True, seed: int = 0)
     single = len(drawn.effects) == 1
     if drawn.engine != NUMPY or not (single or claimed):
         return Measured()
-    terms, intake = dataset.facts.believe.terms, take_in(dataset)
-    fitted = fit_believed(intake, lay_out(intake, terms, groups_of(dataset.shots, intake.rows), BUILT_IN))
-    before = _believed(fitted.evidence, terms)
+    terms = dataset.facts.believe.terms
+    fitted = fit_believed(Launcher.of(dataset, terms, BUILT_IN))
+    before = _believed(fitted.scores, terms)
     return _of_one(drawn, dataset, fitted, seed)._replace(before=before) if single else Measured(before=before)
 
 
-def _of_one(drawn: Drawn, dataset: Dataset, fitted: BaselineFit, seed: int) -> Measured:
+def _of_one(drawn: Drawn, dataset: Dataset, fitted: LauncherFit, seed: int) -> Measured:
     (name, amount), = drawn.effects.items()
     if name not in PARAMETER:
         world = make_world(drawn.effects, drawn.level, drawn.shots, drawn.seed, drawn.dirt)
-        return Measured(strength=strength_of(fitted.evidence, shift_m(world)))
+        return Measured(strength=strength_of(fitted.scores, shift_m(world)))
     column, amplitude = f"{name}.{PARAMETER[name][0]}", PARAMETER[name][1](amount)
-    ceiling = ceiling_of(fitted.evidence, drawn.level, column, amplitude, seed)
+    ceiling = ceiling_of(fitted.scores, drawn.level, column, amplitude, seed)
     if name in WEAR and not counts_shots(dataset.shots):       # it goes with balls, which are not told apart
         ceiling = Ceiling(FALSE_ALARM, 0.0, 0.0, 0.0, ())
     if ceiling is None:
         return Measured()
-    index = np.array([fitted.evidence.index(column)])
-    information = float(efficient(fitted.evidence, index)[1][0, 0])
+    index = np.array([fitted.scores.index(column)])
+    information = float(efficient(fitted.scores, index)[1][0, 0])
     best_sd = information**-0.5 if information > 0.0 else None
-    told = refit(fitted, (column,), np.array([amplitude]))
-    gain = unseen_score(told.evidence) - unseen_score(without(fitted.evidence))
+    told = fitted.with_terms((column,), np.array([amplitude]))
+    gain = told.scores.held_out() - fitted.held_out()
     return Measured(tuple(ceiling[:4]), ceiling.alike, best_sd, float(gain.mean()),
-                    oracle=_believed(told.evidence, dataset.facts.believe.terms))
+                    oracle=_believed(told.scores, dataset.facts.believe.terms))
 
 
 def _believed(evidence: ScoreTable, terms: tuple[str, ...]) -> Belief:
@@ -189,8 +190,7 @@ def random_worth(first: Dataset, more: Dataset, finding: Mapping[str, Any]) -> i
     """
     what = {one["term"]: one for one in finding["what"] if one["term"] in (finding["set"] or ())}
     whole = join_datasets(first, more)
-    terms, intake = first.facts.believe.terms, take_in(whole)
-    evidence = fit_believed(intake, lay_out(intake, terms, groups_of(whole.shots, intake.rows))).evidence
+    evidence = fit_believed(Launcher.of(whole, first.facts.believe.terms)).scores
     there = {column.name for column in evidence.columns[:evidence.first_shared]}
     names = [name for name in what if column_of(name) in there]
     if len(names) < 2:

@@ -7,7 +7,7 @@ import pytest
 
 from tests.sim.discover.made import column, gaussian
 from tests.sim.discover.straight import ASKED, lay_straight
-from truearc.sim.discover.detect.score_test import PIECES, Scores, efficient_scores
+from truearc.sim.discover.detect.battery import PIECES, Scores, efficient_scores
 from truearc.sim.infer.belief import Belief, point_belief
 from truearc.sim.infer.likelihood.layout import inform, may_have_moved, widened
 from truearc.sim.infer.likelihood.score_table import Column, ScoreTable
