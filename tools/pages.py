@@ -39,9 +39,8 @@ from truearc.robot import reasons
 from truearc.robot.operator_ui.view import MESSAGES
 from truearc.sim.physics.catalogue import BUILT_IN
 from truearc.sim.physics.term import STAGES, Parameter, Term
-from truearc_proof.report.tables import make_tables
-from truearc_proof.report.targets import posterior_rows
-from truearc_proof.rounds.jsonl_store import lines_of
+from truearc_proof.parallel import lines_of
+from truearc_proof.rounds.tables import make_tables, posterior_rows
 from truearc_proof.table import make_markdown
 
 ROOT = Path(__file__).resolve().parents[1]

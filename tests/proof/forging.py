@@ -5,8 +5,7 @@ from typing import Any
 
 import msgspec
 
-from truearc_proof.rounds.documents import canonical
-from truearc_proof.rounds.ledger import Entry, Room, append, digest, read_ledger
+from truearc_proof.rounds import Entry, Room, append, canonical, digest, read_ledger
 
 
 def chain_anew(room: Room, entries: Iterable[Entry]) -> None:

@@ -7,9 +7,9 @@ import msgspec
 import pytest
 
 from tests.proof.playing import prove, prove_apart
+from truearc_proof.rounds import Room, read_ledger
 from truearc_proof.rounds.grader import graded_of
-from truearc_proof.rounds.ledger import Room, read_ledger
-from truearc_proof.worlds.sampling_plan import MUJOCO, NUMPY
+from truearc_proof.rounds.worlds import MUJOCO, NUMPY
 
 pytestmark = pytest.mark.slow
 ARGUMENTS = ["--worlds", "4", "--level", "L1", "--shots", "24", "--seed", "26", "--follow-up", "--processes", "1"]

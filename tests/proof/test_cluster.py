@@ -9,7 +9,7 @@ import pytest
 
 from tests.proof.forging import ask
 from tests.proof.playing import prove
-from truearc_proof.rounds.ledger import Room, read_ledger
+from truearc_proof.rounds import Room, read_ledger
 
 pytestmark = pytest.mark.slow
 ARGUMENTS = ["--worlds", "1", "--level", "L0", "--shots", "40", "--engines", "numpy", "--seed", "3"]

@@ -9,30 +9,26 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from truearc.errors import InputError
-from truearc_proof.rounds.committer import Reading, asked_of
-from truearc_proof.rounds.documents import (
-    INSTRUMENTS_1,
+from truearc_proof.rounds import (
+    FIRST,
     SCHEMA,
-    SCHEMA_1,
+    Room,
+    append,
     canonical,
     check_data,
-    load_claims,
+    committed,
     load_seal,
     make_seal,
+    read_ledger,
     save_seal,
 )
-from truearc_proof.rounds.ledger import FIRST, Room, append, committed, digest, read_ledger
-from truearc_proof.scoring.score_finding import names_ranked, said_set, said_stage
-from truearc_proof.worlds.instruments import TOOLS
+from truearc_proof.rounds.committer import asked_of
 
 PLAIN = st.recursive(st.none() | st.booleans() | st.integers(-10**9, 10**9) | st.text(max_size=8)
                      | st.floats(allow_nan=False, allow_infinity=False),
                      lambda inner: (st.lists(inner, max_size=3)
                                     | st.dictionaries(st.text(max_size=5), inner, max_size=3)), max_leaves=8)
 WORLDS = st.dictionaries(st.text(max_size=5), PLAIN, max_size=4)
-# World w0018 of the published round 4 at L0, its lists shortened; ASKED is in that round's ledger.
-PUBLISHED = Path(__file__).with_name("claims1.json")
-ASKED = "3f66705ec50e11c100c32563769081bd87463a21f8854c2f1beba462bc154379"
 
 
 @given(WORLDS)
@@ -158,43 +154,16 @@ def test_a_claim_after_the_seal_was_opened_counts_for_nothing(tmp_path, steps):
         committed(read_ledger(tmp_path / "ledger.jsonl"), "w1")
 
 
-@pytest.fixture
-def room(tmp_path: Path) -> Room:
+@pytest.mark.parametrize(("change", "said"), [
+    ({"asked": [{"measure": "the truth"}]}, "asked: measure: there is no 'the truth'"),
+    ({"schema": "truearc.claims/3"}, r"w1\.json: Invalid enum value 'truearc\.claims/3'")])
+def test_claims_that_cannot_be_read_are_refused(tmp_path: Path, change: dict[str, object], said: str) -> None:
     room = Room(tmp_path)
-    room.claims("w0018").parent.mkdir()
-    room.claims("w0018").write_bytes(PUBLISHED.read_bytes())
-    return room
-
-
-def test_claims_of_schema_1_load_with_instruments_by_id(room: Room) -> None:
-    claims = load_claims(room.claims("w0018"))
-    assert claims.schema == SCHEMA_1 and claims.asked == [{"measure": "inclinometer"}]
-    assert asked_of(room, "w0018") == Reading("inclinometer", "hood angle with an inclinometer")
-    assert digest(canonical(claims.written)) == ASKED
-
-
-def test_what_is_scored_of_claims_of_schema_1_are_ids() -> None:
-    finding = load_claims(PUBLISHED).finding
-    assert names_ranked(finding)[:2] == said_set(finding) == ["rim_catch", "hood_offset"]
-    assert said_stage(finding["where"]) == "arrival"
-
-
-def test_every_instrument_of_schema_1_has_an_id_that_is_still_there() -> None:
-    assert set(INSTRUMENTS_1.values()) == set(TOOLS) and len(INSTRUMENTS_1) == len(TOOLS)
-
-
-def test_claims_of_schema_2_take_ids_alone(room: Room) -> None:
-    path = room.claims("w0018")
-    claims = {**msgspec.json.decode(PUBLISHED.read_bytes()), "schema": SCHEMA}
-    path.write_bytes(canonical(claims))
-    with pytest.raises(InputError, match="asked: measure: there is no 'hood angle with an inclinometer'"):
-        asked_of(room, "w0018")
-    path.write_bytes(canonical({**claims, "asked": [{"measure": "inclinometer"}]}))
-    assert asked_of(room, "w0018") == Reading("inclinometer", "inclinometer")
-
-
-def test_claims_of_an_unknown_schema_are_refused(room: Room) -> None:
-    path = room.claims("w0018")
-    path.write_bytes(PUBLISHED.read_bytes().replace(b"truearc.claims/1", b"truearc.claims/3"))
-    with pytest.raises(InputError, match=r"w0018\.json: Invalid enum value 'truearc\.claims/3'"):
-        load_claims(path)
+    room.claims("w1").parent.mkdir()
+    claims = {"schema": SCHEMA, "data": {}, "finding": {"mismatch": {"found": True}, "verdict": "set"},
+              "asked": [{"measure": "inclinometer"}]}
+    room.claims("w1").write_bytes(canonical(claims))
+    assert asked_of(room, "w1") == "inclinometer"
+    room.claims("w1").write_bytes(canonical({**claims, **change}))
+    with pytest.raises(InputError, match=said):
+        asked_of(room, "w1")

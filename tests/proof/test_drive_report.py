@@ -8,9 +8,9 @@ import pytest
 from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc_proof.cli import prove_roles
-from truearc_proof.cli.prove_drive import Driven, driven_of, room_of
+from truearc_proof.cli.prove_roles import Driven, driven_of, room_of
+from truearc_proof.rounds import Room, append
 from truearc_proof.rounds.grader import save_mark
-from truearc_proof.rounds.ledger import Room, append
 
 
 def make_driven(root: Path) -> Room:

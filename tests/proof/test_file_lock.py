@@ -12,7 +12,7 @@ import pytest
 
 from tests.proof.playing import prove
 from truearc.errors import InputError
-from truearc_proof.rounds.ledger import Room, alone
+from truearc_proof.rounds import Room, alone
 
 PLAY = [sys.executable, "-m", "truearc", "prove", "--worlds", "3", "--level", "L0", "--shots", "12", "--engines",
         "numpy", "--seed", "3", "--processes", "1", "--quiet", "--out"]
@@ -35,7 +35,7 @@ def is_free(root: Path) -> bool:
 
 
 def test_a_second_writer_is_told_so_and_the_lock_goes_with_its_holder(tmp_path: Path) -> None:
-    program = ("from pathlib import Path; from truearc_proof.rounds.ledger import alone\n"
+    program = ("from pathlib import Path; from truearc_proof.rounds import alone\n"
                f"with alone(Path({str(tmp_path)!r})): pass")
     with alone(tmp_path):
         done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)

@@ -8,10 +8,8 @@ import pytest
 
 import truearc as ta
 from truearc.sim.infer.belief import as_table
-from truearc_proof.rounds import solver
-from truearc_proof.rounds.ledger import Room
-from truearc_proof.worlds.generate_data import make_data
-from truearc_proof.worlds.sampling_plan import MUJOCO, Drawn
+from truearc_proof.rounds import Room, solver
+from truearc_proof.rounds.worlds import MUJOCO, Drawn, make_data
 
 BELIEVED = ta.Belief({"drag": {"k_per_m": 0.1 + 0.2}, "gravity": {"g_m_s2": 9.81}}, {"speed_rel": 0.01},
                      ("drag.k_per_m",), np.array([[1e-4 / 3]]))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from truearc.sim.physics.catalogue import TERMS
-from truearc_proof.scoring.score_finding import PARAMETER
-from truearc_proof.worlds.instruments import TOOLS, read_off
+from truearc_proof.rounds import TOOLS
+from truearc_proof.rounds.worlds import PARAMETER, read_off
 
 
 @pytest.mark.parametrize("tool", TOOLS)

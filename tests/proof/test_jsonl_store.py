@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from truearc.errors import InputError
-from truearc_proof.rounds import archive, jsonl_store
-from truearc_proof.rounds.jsonl_store import append_line, fill, lines_of, mend
-from truearc_proof.rounds.ledger import Room
+from truearc_proof import parallel as jsonl_store
+from truearc_proof.parallel import append_line, fill, lines_of, mend
+from truearc_proof.rounds import Room, archive
 
 
 def test_a_torn_line_costs_itself_alone(tmp_path: Path, capsys) -> None:

@@ -6,7 +6,7 @@ from benchmarks.launcher_world import make_table
 from truearc.sim.physics.catalogue import TERMS
 from truearc.sim.physics.term import STAGES
 from truearc.sim.world.options import Options
-from truearc_proof.worlds.sampling_plan import CHANGES, Change, seen_at
+from truearc_proof.rounds.worlds import CHANGES, Change, seen_at
 
 
 @pytest.mark.parametrize("change", CHANGES, ids=lambda change: change.name)

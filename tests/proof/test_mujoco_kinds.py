@@ -14,12 +14,8 @@ from truearc.sim.data.files import load_dataset
 from truearc.sim.physics.term import STAGES
 from truearc.sim.world.options import Options
 from truearc.sim.world.season import Season, ShotSetting
-from truearc_proof.scoring.score_finding import GOES_WITH
-from truearc_proof.truth.generate import Asked
-from truearc_proof.truth.world import find_effect
-from truearc_proof.world.season import ORDINARY, Sensors, plan_season, play_season
-from truearc_proof.worlds.generate_data import make_data, make_more
-from truearc_proof.worlds.sampling_plan import (
+from truearc_proof.rounds.marks import GOES_WITH
+from truearc_proof.rounds.worlds import (
     ALIKE_CHANGES,
     AND,
     CHANGES,
@@ -41,9 +37,14 @@ from truearc_proof.worlds.sampling_plan import (
     dirty_plan,
     dirty_sensors,
     draw_round,
+    make_data,
+    make_more,
     pairs_at,
     seen_at,
 )
+from truearc_proof.truth.generate import Asked
+from truearc_proof.truth.world import find_effect
+from truearc_proof.world.season import ORDINARY, Sensors, plan_season, play_season
 
 LEVELS = ("L0", "L1", "L2")
 FACTS = load_config(Path(robot.__file__).parent / "launcher.toml").rig
@@ -96,7 +97,7 @@ def test_two_are_two_that_share_neither_option_nor_name_and_are_plain(level: str
         assert changes in pairs_at(level) and one.change == f"{first.name}{AND}{second.name}"
         assert not set(first.options) & set(second.options) and not set(first.names) & set(second.names)
         assert set(one.effects) == set(first.options) | set(second.options)
-        # a limit of the world (truearc_proof.worlds.sampling_plan.LIMITS) may make a change smaller
+        # a limit of the world (truearc_proof.rounds.worlds.LIMITS) may make a change smaller
         assert {round(size, 9) for size in sizes(one, changes)} <= {*PLAIN_FACTORS, 1.625, 1.25}
 
 

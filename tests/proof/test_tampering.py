@@ -10,10 +10,10 @@ import pytest
 from tests.proof.forging import ask, enter_otherwise, leave_world_out, make_mark_kinder
 from tests.proof.playing import prove, quiet
 from truearc.errors import InputError
+from truearc_proof.parallel import append_line
+from truearc_proof.rounds import Room, digest
 from truearc_proof.rounds.committer import answer_round
 from truearc_proof.rounds.grader import grade_round, graded_of
-from truearc_proof.rounds.jsonl_store import append_line
-from truearc_proof.rounds.ledger import Room, digest
 
 pytestmark = pytest.mark.slow
 

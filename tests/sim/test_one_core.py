@@ -11,8 +11,7 @@ from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.investigate import discover
 from truearc.sim.infer.fit import coefficients_of, covariance_of, scatter_of
 from truearc.sim.infer.likelihood.score_table import without
-from truearc_proof.importers.exit_speeds import import_971
-from truearc_proof.importers.set_points import import_254
+from truearc_proof.importers.set_points import import_254, import_971
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
 

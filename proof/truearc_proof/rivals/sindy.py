@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from truearc.sim.data.dataset import Dataset
-from truearc_proof.rivals import flights as laws
+from truearc_proof.rivals import claim as laws
 from truearc_proof.rivals.claim import FOLDS, Array, Claim, RivalBelief, folds, rms
 
 THRESHOLDS = np.geomspace(0.02, 5.0, 13)      # in usual sizes of a term

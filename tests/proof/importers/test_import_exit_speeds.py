@@ -14,7 +14,7 @@ from truearc.errors import InputError
 from truearc.sim.data.dataset import Shots
 from truearc.sim.data.files import load_dataset
 from truearc.sim.physics.simulate import launch_of
-from truearc_proof.importers.exit_speeds import import_971, import_fuel
+from truearc_proof.importers.set_points import import_971, import_fuel
 
 SPEEDS = ("ball_speed_mps", "accelerator_rad_s", "finisher_rad_s")
 FUEL = ("hood_elevation_deg", "motor_rpm", "exit_speed_mps", "spin_rev_s", "ball_mass_kg", "ball_radius_m")

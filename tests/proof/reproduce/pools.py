@@ -10,8 +10,8 @@ from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.recordings import rule
 from truearc.sim.physics.simulate import classify, fly_rows, launch_of, predict
 from truearc.sim.physics.term import Exit
+from truearc_proof.reproduce import Settings
 from truearc_proof.reproduce.collect import LAUNCHABLE, Pool
-from truearc_proof.reproduce.settings import Settings
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 FACTS = CONFIG.rig

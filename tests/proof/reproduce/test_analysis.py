@@ -11,31 +11,28 @@ from tests.proof.reproduce.pools import SMALL, make_pool
 from truearc.cli.main import main
 from truearc.sim.paper.grid_fit import fit_grid
 from truearc.sim.paper.network import LABELS
-from truearc_proof.cli import reproduce_run as door
 from truearc_proof.parallel import fan_out
-from truearc_proof.reproduce import analysis as analysing
-from truearc_proof.reproduce import models
-from truearc_proof.reproduce.analysis import (
+from truearc_proof.reproduce import EVERYTHING, WHERE, Settings, models
+from truearc_proof.reproduce import collect as door
+from truearc_proof.reproduce import models as analysing
+from truearc_proof.reproduce.models import (
     BY_TEST,
+    OURS,
+    SIMULATOR,
     Analysis,
     Metrics,
+    SweepSetting,
     analyse,
     best_by_test,
     interval,
     measure,
     network_name,
-)
-from truearc_proof.reproduce.models import (
-    OURS,
-    SIMULATOR,
-    SweepSetting,
     run_repetition,
     settings_of,
     tasks_of,
     train_networks,
 )
 from truearc_proof.reproduce.page import OURS_NOT_THEIRS, make_tables, save_figures, save_page
-from truearc_proof.reproduce.settings import EVERYTHING, WHERE, Settings
 
 
 @pytest.fixture(scope="module", autouse=True)

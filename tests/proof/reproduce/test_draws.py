@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Shots
+from truearc_proof.reproduce import Settings, quick
 from truearc_proof.reproduce.collect import _even, draw
-from truearc_proof.reproduce.settings import Settings, quick
 
 SETTINGS = Settings(base_seed=5)
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import stats
 from sklearn.metrics import brier_score_loss, f1_score, recall_score
 
-from truearc_proof.reproduce.analysis import calibration_error, interval, measure
+from truearc_proof.reproduce.models import calibration_error, interval, measure
 
 
 def predictions(seed, n=300):

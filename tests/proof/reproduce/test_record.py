@@ -8,8 +8,7 @@ from truearc.robot.config.overrides import with_plan
 from truearc.robot.config.schema import Prescribed
 from truearc.robot.recording.replay import replay
 from truearc.robot.recording.session import load_trials
-from truearc_proof.cli.reproduce_run import DONE, make_record
-from truearc_proof.reproduce.collect import Recording
+from truearc_proof.reproduce.collect import DONE, Recording, make_record
 
 PLAN = with_plan(CONFIG, (Prescribed(4.0, 0.5, 47.0),), 1)
 

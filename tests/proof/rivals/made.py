@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from truearc_proof.rivals.flights import Flights, Moments, accelerations, gravity
+from truearc_proof.rivals.claim import Flights, Moments, accelerations, gravity
 from truearc_proof.truth.world import make_world
 
 FACTS = make_world().facts

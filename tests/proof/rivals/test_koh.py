@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from truearc_proof.rivals.koh import Calibration, Emulator, Runs, sample
+from truearc_proof.rivals.residual import Calibration, Emulator, Runs, sample
 
 STEPS = 2_000
 SEEN, HELD = np.linspace(0.0, 1.0, 12)[:, None], np.array([[0.15], [0.55], [0.8]])

@@ -7,7 +7,7 @@ import pytest
 
 from tests.proof.law import acceleration
 from tests.proof.rivals.made import sizes
-from truearc_proof.rivals.flights import COLUMNS, Moments, accelerations, candidates_of, gravity, middle_of, usual_of
+from truearc_proof.rivals.claim import COLUMNS, Moments, accelerations, candidates_of, gravity, middle_of, usual_of
 from truearc_proof.truth.world import make_world
 
 VELOCITY = np.array([[7.0, 0.4, 5.0], [5.0, -0.3, -2.0], [9.0, 0.0, 1.0]])

@@ -8,7 +8,7 @@ from scipy.stats import multivariate_normal
 
 from tests.proof.rivals.made import KNOWN, constant
 from truearc_proof.rivals import odr_bindy
-from truearc_proof.rivals.flights import usual_of
+from truearc_proof.rivals.claim import usual_of
 
 
 def test_a_push_is_named_with_an_interval_that_holds_it() -> None:

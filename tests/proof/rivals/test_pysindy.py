@@ -5,7 +5,7 @@ import pytest
 
 from tests.proof.rivals.made import KNOWN, constant
 from truearc_proof.rivals import sindy
-from truearc_proof.rivals.flights import COLUMNS, end_errors
+from truearc_proof.rivals.claim import COLUMNS, end_errors
 from truearc_proof.rivals.sindy import Rows, Tuning, claim_by, compress, fit, known_of, rank
 
 CANDIDATES = tuple(name for name in COLUMNS if name not in KNOWN)
