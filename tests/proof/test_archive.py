@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from msgspec import structs
 
-from tests.proof.forging import enter_otherwise, leave_world_out, make_mark_kinder
-from tests.proof.playing import prove, quiet
+from tests.proof.playing import enter_otherwise, leave_world_out, make_mark_kinder, prove, quiet
 from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc_proof.rounds import Room, canonical, digest, load_seal, save_seal

@@ -413,12 +413,12 @@ def _is_there(job: _Job) -> bool:
     if not path.is_file():
         return False
     said = json.loads(path.read_text(encoding="utf-8"))
-    if said != _said(job.recording) or not is_hash_of(load_header(job.folder).config_sha256, job.recording.config):
+    if said != _stated(job.recording) or not is_hash_of(load_header(job.folder).config_sha256, job.recording.config):
         raise InputError(f"{job.folder}: recorded with other settings; name another folder or take this one away")
     return True
 
 
-def _said(recording: Recording) -> dict[str, int]:
+def _stated(recording: Recording) -> dict[str, int]:
     return {"seed": recording.seed, "trials": recording.trials}
 
 
@@ -428,5 +428,5 @@ def _record(job: _Job) -> str:
     emulate(job.recording.config, job.folder, job.recording.trials, job.recording.seed)
     shutil.rmtree(job.folder / FRAMES)
     (job.folder / CAN).unlink()
-    (job.folder / DONE).write_text(json.dumps(_said(job.recording)) + "\n", encoding="utf-8")
+    (job.folder / DONE).write_text(json.dumps(_stated(job.recording)) + "\n", encoding="utf-8")
     return str(job.folder)

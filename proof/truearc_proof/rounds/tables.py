@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 
 from truearc.sim.statistics import wilson
 from truearc_proof.rounds.marks import MEASUREMENT, NULLS, SHOTS, Mark, up_to_alias
-from truearc_proof.rounds.worlds import LEVELS, MUJOCO, NUMPY, OWN
+from truearc_proof.rounds.worlds import MUJOCO, NUMPY, OWN
 from truearc_proof.table import Table
+from truearc_proof.truth.world import LEVELS
 
 VERDICTS = ("none", "named", "set", "unknown")
 GROUPS = {"nothing": NULLS, "one of the catalogue": ("one", "decoy"), "aliases": ("alias",), "two": ("two",),
