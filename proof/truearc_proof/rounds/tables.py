@@ -206,7 +206,7 @@ ADOPTED = Goal("adopted worse on the sealed season by over 1 %", ((0.0, 0.06),) 
 SIZE = Goal("mean size of a set", ((0.0, 5.0), (0.0, 4.0), (0.0, 1.6)))
 
 
-class Figure(NamedTuple):
+class ProofFigure(NamedTuple):
     """A figure with Wilson's 95 % interval; value None where no world says. `words`: as tables have it."""
 
     value: float | None
@@ -215,7 +215,7 @@ class Figure(NamedTuple):
     high: float | None = None
 
 
-def figures_of(marks: Sequence[Mark]) -> dict[Goal, Figure]:
+def figures_of(marks: Sequence[Mark]) -> dict[Goal, ProofFigure]:
     """Figures of worlds of one level and number of shots, by both engines."""
     found = [one for one in marks if one.found]
     shares = {
@@ -234,23 +234,24 @@ def figures_of(marks: Sequence[Mark]) -> dict[Goal, Figure]:
     figures[POWER] = _power([one for one in marks if one.engine == NUMPY and one.kind == "one"])
     sizes = [len(one.names) for one in found if one.right and one.verdict in ("named", "set")]
     mean = sum(sizes) / len(sizes) if sizes else None
-    return figures | {SIZE: Figure(mean, "-" if mean is None else f"{mean:.2f} of {len(sizes)}", mean, mean)}
+    return figures | {SIZE: ProofFigure(mean, "-" if mean is None else f"{mean:.2f} of {len(sizes)}", mean, mean)}
 
 
-def _share_figure(answers: Sequence[bool]) -> Figure:
+def _share_figure(answers: Sequence[bool]) -> ProofFigure:
     if not answers:
-        return Figure(None, "-")
-    return Figure(sum(answers) / len(answers), said(sum(answers), len(answers)), *wilson(sum(answers), len(answers)))
+        return ProofFigure(None, "-")
+    yes, of = sum(answers), len(answers)
+    return ProofFigure(yes / of, said(yes, of), *wilson(yes, of))
 
 
-def _power(marks: Sequence[Mark]) -> Figure:
+def _power(marks: Sequence[Mark]) -> ProofFigure:
     """Share detected, by the mean chance that the data allow."""
     known = [(one.found, one.allowed[0]) for one in marks if one.allowed is not None]
     yes, of, allowed = sum(found for found, _ in known), len(known), sum(chance for _, chance in known)
     if not allowed:
-        return Figure(None, "-")
+        return ProofFigure(None, "-")
     value, low, high = (share / (allowed / of) for share in (yes / of, *wilson(yes, of)))
-    return Figure(value, f"{value:.2f} ({low:.2f}-{high:.2f}): {yes}/{of} of {allowed / of:.2f}", low, high)
+    return ProofFigure(value, f"{value:.2f} ({low:.2f}-{high:.2f}): {yes}/{of} of {allowed / of:.2f}", low, high)
 
 
 def plain_figures(marks: Sequence[Mark]) -> dict[str, Any]:
@@ -276,7 +277,7 @@ def _wanted(wanted: tuple[float, float] | None) -> str:
     return f"<= {high:g}" if low <= 0.0 else f">= {low:g}" if high >= 1.0 else f"{low:g} to {high:g}"
 
 
-def _reached(figure: Figure, wanted: tuple[float, float] | None) -> str:
+def _reached(figure: ProofFigure, wanted: tuple[float, float] | None) -> str:
     if figure.value is None or figure.low is None or figure.high is None:
         return "no world of these rounds says"
     if wanted is None:
