@@ -5,7 +5,7 @@ proof/truearc_proof/truth/ladder.toml.
 
 Lambda is the chi-squared by which the data speak of the effect once the fitted numbers have taken what they can, from
 the information in worlds that hide nothing. Concealed worlds have their sizes by it
-(truearc_proof.worlds.sampling_plan), so that worlds of different effects and levels are equally hard; it is a table,
+(truearc_proof.rounds.worlds), so that worlds of different effects and levels are equally hard; it is a table,
 so that the truth shares no code with what is tested.
 """
 
@@ -21,7 +21,7 @@ from truearc.sim.discover.select.terms import efficient, visible_terms
 from truearc.sim.infer.fit import fit_believed
 from truearc.sim.infer.launcher import Launcher
 from truearc.sim.infer.likelihood.score_table import ScoreTable
-from truearc_proof.scoring.oracle import strength_of
+from truearc_proof.rounds.marks import strength_of
 from truearc_proof.truth.generate import shift_m, shoot
 from truearc_proof.truth.world import ABSORBED, BELIEVED, EFFECTS, LEVELS, World
 

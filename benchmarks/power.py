@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks.worlds import Line, fill_and_tell, names_of, parser_of
+from benchmarks.worlds import Line, fill_and_tell, parser_of
 from truearc.sim.compute import keep_compiled
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.finding import FALSE_ALARM
@@ -23,7 +23,8 @@ from truearc.sim.discover.plan.identifiability import sight_of
 from truearc.sim.infer.fit import fit_believed
 from truearc.sim.infer.launcher import Launcher, LauncherFit
 from truearc.sim.printed import make_text
-from truearc_proof.scoring.score_finding import in_catalogue
+from truearc_proof.rounds.marks import in_catalogue
+from truearc_proof.rounds.worlds import names_at
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import BELIEVED, find_effect, make_world
 
@@ -37,7 +38,7 @@ def run(level: str, shots: int, seed: int) -> Line:
     still = shoot(make_world({}, level, shots, seed))
     smallest = {one.term: (one.smallest, one.usual) for one in sight_of(fitted(still).scores, level, ()).terms}
     found: dict[str, bool] = {}
-    for place, name in enumerate(sorted(names_of("effects", level))):
+    for place, name in enumerate(sorted(names_at("effects", level))):
         effect = find_effect(name)
         known = in_catalogue(name, effect.typical)
         size, usual = smallest.get(name, (None, 0.0))

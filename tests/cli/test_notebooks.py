@@ -10,8 +10,7 @@ import nbformat
 import numpy as np
 import pytest
 
-from tests.proof.importers.test_import_ball_butler import recording, throw
-from tests.proof.importers.test_import_mpi import flight, record
+from tests.proof.importers.test_import_tracks import flight, record, recording, throw
 from tools.notebooks import HOME, execute
 from truearc.sim.data.files import load_dataset
 

@@ -177,7 +177,7 @@ def test_only_one_file_reads_a_clock():
     dated tables reads dates, no clock."""
     readers = {path for path, tree in trees()
                if "/cli/" not in path and {"time", "datetime"} & set(imported_modules(tree))}
-    assert readers == {"hw/real/clock.py", "proof/truearc_proof/world/survey.py",
+    assert readers == {"hw/real/clock.py", "proof/truearc_proof/world/season.py",
                        "proof/truearc_proof/importers/set_points.py"}
 
 

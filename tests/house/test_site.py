@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tools import pages
-from tools.pages import KEPT, MARKS, PAGES, keep, show
+from tools.pages import MARKS, PAGES, keep, load_printed, show
 from tools.site_hooks import unlink_outside
 
 ROOT = Path(__file__).parents[2]
@@ -78,9 +78,9 @@ def test_no_table_of_measurements_is_typed() -> None:
     assert {name: lines for name, lines in typed.items() if lines} == {}
 
 
-def test_every_result_file_is_shown_once() -> None:
+def test_every_result_is_shown_once() -> None:
     shown = [found[2] for page in MARKED for found in MARKS.finditer(page.read_text(encoding="utf-8"))]
-    assert sorted(shown) == sorted({*shown, *(path.stem for path in KEPT.glob("*.txt"))})
+    assert sorted(shown) == sorted({*shown, *load_printed()})
 
 
 def test_a_result_file_is_shown_with_its_command() -> None:
@@ -93,8 +93,10 @@ def test_a_result_file_is_shown_with_its_command() -> None:
 
 
 def test_a_run_is_kept_with_what_it_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pages, "KEPT", tmp_path)
+    monkeypatch.setattr(pages, "PRINTED", tmp_path / "printed.txt")
+    (tmp_path / "printed.txt").write_text("== zero\npython\ncommit\n\n0\n", encoding="utf-8")
     keep("count", "python -c 'print(6 * 7)'")
-    command, made, *printed = (tmp_path / "count.txt").read_text(encoding="utf-8").splitlines()
+    assert load_printed()["zero"] == "python\ncommit\n\n0"
+    command, made, *printed = load_printed()["count"].splitlines()
     assert command == "python -c 'print(6 * 7)'" and printed == ["", "42"]
     assert re.fullmatch(r"commit [0-9a-f]{8}( with changes)?, \d{4}-\d\d-\d\d", made)

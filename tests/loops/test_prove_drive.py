@@ -9,10 +9,9 @@ from msgspec import structs
 
 from truearc.errors import InputError
 from truearc.sim.data.files import load_dataset
-from truearc_proof.cli.prove_drive import LEVEL, NO_GATE, SIDES, Driven, driven_of, driven_table, play_driven, room_of
+from truearc_proof.cli.prove_roles import LEVEL, NO_GATE, SIDES, Driven, driven_of, driven_table, play_driven, room_of
+from truearc_proof.rounds import load_seal, read_ledger
 from truearc_proof.rounds.committer import RoundPlan
-from truearc_proof.rounds.documents import load_seal
-from truearc_proof.rounds.ledger import read_ledger
 
 pytestmark = pytest.mark.slow
 RECORDED, TRIALS = 20, 2

@@ -10,8 +10,7 @@ import truearc as ta
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.investigate import discover
 from truearc.sim.infer.launcher import coefficients_of, covariance_of, scatter_of
-from truearc_proof.importers.exit_speeds import import_971
-from truearc_proof.importers.set_points import import_254
+from truearc_proof.importers.set_points import import_254, import_971
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
 

@@ -28,7 +28,7 @@ import numpy as np
 
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.infer.likelihood.score_table import FOLDS
-from truearc_proof.rivals import flights as laws
+from truearc_proof.rivals import claim as laws
 from truearc_proof.rivals.claim import Array, Claim, RivalBelief, folds, rms
 
 THRESHOLDS = np.geomspace(0.02, 5.0, 13)      # in usual sizes of a term

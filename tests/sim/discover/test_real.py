@@ -26,9 +26,8 @@ from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.simulate import predict
 from truearc_proof.importers.ball_butler import import_ball_butler
 from truearc_proof.importers.ball_drops import import_ball_drops
-from truearc_proof.importers.exit_speeds import import_971
 from truearc_proof.importers.mpi import import_mpi
-from truearc_proof.importers.set_points import GOAL_M, import_254, import_3476
+from truearc_proof.importers.set_points import GOAL_M, import_254, import_971, import_3476
 
 FEW = Catalogue(few_terms())           # where it is, and no name, is asked for
 pytestmark = [pytest.mark.data, pytest.mark.slow]

@@ -8,9 +8,9 @@ from matplotlib.axes import Axes
 
 from truearc.sim.report import NO_ORIGIN, Origin, make_page, make_png, new_figure, paragraph, picture, table
 from truearc.sim.statistics import wilson
-from truearc_proof.report.tables import VERDICTS, Question, ladder_of, matrix_of, share
-from truearc_proof.rounds.ledger import Entry
-from truearc_proof.scoring.score_world import NULLS, Mark, up_to_alias
+from truearc_proof.rounds import Entry
+from truearc_proof.rounds.marks import NULLS, Mark, up_to_alias
+from truearc_proof.rounds.tables import Question, ladder_of, share
 from truearc_proof.table import Table
 
 SHOWN = 16                            # of a hash's digits; the ledger has them all
@@ -25,7 +25,7 @@ def make_proof_page(marks: Sequence[Mark], tables: Sequence[Table], entries: Seq
                     origin: Origin = NO_ORIGIN) -> str:
     """HTML that needs nothing but itself. entries: the round's ledger. A round that was only driven has no marks."""
     levels = sorted({f"{one.level}, {one.shots} shots" for one in marks})
-    sections = [("What was said of what was true", _matrix_picture(marks))] if marks else []
+    sections = []
     if ladder_of(marks):
         sections.append(("The plainer, the surer", picture(ladder_png(marks), "share found over lambda") +
                          paragraph(LAMBDA, dim=True)))
@@ -64,12 +64,6 @@ def _words(marks: Sequence[Mark], question: Question) -> str:
     yes, of = share(marks, question)
     low, high = wilson(yes, of)
     return f"{yes} of {of} worlds ({low:.0%} to {high:.0%})"
-
-
-def _matrix_picture(marks: Sequence[Mark]) -> str:
-    return picture(matrix_png(marks), "worlds by what was true and what was said",
-                   "Worlds; the darker, the larger the share of the row. named: one name; set: names that these data "
-                   "cannot tell apart; unknown: an unexplained effect; none: nothing found.")
 
 
 def _worlds(marks: Sequence[Mark]) -> str:
@@ -117,26 +111,6 @@ def ladder_png(marks: Sequence[Mark]) -> bytes:
              ylabel="share of worlds, 95 %")
     figure.legend(frameon=False, loc="outside upper left", fontsize=9)
     _clean(axes)
-    return make_png(figure)
-
-
-def matrix_png(marks: Sequence[Mark]) -> bytes:
-    """Plot the truth (rows) against the verdict (columns), as shares of a row."""
-    counts = matrix_of(marks)
-    figure = new_figure(6.2, 0.9 + 0.55 * len(counts))
-    axes = figure.subplots()
-    table = np.array(list(counts.values()), dtype=float)
-    shares = table / np.maximum(table.sum(1, keepdims=True), 1.0)
-    axes.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
-    for (row, column), part in np.ndenumerate(shares):
-        axes.annotate(f"{int(table[row, column])}", (column, row), ha="center", va="center", fontsize=11,
-                      color="white" if part > 0.55 else INK)
-    axes.set_xticks(range(len(VERDICTS)), VERDICTS)
-    axes.set_yticks(range(len(counts)), list(counts))
-    axes.set_xlabel("what was said")
-    axes.set_ylabel("what was true")
-    axes.tick_params(length=0)
-    axes.spines[:].set_visible(False)
     return make_png(figure)
 
 

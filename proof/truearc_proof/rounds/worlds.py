@@ -1,4 +1,4 @@
-"""Which worlds a round of proof is made of: drawn from one number, in shares and sizes that the solver does not know.
+"""Worlds of a round: which are drawn, from one number, and the data that are made of them and given away.
 
 Shares follow the design, sizes a ladder in lambda: how plain the effect is in such data
 (proof/truearc_proof/truth/ladder.toml), not its usual size by judgement. Nothing here comes from truearc.sim.physics.
@@ -23,22 +23,75 @@ along its fall by 7 mm, where shots scatter by 150 mm.
 
 import math
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
+from importlib.metadata import version
 from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import mujoco
 import numpy as np
 from msgspec import Struct, ValidationError, convert, structs
 
+from truearc import robot
 from truearc.errors import InputError
-from truearc.robot.config.rig_spec import Noise
+from truearc.robot.config.rig_spec import Believe, Noise
+from truearc.robot.config.schema import load_config
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.files import save_dataset
 from truearc.sim.world.options import Options
-from truearc.sim.world.season import ShotSetting
-from truearc_proof.scoring.score_finding import NULLS, names_at
-from truearc_proof.truth.world import LEVELS, TRACK_DIRT, find_effect
-from truearc_proof.world.season import ORDINARY, Sensors, plan_season
+from truearc.sim.world.season import Season, ShotSetting
+from truearc_proof.rounds import TOOLS, canonical
+from truearc_proof.truth import world as truth
+from truearc_proof.truth.generate import Asked, follow, write
+from truearc_proof.truth.world import LEVELS, TRACK_DIRT, find_effect, make_world
+from truearc_proof.world.season import ORDINARY, Sensors, plan_season, play_season
+
+# --- hidden effects, and the catalogue's numbers for them
+
+DIRTS: dict[str, tuple[str, ...]] = {
+    "clean": (), "balls": ("balls",), "outliers": ("outliers",), "noise_understated": ("noise_understated",),
+    "noise_overstated": ("noise_overstated",), "track_memory": ("track_memory",), "missing_frames": ("missing_frames",),
+    "clipped": ("clipped",),
+    "all": ("balls", "outliers", "noise_understated", "track_memory", "missing_frames", "clipped")}
+SEED_SPIN = 2.0                       # the paper's Eq. 12 has twice the spin of rolling, and with it twice r w / v
+# The parameter of the catalogue's term that a hidden amplitude is, and its value then.
+PARAMETER: dict[str, tuple[str, Callable[[float], float]]] = {
+    "hood_offset": ("angle_deg", float), "hood_backlash": ("angle_deg", lambda a: -a),
+    "encoder_scale": ("share", float), "distance_scale": ("share", float), "distance_bias": ("bias_m", float),
+    "vision_latency": ("delay_s", float), "track_scale": ("share", float), "track_tilt": ("angle_deg", float),
+    "track_clock": ("share", lambda a: 1.0 / (1.0 + a) - 1.0),
+    "wheel_slip": ("loss_per_m_s", float), "wheel_droop": ("loss", float), "ball_compression": ("share", float),
+    "ball_wear": ("loss", float), "ball_spread": ("spread", float), "battery_sag": ("sensitivity", float),
+    "rapid_fire": ("loss", float), "release_height": ("above_m", float), "buoyancy": ("share", float),
+    "added_mass": ("share", float), "spin_decay": ("rate_per_s", float),
+    "spin_drag": ("share", lambda a: a / SEED_SPIN**2), "drag_reynolds": ("slope", float),
+    "lift_saturation": ("rate", lambda a: a / SEED_SPIN), "wind_x": ("speed_m_s", float),
+    "wind_y": ("speed_m_s", float), "wind_z": ("speed_m_s", float), "air_density": ("share", float),
+    "drag_wear": ("share", float), "target_height": ("rise_m", float), "rim_catch": ("reach_m", float),
+}
+
+
+def names_at(kind: str, level: str, hopeless: bool = False) -> Iterator[str]:
+    """Names of "nulls", "effects" of the catalogue, or effects "off" it at a level; effects that its data cannot show
+    are left out unless `hopeless`."""
+    if kind == "nulls":
+        yield from (name for name, dirt in DIRTS.items()
+                    if level == "L2" or name == "all" or not any(one in truth.TRACK_DIRT for one in dirt))
+    else:
+        effects = truth.CATALOGUED if kind == "effects" else truth.UNCATALOGUED
+        yield from (effect.name for effect in effects if hopeless or effect.name not in unseen(level))
+
+
+def unseen(level: str) -> tuple[str, ...]:
+    """Effects of which the data of a level have no trace, by what they are."""
+    tracks = truth.TRACK_EFFECTS
+    return truth.ABSORBED + {"L0": truth.COVARIATE_EFFECTS + tracks, "L1": tracks, "L2": ()}[level]
+
+
+# --- what is drawn
 
 ROBOT_DIRT = ("scatter", "noise_understated", "outliers", "lopsided")
 ROBOT_TRACK_DIRT = ("missing_frames",)
@@ -117,7 +170,7 @@ UNCATALOGUED: tuple[Change, ...] = (
     Change("wind_aloft", {"wind_x_m_s": 0.25}, (), ("flight",), beside=(("wind_above_m", 2.5),), signed=True),
 )
 # Of which a class of names that such data never tell apart is the only right answer
-# (truearc_proof.worlds.sampling_plan.ALIKE).
+# (ALIKE).
 ALIKE_CHANGES = {"L0": ("release_height", "camera_scale"), "L1": ("release_height",), "L2": ("camera_scale",)}
 WORN_CHANGE = "worn_ball"             # what a battery that falls with it is a decoy for
 AND = "+"                             # between the names of two
@@ -269,7 +322,7 @@ def _amount(rng: np.random.Generator, name: str, level: str, shots: int, size: f
 def _dirt(rng: np.random.Generator, kind: str, level: str) -> tuple[str, ...]:
     if kind == "decoy":
         return ("battery_with_wear",)
-    possible = [dirt for dirt in NULLS.values() if dirt and (level == "L2" or not set(dirt) <= set(TRACK_DIRT))]
+    possible = [dirt for dirt in DIRTS.values() if dirt and (level == "L2" or not set(dirt) <= set(TRACK_DIRT))]
     if kind == "dirty" or (kind != "clean" and rng.random() < DIRTY):
         chosen = possible[int(rng.integers(len(possible)))]
         return tuple(one for one in chosen if level == "L2" or one not in TRACK_DIRT)
@@ -332,3 +385,67 @@ def drawn_of(world: Mapping[str, Any], path: Path) -> Drawn:
     if drawn.kind not in SHARES:
         raise InputError(f"{path}: kind: there is no {drawn.kind!r}; there are {', '.join(SHARES)}")
     return drawn
+
+
+# --- what is made
+
+MEASURED = "measured.json"
+HOME = "home"                         # the session of the unmodified robot that MuJoCo's worlds are compared with
+
+
+def make_data(drawn: Drawn, directory: Path) -> str:
+    """Write the dataset; whose work it is (engine and version). The directory must be new or empty."""
+    if drawn.engine == MUJOCO:
+        save_dataset(directory, _season(drawn, drawn.seed, dirty_plan(drawn.dirt, drawn.seed, drawn.shots),
+                                        directory.name))
+        return f"mujoco {mujoco.__version__}, truearc {version('truearc')}"
+    write(make_world(drawn.effects, drawn.level, drawn.shots, drawn.seed, drawn.dirt), directory)
+    return f"numpy {version('numpy')}, truearc {version('truearc')}"
+
+
+def make_more(drawn: Drawn, asked: Sequence[Asked], directory: Path) -> None:
+    """Write the dataset of more shots of the same world: in MuJoCo another session of its robot, with fresh balls."""
+    if drawn.engine == MUJOCO:
+        settings = [ShotSetting(*one[:3]) for one in asked for _ in range(one.shots)]
+        dataset = _season(drawn, drawn.seed + 1, settings, directory.name)
+        ids = tuple(f"f1-{one}" for one in dataset.shots.shot_id)
+        texts = {**dataset.shots.texts, "session": ("2",) * len(ids)}
+        save_dataset(directory, replace(dataset, shots=replace(dataset.shots, shot_id=ids, texts=texts)))
+        return
+    dataset = follow(make_world(drawn.effects, drawn.level, drawn.shots, drawn.seed, drawn.dirt), asked)
+    save_dataset(directory, replace(dataset, name=directory.name))
+
+
+def _season(drawn: Drawn, seed: int, settings: Sequence[ShotSetting], name: str) -> Dataset:
+    return replace(play_robot(drawn, seed, settings).dataset, name=name)
+
+
+def play_robot(drawn: Drawn, seed: int, settings: Sequence[ShotSetting]) -> Season:
+    """A session of MuJoCo's robot with what is hidden in it at work, and the truth beside it."""
+    # what is to be believed of it is not said in rig.toml but shown in the home session
+    rig = structs.replace(load_config(Path(robot.__file__).parent / "launcher.toml").rig, believe=Believe(()))
+    options = structs.replace(Options(), **drawn.effects, **dirty_options(drawn.dirt, drawn.shots))
+    return play_season(rig, options, seed, settings, drawn.level, dirty_sensors(drawn.dirt, rig.noise))
+
+
+def make_reading(drawn: Drawn, tool: str, directory: Path) -> None:
+    """Write the readings of an instrument of TOOLS on this world's robot."""
+    directory.mkdir(parents=True)
+    read = {"measure": tool, "terms": read_off(tool, drawn.effects, drawn.seed)}
+    (directory / MEASURED).write_bytes(canonical(read) + b"\n")
+
+
+def home_of(worlds: tuple[Drawn, ...], seed: int) -> Drawn | None:
+    """The unmodified session that a round with MuJoCo's worlds begins with; None for one without."""
+    mine = [one for one in worlds if one.engine == MUJOCO]
+    return None if not mine else Drawn(HOME, MUJOCO, "clean", mine[0].level, mine[0].shots, seed, change="nothing")
+
+
+def read_off(tool: str, effects: Mapping[str, float], seed: int) -> dict[str, dict[str, float]]:
+    """{term: {"value", "sd"}} by that tool, of a robot with these effects; the same seed reads the same."""
+    rng = np.random.default_rng([seed, list(TOOLS).index(tool), 23])
+    found = {}
+    for term, sd in TOOLS[tool].items():
+        truth = PARAMETER[term][1](effects[term]) if term in effects else 0.0
+        found[term] = {"value": truth + sd * float(rng.normal()), "sd": sd}
+    return found

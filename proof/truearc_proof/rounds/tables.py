@@ -1,23 +1,22 @@
-"""Tables of a round of proof, with Wilson 95 % intervals."""
+"""Tables of a round of proof, its figures with Wilson's 95 % intervals, and their targets, set before the rounds."""
 
 from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 from operator import attrgetter
-
-import numpy as np
-from scipy.stats import fisher_exact
+from statistics import median
+from typing import Any, NamedTuple
 
 from truearc.sim.statistics import wilson
-from truearc_proof.report import targets
-from truearc_proof.scoring.score_world import MEASUREMENT, NULLS, SHOTS, Mark, up_to_alias
+from truearc_proof.rounds.marks import MEASUREMENT, NULLS, SHOTS, Mark, up_to_alias
+from truearc_proof.rounds.worlds import MUJOCO, NUMPY, OWN
 from truearc_proof.table import Table
-from truearc_proof.worlds.sampling_plan import MUJOCO, NUMPY, OWN
+from truearc_proof.truth.world import LEVELS
 
 VERDICTS = ("none", "named", "set", "unknown")
-GROUPS = {"nothing": NULLS, "one of the catalogue": ("one", "decoy", "cut"), "aliases": ("alias",), "two": ("two",),
+GROUPS = {"nothing": NULLS, "one of the catalogue": ("one", "decoy"), "aliases": ("alias",), "two": ("two",),
           "in no catalogue": ("off",)}
 KINDS = {"one": "one effect", "two": "two effects", "alias": "aliases", "decoy": "with a decoy",
-         "off": "in no catalogue", "cut": "a term cut from the belief"}
+         "off": "in no catalogue"}
 CHANGED = {**KINDS, "one": "one thing changed", "two": "two things"}     # of MuJoCo's robot
 STEPS = (0.0, 1.0, 3.0, 7.0, 15.0, 35.0, 100.0, float("inf"))      # of lambda
 REQUESTS = {SHOTS: "shots", MEASUREMENT: "one measurement"}
@@ -26,22 +25,20 @@ Again = Sequence[tuple[Mark, Mark]]
 FOUND: Question = attrgetter("found")
 STAGE: Question = attrgetter("stage")
 RIGHT: tuple[Question, ...] = (attrgetter("first"), up_to_alias, attrgetter("covered"))
-ROUNDING = 1e-9                       # an interval that begins at 0 may begin a last digit above it
 
 
-def make_tables(marks: Sequence[Mark], again: Again = (), scale: float | None = None) -> list[Table]:
+def make_tables(marks: Sequence[Mark], again: Again = ()) -> list[Table]:
     """Return the tables of a round that have rows.
 
-    False alarms, detection by lambda and by name, correct answers, the abstention matrix, the targets of the posterior
-    and of the design, rivals, and the gain of further shots.
+    False alarms, detection by lambda and by name, correct answers, the abstention matrix, the targets of the posterior,
+    rivals, and the gain of further shots.
 
     Args:
         marks: Of first claims.
         again: (first, second) marks of the worlds that were shot again.
-        scale: Of effects; None: any.
     """
     tables = [_alarms(marks), _ladder(marks), _by_name(marks), _right(marks), _matrix(marks), _posterior(marks),
-              _targets(marks, scale), _rivals(marks), _again(again)]
+              _rivals(marks), _again(again)]
     return [one for one in tables if one.rows]
 
 
@@ -118,23 +115,16 @@ def _right(marks: Sequence[Mark]) -> Table:
         mine = [one for one in marks if (one.engine, one.kind) == (engine, kind)]
         errors = [one.error for one in mine if one.error is not None]
         sizes = [one.set_size for one in mine if one.set_size is not None]
-        pairs = [(one.gain, one.oracle_gain) for one in mine if one.gain is not None and one.oracle_gain is not None]
-        best = sum(oracle for _, oracle in pairs)
         if mine:
             rows.append([title, *(said(*share(mine, question)) for question in (FOUND, STAGE, *RIGHT)),
                          f"{sum(sizes) / len(sizes):.1f}" if sizes else "-",
                          said(*share(mine, lambda one: one.holds)),
                          f"{(sum(error**2 for error in errors) / len(errors))**0.5:.2f}" if errors else "-",
-                         f"{sum(gain for gain, _ in pairs) / best:.2f}" if best > 0.0 else "-",
-                         *_in_test(mine)])
+                         kept_in_test(mine), said(*share(mine, worse_in_test))])
     return Table("Worlds in which something is hidden; from `stage` on, of those found", (
         "hidden", "found", "stage", "first name right", "up to alias", "in the set", "set size", "interval holds",
-        "error / least possible, RMS", "gain kept, by the solver's own folds", "in the sealed test",
+        "error / least possible, RMS", "gain kept in the sealed test",
         "worse there than before"), rows)
-
-
-def _in_test(marks: Sequence[Mark]) -> list[str]:
-    return [targets.kept_in_test(marks).words, said(*share(marks, targets.worse_in_test))]
 
 
 def _matrix(marks: Sequence[Mark]) -> Table:
@@ -145,12 +135,7 @@ def _matrix(marks: Sequence[Mark]) -> Table:
 def _posterior(marks: Sequence[Mark]) -> Table:
     levels = {one.level for one in marks}
     return Table("Against the targets of the posterior", ("figure", "here", "wanted", ""),
-                 targets.posterior_rows(marks) if len(levels) == 1 else [])
-
-
-def _targets(marks: Sequence[Mark], scale: float | None) -> Table:
-    return Table("Against the design's targets", (
-        "level, shots", "figure", "here", "these data allow", "wanted", ""), targets.against_targets(marks, scale))
+                 posterior_rows(marks) if len(levels) == 1 else [])
 
 
 def _rivals(marks: Sequence[Mark]) -> Table:
@@ -196,19 +181,127 @@ def _before_and_after(named: Again) -> list[str]:
     return cells
 
 
-def beside(published: Sequence[Mark], again: Sequence[Mark]) -> Table:
-    """A row for each share that both rounds have: whether the second one's lies in the first one's 95 % interval, ends
-    included, and how often chance alone would put two rounds of these sizes as far apart (Fisher's exact test): of six
-    worlds a share lies outside easily."""
-    ours, theirs = targets.figures_of(published), targets.figures_of(again)
-    rows = [_beside_row(targets.TITLES[name], ours[name], theirs[name]) for name in ours
-            if ours[name].counts is not None and theirs[name].counts is not None]
-    return Table("Played again", ("figure", "published", "again", "inside", "by chance"), rows)
+# --- figures and their targets
+
+class Goal(NamedTuple):
+    """A figure's text, and for each of LEVELS from where to where it should be; None: no target."""
+
+    words: str
+    wanted: tuple[tuple[float, float] | None, ...]
 
 
-def _beside_row(name: str, ours: targets.ProofFigure, theirs: targets.ProofFigure) -> list[str]:
-    assert ours.counts is not None and theirs.counts is not None
-    (low, high), (yes, of) = wilson(*ours.counts), theirs.counts
-    counts = np.array([[yes, of - yes], [ours.counts[0], ours.counts[1] - ours.counts[0]]])
-    return [name, ours.words, theirs.words, "yes" if low - ROUNDING <= yes / of <= high + ROUNDING else "no",
-            f"{fisher_exact(counts).pvalue:.2f}"]
+ALARM_RATES, FEW_ALARM_RATES = (0.03, 0.07), (0.0, 0.08)
+NEGLIGIBLE = 1e-3                     # relative change of an error that counts as none
+WORSE = 1.01                          # RMS error on the sealed season, by that without what was adopted
+CLEAN = Goal("false alarms, clean", (ALARM_RATES,) * 3)
+DIRTY = Goal("false alarms, dirty", (ALARM_RATES, ALARM_RATES, FEW_ALARM_RATES))
+UNCHANGED = Goal("false alarms, MuJoCo unchanged", (ALARM_RATES, ALARM_RATES, FEW_ALARM_RATES))
+POWER = Goal("power, share of what the data allow", ((0.93, 9.0), (0.93, 9.0), (0.95, 9.0)))
+WRONG = Goal("single names wrong, whatever was hidden", ((0.0, 0.10), (0.0, 0.10), (0.0, 0.06)))
+HELD = Goal("set holds the truth", ((0.90, 1.0), (0.90, 1.0), (0.92, 1.0)))
+OFF = Goal("in no catalogue: unknown or a set", ((0.5, 1.0), (0.6, 1.0), (0.88, 1.0)))
+BOTH = Goal("two effects, both right", (None, (0.3, 1.0), (0.6, 1.0)))
+INTERVALS = Goal("90 % intervals hold the truth", ((0.86, 0.94),) * 3)
+ADOPTED = Goal("adopted worse on the sealed season by over 1 %", ((0.0, 0.06),) * 3)
+SIZE = Goal("mean size of a set", ((0.0, 5.0), (0.0, 4.0), (0.0, 1.6)))
+
+
+class ProofFigure(NamedTuple):
+    """A figure with Wilson's 95 % interval; value None where no world says. `words`: as tables have it."""
+
+    value: float | None
+    words: str
+    low: float | None = None
+    high: float | None = None
+
+
+def figures_of(marks: Sequence[Mark]) -> dict[Goal, ProofFigure]:
+    """Figures of worlds of one level and number of shots, by both engines."""
+    found = [one for one in marks if one.found]
+    shares = {
+        CLEAN: [one.found for one in marks if one.engine == NUMPY and one.kind == "clean"],
+        DIRTY: [one.found for one in marks if one.engine == NUMPY and one.kind == "dirty"],
+        UNCHANGED: [one.found for one in marks if one.engine == MUJOCO and one.kind in NULLS],
+        POWER: [],
+        WRONG: [not one.first and not up_to_alias(one) for one in found if one.verdict == "named"],
+        HELD: [bool(one.covered) for one in found if one.right],
+        OFF: [one.verdict != "named" for one in found if one.kind == "off"],
+        BOTH: [bool(one.both) for one in found if one.kind == "two"],
+        INTERVALS: [one.holds for one in found if one.holds is not None],
+        ADOPTED: [one.off_m[1] > WORSE * one.off_m[0] for one in marks
+                  if one.off_m is not None and worse_in_test(one) is not None]}
+    figures = {goal: _share_figure(answers) for goal, answers in shares.items()}
+    figures[POWER] = _power([one for one in marks if one.engine == NUMPY and one.kind == "one"])
+    sizes = [len(one.names) for one in found if one.right and one.verdict in ("named", "set")]
+    mean = sum(sizes) / len(sizes) if sizes else None
+    return figures | {SIZE: ProofFigure(mean, "-" if mean is None else f"{mean:.2f} of {len(sizes)}", mean, mean)}
+
+
+def _share_figure(answers: Sequence[bool]) -> ProofFigure:
+    if not answers:
+        return ProofFigure(None, "-")
+    yes, of = sum(answers), len(answers)
+    return ProofFigure(yes / of, said(yes, of), *wilson(yes, of))
+
+
+def _power(marks: Sequence[Mark]) -> ProofFigure:
+    """Share detected, by the mean chance that the data allow."""
+    known = [(one.found, one.allowed[0]) for one in marks if one.allowed is not None]
+    yes, of, allowed = sum(found for found, _ in known), len(known), sum(chance for _, chance in known)
+    if not allowed:
+        return ProofFigure(None, "-")
+    value, low, high = (share / (allowed / of) for share in (yes / of, *wilson(yes, of)))
+    return ProofFigure(value, f"{value:.2f} ({low:.2f}-{high:.2f}): {yes}/{of} of {allowed / of:.2f}", low, high)
+
+
+def plain_figures(marks: Sequence[Mark]) -> dict[str, Any]:
+    """Return {"level, shots": {figure: value and interval}}, plain values."""
+    settings = sorted({(one.level, one.shots) for one in marks})
+    return {f"{level}, {shots}": {goal.words: {"value": one.value, "low95": one.low, "high95": one.high}
+                                  for goal, one in figures_of([mark for mark in marks if (mark.level, mark.shots)
+                                                               == (level, shots)]).items()}
+            for level, shots in settings}
+
+
+def posterior_rows(marks: Sequence[Mark]) -> list[list[str]]:
+    """Rows [target, figure, wanted, whether it is reached] for worlds of one level."""
+    level = LEVELS.index(marks[0].level)
+    return [[goal.words, figure.words, _wanted(goal.wanted[level]), _reached(figure, goal.wanted[level])]
+            for goal, figure in figures_of(marks).items() if figure.value is not None or goal not in (POWER, SIZE)]
+
+
+def _wanted(wanted: tuple[float, float] | None) -> str:
+    if wanted is None:
+        return "-"
+    low, high = wanted
+    return f"<= {high:g}" if low <= 0.0 else f">= {low:g}" if high >= 1.0 else f"{low:g} to {high:g}"
+
+
+def _reached(figure: ProofFigure, wanted: tuple[float, float] | None) -> str:
+    if figure.value is None or figure.low is None or figure.high is None:
+        return "no world of these rounds says"
+    if wanted is None:
+        return "no target"
+    if wanted[0] <= figure.value <= wanted[1]:
+        return "reached"
+    return "NOT REACHED" if figure.high < wanted[0] or figure.low > wanted[1] else "NOT REACHED, may be chance"
+
+
+def kept_in_test(marks: Sequence[Mark]) -> str:
+    """Return the share that adoption reached of the true term's reduction of the squared error of sealed heights.
+
+    The median over the worlds in which that reduction is not NEGLIGIBLE: a sum would be decided by the few in which
+    balls were forecast to fall short.
+    """
+    known = [one.off_m for one in marks if one.off_m is not None and len(one.off_m) == 3]
+    shares = [(before**2 - after**2) / (before**2 - true**2) for before, after, true in known
+              if true < before * (1.0 - NEGLIGIBLE)]
+    return f"{median(shares):.2f} (median of {len(shares)})" if shares else "-"
+
+
+def worse_in_test(one: Mark) -> bool | None:
+    """Return whether the adopted belief forecasts sealed shots worse; None where the change of error is negligible."""
+    if one.off_m is None:
+        return None
+    before, after = one.off_m[:2]
+    return None if abs(after - before) <= NEGLIGIBLE * before else after > before

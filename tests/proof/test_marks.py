@@ -2,16 +2,20 @@
 
 from typing import Any
 
-import msgspec
+import numpy as np
 import pytest
 
-from truearc_proof.report.html_page import make_proof_page, verdict
-from truearc_proof.report.tables import make_tables
-from truearc_proof.report.targets import against_targets
-from truearc_proof.rounds.ledger import Entry
-from truearc_proof.scoring.oracle import Measured
-from truearc_proof.scoring.score_world import Mark, has_decoy, mark, named_decoy, up_to_alias
-from truearc_proof.worlds.sampling_plan import ALIKE, Drawn
+from benchmarks.worlds import KINDS, Job, amount_of, mark_job, plan_jobs, true_parameter, world_of
+from truearc.errors import InputError
+from truearc.sim.physics.catalogue import TERMS
+from truearc_proof.rounds import TOOLS, Entry
+from truearc_proof.rounds.marks import Mark, Measured, is_alias, mark, named_decoy, said_set, up_to_alias
+from truearc_proof.rounds.page import make_proof_page, verdict
+from truearc_proof.rounds.tables import make_tables
+from truearc_proof.rounds.worlds import ALIKE, DIRTS, PARAMETER, Drawn, names_at, read_off
+from truearc_proof.truth.world import make_world
+
+# --- score world
 
 ONE = Drawn("w1", "numpy", "one", "L1", 300, 1, {"wind_x": 2.0}, (), "", {"wind_x": 20.0})
 
@@ -26,15 +30,10 @@ def finding(*names: tuple[str, float], found: bool = True, verdict: str = "named
 
 
 def test_the_right_name_with_its_size() -> None:
-    told = mark(ONE, finding(("wind_x", 0.95)), Measured((0.9, 0.8, 0.85, 0.9), (), 0.4, 0.2))
+    told = mark(ONE, finding(("wind_x", 0.95)), Measured((0.9, 0.8, 0.85, 0.9), (), 0.4))
     assert (told.found, told.stage, told.first, told.alias, told.covered, told.holds) == (True,) * 6
     assert told.error == pytest.approx(0.5)
-    assert (told.gain, told.oracle_gain, told.strength, told.hidden) == (0.1, 0.2, 20.0, ("wind_x",))
-
-
-def test_marks_of_older_rounds_read_their_request_as_an_id() -> None:
-    line = msgspec.to_builtins(mark(ONE, finding(("wind_x", 0.95)), Measured())) | {"asked": "one measurement"}
-    assert msgspec.convert(line, Mark).asked == "measurement"
+    assert (told.strength, told.hidden) == (20.0, ("wind_x",))
 
 
 def test_a_wrong_name_and_a_set_that_has_the_right_one() -> None:
@@ -107,7 +106,7 @@ def test_a_robots_decoy_is_nobodys_alias_and_what_wears_is_right() -> None:
     assert (told.first, told.alias, up_to_alias(told), named_decoy(told)) == (False, True, False, True)
     assert told.rivals == {"argmax": (True, False, False)}
     right = mark(decoy, finding(("ball_wear", 0.95), stage="launch"), Measured())
-    assert (right.first, up_to_alias(right), named_decoy(right), has_decoy(right)) == (True, True, False, False)
+    assert (right.first, up_to_alias(right), named_decoy(right)) == (True, True, False)
     bare = mark(robot("decoy", "worn_ball", "L0", ("battery_with_wear",)), finding(("drag", 0.9)), Measured())
     assert named_decoy(bare) is None                  # outcomes alone have no battery
 
@@ -179,20 +178,142 @@ def test_a_decoy_s_name_is_no_rival_s_alias_either() -> None:
     assert told.rivals == {"argmax": (True, False, False), "gp": (True, False, True)}
 
 
-def test_figures_stand_beside_the_design_s_targets_scaled_to_what_the_data_allow() -> None:
-    allowed = Measured((0.28, 0.2, 0.25, 0.26), (), 0.4, 0.2)
-    seen = mark(ONE, finding(("wind_x", 0.95)), allowed)
-    missed = mark(ONE, finding(found=False, verdict="none"), allowed)
-    rows = {row[1]: row[2:] for row in against_targets([seen, missed, missed, missed])}
-    assert rows["detected"] == ["1/4 = 0.25 (0.05-0.70)", "0.28", ">= 0.25 (scaled)",       # .50 of .56
-                                "reached, may be chance"]
-    assert rows["top-1"][3] == "reached, may be chance" and rows["amplitude's RMS error / least"][0] == "0.50"
-    assert rows["gain kept, by the solver's own folds"] == ["0.50", "-", ">= 0.75", "NOT REACHED"]
-
-
 def test_the_page_says_all_in_a_sentence_and_holds_every_world_and_line() -> None:
     marks = [mark(ONE, finding(("wind_x", 0.95)), Measured()),
              mark(Drawn("w6", "numpy", "clean", "L1", 300, 1), finding(found=False, verdict="none"), Measured())]
     assert verdict(marks).startswith("Where nothing was missing, something was claimed in 0 of 1 worlds (0% to 79%).")
     page = make_proof_page(marks, make_tables(marks), (Entry(1, "sealed", "w1", "ab" * 32, "0" * 64),))
-    assert page.count("data:image/png") == 4 and "wind_x" in page and "abababababababab" in page
+    assert page.count("data:image/png") == 3 and "wind_x" in page and "abababababababab" in page
+
+
+# --- score finding
+
+JOB = Job("effects", "hood_offset", "L1", 300, 1.0, 7, 0)
+SCALES = {"L0": 1.0, "L1": 1.0, "L2": 0.25}
+
+
+def told(found=True, what=(("hood_offset", 0.7), ("wheel_slip", 0.2)), said=None, verdict="named", stage="sensing",
+            low=0.5, high=1.0):
+    return {"mismatch": {"found": found, "p_value": 0.01 if found else 0.4},
+            "where": {"stage": stage, "stage_probability": {"sensing": 0.3, "launch": 0.6}, "covariate": "hood_deg",
+                      "direction": "vertical"},
+            "what": [{"term": term, "probability": p, "parameters": {"angle_deg": {"low90": low, "high90": high}}}
+                     for term, p in what],
+            "verdict": verdict, "set": said}
+
+
+def test_a_right_answer_is_right_in_everything():
+    marks = mark_job(JOB, told())
+    assert (marks.found, marks.stage, marks.first, marks.alias, marks.covered) == (True,) * 5
+    assert marks.holds and marks.set_size == 2
+
+
+def test_what_was_not_found_is_asked_nothing_more():
+    marks = mark_job(JOB, told(found=False, what=(), verdict="none"))
+    assert not marks.found and marks.p_value == 0.4
+    assert {marks.stage, marks.first, marks.alias, marks.covered, marks.set_size, marks.holds} == {None}
+
+
+def test_a_wrong_name_an_alias_and_a_set():
+    wrong = mark_job(JOB, told(what=(("rim_catch", 0.95),), said=["rim_catch"]))
+    assert not (wrong.first or wrong.alias or wrong.covered) and wrong.holds is None
+    in_set = mark_job(JOB, told(what=(("wheel_slip", 0.5), ("hood_offset", 0.4)), said=["wheel_slip", "hood_offset"],
+                                   verdict="set"))
+    assert (in_set.first, in_set.alias, in_set.covered, in_set.set_size) == (False, False, True, 2)
+    table = Job("effects", "target_height", "L1", 300, 1.0, 7, 0)
+    alias = mark_job(table, told(what=(("release_height", 0.95),), said=["release_height"]))
+    assert (alias.first, alias.alias, alias.covered) == (False, True, False)
+    assert [is_alias(level, "target_height", ["release_height"]) for level in ("L0", "L1", "L2")] == [True, True, False]
+
+
+def test_in_a_null_every_name_is_wrong_and_nothing_can_be_right():
+    marks = mark_job(Job("nulls", "clean", "L0", 300, 0.0, 7, 0), told())
+    assert marks.found and marks.stage is None and marks.first is None
+
+
+@pytest.mark.parametrize(("stage", "right"), [("sensing", True), ("launch", False), (None, False)])
+def test_without_a_stage_the_likeliest_counts(stage, right):
+    assert mark_job(JOB, told(stage=stage)).stage is right
+
+
+@pytest.mark.parametrize(("low", "high", "holds"), [(0.8, 0.9, True), (0.81, 0.9, False), (0.1, 0.79, False),
+                                                    (None, None, None)])
+def test_intervals_are_held_against_the_amplitude(low, high, holds):
+    assert mark_job(JOB, told(low=low, high=high)).holds is holds
+
+
+def test_wear_of_balls_that_nobody_tells_apart_is_another_number():
+    job = Job("effects", "ball_wear", "L0", 300, 1.0, 7, 0)
+    worn = told(what=(("ball_wear", 0.9),))
+    worn["what"][0]["parameters"] = {"loss": {"low90": 0.02, "high90": 0.04}}
+    assert mark_job(job, worn).first and mark_job(job, worn).holds is None
+    assert mark_job(Job("effects", "ball_wear", "L1", 300, 1.0, 7, 0), worn).holds is True
+
+
+def test_a_set_that_is_not_said_is_the_likeliest_ninety_percent():
+    assert said_set(told(what=(("a", 0.5), ("b", 0.3), ("c", 0.05), ("d", 0.02)))) == ["a", "b"]
+    assert said_set(told(said=["z"])) == ["z"] and said_set({}) == []
+    assert said_set(told(what=(("a", 0.99), ("b", 0.01)))) == ["a"]
+
+
+def test_true_parameters_in_the_catalogues_words():
+    assert true_parameter(JOB) == ("angle_deg", 0.8)
+    odd = Job("effects", "hood_offset", "L1", 300, 0.5, 7, 1)
+    assert true_parameter(odd) == ("angle_deg", -0.4)
+    assert true_parameter(Job("effects", "hood_backlash", "L1", 300, 1.0, 7, 0)) == ("angle_deg", -0.6)
+    assert true_parameter(Job("off", "late_gust", "L1", 300, 1.0, 7, 0)) is None
+
+
+def test_jobs_are_different_worlds_and_the_same_again():
+    jobs = plan_jobs(KINDS, ["L0", "L1", "L2"], [100, 300], 3, 7, SCALES)
+    assert len({job.key for job in jobs}) == len(jobs) > 400
+    seeds = {}
+    for job in jobs:
+        seeds.setdefault(job.seed, set()).add((job.kind, job.name, job.index))
+    assert all(len(worlds) == 1 for worlds in seeds.values())
+    assert jobs == plan_jobs(KINDS, ["L0", "L1", "L2"], [100, 300], 3, 7, SCALES)
+    other = plan_jobs(KINDS, ["L0"], [100], 3, 8, SCALES)
+    assert not {job.seed for job in other} & set(seeds)
+
+
+def test_what_a_level_cannot_show_is_run_only_when_named():
+    assert "battery_sag" not in set(names_at("effects", "L0")) and "battery_sag" in set(names_at("effects", "L1"))
+    assert "track_scale" not in set(names_at("effects", "L1")) and "track_scale" in set(names_at("effects", "L2"))
+    assert "clipped" not in set(names_at("nulls", "L1")) and set(names_at("nulls", "L2")) == set(DIRTS)
+    named = plan_jobs(["effects"], ["L0"], [300], 2, 7, SCALES, ["battery_sag"])
+    assert [job.name for job in named] == ["battery_sag"] * 2
+    with pytest.raises(InputError, match="moon"):
+        plan_jobs(["effects"], ["L0"], [300], 2, 7, SCALES, ["moon"])
+    with pytest.raises(InputError, match="stars"):
+        plan_jobs(["stars"], ["L0"], [300], 2, 7, SCALES)
+
+
+def test_amplitudes_take_turns_in_sign_where_nature_is_free():
+    signs = [amount_of(Job("effects", "wind_x", "L2", 300, 0.25, 7, index)) for index in range(4)]
+    assert signs == [0.2, -0.2, 0.2, -0.2]
+    assert {amount_of(Job("effects", "spin_decay", "L2", 300, 1.0, 7, index)) for index in range(4)} == {0.6}
+    assert world_of(Job("nulls", "all", "L2", 300, 0.0, 7, 0)).dirt == DIRTS["all"]
+    assert dict(world_of(JOB).effects) == {"hood_offset": 0.8}
+    assert make_world(seed=JOB.seed).cd == world_of(JOB).cd
+
+
+# --- instruments
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_a_tool_is_what_discovery_proposes_for_its_terms(tool: str) -> None:
+    assert {term.name for term in TERMS if term.instrument and term.instrument.id == tool} == set(TOOLS[tool])
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_readings_scatter_about_the_truth_by_their_stated_error(tool: str) -> None:
+    """Of the first of the tool's terms; of the others there is nothing."""
+    name, *others = TOOLS[tool]
+    amount = 0.02
+    readings = [read_off(tool, {name: amount}, seed) for seed in range(400)]
+    for term in (name, *others):
+        values, sd = np.array([one[term]["value"] for one in readings]), TOOLS[tool][term]
+        wanted = PARAMETER[term][1](amount) if term == name else 0.0
+        assert values.mean() == pytest.approx(wanted, abs=4.0 * sd / np.sqrt(len(values)))
+        assert values.std() == pytest.approx(sd, rel=0.15)
+        assert {one[term]["sd"] for one in readings} == {sd}
+    assert readings[3] == read_off(tool, {name: amount}, 3)
