@@ -52,6 +52,7 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.conditions import circumstances_of
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.investigate import Investigation
+from truearc.sim.discover.select import simulations
 from truearc.sim.discover.select.simulations import FORECAST
 from truearc.sim.discover.select.terms import Candidate, one_step
 from truearc.sim.infer.launcher import LauncherFit
