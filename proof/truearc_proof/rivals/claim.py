@@ -35,7 +35,7 @@ accelerations too: fewer columns to take for the true one), each shot's own spin
 than they say), and each ball's own drag.
 
 Forecasts of the height at a track's end answer the same question as truearc's own figure
-(truearc.sim.discover.select.forecast_error): the first 40 % of a
+(truearc.sim.discover.select.simulations): the first 40 % of a
 track's samples tell how the ball left, the law flies it on. truearc also knows wheels and hood when it does so; a law
 of accelerations does not, so compare each entrant's after with its own before.
 """
