@@ -148,12 +148,6 @@ def test_alone_it_imports_any_teams_logs_and_says_where_other_importers_are() ->
     assert refused.returncode == 2 and "give one of: csv, wpilog" in refused.stderr
 
 
-@pytest.mark.parametrize("words", [[], ["xyzzy"]])
-def test_unknown_words_list_the_commands(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(words) == 2
-    assert "  discover " in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("words", [
     ["session", "replay", "nowhere"], ["session", "recover", "nowhere"],
     ["session", "convert", "nowhere", "--to", "csv", "-o", "x.csv"],

@@ -9,14 +9,13 @@ import pytest
 from scipy.stats import chi2_contingency
 
 import truearc as ta
-from benchmarks.demo_seeds import EVENTS, holm, make_table, two_proportions
+from benchmarks.demo_seeds import holm, two_proportions
 from tests.portability.elsewhere import run_elsewhere
 from truearc.cli.common import SHIPPED
 from truearc.cli.demo_acts import (
     EFFECTS,
     FALLS_AT_M,
     HOOD_DEG,
-    NOTHING,
     RATIO,
     Sizes,
     draw_effect,
@@ -108,20 +107,3 @@ def test_two_proportions_agree_with_pearsons_test() -> None:
 
 def test_holm_adjusts_as_in_a_worked_example() -> None:
     assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
-
-
-def made_line(seed: int, after: int, names: list[str], verdict: str) -> dict:
-    acts = [("practice", ["wheel_slip"], 30, 80, ["wheel_slip"], "named")] + [
-        (effect.name, list(effect.terms), 40, 40 if effect is NOTHING else after, names,
-         "none" if effect is NOTHING else verdict) for effect in EVENTS]
-    return {"seed": seed, "acts": [{"act": act, "terms": terms, "names": named, "verdict": said, "volleys": [
-        {"threes": first, "twos": 0, "balls": 120}, {"threes": second, "twos": 0, "balls": 120}]}
-        for act, terms, first, second, named, said in acts]}
-
-
-def test_the_table_pools_changed_events_and_counts_names_and_silence() -> None:
-    text = make_table([made_line(1, 80, ["wind_x"], "named"), made_line(2, 5, ["wind_x", "hood_offset"], "set")])
-    assert "control silent: 2 of 2" in text
-    row = next(line for line in text.splitlines() if line.startswith("changed events together"))
-    assert row.split()[3:] == ["320", "340", "960", "1.06", "3", "of", "6", "2", "of", "6", "1.5", "0", "4", "4"]
-    assert "worst: seed 2" in text

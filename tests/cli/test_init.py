@@ -51,15 +51,6 @@ def test_check_plans_a_season_where_there_are_no_shots(made: Path, capsys: pytes
     assert "no shots yet" in said and "300 shots of this kind (L0) would show" in said
 
 
-def test_check_of_few_shots_without_a_target_says_that_no_season_can_be_planned(
-        made: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    rig = (SHOTS / "rig.toml").read_text()
-    (made / "rig.toml").write_text(rig[:rig.index("[target]")])
-    (made / "shots.csv").write_text("shot_id,distance_m,hood_deg,motor_ratio\n1,3.2,47,0.58\n")
-    assert main(["check", "week", "--quiet"]) == 0
-    assert "no season can be planned: rig.toml has no [target]" in capsys.readouterr().out
-
-
 def test_check_says_what_filled_in_shots_could_show(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name in ("rig.toml", "shots.csv"):
         shutil.copy(SHOTS / name, made / name)
@@ -129,14 +120,6 @@ def test_init_of_tracks_asks_for_no_wheels_and_no_target(tmp_path: Path, capsys:
     assert len(ta.load_dataset(folder).shots) == 24
     assert main(["init", str(tmp_path / "other"), "--tracks", "--units", "ft"]) == 2
     assert not (tmp_path / "other" / "tracks.csv").exists()
-
-
-@pytest.mark.parametrize("words", [["init"], ["init", "week", "--robot", "my_launcher.toml"]])
-def test_init_makes_one_thing(words: list[str], capsys: pytest.CaptureFixture[str], tmp_path: Path,
-                              monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(words) == 2
-    assert "give one of the two" in capsys.readouterr().err and list(tmp_path.iterdir()) == []
 
 
 def test_shots_in_the_users_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
