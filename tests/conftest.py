@@ -23,7 +23,7 @@ DATA = Path(os.environ.get("TRUEARC_DATA", Path(__file__).parents[2] / "shared" 
 VCAN0 = Path("/sys/class/net/vcan0")
 # Folders, files or tests (beginnings of their ids) that `make test-long` runs although no mark of theirs says so.
 LONG = (
-    "tests/golden/test_proof_1.py::test_weights_export_to_the_gate_that_they_did", "tests/house/test_benchmarks.py",
+    "tests/house/test_benchmarks.py",
     "tests/proof/importers/test_import_ball_drops.py::test_drag_with_the_square_of_the_speed_is_named",
     "tests/proof/reproduce", "tests/proof/rivals/test_pysindy.py", "tests/sim/discover/test_example_term.py",
     "tests/sim/discover/test_no_information.py", "tests/sim/discover/test_none_found.py",

@@ -299,9 +299,3 @@ def test_every_command_of_a_page_does_what_it_says(page: Path, workspace: Worksp
         if time.monotonic() - began > 2:
             print(f"{time.monotonic() - began:6.1f} s  {command}")
     assert not failed, "\n\n".join(failed)
-
-
-def test_no_exception_is_left_of_a_command_that_is_gone() -> None:
-    printed = [command for page in PAGES for command, _ in commands_of(page)]
-    for pattern in ELSEWHERE:
-        assert any(re.search(pattern, command) for command in printed), pattern

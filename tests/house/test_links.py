@@ -71,11 +71,6 @@ def test_named_pages_exist() -> None:
     assert {name: names for name, names in lost.items() if names} == {}
 
 
-def test_a_lost_page_is_found() -> None:
-    text = "see docs/gone.md, ARCHITECTURE.md and https://host/other.md"
-    assert names_without_a_page(ROOT / "sim" / "x.py", text) == ["docs/gone.md"]
-
-
 def code_of(page: Path) -> str:
     """Fenced blocks and code spans of a page, a line each."""
     text = page.read_text(encoding="utf-8")
@@ -117,9 +112,3 @@ def test_commands_in_pages_exist() -> None:
     known = commands()
     wrong = {page.relative_to(ROOT).as_posix(): wrong_commands(code_of(page), known) for page in current_pages()}
     assert {name: names for name, names in wrong.items() if names} == {}
-
-
-def test_lost_paths_and_commands_are_found() -> None:
-    assert lost_paths("sim/gone.py, robot/tick.py, sim/gone/ and hw/<family>/motor.py") == ["sim/gone.py", "sim/gone/"]
-    code = "truearc discover a\ntruearc gone a\ntruearc identify\ntruearc paper gone"
-    assert wrong_commands(code, commands()) == ["gone a", "identify", "paper gone"]

@@ -210,17 +210,6 @@ def test_a_far_end_that_cannot_be_had_is_named(bus: str) -> None:
         open_device_bus(bus, CONFIG, MonotonicClock())
 
 
-@pytest.mark.parametrize(("words", "complaint"), [
-    (["--trials", "1"], "--out is needed"),
-    (["--trials", "1", "--bus", "slcan:auto", "--out", "x"], "--out is for `truearc run`"),
-    (["--trials", "1", "--bus", "slcan:auto", "--gate", "x"], "--gate is for `truearc run`"),
-    (["--trials", "1", "--bus", "slcan:auto", "--watchdog-ms", "0"], "--watchdog-ms: got 0"),
-    (["--trials", "1", "--bus", "nonsense"], "--bus nonsense")])
-def test_options_that_do_not_go_together(words: list[str], complaint: str, capsys) -> None:
-    assert main(["emulate", *words]) == 2
-    assert complaint in capsys.readouterr().err
-
-
 def test_a_world_keeps_time_and_stands_still_where_the_machine_did() -> None:
     class Clock:
         t_ns = 0

@@ -97,16 +97,6 @@ def test_a_push_against_the_flight_that_goes_with_speed_is_linear_drag() -> None
     assert float(flown.position_m.x[100, 0]) == pytest.approx(10.0 * np.cos(0.6) * (1.0 - np.exp(-k)) / k, rel=1e-7)
 
 
-def test_a_push_in_a_stretch_of_the_flight_pushes_only_there() -> None:
-    values = effective({"free_push": {"size_m_s2": -2.0, "along": 1.0, "from_s": 0.2, "to_s": 0.5}},
-                       ORDINARY._replace(free_push=np.ones(1)))
-    flown = path(GUPPY, flight_terms({"free_push"}), values, Exit(np.array([10.0]), np.array([0.0]), np.zeros(1)),
-                 points=1001, step_s=0.001)
-    speed = np.asarray(flown.velocity_m_s.x)[:, 0]
-    assert speed[190] == pytest.approx(10.0)
-    assert speed[1000] == pytest.approx(10.0 - 2.0 * 0.3, abs=0.005)
-
-
 def test_it_comes_back_from_disk(tmp_path: Path) -> None:
     for number, curve in enumerate((CURVE, Curve((), -0.2), Curve((0.1, 0.2), 0.15, "ball", levels=("a", "b")))):
         file = tmp_path / f"{number}.toml"
@@ -163,7 +153,3 @@ def test_curves_and_terms_that_do_not_go_together_are_refused(change: dict, said
     belief = Belief({"free_speed": {"share": 1.0}}, {}, ("curve.free_speed.0",), np.eye(1), {"free_speed": CURVE})
     with pytest.raises(InputError, match=said):              # by the reader, which asks before anything is written
         replace(belief, **change, provenance={"method": "x"}).save(tmp_path / "c.toml")
-
-
-def test_a_covariate_that_hardly_ever_departs_has_two_knots_all_the_same() -> None:
-    assert spline_knots(np.r_[np.zeros(992), np.ones(8)]) == pytest.approx([0.0, 1.0])
