@@ -140,10 +140,10 @@ def test_a_missing_file_is_named() -> None:
 
 
 def test_terms_of_a_file_work_in_spawned_processes_even_without_the_file(file: Path) -> None:
-    cat.catalogue = cat.Catalogue((*TERMS, *cat.terms_of_file(file, TERMS)))
-    (term,) = cat.catalogue.find(["flex"])
+    catalogue = cat.Catalogue((*TERMS, *cat.terms_of_file(file, TERMS)))
+    (term,) = catalogue.find(["flex"])
     file.unlink()
-    assert pickle.loads(pickle.dumps(cat.catalogue)) == cat.catalogue
+    assert pickle.loads(pickle.dumps(catalogue)) == catalogue
     with get_context("spawn").Pool(1) as pool:
         said = pool.map(describe, [term])
     assert said == [("flex", "Flex", pytest.approx(-0.0174533, rel=1e-5))]
