@@ -10,28 +10,12 @@ import pytest
 
 from tools.notebooks import HOME, execute
 
-BOOKS = sorted(HOME.glob("*.ipynb"))
-LARGEST = 300_000                     # bytes of a notebook with its pictures
 ASK = "print(finding.to_json()); import json; print(json.dumps(fit.table().to_dict()))"
 DIGITS = re.compile(r"[\d.]+")
-HERE = re.compile(r"/(home|root|work|tmp|Users)\b|\.venv|\b[A-Z]:\\")
 
 
 def printed(cell: Any) -> str:
     return "".join(one["text"] for one in cell.outputs if one.output_type == "stream" and one.name == "stdout")
-
-
-@pytest.mark.parametrize("path", BOOKS, ids=lambda path: path.stem)
-def test_committed_notebook_has_outputs_and_names_no_machine(path: Path) -> None:
-    book = nbformat.read(path, as_version=4)
-    nbformat.validate(book)
-    code = [cell for cell in book.cells if cell.cell_type == "code"]
-    assert path.stat().st_size < LARGEST and all(cell.execution_count for cell in code)
-    assert sum("image/png" in one.get("data", {}) for cell in code for one in cell.outputs) == 2
-    assert not any(one.output_type == "error" or one.get("name") == "stderr" for cell in code for one in cell.outputs)
-    texts = [printed(cell) + str([one.get("data", {}).get("text/html", "") for one in cell.outputs]) for cell in code]
-    assert not any(HERE.search(text) for text in texts)
-    assert re.search(r"at commit [0-9a-f]{7,}", code[0].source) and "TRUEARC_DATA" in code[0].source
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@
 import argparse
 import inspect
 import re
-import sys
 from importlib import import_module
 from pathlib import Path
 
@@ -18,10 +17,16 @@ PACKAGES = ("truearc.cli", "truearc_proof.cli", "truearc_frc")
 
 @pytest.mark.parametrize("command", list_commands(), ids=lambda command: command.name)
 def test_every_option_is_read_by_the_commands_code(command: Command) -> None:
-    """The function of a command is in a module of its own, or in one that it imports from a folder of commands."""
-    module = import_module(command.run.partition(":")[0])
-    names = {module.__name__, *(getattr(value, "__module__", "") for value in vars(module).values())}
-    source = "".join(inspect.getsource(sys.modules[name]) for name in names if name.startswith(PACKAGES))
+    """In its own module, or in one of the commands' modules that this imports."""
+    waiting, source, seen = [command.run.partition(":")[0]], "", set()
+    while waiting:
+        name = waiting.pop()
+        if name.startswith(PACKAGES) and name not in seen:
+            seen.add(name)
+            source += inspect.getsource(import_module(name))
+            waiting += re.findall(r"^ *from (\S+) import", source, re.MULTILINE)
+            waiting += [f"truearc.cli.{one}" for line in re.findall(r"^ *from truearc\.cli import (.*)", source, re.M)
+                        for one in re.findall(r"(\w+)(?: as \w+)?(?:, |$)", line)]
     options = {action.dest for action in make_parser(command)._actions} - ALWAYS
     assert options and {name for name in options if not re.search(rf"\bargs\.{name}\b", source)} == set()
 

@@ -47,7 +47,6 @@ def test_pages_are_as_generated(name: str) -> None:
     assert stale == [], f"run `python -m tools.pages {name}`"
 
 
-MARKED = [page for page in sorted(DOCS.rglob("*.md")) if MARKS.search(page.read_text(encoding="utf-8"))]
 DRAWN = re.compile(r"^<!-- (?:rounds: begin|result: ).*?-->$.*?^<!-- (?:rounds: )?end -->$", re.DOTALL | re.MULTILINE)
 
 
