@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tools.pages import MARKS, PAGES, load_printed
+from tools.pages import PAGES
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -54,8 +54,3 @@ def test_no_table_of_measurements_is_typed() -> None:
     typed = {page.name: re.findall(r"^\|---.*|^```text$", DRAWN.sub("", page.read_text(encoding="utf-8")), re.MULTILINE)
              for page in (DOCS / "measured").glob("*.md")}
     assert {name: lines for name, lines in typed.items() if lines} == {}
-
-
-def test_every_result_is_shown_once() -> None:
-    shown = [found[2] for page in MARKED for found in MARKS.finditer(page.read_text(encoding="utf-8"))]
-    assert sorted(shown) == sorted({*shown, *load_printed()})
