@@ -23,9 +23,10 @@ def test_every_option_is_read_by_the_commands_code(command: Command) -> None:
         name = waiting.pop()
         if name.startswith(PACKAGES) and name not in seen:
             seen.add(name)
-            source += inspect.getsource(import_module(name))
-            waiting += re.findall(r"^ *from (\S+) import", source, re.MULTILINE)
-            waiting += [f"truearc.cli.{one}" for line in re.findall(r"^ *from truearc\.cli import (.*)", source, re.M)
+            text = inspect.getsource(import_module(name))
+            source += text
+            waiting += re.findall(r"^ *from (\S+) import", text, re.MULTILINE)
+            waiting += [f"truearc.cli.{one}" for line in re.findall(r"^ *from truearc\.cli import (.*)", text, re.M)
                         for one in re.findall(r"(\w+)(?: as \w+)?(?:, |$)", line)]
     options = {action.dest for action in make_parser(command)._actions} - ALWAYS
     assert options and {name for name in options if not re.search(rf"\bargs\.{name}\b", source)} == set()
