@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from truearc import robot
+import truearc_frc.maps as maps
 from truearc.errors import InputError
 from truearc.robot.aim_file import load_aim
 from truearc.robot.config.schema import CameraFile, load_config, load_toml
@@ -189,7 +189,7 @@ def make(home: Path) -> None:
     parts = {part.partition("]")[0]: f"[{part}" for part in text.split("\n[")}
     (toml / "camera.toml").write_text("\n".join(part for name, part in parts.items()
                                                 if name in ("camera", "tape", "vision")), encoding="utf-8")
-    shutil.copy(Path(robot.__file__).parent / "config" / "maps" / "truearc.toml", toml / "shots.toml")
+    shutil.copy(Path(maps.__file__).parent / "truearc.toml", toml / "shots.toml")
     shutil.copy(GATE, toml / "gate.onnx")
     shutil.copy(AIM, toml / "aim.json")
 

@@ -15,6 +15,7 @@ from tests.proof.reproduce.pools import SMALL, make_pool
 from truearc.cli.main import main
 from truearc.sim.paper.grid_fit import fit_grid
 from truearc.sim.paper.network import LABELS
+from truearc_proof.cli import reproduce as command
 from truearc_proof.parallel import fan_out
 from truearc_proof.reproduce import EVERYTHING, WHERE, Settings, models
 from truearc_proof.reproduce import collect as door
@@ -136,8 +137,8 @@ def test_files_say_what_the_analysis_says(pool, done, tmp_path):
 @pytest.mark.slow
 def test_the_door_prints_paper_and_ours(pool, done, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(door, "collect", lambda *_: pool)
-    monkeypatch.setattr(door, "run_repetition", lambda task: done[0][task.number])
-    monkeypatch.setattr(door, "_settings", lambda _: SMALL)
+    monkeypatch.setattr(models, "run_repetition", lambda task: done[0][task.number])
+    monkeypatch.setattr(command, "_settings", lambda _: SMALL)
     out = tmp_path / "out"
     assert main(["reproduce", "-o", str(out), "--workers", "1"]) == 0
     said = capsys.readouterr().out
