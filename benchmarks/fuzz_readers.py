@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-import truearc_frc.maps as maps
+from truearc import robot
 from truearc.errors import InputError
 from truearc.robot.aim_file import load_aim
 from truearc.robot.config.schema import CameraFile, load_config, load_toml
@@ -27,6 +27,7 @@ from truearc.sim.data.files import load_dataset, load_rig
 from truearc.sim.data.importers.any_team import import_shots
 from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.sysid.session import load_steps
+from truearc_frc import maps
 from truearc_frc.wpilog_export import write_wpilog
 
 ROOT = Path(__file__).parents[1]
