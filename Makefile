@@ -9,12 +9,12 @@ BIN    := $(VENV)/bin
 .PHONY: demo test test-long golden faults mutants release-check setup clean
 setup: $(VENV)/.installed
 
-# both distributions, editable; build/view shows static tools the import names. Bytecode comes with the first import: to
+# all three distributions, editable; build/view shows static tools the import names. Bytecode comes with the first import: to
 # compile all that is installed takes half of pip's time, and most of it is never imported.
-$(VENV)/.installed: pyproject.toml proof/pyproject.toml constraints.txt tools/make_view.py
+$(VENV)/.installed: pyproject.toml proof/pyproject.toml frc/pyproject.toml constraints.txt tools/make_view.py
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable '.[sim,test]' \
-	    --editable proof
+	    --editable proof --editable frc
 	$(BIN)/python tools/make_view.py
 	touch $@
 

@@ -26,12 +26,12 @@ from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.investigate import discover
 from truearc.sim.physics.catalogue import BUILT_IN, Catalogue, catalogue, terms_of_file
 from truearc.sim.physics.flight import path
-from truearc.sim.physics.launch import Exit
+from truearc.sim.physics.term import Exit
 from truearc_proof.importers.ball_drops import import_sepia_drops
 from truearc_proof.rivals import OURS, RIVALS, find_rival
 from truearc_proof.rivals.claim import Claim, believed_of, rms
-from truearc_proof.rivals.koh import STEPS, Calibration, Emulator, Forecast, Runs
-from truearc_proof.scoring.score_finding import names_ranked
+from truearc_proof.rivals.residual import STEPS, Calibration, Emulator, Forecast, Runs
+from truearc_proof.rounds.marks import names_ranked
 from truearc_proof.table import make_markdown
 
 HEAD = ("data", "method", "detects", "names", "90 % interval of the first", "forecast error, held out")

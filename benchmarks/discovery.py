@@ -10,21 +10,17 @@ with what is tested. L2's effects are a quarter of their typical size unless --s
 import time
 import traceback
 from collections.abc import Sequence
-from typing import Any
 
 import msgspec
 
-from benchmarks.worlds import KINDS, Job, Line, fill_and_tell, mark_job, parser_of, plan_jobs, true_parameter, world_of
+from benchmarks.worlds import KINDS, Job, Line, fill_and_tell, mark_job, parser_of, plan_jobs, world_of
 from truearc.sim.compute import keep_compiled
-from truearc.sim.discover.adopt import Investigation
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.investigate import discover
-from truearc_proof.report.tables import said, share
-from truearc_proof.scoring.oracle import ceiling_of, oracle_gain, strength_of
-from truearc_proof.scoring.score_world import NULLS, Mark
+from truearc_proof.rounds.marks import NULLS, Mark, strength_of
+from truearc_proof.rounds.tables import said, share
 from truearc_proof.table import make_markdown
 from truearc_proof.truth.generate import shift_m, shoot
-from truearc_proof.truth.world import World, as_table
 
 SCALES = {"L0": 1.0, "L1": 1.0, "L2": 0.25}
 FALSE_ALARM = 0.05
@@ -40,24 +36,13 @@ def run(job: Job) -> Line:
     try:
         found = discover(dataset, None, FALSE_ALARM, seed=job.index)
         took = time.perf_counter() - began
-        finding = _with_ceiling(msgspec.json.decode(make_json(found.finding)), found, job, world)
+        finding = msgspec.json.decode(make_json(found.finding))
         finding["mismatch"]["tests"] = {}
+        if job.kind == "off" and found.fitted is not None:
+            finding["strength"] = strength_of(found.fitted.scores, shift_m(world))
     except Exception:
         finding, error, took = None, traceback.format_exc(), time.perf_counter() - began
-    return {"job": job, "truth": as_table(world), "seconds": took, "finding": finding, "error": error}
-
-
-def _with_ceiling(finding: dict[str, Any], found: Investigation, job: Job, world: World) -> dict[str, Any]:
-    """The finding with what could have been found and gained."""
-    wanted = true_parameter(job)
-    if job.kind == "off" and found.fitted is not None:
-        return {**finding, "strength": strength_of(found.fitted.evidence, shift_m(world))}
-    if wanted is None:
-        return finding
-    name, amplitude = f"{job.name}.{wanted[0]}", wanted[1]
-    fit = {**(finding["fit"] or {}), "oracle_gain_per_shot": oracle_gain(found, name, amplitude)}
-    ceiling = found.fitted and ceiling_of(found.fitted.evidence, job.level, name, amplitude, job.index)
-    return {**finding, "fit": fit, "ceiling": ceiling}
+    return {"job": job, "seconds": took, "finding": finding, "error": error}
 
 
 def marks_of(lines: Sequence[Line]) -> list[Marked]:

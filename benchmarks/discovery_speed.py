@@ -18,8 +18,7 @@ from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.investigate import detect, discover, make_search
 from truearc.sim.discover.report.pages import make_report
 from truearc.sim.infer.fit import fit_believed
-from truearc.sim.infer.likelihood.data import take_in
-from truearc.sim.infer.likelihood.layout import groups_of, lay_out
+from truearc.sim.infer.launcher import Launcher
 from truearc.sim.physics.catalogue import BUILT_IN, TERMS, Catalogue
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
@@ -30,9 +29,8 @@ SIZES = (8, 20, len(TERMS))           # tested terms, besides those of the basel
 
 def detection(dataset: Dataset, catalogue: Catalogue = BUILT_IN) -> None:
     """Everything that detection takes."""
-    intake = take_in(dataset)
-    layout = lay_out(intake, dataset.facts.believe.terms, groups_of(dataset.shots, intake.rows), catalogue)
-    detect(fit_believed(intake, layout), make_search(dataset), lambda done, note: None)
+    fitted = fit_believed(Launcher.of(dataset, dataset.facts.believe.terms, catalogue))
+    detect(fitted, make_search(dataset), lambda done, note: None)
 
 
 def report(dataset: Dataset) -> None:

@@ -21,7 +21,7 @@ from truearc.sim.compute import keep_compiled
 from truearc.sim.data.dataset import Tracks
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.investigate import discover
-from truearc_proof.report.tables import said
+from truearc_proof.rounds.tables import said
 from truearc_proof.table import make_markdown
 from truearc_proof.truth.generate import shoot
 

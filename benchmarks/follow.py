@@ -27,9 +27,8 @@ from truearc.cli.common import SHIPPED
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
 from truearc.sim.compute import keep_compiled
-from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.detect.always_valid import test_change
-from truearc.sim.discover.investigate import discover, follow_shots, score_since, told_by_session
+from truearc.sim.discover.investigate import discover, follow_shots, make_belief, score_since, told_by_session
 from truearc.sim.infer.belief import draw
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.infer.likelihood.observations import see_outcomes

@@ -9,7 +9,7 @@ from random import Random
 import lz4.frame
 import zstandard
 
-from truearc.robot.gate.contract import KEY_SEAL, UNSEALED, seal
+from truearc.robot.gate import KEY_SEAL, UNSEALED, seal
 
 Mutator = Callable[[bytes, Random], bytes]
 

@@ -16,8 +16,8 @@ from truearc.errors import InputError
 from truearc.robot.aim_file import load_aim
 from truearc.robot.config.schema import CameraFile, load_config, load_toml
 from truearc.robot.config.shot_map import load_map
-from truearc.robot.gate.model import load_gate
-from truearc.robot.recording.export.convert import ExportRows, write_wpilog
+from truearc.robot.gate import load_gate
+from truearc.robot.recording.export.convert import ExportRows
 from truearc.robot.recording.files import parse_candump
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.recover import recover
@@ -27,6 +27,8 @@ from truearc.sim.data.files import load_dataset, load_rig
 from truearc.sim.data.importers.any_team import import_shots
 from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.sysid.session import load_steps
+from truearc_frc import maps
+from truearc_frc.wpilog_export import write_wpilog
 
 ROOT = Path(__file__).parents[1]
 GATE = ROOT / "tests" / "golden" / "reference" / "export-physics" / "gate.onnx"
@@ -188,14 +190,14 @@ def make(home: Path) -> None:
     parts = {part.partition("]")[0]: f"[{part}" for part in text.split("\n[")}
     (toml / "camera.toml").write_text("\n".join(part for name, part in parts.items()
                                                 if name in ("camera", "tape", "vision")), encoding="utf-8")
-    shutil.copy(Path(robot.__file__).parent / "config" / "maps" / "truearc.toml", toml / "shots.toml")
+    shutil.copy(Path(maps.__file__).parent / "truearc.toml", toml / "shots.toml")
     shutil.copy(GATE, toml / "gate.onnx")
     shutil.copy(AIM, toml / "aim.json")
 
 
 def _write_csv_logs(logs: Path) -> None:
     """What AdvantageScope exports of the stranger's log: a list, and a table."""
-    from truearc.sim.data.importers.series import read_wpilog
+    from truearc_frc.wpilog_log import read_wpilog
     log = read_wpilog(logs / "stranger.wpilog")
     rows = sorted((t_s, name, value) for name, series in log.items()
                   for t_s, value in zip(series.t_s.tolist(), series.values, strict=True))

@@ -23,8 +23,7 @@ from sklearn.linear_model import LogisticRegression
 
 from truearc.model_export.graph import export_weights
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target, Wheel
-from truearc.robot.gate.contract import FEATURES
-from truearc.robot.gate.model import load_gate
+from truearc.robot.gate import FEATURES, load_gate
 from truearc.sim.data.dataset import Shots
 from truearc.sim.gate.model import fit_novelty, novelty_record, physics_of, save_physics_gate
 from truearc.sim.gate.train import train_physics_gate

@@ -25,8 +25,8 @@ from truearc.sim.paper.grid_fit import fit_grid, make_axis, make_scoring, rank_t
 from truearc.sim.paper.grid_labels import TEMPLATE, TERMS, VALUES, find_hits, fly_pairs
 from truearc.sim.physics.compiled import facts_values, load_kernel, make_source
 from truearc.sim.physics.flight import fly
-from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import classify, fly_rows
+from truearc.sim.physics.term import Exit
 from truearc_proof.reproduce.collect import exit_seed
 
 FACTS = Rig(ball=Ball(0.14, 0.0889), launcher=LauncherFacts(0.75, 594.0, (

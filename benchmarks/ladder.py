@@ -5,7 +5,7 @@ proof/truearc_proof/truth/ladder.toml.
 
 Lambda is the chi-squared by which the data speak of the effect once the fitted numbers have taken what they can, from
 the information in worlds that hide nothing. Concealed worlds have their sizes by it
-(truearc_proof.worlds.sampling_plan), so that worlds of different effects and levels are equally hard; it is a table,
+(truearc_proof.rounds.worlds), so that worlds of different effects and levels are equally hard; it is a table,
 so that the truth shares no code with what is tested.
 """
 
@@ -19,10 +19,9 @@ from benchmarks.worlds import Job, true_parameter, world_of
 from truearc.sim.compute import keep_compiled
 from truearc.sim.discover.select.terms import efficient, visible_terms
 from truearc.sim.infer.fit import fit_believed
-from truearc.sim.infer.likelihood.data import take_in
-from truearc.sim.infer.likelihood.layout import groups_of, lay_out
+from truearc.sim.infer.launcher import Launcher
 from truearc.sim.infer.likelihood.score_table import ScoreTable
-from truearc_proof.scoring.oracle import strength_of
+from truearc_proof.rounds.marks import strength_of
 from truearc_proof.truth.generate import shift_m, shoot
 from truearc_proof.truth.world import ABSORBED, BELIEVED, EFFECTS, LEVELS, World
 
@@ -35,9 +34,7 @@ def lambdas(level: str, worlds: int, seed: int, shots: int) -> dict[str, float]:
     for index in range(worlds):
         world = world_of(Job("nulls", "clean", level, shots, 0.0, seed, index))
         dataset = shoot(world)
-        intake = take_in(dataset)
-        layout = lay_out(intake, BELIEVED, groups_of(dataset.shots, intake.rows))
-        evidence = fit_believed(intake, layout).evidence
+        evidence = fit_believed(Launcher.of(dataset, BELIEVED)).scores
         columns = visible_terms(evidence)
         left = np.diag(efficient(evidence, columns)[1])
         information = {evidence.columns[k].name: float(value) for k, value in zip(columns, left, strict=True)}

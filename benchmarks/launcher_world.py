@@ -23,9 +23,8 @@ from truearc.cli.common import SHIPPED
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
 from truearc.sim.compute import keep_compiled
-from truearc.sim.discover.adopt import Investigation, make_belief
 from truearc.sim.discover.finding import make_json
-from truearc.sim.discover.investigate import discover
+from truearc.sim.discover.investigate import Investigation, discover, make_belief
 from truearc.sim.infer.belief import Belief, before_the_shot
 from truearc.sim.physics.simulate import predict
 from truearc.sim.world.options import Options

@@ -14,17 +14,17 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks.worlds import Line, fill_and_tell, names_of, parser_of
+from benchmarks.worlds import Line, fill_and_tell, parser_of
 from truearc.sim.compute import keep_compiled
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.finding import FALSE_ALARM
 from truearc.sim.discover.investigate import detect, make_search
 from truearc.sim.discover.plan.identifiability import sight_of
-from truearc.sim.infer.fit import BaselineFit, fit_believed
-from truearc.sim.infer.likelihood.data import take_in
-from truearc.sim.infer.likelihood.layout import groups_of, lay_out
+from truearc.sim.infer.fit import fit_believed
+from truearc.sim.infer.launcher import Launcher, LauncherFit
 from truearc.sim.printed import make_text
-from truearc_proof.scoring.score_finding import in_catalogue
+from truearc_proof.rounds.marks import in_catalogue
+from truearc_proof.rounds.worlds import names_at
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import BELIEVED, find_effect, make_world
 
@@ -36,9 +36,9 @@ def run(level: str, shots: int, seed: int) -> Line:
     """One world: {effect: whether discovery reports it at the size that would be seen four times in five}."""
     keep_compiled()
     still = shoot(make_world({}, level, shots, seed))
-    smallest = {one.term: (one.smallest, one.usual) for one in sight_of(fitted(still).evidence, level, ()).terms}
+    smallest = {one.term: (one.smallest, one.usual) for one in sight_of(fitted(still).scores, level, ()).terms}
     found: dict[str, bool] = {}
-    for place, name in enumerate(sorted(names_of("effects", level))):
+    for place, name in enumerate(sorted(names_at("effects", level))):
         effect = find_effect(name)
         known = in_catalogue(name, effect.typical)
         size, usual = smallest.get(name, (None, 0.0))
@@ -51,10 +51,9 @@ def run(level: str, shots: int, seed: int) -> Line:
     return {"level": level, "shots": shots, "found": found}
 
 
-def fitted(dataset: Dataset) -> BaselineFit:
+def fitted(dataset: Dataset) -> LauncherFit:
     """The baseline at its best."""
-    intake = take_in(dataset)
-    return fit_believed(intake, lay_out(intake, BELIEVED, groups_of(dataset.shots, intake.rows)))
+    return fit_believed(Launcher.of(dataset, BELIEVED))
 
 
 def make_table(lines: Sequence[Line]) -> str:

@@ -17,12 +17,12 @@ from typing import NamedTuple
 
 import msgspec
 
-from truearc_proof.report.html_page import reliability_png
-from truearc_proof.report.targets import posterior_rows
+from truearc_proof.rounds import Room, last_digest, read_ledger
 from truearc_proof.rounds.archive import unpack
 from truearc_proof.rounds.committer import load_plan
 from truearc_proof.rounds.grader import Graded, graded_of
-from truearc_proof.rounds.ledger import Room, last_digest, read_ledger
+from truearc_proof.rounds.page import reliability_png
+from truearc_proof.rounds.tables import posterior_rows
 from truearc_proof.table import make_markdown
 
 BEGIN, END = "<!-- rounds: begin -->\n", "<!-- rounds: end -->\n"

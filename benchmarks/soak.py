@@ -22,10 +22,10 @@ import numpy as np
 
 from benchmarks.real_robot import PATIENT, RealRobot, save_config
 from truearc.robot.config.schema import load_config
-from truearc.robot.processes.loop_health import Second
 from truearc.robot.recording.files import load_image, load_pictures
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import LATENESS, load_trials
+from truearc.robot.runtime import Second
 
 SAMPLE_S = 1.0
 WARM_SHARE = 0.25                     # of the run: caches fill, libraries are loaded

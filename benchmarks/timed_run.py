@@ -10,7 +10,7 @@ from array import array
 from pathlib import Path
 
 from truearc.cli.main import main
-from truearc.robot.processes.loop_health import Lateness
+from truearc.robot.runtime import Lateness
 
 if __name__ == "__main__":
     noted, note = array("q"), Lateness.note

@@ -50,7 +50,7 @@ class AngleReading(Struct, frozen=True):
     t_ns: int
     angle_rad: float
     magnet_ok: bool                   # magnet in range and the device without a fault that corrupts the angle
-    faults: int = 0                   # device's own bits, newest heard; truearc.hw.devices.canandmag.frames names them
+    faults: int = 0                   # device's own bits, newest heard; truearc.hw.devices.canandmag names them
     faults_t_ns: int | UnsetType = UNSET
 
 

@@ -1,4 +1,4 @@
-"""Weights of any kind to a stamped ONNX file, float32."""
+"""Weights of any kind to a stamped ONNX file, float32: the pieces of a graph, and the graph."""
 
 import json
 import sys
@@ -6,21 +6,101 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import onnx
-from onnx import TensorProto, helper, numpy_helper
+from onnx import NodeProto, TensorProto, helper, numpy_helper
 
 from truearc.errors import naming, whole_file
-from truearc.model_export.parts import Part, network_part, novelty_part, physics_part
-from truearc.model_export.tolerances import NETWORK_TOLERANCE, PHYSICS_TOLERANCE
-from truearc.robot.gate import contract
-from truearc.robot.gate.contract import KEY_SEAL, UNSEALED, seal
-from truearc.robot.gate.model import load_gate
-from truearc.sim.gate.model import KIND, MODEL_FILE, Novelty, describe_novelty, load_physics_gate, parse_novelty
-from truearc.sim.gate.surrogate import Domain, make_surrogate
-from truearc.sim.paper.network import RECORD_FILE, load_weights, probabilities, weights_hash
+from truearc.model_export import NETWORK_TOLERANCE, PHYSICS_TOLERANCE
+from truearc.robot import gate as contract
+from truearc.robot.gate import INPUT, KEY_SEAL, NOVELTY, OUTPUT, UNSEALED, load_gate, seal
+from truearc.sim.gate import model as gates
+from truearc.sim.gate.surrogate import Domain, Surrogate, as_cosines, make_surrogate
+from truearc.sim.paper.network import RECORD_FILE, Network, load_weights, probabilities, weights_hash
+
+EDGES = 4                             # of the target: above and below, of two and of three
+
+
+class Part(NamedTuple):
+    """Nodes in order, and their constants by name; real numbers go out as float32, counts and positions as int64."""
+
+    nodes: list[NodeProto]
+    constants: dict[str, np.ndarray]
+
+
+def network_part(network: Network) -> Part:
+    """Return the nodes of the paper's network: standardise, Gemm and Sigmoid twice; `features` to `p`."""
+    nodes = [helper.make_node("Sub", [INPUT, "mean"], ["centred"]),
+             helper.make_node("Mul", ["centred", "scale"], ["standardised"]),
+             helper.make_node("Gemm", ["standardised", "hidden_w", "hidden_b"], ["hidden_z"]),
+             helper.make_node("Sigmoid", ["hidden_z"], ["hidden"]),
+             helper.make_node("Gemm", ["hidden", "out_w", "out_b"], ["out_z"]),
+             helper.make_node("Sigmoid", ["out_z"], [OUTPUT])]
+    return Part(nodes, {"mean": network.mean, "scale": network.scale, **network.layers._asdict()})
+
+
+def novelty_part(novelty: gates.Novelty) -> Part:
+    """Distance to the k-th nearest landmark over the largest known one; `features` to `novelty` [n, 1].
+
+    |z - y|^2 is taken as |y|^2 - 2 z.y, of which the smallest are found, plus |z|^2: one matrix product a decision.
+    """
+    nodes = [helper.make_node("Gemm", [INPUT, "known_scale", "known_from"], ["known_z"]),
+             helper.make_node("Gemm", ["known_z", "known_y", "known_y_squared"], ["known_apart"]),
+             helper.make_node("TopK", ["known_apart", "known_k"], ["known_nearest", "known_which"], largest=0),
+             helper.make_node("Gather", ["known_nearest", "known_last"], ["known_kth"], axis=1),
+             helper.make_node("ReduceSumSquare", ["known_z"], ["known_own"], axes=[1], keepdims=1),
+             helper.make_node("Add", ["known_kth", "known_own"], ["known_squared"]),
+             helper.make_node("Relu", ["known_squared"], ["known_positive"]),
+             helper.make_node("Sqrt", ["known_positive"], [NOVELTY])]
+    landmarks, scale = novelty.landmarks / novelty.largest, novelty.scale / novelty.largest
+    return Part(nodes, {
+        "known_scale": np.diag(scale), "known_from": -novelty.mean * scale, "known_y": -2.0 * landmarks.T,
+        "known_y_squared": (landmarks**2).sum(axis=1), "known_k": np.array([novelty.neighbour]),
+        "known_last": np.array([novelty.neighbour - 1])})
+
+
+def physics_part(surrogate: Surrogate, shape: gates.GateShape, aside: float) -> Part:
+    """The surrogate's mean and spread, and of them the probabilities of the ordinal model; `features` to `p`.
+
+    Chebyshev polynomials as cos(k arccos u), their products as cosines of sums; no flight is integrated here. An
+    outcome within a half-height has the probability (1 - lapse) (erf(above) - erf(below)) / 2 + its share of a lapse,
+    and all that passes aside is a miss. Few nodes: at one row a decision each costs more than its arithmetic.
+    """
+    nodes = [helper.make_node("Gemm", [INPUT, "to_box", "from_middle"], ["box_free"]),
+             helper.make_node("Clip", ["box_free", "minus_one", "one"], ["box_u"]),
+             helper.make_node("Acos", ["box_u"], ["turn"]),
+             helper.make_node("MatMul", ["turn", "frequencies"], ["turns"]),
+             helper.make_node("Cos", ["turns"], ["cosines"]),
+             helper.make_node("Gemm", ["cosines", "amplitudes", "edges_m"], ["apart_and_square"]),
+             helper.make_node("Split", ["apart_and_square"], ["apart_m", "double_free_m2"], axis=1),
+             helper.make_node("Max", ["double_free_m2", "double_least_m2"], ["double_m2"]),
+             helper.make_node("Sqrt", ["double_m2"], ["spread_m"]),
+             helper.make_node("Div", ["apart_m", "spread_m"], ["apart"]),
+             helper.make_node("Erf", ["apart"], ["shares"]),
+             helper.make_node("Gemm", ["shares", "within", "lapse_share"], ["free_p"]),
+             helper.make_node("Clip", ["free_p", "zero", "one"], [OUTPUT])]
+    return Part(nodes, {**_polynomial_constants(surrogate), **_outcome_constants(shape, aside)})
+
+
+def _polynomial_constants(surrogate: Surrogate) -> dict[str, np.ndarray]:
+    """`amplitudes` [F, 8]: four times minus the mean, to which the edges are added; four times twice the variance."""
+    frequencies, (mean_m, square_m2) = as_cosines(surrogate)
+    return {"to_box": np.diag(surrogate.per_half), "from_middle": -surrogate.middle * surrogate.per_half,
+            "frequencies": frequencies.T.astype(float), "minus_one": np.array(-1.0), "one": np.array(1.0),
+            "amplitudes": np.stack([-mean_m] * EDGES + [2.0 * square_m2] * EDGES, axis=1),
+            "double_least_m2": np.array(2.0 * surrogate.least_m2)}
+
+
+def _outcome_constants(shape: gates.GateShape, aside: float) -> dict[str, np.ndarray]:
+    """`within`: erf at (two, three, -two, -three) to the shares within two and within three."""
+    half = 0.5 * (1.0 - aside) * (1.0 - shape.lapse) * np.eye(2)
+    lapses = np.array([gates.LAPSE_CELLS[1:4].sum(), gates.LAPSE_CELLS[2]])
+    edges_m = [shape.two_m, shape.three_m, -shape.two_m, -shape.three_m]
+    return {"edges_m": np.array(edges_m + [0.0] * EDGES), "within": np.concatenate([half, -half]),
+            "lapse_share": (1.0 - aside) * shape.lapse * lapses, "zero": np.array(0.0)}
+
 
 OPSET = 17                            # old enough for every onnxruntime in use, new enough for all that is used here
 IR_VERSION = 8                        # the one that came with opset 17
@@ -41,31 +121,31 @@ class Trained:
     sha256: str
     probabilities: Callable[[np.ndarray], np.ndarray]
     make_part: Callable[[], tuple[Part, dict[str, Any], Domain]]
-    novelty: Novelty
+    novelty: gates.Novelty
     tolerance: float
     bounded: bool                     # the graph's p means something inside the domain only
 
 
 def load_trained(directory: str | Path) -> Trained:
     """Read a weights directory; InputError names the file and what is wrong with it."""
-    if (Path(directory) / MODEL_FILE).is_file():
+    if (Path(directory) / gates.MODEL_FILE).is_file():
         return _physics(directory)
     network, record = load_weights(directory)
-    novelty = parse_novelty(record.get("novelty"), str(Path(directory) / RECORD_FILE))
+    novelty = gates.parse_novelty(record.get("novelty"), str(Path(directory) / RECORD_FILE))
     return Trained("network", record, weights_hash(directory), lambda features: probabilities(network, features),
                    lambda: (network_part(network), {}, record["domain"]), novelty, NETWORK_TOLERANCE, False)
 
 
 def _physics(directory: str | Path) -> Trained:
-    gate, record = load_physics_gate(directory)
+    gate, record = gates.load_physics_gate(directory)
 
     def make_part() -> tuple[Part, dict[str, Any], Domain]:
         surrogate, errors, domain = make_surrogate(gate, record["domain"])
         return physics_part(surrogate, gate.shape, gate.aside), {"surrogate": {
             "degree": surrogate.degree, "mean_error_m": errors.mean_m, "p_error": errors.p}}, domain
 
-    return Trained(KIND, record, weights_hash(directory, MODEL_FILE), gate.probabilities, make_part, gate.novelty,
-                   PHYSICS_TOLERANCE, True)
+    return Trained(gates.KIND, record, weights_hash(directory, gates.MODEL_FILE), gate.probabilities, make_part,
+                   gate.novelty, PHYSICS_TOLERANCE, True)
 
 
 def make_model(parts: Sequence[Part], domain: dict[str, list[float]], novelty: dict[str, Any],
@@ -108,7 +188,7 @@ def export_weights(directory: str | Path, path: str | Path) -> bytes:
     if domain != trained.record["domain"]:
         print(f"warning: {path}: {say_narrowed(trained, domain)}", file=sys.stderr)
     data = make_model([part, novelty_part(trained.novelty)], domain,
-                      describe_novelty(trained.novelty), provenance)
+                      gates.describe_novelty(trained.novelty), provenance)
     with naming(path), whole_file(path) as new:
         new.write_bytes(data)
         load_gate(new)                # what the robot would refuse is refused here

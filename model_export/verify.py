@@ -9,8 +9,7 @@ import numpy as np
 
 from truearc.errors import InputError
 from truearc.model_export.graph import Trained, load_trained
-from truearc.robot.gate.contract import FEATURES, NOVELTY, NOVELTY_LIMIT, OUTPUTS
-from truearc.robot.gate.model import Gate, load_gate
+from truearc.robot.gate import FEATURES, NOVELTY, NOVELTY_LIMIT, OUTPUTS, Gate, load_gate
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.printed import Printed
 

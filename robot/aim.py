@@ -1,10 +1,11 @@
-"""Where the launcher should be for the next trial: a deliberately spread plan, walked onto the target by the driver.
+"""A trial: where the launcher should be for it, by a deliberately spread plan, and what the driver's buttons change.
 
 The plan is a low-discrepancy sequence, so a replay needs no random state. Speeds come from vacuum ballistics divided
 by an efficiency that the driver's high and low marks correct (a Robbins-Monro walk on log speed: a level, and slopes in
 distance and elevation): what a crew does by hand when it walks shots in. Where shots are prescribed, they are it.
 
 With `aim.policy = "belief"` the set points are those of the aim file, and the driver's marks correct the level only.
+Buttons arm, request a shot and mark its outcome.
 """
 
 import math
@@ -15,7 +16,7 @@ from msgspec.structs import replace
 from truearc.robot.aim_file import NO_AIMS, Aims, needs_aim
 from truearc.robot.config.rig_spec import Target
 from truearc.robot.config.schema import Collect, Config, Prescribed
-from truearc.robot.types import Aim, Estimate, Memory, Shot
+from truearc.robot.types import Aim, Estimate, Inputs, Memory, Outcome, Shot
 
 R2 = (0.7548776662466927, 0.5698402909980532)   # additive recurrence that fills the unit square evenly
 FEASIBLE_DEG = 12.0                   # launch at least this much above the line of sight to the target
@@ -84,7 +85,7 @@ def _by_belief(distance_m: float, estimate: Estimate, memory: Memory, config: Co
     file = aims.get(memory.aim_sha256 or "")
     if file is None:
         return NO_FILE
-    asked = None if config.nt4 is None else config.nt4.velocity
+    asked = config.driving
     toward, left = estimate.toward_m_s, estimate.leftward_m_s
     moving = None if asked is None or toward is UNSET or left is UNSET else file.moving(
         distance_m, toward, left, asked.delay_s)
@@ -210,3 +211,53 @@ def _elevation(distance_m: float, target: Target, trial: int, config: Config) ->
     low = min(max(collect.hood_low_deg, sight_deg + FEASIBLE_DEG), config.hood.high_deg)
     high = max(low, collect.hood_high_deg)
     return low + (high - low) * hood_share, trim
+
+
+# to which side of the target a missed shot goes, by which the correction walks; a shot that scored moves nothing
+SIDES = {"miss-low": -1, "miss-high": 1, "two": 0, "two-low": 0, "two-high": 0, "three": 0}
+
+
+def operate(inputs: Inputs, memory: Memory, config: Config) -> tuple[Memory, tuple[Outcome, ...]]:
+    """Apply this tick's presses in order; each outcome button answers the newest unanswered shot.
+
+    A press that got lost may have been that of "arm" by which a driver believes to have disarmed, and may reach into
+    the launcher; one that armed costs a second press. So the robot is disarmed, whatever else was pressed meanwhile.
+    """
+    outcomes: list[Outcome] = []
+    for event in inputs.buttons:
+        if event.button == "arm":
+            memory = replace(_let_go(memory), armed=not memory.armed, disarmed=UNSET)
+        elif event.button == "accept":
+            memory = _accept(inputs, memory)
+        elif event.button == "fire":
+            if memory.armed and not memory.awaiting and not memory.feed_t_ns:
+                memory = replace(memory, request_t_ns=inputs.t_ns)
+        elif event.button == "reject" and memory.last_shot is not None:
+            outcomes.append(Outcome(memory.last_shot.trial, inputs.t_ns, "rejected"))
+            memory = replace(memory, awaiting=False, aim=None, trial=memory.last_shot.trial + 1)
+        elif event.button in SIDES and memory.awaiting and memory.last_shot is not None:
+            outcomes.append(Outcome(memory.last_shot.trial, inputs.t_ns, event.button))
+            memory = _answer(memory, SIDES[event.button], config)
+    if inputs.aim_offer is not UNSET and inputs.aim_accept == inputs.aim_offer.sha256:
+        memory = _accept(inputs, memory)
+    if inputs.missed is not None:
+        memory = replace(_let_go(memory), disarmed=inputs.missed)
+    return memory, tuple(outcomes)
+
+
+def _let_go(memory: Memory) -> Memory:
+    # Disarming forgets the request: a shot asked for before must not come when the launcher is armed again.
+    return replace(memory, armed=False, request_t_ns=0, steady_t_ns=0, doubt_t_ns=0, aim=None, motion=UNSET)
+
+
+def _accept(inputs: Inputs, memory: Memory) -> Memory:
+    # The correction was one of the aim before: what it made up for is in the new one.
+    if memory.armed or inputs.aim_offer is UNSET or memory.aim_sha256 == inputs.aim_offer.sha256:
+        return memory
+    return replace(memory, aim_sha256=inputs.aim_offer.sha256, walk=(0.0, 0.0, 0.0))
+
+
+def _answer(memory: Memory, side: int, config: Config) -> Memory:
+    assert memory.last_shot is not None
+    walk = step_walk(memory.walk, side, memory.last_shot, config)
+    return replace(memory, awaiting=False, walk=walk, aim=None, trial=memory.last_shot.trial + 1)

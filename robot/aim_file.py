@@ -1,6 +1,6 @@
 """The aim file: set points by distance, by which the robot aims where `aim.policy` is "belief".
 
-`truearc aim --robot` makes it. The file carries its own hash (truearc.robot.gate.contract), that of the contract below,
+`truearc aim --robot` makes it. The file carries its own hash (truearc.robot.gate), that of the contract below,
 and the rig that it is for; one that is damaged, of another contract or for another rig is refused. Between two of its
 distances each number is the cubic whose value and slope are stated at both (Hermite). All in Python's floats, so that a
 replay gives the same bits.
@@ -20,7 +20,6 @@ from msgspec import UNSET, Struct, UnsetType
 from truearc.errors import MAX_TEXT_BYTES, InputError, load_bytes, naming
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target
 from truearc.robot.config.schema import Config
-from truearc.robot.gate.contract import is_intact
 
 SCHEMA = "truearc.aim/1"
 CONTRACT = {"in": "distance_m: ball exit to target plane, horizontal",
@@ -185,6 +184,7 @@ def load_aim(path: str | Path) -> AimFile:
     if content.schema != SCHEMA or content.contract_sha256 != contract_hash():
         raise InputError(f"{path}: schema {content.schema!r}, contract {content.contract_sha256[:12]}...; this robot "
                          f"reads {SCHEMA!r}, contract {contract_hash()[:12]}...")
+    from truearc.robot.gate import is_intact  # which loads NumPy; deploy and others need the form alone
     if not is_intact(data, content.sha256):
         raise InputError(f"{path}: sha256: damaged or altered since it was made (the seal does not fit)")
     for key, what in _errors(content):

@@ -20,7 +20,7 @@ from truearc.hw.bus_rules import SHARE
 from truearc.hw.devices import family
 from truearc.hw.devices.button_box import parse_lines
 from truearc.hw.devices.family import WARNING, Endpoints, Finding, Heard, StoredSettings, failure, listen, ok, warning
-from truearc.hw.devices.odrive.doctor import parse_endpoints
+from truearc.hw.devices.odrive.family import parse_endpoints
 from truearc.hw.devices.registry import family_of
 from truearc.hw.devices.spark.frames import is_controller_heartbeat, locked_spark
 from truearc.hw.protocols import NS_PER_S, BadFrame, Bus, Camera, CameraFrame, Clock, Frame, LinkLost, Motor, Stream
@@ -28,8 +28,7 @@ from truearc.hw.real.system import CanLink, Exposure
 from truearc.robot import motors
 from truearc.robot.aim_file import load_aim_for, needs_aim
 from truearc.robot.config.schema import CameraConfig, Can, Config, GateConfig
-from truearc.robot.gate.contract import FEATURES
-from truearc.robot.gate.model import load_gate
+from truearc.robot.gate import FEATURES, load_gate
 from truearc.robot.hood_encoders import encoder_family_of
 from truearc.robot.motors import around_encoder, bound_axes, elevation_from_encoder_deg, make_motors, name_axes
 from truearc.robot.reasons import text
@@ -65,6 +64,15 @@ def check_box(box: Stream, clock: Clock) -> Finding:
         return failure(check, f"its lines cannot be read ({text(wrong)})",
                        "compare its program with docs/how-to/button-box.md")
     return failure(check, f"silent for {BOX_S:g} s", "look at its power and at [buttons] port and baud")
+
+
+def check_calibration(camera: CameraConfig) -> Finding:
+    """Whether a camera that sees tags has a calibration that says how good it is."""
+    check = "camera for tags"
+    if camera.focal_sigma > 0.0 or any(camera.distortion):
+        return ok(check, "[camera] has a calibration with its uncertainty")
+    return warning(check, "[camera] states neither distortion nor how well its focal length is known",
+                   "`truearc vision-calibrate` finds both")
 
 
 def check_exposure(camera: CameraConfig, exposure: Exposure | None) -> Finding:

@@ -25,7 +25,7 @@ from truearc.robot import sysid
 from truearc.robot.config.schema import Config
 from truearc.robot.control import RELEASED
 from truearc.robot.estimate import is_fresh
-from truearc.robot.gate.model import Gate
+from truearc.robot.gate import Gate
 from truearc.robot.motors import elevation_from_encoder_deg, elevation_from_screw_deg, name_axes, screw_rad
 from truearc.robot.reasons import (
     BOX_GONE,

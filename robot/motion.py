@@ -18,8 +18,7 @@ from truearc.hw.protocols import NS, NS_PER_S
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config, Hood
-from truearc.robot.estimate import is_fresh
-from truearc.robot.gate.doubts import Doubts
+from truearc.robot.estimate import Doubts, is_fresh
 from truearc.robot.motors import (
     HOOD_OVERSPEED,
     elevation_from_encoder_deg,

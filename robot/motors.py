@@ -123,7 +123,7 @@ def _hood_top_rad_s(config: Config) -> float:
 
 def around_encoder(config: Config) -> Around:
     """The part of the configuration beside its own table that the hood's encoder may need."""
-    return Around(config.gate.reading_age_s, "" if config.nt4 is None else config.nt4.server)
+    return Around(config.gate.reading_age_s, config.readings)
 
 
 # --- rules of the bus

@@ -83,8 +83,8 @@ RELEASED_REPEATEDLY = Code("released_repeatedly", "{count} times in {window_s:g}
                            {"count": "count"})
 WHEELS_IDLE = Code("wheels_idle", "wheels idle: no target and no request")
 
-# Advice by NetworkTables
-NT_LOST = Code("nt_lost", "no connection to the robot's NetworkTables server")
+# Readings that another program publishes
+NT_LOST = Code("nt_lost", "no connection to the server of the robot's program")
 KEY_MISSING = Code("key_missing", "{key}: the robot publishes no such key", {"key": "text"})
 KEY_IMPLAUSIBLE = Code("key_implausible", "{key}: {value} is not an angle", {"key": "text", "value": "text"})
 KEY_JUMPED = Code("key_jumped", "{key} jumped {ago_s:.1f} s ago", {"key": "text"})

@@ -16,11 +16,11 @@ from truearc.hw.protocols import NS_PER_S
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config
+from truearc.robot.eyes import Eyes
 from truearc.robot.hood_encoders import encoder_family_of
 from truearc.robot.motors import around_encoder, make_motors, name_axes, name_wheel
 from truearc.robot.runtime import RigLayer, RobotIo
 from truearc.robot.types import Command, Inputs, Sent, Sighting, Tick
-from truearc.robot.vision_source import Eyes
 
 BOX_SILENT_NS = 1_500_000_000         # three missed heartbeats of the button box
 UNUSABLE = 3                          # frames in a row, of one kind; 30 ms of estimates at their usual rate
@@ -196,10 +196,11 @@ class HardwareRig:
     def _torques_nm(self, command: Command) -> list[float | None]:
         """Of each motor; None: released."""
         config = self._config
-        wheel, hood, feeder = (_clamp(torque_nm, limit_nm) if enable else None for enable, torque_nm, limit_nm in (
-            (command.enable_flywheel, command.flywheel_torque_nm, config.flywheel.pid.output_high),
-            (command.enable_hood, command.hood_torque_nm, config.hood.pid.output_high),
-            (command.enable_feeder, command.feeder_torque_nm, config.feeder.torque_nm)))
+        wheel, hood, feeder = (min(max(torque_nm, -limit_nm), limit_nm) if enable else None
+                               for enable, torque_nm, limit_nm in (
+            (command.enable_flywheel, command.flywheel_torque_nm, abs(config.flywheel.pid.output_high)),
+            (command.enable_hood, command.hood_torque_nm, abs(config.hood.pid.output_high)),
+            (command.enable_feeder, command.feeder_torque_nm, abs(config.feeder.torque_nm))))
         return [*[wheel] * len(config.axes.flywheels), hood, feeder]
 
     def _send(self, frame: hw.Frame) -> bool:
@@ -244,10 +245,6 @@ class RecordingRig(RigLayer):
         if inputs is None or trouble is None:
             return inputs
         return replace(inputs, faults=(*inputs.faults, because.NOT_RECORDING(cause=trouble)))
-
-
-def _clamp(torque_nm: float, limit_nm: float) -> float:
-    return min(max(torque_nm, -abs(limit_nm)), abs(limit_nm))
 
 
 def _sent(command: Command, orders: list[hw.Order], refused: int) -> Sent:

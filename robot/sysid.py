@@ -17,9 +17,8 @@ from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config, Excite
 from truearc.robot.control import RELEASED, home
-from truearc.robot.estimate import estimate, is_fresh, remember
-from truearc.robot.gate.doubts import doubt_axes
-from truearc.robot.gate.model import Gate
+from truearc.robot.estimate import doubt_axes, estimate, is_fresh, remember
+from truearc.robot.gate import Gate
 from truearc.robot.motion import OVERSPEED, Wanted, Watch, watch
 from truearc.robot.types import Aim, Command, Estimate, Inputs, Memory, Progress, Tick, Verdict
 

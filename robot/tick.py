@@ -6,17 +6,15 @@ from msgspec.structs import replace
 
 from truearc.hw.protocols import NS
 from truearc.robot.aim import aim as aim_at
-from truearc.robot.aim import config_id, from_here, is_left, is_moving, is_planned, place_m, speed_m_s
+from truearc.robot.aim import config_id, from_here, is_left, is_moving, is_planned, operate, place_m, speed_m_s
 from truearc.robot.aim_file import NO_AIMS, Aims
-from truearc.robot.button_logic import operate
 from truearc.robot.config.schema import Config
 from truearc.robot.control import control
-from truearc.robot.estimate import estimate, remember
-from truearc.robot.gate.doubts import doubt_axes
-from truearc.robot.gate.model import Gate
-from truearc.robot.gate.verdict import judge, only_the_model_doubts
+from truearc.robot.estimate import doubt_axes, estimate, remember
+from truearc.robot.gate import Gate
 from truearc.robot.motion import Wanted, watch
 from truearc.robot.types import Aim, Estimate, Inputs, Memory, Outcome, Shot, Tick, Verdict
+from truearc.robot.verdict import judge, only_the_model_doubts
 
 
 def step(inputs: Inputs, memory: Memory, config: Config, gate: Gate | None, aims: Aims = NO_AIMS) -> Tick:

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from truearc.robot.gate.contract import OUTPUTS
+from truearc.robot.gate import OUTPUTS
 from truearc.sim.statistics import reliability, wilson
 
 STYLE = (files("truearc.sim") / "report.css").read_text(encoding="utf-8")

@@ -23,11 +23,21 @@ DATA = Path(os.environ.get("TRUEARC_DATA", Path(__file__).parents[2] / "shared" 
 VCAN0 = Path("/sys/class/net/vcan0")
 # Folders, files or tests (beginnings of their ids) that `make test-long` runs although no mark of theirs says so.
 LONG = (
-    "tests/golden/test_proof_1.py::test_weights_export_to_the_gate_that_they_did", "tests/house/test_benchmarks.py",
+    "tests/house/test_benchmarks.py", "tests/loops/test_devices.py::test_a_device_that_fails_is_a_hold_that_says_why",
     "tests/proof/importers/test_import_ball_drops.py::test_drag_with_the_square_of_the_speed_is_named",
-    "tests/proof/reproduce", "tests/proof/rivals/test_pysindy.py", "tests/sim/discover/test_example_term.py",
+    "tests/proof/reproduce", "tests/proof/rivals/test_pysindy.py",
+    "tests/proof/test_parallel.py::test_a_job_that_always_kills_its_process_is_told_not_tried_for_ever",
+    "tests/robot/test_vision_tag.py::test_no_wrong_tag_among_distractors",
+    "tests/robot/test_vision_turning.py::test_errors_are_as_large_as_sigma_says_when_it_is_told_of_turning",
+    "tests/sim/data/test_import_logs.py::test_a_session_that_was_exported_is_read_with_its_poses_and_its_shots",
+    "tests/sim/discover/test_example_term.py",
     "tests/sim/discover/test_no_information.py", "tests/sim/discover/test_none_found.py",
-    "tests/sim/discover/test_row_order.py", "tests/sim/infer/test_times.py", "tests/sim/test_one_core.py",
+    "tests/sim/discover/test_row_order.py",
+    "tests/sim/discover/test_tracker_change.py::test_a_tracker_that_was_compared_is_said_to_be",
+    "tests/sim/infer/test_pooling.py::test_intervals_hold_what_is_common_and_what_is_next_in_ninety_of_a_hundred",
+    "tests/sim/infer/test_times.py",
+    "tests/sim/paper/test_grid_labels.py::test_labels_are_those_of_flying_every_point[251",
+    "tests/sim/paper/test_sweep.py::test_the_door_writes_tables_picture_and_weights", "tests/sim/test_one_core.py",
 )
 MOST_WORKERS = 4                      # each holds JAX and what it has compiled: a gigabyte
 
@@ -62,6 +72,17 @@ settings.load_profile("house")
 def all_shapes_checked() -> None:
     """Each test checks the first calls of every function anew."""
     shape_checks.start_again()
+
+
+@pytest.fixture(scope="session")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A session of the emulated robot: two shots, both marked."""
+    from truearc.cli.common import SHIPPED
+    from truearc.robot.config.schema import load_config
+    from truearc.sim.world.emulated_robot import emulate
+    folder = tmp_path_factory.mktemp("recorded") / "plain"
+    emulate(load_config(SHIPPED), folder, trials=2, seed=3)
+    return folder
 
 
 @pytest.fixture(scope="module", autouse=True)

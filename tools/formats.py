@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 from msgspec import UNSET, Struct, UnsetType
 
-from truearc.hw.devices.canandmag.family import CanandmagConfig
+from truearc.hw.devices.canandmag import CanandmagConfig
 from truearc.robot.aim_file import AimContent
 from truearc.robot.config.limits import LIMITS, Bound, shown
 from truearc.robot.config.rig_spec import Rig
@@ -96,6 +96,7 @@ Angles are above the horizontal.
 
 ## launcher.toml
 Every key is needed, except those that are comments in the [shipped file](../../robot/launcher.toml), and `[identify]`.
+The table `[nt4]` of `truearc-frc`: [advice](../how-to/advise.md#nt4).
 
 | key | unit | shipped | range | meaning |
 |---|---|---|---|---|

@@ -1,5 +1,5 @@
-"""Make `build/view`: links that show static tools and a bare checkout the import names `truearc` and
-`truearc_proof`."""
+"""Make `build/view`: links that show static tools and a bare checkout the import names `truearc`,
+`truearc_proof` and `truearc_frc`."""
 
 import os
 import sys
@@ -7,6 +7,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("hw", "robot", "sim", "model_export")
+OTHERS = ("proof", "frc")             # folders of distributions of their own
 
 
 def make_view(root: Path = ROOT) -> Path:
@@ -14,12 +15,13 @@ def make_view(root: Path = ROOT) -> Path:
     view = root / "build" / "view"
     package = view / "truearc"
     package.mkdir(parents=True, exist_ok=True)
-    for link in (*package.iterdir(), view / "truearc_proof"):
+    for link in (*package.iterdir(), *(view / f"truearc_{name}" for name in OTHERS)):
         link.unlink(missing_ok=True)
     for target in (*(root / "truearc").iterdir(), *(root / room for room in ROOMS)):
         if target.name != "__pycache__":
             _link(package / target.name, target)
-    _link(view / "truearc_proof", root / "proof" / "truearc_proof")
+    for name in OTHERS:
+        _link(view / f"truearc_{name}", root / name / f"truearc_{name}")
     return view
 
 

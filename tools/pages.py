@@ -5,9 +5,10 @@
 
 reference: commands and Python API. formats: file formats, from the structs and the comments beside their fields, and
 truearc/schemas. reasons: codes and messages. terms: between two marks of docs/reference/terms.md. measured: between
-`<!-- result: NAME -->` and `<!-- end -->` on every page, a table of RESULTS or docs/measured/results/NAME.txt, which
---run writes: command, commit and date, then what was printed; `<!-- result: NAME: PATTERN -->` shows the lines alone
-that match. `benchmarks.proof --write` fills docs/measured/sealed.md in the same way.
+`<!-- result: NAME -->` and `<!-- end -->` on every page, a table of RESULTS or an entry of
+docs/measured/results/printed.txt, which --run writes: command, commit and date, then what was printed; `<!-- result:
+NAME: PATTERN -->` shows the lines alone that match. `benchmarks.proof --write` fills docs/measured/sealed.md in the
+same way.
 """
 
 import argparse
@@ -31,6 +32,7 @@ from benchmarks.matrix.judge import Result
 from benchmarks.proof import load
 from tools import formats
 from truearc.cli.commands import COMMANDS, GROUPS, Command, load_plugins, make_parser
+from truearc.errors import INSTALL_HINTS
 from truearc.hw import fault_codes
 from truearc.hw.devices.registry import find_family
 from truearc.hw.reason import NESTED, OPTIONAL, Code, Message
@@ -38,9 +40,8 @@ from truearc.robot import reasons
 from truearc.robot.operator_ui.view import MESSAGES
 from truearc.sim.physics.catalogue import BUILT_IN
 from truearc.sim.physics.term import STAGES, Parameter, Term
-from truearc_proof.report.tables import make_tables
-from truearc_proof.report.targets import posterior_rows
-from truearc_proof.rounds.jsonl_store import lines_of
+from truearc_proof.parallel import lines_of
+from truearc_proof.rounds.tables import make_tables, posterior_rows
 from truearc_proof.table import make_markdown
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -65,7 +66,7 @@ Made from the code by `python -m tools.pages reference`.
 
 def commands_page() -> str:
     """The page of commands: a table for each group."""
-    commands = sorted((*COMMANDS, *(one for one in load_plugins() if one.distribution == "truearc-proof")),
+    commands = sorted((*COMMANDS, *(one for one in load_plugins() if one.distribution in INSTALL_HINTS)),
                       key=lambda one: [*GROUPS, one.group].index(one.group))
     lines = [COMMANDS_HEAD]
     for group, members in itertools.groupby(commands, key=lambda one: one.group):
@@ -228,6 +229,7 @@ def _row(cells: Iterable[str]) -> str:
 DOCS = ROOT / "docs"
 MEASURED = DOCS / "measured"
 KEPT = MEASURED / "results"
+PRINTED = KEPT / "printed.txt"
 MARKS = re.compile(r"(<!-- result: (\w+)(?:: (.+?))? -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
@@ -285,11 +287,17 @@ def fill(page: str) -> str:
 
 
 def _result(name: str, pattern: str | None) -> str:
-    return RESULTS[name]() if name in RESULTS else show((KEPT / f"{name}.txt").read_text(encoding="utf-8"), pattern)
+    return RESULTS[name]() if name in RESULTS else show(load_printed()[name], pattern)
+
+
+def load_printed() -> dict[str, str]:
+    """Return {name: command, commit and date, and what was printed} of every kept run."""
+    entries = re.split(r"^== ", PRINTED.read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]
+    return dict(entry.rstrip("\n").split("\n", 1) for entry in entries)
 
 
 def show(kept: str, pattern: str | None = None) -> str:
-    """Markdown of one result file: the command, commit and date, and what was printed, or its lines that match."""
+    """Markdown of one kept run: the command, commit and date, and what was printed, or its lines that match."""
     head, _, printed = kept.partition("\n\n")
     command, made = head.split("\n")
     lines = [line for line in printed.splitlines() if pattern is None or not line or re.search(pattern, line)]
@@ -299,7 +307,7 @@ def show(kept: str, pattern: str | None = None) -> str:
 
 
 def keep(name: str, command: str) -> None:
-    """Run a command in the root of the repository; write its result file. CalledProcessError where it fails.
+    """Run a command in the root of the repository; keep what it prints. CalledProcessError where it fails.
 
     FILE in the command is where it keeps rows: build/NAME.jsonl.
     """
@@ -312,7 +320,8 @@ def keep(name: str, command: str) -> None:
     changed = subprocess.run(["git", "diff", "--quiet", "HEAD", "--", "*.py"], cwd=ROOT, check=False).returncode
     made = f"commit {commit}{' with changes' * changed}, {datetime.now(UTC):%Y-%m-%d}"
     lines = "\n".join(line.rstrip() for line in printed.strip("\n").splitlines())
-    (KEPT / f"{name}.txt").write_text(f"{command}\n{made}\n\n{lines}\n", encoding="utf-8")
+    kept = load_printed() | {name: f"{command}\n{made}\n\n{lines}"}
+    PRINTED.write_text("\n".join(f"== {one}\n{text}\n" for one, text in sorted(kept.items())), encoding="utf-8")
 
 # --- all of them: what a name stands for, as {path: text}
 

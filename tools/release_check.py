@@ -2,8 +2,8 @@
 
 Usage: python tools/release_check.py [--pythons PYTHON,...] [--only TEXT]      (`make release-check`)
 
-Environments: for every Python found from 3.11 to 3.13 the base install, [frc] and [sim] with the newest versions of
-dependencies, and all of them with the lowest versions that pyproject.toml allows (lowest with a wheel for that Python).
+Environments: for every Python found from 3.11 to 3.13 the base install, truearc-frc and [sim] with the newest versions
+of dependencies, and all of them with the lowest versions that are allowed (lowest with a wheel for that Python).
 Each replays, bit for bit, a session that the first [sim] environment recorded. At last the dependencies' wheels for
 Windows, macOS and a robot's aarch64 are looked for, without being installed. Exit code 1 where a check failed.
 """
@@ -23,15 +23,16 @@ ROOT = Path(__file__).parents[1]
 HOME = ROOT / "build" / "release"
 VERSIONS = ("3.11", "3.12", "3.13")
 UV = HOME / "tools" / "bin" / "uv"
-# of uv's names: what a wheel must run on; extras that have no wheel there
+# of uv's names: what a wheel must run on; which parts have wheels there: [sim], truearc-frc
 PLATFORMS = {"x86_64-pc-windows-msvc": "sim,frc", "aarch64-apple-darwin": "sim,frc", "x86_64-manylinux_2_35": "sim,frc",
              "aarch64-manylinux_2_35": "sim,frc", "aarch64-manylinux_2_31": "sim"}
-READ_LOG = "import wpiutil.log, ntcore; ntcore.NetworkTableInstance.create().startClient4('truearc')"
+READ_LOG = ("import truearc_frc.wpilog_log, truearc_frc.keys, ntcore; "
+            "ntcore.NetworkTableInstance.create().startClient4('truearc')")
 IMPORTS = "import truearc, truearc.robot.tick, truearc.hw.codec, importlib.metadata as m; print(m.version('truearc'))"
 
 
 class Place(NamedTuple):
-    """An environment to make: a Python, extras of truearc, and which versions of the dependencies."""
+    """An environment to make: a Python, parts of truearc, and which versions of the dependencies."""
 
     python: str
     version: str
@@ -63,12 +64,12 @@ def main() -> int:
 
 
 def build() -> Path:
-    """Build both distributions from what git has at HEAD: a source distribution, and a wheel from that."""
+    """Build all distributions from what git has at HEAD: a source distribution, and a wheel from that."""
     source = HOME / "source"
     source.mkdir()
     archive = subprocess.run(["git", "archive", "HEAD"], cwd=ROOT, capture_output=True, check=True).stdout
     subprocess.run(["tar", "-x"], cwd=source, input=archive, check=True)
-    for folder in (source, source / "proof"):
+    for folder in (source, source / "proof", source / "frc"):
         _run(UV, "build", "--quiet", "--out-dir", HOME / "dist", folder)
     print("built: " + ", ".join(sorted(path.name for path in (HOME / "dist").glob("truearc*"))), flush=True)
     return HOME / "dist"
@@ -96,13 +97,20 @@ def places(pythons: dict[str, str]) -> Iterator[Place]:
 
 def has_wheels(platform: str) -> bool:
     """Whether every dependency has a wheel for a platform, for the first and last Python; prints what is missing."""
-    extras = [word for extra in PLATFORMS[platform].split(",") for word in ("--extra", extra)]
     answers = [subprocess.run([UV, "pip", "compile", "--quiet", "--only-binary", ":all:", "--python-platform", platform,
-                               "--python-version", version, *extras, ROOT / "pyproject.toml"], capture_output=True,
-                              text=True, check=False) for version in (VERSIONS[0], VERSIONS[-1])]
+                               "--python-version", version, "-"], input="\n".join(needed(PLATFORMS[platform])),
+                              capture_output=True, text=True, check=False) for version in (VERSIONS[0], VERSIONS[-1])]
     missing = [answer.stderr.strip() for answer in answers if answer.returncode]
     print(f"{'FAILED' if missing else 'ok':8s} wheels for {platform} [{PLATFORMS[platform]}]", *missing, flush=True)
     return not missing
+
+
+def needed(extras: str) -> list[str]:
+    """Requirements of the base install and these parts of truearc."""
+    own, frc = (tomllib.loads((ROOT / folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+                for folder in (".", "frc"))
+    return [*own["dependencies"], *(own["optional-dependencies"]["sim"] if "sim" in extras else ()),
+            *(one for one in frc["dependencies"] if "frc" in extras and one != "truearc")]
 
 
 def _passes(place: Place, dist: Path) -> bool:
@@ -122,13 +130,13 @@ def _install(place: Place, home: Path, dist: Path) -> None:
     """Into an empty environment; its interpreter fetches nothing of its own."""
     _run(UV, "venv", "--quiet", "--no-python-downloads", "--python", place.python, home)
     install = (UV, "pip", "install", "--quiet", "--only-binary", ":all:", "--python", home / "bin" / "python")
-    wheel, proof = (next(dist.glob(f"{name}-*.whl")) for name in ("truearc", "truearc_proof"))
+    wheel, proof, frc = (next(dist.glob(f"{name}-*.whl")) for name in ("truearc", "truearc_proof", "truearc_frc"))
+    others = [*([proof] if place.extras == "sim" else []), *([frc] if "frc" in place.extras else [])]
     if place.lowest:
-        extras = [word for extra in place.extras.split(",") for word in ("--extra", extra)]
-        _run(*install, "--resolution", "lowest-direct", "-r", ROOT / "pyproject.toml", *extras)
-        _run(*install, "--no-deps", wheel)
+        _run(*install, "--resolution", "lowest-direct", *needed(place.extras))
+        _run(*install, "--no-deps", wheel, *others)
     else:
-        _run(*install, f"{wheel}[{place.extras}]", *([proof] if place.extras == "sim" else []))
+        _run(*install, f"{wheel}[sim]" if "sim" in place.extras else wheel, *others)
 
 
 def _try(place: Place, home: Path) -> None:

@@ -10,7 +10,7 @@ from truearc.hw.emulated.camera import NOTHING, Image, Stage, outline_m, project
 from truearc.hw.fault_codes import CAMERA_ERROR
 from truearc.hw.protocols import CameraFrame, Clock, LinkLost
 from truearc.hw.real.camera import CameraThread
-from truearc.robot.config.schema import Config
+from truearc.robot.config.schema import CameraConfig, Config, Tape
 from truearc.sim.world.emulated_vision import make_lens, make_tape
 from truearc_proof.world.camera_damage import StagedCamera, floor_reflection, place, second_goal
 
@@ -24,22 +24,22 @@ NS_PER_S = 1_000_000_000
 
 
 @functools.cache
-def draw(scene: str, config: Config) -> tuple[Image, ...]:
+def draw(scene: str, camera: CameraConfig, tape: Tape) -> tuple[Image, ...]:
     """Pictures of "target", "black", "saturated", "two targets", "reflections" or "elsewhere"."""
     if scene == "saturated":
-        return tuple(np.full((config.camera.height_px, config.camera.width_px, 3), 255 - k, np.uint8)
+        return tuple(np.full((camera.height_px, camera.width_px, 3), 255 - k, np.uint8)
                      for k in range(DRAWN))
-    lens, tape = make_lens(config.camera), make_tape(config.tape)
-    rise_m = config.tape.centre_height_m - config.camera.height_m
-    view = place(NEAR_M if scene == "elsewhere" else LENS_M, rise_m, config.camera.pitch_deg)
-    camera = StagedCamera(Stage(NOTHING if scene == "black" else view), lens, tape, config.camera.fps, 0.0, 1)
-    camera.black(scene == "black")
-    corners, _ = project(outline_m(tape), view.camera_from_target, lens)
+    lens, shape = make_lens(camera), make_tape(tape)
+    rise_m = tape.centre_height_m - camera.height_m
+    view = place(NEAR_M if scene == "elsewhere" else LENS_M, rise_m, camera.pitch_deg)
+    staged = StagedCamera(Stage(NOTHING if scene == "black" else view), lens, shape, camera.fps, 0.0, 1)
+    staged.black(scene == "black")
+    corners, _ = project(outline_m(shape), view.camera_from_target, lens)
     if scene == "two targets":
-        camera.clutter(second_goal(lens, corners, np.random.default_rng(SECOND_GOAL_SEED)))
+        staged.clutter(second_goal(lens, corners, np.random.default_rng(SECOND_GOAL_SEED)))
     elif scene == "reflections":
-        camera.clutter(floor_reflection(lens, corners, np.random.default_rng(1)))
-    return tuple(camera.expose(0).image for _ in range(DRAWN))
+        staged.clutter(floor_reflection(lens, corners, np.random.default_rng(1)))
+    return tuple(staged.expose(0).image for _ in range(DRAWN))
 
 
 class Scenery:
@@ -49,11 +49,11 @@ class Scenery:
         self._config, self._what, self._stands = config, what, stands
         self._count = self._in_trouble = 0
         self._kept: Image | None = None
-        draw("target", config)
+        draw("target", config.camera, config.tape)
         if what == "drives off":
-            draw("elsewhere", config)
+            draw("elsewhere", config.camera, config.tape)
         if what in ("black", "saturated", "two targets", "reflections", "elsewhere"):
-            draw(what, config)
+            draw(what, config.camera, config.tape)
 
     @property
     def trouble(self) -> str:
@@ -69,7 +69,7 @@ class Scenery:
         if trouble == "drives off":
             trouble = "elsewhere" if self._in_trouble > ASKED else ""
         plain = trouble in ("", "frozen", "hangs", "unplugged", "slow", "old stamps", "stamps to come", "1 per second")
-        images = draw("target" if plain else trouble, self._config)
+        images = draw("target" if plain else trouble, self._config.camera, self._config.tape)
         self._kept = images[self._count % DRAWN]
         return self._kept
 

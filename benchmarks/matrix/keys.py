@@ -16,15 +16,10 @@ from msgspec.structs import replace
 from benchmarks.matrix.fault import Key, Row, find
 from truearc.cli.common import SHIPPED
 from truearc.hw.emulated.nodes import StepClock
-from truearc.robot.advice.advice_io import AdviceIo
-from truearc.robot.advice.nt_camera import NtCamera
-from truearc.robot.advice.nt_keys import Reading
-from truearc.robot.advice.nt_velocity import NtVelocity
-from truearc.robot.advice.tick import POLICY, step
-from truearc.robot.config.nt4 import Nt4, Nt4Velocity, Nt4Vision
+from truearc.robot.advice import POLICY, step
 from truearc.robot.config.schema import AprilTag, Config, load_config
 from truearc.robot.config.shot_map import ShotMap, Signal
-from truearc.robot.gate.model import Rating
+from truearc.robot.gate import Rating
 from truearc.robot.reasons import text
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay import Comparer, Difference, RecordedRows
@@ -32,6 +27,11 @@ from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import ReplayRig
 from truearc.robot.runtime import run
+from truearc_frc.advice import AdviceIo
+from truearc_frc.camera import NtCamera
+from truearc_frc.keys import Reading
+from truearc_frc.table import Nt4, Nt4Velocity, Nt4Vision, nt4_of, with_nt4
+from truearc_frc.velocity import NtVelocity
 
 NS = 1_000_000_000
 HZ, FRESH_S, BEGIN_S, AFTER_S = 50, 0.25, 1.0, 2.0
@@ -113,7 +113,7 @@ def make_config(trouble: Key) -> Config:
         velocity = replace(velocity, frame="field", heading=HEADING, alive=ALIVE if trouble.key == ALIVE else "")
     nt4 = Nt4("254", VISION.get(_camera_of(trouble)), velocity if "Drive" in trouble.key else None)
     gate = replace(shipped.gate, policy="model", reading_age_s=FRESH_S, sighting_age_s=FRESH_S)
-    return replace(shipped, tick_hz=HZ, gate=gate, nt4=nt4, apriltag=AprilTag((4,), 0.1651, 1.23, 0.3))
+    return with_nt4(replace(shipped, tick_hz=HZ, gate=gate, apriltag=AprilTag((4,), 0.1651, 1.23, 0.3)), nt4)
 
 
 def _camera_of(trouble: Key) -> str:
@@ -127,10 +127,11 @@ def play_keys(row: Row, trouble: Key, folder: Path) -> None:
     begin_ns = began_ns + round(BEGIN_S * NS)
     end_ns = begin_ns + round(row.lasts_s * NS)
     robot = Robot(trouble, begin_ns, end_ns)
-    assert config.nt4 is not None
+    nt4 = nt4_of(config)
+    assert nt4 is not None
     rig = AdviceIo(config, MAP, robot, clock, lambda: clock.now_ns() >= end_ns + AFTER_S * NS, 0.05,
-                   NtCamera(config, robot, clock) if config.nt4.vision else None,
-                   NtVelocity(config, robot, clock) if config.nt4.velocity else None)
+                   NtCamera(config, robot, clock) if nt4.vision else None,
+                   NtVelocity(config, robot, clock) if nt4.velocity else None)
     header = replace(make_header(config, None, None), policy=POLICY)
     recorder = SessionWriter(folder / "session", header, config, None, lossless=True)
     run(rig, config, AGREES, recorder, step)

@@ -20,7 +20,7 @@ from benchmarks.matrix.rows import CODES, EITHER
 from benchmarks.matrix.run import Span, frame_id, is_odrive, with_launcher
 from truearc.cli.common import SHIPPED
 from truearc.hw.codec import load_codec
-from truearc.hw.devices.canandmag.frames import frame_id as encoder_id
+from truearc.hw.devices.canandmag import frame_id as encoder_id
 from truearc.hw.devices.motor_encoder import NoEncoder
 from truearc.hw.emulated.nodes import MotorTruth, Node, Twin
 from truearc.hw.protocols import CameraFrame, Clock, Frame
@@ -29,9 +29,8 @@ from truearc.robot.config.schema import Config, Prescribed, load_config
 from truearc.robot.operator_ui.view import find_message, tell
 from truearc.robot.recording.files import TappedBus
 from truearc.robot.types import Sighting, Tick
-from truearc.sim.world.drive import Belt
+from truearc.sim.world.drive import HOOD_COULOMB_NM, Belt, Hood
 from truearc.sim.world.emulated_robot import make_nodes
-from truearc.sim.world.hood import COULOMB_NM, Hood
 from truearc.sim.world.options import Options
 from truearc.sim.world.world import World
 
@@ -71,7 +70,7 @@ class Moved(msgspec.Struct):
 
 
 class ToldEyes:
-    """truearc.robot.vision_source.Eyes: the target in its place, ten times a second, as long as it is to be seen."""
+    """truearc.robot.eyes.Eyes: the target in its place, ten times a second, as long as it is to be seen."""
 
     def __init__(self, clock: Clock, is_hidden: Callable[[], bool]) -> None:
         self.clock, self._is_hidden = clock, is_hidden
@@ -388,7 +387,7 @@ class SickHood(Hood):
             return torque_nm
         if self.speed_rad_s:
             return torque_nm - math.copysign(STIFF_NM, self.speed_rad_s)
-        return 0.0 if abs(torque_nm) <= STIFF_NM + COULOMB_NM else torque_nm - math.copysign(STIFF_NM, torque_nm)
+        return 0.0 if abs(torque_nm) <= STIFF_NM + HOOD_COULOMB_NM else torque_nm - math.copysign(STIFF_NM, torque_nm)
 
 
 class SickBelt(Belt):

@@ -33,21 +33,17 @@ from truearc.hw.real.can_bus import ROOM, WAIT_S, CanBus, SupervisedBus, open_ca
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.processes import Capacity, Child, Line, Slots, make_shared
 from truearc.hw.real.wires import MendedCamera, MendedStream, open_serial
-from truearc.model_export.graph import make_model
-from truearc.model_export.parts import Part
+from truearc.model_export.graph import Part, make_model
 from truearc.robot.config.schema import Config
-from truearc.robot.gate.contract import INPUT, NOVELTY, OUTPUT
-from truearc.robot.gate.model import Gate, Rating
+from truearc.robot.eyes import Eyes, FarEyes, InlineEyes, make_room, watch
+from truearc.robot.gate import INPUT, NOVELTY, OUTPUT, Gate, Rating
 from truearc.robot.motors import guard
-from truearc.robot.processes.loop_health import Lateness, TimedRig, WatchedRig
-from truearc.robot.processes.vision import FarEyes, make_room, watch
 from truearc.robot.recording.files import TappedBus
 from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import Keeper, SessionWriter
 from truearc.robot.rig import HardwareRig, RecordingRig
-from truearc.robot.runtime import RobotIo, run
+from truearc.robot.runtime import Lateness, RobotIo, TimedRig, WatchedRig, run
 from truearc.robot.types import Command, Inputs, Sent
-from truearc.robot.vision_source import Eyes, InlineEyes
 
 SMALL_ROOM = 64                       # frames that may wait for the tick, where an overrun is wanted
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from truearc.hw.codec import load_codec
+from truearc.hw.devices import canandmag
 from truearc.hw.devices.advisory import AdvisoryConfig
-from truearc.hw.devices.canandmag import frames as canandmag
 from truearc.hw.devices.family import Axis
 from truearc.hw.devices.odrive.family import OdriveConfig
 from truearc.hw.devices.spark.family import SparkConfig

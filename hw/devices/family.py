@@ -74,7 +74,8 @@ class Axis:
 
 
 class HoodEncoder:
-    """Base of the structs that a family declares for [hood_encoder], beside msgspec.Struct; tagged as an Axis's are."""
+    """Base of the structs that a family declares for [hood_encoder], beside msgspec.Struct; tagged as an Axis's are, or
+    with a key `driver`."""
 
     __slots__ = ()
     __struct_config__: ClassVar[Any]
@@ -97,7 +98,7 @@ class HoodEncoder:
 
 def driver_of(axis: Axis | HoodEncoder) -> str:
     """The `driver` of the table."""
-    return str(axis.__struct_config__.tag)
+    return str(axis.__struct_config__.tag or getattr(axis, "driver"))  # noqa: B009
 
 
 class Bounds(NamedTuple):
@@ -364,7 +365,7 @@ class Around(NamedTuple):
     """The part of the rest of the configuration that an encoder may need."""
 
     longest_age_s: float              # of an angle that may still fire
-    nt_server: str                    # of [nt4]; "" without that table
+    readings: Mapping[str, Mapping[str, Any]]     # tables of other distributions, by name
 
 
 class EncoderFamily(Struct, Generic[Table], frozen=True, kw_only=True, eq=False):

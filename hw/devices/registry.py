@@ -12,7 +12,7 @@ from importlib.metadata import entry_points
 from types import MappingProxyType
 from typing import Any
 
-from truearc.errors import PluginError, load_plugin, place_of
+from truearc.errors import PluginError, load_plugin, only_point, place_of
 from truearc.hw.devices.advisory import ADVISORY
 from truearc.hw.devices.family import Axis, MotorFamily, driver_of
 from truearc.hw.devices.odrive.family import ODRIVE
@@ -62,11 +62,7 @@ def find_messages(code: str) -> tuple[Message, ...]:
 
 @functools.cache
 def _load(driver: str) -> MotorFamily[Any]:
-    point, *others = tuple(entry_points(group=GROUP, name=driver)) or (None,)
-    if point is None:
-        raise LookupError(driver)
-    if others:
-        raise PluginError(f"{place_of(point)}: {place_of(others[0])} has the same name; uninstall one of them")
+    point = only_point(tuple(entry_points(group=GROUP, name=driver)), driver)
     family = load_plugin(point)
     if not (isinstance(family, MotorFamily) and issubclass(family.axis, Axis)
             and family.driver == driver_of(family.example) == driver):

@@ -114,7 +114,7 @@ def open_camera(device: str, width_px: int, height_px: int, fps: float, clock: C
     that size, or where `exposure_s` is above 0 will not keep that exposure.
 
     Calibration holds at one size only, so another size is an error rather than a surprise. An exposure that the camera
-    chooses drowns the tape in its surroundings; whether pictures look as if it did is `truearc.robot.vision.threshold`.
+    chooses drowns the tape in its surroundings; whether pictures look as if it did is `truearc.robot.vision.marks`.
     """
     is_stream = "://" in device
     cv2.utils.logging.setLogLevel(ERRORS_ONLY)      # each attempt to open a camera that is away would print a warning

@@ -8,7 +8,7 @@ from datetime import datetime
 class MonotonicClock:
     """The machine's monotonic clock, in whole microseconds; unmoved by the wall clock being set.
 
-    Candump and WPILOG files have six decimals: what they say of a time is all there is to it.
+    Candump files have six decimals: what they say of a time is all there is to it.
     """
 
     def now_ns(self) -> int:
@@ -32,11 +32,6 @@ def wall_clock() -> str:
 def wall_offset_ns() -> int:
     """The wall clock (Unix) less the clock above, by which a recording's times are dated; changes when it is set."""
     return time.time_ns() - time.monotonic_ns()
-
-
-def unix_s(text: str) -> int:
-    """A time of day as `wall_clock` writes it, in whole seconds since 1970; ValueError where it is none."""
-    return int(datetime.fromisoformat(text).timestamp())
 
 
 def make_pauses_s(first_s: float, longest_s: float) -> Iterator[float]:

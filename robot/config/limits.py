@@ -13,10 +13,12 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import msgspec
+
 from truearc.errors import did_you_mean
 from truearc.hw.devices.family import driver_of
 from truearc.hw.devices.registry import family_of
-from truearc.robot.config.nt4 import nt4_errors
+from truearc.robot.config.reading_tables import find_table
 from truearc.robot.config.rig_spec import AIR_KG_M3, DENSEST_KG_M3, TERMS, Rig, too_large
 
 Bound = float | str | tuple[float | str, ...]
@@ -134,9 +136,6 @@ LIMITS: tuple[Limit, ...] = (
     Limit("collect.walk_start", -3, 3, "log speed; 0 corrects nothing"),
     Limit("collect.walk_step", 0, 0.2, "log speed a mark: 0.02 corrects it by 2 %"),
     Limit("aim.correction_step", 0, 0.2, "log speed a mark: 0.005 corrects it by 0.5 %"),
-    Limit("nt4.velocity.most_m_s", 0.01, 6, "above, no robot drives; this may be another unit"),
-    Limit("nt4.velocity.pointing_deg", 0.1, 15, "below, no heading is so exact; above, every ball misses"),
-    Limit("nt4.velocity.delay_s", 0, 1, "above, no ball is so late"),
 
     Limit("identify.flywheel.repeats", 0, 20, "above, the motor is hot before the end; 0 leaves it alone"),
     Limit("identify.flywheel.step_nm", 0.001, "flywheel.pid.output_high", "above, it is cut; below, nothing turns"),
@@ -152,12 +151,12 @@ LIMITS: tuple[Limit, ...] = (
 )
 
 
-def out_of_range(config: Any) -> Iterator[tuple[str, str]]:
+def out_of_range(config: Any, limits: tuple[Limit, ...] = LIMITS) -> Iterator[tuple[str, str]]:
     """Yield the key of each number that is outside its limits, and what it is, what it may be and why.
 
-    config: truearc.robot.config.schema.Config.
+    config: truearc.robot.config.schema.Config, or whatever has the keys of the limits.
     """
-    for limit in LIMITS:
+    for limit in limits:
         for key, value in numbers(config, limit.key):
             (least, low), (most, high) = narrowest(limit.low, config, max), narrowest(limit.high, config, min)
             slack = ROUNDING * abs(value)
@@ -227,16 +226,21 @@ def _of_choices(config: Any) -> Iterator[tuple[str, str]]:
         yield "gate.policy", f"{config.gate.policy!r} is not known here; there are collect, model"
     if config.camera.target == "apriltag" and config.apriltag is None:
         yield "camera.target", "an AprilTag is to be seen, and there is no [apriltag] with ids, side_m, centre_height_m"
-    if config.nt4 is not None:
-        yield from nt4_errors(config.nt4, config.apriltag is not None)
+    for name, stated in config.readings.items():
+        other = find_table(name)
+        yield from other.errors(msgspec.convert(stated, other.table), config)
 
 
 def _of_encoder(config: Any) -> Iterator[tuple[str, str]]:
-    from truearc.robot.hood_encoders import encoder_family_of  # drivers need cantools, which most commands do without
+    # drivers need cantools, which most commands do without
+    from truearc.robot.hood_encoders import RECORDED, ReadEncoder, encoder_family_of
 
-    family = encoder_family_of(config.hood_encoder)
-    if family.driver == "nt4" and config.nt4 is None:
-        yield "hood_encoder.driver", "'nt4' needs [nt4] with its server"
+    family, driver = encoder_family_of(config.hood_encoder), driver_of(config.hood_encoder)
+    if isinstance(config.hood_encoder, ReadEncoder):
+        if driver not in config.readings:
+            yield "hood_encoder.driver", f"{driver!r} needs [{driver}]"
+        elif family is RECORDED:
+            yield "hood_encoder.driver", f"[{driver}] gives no angle of a hood"
     if config.rig.noise.hood_deg < family.least_sigma_deg:
         yield "rig.noise.hood_deg", (f"{config.rig.noise.hood_deg:g} is too small: hood_encoder.driver "
                                      f"{family.driver!r} knows the angle to {family.least_sigma_deg:g} deg at best")

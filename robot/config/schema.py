@@ -1,18 +1,19 @@
 """The launcher's configuration: one TOML file, no defaults, so that a typo cannot become one; and its hash."""
 
 import hashlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
-from msgspec import UNSET, Struct
+from msgspec import Struct
 
 from truearc import errors
-from truearc.errors import InputError, line_of_key, load_text, struct_in
+from truearc.errors import ELSEWHERE, InputError, PluginError, line_of_key, load_text, needs, struct_in
 from truearc.hw.devices import registry
 from truearc.hw.devices.family import Axis, Finite, HoodEncoder, Positive
 from truearc.robot.config.limits import cannot_throw, contradictions, warn_of_pitch, warn_of_terms
-from truearc.robot.config.nt4 import Nt4
+from truearc.robot.config.reading_tables import Driving, ReadingTable, find_table, stated, table_names
 from truearc.robot.config.rig_spec import Rig, rig_errors
 
 Kind = TypeVar("Kind")
@@ -257,8 +258,19 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True
     identify: Identify | None = None
     aim: AimConfig = AimConfig("plan", 0.0)
     apriltag: AprilTag | None = None
-    nt4: Nt4 | None = None
     recording: RecordingConfig | None = None
+    readings: dict[str, dict[str, Any]] = {}      # tables of other distributions, by name, as plain data
+
+    @property
+    def driving(self) -> Driving | None:
+        """What the tick must know of a robot that tells how it drives; None: it is to stand when it shoots."""
+        found = next((table["velocity"] for table in self.readings.values() if "velocity" in table), None)
+        return found and Driving(found["most_m_s"], found["pointing_deg"], found.get("delay_s", 0.0))
+
+    @property
+    def is_seen_elsewhere(self) -> bool:
+        """Whether another camera than [camera]'s sees the target."""
+        return any("vision" in table for table in self.readings.values())
 
 
 class CameraFile(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -292,7 +304,45 @@ def load_toml(path: str | Path, kind: type[Kind]) -> Kind:
 
 def parse_toml(text: str, kind: type[Kind], name: str) -> Kind:
     """As load_toml, of text that came from somewhere called `name`."""
-    return errors.parse_struct(text, kind, name, read_axis, table_struct, _known)
+    others = _other_tables(errors.parse_table(text, name), text, name) if kind is Config else ()
+    plain: Kind = _as_plain(
+        errors.parse_struct(text, _beside(kind, others), name, read_axis, table_struct, _known), kind, others)
+    return plain
+
+
+def _other_tables(table: dict[str, Any], text: str, name: str) -> tuple[ReadingTable, ...]:
+    """The tables of other distributions, where there is one that is not truearc's own.
+
+    Raises:
+        InputError: one is of a distribution that is not installed, or that cannot be loaded.
+    """
+    if "readings" in table:
+        raise InputError(f"{name}{line_of_key(text, 'readings')}: readings: unknown key")
+    if table.keys() <= set(Config.__struct_fields__):
+        return ()
+    installed = table_names()
+    for absent in sorted((table.keys() & ELSEWHERE.keys()) - {*installed}):
+        raise InputError(f"{name}: [{absent}]: {needs(absent)}")
+    try:
+        return tuple(map(find_table, installed))
+    except PluginError as error:
+        raise InputError(f"{name}: {error}") from error
+
+
+def _beside(kind: Any, others: Sequence[ReadingTable]) -> Any:
+    """The struct with a field for each of these tables, so that what is wrong in one is said as of truearc's own."""
+    if not others:
+        return kind
+    return msgspec.defstruct(kind.__name__, [(one.name, one.table | None, None) for one in others], bases=(kind,),
+                             frozen=True, forbid_unknown_fields=True, omit_defaults=True)
+
+
+def _as_plain(found: Any, kind: Any, others: Sequence[ReadingTable]) -> Any:
+    """What was read, with those tables as plain data in `readings`."""
+    if not others:
+        return found
+    read = {one.name: stated(getattr(found, one.name)) for one in others if getattr(found, one.name) is not None}
+    return kind(**{field: getattr(found, field) for field in kind.__struct_fields__} | {"readings": read})
 
 
 def read_axis(kind: type, table: Any) -> Axis | HoodEncoder:
@@ -300,7 +350,7 @@ def read_axis(kind: type, table: Any) -> Axis | HoodEncoder:
     wrong."""
     driver = table.get("driver") if isinstance(table, dict) else None
     try:
-        struct: Any = table_of(kind, driver) if isinstance(driver, str) else _AnyDevice
+        struct: Any = table_of(kind, table) if isinstance(driver, str) else _AnyDevice
         read: Axis | HoodEncoder = msgspec.convert(table, struct, dec_hook=read_axis)
         return read
     except LookupError:
@@ -316,8 +366,8 @@ def table_struct(annotation: Any, table: Any) -> Any:
     driver = table.get("driver") if isinstance(table, dict) else None
     kind = _device(annotation)
     try:
-        return table_of(kind, driver) if kind is not None and isinstance(driver, str) else None
-    except (LookupError, errors.PluginError):
+        return table_of(kind, table) if kind is not None and isinstance(driver, str) else None
+    except (LookupError, PluginError):
         return None
 
 
@@ -327,33 +377,34 @@ def _device(annotation: Any) -> Any:
     return next(filter(None, map(_device, getattr(annotation, "__args__", ()))), None)
 
 
-def table_of(kind: Any, driver: str) -> Any:
+def table_of(kind: Any, table: dict[str, Any]) -> Any:
     """The struct of a device's table, by its driver; kind: Axis or HoodEncoder. Raises as find_family."""
     if kind is HoodEncoder:
-        from truearc.robot.hood_encoders import BY_DRIVER
-        return BY_DRIVER[driver].table
-    return registry.find_family(driver).axis
+        from truearc.robot.hood_encoders import encoder_table
+        return encoder_table(table["driver"], "key" in table)
+    return registry.find_family(table["driver"]).axis
 
 
 def _known(key: str) -> list[str]:
     """The values of a key that takes few."""
     if key == "hood_encoder.driver":
-        from truearc.robot.hood_encoders import BY_DRIVER
-        return list(BY_DRIVER)
+        from truearc.robot.hood_encoders import encoder_drivers
+        return list(encoder_drivers())
     if key.endswith(".driver") or key == "hood_encoder.controller":
         return list(registry.drivers())
     few = {"aim.policy": ["plan", "belief"]}
     return ["1", "-1"] if key.endswith(".direction") else few.get(key, [])
 
 
-# --- by which a recording names what it ran with
+# --- as a recording keeps it: config.json, and the hash by which session.json names it
 
 def config_hash(config: Config) -> str:
     """SHA-256 of what the configuration says, however its file was written or the value came here.
 
     A key that may be left out and has its default counts as left out, so that a later version may add keys.
     """
-    return _sha256(_stated(config))
+    table = stated(config)
+    return _sha256(table | table.pop("readings", {}))
 
 
 def is_hash_of(sha256: str, config: Config) -> bool:
@@ -362,20 +413,37 @@ def is_hash_of(sha256: str, config: Config) -> bool:
     Recordings made until November 2026 hash the encoded text, in which a default was left out only if it was the very
     same object; read back from its own file, a configuration still encodes as it did then.
     """
-    return sha256 in (config_hash(config), _sha256(config))
+    return sha256 in (config_hash(config), hashlib.sha256(msgspec.json.encode(plain_table(config))).hexdigest())
+
+
+def plain_table(config: Config) -> dict[str, Any]:
+    """The configuration as config.json has it: tables of other distributions stand beside truearc's own."""
+    table: dict[str, Any] = msgspec.to_builtins(config)
+    others: dict[str, Any] = table.pop("readings", {})
+    last = {key: table.pop(key) for key in ("recording",) if key in table}
+    return table | others | last
+
+
+def config_of(data: dict[str, Any]) -> Config:
+    """The configuration of what config.json has; msgspec.ValidationError where it is none.
+
+    A table that is not truearc's own is taken as it is, also where its distribution is not installed.
+    """
+    others = {name: part for name, part in data.items()
+              if name not in Config.__struct_fields__ and isinstance(part, dict)}
+    own = {name: part for name, part in data.items() if name not in others}
+    return msgspec.convert(own | {"readings": {name: _without_defaults(name, part) for name, part in others.items()}},
+                           Config, dec_hook=read_axis)
+
+
+def _without_defaults(name: str, table: dict[str, Any]) -> dict[str, Any]:
+    """The table as a hash takes it; as it is where nothing installed knows it."""
+    try:
+        plain: dict[str, Any] = stated(msgspec.convert(table, find_table(name).table))
+        return plain
+    except (LookupError, PluginError):
+        return table
 
 
 def _sha256(content: object) -> str:
     return hashlib.sha256(msgspec.json.encode(content, order="deterministic")).hexdigest()
-
-
-def _stated(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return [_stated(part) for part in value]
-    if not isinstance(value, Struct):
-        return value
-    settings = value.__struct_config__
-    tag = {settings.tag_field: settings.tag} if settings.tag_field else {}
-    fields = ((field, getattr(value, field.name)) for field in msgspec.structs.fields(value))
-    return tag | {field.encode_name: _stated(said) for field, said in fields
-                  if said is not UNSET and not (settings.omit_defaults and said == field.default)}

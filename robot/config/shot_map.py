@@ -1,6 +1,7 @@
 """shots.toml: which keys of a team's log or table say what, and how its shots and their outcomes are known."""
 
 from collections.abc import Callable
+from importlib.metadata import entry_points
 from importlib.resources import files
 from pathlib import Path
 from typing import Final, Literal
@@ -12,6 +13,7 @@ from truearc.robot.config.schema import parse_toml
 from truearc.robot.config.unit_table import MOTOR, factor_of
 
 SCHEMA: Final = "truearc.shot-map/1"
+MAPS = "truearc.maps"                 # entry points: packages with a shots.toml NAME.toml for each map
 MEASURED = ("distance_m", "hood_deg", MOTOR, "battery_v")        # by a sensor each
 NOT_MARKED = ("rejected", "")         # marks of shots that are to be left out
 # outcome and side by the button that marks it
@@ -91,19 +93,16 @@ def plain(value: object) -> str:
     return {"true": "1", "false": "0"}.get(str(value).strip().lower(), str(value).strip().lower())
 
 
-def ready_maps() -> dict[str, str]:
-    """{name: what it is for} of the maps that come with truearc."""
-    return {name: _read(text, name).about for name, text in _shipped().items()}
-
-
 def _shipped() -> dict[str, str]:
-    folder = files("truearc.robot.config") / "maps"
+    """Texts by name, of truearc and of the packages that installed distributions name."""
+    folders = (files("truearc.robot.config") / "maps", *(files(point.value) for point in entry_points(group=MAPS)))
     return {one.name.removesuffix(".toml"): one.read_text(encoding="utf-8")
-            for one in sorted(folder.iterdir(), key=lambda one: one.name) if one.name.endswith(".toml")}
+            for one in sorted((one for folder in folders for one in folder.iterdir()), key=lambda one: one.name)
+            if one.name.endswith(".toml")}
 
 
 def load_map(name_or_path: str | Path, is_column: Callable[[str], bool] = lambda name: True) -> ShotMap:
-    """Read a map by its path, or one that comes with truearc by its name; is_column: which columns shots may have.
+    """Read a map by its path, or an installed one by its name; is_column: which columns shots may have.
 
     Raises:
         InputError: names file and key of what is unknown, or the maps that there are.
@@ -112,7 +111,7 @@ def load_map(name_or_path: str | Path, is_column: Callable[[str], bool] = lambda
     if str(name_or_path) in shipped:
         return _read(shipped[str(name_or_path)], str(name_or_path), is_column)
     if not Path(name_or_path).exists():
-        raise InputError(f"{name_or_path}: is neither a file nor a map that comes with truearc ({', '.join(shipped)})")
+        raise InputError(f"{name_or_path}: is neither a file nor an installed map ({', '.join(shipped)})")
     return _read(load_text(name_or_path), str(name_or_path), is_column)
 
 

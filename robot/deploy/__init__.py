@@ -14,10 +14,11 @@ from types import MappingProxyType
 
 from msgspec import Struct
 
-from truearc.errors import InputError
+from truearc.errors import INSTALL_HINTS, InputError
 from truearc.hw.devices.family import driver_of
 from truearc.hw.devices.registry import BY_DRIVER
 from truearc.robot.aim_file import needs_aim
+from truearc.robot.config.reading_tables import distribution_of_table
 from truearc.robot.config.schema import Config
 from truearc.robot.motors import name_axes
 
@@ -29,7 +30,7 @@ class Parts(Struct, frozen=True):
 
     has_gate: bool
     has_endpoints: bool
-    has_plugins: bool                 # distributions with motor drivers are carried along
+    has_plugins: bool                 # other distributions are carried along
     core: int | None
     priority: int
     can_serial: str                   # of the CAN adapter: it then has its name whatever port it is plugged into
@@ -46,9 +47,12 @@ def make_parts(config: Config, parts: Parts) -> Parts:
 
 
 def _missing_plugins(config: Config, parts: Parts) -> Iterator[str]:
-    for name, driver in ((name, driver_of(axis)) for name, axis in name_axes(config)):
-        if driver not in BY_DRIVER and not parts.has_plugins:
+    for name, axis in name_axes(config):
+        if (driver := driver_of(axis)) not in BY_DRIVER and not parts.has_plugins:
             yield f"{name}: driver {driver!r} is of another distribution; --plugin names its wheel or source folder"
+    for name in config.readings:
+        if distribution_of_table(name) not in INSTALL_HINTS and not parts.has_plugins:
+            yield f"[{name}] is of another distribution; --plugin names its wheel or source folder"
 
 
 def _wrong_names(config: Config, parts: Parts) -> Iterator[str]:

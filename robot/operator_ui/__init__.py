@@ -5,7 +5,7 @@ import argparse
 from truearc.errors import InputError
 
 HOST = "127.0.0.1"
-PORT = 5808                           # a competition's network lets 5800 to 5810 through; 5810 is NetworkTables'
+PORT = 5808                           # a competition's network lets 5800 to 5810 through; 5810 is taken
 OFF = "off"
 
 

@@ -3,7 +3,7 @@
 The page takes two orders, both of which need the token in the inbox's file `token`: keep an aim file, and accept the
 one on offer. An order is a file in the inbox. The control process looks there; it checks each aim file, keeps it in the
 session and offers it to the driver. An offered file is not used until the driver accepts it while disarmed
-(truearc.robot.button_logic).
+(truearc.robot.aim).
 """
 
 import hashlib

@@ -16,16 +16,15 @@ from msgspec import UNSET, Struct, UnsetType, field
 from msgspec.structs import replace
 
 from truearc.hw.devices.registry import find_messages
-from truearc.hw.protocols import MotorReading
+from truearc.hw.protocols import NS, MotorReading
 from truearc.hw.reason import FAULT, YOU, Message, Reason, fill
 from truearc.robot import reasons as bot
 from truearc.robot.config.schema import Config
-from truearc.robot.gate.doubts import HEARTBEAT_S
+from truearc.robot.estimate import HEARTBEAT_S
 from truearc.robot.motors import name_axes
 from truearc.robot.reasons import BOX_GONE, FIRE_NOT_REQUESTED, NOT_RECORDING, text
 from truearc.robot.types import Outcome, Shot, Sighting, Tick
 
-NS = 1e-9
 FIRED_S = 0.5                         # a verdict of FIRE lasts one tick; the tile stays for as long as one can read it
 ABSENT = "–"
 RECENT = 6                            # trials that are listed

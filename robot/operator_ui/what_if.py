@@ -18,13 +18,11 @@ import threading
 from multiprocessing.connection import Connection, Pipe
 from typing import Any, NamedTuple, Protocol
 
-from truearc.hw.protocols import Clock
+from truearc.hw.protocols import NS_PER_S, Clock
 from truearc.robot import reasons as because
-from truearc.robot.gate.contract import FEATURES, NOVELTY_LIMIT
-from truearc.robot.gate.model import NO_RATING, Gate
-from truearc.robot.gate.verdict import doubt_rating
+from truearc.robot.gate import FEATURES, NO_RATING, NOVELTY_LIMIT, Gate
+from truearc.robot.verdict import doubt_rating
 
-NS_PER_S = 1_000_000_000
 MAX_BODY_BYTES = 4096
 MAX_CONFIGURATIONS = 4096             # of one question
 RATE_PER_S, LAPTOP_RATE_PER_S = 2048, 16384       # configurations of all questions together, beside a robot or alone

@@ -24,7 +24,7 @@ from mcap.writer import CompressionType, Writer
 from truearc.errors import NO_JSON, InputError, load_bytes
 from truearc.hw.protocols import Bus, CameraFrame, Frame
 from truearc.hw.reason import Reason
-from truearc.robot.config.schema import Config
+from truearc.robot.config.schema import Config, plain_table
 from truearc.robot.reasons import DISK_BACKLOG_FULL, FILE_DELETED, IMAGE_NOT_ENCODED, text
 from truearc.robot.recording import session as layout
 from truearc.robot.types import Tick
@@ -310,7 +310,8 @@ class SessionFiles:
 def session_contents(header: layout.Header, config: Config, model: bytes | None = None,
                      aim: bytes | None = None) -> dict[str, bytes]:
     """Name -> bytes of a session's files that do not grow. The header comes last: it makes the folder a session."""
-    config_json, header_json = (msgspec.json.format(layout.encode_row(value)) + b"\n" for value in (config, header))
+    config_json, header_json = (msgspec.json.format(layout.encode_row(value)) + b"\n"
+                                for value in (plain_table(config), header))
     contents = {layout.CONFIG: config_json, layout.MODEL: model, layout.AIM: aim, layout.HEADER: header_json}
     return {name: data for name, data in contents.items() if data is not None}
 

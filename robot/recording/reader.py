@@ -92,7 +92,8 @@ def rows_in(file: IO[bytes], size: int, path: Path, topic: str) -> Iterator[byte
     for at, opcode, body in _records(file, size, path):
         try:
             is_chunk = opcode == Opcode.CHUNK
-            inside = _inside(body, f"{path}: byte {at}") if is_chunk else iter(((opcode, body),))
+            inside = (split(unpack(Chunk.read(_stream(body)), f"{path}: byte {at}")) if is_chunk
+                      else iter(((opcode, body),)))
             for kind, content in inside:
                 if kind == Opcode.CHANNEL and (said := Channel.read(_stream(content))).topic == topic:
                     channel = said.id
@@ -169,10 +170,6 @@ def _records(file: IO[bytes], size: int, path: Path) -> Iterator[tuple[int, int,
             raise TooLarge(f"{path}: byte {at}: a record of {length} bytes; at most {LARGEST} are read")
         else:
             yield at, opcode, file.read(length)
-
-
-def _inside(body: bytes, name: str) -> Iterator[tuple[int, bytes]]:
-    return split(unpack(Chunk.read(_stream(body)), name))
 
 
 def _stream(content: bytes) -> ReadDataStream:

@@ -18,12 +18,13 @@ from msgspec.structs import replace
 
 from truearc.errors import InputError, check_file, naming
 from truearc.hw.devices.family import Encoder
-from truearc.hw.protocols import CameraFrame, Frame, LinkLost
+from truearc.hw.protocols import NS, CameraFrame, Frame, LinkLost
 from truearc.hw.reason import Reason
-from truearc.robot.advice.tick import POLICY as ADVICE
-from truearc.robot.advice.tick import step as advise
-from truearc.robot.config.schema import Config
-from truearc.robot.gate.model import Gate
+from truearc.robot.advice import POLICY as ADVICE
+from truearc.robot.advice import step as advise
+from truearc.robot.config.schema import Config, plain_table
+from truearc.robot.eyes import NoEyes
+from truearc.robot.gate import Gate
 from truearc.robot.hood_encoders import encoder_family_of
 from truearc.robot.reasons import BAD_FRAME, CAN_LOST
 from truearc.robot.recording import session as layout
@@ -36,10 +37,8 @@ from truearc.robot.sysid import POLICY, make_step
 from truearc.robot.tick import step
 from truearc.robot.types import Command, Inputs, Sent, Sighting, Tick
 from truearc.robot.vision import find_target
-from truearc.robot.vision_source import NoEyes
 
 OUTPUTS = ("estimate.", "aim.", "verdict.", "command.", "shot.", "outcomes")   # the rest is inputs, or memory
-NS = 1e-9
 
 
 class Difference(Exception):
@@ -310,7 +309,7 @@ def find_changes(session: Path, config: Config, gate: Gate | None) -> Changes:
 
 def config_changes(was: Config, now: Config) -> list[str]:
     """Each key that differs, as 'flywheel.pid.kp: 0.03 -> 0.04'."""
-    differences = find_differences(msgspec.to_builtins(was), msgspec.to_builtins(now))
+    differences = find_differences(plain_table(was), plain_table(now))
     return [f"{name}: {old} -> {new}" for name, old, new in differences]
 
 

@@ -7,22 +7,22 @@
     can0.log         every CAN frame both ways, candump text
     trials.jsonl     one line per outcome, each fsynced
     frames/          the image behind each shot, and frames.jsonl
-    lateness.jsonl   one line per second: how late ticks came (truearc.robot.processes.loop_health); real robots only
+    lateness.jsonl   one line per second: how late ticks came (truearc.robot.runtime); real robots only
     damaged/         the files that `truearc session recover` has replaced
 """
 
 import hashlib
 from importlib.metadata import version
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 from msgspec import UNSET, Struct, UnsetType
 
 from truearc.errors import MAX_TEXT_BYTES, NO_JSON, InputError, in_words, load_bytes, naming
 from truearc.robot.aim_file import AimFile, Aims, load_aim
-from truearc.robot.config.schema import Config, config_hash, is_hash_of, read_axis
-from truearc.robot.gate.model import Gate, load_gate
+from truearc.robot.config.schema import Config, config_hash, config_of, is_hash_of
+from truearc.robot.gate import Gate, load_gate
 from truearc.robot.types import Outcome, Shot, Tick
 
 FORMAT = "truearc.session/2"
@@ -112,7 +112,7 @@ def load_session_config(session: Path) -> Config:
     """The configuration a session ran with; InputError when it is not the one its header names."""
     header, path = load_header(session), session / CONFIG
     with naming(path):
-        config = msgspec.json.decode(load_bytes(path, MAX_TEXT_BYTES), type=Config, dec_hook=read_axis)
+        config = config_of(msgspec.json.decode(load_bytes(path, MAX_TEXT_BYTES), type=dict[str, Any]))
     if not is_hash_of(header.config_sha256, config):
         raise InputError(f"{path}: changed since the recording was made (hash differs from {HEADER})")
     return config

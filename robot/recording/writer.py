@@ -1,6 +1,6 @@
 """Writer of a session. The tick only encodes and hands over; a keeper owns the files.
 
-LaneKeeper keeps them in three threads of this process; truearc.robot.processes.recorder in another process.
+LaneKeeper keeps them in three threads of this process; truearc.robot.recording.recorder in another process.
 """
 
 import errno
@@ -17,10 +17,10 @@ from truearc.errors import InputError, in_words
 from truearc.hw.protocols import CameraFrame, Frame
 from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config
-from truearc.robot.processes.loop_health import Second
 from truearc.robot.reasons import DISK_ERROR, DISK_FULL, DISK_UNRESPONSIVE
 from truearc.robot.recording.files import DISK_ERRNOS, NotKept, Row, SessionFiles, session_contents
 from truearc.robot.recording.session import Header, encode_row, make_trials
+from truearc.robot.runtime import Second
 from truearc.robot.types import Sent, Tick
 
 BATCH_NS = 100_000_000                # handed over together: a wake-up a tick would cost the loop its rhythm

@@ -1,7 +1,7 @@
 """Image -> Sighting: the retro-reflective half hexagon, its distance, and how far to trust it. Pure.
 
-threshold.py refuses images that are too bright and finds regions of the tape's colour, marks.py turns a region into
-four sub-pixel marks, pose.py turns marks into a camera pose with covariance. Here the one candidate becomes a Sighting,
+marks.py refuses images that are too bright, finds regions of the tape's colour and turns a region into four sub-pixel
+marks, pose.py turns marks into a camera pose with covariance. Here the one candidate becomes a Sighting,
 or the reason why there is none; `draw_mask` and `draw_regions` show people what was made of an image.
 """
 
@@ -17,11 +17,19 @@ from truearc.robot import reasons as because
 from truearc.robot.config.schema import CameraConfig, CameraFile, Config, Tape, Vision
 from truearc.robot.reasons import text
 from truearc.robot.types import Sighting
-from truearc.robot.vision.geometry import Optics, make_optics, make_shape
-from truearc.robot.vision.marks import Marks, find_outline
-from truearc.robot.vision.pose import Pose, judge_pose, make_sighting, solve_pose
+from truearc.robot.vision.marks import (
+    Image,
+    Marks,
+    Region,
+    check_exposure,
+    check_size,
+    find_outline,
+    find_regions,
+    is_dark,
+    mask_colour,
+)
+from truearc.robot.vision.pose import Optics, Pose, judge_pose, make_optics, make_shape, make_sighting, solve_pose
 from truearc.robot.vision.tag import detect_tag
-from truearc.robot.vision.threshold import Image, Region, check_exposure, check_size, find_regions, is_dark, mask_colour
 
 SAME_M = 0.02
 FOUND_BGR, DOUBT_BGR, MARK_BGR = (80, 255, 80), (60, 60, 255), (255, 255, 255)
@@ -52,7 +60,7 @@ def detect(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision)
     optics = make_optics(camera, frame.image.shape[1], frame.image.shape[0])
     found, doubts = look(frame.image, optics, camera, tape, vision)
     if not found:
-        return Sighting(frame.t_ns, False, max(doubts, key=_largest)[1] if doubts else
+        return Sighting(frame.t_ns, False, max(doubts, key=lambda doubt: (doubt[0], doubt[1].code))[1] if doubts else
                         because.IMAGE_DARK() if is_dark(frame.image, vision.value_low) else because.NO_TAPE_COLOUR())
     if len(found) > 1:
         return Sighting(frame.t_ns, False, because.SEVERAL_TARGETS(count=len(found)))
@@ -70,7 +78,7 @@ def look(image: Image, optics: Optics, camera: CameraConfig, tape: Tape,
         answer = explain(region, optics, camera, tape, vision)
         if isinstance(answer, Reason):
             doubts.append((region.area_px, answer))
-        elif all(_apart(answer[1], other) for _, other in found):
+        elif all(np.abs(answer[1].tvec_m - other.tvec_m).max() > SAME_M for _, other in found):    # not in two patches
             found.append(answer)
     return found, doubts
 
@@ -85,15 +93,6 @@ def explain(region: Region, optics: Optics, camera: CameraConfig, tape: Tape,
     pose = judge_pose(solve_pose(marks.ideal_px, spread_px2, optics.smeared(marks.smear_px2), camera, tape),
                       vision.max_reprojection_px, because.TAPE_OFF_SHAPE)
     return pose if isinstance(pose, Reason) else (marks, pose)
-
-
-def _apart(one: Pose, other: Pose) -> bool:
-    """Whether two answers are two things, not one thing found in two patches."""
-    return float(np.abs(one.tvec_m - other.tvec_m).max()) > SAME_M
-
-
-def _largest(doubt: tuple[float, Reason]) -> tuple[float, str]:
-    return doubt[0], doubt[1].code
 
 
 def draw_mask(image: Image, file: CameraFile) -> Image:

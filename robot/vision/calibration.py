@@ -18,8 +18,8 @@ from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import CameraConfig, Tape, Vision
 from truearc.robot.types import Sighting
 from truearc.robot.vision import detect
-from truearc.robot.vision.geometry import SQUARE_SIGMA, Array
-from truearc.robot.vision.threshold import Image
+from truearc.robot.vision.marks import Image
+from truearc.robot.vision.pose import SQUARE_SIGMA, Array
 
 LEAST_VIEWS = 4
 SAME_PX = 2.0                         # views whose corners all lie nearer to each other's are one view

@@ -1,23 +1,207 @@
-"""Four marks -> where the camera stands, with covariance.
+"""Geometry of lens and target, and the camera's pose with covariance from four marks of the target.
 
-IPPE (the closed form for flat targets) gives the start; Gauss-Newton then minimises the marks' residuals, weighed by
-their covariance, together with three beliefs about the mounting: lens height, pitch, and no roll (as well known as the
-pitch). The covariance is that of the edges, a floor for what edges do not show, and what the camera leaves open. The
-tape hangs upright, so its pose alone tells the camera's height and pitch; how far its apparent size, its slant and its
+A calibration holds for one image size. An image of another size is taken to be another mode of the same sensor that
+shows its full height: focal length and principal point scale with the image's height, and a wider image only sees more
+at both sides. (Webcam sensors are 16:9 and crop the sides for 4:3. For the LifeCam HD-3000 the stated 68.5 degrees of
+diagonal field agree: 719 px at 480 lines when scaled so from 720, against 539 px if the height were cropped instead.)
+
+A rolling shutter reads one row after another, so a camera that turns meanwhile shears its picture, and one that nods
+stretches it. One image can hardly distinguish that from a target seen more from the side: how fast the camera may turn
+is configured, and a picture that is smeared sideways shows that it does turn.
+
+Two things are known of any camera without calibrating it: its pixels are square and its axis is near the image's
+middle. A calibration that states standard deviations is weighed against that knowledge; any other is taken as it is.
+
+Frame of the target: x right and y up as the viewer sees them, z towards the viewer, origin midway between the outer top
+and bottom edges; metres. Vision measures the four `marks`: where the tape's middle lines meet at the bottom, and where
+they end at the top. Blur, bloom and overexposure move the edges of a thin tape outward by the same amount on both
+sides, and leave its middle in place.
+
+Pose: IPPE (the closed form for flat targets) gives the start; Gauss-Newton then minimises the marks' residuals, weighed
+by their covariance, together with three beliefs about the mounting: lens height, pitch, and no roll (as well known as
+the pitch). The covariance is that of the edges, a floor for what edges do not show, and what the camera leaves open.
+The tape hangs upright, so its pose alone tells the camera's height and pitch; how far its size, slant and
 elevation each count in the distance is settled by how well each is known.
 """
 
 import math
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from truearc.hw.reason import Code, Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import AprilTag, CameraConfig, Tape
 from truearc.robot.types import Sighting
-from truearc.robot.vision.geometry import Array, Optics, make_shape, tag_corners_m
+
+SQUARE_SIGMA = 0.002                  # of fy / fx about 1: lithography does better, lenses may not
+BEND_SHARE = 0.08                     # of the image's height: reach of an unmodelled bending; two waves a frame have it
+MIDDLE_SIGMA = 0.02                   # of the axis about the image's middle, as a share of its height
+SHORT_S = 0.005                       # of an exposure that is not configured
+NODDING = 0.2                         # of a camera's turning is up or down: robots turn about the vertical
+Array = npt.NDArray[np.float64]
+PROBES = 9                            # points on each of the tape's three straights
+SAMPLES = 24                          # places along each of them where its middle is measured
+FIRST, LAST = 0.16, 0.84              # of a straight; near its ends the other straights disturb it
+TIP_ROWS = (-0.2, -0.1, 0.0, 0.1, 0.2)    # beside the middle line, in tape widths, where the cut ends are measured
+STRAIGHTS = ((0, 1), (1, 2), (3, 0))  # marks at the ends of the bottom, left and right straight
+
+
+@dataclass(frozen=True)
+class Optics:
+    """Pinhole `matrix` (3, 3) in px and Brown `distortion` (5,), for images of one size."""
+
+    width_px: int
+    height_px: int
+    scale: float                      # pixels of this image per pixel of the calibration's
+    matrix: Array
+    distortion: Array | None          # None = a perfect pinhole
+    doubts: tuple[float, float, float]    # one sigma: focal length (share), fy / fx (share), either centre (px)
+    turns: tuple[float, float]        # one sigma: px right and px down that a rolling shutter adds from row to row
+    exposures: float                  # this many exposures pass from row to row
+
+    def undistort(self, points_px: Any) -> Array:
+        """(n, 2) pixels as seen -> (n, 2) pixels of a perfect pinhole with the same matrix."""
+        points = np.asarray(points_px, dtype=np.float64).reshape(-1, 2)
+        if self.distortion is None or not len(points):
+            return points
+        ideal = cv2.undistortPoints(points.reshape(-1, 1, 2), self.matrix, self.distortion, P=self.matrix)
+        return np.asarray(ideal, dtype=np.float64).reshape(-1, 2)
+
+    def distort(self, points_px: Array) -> Array:
+        """The inverse of undistort."""
+        if self.distortion is None:
+            return points_px
+        rays = np.column_stack([points_px, np.ones(len(points_px))]) @ np.linalg.inv(self.matrix).T
+        seen, _ = cv2.projectPoints(rays.reshape(-1, 1, 3), np.zeros(3), np.zeros(3), self.matrix, self.distortion)
+        return np.asarray(seen, dtype=np.float64).reshape(-1, 2)
+
+    def smooth_spread(self, points_px: Array, sigma_px: float) -> Array:
+        """(2 n, 2 n): covariance of (n, 2) pixels that a smooth bending of the image displaces by `sigma_px`: what is
+        left of the lens's distortion, a rolling shutter that shakes. Neighbours are displaced together."""
+        away = points_px[:, None, :] - points_px
+        near = np.exp(-(away * away).sum(axis=2) / (2.0 * (BEND_SHARE * self.height_px) ** 2))
+        spread = np.zeros((2 * len(points_px), 2 * len(points_px)))
+        spread[::2, ::2] = spread[1::2, 1::2] = sigma_px**2 * near
+        return spread
+
+    def smeared(self, smear_px2: float) -> "Optics":
+        """The same where a motion of the camera is seen: it went on from row to row."""
+        if smear_px2 == 0.0:
+            return self
+        right, down = self.turns
+        seen = self.exposures * math.sqrt(abs(smear_px2))
+        sideways = (math.hypot(right, seen), down)
+        return replace(self, turns=sideways if smear_px2 > 0.0 else (right, math.hypot(down, seen)))
+
+    def camera_spread(self, points_px: Array) -> Array:
+        """(2 n, 2 n): covariance of (n, 2) ideal pixels from the calibration's uncertainty and a camera that turns
+        while its rows are read: then the picture is sheared, or stretched from row to row."""
+        off = points_px - self.matrix[:2, 2]
+        focal, aspect, centre_px = self.doubts
+        shifts = np.zeros((6, len(points_px), 2))
+        shifts[0] = focal * off
+        shifts[1] = 0.5 * aspect * off * np.array([-1.0, 1.0])
+        shifts[2, :, 0] = shifts[3, :, 1] = centre_px
+        rows = points_px[:, 1] - points_px[:, 1].mean()
+        shifts[4, :, 0], shifts[5, :, 1] = self.turns[0] * rows, self.turns[1] * rows
+        flat = shifts.reshape(6, -1)
+        return np.asarray(flat.T @ flat, dtype=np.float64)
+
+
+@lru_cache(maxsize=8)
+def make_optics(camera: CameraConfig, width_px: int, height_px: int) -> Optics:
+    """The camera's optics for an image of this size; see the module's text for sizes that are not the calibration's
+    (kept: a camera does not change from image to image)."""
+    scale = height_px / camera.height_px
+    middle_sigma_px = MIDDLE_SIGMA * camera.height_px
+    aspect, aspect_sigma = _weigh(math.log(camera.fy_px / camera.fx_px), camera.aspect_sigma, 0.0, SQUARE_SIGMA)
+    cx, centre_sigma_px = _weigh(camera.cx_px, camera.centre_sigma_px, camera.width_px / 2 - 0.5, middle_sigma_px)
+    cy, _ = _weigh(camera.cy_px, camera.centre_sigma_px, camera.height_px / 2 - 0.5, middle_sigma_px)
+    focal_px = math.sqrt(camera.fx_px * camera.fy_px) * scale
+    cx_px = (cx + 0.5 - camera.width_px / 2) * scale + width_px / 2 - 0.5
+    cy_px = (cy + 0.5) * scale - 0.5
+    matrix = np.array([[focal_px * math.exp(-aspect / 2), 0.0, cx_px], [0.0, focal_px * math.exp(aspect / 2), cy_px],
+                       [0.0, 0.0, 1.0]])
+    shear = math.radians(camera.turn_sigma_deg_s) * camera.readout_s * focal_px / height_px
+    distortion = np.array(camera.distortion, dtype=np.float64) if any(camera.distortion) else None
+    return Optics(width_px, height_px, scale, matrix, distortion,
+                  (camera.focal_sigma, aspect_sigma, centre_sigma_px * scale), (shear, NODDING * shear),
+                  camera.readout_s / height_px / (camera.exposure_s or SHORT_S))
+
+
+def _weigh(stated: float, sigma: float, usual: float, usual_sigma: float) -> tuple[float, float]:
+    """A stated value weighed against what is usual, and its sigma."""
+    share = sigma**2 / (sigma**2 + usual_sigma**2)
+    return stated + share * (usual - stated), usual_sigma * math.sqrt(share)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What vision looks for. The arrays are shared and not to be written."""
+
+    corners_m: Array                  # (4, 3) outer corners: bottom right, bottom left, top left, top right
+    marks_m: Array                    # (4, 3) the middle lines' ends, in the same order
+    samples_m: Array                  # (3, SAMPLES, 2) on the middle lines
+    across_m: Array                   # (3, 1, 2) from a middle line to the outer edge
+    tips_m: Array                     # (2, len(TIP_ROWS), 2) on the cut ends: left, right
+    up_m: Array                       # (2, 1, 2) from a tip on along the tape, half the tape's width long
+    probes_m: Array                   # (3 PROBES + 12, 3): first on the tape, then inside its opening
+
+
+@lru_cache(maxsize=8)
+def make_shape(tape: Tape) -> Shape:
+    """The shape of a tape of these dimensions (kept: a tape does not change from image to image)."""
+    marks = _marks_m(tape)
+    ends = np.array([(marks[a], marks[b]) for a, b in STRAIGHTS])
+    along = ends[:, 1] - ends[:, 0]
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    across = np.column_stack([along[:, 1], -along[:, 0]]) * -tape.tape_width_m / 2
+    share = np.linspace(FIRST, LAST, SAMPLES)[None, :, None]
+    samples = ends[:, None, 0] * (1 - share) + ends[:, None, 1] * share
+    up = np.array([along[1], -along[2]]) * tape.tape_width_m / 2
+    rows = np.array(TIP_ROWS)[:, None] * np.array([tape.tape_width_m * math.hypot(1.0, _flare(tape)), 0.0])
+    return Shape(outer_corners_m(tape), np.column_stack([marks, np.zeros(4)]), samples, across[:, None],
+                 marks[2:, None] + rows, up[:, None], _probes_m(samples, tape))
+
+
+def outer_corners_m(tape: Tape) -> Array:
+    """(4, 3): bottom right, bottom left, top left, top right."""
+    top, bottom, high = tape.top_width_m / 2, tape.bottom_width_m / 2, tape.height_m / 2
+    return np.array([[bottom, -high, 0.0], [-bottom, -high, 0.0], [-top, high, 0.0], [top, high, 0.0]])
+
+
+@lru_cache(maxsize=8)
+def tag_corners_m(tag: AprilTag) -> Array:
+    """(4, 3): outer corners of a tag's black square in its own frame, from the top left one, clockwise."""
+    half = tag.side_m / 2
+    return np.array([[-half, half, 0.0], [half, half, 0.0], [half, -half, 0.0], [-half, -half, 0.0]])
+
+
+def _marks_m(tape: Tape) -> Array:
+    """(4, 2): the middle lines' ends."""
+    half, high = tape.tape_width_m / 2, tape.height_m / 2
+    inward = half * math.hypot(1.0, _flare(tape))       # half the tape's width, along the horizontal
+    low, up = tape.bottom_width_m / 2 + _flare(tape) * half - inward, tape.top_width_m / 2 - inward
+    return np.array([[low, half - high], [-low, half - high], [-up, high], [up, high]])
+
+
+def _probes_m(samples_m: Array, tape: Tape) -> Array:
+    """Points on the tape, then 12 that it encloses but does not cover, in the middle half of the opening."""
+    on_tape = samples_m[:, np.linspace(0, SAMPLES - 1, PROBES).astype(int)].reshape(-1, 2)
+    x, y = np.meshgrid(np.linspace(-0.5, 0.5, 4) * tape.bottom_width_m, np.array([-0.1, 0.1, 0.3]) * tape.height_m)
+    flat = np.concatenate([on_tape, np.column_stack([x.ravel(), y.ravel()])])
+    return np.column_stack([flat, np.zeros(len(flat))])
+
+
+def _flare(tape: Tape) -> float:
+    """Horizontal run of a side per unit of height."""
+    return (tape.top_width_m - tape.bottom_width_m) / 2 / tape.height_m
+
 
 STEPS = 6                             # Gauss-Newton from IPPE's start is at rest after two or three
 AT_REST = 1e-2                        # squared last step in standard deviations; what is left after it is its square

@@ -16,9 +16,8 @@ from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import AprilTag, CameraConfig, Vision
 from truearc.robot.types import Sighting
-from truearc.robot.vision.geometry import Array, Optics, make_optics
-from truearc.robot.vision.pose import Pose, judge_pose, make_sighting, solve_pose
-from truearc.robot.vision.threshold import check_size
+from truearc.robot.vision.marks import check_size
+from truearc.robot.vision.pose import Array, Optics, Pose, judge_pose, make_optics, make_sighting, solve_pose
 
 APART_SIGMAS = 4.0                    # two tags that say distances so far apart contradict each other
 CELLS = 8                             # of a tag's black square, its border one cell wide

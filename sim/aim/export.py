@@ -2,8 +2,9 @@
 
 import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -15,9 +16,8 @@ from scipy.interpolate import PchipInterpolator
 from truearc.errors import InputError
 from truearc.robot.aim_file import SCHEMA, AimContent, AimFile, Curve, Motion, Segment, contract_hash, rig_of
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.gate.contract import UNSEALED, seal
-from truearc.sim.aim.make_table import RPM, AimRow
-from truearc.sim.aim.on_the_move import on_the_move
+from truearc.robot.gate import UNSEALED, seal
+from truearc.sim.aim.make_table import RPM, AimRow, on_the_move
 from truearc.sim.aim.solve import chances_of, solve
 from truearc.sim.infer.belief import Belief
 from truearc.sim.printed import Printed
@@ -109,65 +109,35 @@ def has_lead(rows: Iterable[Any]) -> bool:
     return any(abs(row.lead_deg) >= LEAST_LEAD_DEG for row in rows)
 
 
-def _doubt(row: Any) -> list[str]:
-    """A comment above a set point that the shots of the belief do not cover."""
-    return [f"// {row.distance_m:.3f} m: {row.note}"] if row.note else []
+def _lines(head: str, templates: Sequence[str], rows: Iterable[Any], notes: bool = True) -> str:
+    """The head, and of each row the filled-in templates, below what its belief does not cover."""
+    lines = [head]
+    for row in rows:
+        at = {"m": row.distance_m, "inch": row.distance_m / INCH_M, "hood": row.hood_deg, "zenith": 90.0 - row.hood_deg,
+              "rpm": row.motor_rad_s * RPM, "rad_s": row.motor_rad_s, "rev_s": row.motor_rad_s / (2.0 * math.pi),
+              "s": row.flight_s, "lead": row.lead_deg}
+        lines += [f"// {row.distance_m:.3f} m: {row.note}"] if notes and row.note else []
+        lines += [template.format(**at) for template in templates]
+    return "\n".join(lines) + "\n"
 
 
 def java_text(rows: Iterable[Any]) -> str:
     """Statements for two edu.wpi.first.math.interpolation.InterpolatingDoubleTreeMap, keyed by distance in m."""
-    rows = tuple(rows)
-    lead = has_lead(rows)
-    lines = ["// by truearc aim: distance (m) -> hood (deg above the horizontal), motor (rpm)"
-             + ", lead (deg to the left)" * lead]
-    for row in rows:
-        lines += [*_doubt(row), f"hoodDeg.put({row.distance_m:.3f}, {row.hood_deg:.2f});",
-                  f"motorRpm.put({row.distance_m:.3f}, {row.motor_rad_s * RPM:.1f});"]
-        lines += [f"leadDeg.put({row.distance_m:.3f}, {row.lead_deg:.2f});"] if lead else []
-    return "\n".join(lines) + "\n"
+    lead = has_lead(rows := tuple(rows))
+    return _lines("// by truearc aim: distance (m) -> hood (deg above the horizontal), motor (rpm)"
+                  + ", lead (deg to the left)" * lead,
+                  ("hoodDeg.put({m:.3f}, {hood:.2f});", "motorRpm.put({m:.3f}, {rpm:.1f});",
+                   *["leadDeg.put({m:.3f}, {lead:.2f});"] * lead), rows)
 
 
 def cpp_text(rows: Iterable[Any]) -> str:
     """An array that needs no library."""
-    rows = tuple(rows)
-    lead = has_lead(rows)
-    lines = ["// by truearc aim: distance (m), hood (deg above the horizontal), motor (rpm)"
-             + ", lead (deg to the left)" * lead, f"struct SetPoint {{ double distance_m, hood_deg, motor_rpm"
-             f"{', lead_deg' * lead}; }};", "constexpr SetPoint kSetPoints[] = {"]
-    for row in rows:
-        lines += [*(f"    {line}" for line in _doubt(row)),
-                  f"    {{{row.distance_m:.3f}, {row.hood_deg:.2f}, {row.motor_rad_s * RPM:.1f}"
-                  + f", {row.lead_deg:.2f}" * lead + "},"]
-    return "\n".join([*lines, "};"]) + "\n"
-
-
-def java_6328_text(rows: Iterable[Any]) -> str:
-    """Statements as in team 6328's ShotCalculator of 2026: hood in degrees from the vertical, motor in rad/s, time of
-    flight in s, in InterpolatingTreeMap and InterpolatingDoubleTreeMap of WPILib."""
-    lines = ["// by truearc aim: distance (m) -> hood (deg from the vertical), motor (rad/s), time of flight (s)"]
-    for row in rows:
-        at = f"{row.distance_m:.3f}"
-        lines += [*_doubt(row), f"shotHoodAngleMap.put({at}, Rotation2d.fromDegrees({90.0 - row.hood_deg:.2f}));",
-                  f"shotFlywheelSpeedMap.put({at}, {row.motor_rad_s:.2f});",
-                  f"timeOfFlightMap.put({at}, {row.flight_s:.3f});"]
-    return "\n".join(lines) + "\n"
-
-
-def java_254_text(rows: Iterable[Any]) -> str:
-    """Statements as in team 254's Constants of 2020: inches -> hood in degrees above the horizontal, motor in rpm."""
-    lines = ["// by truearc aim: distance (in) -> hood (deg above the horizontal), motor (rpm)"]
-    for row in rows:
-        at = f"new InterpolatingDouble({row.distance_m / INCH_M:.2f})"
-        lines += [*_doubt(row), f"kLaserNewHoodMap.put({at}, new InterpolatingDouble({row.hood_deg:.2f}));",
-                  f"kLaserRPMMap.put({at}, new InterpolatingDouble({row.motor_rad_s * RPM:.1f}));"]
-    return "\n".join(lines) + "\n"
-
-
-def csv_2928_text(rows: Iterable[Any]) -> str:
-    """A file as team 2928's robot of 2026 loads it: distance in m, hood in degrees, motor in rev/s."""
-    lines = ["distance_m,hood_angle_deg,velocity_rps"]
-    lines += [f"{row.distance_m:.3f},{row.hood_deg:.2f},{row.motor_rad_s / (2.0 * math.pi):.3f}" for row in rows]
-    return "\n".join(lines) + "\n"
+    lead = has_lead(rows := tuple(rows))
+    head = ("// by truearc aim: distance (m), hood (deg above the horizontal), motor (rpm)"
+            + ", lead (deg to the left)" * lead + "\nstruct SetPoint { double distance_m, hood_deg, motor_rpm"
+            + ", lead_deg" * lead + "; };\nconstexpr SetPoint kSetPoints[] = {")
+    lines = _lines("", ("    {{{m:.3f}, {hood:.2f}, {rpm:.1f}" + ", {lead:.2f}" * lead + "}},",), rows)
+    return head + lines.replace("\n//", "\n    //") + "};\n"
 
 
 def json_3476_text(rows: Iterable[Any]) -> str:
@@ -177,4 +147,17 @@ def json_3476_text(rows: Iterable[Any]) -> str:
     return json.dumps({"shooterConfigs": configs}, indent=2) + "\n"
 
 
-TEAMS = {"java-6328": java_6328_text, "java-254": java_254_text, "csv-2928": csv_2928_text, "json-3476": json_3476_text}
+# Shapes of teams' public code. 6328's ShotCalculator of 2026: hood from the vertical, in InterpolatingTreeMap and
+# InterpolatingDoubleTreeMap of WPILib; 254's Constants of 2020; files as 2928's robot of 2026 and 3476's of 2020 load
+# them.
+TEAMS: dict[str, Callable[[Iterable[Any]], str]] = {
+    "java-6328": partial(_lines, "// by truearc aim: distance (m) -> hood (deg from the vertical), motor (rad/s), time "
+                         "of flight (s)", ("shotHoodAngleMap.put({m:.3f}, Rotation2d.fromDegrees({zenith:.2f}));",
+                                        "shotFlywheelSpeedMap.put({m:.3f}, {rad_s:.2f});",
+                                        "timeOfFlightMap.put({m:.3f}, {s:.3f});")),
+    "java-254": partial(_lines, "// by truearc aim: distance (in) -> hood (deg above the horizontal), motor (rpm)", (
+        "kLaserNewHoodMap.put(new InterpolatingDouble({inch:.2f}), new InterpolatingDouble({hood:.2f}));",
+        "kLaserRPMMap.put(new InterpolatingDouble({inch:.2f}), new InterpolatingDouble({rpm:.1f}));")),
+    "csv-2928": partial(_lines, "distance_m,hood_angle_deg,velocity_rps", ("{m:.3f},{hood:.2f},{rev_s:.3f}",),
+                        notes=False),
+    "json-3476": json_3476_text}

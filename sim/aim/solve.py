@@ -60,8 +60,7 @@ def chances_of(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, motor
 
     InputError where the rig has no target or no free speed.
     """
-    numbers = {"distance_m": distance_m, "hood_deg": hood_deg, "motor_ratio": motor_ratio}
-    seen = forecast(rig, belief, Shots(tuple(map(str, range(len(distance_m)))), numbers, {}))
+    seen = forecast(rig, belief, Shots.of_settings(distance_m, hood_deg, motor_ratio))
     opening = opening_of(rig, belief.coefficients, belief.catalogue)
     two, three = (_between(seen.height_m - opening.centre_m, half_m, seen.sigma_m)
                   for half_m in (opening.two_half_m, opening.three_half_m))

@@ -29,6 +29,12 @@ class Shots:
     source: str = "shots"
     written: dict[str, str] = field(default_factory=dict)
 
+    @classmethod
+    def of_settings(cls, distance_m: Floats, hood_deg: Floats, motor_ratio: Floats) -> "Shots":
+        """Shots of configurations [n] alone, numbered from 0."""
+        return cls(tuple(map(str, range(len(distance_m)))),
+                   {"distance_m": distance_m, "hood_deg": hood_deg, "motor_ratio": motor_ratio}, {})
+
     def __len__(self) -> int:
         return len(self.shot_id)
 

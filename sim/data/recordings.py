@@ -18,6 +18,7 @@ import numpy as np
 from msgspec import UNSET
 
 from truearc.errors import InputError
+from truearc.hw.protocols import NS
 from truearc.robot.config.schema import Config
 from truearc.robot.config.shot_map import OUTCOMES
 from truearc.robot.reasons import texts
@@ -26,7 +27,6 @@ from truearc.robot.recording.session import TRIALS, Trial, load_session_config, 
 from truearc.robot.types import Tick
 from truearc.sim.data.dataset import Dataset, Shots, Traces
 
-NS = 1e-9
 BEFORE_S, AFTER_S = 0.1, 0.7                      # telemetry kept around the feeding of each ball
 NUMBERS = ("distance_m", "hood_deg", "motor_ratio", "battery_v", "since_last_shot_s")
 THREE_AT, REMOVED_BELOW = 0.80, 0.75

@@ -10,8 +10,8 @@ import numpy as np
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import hash_dataset
 from truearc.sim.gate.model import fit_novelty, novelty_record
+from truearc.sim.paper import Recipe
 from truearc.sim.paper.network import Rows, accuracy, domain_of, save_weights, split_heldout, training_rows
-from truearc.sim.paper.settings import Recipe
 from truearc.sim.paper.train_many import Job, Trained, batches_per_epoch, check_job, train_many
 from truearc.sim.printed import Printed, Progress
 

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.stats import norm
 
 from truearc.errors import InputError
-from truearc.robot.gate.contract import FEATURES, NOVELTY_LIMIT
+from truearc.robot.gate import FEATURES, NOVELTY_LIMIT
 from truearc.sim.gate.model import PhysicsGate
 from truearc.sim.paper.network import exact_in_float32
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from truearc.robot.config.rig_spec import Rig, Target
 from truearc.sim.data.dataset import Shots
-from truearc.sim.gate.likelihood import PRIORS, GateData, GateShape, cell_probabilities, fit_widest, spread_m
-from truearc.sim.gate.model import Physics, PhysicsGate, Scaling, fit_novelty, halves_of, physics_of, residual
+from truearc.sim.gate import model
+from truearc.sim.gate.model import GateData, Physics, PhysicsGate
 from truearc.sim.infer.belief import Belief
 from truearc.sim.paper.network import usable_rows
 from truearc.sim.physics.simulate import MISS, THREE, TWO
@@ -107,7 +107,7 @@ def train_physics_gate(rig: Rig, belief: Belief, shots: Shots, seed: int = 0, na
     that it was not chosen on.
     """
     marks, _ = outcome_classes_of(shots, name, rig.target)
-    physics = physics_of(rig, belief, marks.features)
+    physics = model.physics_of(rig, belief, marks.features)
     progress(0.3, "forecasts made")
     gate = _fit(rig, belief, marks, physics, np.ones(len(marks.level)))
     progress(0.5, "fitted")
@@ -151,16 +151,17 @@ def _fit(rig: Rig, belief: Belief, marks: OutcomeClasses, physics: Physics, weig
     told = weight * ~marks.aside
     data = GateData(scaling(marks.features), *physics, marks.cells, marks.miss_m, told)
     aside = float((marks.aside * weight).sum() / weight.sum())
-    return PhysicsGate(rig, belief, scaling, fit_widest(data, halves_of(rig)), 1.0, aside, fit_novelty(seen))
+    fit = model.fit_widest(data, model.halves_of(rig))
+    return PhysicsGate(rig, belief, scaling, fit, 1.0, aside, model.fit_novelty(seen))
 
 
-def scaling_of(features: np.ndarray) -> Scaling:
+def scaling_of(features: np.ndarray) -> model.Scaling:
     """Standardisation by these rows [n, 3]; a feature that never varies has deviation 1."""
     mean, deviation = features.mean(axis=0), features.std(axis=0)
     deviation = np.where(deviation > 1e-9, deviation, 1.0)
     low, high = ((edge - mean) / deviation for edge in (features.min(axis=0), features.max(axis=0)))
     margin = BEYOND * (high - low)
-    return Scaling(mean, deviation, low - margin, high + margin)
+    return model.Scaling(mean, deviation, low - margin, high + margin)
 
 
 def _calibrate(gate: PhysicsGate, parts: list[_Fold], alone: Figures) -> tuple[PhysicsGate, Heldout]:
@@ -180,16 +181,17 @@ def _calibrate(gate: PhysicsGate, parts: list[_Fold], alone: Figures) -> tuple[P
 
 def _alone(gate: PhysicsGate, physics: Physics, marks: OutcomeClasses) -> Figures:
     """The forecast with nothing learned here: spread as the belief has it, half-heights of rig.toml, judged rows."""
-    two_m, three_m = halves_of(gate.rig)
-    shape = GateShape(1.0, PRIORS["floor_m"][0], two_m, min(three_m, two_m), PRIORS["lapse"][0])
+    two_m, three_m = model.halves_of(gate.rig)
+    shape = model.GateShape(1.0, model.PRIORS["floor_m"][0], two_m, min(three_m, two_m), model.PRIORS["lapse"][0])
     judged = marks.level >= 0
-    cells = np.asarray(cell_probabilities(shape, physics.deviation_m, spread_m(shape, physics.sigma_m)))[judged]
+    spread_m = model.spread_m(shape, physics.sigma_m)
+    cells = np.asarray(model.cell_probabilities(shape, physics.deviation_m, spread_m))[judged]
     return figures_of(np.stack([cells[:, 1:4].sum(axis=1), cells[:, 2]], axis=1), marks.level[judged])
 
 
 def tell_residual(gate: PhysicsGate, features: np.ndarray, physics: Physics) -> list[str]:
     """How far the physics alone is off, and how shots scatter, at near, middle and far recorded shots [n, 3]."""
-    learned_m, _ = residual(gate.fit, gate.scaling(features), physics)
+    learned_m, _ = model.residual(gate.fit, gate.scaling(features), physics)
     _, sigma_m = gate.correct(features, physics)
     order = np.array_split(np.argsort(features[:, 0], kind="stable"), 3)
     lines = []

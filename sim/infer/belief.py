@@ -17,7 +17,7 @@ A fit by likelihood adds two tables, which the grid does not write:
     names = ["drag.cd", "scatter.speed"]
     matrix = [[0.01, 0.0], [0.0, 0.04]]
 
-The matrix is that of the numbers on each parameter's own scale (truearc.sim.physics.term_fields, named by its prior in
+The matrix is that of the numbers on each parameter's own scale (truearc.sim.physics.term, named by its prior in
 the catalogue; scatters: their logarithm), on which the belief is about normal. An unexplained effect is a free curve:
 how its size goes with a covariate.
 
@@ -55,7 +55,7 @@ from truearc.sim.data.dataset import Shots
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, catalogue, find_parameter, find_terms
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS
 from truearc.sim.physics.simulate import launch_state
-from truearc.sim.physics.term_fields import LINEAR, LOG, fits_scale, from_scale, to_scale
+from truearc.sim.physics.term import LINEAR, LOG, fits_scale, from_scale, to_scale
 from truearc.sim.printed import Printed
 
 SCHEMA = "truearc.coefficients/1"

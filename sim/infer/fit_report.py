@@ -1,20 +1,18 @@
 """What a fit tells: its numbers, those that cannot be told apart, and how well outcomes are predicted, as text."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from truearc.sim.infer.fit import MapFit, Sought
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.infer.intervals import ProfileInterval
+from truearc.sim.infer.launcher import MapFit, Sought
 from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, say_few
-from truearc.sim.infer.likelihood.layout import LinearizationPoint
-from truearc.sim.infer.likelihood.linearization import linearise
 from truearc.sim.infer.likelihood.noise import UNMEASURED_M
 from truearc.sim.infer.likelihood.observations import class_chances
-from truearc.sim.infer.likelihood.score_table import ScoreTable, fit_linear
+from truearc.sim.infer.likelihood.score_table import FOLDS, fit_linear
 from truearc.sim.printed import Progress, left_out_lines
 
 CORRELATED = 0.9                      # pairs from here on are named
@@ -66,10 +64,9 @@ def _pairs(fit: MapFit) -> tuple[AliasedPair, ...]:
 
 def slopes(fit: MapFit) -> Float[np.ndarray, " p"]:
     """d value / d (prior standard deviation) [p] at the optimum: from units of the prior to the parameter's own."""
-    return np.array([one.sd * one.slope(float(fit.evidence.point[one.column])) for one in fit.sought])
+    return np.array([one.sd * one.slope(float(fit.scores.point[one.column])) for one in fit.sought])
 
 
-FOLDS = 5
 STEPS = {"distance_m": 0.1, "hood_deg": 1.0, "motor_ratio": 0.01}      # shots within one step are one configuration
 SMOOTH = 1.0                          # shots of each outcome added to the shares that the fit competes with
 
@@ -94,34 +91,26 @@ def cross_validate(fit: MapFit, progress: Progress = lambda done, note: None) ->
     A group is a session where there are at least five, else a configuration. Predictions are from the configuration
     alone: neither the exit nor the track of a predicted shot is used.
     """
-    plane = fit.evidence.plane
+    plane = fit.scores.plane
     if plane is None or fit.dataset.facts.target is None:
         return None
     group, marked = _groups(fit), plane.rows
     outcome = np.nan_to_num(plane.seen.classes, nan=-1.0).astype(int)
     if len(np.unique(group[marked][outcome >= 0])) < 2:
         return None
-    fold, alone = group % FOLDS, _by_configuration(fit)
+    fold, alone = group % FOLDS, fit.fitted.model.forecast(fit.fitted.point)
     given_fit, given_share = np.full((2, len(marked), 3), np.nan)
     for number in range(FOLDS):
         progress(number / FOLDS, f"fold {number + 1} of {FOLDS}")
         out = (fold[marked] == number) & (outcome >= 0)
         if not out.any():
             continue
-        change = fit_linear(fit.evidence, fold != number)
+        change = fit_linear(fit.scores, fold != number)
         given_fit[out] = class_chances(*alone.heights(np.tile(change, (len(fold), 1))))[out]
         counts = np.bincount(outcome[(outcome >= 0) & ~out], minlength=3) + SMOOTH
         given_share[out] = counts / counts.sum()
     known = outcome >= 0
     return _summary(outcome[known], given_fit[known], given_share[known], group[marked][known])
-
-
-def _by_configuration(fit: MapFit) -> ScoreTable:
-    """The evidence at the fit had neither exits nor tracks been measured, nor anything of single shots."""
-    intake, layout, spot = fit.fitted.intake, fit.fitted.layout, fit.fitted.spot
-    blind = replace(intake, exits=np.full_like(intake.exits, np.nan), samples=None, scatter=None)
-    still = LinearizationPoint.still(layout, len(intake.rows), spot.values, spot.log_scatter)
-    return linearise(blind, layout, replace(still, effects=spot.effects))[0]
 
 
 def _summary(outcome: Int[np.ndarray, " n"], by_fit: Float[np.ndarray, "n 3"], by_share: Float[np.ndarray, "n 3"],
@@ -138,7 +127,7 @@ def _summary(outcome: Int[np.ndarray, " n"], by_fit: Float[np.ndarray, "n 3"], b
 
 def _groups(fit: MapFit) -> Int[np.ndarray, " n"]:
     """Number of each shot's group: sessions where there are five, else configurations in a mixed order."""
-    shots = fit.dataset.shots.take(fit.evidence.rows)
+    shots = fit.dataset.shots.take(fit.scores.rows)
     sessions = np.array(shots.text("session"))
     if len(set(sessions.tolist())) >= FOLDS:
         return np.unique(sessions, return_inverse=True)[1]
@@ -169,10 +158,10 @@ def fit_lines(fit: MapFit, intervals: Sequence[ProfileInterval], holdout: CrossV
 
 def say_evidence(fit: MapFit) -> Iterable[str]:
     """Evidence that was used, and shots that were left out."""
-    intake = fit.fitted.intake
+    intake = fit.fitted.model.data
     used = ", ".join(f"{count} {EVIDENCE[kind]}" for kind, count in intake.used.items())
     yield f"fitted to {len(intake.rows)} of {len(fit.dataset.shots)} shots: {used}"
-    numbers = dict(zip((one.name for one in fit.evidence.columns), fit.evidence.point, strict=True))
+    numbers = dict(zip((one.name for one in fit.scores.columns), fit.scores.point, strict=True))
     wider = numbers.get("scatter.track")
     if intake.scatter is not None and wider is not None:
         own_m = dict(zip("xyz", intake.scatter.sigma_m, strict=True))
@@ -224,8 +213,8 @@ def _open_ends(one: ProfileInterval) -> str:
 
 def say_scatter(fit: MapFit) -> Iterable[str]:
     """Scatter of the height at the target."""
-    shots = fit.dataset.shots.take(fit.evidence.rows)
-    shots = shots.take(np.isfinite(shots.number("distance_m")) & fit.fitted.intake.lanes.rolled)
+    shots = fit.dataset.shots.take(fit.scores.rows)
+    shots = shots.take(np.isfinite(shots.number("distance_m")) & fit.fitted.model.data.lanes.rolled)
     if not len(shots):
         return
     middle_m = float(np.median(shots.number("distance_m")))

@@ -16,10 +16,9 @@ from truearc.sim.infer.belief import SCATTER, Belief, before_the_shot, owners, s
 from truearc.sim.infer.likelihood.data import Given, given_of
 from truearc.sim.physics.catalogue import Catalogue, effective, flight_terms
 from truearc.sim.physics.flight import make_law, reach_plane
-from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.nonparametric import CURVE
 from truearc.sim.physics.simulate import leave, sense
-from truearc.sim.physics.term_fields import from_scale
+from truearc.sim.physics.term import Exit, from_scale
 
 STEPS = (1e-3, 1e-3, 1e-2)            # of a launch's deviations, for the heights' derivatives by them
 

@@ -32,10 +32,11 @@ from scipy.stats import halfnorm
 
 from truearc.errors import InputError
 from truearc.sim.infer.belief import launcher_of
-from truearc.sim.infer.fit import MapFit, Sought, climb, limits_of, moved
+from truearc.sim.infer.fit import climb, objective
+from truearc.sim.infer.launcher import MapFit, Sought
 from truearc.sim.infer.likelihood.layout import MOVES, own_slope
 from truearc.sim.infer.likelihood.noise import WEAKER
-from truearc.sim.infer.likelihood.score_table import ScoreTable, fit_linear, log_posterior
+from truearc.sim.infer.likelihood.score_table import fit_linear, log_posterior
 from truearc.sim.statistics import Z90
 
 WIDEST = 8.0                          # prior standard deviations from the optimum; further is open
@@ -78,13 +79,13 @@ class _Profile:
 
     def __init__(self, fit: MapFit, one: Sought) -> None:
         self.fit, self.one = fit, one
-        self.free: Bool[np.ndarray, " P"] = np.arange(len(fit.evidence.columns)) != one.column
-        self.train = np.full(len(fit.evidence.rows), True)
-        covariance = fit.evidence.covariance
+        self.free: Bool[np.ndarray, " P"] = np.arange(len(fit.scores.columns)) != one.column
+        self.train = np.full(len(fit.scores.rows), True)
+        covariance = fit.scores.covariance
         self.se = float(np.sqrt(covariance[one.column, one.column]))
         self.ridge = covariance[:, one.column] / covariance[one.column, one.column]
-        point = float(fit.evidence.point[one.column])
-        low, high = limits_of(fit.fitted.layout, one.column)
+        point = float(fit.scores.point[one.column])
+        low, high = fit.fitted.model.limits(one.column)
         self.limits = low - point, high - point
         found = minimize_scalar(lambda step: self.at(step).cost, method="bounded", options={"xatol": 0.02 * self.se},
                                 bounds=(max(-NEARBY * self.se, self.limits[0]), min(NEARBY * self.se, self.limits[1])))
@@ -93,29 +94,24 @@ class _Profile:
 
     def at(self, step: float) -> _Held:
         """With flights linear about the optimum."""
-        evidence = self.fit.evidence
+        evidence = self.fit.scores
         change = fit_linear(evidence, self.train, self.ridge * step, self.free)
         info = evidence.deal.total(evidence.slopes_at(np.tile(change, (len(self.train), 1)))[1])
         return self._held(-log_posterior(evidence, change, self.train), info, change)
 
     def flown(self, change: Float[np.ndarray, " P"]) -> _Held:
         """With flights from there, the others at their best again."""
-        fitted = self.fit.fitted
-        scatters = [column for column in fitted.layout.scatters if column >= 0]
-        spot, parts = fitted.spot, int(np.ceil(np.abs(change[scatters]).max(initial=1.0)))
+        model, point = self.fit.fitted.model, self.fit.fitted.point
+        scatters = [column for column in model.layout.scatters if column >= 0]
+        parts = int(np.ceil(np.abs(change[scatters]).max(initial=1.0)))
         for _ in range(parts):        # a scatter's logarithm moves by 1 at most at a time
-            spot = moved(fitted.layout, spot, change / parts)
-        _, evidence = climb(fitted.intake, fitted.layout, spot, held=~self.free)
-        found = evidence.point - self.fit.evidence.point
-        lost = self._value(self.fit.evidence) - self._value(evidence)
-        return self._held(lost, evidence.information, found)
-
-    def _value(self, evidence: ScoreTable) -> float:
-        off = evidence.point - self.fit.fitted.layout.centre
-        return float(evidence.log_score.sum() - 0.5 * off @ evidence.precision @ off)
+            point = model.moved(point, change / parts)
+        scores = climb(model, point, held=~self.free).scores
+        lost = objective(self.fit.scores, model.layout) - objective(scores, model.layout)
+        return self._held(lost, scores.information, scores.point - self.fit.scores.point)
 
     def _held(self, lost: float, info: Float[np.ndarray, "P P"], change: Float[np.ndarray, " P"]) -> _Held:
-        evidence = self.fit.evidence
+        evidence = self.fit.scores
         others = (info + evidence.precision)[self.free][:, self.free]
         by_prior = float(0.5 * change @ evidence.precision @ change - evidence.pull @ change)
         return _Held(lost + 0.5 * float(np.linalg.slogdet(others)[1]), change, by_prior)
@@ -151,11 +147,11 @@ def profile_interval(fit: MapFit, name: str) -> ProfileInterval:
     """The profile interval of one fitted parameter; with tracks, which make it normal, by the information, or by how
     shots differ where they contradict each other."""
     one = fit.sought[fit.names.index(name)]
-    point = float(fit.evidence.point[one.column])
-    if fit.fitted.intake.filmed:
+    point = float(fit.scores.point[one.column])
+    if fit.fitted.model.data.filmed:
         by_model, by_shots = deviations(fit, one.column)
         sd = by_shots if by_shots > BEYOND * by_model else by_model
-        least, most = limits_of(fit.fitted.layout, one.column)
+        least, most = fit.fitted.model.limits(one.column)
         low, high = max(point - Z90 * sd, least), min(point + Z90 * sd, most)
         by_data = bool(by_model < KNOWN * one.sd)
         return ProfileInterval(name, one.value(point), one.value(low), one.value(high), by_data and low > least,
@@ -169,9 +165,9 @@ def profile_interval(fit: MapFit, name: str) -> ProfileInterval:
 
 def deviations(fit: MapFit, column: int) -> tuple[float, float]:
     """Standard deviations of a column: by the information, and by how scores differ between shots, or between balls."""
-    evidence = fit.evidence
+    evidence = fit.scores
     covariance = evidence.covariance
-    together = fit.fitted.together
+    together = fit.scores.together
     score = np.zeros((together.max() + 1, len(evidence.columns)))
     np.add.at(score, together, evidence.score)
     return float(np.sqrt(covariance[column, column])), float(np.linalg.norm(score @ covariance[column]))
@@ -181,7 +177,7 @@ def deviance_at(fit: MapFit, name: str, value: float) -> float:
     """Twice the adjusted log posterior lost with one parameter held at `value`; at most 2.706 inside its interval."""
     one = fit.sought[fit.names.index(name)]
     walk = _Profile(fit, one)
-    there = walk.flown(walk.at(one.at(value) - float(fit.evidence.point[one.column])).change)
+    there = walk.flown(walk.at(one.at(value) - float(fit.scores.point[one.column])).change)
     return 2.0 * (there.cost - walk.ground.cost)
 
 
@@ -314,7 +310,7 @@ def _wider(fit: MapFit) -> Float[Array, " p"]:
     other: as the fit's own intervals have it."""
     known = {one.name: one.column for one in fit.sought}
     by_model, by_shots = np.array([deviations(fit, known[name]) for name in fit.belief.names]).T
-    return np.where(fit.fitted.intake.filmed & (by_shots > BEYOND * by_model), by_shots / by_model, 1.0)
+    return np.where(fit.fitted.model.data.filmed & (by_shots > BEYOND * by_model), by_shots / by_model, 1.0)
 
 
 def _prior(fit: MapFit) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
@@ -323,8 +319,8 @@ def _prior(fit: MapFit) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
     centre, sd = [], []
     for name, number in zip(fit.belief.names, fit.belief.values(), strict=True):
         one = known[name]
-        at = float(fit.evidence.point[one.column])
-        slope = own_slope(fit.evidence.columns[one.column].name, at, fit.catalogue)
+        at = float(fit.scores.point[one.column])
+        slope = own_slope(fit.scores.columns[one.column].name, at, fit.catalogue)
         centre.append(number + (one.centre - at) / slope)
         sd.append(one.sd / abs(slope))
     return np.array(centre), np.array(sd)

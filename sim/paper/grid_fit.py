@@ -21,9 +21,9 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import hash_dataset
 from truearc.sim.infer.belief import launcher_of, ranges_of
+from truearc.sim.paper import HIGH, LOW, STEP
 from truearc.sim.paper.grid_labels import THREE as LABEL_THREE
 from truearc.sim.paper.grid_labels import Flyer, Hits, find_hits, fly_pairs, make_flyer
-from truearc.sim.paper.settings import HIGH, LOW, STEP
 from truearc.sim.physics.simulate import MISS, THREE, TWO, classify, launch_of, opening_of, predict, require
 from truearc.sim.printed import Progress
 from truearc.sim.report import new_figure

@@ -20,7 +20,7 @@ from truearc.sim.compute import usable_cores
 from truearc.sim.physics.catalogue import flight_terms
 from truearc.sim.physics.compiled import facts_values, load_kernel, make_source
 from truearc.sim.physics.flight import LIMIT_S, SHORTEST
-from truearc.sim.physics.launch import Exit
+from truearc.sim.physics.term import Exit
 from truearc.sim.printed import Progress
 
 Floats = npt.NDArray[np.float64]

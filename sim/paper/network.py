@@ -17,7 +17,7 @@ import numpy as np
 
 import truearc.sim.physics  # noqa: F401 - the house's one switch to double precision
 from truearc.errors import MAX_BYTES, InputError, load_bytes, naming
-from truearc.robot.gate.contract import FEATURES, OUTPUTS
+from truearc.robot.gate import FEATURES, OUTPUTS
 from truearc.sim import statistics as figures
 from truearc.sim.data.dataset import Shots
 

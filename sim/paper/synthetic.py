@@ -2,14 +2,6 @@
 
 The paper speaks of 375,000 configurations; the ranges and steps that it states, taken inclusively, are
 101 x 61 x 76 = 468,236, and those are flown.
-
-It flies one exact pair of coefficients, and all shots of a configuration end alike. With draws, which are our addition,
-the label of a configuration is the outcome of *one* shot that the robot would have measured so: coefficients and
-scatter drawn from the fitted belief, a launch scattered by it, and a true speed, elevation and distance that differ
-from the measured ones by the sensors' noise. So near the edge of the target labels mix as they do on the field. Most
-configurations pass metres away from the target, whatever is drawn. Only those are flown whose height by the belief
-itself is within MAX_DEVIATIONS standard deviations (truearc.sim.infer.forecast: scatter, sensors and the fit's
-uncertainty) of the two-point window; the others stay misses.
 """
 
 import json
@@ -19,29 +11,24 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.columns import OUTCOMES
-from truearc.sim.data.conditions import ORDINARY, Circumstances
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import check_free, hash_dataset, save_dataset
-from truearc.sim.infer.belief import SCATTERS, Belief, Curves, before_the_shot, draw, load_belief, owners, resized
-from truearc.sim.infer.forecast import forecast
-from truearc.sim.infer.likelihood.data import given_of
+from truearc.sim.infer.belief import Belief, Curves, before_the_shot, load_belief
 from truearc.sim.paper.network import load_json
-from truearc.sim.physics.catalogue import Catalogue, effective
-from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.simulate import MISS, classify, fly_rows, leave, opening_of, predict, sense
+from truearc.sim.physics.catalogue import Catalogue
+from truearc.sim.physics.simulate import classify, opening_of, predict
 from truearc.sim.printed import Progress
 
 NONE: Curves = {}
 STEP_S = 0.01                         # heights then agree with the simulator's own finer step to 1e-6 m
 PROVENANCE_FILE = "synth.json"
-MAX_DEVIATIONS = 4.0                  # one normal number in 16 000 is further out, on either side together
 
 
 @dataclass(frozen=True)
@@ -74,26 +61,19 @@ def grid_shots(index: np.ndarray) -> Shots:
     return Shots(tuple(f"sim-{position:06d}" for position in index), numbers, {})
 
 
-def grid_heights(rig: Rig, coefficients: Mapping[str, Mapping[str, float]],
-                 progress: Progress = lambda done, note: None, curves: Curves = NONE,
-                 among: Catalogue | None = None) -> np.ndarray:
-    """Height in m at the plane of every configuration of the grid, flat, nan where it is not reached.
-
-    By the simulator with gravity and these terms, of which some may go with curves. among: the catalogue of the terms,
-    truearc.sim.physics.catalogue.catalogue() when not given. InputError when the rig cannot turn a
-    motor ratio into a launch.
-    """
-    shots = grid_shots(np.arange(np.prod(SHAPE)))
-    before = before_the_shot(curves, rig, shots)
-    return np.asarray(predict(rig, coefficients, shots, progress, before, among, STEP_S).height_m)
-
-
 def label_grid(rig: Rig, coefficients: Mapping[str, Mapping[str, float]],
                progress: Progress = lambda done, note: None, curves: Curves = NONE,
                among: Catalogue | None = None) -> np.ndarray:
-    """Outcome of every configuration of the grid, flat; InputError as grid_heights, or when the rig has no target."""
+    """Outcome of every configuration of the grid, flat, by the simulator with gravity and these terms.
+
+    Some of the terms may go with curves. among: the catalogue of the terms, truearc.sim.physics.catalogue.catalogue()
+    when not given. InputError when the rig has no target, or cannot turn a motor ratio into a launch.
+    """
     opening = opening_of(rig, coefficients, among)     # a rig without target: no work
-    return classify(rig, grid_heights(rig, coefficients, progress, curves, among), opening)
+    shots = grid_shots(np.arange(np.prod(SHAPE)))
+    before = before_the_shot(curves, rig, shots)
+    flown = predict(rig, coefficients, shots, progress, before, among, STEP_S)
+    return classify(rig, np.asarray(flown.height_m), opening)
 
 
 def taken_configurations(shots: Shots) -> np.ndarray:
@@ -138,19 +118,9 @@ def sample_shots(outcomes: np.ndarray, count: int, recorded: Shots | None, seed:
     return Shots(shots.shot_id, shots.numbers, {"outcome": tuple(map(str, outcomes[index]))})
 
 
-class Draws(NamedTuple):
-    """Numbers of each flight [n]: {term: {parameter: values}}, {"speed", "elevation_deg": standard deviations}, and the
-    points [n, k] of all curves, with whose each is."""
-
-    coefficients: dict[str, dict[str, np.ndarray]]
-    scatter: dict[str, np.ndarray]
-    points: np.ndarray
-    whose: tuple[str, ...]
-
-
 def write_synthetic(directory: str | Path, rig: Rig, coefficients: str | Path, n: int, *,
-                    exclude: Dataset | None = None, draws: int | None = None, seed: int = 0,
-                    among: Catalogue | None = None, progress: Progress = lambda done, note: None) -> Shots:
+                    exclude: Dataset | None = None, seed: int = 0, among: Catalogue | None = None,
+                    progress: Progress = lambda done, note: None) -> Shots:
     """Simulate shots of the paper's grid of configurations, write them as a dataset, and return them.
 
     Args:
@@ -159,8 +129,6 @@ def write_synthetic(directory: str | Path, rig: Rig, coefficients: str | Path, n
         coefficients: coefficients.toml to fly with; it is copied into the directory.
         n: Shots in all, the same number of each outcome.
         exclude: Recorded shots whose configurations are not drawn.
-        draws: Sets of coefficients drawn from the covariance, with launch scatter and sensor noise; None: one exact
-            set, as in the paper.
         seed: Of the draw.
         among: The catalogue of the terms.
         progress: Called with the share done, 0 to 1, and a note.
@@ -171,13 +139,10 @@ def write_synthetic(directory: str | Path, rig: Rig, coefficients: str | Path, n
     out = check_free(directory)
     belief = load_belief(coefficients, among)
     recorded = None if exclude is None else exclude.shots
-    if draws is not None:
-        check_belief(belief, str(coefficients))
-    shots = synthesise(rig, belief, n, recorded, seed, draws, progress)
+    shots = synthesise(rig, belief, n, recorded, seed, progress)
     save_dataset(out, Dataset(out.name, rig, shots))
     shutil.copyfile(coefficients, out / "coefficients.toml")
-    provenance = {"version": version("truearc"), "seed": seed, "coefficients": belief.coefficients, "draws": draws,
-                  "scatter": belief.scatter if draws else None,
+    provenance = {"version": version("truearc"), "seed": seed, "coefficients": belief.coefficients,
                   "excluded_sha256": None if exclude is None else hash_dataset(exclude)}
     (out / PROVENANCE_FILE).write_text(json.dumps(provenance, indent=1) + "\n", encoding="utf-8")
     return shots
@@ -189,96 +154,17 @@ def load_provenance(directory: str | Path) -> dict[str, Any]:
     return load_json(path) if path.is_file() else {}
 
 
-def say_synthetic(directory: str | Path, shots: Shots, draws: int | None = None) -> str:
+def say_synthetic(directory: str | Path, shots: Shots) -> str:
     """Return how many shots of which outcome were written."""
     counts = ", ".join(f"{shots.text('outcome').count(outcome)} {outcome}" for outcome in OUTCOMES)
-    more = f"; each with one of {draws} sets of coefficients, launch scatter and sensor noise" if draws else ""
     return (f"{directory}: {len(shots)} simulated shots of {math.prod(axis.count for axis in AXES)} "
-            f"configurations: {counts}{more}")
+            f"configurations: {counts}")
 
 
-def check_belief(belief: Belief, name: str) -> None:
-    """InputError names the tables that a coefficients file `name` lacks for draws."""
-    lacking = [what for what, there in (("[scatter]", set(belief.scatter) == set(SCATTERS)),
-                                        ("[covariance]", bool(belief.names))) if not there]
-    if lacking:
-        raise InputError(f"{name}: has no {' and no '.join(lacking)}, which --draws draws from; "
-                       "`truearc fit` writes them, the grid does not")
-
-
-def synthesise(rig: Rig, belief: Belief, count: int, recorded: Shots | None, seed: int, draws: int | None = None,
+def synthesise(rig: Rig, belief: Belief, count: int, recorded: Shots | None, seed: int,
                progress: Progress = lambda done, note: None) -> Shots:
-    """Simulated shots with an outcome each, none at a configuration that `recorded` has; same arguments, same shots.
-
-    draws: sets of coefficients drawn from the belief, with launch scatter and sensor noise on every shot; None: the
-    belief's own coefficients, exactly. InputError when count or draws are too few.
-    """
+    """Simulated shots with an outcome each, by the belief's own coefficients, none at a configuration that `recorded`
+    has; same arguments, same shots. InputError when the count is too small."""
     check_draw(count, seed)                      # before the work, not after it
-    if draws is None:
-        outcomes = label_grid(rig, belief.coefficients, progress, belief.curves, belief.catalogue)
-    elif draws < 1:
-        raise InputError(f"--draws is {draws}; at least 1 is needed")
-    else:
-        outcomes = label_grid_draws(rig, belief, draws, seed, progress)
+    outcomes = label_grid(rig, belief.coefficients, progress, belief.curves, belief.catalogue)
     return sample_shots(outcomes, count, recorded, seed)
-
-
-def label_grid_draws(rig: Rig, belief: Belief, draws: int, seed: int,
-                     progress: Progress = lambda done, note: None) -> np.ndarray:
-    """Outcome of one uncertain shot at every configuration of the grid, flat."""
-    classify(rig, np.zeros(0))                  # refuses a rig without target before the work
-    height_m = grid_heights(rig, belief.coefficients, lambda done, note: progress(0.5 * done, note), belief.curves,
-                            belief.catalogue)
-    places = near_places(rig, belief, height_m)
-    rng = np.random.default_rng([seed, 2])
-    shots = grid_shots(places)
-    drawn = assign(draw(belief, draws, rng), len(places), rng)
-    drawn_m = fly_draws(rig, shots, drawn, rng, lambda done, note: progress(0.5 + 0.5 * done, note),
-                        before_the_shot(belief.curves, rig, shots), belief.catalogue)
-    outcomes = np.full(len(height_m), MISS, dtype="<U5")
-    outcomes[places] = classify(rig, drawn_m, opening_of(rig, drawn.coefficients, belief.catalogue))
-    return outcomes
-
-
-def near_places(rig: Rig, belief: Belief, height_m: np.ndarray) -> np.ndarray:
-    """Flat positions of the grid from which a draw may score: heights [grid] by the belief's own coefficients."""
-    opening = opening_of(rig, belief.coefficients, belief.catalogue)
-    reached = np.flatnonzero(np.isfinite(height_m))
-    sigma_m = forecast(rig, belief, grid_shots(reached)).sigma_m
-    beyond_m = np.abs(height_m[reached] - opening.centre_m) - opening.two_half_m
-    return np.asarray(reached[~(beyond_m > MAX_DEVIATIONS * sigma_m)])          # an unknown sigma is flown too
-
-
-def assign(beliefs: list[Belief], count: int, rng: np.random.Generator) -> Draws:
-    """One of the drawn beliefs for each of `count` flights, all about equally often."""
-    which = rng.permutation(np.resize(np.arange(len(beliefs)), count))
-
-    def column(tables: list[Mapping[str, float]], key: str) -> np.ndarray:
-        return np.asarray(np.array([table[key] for table in tables])[which])
-
-    first = beliefs[0]
-    coefficients = {term: {key: column([one.coefficients[term] for one in beliefs], key) for key in values}
-                    for term, values in first.coefficients.items()}
-    points = np.array([[value for curve in one.curves.values() for value in curve.points] for one in beliefs])
-    return Draws(coefficients, {key: column([one.scatter for one in beliefs], key) for key in first.scatter},
-                 points[which], owners(first.curves))
-
-
-def fly_draws(rig: Rig, shots: Shots, draws: Draws, rng: np.random.Generator,
-              progress: Progress = lambda done, note: None, circumstances: Circumstances = ORDINARY,
-              among: Catalogue | None = None) -> np.ndarray:
-    """Heights [n] in m at the plane, nan where not reached, of one shot at each measured configuration."""
-    given = given_of(rig, shots)
-    count = len(shots)
-    noise = rng.standard_normal((count, given.wheel_log_speed.shape[1]))
-    rolling = Exit(given.rolling.speed_m_s * np.exp(np.sum(given.wheel_log_speed * noise, axis=1)),
-                   given.rolling.elevation_rad + given.elevation_sd_rad * rng.standard_normal(count),
-                   given.rolling.spin_rev_s + np.sum(given.wheel_spin_rev_s * noise, axis=1))
-    values = effective(draws.coefficients, resized(circumstances, draws.whose, draws.points), among)
-    rolling, true_m = sense(rig, values, rolling, given.distance_m, among=among)
-    left = Exit(*map(np.asarray, leave(rig, values, rolling, among=among)))
-    scattered = Exit(left.speed_m_s * np.exp(draws.scatter["speed"] * rng.standard_normal(count)),
-                     left.elevation_rad + np.radians(draws.scatter["elevation_deg"]) * rng.standard_normal(count),
-                     left.spin_rev_s, left.above_m)
-    distance_m = np.asarray(true_m) + given.distance_sd_m * rng.standard_normal(count)
-    return np.asarray(fly_rows(rig, values, scattered, distance_m, progress, among, step_s=STEP_S).height_m)

@@ -27,8 +27,8 @@ from numba import njit
 
 from truearc.errors import InputError
 from truearc.sim.compute import usable_cores
+from truearc.sim.paper import DEFAULT_RECIPE, Recipe
 from truearc.sim.paper.network import SHAPES, Layers, Network, Rows, initial_layers, standardisation
-from truearc.sim.paper.settings import DEFAULT_RECIPE, Recipe
 from truearc.sim.printed import Progress
 
 LANES = 24                            # of 8 to 48, as fast a lane as any; a network alone pays for all

@@ -1,4 +1,4 @@
-"""What could be true: the hypotheses that fit, synth, discovery and the generic tests know, in the order they act.
+"""The hypotheses that fit, synth, discovery and the generic tests know, in the order they act, each complete.
 
 A Catalogue is a value that is passed down: to whoever names terms, by name or by themselves. Where none is given, it is
 catalogue(): the built-in terms and those of installed distributions. An entry point of these names a term, a class of
@@ -11,6 +11,7 @@ one, or an iterable of either; a file that a user names defines them at module l
 import copyreg
 import hashlib
 import inspect
+import re
 import sys
 import traceback
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -26,11 +27,117 @@ from typing import Any
 
 from truearc.errors import InputError, PluginError, distribution_of, load_plugin, load_text, place_of
 from truearc.sim.data.conditions import Circumstances
+from truearc.sim.physics import term as kinds
 from truearc.sim.physics import terms as built_in
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS, POINT
-from truearc.sim.physics.term import STAGES, ArrivalTerm, InFlight, LaunchTerm, SensingTerm, Term, WatchTerm, complete
-from truearc.sim.physics.term_check import check_term
-from truearc.sim.physics.term_fields import Parameter
+from truearc.sim.physics.term import Instrument, Parameter, Phrase, Term, WatchTerm, complete
+
+NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
+UNIT = re.compile(r"(1|((kg|rad|rev|deg|m|s)\d*)+)(/((kg|rad|rev|deg|m|s)\d*)+)?")
+
+
+def check_term(term: Term) -> None:
+    """Refuse a term that leaves something out.
+
+    Raises:
+        InputError: names the class, and every declaration that is missing or wrong.
+    """
+    if not isinstance(term, kinds.KINDS):
+        raise InputError(f"{_where(term)}: expected an instance of {', '.join(kind.__name__ for kind in kinds.KINDS)}")
+    if problems := list(_problems(term)):
+        raise InputError(f"{_where(term)}: {'; '.join(problems)}")
+
+
+def _where(term: object) -> str:
+    return type(term).__name__ if isinstance(term, Term) else repr(term)
+
+
+def _problems(term: Term) -> Iterator[str]:
+    """Each wrong declaration, "field: what is wrong"."""
+    if not (isinstance(term.name, str) and NAME.fullmatch(term.name)):
+        yield f"name: {term.name!r} is not lower-case words joined by _"
+    if not type(term).__doc__:
+        yield "no docstring, which the table of terms shows as its law"
+    yield from _one_of(term, "stage", kinds.STAGES)
+    yield from _one_of(term, "direction", kinds.DIRECTIONS)
+    order = getattr(term, "order", None)
+    if not (isinstance(order, tuple) and len(order) == 2 and isinstance(order[0], int | float) and order[1]):
+        yield f"order: {order!r} is not a number and a reason, such as 50, \"a factor of the speed\""
+    yield from _wording(term)
+    yield from _recording(term)
+    yield from _numbers(term)
+
+
+def _one_of(term: Term, field: str, allowed: tuple[str, ...]) -> Iterator[str]:
+    said = getattr(term, field, None)
+    if said not in allowed:
+        yield f"{field}: {said!r} is none of {', '.join(allowed)}"
+
+
+def _wording(term: Term) -> Iterator[str]:
+    sentence, phrase = getattr(term, "sentence", ""), getattr(term, "phrase", None)
+    if not (isinstance(sentence, str) and sentence.endswith(".")):
+        yield f"sentence: got {sentence!r}; expected a sentence with a full stop"
+    if not isinstance(phrase, Phrase) or not all(isinstance(one, str) and one.count("{}") == 1 for one in phrase[:2]):
+        yield "phrase: expected a Phrase with one {} for the size in either direction"
+    if not term.label:
+        yield "label: is empty"
+
+
+def _recording(term: Term) -> Iterator[str]:
+    instrument: Any = getattr(term, "instrument", 0)
+    if not isinstance(instrument, Instrument) and not (instrument is None and term.always):
+        yield "instrument: expected an Instrument (only a term that is always at work may have none)"
+    elif instrument is not None and not NAME.fullmatch(instrument.id):
+        yield f"instrument: got the id {instrument.id!r}; expected snake_case"
+    elif instrument is not None and not (instrument.what and (instrument.sd is None or instrument.sd > 0.0)):
+        yield f"instrument: {instrument!r} has no text, or an accuracy that is not above 0"
+    if term.follows is not None and term.follows not in Circumstances._fields:
+        yield f"follows: {term.follows!r} is none of {', '.join(Circumstances._fields)}"
+    if term.follows is not None and not term.record:
+        yield f"record: is empty, though the term follows {term.follows}, which has to be recorded"
+    if not 0.0 < term.positive < 1.0:
+        yield "positive: is a probability between 0 and 1"
+    if term.law_sd is not None and not term.law_sd > 0.0:
+        yield "law_sd: above 0, or None"
+    if term.indoor_sd is not None and not term.indoor_sd > 0.0:
+        yield "indoor_sd: above 0, or None"
+    if term.calibration_sd is not None and not (isinstance(term, WatchTerm) and term.calibration_sd > 0.0):
+        yield "calibration_sd: is for terms about a tracker, and above 0"
+
+
+def _numbers(term: Term) -> Iterator[str]:
+    parameters = getattr(term, "parameters", ())
+    if not isinstance(parameters, tuple) or not parameters:
+        yield "parameters: expected a tuple with at least one Parameter"
+        return
+    if len({one.name for one in parameters}) < len(parameters):
+        yield "parameters: two have one name"
+    for one in parameters:
+        yield from (f"parameters: {one.name}: {problem}" for problem in _parameter(one))
+    amplitude = parameters[0]
+    if not term.always and not (amplitude.default == 0.0 and amplitude.low <= 0.0 < amplitude.high):
+        yield f"parameters: {amplitude.name}: is the amplitude, whose default is 0 and whose range has 0 in it"
+    if not term.always and amplitude.prior is None:
+        yield f"parameters: {amplitude.name}: is the amplitude, and has no prior"
+
+
+def _parameter(one: Parameter) -> Iterator[str]:
+    if not UNIT.fullmatch(one.unit):
+        yield f"unit: got {one.unit!r}; expected 1, or a product of m, kg, s, rad, rev, deg with powers"
+    if not one.low <= one.default <= one.high or not one.low < one.high:
+        yield f"default {one.default} is not within {one.low} to {one.high}"
+    for field in ("source", "meaning"):
+        if not getattr(one, field):
+            yield f"{field}: is empty"
+    if one.by_ball < 0.0 or (one.fit_each_ball and not one.by_ball):
+        yield "by_ball: is not above 0"
+    prior = one.prior
+    if prior is not None and (prior.scale not in kinds.SCALES or prior.sd <= 0.0 or not prior.reason
+                              or not kinds.fits_scale(prior.scale, prior.centre)):
+        yield (f"prior: its scale is none of {', '.join(kinds.SCALES)}, its centre is not on it, or sd or reason is "
+               "missing")
+
 
 GROUP = "truearc.terms"
 PREFIX = "truearc_terms_from_"        # of modules made of files, followed by the digest of path and text
@@ -50,7 +157,7 @@ class Catalogue:
         for term in self.terms:
             check_term(term)
         check_unique([*NAMELESS, *self.terms])
-        ordered = sorted(self.terms, key=lambda term: (STAGES.index(term.stage), term.order[0], term.name))
+        ordered = sorted(self.terms, key=lambda term: (kinds.STAGES.index(term.stage), term.order[0], term.name))
         object.__setattr__(self, "terms", tuple(ordered))
 
     def __iter__(self) -> Iterator[Term]:
@@ -107,9 +214,9 @@ def find_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[Te
     return as_catalogue(among).find(names)
 
 
-def sensing_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[SensingTerm, ...]:
+def sensing_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[kinds.SensingTerm, ...]:
     """Those of the named terms that correct what the robot's sensors say of a configuration."""
-    return tuple(term for term in find_terms(names, among) if isinstance(term, SensingTerm))
+    return tuple(term for term in find_terms(names, among) if isinstance(term, kinds.SensingTerm))
 
 
 def watch_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[WatchTerm, ...]:
@@ -117,19 +224,19 @@ def watch_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[W
     return tuple(term for term in find_terms(names, among) if isinstance(term, WatchTerm))
 
 
-def launch_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[LaunchTerm, ...]:
+def launch_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[kinds.LaunchTerm, ...]:
     """Those of the named terms that act while the wheels hold the ball."""
-    return tuple(term for term in find_terms(names, among) if isinstance(term, LaunchTerm))
+    return tuple(term for term in find_terms(names, among) if isinstance(term, kinds.LaunchTerm))
 
 
-def flight_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[InFlight, ...]:
+def flight_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[kinds.InFlight, ...]:
     """Those of the named terms that act in the air, on the ball or on what air it meets."""
-    return tuple(term for term in find_terms(names, among) if isinstance(term, InFlight))
+    return tuple(term for term in find_terms(names, among) if isinstance(term, kinds.InFlight))
 
 
-def arrival_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[ArrivalTerm, ...]:
+def arrival_terms(names: Iterable[str], among: Catalogue | None = None) -> tuple[kinds.ArrivalTerm, ...]:
     """Those of the named terms that are about the target."""
-    return tuple(term for term in find_terms(names, among) if isinstance(term, ArrivalTerm))
+    return tuple(term for term in find_terms(names, among) if isinstance(term, kinds.ArrivalTerm))
 
 
 def effective(params: Mapping[str, Mapping[str, Any]], circumstances: Circumstances,

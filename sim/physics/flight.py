@@ -22,8 +22,7 @@ import numpy as np
 from jax import lax
 
 from truearc.robot.config.rig_spec import Ball, Rig
-from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.term import AirTerm, BallState, FlightTerm, InFlight, complete
+from truearc.sim.physics.term import AirTerm, BallState, Exit, FlightTerm, InFlight, complete
 from truearc.sim.physics.vector import Vec, absent, add, length, plus, scale, times
 
 STEP_S = 0.002                        # longest RK4 step: heights of 30 000 random launches within 6e-9 m of DOP853

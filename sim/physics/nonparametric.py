@@ -6,13 +6,12 @@ shot. They are not hypotheses: no discovery tests them. A curve's points are num
 """
 
 import math
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
-from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.term import BallState, FlightTerm, Forces, LaunchTerm, Number, Rig, SensingTerm, Term, Values
-from truearc.sim.physics.term_fields import Parameter
+from truearc.sim.physics import term
+from truearc.sim.physics.term import Parameter
 from truearc.sim.physics.vector import Vec, axes, length
 
 FOUND = "as discovery found it in recordings"
@@ -21,13 +20,13 @@ CURVE = "curve"
 POINT = Parameter("point", "1", -math.inf, math.inf, 0.0, FOUND)
 
 
-class Nameless(Term):
+class Nameless(term.Term):
     """`usual`: one standard deviation of a curve's point before any data, in the unit of the amplitude."""
 
     usual: ClassVar[float]
 
 
-class FreeSpeed(Nameless, LaunchTerm):
+class FreeSpeed(Nameless, term.LaunchTerm):
     """exit speed times exp(share)."""
 
     parameters = (Parameter("share", "1", -5.0, 5.0, 0.0, FOUND),)
@@ -36,11 +35,11 @@ class FreeSpeed(Nameless, LaunchTerm):
     usual = 0.2
     label = "a curve of the launch speed"
 
-    def leave(self, rig: Rig, values: Values, exit: Exit) -> Exit:
+    def leave(self, rig: term.Rig, values: term.Values, exit: term.Exit) -> term.Exit:
         return exit._replace(speed_m_s=exit.speed_m_s * jnp.exp(values["share"]))
 
 
-class FreeElevation(Nameless, LaunchTerm):
+class FreeElevation(Nameless, term.LaunchTerm):
     """exit elevation plus angle_rad."""
 
     parameters = (Parameter("angle_rad", "rad", -1.5, 1.5, 0.0, FOUND),)
@@ -49,11 +48,11 @@ class FreeElevation(Nameless, LaunchTerm):
     usual = 0.0175
     label = "a curve of the launch elevation"
 
-    def leave(self, rig: Rig, values: Values, exit: Exit) -> Exit:
+    def leave(self, rig: term.Rig, values: term.Values, exit: term.Exit) -> term.Exit:
         return exit._replace(elevation_rad=exit.elevation_rad + values["angle_rad"])
 
 
-class FreeDistance(Nameless, SensingTerm):
+class FreeDistance(Nameless, term.SensingTerm):
     """true distance = measured + bias_m."""
 
     parameters = (Parameter("bias_m", "m", -20.0, 20.0, 0.0, FOUND),)
@@ -62,11 +61,11 @@ class FreeDistance(Nameless, SensingTerm):
     usual = 0.12
     label = "a curve of the distance"
 
-    def sense(self, rig: Rig, values: Values, exit: Exit, distance_m: Number) -> tuple[Exit, Number]:
+    def sense(self, rig: term.Rig, values: term.Values, exit: term.Exit, distance_m: Any) -> tuple[term.Exit, Any]:
         return exit, distance_m + values["bias_m"]
 
 
-class FreePush(Nameless, FlightTerm):
+class FreePush(Nameless, term.FlightTerm):
     """An acceleration size_m_s2 along, up across and left of the velocity by the shares of those names, between two
     times of the flight; times (speed / 10 m/s)^with_speed."""
 
@@ -81,7 +80,7 @@ class FreePush(Nameless, FlightTerm):
     usual = 1.5
     label = "a curve of a push"
 
-    def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
+    def acceleration(self, rig: term.Rig, values: term.Values, ball: term.BallState, forces: term.Forces) -> Vec:
         at_work = (ball.time_s >= values["from_s"]) & (ball.time_s < values["to_s"])
         size = values["size_m_s2"] * at_work * (length(ball.velocity_m_s) / AT_SPEED_M_S)**values["with_speed"]
         sides = zip(axes(ball.velocity_m_s), ("along", "up", "left"), strict=True)
@@ -94,4 +93,4 @@ NAMELESS: tuple[Nameless, ...] = (FreeDistance(), FreeSpeed(), FreeElevation(), 
 
 def find_nameless(name: str) -> Nameless:
     """Return the unexplained effect of this name; KeyError where there is none."""
-    return {term.name: term for term in NAMELESS}[name]
+    return {one.name: one for one in NAMELESS}[name]

@@ -1,5 +1,6 @@
 """The paper's simulator: a recorded configuration -> height at the target plane -> outcome."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -12,8 +13,7 @@ from truearc.sim.data.conditions import ORDINARY, Circumstances
 from truearc.sim.data.dataset import Shots
 from truearc.sim.physics import catalogue as known
 from truearc.sim.physics.flight import STEP_S, Balls, Crossing, fly, path, with_balls
-from truearc.sim.physics.launch import Exit, exit_no_slip, exit_opposed, is_opposed
-from truearc.sim.physics.term import Opening, complete
+from truearc.sim.physics.term import Exit, Opening, complete
 from truearc.sim.printed import Progress
 
 MISS, TWO, THREE = "miss", "two", "three"
@@ -275,3 +275,31 @@ def _need(shots: Shots, lacking: np.ndarray, what: str) -> None:
         more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
         raise InputError(f"{shots.source}: shots {', '.join(names[:NAMED])}{more}: {shots.written.get(what, what)} is "
                          "needed and missing")
+
+
+def exit_opposed(rig: Rig, upper_m_s: Any, lower_m_s: Any, hood_deg: Any) -> Exit:
+    """Eq. 11 and 12 from the surface speeds of the two wheels."""
+    spin_rev_s = (lower_m_s - upper_m_s) / (2.0 * math.pi * rig.ball.radius_m)
+    return Exit((upper_m_s + lower_m_s) / 2.0, hood_deg * (math.pi / 180.0), spin_rev_s)
+
+
+def exit_no_slip(rig: Rig, wheel_surface_m_s: Any) -> tuple[Any, Any]:
+    """Exit speed and spin of a ball that rolls on all wheels without slip, in least squares.
+
+    wheel_surface_m_s: [n, wheels] in the rig's order, positive drives the ball out. Returns speed [n] in m/s and spin
+    [n, 3] in rad/s, right-handed about (exit direction, left, up across the exit direction); backspin is about -left.
+    Solves v + R (w x n_i).e = u_i. Among solutions it takes the smallest v^2 + (R w)^2: spin along the exit
+    direction is 0, and a lone wheel rolls the ball as if against a wall opposite to it.
+    """
+    surface_m_s = np.asarray(wheel_surface_m_s, dtype=float)
+    clock_rad = np.radians([wheel.clock_deg for wheel in rig.launcher.wheel])
+    # n_i = cos(clock) up - sin(clock) left, so (n_i x e) = cos(clock) left + sin(clock) up
+    rows = np.stack([np.ones_like(clock_rad), np.cos(clock_rad), np.sin(clock_rad)], axis=1)
+    solved = surface_m_s @ np.linalg.pinv(rows, rcond=1e-9).T
+    spin_rad_s = np.concatenate([np.zeros_like(solved[:, :1]), solved[:, 1:] / rig.ball.radius_m], axis=1)
+    return solved[:, 0], spin_rad_s
+
+
+def is_opposed(rig: Rig) -> bool:
+    """Whether the paper's Eq. 11 and 12 apply to this rig."""
+    return sorted(round(wheel.clock_deg % 360.0, 6) for wheel in rig.launcher.wheel) == [0.0, 180.0]

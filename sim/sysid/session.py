@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from truearc.errors import InputError
-from truearc.hw.protocols import MotorReading
+from truearc.hw.protocols import NS, MotorReading
 from truearc.robot.config.schema import Config
 from truearc.robot.reasons import IDENTIFY_DONE, text
 from truearc.robot.recording.reader import TickReader
@@ -23,7 +23,6 @@ from truearc.sim.sysid.fit import Floats, Record
 if TYPE_CHECKING:
     from truearc.sim.data.table import RawTable
 
-NS = 1e-9
 SHORT_SHARE = 0.15                    # of the largest current: a larger deviation from the expected one is not noise
 SHORT_TICKS = 0.1                     # of the driven ticks: more than switching transients explain
 EFFORTS = ("nm", "v")

@@ -1,18 +1,20 @@
-"""The emulated robot: the robot's own code on one end of every wire, devices and a world on the other.
+"""The emulated robot: the robot's own code on one end of every wire, devices, a world and a driver on the other.
 
 `emulate` runs both in one process on a stepped clock; `serve` runs the devices alone, in real time, for a robot in
 another process.
 """
 
 import itertools
+import math
 import shlex
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 from msgspec.structs import replace
 
 from truearc.errors import InputError
@@ -29,20 +31,18 @@ from truearc.hw.real.wires import open_serial
 from truearc.robot.aim_file import NO_AIMS, Aims, load_aim_for, needs_aim
 from truearc.robot.config.overrides import split_bus
 from truearc.robot.config.schema import AimConfig, CameraConfig, Config, Tape
-from truearc.robot.gate.model import Gate, load_gate
+from truearc.robot.eyes import Eyes
+from truearc.robot.gate import load_gate
 from truearc.robot.hood_encoders import encoder_family_of
 from truearc.robot.motors import guard, make_motors, name_axes
-from truearc.robot.operator_ui.screens import Screen, with_screen
 from truearc.robot.recording.files import TappedBus
 from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import HardwareRig, RecordingRig
-from truearc.robot.runtime import run
+from truearc.robot.runtime import Screen, run, with_screen
 from truearc.robot.tick import step
-from truearc.robot.vision_source import Eyes
 from truearc.sim.printed import Progress
 from truearc.sim.world.drive import FEEDER, FLYWHEEL, HOOD
-from truearc.sim.world.driver import make_driver
 from truearc.sim.world.emulated_vision import TwinEyes, make_lens, make_tape
 from truearc.sim.world.field import BallResult
 from truearc.sim.world.options import Options
@@ -101,8 +101,23 @@ def emulate(config: Config, folder: Path, trials: int, seed: int, options: Optio
                              gate_path.read_bytes() if gate_path else None, lossless=True,
                              aim=aim_path.read_bytes() if aim_path else None)
     with closing(recorder):
-        world = World(seed, options)
-        run_twin(config, world, trials, seed, gate, recorder, progress, (nodes_of, eyes_of), page, aims)
+        world, box = World(seed, options), open_button_box()
+        driver = make_driver(config, world, box.press, trials, seed)
+        pace = None if page is None else Pace(MonotonicClock())
+        limit_ns = int(LONGEST_TRIAL_S * trials * 1e9)
+
+        def over(now_ns: int) -> bool:
+            if pace is not None:
+                pace.wait_until(now_ns)
+            progress(min(driver.trial / max(trials, 1), 0.99), f"{driver.trial} of {trials} trials")
+            return driver.done or now_ns > limit_ns
+
+        with closing(eyes_of(world, config, seed)) as eyes, emulated_rig(
+                config, world, nodes_of(config, world), box, eyes, (driver.step, eyes.step), recorder.tap, over) as (
+                rig, clock):
+            run(RecordingRig(rig, recorder.trouble), config, gate, with_screen(recorder, page),
+                partial(step, aims=aims))
+        progress(1.0, f"{len(world.results)} balls in {clock.now_ns() * 1e-9:.0f} s of robot time")
     if recorder.failed is not None:
         raise recorder.failed
     return world.results
@@ -115,30 +130,6 @@ def _aimed(config: Config, aim_path: Path | None) -> tuple[Config, Aims]:
         return config, NO_AIMS
     aims = {"": load_aim_for(aim_path, config)}
     return (config if needs_aim(config) else replace(config, aim=AimConfig("belief", CORRECTION_STEP))), aims
-
-
-def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | None, recorder: SessionWriter,
-             progress: Progress, parts: tuple[MakeNodes, MakeEyes], page: Screen | None,
-             aims: Aims = NO_AIMS) -> None:
-    """Run robot and world until the driver is done."""
-    box = open_button_box()
-    nodes_of, eyes_of = parts
-    driver = make_driver(config, world, box.press, trials, seed)
-    pace = None if page is None else Pace(MonotonicClock())
-    limit_ns = int(LONGEST_TRIAL_S * trials * 1e9)
-
-    def over(now_ns: int) -> bool:
-        if pace is not None:
-            pace.wait_until(now_ns)
-        progress(min(driver.trial / max(trials, 1), 0.99), f"{driver.trial} of {trials} trials")
-        return driver.done or now_ns > limit_ns
-
-    with closing(eyes_of(world, config, seed)) as eyes:
-        nodes, steppers = nodes_of(config, world), (driver.step, eyes.step)
-        with emulated_rig(config, world, nodes, box, eyes, steppers, recorder.tap, over) as (rig, clock):
-            run(RecordingRig(rig, recorder.trouble), config, gate, with_screen(recorder, page),
-                partial(step, aims=aims))
-    progress(1.0, f"{len(world.results)} balls in {clock.now_ns() * 1e-9:.0f} s of robot time")
 
 
 @contextmanager
@@ -273,3 +264,111 @@ class CameraServer:
         while self._due.wait() and not self._over:
             self._due.clear()
             self._server.show(self._camera.expose(0).image)
+
+
+GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+SETTLE_S = 0.3                    # from standing still to pressing fire, and before arming
+NOTICE_S = 0.4                    # from seeing where the ball went to pressing the button
+BETWEEN_S = 0.2                   # from one press to the next
+JAM_S = 10.0                      # a ball that has gone in and not come out is given up after this
+REJECTED_SHARE = 0.02             # share of trials that the driver knows to be worthless
+MAX_TRIALS_AT_A_STOP = 3
+
+
+class Driver:
+    """Sees only the world, never the robot's mind; call step() once a tick until `done`.
+
+    Distances are a golden-ratio sequence over `distances` (metres, exit point to target plane), one to three trials at
+    each stop, times `repeats`, so that a configuration is shot from one place; or, where `places` are given, each of
+    them for one configuration. A shot that the robot has not granted after `patience_s` is given up; a ball that went
+    in and has not come out is rejected.
+    """
+
+    def __init__(self, world: World, press: Callable[[str], None], trials: int, seed: int,
+                 distances: tuple[float, float] = (2.6, 8.0), patience_s: float = 8.5, repeats: int = 1,
+                 places: Sequence[float] = (), jam_s: float = JAM_S, rejected_share: float = REJECTED_SHARE) -> None:
+        self._world, self._press, self._trials = world, press, trials
+        self._distances, self._places, self._repeats = distances, places, repeats
+        self._patience_s, self._jam_s, self._rejected_share = patience_s, jam_s, rejected_share
+        self._rng = np.random.default_rng([seed, 6])
+        self._place = float(self._rng.uniform())
+        self._left_here = 0
+        self._wake_t_ns: int | None = None
+        self._fired_t_ns = 0
+        self._seen = 0
+        self._went_in = False
+        self._do: Callable[[int], None] = self._arm
+        self.trial = 0                # trials begun
+        self.done = trials <= 0
+
+    def step(self, t_ns: int) -> None:
+        """Do what a person would do at this moment, if anything."""
+        if self.done:
+            return
+        if self._wake_t_ns is None:
+            self._wait(t_ns, SETTLE_S, self._arm)
+        if t_ns >= (self._wake_t_ns or 0):
+            self._do(t_ns)
+
+    def _wait(self, t_ns: int, seconds: float, then: Callable[[int], None]) -> None:
+        self._wake_t_ns = t_ns + round(seconds * 1e9)
+        self._do = then
+
+    def _arm(self, t_ns: int) -> None:
+        self._press("arm")
+        self._wait(t_ns, BETWEEN_S, self._begin)
+
+    def _begin(self, t_ns: int) -> None:
+        if self.trial >= self._trials:
+            self.done = True
+            return
+        self.trial += 1
+        if self._left_here == 0:
+            self._world.chassis.drive_to(self._next_place_m())
+        self._left_here -= 1
+        self._do = self._stop
+
+    def _next_place_m(self) -> float:
+        if self._places:
+            self._left_here = self._repeats
+            return self._places[(self.trial - 1) // self._repeats]
+        self._left_here = self._repeats * int(self._rng.integers(1, MAX_TRIALS_AT_A_STOP + 1))
+        self._place = (self._place + GOLDEN) % 1.0
+        low_m, high_m = self._distances
+        return low_m + (high_m - low_m) * self._place
+
+    def _stop(self, t_ns: int) -> None:
+        if not self._world.chassis.moving:
+            self._wait(t_ns, SETTLE_S, self._fire)
+
+    def _fire(self, t_ns: int) -> None:
+        self._seen = len(self._world.results)
+        self._fired_t_ns = t_ns
+        self._went_in = False
+        self._press("fire")
+        self._do = self._watch
+
+    def _watch(self, t_ns: int) -> None:
+        if len(self._world.results) > self._seen:
+            self._wait(t_ns, NOTICE_S, self._mark)
+            return
+        self._went_in = self._went_in or self._world.ball_on_its_way
+        patience_s = self._patience_s + (self._jam_s if self._world.ball_on_its_way else 0.0)
+        if t_ns - self._fired_t_ns > patience_s * 1e9:
+            # unrejected, a ball that was thrown back would have the robot wait for its mark for ever
+            self._do = self._reject if self._went_in else self._begin
+
+    def _mark(self, t_ns: int) -> None:
+        self._press(self._world.results[self._seen].outcome)
+        rejected_share = bool(self._rng.uniform() < self._rejected_share)
+        self._wait(t_ns, BETWEEN_S, self._reject if rejected_share else self._begin)
+
+    def _reject(self, t_ns: int) -> None:
+        self._press("reject")
+        self._wait(t_ns, BETWEEN_S, self._begin)
+
+
+def make_driver(config: Config, world: World, press: Callable[[str], None], trials: int, seed: int) -> Driver:
+    """A driver who shoots what the configuration prescribes, if it does, and waits as long as the robot tries."""
+    return Driver(world, press, trials, seed, patience_s=config.gate.request_s + 0.5, repeats=config.collect.repeats,
+                  places=[row.distance_m for row in config.collect.prescribed])

@@ -27,7 +27,7 @@ KEPT = 4                              # pictures the process remembers
 
 
 class TwinEyes:
-    """truearc.robot.vision_source.Eyes on an emulated world; whoever owns the clock calls `step`."""
+    """truearc.robot.eyes.Eyes on an emulated world; whoever owns the clock calls `step`."""
 
     def __init__(self, plant: Plant, config: Config, seed: int) -> None:
         # A new interpreter: forking one in which JAX runs threads may hang; spawning would run its main module again.

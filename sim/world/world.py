@@ -6,13 +6,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from truearc.hw.emulated.nodes import MotorTruth, View
-from truearc.sim.world.drive import FEEDER, FLYWHEEL, HOOD, Battery, Belt, Drawn, Motor, drive_motor
-from truearc.sim.world.field import BallResult, Chassis, Pose, look
-from truearc.sim.world.flight import Flight, Launch, from_exit_point, in_field
-from truearc.sim.world.hood import Hood, flexed
-from truearc.sim.world.nip import Feeder, Nip, Released
+from truearc.sim.world.drive import FEEDER, FLYWHEEL, HOOD, Battery, Belt, Drawn, Hood, Motor, drive_motor, flexed
+from truearc.sim.world.field import BallResult, Chassis, Flight, Pose, from_exit_point, in_field, look
 from truearc.sim.world.options import Options
-from truearc.sim.world.scene import Rack
+from truearc.sim.world.scene import Feeder, Nip, Rack, Released
 
 LONGEST_STEP_S = 0.005
 START_DISTANCE_M = 4.0
@@ -45,7 +42,7 @@ class World:
         self._nip: Nip | None = None
         self._fed_t_ns = 0
         self._wheel_before_rad_s = 0.0
-        self.flying: list[Launch] = []
+        self.flying: list[Flight] = []
         self._drawn = dict.fromkeys(_MOTORS, _STILL)
         self._view: tuple[Pose, View] | None = None
         self.results: list[BallResult] = []
@@ -107,10 +104,11 @@ class World:
         self.chassis.step(dt_s)
         self.hood.step(self._drawn["hood"].torque_nm, dt_s)
         fed_s = self._feeder.step(self._drawn["feeder"].torque_nm, dt_s)
-        for launch in self.flying:
-            launch.flight.step(dt_s)
+        for flight in self.flying:
+            flight.step(dt_s)
         self._turn_wheels(fed_s, dt_s)
-        self._collect()
+        self.results += [result for flight in self.flying if (result := flight.result()) is not None]
+        self.flying = [flight for flight in self.flying if flight.arrival is None]
 
     def _drive(self, name: str, motor: Motor, asked_nm: float) -> Drawn:
         if asked_nm == 0.0:
@@ -151,15 +149,15 @@ class World:
         if nip.released is None:
             self._feeder.take_back(nip.x_m)
             return
-        launch = self._launch(nip, nip.released, self._t_ns + round(after_s * 1e9))
-        self.flying.append(launch)
+        flight = self._launch(nip, nip.released, self._t_ns + round(after_s * 1e9))
+        self.flying.append(flight)
         self._rack.use(self._shots)
         self._shots += 1
         self._battery.shots += 1
         self._feeder.expect_ball()
-        launch.flight.step(left_s)
+        flight.step(left_s)
 
-    def _launch(self, nip: Nip, released: Released, exit_t_ns: int) -> Launch:
+    def _launch(self, nip: Nip, released: Released, exit_t_ns: int) -> Flight:
         launcher = from_exit_point(released, nip.elevation_rad, self._options)
         field = in_field(launcher, self.chassis.pose(), self.chassis.speed_m_s)
         x_m_s, y_m_s, z_m_s = velocity_m_s = launcher.velocity_m_s
@@ -169,10 +167,4 @@ class World:
             exit_deg=math.degrees(math.atan2(z_m_s, math.hypot(x_m_s, y_m_s))),
             exit_spin_rev_s=float(-launcher.spin_rad_s[1]) / (2.0 * math.pi),
             fed_t_ns=self._fed_t_ns, exit_t_ns=exit_t_ns)
-        return Launch(Flight(nip.ball, self._options, field), record)
-
-    def _collect(self) -> None:
-        for launch in self.flying:
-            if launch.flight.arrival is not None:
-                self.results.append(launch.arrive(launch.flight.arrival))
-        self.flying = [launch for launch in self.flying if launch.flight.arrival is None]
+        return Flight(nip.ball, self._options, field, record)

@@ -51,17 +51,3 @@ def test_grid_equals_what_the_command_prints_and_writes(week, tmp_path, capsys) 
 def test_a_fit_that_cannot_be_is_refused(week, arguments, message) -> None:
     with pytest.raises(ta.InputError, match=message):
         ta.fit(week, **arguments)
-
-
-def test_belief_reads_back_with_its_provenance(tmp_path) -> None:
-    path = tmp_path / "belief.toml"
-    path.write_text('schema = "truearc.coefficients/1"\n[drag]\ncd = 0.5\n[scatter]\nspeed = 0.02\n[covariance]\n'
-                    'names = ["drag.cd", "scatter.speed"]\nmatrix = [[0.01, 0.0], [0.0, 0.04]]\n'
-                    '[provenance]\nmethod = "by hand"\n')
-    belief = ta.load_belief(path)
-    belief.save(tmp_path / "again.toml")
-    again = ta.load_belief(tmp_path / "again.toml")
-    assert (again.coefficients, again.scatter, again.provenance) == ({"drag": {"cd": 0.5}}, {"speed": 0.02},
-                                                                     {"method": "by hand"})
-    assert str(belief).splitlines()[0].split()[:2] == ["drag.cd", "0.5"] and len(str(belief).splitlines()) == 2
-    assert belief._repr_html_().startswith("<pre>drag.cd")

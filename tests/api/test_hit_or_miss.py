@@ -103,8 +103,3 @@ def test_aim_is_told_in_hits(week: ta.Dataset, belief: ta.Belief) -> None:
     assert labels == ["hit"]
     threes = ta.load_dataset(SPREADSHEET)
     assert "P(three)" in ta.aim(belief, threes.rig, distances_m=[3.0]).lines()[0]
-
-
-def test_discovery_reads_hits(tmp_path: Path) -> None:
-    found = ta.discover(ta.load_dataset(write(tmp_path / "week")), seed=0)
-    assert found.verdict in ("named", "set", "unknown")            # wheel slip, with which the example was made

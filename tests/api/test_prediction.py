@@ -51,12 +51,6 @@ def test_each_row_outside_the_fitted_range_is_noted(folder: Path, capsys: pytest
     assert "motor_ratio 0.1 is outside the fitted" in slow["note"] and "2 of 3 forecasts have a note" in said.err
 
 
-def test_without_a_fitted_range_only_missing_heights_are_noted(folder: Path) -> None:
-    told = ta.predict(ta.load_dataset(folder / "shots"), ta.load_belief(written(folder)))
-    assert told.column("note")[:1] == [""] and "meets the floor" in told.column("note")[2]
-    assert not any("outside" in note for note in told.column("note"))
-
-
 def test_a_belief_of_another_rig_is_noted_wherever_it_is_used(folder: Path) -> None:
     week, belief = ta.load_dataset(EXAMPLE), ta.load_belief(written(folder))
     fitted = replace(belief, provenance={"rig": launcher_of(week.rig)})

@@ -2,13 +2,11 @@
 
 import dataclasses
 import json
-import pickle
 import re
 import shlex
 from datetime import UTC, datetime
 from pathlib import Path
 
-import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from msgspec import structs
@@ -84,23 +82,6 @@ def test_finding_says_what_was_planted(found) -> None:
     assert isinstance(found.plot_residuals(), Figure)
 
 
-def test_finding_is_frozen_and_survives_pickling(found) -> None:
-    again = pickle.loads(pickle.dumps(found))
-    assert (again.to_json(), str(again), again.best) == (found.to_json(), str(found), found.best)
-    assert again.adopt().coefficients == found.adopt().coefficients
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        found.name = "another"
-
-
-def test_every_result_prints_and_shows_as_html(week, found, gate) -> None:
-    plan = ta.design_shots(week, found, shots=20)
-    season = ta.identifiability(week.rig, level="L0", shots=40)
-    for result in (week, found, gate, plan, season, found.adopt(), found.table(), season.table(), plan.table()):
-        assert str(result).strip() and type(result).__str__ is not object.__str__
-        shown = result._repr_html_()
-        assert shown.startswith("<") and str(result).splitlines()[0].split()[0].strip(":") in shown
-
-
 def test_shot_plan_equals_what_the_command_prints(folder, week, found, tmp_path, capsys) -> None:
     out = tmp_path / "next.json"
     assert main(["design", str(folder), "--believe", ",".join(BELIEVE), "--shots", "20", "--json", str(out),
@@ -157,14 +138,6 @@ def test_predictions_equal_what_the_command_prints(folder, week, found, tmp_path
     for arguments in ({}, {"belief": found.adopt(), "gate": "gate.onnx"}):
         with pytest.raises(ta.InputError, match="either a belief or gate"):
             ta.predict(week, **arguments)
-
-
-def test_tables_go_out_tidy(found) -> None:
-    table = found.table()
-    assert set(table.to_dict()) == set(table.columns) and all(len(row) == len(table.columns) for row in table.rows)
-    frame = pytest.importorskip("pandas") and table.to_pandas()
-    assert list(frame.columns) == list(table.columns) and len(frame) == len(table)
-    np.testing.assert_allclose(frame["value"], table.column("value"))
 
 
 @pytest.mark.parametrize(("arguments", "message"), [

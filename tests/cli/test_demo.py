@@ -9,21 +9,18 @@ import pytest
 from scipy.stats import chi2_contingency
 
 import truearc as ta
-from benchmarks.demo_seeds import EVENTS, holm, make_table, two_proportions
+from benchmarks.demo_seeds import holm, two_proportions
 from tests.portability.elsewhere import run_elsewhere
 from truearc.cli.common import SHIPPED
 from truearc.cli.demo_acts import (
     EFFECTS,
     FALLS_AT_M,
     HOOD_DEG,
-    NOTHING,
     RATIO,
     Sizes,
-    Volley,
     draw_effect,
     fire,
     marked_settings,
-    practice_settings,
 )
 from truearc.robot.config.schema import load_config
 from truearc.sim.infer.belief import point_belief
@@ -48,13 +45,6 @@ BELIEF = point_belief({"drag": {"cd": 0.5}, "magnus": {"cl": 0.04}, "wheel_slip"
                        "hood_offset": {"angle_deg": 3.1}}, {"speed": 0.01, "elevation_deg": 0.3})
 
 
-def test_effects_are_changes_of_the_world_and_two_have_no_term() -> None:
-    assert len(EFFECTS) >= 8 and sum(not one.terms for one in EFFECTS) >= 2
-    assert len({one.name for one in EFFECTS}) == len(EFFECTS)
-    assert all(one.options != Options() for one in EFFECTS) and NOTHING.options == Options()
-    assert {term for one in EFFECTS for term in one.terms} <= {term.name for term in ta.catalogue()}
-
-
 def test_a_seed_repeats_the_draw_and_the_seal_is_of_the_text() -> None:
     assert draw_effect(3) == draw_effect(3)
     assert len({draw_effect(seed).number for seed in range(100)}) == len(EFFECTS)
@@ -67,13 +57,6 @@ def test_practice_knows_where_balls_of_the_world_fall() -> None:
     rows = np.flatnonzero(np.isin(HOODS_DEG, HOOD_DEG))
     assert np.allclose(RATIO, RATIOS) and len(rows) == len(HOOD_DEG)
     np.testing.assert_allclose(FALLS_AT_M, reach_table()[rows], atol=0.011)
-
-
-def test_practice_is_spread_over_places_hood_angles_and_speeds() -> None:
-    settings = np.array(practice_settings(5, 300))
-    assert settings.shape == (300, 3)
-    assert (np.ptp(settings, axis=0) > [4.0, 28.0, 0.35]).all()
-    assert practice_settings(5, 20) != practice_settings(6, 20)
 
 
 def test_marked_shots_score_by_the_belief_and_are_spread_in_hood() -> None:
@@ -89,10 +72,6 @@ def test_a_volley_misses_when_the_encoders_lie() -> None:
     assert plain.balls == off.balls == 24
     assert plain.threes >= 10 and plain.per_ball > off.per_ball
     assert fire(RIG, Options(), 7, aim, 24) == plain
-
-
-def test_points_count_two_and_three() -> None:
-    assert Volley(threes=3, twos=4, balls=10).per_ball == pytest.approx(1.7)
 
 
 @pytest.mark.slow
@@ -128,20 +107,3 @@ def test_two_proportions_agree_with_pearsons_test() -> None:
 
 def test_holm_adjusts_as_in_a_worked_example() -> None:
     assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
-
-
-def made_line(seed: int, after: int, names: list[str], verdict: str) -> dict:
-    acts = [("practice", ["wheel_slip"], 30, 80, ["wheel_slip"], "named")] + [
-        (effect.name, list(effect.terms), 40, 40 if effect is NOTHING else after, names,
-         "none" if effect is NOTHING else verdict) for effect in EVENTS]
-    return {"seed": seed, "acts": [{"act": act, "terms": terms, "names": named, "verdict": said, "volleys": [
-        {"threes": first, "twos": 0, "balls": 120}, {"threes": second, "twos": 0, "balls": 120}]}
-        for act, terms, first, second, named, said in acts]}
-
-
-def test_the_table_pools_changed_events_and_counts_names_and_silence() -> None:
-    text = make_table([made_line(1, 80, ["wind_x"], "named"), made_line(2, 5, ["wind_x", "hood_offset"], "set")])
-    assert "control silent: 2 of 2" in text
-    row = next(line for line in text.splitlines() if line.startswith("changed events together"))
-    assert row.split()[3:] == ["320", "340", "960", "1.06", "3", "of", "6", "2", "of", "6", "1.5", "0", "4", "4"]
-    assert "worst: seed 2" in text

@@ -25,9 +25,8 @@ from truearc.robot.config.schema import load_config
 from truearc.robot.operator_ui.aim_inbox import AimInbox, AimOrders
 from truearc.robot.operator_ui.server import OperatorPage
 from truearc.sim.data.dataset import Tracks, join_datasets
-from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.finding import Adoption, AimProposal, BeliefFile
-from truearc.sim.discover.investigate import discover
+from truearc.sim.discover.investigate import discover, make_belief
 from truearc.sim.printed import Progress
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world

@@ -16,7 +16,7 @@ from truearc import robot
 from truearc.cli.commands import NAMES, make_parser
 from truearc.cli.gate import make_server
 from truearc.cli.main import main
-from truearc.robot.gate.model import load_gate
+from truearc.robot.gate import load_gate
 
 GATE = Path(__file__).parents[1] / "golden" / "reference" / "export-physics" / "gate.onnx"
 LAUNCHER = Path(robot.__file__).parent / "launcher.toml"

@@ -20,10 +20,10 @@ from tests.golden.make import check
 from truearc.cli.main import main
 
 ELSEWHERE = sys.platform != "linux" or platform.machine() != "x86_64"
-# `make test` has one real discovery for each level of data and verdict: L0 none, L1 a set, L2 named and unknown
-QUICK = ("replay", "shots", "launcher", "predict", "finding-l0-null", "finding-l1-target", "finding-l2-distance",
-         "finding-l2-seam")
-LONGER = ("export-network", "export-physics", "gate-network", "gate-physics", "gated-network", "gated-physics")
+# `make test` has real discoveries by outcomes (none found) and by tracks (named)
+QUICK = ("replay", "shots", "launcher", "predict", "finding-l0-null", "finding-l2-distance")
+LONGER = ("finding-l1-target", "finding-l2-seam", "export-network", "export-physics",
+          "gate-network", "gate-physics", "gated-network", "gated-physics")
 APART = ("replay", "shots", "launcher")        # in processes of their own, as `make golden` makes all of them
 
 
@@ -55,11 +55,6 @@ def test_golden_artefact_is_unchanged(name: str, scratch: Path, capsys: pytest.C
     assert same, capsys.readouterr().out
 
 
-def test_every_artefact_has_a_reference() -> None:
-    assert sorted(one.name for one in ARTEFACTS) == sorted(path.name for path in REFERENCE.iterdir())
-    assert all(any((REFERENCE / one.name).rglob("*.*")) for one in ARTEFACTS)
-
-
 Finding = dict[str, Any]
 
 
@@ -81,15 +76,12 @@ def finding() -> Finding:
     return loaded
 
 
-def test_comparison_accepts_other_sentences(tmp_path: Path, finding: Finding) -> None:
+def test_comparison_accepts_other_words_order_and_numbers_within_the_limit(tmp_path: Path, finding: Finding) -> None:
     finding["sentence"] = finding["what"][0]["sentence"] = "Other words."
     finding["next"][0]["what"] = {"code": "measure"}
     finding["next"][0]["instrument"] = "distance_tape"
-    assert changed(tmp_path, finding) == ()
-
-
-def test_comparison_accepts_numbers_within_the_limit(tmp_path: Path, finding: Finding) -> None:
     finding["what"][0]["parameters"]["share"]["value"] *= 1 + FITTED / 2
+    finding["what"].reverse()
     assert changed(tmp_path, finding) == ()
 
 
@@ -105,11 +97,6 @@ def test_comparison_reports_a_changed_value(tmp_path: Path, finding: Finding, pa
         inner = inner[key]
     inner[path[-1]] = value
     assert changed(tmp_path, finding)
-
-
-def test_comparison_accepts_another_order_of_tied_terms(tmp_path: Path, finding: Finding) -> None:
-    finding["what"].reverse()
-    assert changed(tmp_path, finding) == ()
 
 
 def test_comparison_reports_a_missing_sentence(tmp_path: Path, finding: Finding) -> None:
@@ -137,10 +124,3 @@ def test_comparison_reads_tables_arrays_and_graphs(tmp_path: Path, name: str) ->
             onnx.save(model, new)
     wrong = compare(old.parent, new.parent, FITTED).wrong
     assert len(wrong) == 1 and wrong[0].startswith(f"{name}:")
-
-
-def test_golden_gates_carry_one_contract() -> None:
-    hashes = {entry.value for kind in ("network", "physics")
-              for entry in onnx.load(REFERENCE / f"export-{kind}" / "gate.onnx").metadata_props
-              if entry.key == "truearc.contract_sha256"}
-    assert hashes == {"8f3c45c1f4b43b97b964de6b1c3ca4f6055fed4e92a6e368d50642a90a90478a"}

@@ -1,9 +1,8 @@
-"""Every file of benchmarks/ runs: a quick form of each one that is a command, an import of the others."""
+"""Each command of benchmarks/ runs, in a quick form."""
 
 import os
 import subprocess
 import sys
-from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -11,11 +10,7 @@ import pytest
 from tests.house.here import ROOT, run_module
 from truearc.sim.gate import surrogate
 
-FILES = sorted((ROOT / "benchmarks").rglob("*.py"))
 GATE = ROOT / "tests" / "golden" / "reference" / "export-physics" / "gate.onnx"
-NAMES = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in FILES]
-COMMANDS = {name.partition(".")[2] for name, path in zip(NAMES, FILES, strict=True)
-            if 'if __name__ == "__main__":' in path.read_text(encoding="utf-8")}
 
 # benchmark -> options that make it quick; DATA: the folder of shared recordings
 QUICK = {
@@ -43,12 +38,6 @@ QUICK = {
     "vision": "--frames 1 --clutter 5 --files 5",
     "vision_tag": "--frames 4 --distractors 4",
 }
-ELSEWHERE = {
-    "soak": "tests/loops/test_soak.py runs it",
-    "loop_lateness": "the loops beside `loop --lateness`, below",
-    "proof": "reads archives; test_commands.py runs it as docs/measured/proof.md prints it",
-    "timed_run": "the robot of `loop --lateness`, below",
-}
 JUDGES = ("gate", "start_up")   # exit code 1 where a busy machine is too slow: not tested here
 # Processes of their own: what they do to one (ends, pauses and hurries it, empties JAX's caches), and one as any other.
 # The others run in this one, which has imported and compiled most of what they need: a tenth of the time.
@@ -60,10 +49,6 @@ def run(words: str, folder: Path, data: Path) -> subprocess.CompletedProcess[str
     return subprocess.run([sys.executable, "-m", *f"benchmarks.{words}".split()], cwd=folder,
                           capture_output=True, text=True, check=False, timeout=300,
                           env={**os.environ, "PYTHONPATH": str(ROOT), "TRUEARC_DATA": str(data)})
-
-
-def test_every_benchmark_has_a_quick_form() -> None:
-    assert set(QUICK) | set(ELSEWHERE) == COMMANDS and not set(QUICK) & set(ELSEWHERE)
 
 
 @pytest.mark.slow
@@ -88,8 +73,3 @@ def test_benchmark_runs(name: str, tmp_path: Path, data_dir: Path, monkeypatch: 
 def test_lateness_is_measured(tmp_path: Path, data_dir: Path) -> None:
     done = run("loop --lateness --seconds 1 --rates 100 --loads idle --layouts one", tmp_path, data_dir)
     assert done.returncode == 0 and "Traceback" not in done.stderr, done.stderr[-2000:]
-
-
-def test_benchmarks_can_be_imported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(str(ROOT))
-    assert [name for name in NAMES if not import_module(name).__doc__] == []

@@ -64,9 +64,8 @@ ELSEWHERE = {
     r"^sudo ": "changes the machine's network or services",
     r"^systemctl ": "asks for a service that only a robot has",
     r"^truearc run ": "goes on until it is stopped; tests/loops runs it against emulated devices",
-    r"^truearc advise ": "goes on until it is stopped; tests/loops/test_advise.py has it beside a robot",
+    r"^truearc advise ": "goes on until it is stopped; tests/frc/test_advise_session.py has it beside a robot",
     r"^truearc doctor.* --(set|move)": "writes to devices, or moves them; tests/robot/doctor does",
-    r"^truearc doctor --nt": "asks the server of a robot; tests/robot/doctor/test_network.py has one",
     r"^python -m tools\.pages": "writes pages, which tests/house/test_site.py compares",
     r"^truearc serve ": "goes on until it is stopped; tests/cli/test_serve.py runs it and ends it by Ctrl-C",
     r"^truearc emulate .*--bus slcan:auto": "waits for a robot in another process; tests/loops/test_loops.py has both",
@@ -74,7 +73,7 @@ ELSEWHERE = {
     r"^truearc sysid --csv": "needs a step test of a real launcher; tests/sim/sysid reads such tables",
     r"^truearc vision": "needs photographs, a board or a person; tests/robot/test_vision*.py run it on drawn ones",
     r"^python -m benchmarks\.(?!proof)": "test_benchmarks.py runs every benchmark",
-    r"^python -m truearc_proof.world.survey": "plays hundreds of worlds",
+    r"^python -m truearc_proof.world.season": "plays hundreds of worlds",
     r"^truearc prove drive": "tests/loops/test_prove_drive.py plays a world of it",
     r"^truearc reproduce": "tests/proof/reproduce runs it in a small form",
     r"^(mkdir away|truearc prove solve --out away|cp -r away)": "the page's round is solved by then; tests/proof/"
@@ -254,7 +253,7 @@ def workspace(tmp_path: Path, data_dir: Path, monday: Path, monkeypatch: pytest.
     folder.mkdir()
     (tmp_path / "shared").symlink_to(data_dir.parent)
     for name in ("Makefile", "pyproject.toml", "constraints.txt", "benchmarks", "tests", "tools", "robot", "hw", "sim",
-                 "model_export", "truearc", "proof"):
+                 "model_export", "truearc", "proof", "frc"):
         (folder / name).symlink_to(ROOT / name)
     for name in ("docs", "examples"):
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("*.egg-info", "__pycache__", "*.png"))
@@ -300,9 +299,3 @@ def test_every_command_of_a_page_does_what_it_says(page: Path, workspace: Worksp
         if time.monotonic() - began > 2:
             print(f"{time.monotonic() - began:6.1f} s  {command}")
     assert not failed, "\n\n".join(failed)
-
-
-def test_no_exception_is_left_of_a_command_that_is_gone() -> None:
-    printed = [command for page in PAGES for command, _ in commands_of(page)]
-    for pattern in ELSEWHERE:
-        assert any(re.search(pattern, command) for command in printed), pattern

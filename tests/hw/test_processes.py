@@ -157,10 +157,6 @@ def is_running(pid):
         return False
 
 
-def test_the_module_never_forks():
-    assert module.CONTEXT.get_start_method() == "spawn"
-
-
 def test_the_end_of_a_pipe_is_a_reason_after_its_last_message():
     near, far = socket.socketpair()
     sender, reader = Outbox(near), Inbox(far)
@@ -263,10 +259,3 @@ def test_what_another_process_writes_meanwhile_is_never_torn():
                 images += 1
     writer.join()
     assert writer.exitcode == 0 and texts > 10 and images > 0
-
-
-def test_a_beat_is_heard():
-    writer, reader, _ = pair()
-    assert reader.beaten_ns() == 0
-    writer.beat(123)
-    assert reader.beaten_ns() == 123

@@ -14,7 +14,6 @@ from truearc.hw.devices.spark.frames import SparkAxis
 from truearc.hw.devices.spark.motor import SparkHeartbeat, SparkMotor
 from truearc.hw.emulated.nodes import Twin
 from truearc.hw.fault_codes import (
-    ENCODER_STUCK,
     SPARK_FAULTS_STALE,
     SPARK_FIRMWARE_UNKNOWN,
     SPARK_FIRMWARE_UNSUPPORTED,
@@ -394,14 +393,3 @@ def test_malformed_readings_are_refused_and_the_last_good_one_grows_old(make) ->
     bench.run(120, 0.0)
     assert bench.bad and "STATUS_2" in bench.bad[0]
     assert bench.clock.t_ns - bench.motor.reading.t_ns > 100 * MS and bench.enabled()[-1] == 0
-
-
-def test_a_speed_without_a_change_of_position_is_a_stuck_encoder(make) -> None:
-    bench = make()
-    bench.run(60, 0.0)
-    assert bench.faults() == ()
-    for number in range(8):
-        t_ns = bench.clock.t_ns + number * 10 * MS
-        bench.motor.take(Frame(t_ns, BASE + 0xB880 + 3, struct.pack("<ff", 1200.0, 5.0), True))
-    speed_rad_s = bench.motor.reading.velocity_rad_s
-    assert bench.motor.faults(t_ns) == (ENCODER_STUCK(controller="spark 3", speed_rad_s=speed_rad_s),)

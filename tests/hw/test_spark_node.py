@@ -4,7 +4,6 @@ import struct
 
 import pytest
 
-from tests.hw.spinning_plant import SpinningPlant
 from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
 from truearc.hw.devices.spark.frames import SparkAxis
 from truearc.hw.emulated.nodes import Twin
@@ -257,20 +256,6 @@ def test_malformed_frames_are_counted_and_change_nothing(bench) -> None:
     assert bench.near.write(Frame(0, HEARTBEAT, bytes(4), True))
     bench.run(5)
     assert bench.node.output == 0.5 and bench.node.bad_frames == 4
-
-
-def test_two_runs_are_the_same_bytes(clock) -> None:
-    logs = []
-    for _ in range(2):
-        clock.t_ns = 0
-        bench = Bench(SpinningPlant(), clock)
-        bench.send(0x400, bytes([0x04, 0, 0x04, 0]))
-        bench.duty(0.123)
-        bench.run(200, beating=True)
-        logs.append([frame._replace(t_ns=0) for frame in bench.log])
-        bench.near.close()
-        bench.far.close()
-    assert logs[0] == logs[1] and len(logs[0]) > 25
 
 
 def test_a_fault_that_has_gone_is_sticky_until_it_is_told_to_forget(make) -> None:

@@ -27,6 +27,7 @@ from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.reason import Reason
 from truearc.robot.config.overrides import split_bus, with_ports
 from truearc.robot.config.schema import load_config
+from truearc.robot.eyes import InlineEyes
 from truearc.robot.motors import guard
 from truearc.robot.reasons import CAN_LOST, DEVICE_NEVER_RECEIVED, DEVICE_STALE, IMAGE_DARK, text
 from truearc.robot.recording.reader import TickReader
@@ -34,7 +35,6 @@ from truearc.robot.recording.session import Trial
 from truearc.robot.rig import HardwareRig
 from truearc.robot.tick import step
 from truearc.robot.types import Memory, Sighting
-from truearc.robot.vision_source import InlineEyes
 from truearc.sim.world.emulated_robot import keep_time, make_nodes, open_device_bus
 
 LIMIT_S = 240.0
@@ -208,17 +208,6 @@ def test_a_bus_that_is_no_bus_is_named(bus: str) -> None:
 def test_a_far_end_that_cannot_be_had_is_named(bus: str) -> None:
     with pytest.raises(InputError, match=f"--bus {bus}"):
         open_device_bus(bus, CONFIG, MonotonicClock())
-
-
-@pytest.mark.parametrize(("words", "complaint"), [
-    (["--trials", "1"], "--out is needed"),
-    (["--trials", "1", "--bus", "slcan:auto", "--out", "x"], "--out is for `truearc run`"),
-    (["--trials", "1", "--bus", "slcan:auto", "--gate", "x"], "--gate is for `truearc run`"),
-    (["--trials", "1", "--bus", "slcan:auto", "--watchdog-ms", "0"], "--watchdog-ms: got 0"),
-    (["--trials", "1", "--bus", "nonsense"], "--bus nonsense")])
-def test_options_that_do_not_go_together(words: list[str], complaint: str, capsys) -> None:
-    assert main(["emulate", *words]) == 2
-    assert complaint in capsys.readouterr().err
 
 
 def test_a_world_keeps_time_and_stands_still_where_the_machine_did() -> None:

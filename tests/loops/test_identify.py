@@ -18,7 +18,6 @@ from truearc.robot.reasons import DEVICE_STALE, IDENTIFY_RELEASED
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay import replay
 from truearc.sim.sysid.session import load_driven
-from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.world import World
 from truearc_proof.world.faults import SILENT, Fault
 
@@ -65,18 +64,10 @@ def test_nobody_arms_nothing_moves(tmp_path):
     assert any(tick.sent.flywheel_torque_nm > 0.0 for tick in ticks)
 
 
-def test_a_session_of_shooting_is_refused(tmp_path, capsys):
-    emulate(CONFIG, tmp_path / "s", trials=0, seed=0)
-    assert main(["sysid", str(tmp_path / "s")]) == 2
-    assert "not a recording of `truearc sysid`" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(("arguments", "words"), [
     ([], "give --config"), (["--emulate"], "needs --out"), (["--config", "nowhere.toml"], "nowhere.toml"),
     (["--csv", "nowhere.csv"], "nowhere.csv"), (["--emulate", "--out", "x", "--seed", "-1"], "--seed: got -1"),
     (["--csv", "a.csv", "-o", "no/such/gains.toml"], "no such directory"),
-    (["--csv", "a.csv", "--only", "hood"], "--only: "), (["s", "--seed", "1"], "--seed: "),
-    (["--config", "c.toml", "--world", "w.toml"], "--world: "),
 ])
 def test_bad_input_is_exit_2_with_a_name(arguments, words, capsys):
     assert main(["sysid", *arguments]) == 2
@@ -129,10 +120,3 @@ def test_the_real_door_with_silent_devices_ends_in_hold_and_leaves_a_session(tmp
     assert any(tick.sent.enable_flywheel for tick in ticks)
     assert all(tick.sent.flywheel_torque_nm == tick.sent.hood_torque_nm == 0.0 for tick in ticks)
     assert replay(tmp_path / "s")[1] is None
-
-
-def test_wires_that_cannot_be_opened_are_named(tmp_path, handlers, capsys):
-    text = SHIPPED.read_text(encoding="utf-8").replace('interface = "socketcan"', 'interface = "virtual"')
-    (tmp_path / "launcher.toml").write_text(text.replace("/dev/buttonbox", "/dev/no-such-box"), encoding="utf-8")
-    assert main(["sysid", "--config", str(tmp_path / "launcher.toml"), "--out", str(tmp_path / "s")]) == 2
-    assert "cannot start: " in capsys.readouterr().err and not (tmp_path / "s").exists()

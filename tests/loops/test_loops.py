@@ -1,7 +1,6 @@
 """One code, three worlds: what the emulated robot records replays to the bit, and what breaks ends in HOLD."""
 
 import filecmp
-import itertools
 import shutil
 from pathlib import Path
 
@@ -14,23 +13,18 @@ from tests.faulty_robot import parts_with
 from truearc import robot
 from truearc.cli.main import main
 from truearc.errors import InputError
-from truearc.hw import fault_codes as hw
 from truearc.robot import reasons as bot
 from truearc.robot.config.overrides import with_plan
 from truearc.robot.config.schema import Prescribed, config_hash, load_config
-from truearc.robot.processes.loop_health import WatchedRig
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay import Difference, replay
-from truearc.robot.recording.session import CONFIG, load_session_config, load_trials
-from truearc.robot.rig import ReplayRig
-from truearc.robot.types import Command
+from truearc.robot.recording.session import CONFIG, load_trials
 from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.world.emulated_robot import emulate
-from truearc_proof.world.faults import OVERWRITTEN, SILENT, TRUNCATED, Fault
+from truearc_proof.world.faults import SILENT, Fault
 
 CONFIGURATION = load_config(Path(robot.__file__).parent / "launcher.toml")
 SECOND = 1_000_000_000
-FOREVER = 1 << 62
 CHUNK_DATA = b"\x28\xb5\x2f\xfd"        # a zstd frame begins with this
 
 
@@ -110,45 +104,9 @@ def test_a_damaged_byte_is_no_traceback(session, tmp_path, place, capsys):
     assert "cut short or damaged" in capsys.readouterr().err
 
 
-def test_a_recording_with_nothing_in_it_is_an_error(session, tmp_path, capsys):
-    folder = tmp_path / "empty"
-    shutil.copytree(session[0], folder)
-    (folder / "telemetry.mcap").write_bytes(b"")
-    assert main(["session", "replay", str(folder), "--check"]) == 2
-    assert "no ticks" in capsys.readouterr().err
-    assert main(["session", "replay", str(tmp_path / "nowhere")]) == 2
-    assert "nowhere" in capsys.readouterr().err
-
-
 def test_a_recording_is_never_written_over(session):
     with pytest.raises(InputError, match="already exists"):
         emulate(CONFIGURATION, session[0], trials=1, seed=0)
-
-
-def held_reasons(folder):
-    return [reason for trial in load_trials(folder) for reason in trial.outcome.reasons]
-
-
-@pytest.mark.parametrize(("device", "fault", "signs"), [
-    ("flywheel_b", Fault(SILENT, 2 * SECOND, FOREVER), says(bot.DEVICE_STALE, device="flywheel motor 2")),
-    ("hood", Fault(SILENT, 2 * SECOND, FOREVER), says(bot.DEVICE_STALE, device="hood motor")),
-    ("hood_encoder", Fault(SILENT, 2 * SECOND, FOREVER), says(bot.DEVICE_STALE, device="hood encoder")),
-    ("hood_encoder", Fault(SILENT, 2 * SECOND, FOREVER, frame_id=0x070E0185),
-     says(bot.DEVICE_FAULTS_STALE, device="hood encoder")),
-    ("camera", Fault(SILENT, 2 * SECOND, FOREVER), says(bot.TARGET_STALE)),
-    ("camera", Fault(SILENT, 0, FOREVER), says(bot.TARGET_NEVER_SEEN)),
-    ("feeder", Fault(SILENT, 0, FOREVER), says(bot.DEVICE_NEVER_RECEIVED, device="feeder motor")),
-    ("flywheel_a", Fault(TRUNCATED, 2 * SECOND, FOREVER, length=4), says(bot.BAD_FRAME, cause=says(hw.FRAME_LENGTH))),
-    ("flywheel_a", Fault(OVERWRITTEN, 2 * SECOND, FOREVER, frame_id=0x29, at=4, data=b"\x00\x00\xc0\x7f"),
-     says(bot.BAD_FRAME, cause=says(hw.FRAME_VALUE, value="nan"))),
-])
-def test_a_device_that_fails_is_a_hold_that_names_it(tmp_path, device, fault, signs):
-    config = replace(CONFIGURATION, gate=replace(CONFIGURATION.gate, request_s=2.0))
-    results = emulate(config, tmp_path / "s", trials=2, seed=5, **parts_with({device: (fault,)}))
-    begun = [result for result in results if result.fed_t_ns > fault.begin_ns + SECOND // 2]
-    assert begun == []
-    assert find(signs, held_reasons(tmp_path / "s")), held_reasons(tmp_path / "s")
-    assert replay(tmp_path / "s")[1] is None
 
 
 def test_a_disk_that_fills_up_is_a_hold_and_the_session_can_be_recovered(tmp_path, capsys):
@@ -186,18 +144,3 @@ def test_prescribed_shots_are_shot_as_they_stand_and_replay_to_the_bit(tmp_path)
         assert trial.shot.hood_deg == pytest.approx(row.hood_deg, abs=0.35)
         assert result.distance_m == pytest.approx(row.distance_m, abs=1e-6)
     assert replay(tmp_path / "s")[1] is None
-
-
-def test_a_service_is_ready_within_a_second_and_alive_ten_times_a_second(session):
-    """What systemd would hear of that run: of the same rig's recorded inputs."""
-    folder, _ = session
-    heard, rig = [], ReplayRig(tick for tick, _ in TickReader(folder))
-    watched = WatchedRig(rig, load_session_config(folder), lambda message: heard.append((rig.recorded, message)))
-    ticks = 0
-    while watched.read() is not None:
-        watched.write(Command(False, False, False, 0.0, 0.0, 0.0))
-        ticks += 1
-    ready = [tick.inputs.cycle for tick, message in heard if message.startswith("READY=1")]
-    assert len(ready) == 1 and ready[0] <= 200
-    alive = [tick.inputs.cycle for tick, message in heard if message == "WATCHDOG=1"]
-    assert {after - before for before, after in itertools.pairwise(alive)} == {20} and ticks - alive[-1] <= 20

@@ -1,6 +1,5 @@
 """Motion in the fault matrix: the judge, a short form of its rows, and of the runs without a false release."""
 
-import struct
 import sys
 from pathlib import Path
 
@@ -11,12 +10,11 @@ import pytest
 import truearc.robot.tick
 from benchmarks.matrix.fault import REARM, Motion, Row
 from benchmarks.matrix.judge import Result, judge
-from benchmarks.matrix.motion import COLUMNS, SET_RAD_S, Moved, MovingWorld, SickNode, change_reading, judge_motion
+from benchmarks.matrix.motion import COLUMNS, SET_RAD_S, Moved, judge_motion
 from benchmarks.matrix.play import play
-from benchmarks.matrix.rows import CODES, MOTION_ROWS
+from benchmarks.matrix.rows import MOTION_ROWS
 from benchmarks.motion_soak import CASES, Case, soak
 from tests.hw.host_speed import excuse_stalls
-from truearc.hw.protocols import Frame
 from truearc.robot.control import control
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals and signals")
@@ -127,56 +125,3 @@ def test_the_judge_measures_on_the_plant(tmp_path: Path) -> None:
     fast[:, 5] += np.clip(fast[:, 0] - 3.0, 0.0, 0.5) * 30.0
     assert "hood at 30 deg/s" in "; ".join(judged(tmp_path, fast).wrong)
     assert "never ready" in "; ".join(judged(tmp_path, log_of(9.0, 2.07), begin_s=0.0, over_s=0.0).wrong)
-
-
-def test_readings_are_spoiled_as_they_are_named() -> None:
-    first, frame = (Frame(0, 0x29, struct.pack("<ff", position, 10.0)) for position in (5.0, 7.0))
-    said = {what: change_reading(what, frame, first, False) for what in (
-        "silent", "frozen", "zero", "speed zero", "reversed", "half", "speed x 0.6", "position x 0.6", "big-endian")}
-    assert said.pop("silent") is None
-    assert said.pop("big-endian").data == struct.pack(">ff", 7.0, 10.0)
-    pairs = {what: struct.unpack("<ff", one.data) for what, one in said.items()}
-    assert pairs == {"frozen": (5.0, 10.0), "zero": (0.0, 0.0), "speed zero": (7.0, 0.0), "reversed": (3.0, -10.0),
-                     "half": (7.0, 5.0), "speed x 0.6": (7.0, 6.0), "position x 0.6": pytest.approx((6.2, 10.0))}
-    swapped = change_reading("speed zero", Frame(0, 1, struct.pack("<ff", 10.0, 7.0)), first, True)
-    assert struct.unpack("<ff", swapped.data) == (0.0, 7.0)
-
-
-class Talker:
-    """A node that says the same twice at each step."""
-
-    motor = None
-
-    def step(self, t_ns: int) -> list[Frame]:
-        return [Frame(0, 0x29, struct.pack("<ff", t_ns, 1.0)), Frame(0, 0x21, bytes(8))]
-
-
-def test_half_the_frames_and_gaps_are_lost_as_they_are_named() -> None:
-    node = SickNode(Talker(), 0x29, False)
-    node.suffer("half the frames lost", 0)
-    heard = [bool(node.step(t_ns)) for t_ns in range(400)]
-    assert sum(heard) == 200 and "000" not in "".join(str(int(one)) for one in heard)
-    node.suffer("gaps of 70 ms", 0)
-    lost = [not node.step(ms * 1_000_000) for ms in range(1000)]
-    assert sum(lost) == 140
-    node.suffer("silent", 0)
-    assert [frame.arbitration_id for frame in node.step(0)] == [0x21]
-
-
-def test_the_world_with_nothing_wrong_is_the_world_that_it_breaks() -> None:
-    world = MovingWorld(1)
-    for ms in range(1, 400):
-        world.advance(ms * 1_000_000, {"flywheel_a": 0.5, "flywheel_b": 0.5, "hood": 0.1})
-    assert world.belt.speed_rad_s > 100.0 and world.hood.elevation_deg > 25.0
-    speed_rad_s, hood_deg = world.belt.speed_rad_s, world.hood.elevation_deg
-    world.suffer("hood jams")
-    world.advance(600_000_000, {"flywheel_a": 0.5, "flywheel_b": 0.5, "hood": 0.1})
-    assert world.hood.elevation_deg == hood_deg and world.belt.speed_rad_s > speed_rad_s
-    world.suffer("wheels jam")
-    world.advance(601_000_000, {"flywheel_a": 0.5, "flywheel_b": 0.5})
-    assert world.belt.speed_rad_s == 0.0
-
-
-def test_the_catalogue_of_motion_is_whole() -> None:
-    assert len(NAMES) == len(MOTION_ROWS) and {row.breaking.code for row in MOTION_ROWS} <= set(CODES)
-    assert {f"motion, {name}" for name in QUICK} | {f"motion, SPARK {name}" for name in SPARK} | set(REAL) <= set(NAMES)

@@ -1,16 +1,13 @@
 """`truearc run` in three processes on emulated devices: each of them killed, or stopped for a while."""
 
 import os
-import re
 import signal
 import sys
 import time
 from pathlib import Path
-from urllib.request import urlopen
 
 import pytest
 
-from benchmarks.matrix.robot_side import mount_small_disk, unmount
 from benchmarks.real_robot import PATIENT, RealRobot, save_config
 from truearc.hw.fault_codes import PROCESS_KILLED
 from truearc.hw.reason import Reason
@@ -134,35 +131,3 @@ def test_a_killed_control_process_leaves_whole_files_and_nobody_behind(robot):
     ticks = [tick for tick, _ in reader]
     assert not reader.cut_short                            # the recorder has finished them
     assert (killed_ns - ticks[-1].inputs.t_ns) * 1e-9 < 0.25 + LATE_S
-
-
-def test_a_run_on_a_full_disk_stays_up_and_records_all_once_there_is_room(tmp_path):
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    if not mount_small_disk(disk):
-        pytest.skip("only root may mount a disk that is full")
-    robot = None
-    try:
-        with (disk / "ballast").open("wb", buffering=0) as file, pytest.raises(OSError, match="No space left"):
-            while True:
-                file.write(bytes(1 << 16))
-        robot = RealRobot(save_config(tmp_path / "launcher.toml", PATIENT), disk / "out", ("--page", "0"))
-        until(lambda: any("not recording: no space left on the disk" in line for line in robot.said))
-        page = re.search(r"http://\S+", "".join(robot.said))[0]
-        with urlopen(page + "events", timeout=PATIENCE_S) as events:
-            assert any(b"The disk is full: nothing is recorded" in events.readline() for _ in range(200))
-        robot.rest(5.0)
-        (disk / "ballast").unlink()
-        until(lambda: any(path.stat().st_size > BEGUN_BYTES for path in robot.out.glob("*/telemetry.mcap")))
-        robot.rest(5.0)
-        robot.end()
-        ticks = list(all_ticks(robot))
-        held = [bot.NOT_RECORDING(cause=bot.DISK_FULL()) in tick.inputs.faults for tick in ticks]
-        assert robot.code == 0, "".join(robot.said[-4:])
-        assert [tick.inputs.cycle for tick in ticks] == list(range(1, len(ticks) + 1))
-        assert held[0] and sum(held) > 500 and not held[-1]
-        assert not any(tick.verdict.fire for tick, is_held in zip(ticks, held, strict=True) if is_held)
-    finally:
-        if robot is not None:
-            robot.kill()
-        unmount(disk)

@@ -9,8 +9,7 @@ import pytest
 
 from tests.sim.gate.plausible import make_season
 from truearc.model_export.graph import export_weights
-from truearc.robot.gate.contract import FEATURES
-from truearc.robot.gate.model import Ratings, load_gate
+from truearc.robot.gate import FEATURES, Ratings, load_gate
 from truearc.sim.gate import surrogate
 from truearc.sim.gate.model import save_physics_gate
 from truearc.sim.gate.train import train_physics_gate

@@ -9,7 +9,7 @@ import pytest
 
 import truearc.cli.main as truearc
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target, Wheel
-from truearc.robot.gate.model import load_gate
+from truearc.robot.gate import load_gate
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import hash_dataset, load_dataset, save_dataset
 
@@ -40,10 +40,9 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert truearc.main(["paper", "synth", "--quiet", "--rig", f"{home}/real/rig.toml", "--coefficients",
                          f"{home}/coefficients.toml", "-n", "90", "--exclude", f"{home}/real", "-o",
                          f"{home}/sim"]) == 0
-    for name in ("weights", "again"):
-        assert truearc.main(["paper", "train", "--quiet", "--real", f"{home}/real", "--sim", f"{home}/sim", "--epochs",
-                             "300", "--learning-rate", "0.003", "-o", f"{home}/{name}"]) == 0
-        assert truearc.main(["export", f"{home}/{name}", "-o", f"{home}/{name}.onnx"]) == 0
+    assert truearc.main(["paper", "train", "--quiet", "--real", f"{home}/real", "--sim", f"{home}/sim", "--epochs",
+                         "300", "--learning-rate", "0.003", "-o", f"{home}/weights"]) == 0
+    assert truearc.main(["export", f"{home}/weights", "-o", f"{home}/weights.onnx"]) == 0
     return home
 
 
@@ -67,10 +66,6 @@ def test_the_artefact_says_what_it_was_made_of(home: Path) -> None:
     recorded = load_dataset(home / "real").shots
     for (low, high), name in zip(gate.domain, ("distance_m", "motor_ratio", "hood_deg"), strict=True):
         assert low <= recorded.number(name).min() and recorded.number(name).max() <= high
-
-
-def test_the_same_data_give_the_same_file(home: Path) -> None:
-    assert (home / "weights.onnx").read_bytes() == (home / "again.onnx").read_bytes()
 
 
 def test_verify_passes_and_prints_the_difference(home: Path, capsys: pytest.CaptureFixture[str]) -> None:

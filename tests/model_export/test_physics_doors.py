@@ -9,7 +9,7 @@ import pytest
 
 import truearc.cli.main as truearc
 from tests.sim.gate.worlds import BELIEF, make_shots
-from truearc.robot.gate.model import load_gate
+from truearc.robot.gate import load_gate
 from truearc.sim.data.files import load_dataset, save_dataset
 
 
@@ -18,17 +18,11 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     home = tmp_path_factory.mktemp("physics")
     save_dataset(home / "real", make_shots(1, 80))
     replace(BELIEF, provenance={"method": "by hand"}).save(home / "coefficients.toml")
-    for name in ("weights", "again"):
-        assert truearc.main(["train", "--quiet", "--real", f"{home}/real", "--coefficients",
-                             f"{home}/coefficients.toml", "--reliability", f"{home}/{name}.png", "-o",
-                             f"{home}/{name}"]) == 0
-        assert truearc.main(["export", f"{home}/{name}", "-o", f"{home}/{name}.onnx"]) == 0
-    return home
-
-
-def test_the_same_data_give_the_same_file(home: Path) -> None:
-    assert (home / "weights.onnx").read_bytes() == (home / "again.onnx").read_bytes()
+    assert truearc.main(["train", "--quiet", "--real", f"{home}/real", "--coefficients", f"{home}/coefficients.toml",
+                         "--reliability", f"{home}/weights.png", "-o", f"{home}/weights"]) == 0
+    assert truearc.main(["export", f"{home}/weights", "-o", f"{home}/weights.onnx"]) == 0
     assert (home / "weights.png").read_bytes()[:4] == b"\x89PNG"
+    return home
 
 
 def test_verify_passes_and_says_what_it_compared(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -36,16 +30,6 @@ def test_verify_passes_and_says_what_it_compared(home: Path, capsys: pytest.Capt
                          f"{home}/real"]) == 0
     said = capsys.readouterr().out
     assert said.count("max |dp|") == 2 and "outside the domain left out" in said and "FAILED" not in said
-
-
-def test_verify_fails_on_another_gate(home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    save_dataset(tmp_path / "other", make_shots(5, 14))
-    assert truearc.main(["train", "--quiet", "--real", f"{tmp_path}/other", "--coefficients",
-                         f"{home}/coefficients.toml", "-o", f"{tmp_path}/w"]) == 0
-    capsys.readouterr()
-    assert truearc.main(["verify", f"{home}/weights.onnx", "--weights", f"{tmp_path}/w"]) == 1
-    said = capsys.readouterr().out
-    assert "FAILED: onnxruntime and trainer differ" in said and "not the weights" in said
 
 
 def test_the_robot_takes_it_and_rates_as_the_rows_say(home: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,8 +9,8 @@ import pytest
 
 from tests.proof.playing import ARGUMENTS, prove, prove_apart, quiet
 from truearc.errors import InputError
+from truearc_proof.rounds import Room, alone
 from truearc_proof.rounds.grader import grade_round
-from truearc_proof.rounds.ledger import Room, alone
 
 
 @pytest.fixture(scope="session")

@@ -1,14 +1,20 @@
-"""A small round as its tests play it."""
+"""A small round as its tests play it, and what a cheat does to it: kinder marks, other claims, a chain made anew."""
 
 import contextlib
 import io
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
+import msgspec
+
 from truearc.cli.main import main
-from truearc_proof.rounds import solver
+from truearc_proof.rounds import Entry, Room, append, canonical, digest, read_ledger, solver
+
+# --- playing
 
 ARGUMENTS = ["--worlds", "3", "--level", "L0", "--shots", "40", "--engines", "numpy", "--seed", "3", "--processes", "1"]
 
@@ -30,3 +36,39 @@ def prove(root: Path, *more: str) -> subprocess.CompletedProcess[str]:
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), patch.object(solver, "forbid"):
         code = main(["prove", *more, "--out", str(root)])
     return subprocess.CompletedProcess([*more], code, out.getvalue(), err.getvalue())
+
+
+# --- forging
+
+def chain_anew(room: Room, entries: Iterable[Entry]) -> None:
+    """A ledger of these entries, whole and consistent."""
+    entries = list(entries)
+    room.ledger.unlink(missing_ok=True)
+    for one in entries:
+        append(room.ledger, one.what, one.world, one.sha256)
+
+
+def enter_otherwise(room: Room, world: str, new: dict[str, str]) -> None:
+    """The ledger with other hashes {step: SHA-256} of that world, the chain made anew."""
+    chain_anew(room, [msgspec.structs.replace(one, sha256=new[one.what]) if one.world == world and one.what in new
+                      else one for one in read_ledger(room.ledger)])
+
+
+def leave_world_out(room: Room, world: str, step: str | None = None) -> None:
+    """The ledger without that step of it, or without all of it."""
+    chain_anew(room, [one for one in read_ledger(room.ledger) if one.world != world or step not in (None, one.what)])
+
+
+def make_mark_kinder(room: Room, number: int) -> dict[str, Any]:
+    """Another verdict in that line of the marks; the line."""
+    lines = [msgspec.json.decode(line) for line in room.grades.read_bytes().splitlines()]
+    lines[number]["first"]["verdict"] = "named, of course"
+    room.grades.write_bytes(b"".join(msgspec.json.encode(line) + b"\n" for line in lines))
+    return dict(lines[number])
+
+
+def ask(room: Room, world: str, asked: list[dict[str, Any]]) -> None:
+    """As if the solver had asked for this, and had said so in time."""
+    claims = msgspec.json.decode(room.claims(world).read_bytes())
+    room.claims(world).write_bytes(canonical({**claims, "asked": asked}) + b"\n")
+    enter_otherwise(room, world, {"claimed": digest(room.claims(world).read_bytes())})

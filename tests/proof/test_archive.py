@@ -9,19 +9,17 @@ import numpy as np
 import pytest
 from msgspec import structs
 
-from tests.proof.forging import enter_otherwise, leave_world_out, make_mark_kinder
-from tests.proof.playing import prove, quiet
+from tests.proof.playing import enter_otherwise, leave_world_out, make_mark_kinder, prove, quiet
 from truearc.cli.main import main
 from truearc.errors import InputError
+from truearc_proof.rounds import Room, canonical, digest, load_seal, save_seal
 from truearc_proof.rounds.archive import _unlike, check_round, compare_claims, compare_gradings, pack, unpack
-from truearc_proof.rounds.documents import canonical, load_seal, save_seal
 from truearc_proof.rounds.grader import Graded, grade_round, graded_of
-from truearc_proof.rounds.ledger import Room, digest
+from truearc_proof.rounds.marks import Mark
 from truearc_proof.rounds.solver import solver_id
-from truearc_proof.scoring.score_world import Mark
 
 MARK = Mark("w1", "numpy", "one", "L1", 300, ("wind_x",), 20.0, True, 0.01, "named", ("wind_x",), 1, True, True, True,
-            True, None, True, 0.5, 0.1, 0.2, (0.9, 0.8, 0.85, 0.9), None, ("wind_x",))
+            True, None, True, 0.5, (0.9, 0.8, 0.85, 0.9), None, ("wind_x",))
 WAS = Graded("w1", MARK)
 
 
@@ -45,7 +43,7 @@ def test_the_same_data_are_made_again_from_the_seals_alone(packed: Path, tmp_pat
     assert main(words) == 0
     said = capsys.readouterr().out
     assert "3 worlds were sealed, 3 marked" in said and "3 worlds made again" in said
-    assert "at most 0 (strength), 0 (error), 0 (oracle_gain), 0 (off_m), 0 (allowed), 0 (random)." in said
+    assert "at most 0 (strength), 0 (error), 0 (off_m), 0 (allowed)." in said
     assert main(words) == 2 and "is there already" in capsys.readouterr().err
 
 
@@ -212,14 +210,14 @@ def test_last_digits_and_the_luck_of_the_draw_are_told_and_are_no_change() -> No
     other, off = compare_gradings(WAS, changed(error=float(np.nextafter(0.5, 1.0)), strength=20.0 + 1e-9,
                                       allowed=(0.87, 0.8, 0.85, 0.9)))
     assert other == ()
-    assert off["allowed"] == pytest.approx(0.03) and 0.0 < off["error"] < 1e-15 and off["oracle_gain"] == 0.0
+    assert off["allowed"] == pytest.approx(0.03) and 0.0 < off["error"] < 1e-15
     assert off["strength"] == pytest.approx(5e-11, rel=1e-3)
 
 
 @pytest.mark.parametrize("how", [
     {"verdict": "set"}, {"names": ("wheel_slip",)}, {"hidden": ("wheel_slip",)}, {"first": False}, {"alias": None},
-    {"found": False}, {"gain": 0.1 + 1e-12}, {"p_value": 0.02}, {"error": 0.5001}, {"error": None},
-    {"error": float("nan")}, {"oracle_gain": 0.2001}, {"strength": 20.001}, {"allowed": (0.9, 0.7, 0.85, 0.9)},
+    {"found": False}, {"p_value": 0.02}, {"error": 0.5001}, {"error": None},
+    {"error": float("nan")}, {"strength": 20.001}, {"allowed": (0.9, 0.7, 0.85, 0.9)},
     {"allowed": None}, {"allowed": (0.9,)}], ids=str)
 def test_whatever_else_is_otherwise_is_named(how: dict[str, Any]) -> None:
     (line,) = compare_gradings(WAS, changed(**how)).other

@@ -1,6 +1,12 @@
-"""Seals and claims: what is committed to, and what is read of it."""
+"""Rounds on disk: seals, claims, the ledger, and one writer at a time."""
 
 import hashlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -8,31 +14,31 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.proof.playing import prove
 from truearc.errors import InputError
-from truearc_proof.rounds.committer import Reading, asked_of
-from truearc_proof.rounds.documents import (
-    INSTRUMENTS_1,
+from truearc_proof.rounds import (
+    FIRST,
     SCHEMA,
-    SCHEMA_1,
+    Room,
+    alone,
+    append,
     canonical,
     check_data,
-    load_claims,
+    committed,
     load_seal,
     make_seal,
+    read_ledger,
     save_seal,
 )
-from truearc_proof.rounds.ledger import FIRST, Room, append, committed, digest, read_ledger
-from truearc_proof.scoring.score_finding import names_ranked, said_set, said_stage
-from truearc_proof.worlds.instruments import TOOLS
+from truearc_proof.rounds.committer import asked_of
+
+# --- documents
 
 PLAIN = st.recursive(st.none() | st.booleans() | st.integers(-10**9, 10**9) | st.text(max_size=8)
                      | st.floats(allow_nan=False, allow_infinity=False),
                      lambda inner: (st.lists(inner, max_size=3)
                                     | st.dictionaries(st.text(max_size=5), inner, max_size=3)), max_leaves=8)
 WORLDS = st.dictionaries(st.text(max_size=5), PLAIN, max_size=4)
-# World w0018 of the published round 4 at L0, its lists shortened; ASKED is in that round's ledger.
-PUBLISHED = Path(__file__).with_name("claims1.json")
-ASKED = "3f66705ec50e11c100c32563769081bd87463a21f8854c2f1beba462bc154379"
 
 
 @given(WORLDS)
@@ -158,43 +164,73 @@ def test_a_claim_after_the_seal_was_opened_counts_for_nothing(tmp_path, steps):
         committed(read_ledger(tmp_path / "ledger.jsonl"), "w1")
 
 
-@pytest.fixture
-def room(tmp_path: Path) -> Room:
+@pytest.mark.parametrize(("change", "said"), [
+    ({"asked": [{"measure": "the truth"}]}, "asked: measure: there is no 'the truth'"),
+    ({"schema": "truearc.claims/3"}, r"w1\.json: Invalid enum value 'truearc\.claims/3'")])
+def test_claims_that_cannot_be_read_are_refused(tmp_path: Path, change: dict[str, object], said: str) -> None:
     room = Room(tmp_path)
-    room.claims("w0018").parent.mkdir()
-    room.claims("w0018").write_bytes(PUBLISHED.read_bytes())
-    return room
+    room.claims("w1").parent.mkdir()
+    claims = {"schema": SCHEMA, "data": {}, "finding": {"mismatch": {"found": True}, "verdict": "set"},
+              "asked": [{"measure": "inclinometer"}]}
+    room.claims("w1").write_bytes(canonical(claims))
+    assert asked_of(room, "w1") == "inclinometer"
+    room.claims("w1").write_bytes(canonical({**claims, **change}))
+    with pytest.raises(InputError, match=said):
+        asked_of(room, "w1")
 
 
-def test_claims_of_schema_1_load_with_instruments_by_id(room: Room) -> None:
-    claims = load_claims(room.claims("w0018"))
-    assert claims.schema == SCHEMA_1 and claims.asked == [{"measure": "inclinometer"}]
-    assert asked_of(room, "w0018") == Reading("inclinometer", "hood angle with an inclinometer")
-    assert digest(canonical(claims.written)) == ASKED
+# --- file lock
+
+PLAY = [sys.executable, "-m", "truearc", "prove", "--worlds", "3", "--level", "L0", "--shots", "12", "--engines",
+        "numpy", "--seed", "3", "--processes", "1", "--quiet", "--out"]
+PATIENCE_S = 300.0
 
 
-def test_what_is_scored_of_claims_of_schema_1_are_ids() -> None:
-    finding = load_claims(PUBLISHED).finding
-    assert names_ranked(finding)[:2] == said_set(finding) == ["rim_catch", "hood_offset"]
-    assert said_stage(finding["where"]) == "arrival"
+def wait_for(there: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not there():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
 
 
-def test_every_instrument_of_schema_1_has_an_id_that_is_still_there() -> None:
-    assert set(INSTRUMENTS_1.values()) == set(TOOLS) and len(INSTRUMENTS_1) == len(TOOLS)
+def is_free(root: Path) -> bool:
+    try:
+        with alone(root):
+            return True
+    except InputError:
+        return False
 
 
-def test_claims_of_schema_2_take_ids_alone(room: Room) -> None:
-    path = room.claims("w0018")
-    claims = {**msgspec.json.decode(PUBLISHED.read_bytes()), "schema": SCHEMA}
-    path.write_bytes(canonical(claims))
-    with pytest.raises(InputError, match="asked: measure: there is no 'hood angle with an inclinometer'"):
-        asked_of(room, "w0018")
-    path.write_bytes(canonical({**claims, "asked": [{"measure": "inclinometer"}]}))
-    assert asked_of(room, "w0018") == Reading("inclinometer", "inclinometer")
+def test_a_second_writer_is_told_so_and_the_lock_goes_with_its_holder(tmp_path: Path) -> None:
+    program = ("from pathlib import Path; from truearc_proof.rounds import alone\n"
+               f"with alone(Path({str(tmp_path)!r})): pass")
+    with alone(tmp_path):
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+        assert "is being played by another process" in done.stderr
+    subprocess.run([sys.executable, "-c", program], check=True)
 
 
-def test_claims_of_an_unknown_schema_are_refused(room: Room) -> None:
-    path = room.claims("w0018")
-    path.write_bytes(PUBLISHED.read_bytes().replace(b"truearc.claims/1", b"truearc.claims/3"))
-    with pytest.raises(InputError, match=r"w0018\.json: Invalid enum value 'truearc\.claims/3'"):
-        load_claims(path)
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="kill -9")
+def test_a_round_whose_player_was_killed_is_left_to_its_solver_and_then_goes_on(tmp_path: Path) -> None:
+    room = Room(tmp_path / "round")
+    player = subprocess.Popen([*PLAY, str(room.root)], stdout=subprocess.DEVNULL)
+    try:                              # the first of three is claimed: the solver is at work on the others
+        wait_for(lambda: room.ledger.exists() and b'"claimed"' in room.ledger.read_bytes())
+    finally:
+        player.send_signal(signal.SIGKILL)
+        player.wait()
+    assert not is_free(room.root)
+    wait_for(lambda: is_free(room.root))
+    done = prove(room.root, "solve", "--processes", "1", "--quiet")
+    assert done.returncode == 0, done.stderr
+    assert [list(steps) for steps in room.steps().values()] == [["sealed", "claimed"]] * 3
+
+
+@pytest.mark.slow
+def test_who_takes_up_a_round_that_is_being_solved_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "ledger.jsonl").touch()
+    with alone(tmp_path):
+        for role in (["seal", "--seed", "1"], ["solve"], ["answer"], ["grade"]):
+            done = prove(tmp_path, *role)
+            assert done.returncode == 2 and "played by another process" in done.stderr, done.stderr

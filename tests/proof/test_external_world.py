@@ -12,12 +12,11 @@ import msgspec
 import pytest
 
 from truearc.errors import InputError
-from truearc_proof.report.tables import make_tables
+from truearc_proof.rounds import Room
 from truearc_proof.rounds.committer import seal_own
-from truearc_proof.rounds.ledger import Room
-from truearc_proof.scoring.score_world import Mark
-from truearc_proof.worlds.generate_data import make_data
-from truearc_proof.worlds.sampling_plan import Drawn
+from truearc_proof.rounds.marks import Mark
+from truearc_proof.rounds.tables import make_tables
+from truearc_proof.rounds.worlds import Drawn, make_data
 
 DOCS = Path(__file__).parents[2] / "docs" / "how-to" / "challenge.md"
 WIND: dict[str, Any] = {"kind": "one", "effects": {"wind_x": 2.0}}

@@ -1,4 +1,4 @@
-"""MuJoCo's worlds of every kind: what is drawn, and that what is to do nothing does nothing."""
+"""MuJoCo's worlds of a round, and what its unmodified robot leaves to be believed."""
 
 from functools import cache
 from pathlib import Path
@@ -7,19 +7,18 @@ import msgspec
 import numpy as np
 import pytest
 
+import truearc as ta
 from benchmarks.launcher_world import heights_m
 from truearc import robot
 from truearc.robot.config.schema import load_config
 from truearc.sim.data.files import load_dataset
+from truearc.sim.infer.belief import as_table
 from truearc.sim.physics.term import STAGES
 from truearc.sim.world.options import Options
 from truearc.sim.world.season import Season, ShotSetting
-from truearc_proof.scoring.score_finding import GOES_WITH
-from truearc_proof.truth.generate import Asked
-from truearc_proof.truth.world import find_effect
-from truearc_proof.world.season import ORDINARY, Sensors, plan_season, play_season
-from truearc_proof.worlds.generate_data import make_data, make_more
-from truearc_proof.worlds.sampling_plan import (
+from truearc_proof.rounds import Room, solver
+from truearc_proof.rounds.marks import GOES_WITH
+from truearc_proof.rounds.worlds import (
     ALIKE_CHANGES,
     AND,
     CHANGES,
@@ -41,9 +40,16 @@ from truearc_proof.worlds.sampling_plan import (
     dirty_plan,
     dirty_sensors,
     draw_round,
+    make_data,
+    make_more,
     pairs_at,
     seen_at,
 )
+from truearc_proof.truth.generate import Asked
+from truearc_proof.truth.world import find_effect
+from truearc_proof.world.season import ORDINARY, Sensors, plan_season, play_season
+
+# --- mujoco kinds
 
 LEVELS = ("L0", "L1", "L2")
 FACTS = load_config(Path(robot.__file__).parent / "launcher.toml").rig
@@ -96,7 +102,7 @@ def test_two_are_two_that_share_neither_option_nor_name_and_are_plain(level: str
         assert changes in pairs_at(level) and one.change == f"{first.name}{AND}{second.name}"
         assert not set(first.options) & set(second.options) and not set(first.names) & set(second.names)
         assert set(one.effects) == set(first.options) | set(second.options)
-        # a limit of the world (truearc_proof.worlds.sampling_plan.LIMITS) may make a change smaller
+        # a limit of the world (truearc_proof.rounds.worlds.LIMITS) may make a change smaller
         assert {round(size, 9) for size in sizes(one, changes)} <= {*PLAIN_FACTORS, 1.625, 1.25}
 
 
@@ -228,3 +234,43 @@ def test_every_kind_becomes_data_and_can_be_shot_again(kind: str, tmp_path: Path
     assert len(first.shots) == 12 and first.tracks is not None and len(more.shots) == 3
     make_data(one, tmp_path / "again")
     assert (tmp_path / "again" / "shots.csv").read_bytes() == (tmp_path / "w1" / "shots.csv").read_bytes()
+
+
+# --- home
+
+BELIEVED = ta.Belief({"drag": {"k_per_m": 0.1 + 0.2}, "gravity": {"g_m_s2": 9.81}}, {"speed_rel": 0.01},
+                     ("drag.k_per_m",), np.array([[1e-4 / 3]]))
+
+
+@pytest.fixture
+def worked_out(monkeypatch: pytest.MonkeyPatch) -> list[Room]:
+    """Rooms whose session was worked out, in a solver that does not take minutes."""
+    rooms: list[Room] = []
+    monkeypatch.setattr(solver, "_believed_at_home", lambda room: (rooms.append(room), BELIEVED)[1])
+    solver.at_home.cache_clear()
+    return rooms
+
+
+@pytest.fixture
+def room(tmp_path: Path) -> Room:
+    make_data(Drawn("home", MUJOCO, "clean", "L1", 6, 5, change="nothing"), Room(tmp_path).data("home"))
+    return Room(tmp_path)
+
+
+def test_what_was_kept_is_what_was_worked_out_to_the_last_bit(room: Room, worked_out: list[Room]) -> None:
+    solver._keep_home(room)
+    solver._keep_home(room)
+    dataset, belief = solver.at_home(room)
+    assert worked_out == [room] and len(dataset.shots.shot_id) == 6
+    assert as_table(belief) == as_table(BELIEVED)
+
+
+@pytest.mark.parametrize("key", ["solver", "data"])
+def test_what_another_solver_kept_or_of_other_data_is_worked_out_again(room: Room, worked_out: list[Room],
+                                                                       key: str) -> None:
+    solver._keep_home(room)
+    kept = msgspec.json.decode(room.home.read_bytes())
+    room.home.write_bytes(msgspec.json.encode({**kept, key: "other"}))
+    solver.at_home(room)
+    solver._keep_home(room)
+    assert worked_out == [room] * 3 and msgspec.json.decode(room.home.read_bytes()) == kept

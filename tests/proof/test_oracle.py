@@ -1,7 +1,5 @@
 """What data allow: ceilings, worth of further shots, and sealed shots."""
 
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,18 +9,10 @@ from tests.sim.discover.made import column, gaussian, heights
 from truearc.sim.discover.select.terms import efficient
 from truearc.sim.infer.belief import Belief, point_belief
 from truearc.sim.infer.likelihood.score_table import PlaneScores, ScoreTable, make_evidence
-from truearc_proof.scoring.oracle import (
-    FALSE_ALARM,
-    ceiling_of,
-    measure,
-    off_m,
-    random_worth,
-    shoot_unseen,
-    strength_of,
-)
-from truearc_proof.truth.generate import Asked, follow, shoot
+from truearc_proof.rounds.marks import FALSE_ALARM, ceiling_of, measure, off_m, shoot_unseen, strength_of
+from truearc_proof.rounds.worlds import NUMPY, Drawn
+from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
-from truearc_proof.worlds.sampling_plan import NUMPY, Drawn
 
 N = 400
 WORLD = make_world({"hood_offset": 2.0}, "L0", 200, 31, side=True)
@@ -105,40 +95,12 @@ def test_wear_can_be_found_only_where_balls_are_told_apart(level: str, allows: b
     assert (allowed[0] == FALSE_ALARM) != allows
 
 
-def claimed(**sizes: float) -> dict[str, Any]:
-    parameter = {"hood_offset": "angle_deg", "wheel_slip": "loss_per_m_s", "wind_x": "speed_m_s"}
-    return {"set": list(sizes), "what": [{"term": name, "probability": 0.5, "parameters": {
-        parameter[name]: {"value": size}}} for name, size in sizes.items()]}
-
-
-@pytest.mark.slow
-def test_shots_like_the_first_are_worth_their_number() -> None:
-    first, more = shoot(WORLD), shoot(replace(WORLD, seed=77, shots=100))
-    more = replace(more, shots=replace(more.shots, shot_id=tuple(f"m{k}" for k in range(100))))
-    worth = random_worth(first, more, claimed(hood_offset=2.0, wheel_slip=0.01))
-    assert worth is not None and 60 <= worth <= 160
-
-
-@pytest.mark.slow
-def test_shots_that_are_sure_to_fall_short_are_worth_next_to_none() -> None:
-    shots = shoot(WORLD).shots
-    place = int(np.argmax(shots.number("distance_m")))
-    dull = Asked(float(shots.number("distance_m")[place]), float(shots.number("hood_deg")[place]), 0.2, 100)
-    worth = random_worth(shoot(WORLD), follow(WORLD, [dull]), claimed(hood_offset=2.0, wheel_slip=0.01))
-    assert worth is not None and worth < 25
-
-
-@pytest.mark.slow
-def test_one_name_alone_needs_no_shots() -> None:
-    assert random_worth(shoot(WORLD), follow(WORLD, [Asked(4.0, 48.0, 0.55, 20)]), claimed(hood_offset=2.0)) is None
-
-
 def drawn(effects: dict[str, float], engine: str = "numpy") -> Drawn:
     return Drawn("w1", engine, "one", "L0", 200, 41, effects)
 
 
 def truth(one: Drawn, more: dict[str, dict[str, float]]) -> Belief:
-    """The world's own coefficients in the catalogue's words (truearc_proof.scoring.score_finding)."""
+    """The world's own coefficients in the catalogue's words (truearc_proof.rounds.worlds)."""
     world = make_world(one.effects, one.level, one.shots, one.seed)
     return point_belief({"drag": {"cd": world.cd}, "magnus": {"cl": world.lift_slope * 3.0 / 32.0},
                          "exit_efficiency": {"loss": 1.0 - world.efficiency}} | more)

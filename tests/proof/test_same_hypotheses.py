@@ -1,6 +1,6 @@
 """A hidden effect and the catalogue's term of its name are one hypothesis: two codes, one flight, no luck or noise.
 
-What a grader compares intervals with (truearc_proof.scoring.score_finding) is thereby tested too.
+What a grader compares intervals with (truearc_proof.rounds.worlds) is thereby tested too.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from tests.sim.physics.tracker import watch
 from truearc.sim.data.conditions import Circumstances, circumstances_of
 from truearc.sim.physics.simulate import opening_of, predict
 from truearc.sim.physics.vector import Vec
-from truearc_proof.scoring.score_finding import PARAMETER
+from truearc_proof.rounds.worlds import PARAMETER
 from truearc_proof.truth.flight import CELSIUS_K, RAPID_FIRE_S, at, wheel_dip
 from truearc_proof.truth.generate import play
 from truearc_proof.truth.world import CATALOGUED, make_world

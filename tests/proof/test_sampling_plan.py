@@ -9,10 +9,20 @@ import pytest
 
 from truearc.errors import InputError
 from truearc.sim.data.files import load_dataset
+from truearc_proof.rounds.worlds import (
+    LADDER,
+    LARGEST,
+    MUJOCO,
+    NUMPY,
+    SHARES,
+    Drawn,
+    change_one,
+    draw_round,
+    make_data,
+    make_more,
+)
 from truearc_proof.truth.generate import Asked, shoot
 from truearc_proof.truth.world import UNCATALOGUED, find_effect, make_world
-from truearc_proof.worlds.generate_data import make_data, make_more
-from truearc_proof.worlds.sampling_plan import LADDER, LARGEST, MUJOCO, NUMPY, SHARES, Drawn, change_one, draw_round
 
 LEVELS = ("L0", "L1", "L2")
 OFF = {effect.name for effect in UNCATALOGUED}

@@ -21,8 +21,7 @@ from truearc_proof.truth.flight import (
     wheel_dip,
     wheel_speeds,
 )
-from truearc_proof.truth.generate import play
-from truearc_proof.truth.sensors import see_places
+from truearc_proof.truth.generate import play, see_places
 from truearc_proof.truth.world import Scatter, find_effect, make_world, plan_shots
 
 IN_THE_AIR = {"wind_x": -0.9, "wind_y": 0.7, "wind_z": 0.4, "spin_decay": 0.8, "spin_drag": 0.2,

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from tests.robot.good_tick import CONFIG
 from truearc.robot.aim_file import SCHEMA, AimContent, Curve, Segment, contract_hash, rig_of
 from truearc.robot.config.schema import AimConfig
-from truearc.robot.gate.contract import UNSEALED, seal
+from truearc.robot.gate import UNSEALED, seal
 
 BY_BELIEF = replace(CONFIG, aim=AimConfig("belief", 0.01))
 X = (2.0, 3.0, 4.5, 6.0)

@@ -1,22 +1,10 @@
-"""A real NetworkTables server, and noise that cameras share."""
+"""Noise that emulated cameras share."""
 
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
-
-from tests.robot.nt_server import free_port
-
-
-@pytest.fixture
-def nt_server() -> Iterator[tuple[Any, str]]:
-    """(ntcore's instance, "127.0.0.1:port") of a server that runs meanwhile; a skip without the extra `frc`."""
-    ntcore = pytest.importorskip("ntcore")
-    port, server = free_port(), ntcore.NetworkTableInstance.create()
-    server.startServer("", "127.0.0.1", 0, port)
-    yield server, f"127.0.0.1:{port}"
-    server.stopServer()
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,8 @@ from truearc.hw.devices.motor_encoder import MotorEncoderConfig, NoEncoder
 from truearc.hw.devices.odrive.family import OdriveConfig
 from truearc.hw.devices.spark.encoder import SparkEncoderConfig
 from truearc.hw.devices.spark.family import SparkConfig
-from truearc.robot.config.nt4 import Nt4
 from truearc.robot.config.schema import Config
-from truearc.robot.nt_encoder import NtEncoderConfig
+from truearc.robot.hood_encoders import ReadEncoder
 
 
 def with_encoder(table: HoodEncoder, config: Config = CONFIG) -> Config:
@@ -24,4 +23,5 @@ SPARK = with_encoder(SparkEncoderConfig(7, 10, 40.0, -1))
 SPARK_OWN = with_encoder(SparkEncoderConfig(3, 10, 350.0, 1), SPARK_HOOD)        # on the hood motor's own SPARK
 ODRIVE = with_encoder(MotorEncoderConfig(OdriveConfig(6, -1, 0), 2.0, 33.0))
 COUNTING = with_encoder(MotorEncoderConfig(SparkConfig(7, 1, False, 1.0, 500.0, 12.0), 3.0))
-NT4 = replace(with_encoder(NtEncoderConfig("/Hood/Rot", "rev", 90.0, -1)), nt4=Nt4("127.0.0.1:1"))
+NT4 = replace(with_encoder(ReadEncoder("nt4", "/Hood/Rot", "rev", 90.0, -1)),
+              readings={"nt4": {"server": "127.0.0.1:1"}})

@@ -23,7 +23,6 @@ from truearc.robot.operator_ui.aim_inbox import AimInbox, AimOrders, OfferingRig
 from truearc.robot.operator_ui.view import Glance, describe, tell
 from truearc.robot.operator_ui.what_if import QuestionError
 from truearc.robot.reasons import AIM_FILE_MISSING, FIRE_NOT_REQUESTED, NO_SET_POINT
-from truearc.robot.recording.session import decode_tick, encode_row
 from truearc.robot.tick import step
 from truearc.robot.types import AimOffer, Sighting
 
@@ -280,15 +279,6 @@ def test_a_jump_of_the_distance_starts_the_filter_anew():
         seen = Sighting(NOW_NS + number * seconds(0.05), True, None, distance_m, 0.03, 0.0)
         memory = remember(replace(good_inputs(200.0, 45.0), t_ns=seen.t_ns, sighting=seen), memory, BY_BELIEF)
     assert memory.track.distance_m == pytest.approx(3.0 - CONFIG.camera.behind_exit_m) and memory.track.rate_m_s == 0.0
-
-
-def test_a_recording_keeps_aim_offer_and_acceptance_and_those_without_them_know_nothing_of_it():
-    tick, _ = ready(aim_sha256=OTHER.sha256)
-    tick = replace(tick, inputs=replace(tick.inputs, aim_offer=OFFER))
-    assert decode_tick(encode_row(tick)) == tick
-    plain = encode_row(step(good_inputs(), good_memory(), CONFIG, None))
-    assert not {b"aim_offer", b"aim_sha256", b"track", b"correction", b"lead_deg", b"closing_m_s"} & {
-        key.strip(b'"') for key in plain.replace(b"{", b",").replace(b":", b",").split(b",")}
 
 
 def test_the_page_shows_lead_correction_and_offer():

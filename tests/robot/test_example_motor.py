@@ -28,7 +28,7 @@ from truearc.hw.protocols import Frame
 from truearc.hw.reason import FAULT, Reason
 from truearc.robot.config.schema import Config, config_hash, load_config
 from truearc.robot.estimate import estimate
-from truearc.robot.gate.verdict import judge
+from truearc.robot.eyes import InlineEyes
 from truearc.robot.motors import guard
 from truearc.robot.operator_ui.view import Told, tell
 from truearc.robot.reasons import BAD_FRAME, IMAGE_DARK, MOTOR_ERROR, NOT_ARMED, text
@@ -36,7 +36,7 @@ from truearc.robot.recording.replay import replay
 from truearc.robot.recording.session import CAN, load_session_config
 from truearc.robot.rig import HardwareRig
 from truearc.robot.types import Sighting
-from truearc.robot.vision_source import InlineEyes
+from truearc.robot.verdict import judge
 from truearc.sim.world.emulated_robot import emulate
 
 EXAMPLE = Path(robot.__file__).parent.parent / "examples" / "truearc-samplemotor"

@@ -61,7 +61,7 @@ def test_a_table_is_read_and_recorded(tmp_path: Path, table: str, config: Config
 
 @pytest.mark.parametrize(("table", "sigma_deg", "message"), [
     ('driver = "magnet"', 0.6, r":\d+: hood_encoder\.driver: 'magnet' is not known here; there are canandmag, spark, "
-     "motor, nt4, none$"),
+     "motor, none, nt4$"),
     ('driver = "none"\ndevice = 5', 0.6, r":\d+: hood_encoder\.device: unknown key$"),
     ('driver = "spark"\ndevise = 7\nperiod_ms = 10\nzero_deg = 40.0\ndirection = 1', 0.6,
      r":\d+: hood_encoder\.devise: unknown key; did you mean device\?"),

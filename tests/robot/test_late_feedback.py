@@ -14,19 +14,19 @@ from tests.robot.good_tick import CONFIG
 from tests.robot.sparks import ALL_SPARK
 from tests.robot.test_rig import Blind, Stream
 from truearc.hw import fault_codes as hw
-from truearc.hw.devices.canandmag.emulator import CanandmagNode
+from truearc.hw.devices.canandmag import CanandmagNode
 from truearc.hw.devices.drivers import LATE_NS, SILENT_NS, RoundTrip
 from truearc.hw.emulated.nodes import StepClock, Twin
 from truearc.hw.protocols import NS_PER_MS as MS
 from truearc.hw.protocols import Frame
 from truearc.hw.real.can_bus import open_can
 from truearc.robot.config.schema import Config
+from truearc.robot.eyes import InlineEyes
 from truearc.robot.motors import guard
 from truearc.robot.reasons import IMAGE_DARK
 from truearc.robot.rig import HardwareRig
 from truearc.robot.tick import step
 from truearc.robot.types import Command, Memory, Sighting
-from truearc.robot.vision_source import InlineEyes
 from truearc.sim.world.emulated_robot import make_nodes
 
 LATE_MS = 200

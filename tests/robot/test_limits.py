@@ -19,12 +19,11 @@ from truearc.robot.config.limits import LIMITS, Limit, narrowest, numbers
 from truearc.robot.config.schema import load_config
 
 # what the shipped file leaves out
-ABSENT: dict[str, Any] = {"aim": {"policy": "plan", "correction_step": 0.005}, "nt4": {"server": "2542", "velocity": {
-    "key": "/Drive/Speeds", "most_m_s": 2.0, "pointing_deg": 2.0, "delay_s": 0.1, "frame": "robot"}}}
+ABSENT: dict[str, Any] = {"aim": {"policy": "plan", "correction_step": 0.005}}
 SPARK: dict[str, Any] = {"driver": "spark", "direction": 1, "has_endstop": True, "stall_torque_nm": 2.6,
                          "free_speed_rad_s": 594.0, "rated_v": 12.0}
 IDENTITIES = {"device", "node", "endstop_endpoint", "direction"}
-MOVING = {"tick_hz", "axes", "hood_encoder", "flywheel", "hood", "feeder", "gate", "collect", "aim", "nt4", "identify"}
+MOVING = {"tick_hz", "axes", "hood_encoder", "flywheel", "hood", "feeder", "gate", "collect", "aim", "identify"}
 PATHS = re.compile(r"[a-z_][\w]*(?:\.\w+)*")
 
 

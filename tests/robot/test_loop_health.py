@@ -8,10 +8,10 @@ from msgspec.structs import replace
 
 from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs
 from tests.robot.test_rig import bench  # noqa: F401
-from truearc.robot.processes.loop_health import AT_MOST_US, Lateness, TimedRig, WatchedRig, first_missing
 from truearc.robot.reasons import BOX_SILENT, IMAGE_DARK
 from truearc.robot.recording.session import LATENESS, make_header
 from truearc.robot.recording.writer import SessionWriter
+from truearc.robot.runtime import AT_MOST_US, Lateness, TimedRig, WatchedRig, first_missing
 from truearc.robot.types import Command, Sent, Sighting
 
 PERIOD_NS = 5_000_000

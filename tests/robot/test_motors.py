@@ -32,23 +32,21 @@ from truearc.hw.protocols import Frame
 from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config, read_axis
 from truearc.robot.estimate import estimate
-from truearc.robot.gate.verdict import judge
+from truearc.robot.eyes import InlineEyes
 from truearc.robot.motors import (
     bound_axes,
     elevation_from_encoder_deg,
     elevation_from_screw_deg,
-    exit_distance_m,
     guard,
     make_motors,
     make_rules,
-    name_axes,
     screw_length_m,
 )
 from truearc.robot.reasons import IMAGE_DARK, MOTOR_ERROR, MOTOR_NOT_DRIVEN, text
 from truearc.robot.recording.files import candump_line
 from truearc.robot.rig import HardwareRig
 from truearc.robot.types import Command, Sent, Sighting
-from truearc.robot.vision_source import InlineEyes
+from truearc.robot.verdict import judge
 
 MS = 1_000_000
 STATUS_0, STATUS_1, STATUS_2 = 0x0205B800, 0x0205B840, 0x0205B880
@@ -103,12 +101,6 @@ def test_until_a_spark_is_set_up_nothing_is_said_to_be_sent() -> None:
     for _ in range(5):
         sent = bench.tick(ASKED, 3, 11, 12, 14)
     assert sent.flywheel_torque_nm == pytest.approx(0.1) and None not in sent.duties
-
-
-def test_ticks_with_and_without_duties_are_read_as_they_were_written() -> None:
-    driven = Sent(True, True, True, 0.1, 0.2, 0.3, 1)
-    for sent in (driven, replace(driven, refused=0, duties=(None, None, 0.25, None))):
-        assert msgspec.json.decode(msgspec.json.encode(sent), type=Sent) == sent
 
 
 def verdict_of(config: Config, inputs) -> tuple[Reason, ...]:
@@ -184,11 +176,6 @@ def test_two_axes_on_one_device_are_named() -> None:
     assert len(make_motors(SPARK_WHEELS)) == 4             # node 3 and device 3 would be two things
 
 
-def test_axes_are_named_in_the_inputs_order() -> None:
-    assert [name for name, _ in name_axes(CONFIG)] == ["flywheel motor 1", "flywheel motor 2", "hood motor",
-                                                       "feeder motor"]
-
-
 def test_the_lines_in_the_manual_are_taken() -> None:
     manual = (Path(__file__).parents[2] / "docs" / "how-to" / "motors.md").read_text(encoding="utf-8")
     axes = tomllib.loads(re.search(r"```toml\n(.*?)```", manual, re.DOTALL)[1])["axes"]
@@ -247,10 +234,6 @@ def test_the_encoder_may_wrap_between_zero_and_the_hood():
     for elevation in (-30.0, 0.0, 15.0, 75.0, 179.0):
         angle = math.radians((zero + elevation) % 360.0)
         assert elevation_from_encoder_deg(angle, CONFIG.hood_encoder, zero) == pytest.approx(elevation, abs=1e-9)
-
-
-def test_the_exit_is_nearer_than_the_lens():
-    assert exit_distance_m(5.0, CONFIG.camera) == 5.0 - CONFIG.camera.behind_exit_m
 
 
 # ODrive CANSimple: node << 5 | command; the hood, node 3, has a limit switch to ask for, command 0x04

@@ -6,7 +6,7 @@ from msgspec.structs import replace
 from tests.robot.good_tick import CONFIG, DISTANCE_M, good_inputs, good_memory
 from truearc.robot.aim import PLACE_M
 from truearc.robot.config.schema import Prescribed
-from truearc.robot.gate.model import Rating
+from truearc.robot.gate import Rating
 from truearc.robot.reasons import NOT_AT_PLACE
 from truearc.robot.tick import step
 

@@ -19,10 +19,10 @@ from truearc.hw.fault_codes import (
 )
 from truearc.hw.protocols import Frame, LinkLost
 from truearc.robot import reasons as because
+from truearc.robot.eyes import InlineEyes
 from truearc.robot.reasons import IMAGE_DARK
 from truearc.robot.rig import HardwareRig
 from truearc.robot.types import Command, Sighting
-from truearc.robot.vision_source import InlineEyes
 
 UNPLUGGED = CAN_ADAPTER_ERROR(bus="wire", detail="unplugged")
 DARK, BURNT = because.IMAGE_DARK(), because.IMAGE_BURNT()

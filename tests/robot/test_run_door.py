@@ -19,11 +19,11 @@ from truearc.cli.main import main
 from truearc.cli.run_processes import make_show
 from truearc.hw.devices.button_box import make_heartbeat
 from truearc.robot.config.schema import load_config
+from truearc.robot.eyes import NoEyes
 from truearc.robot.operator_ui import parse_page
 from truearc.robot.operator_ui.server import open_page
 from truearc.robot.recording.session import LATENESS, load_header
 from truearc.robot.tick import step
-from truearc.robot.vision_source import NoEyes
 
 CONFIG = str(Path(robot.__file__).parent / "launcher.toml")
 ONE = ("--layout", "one")             # hand-made wires cannot be handed to another process

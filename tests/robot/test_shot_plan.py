@@ -12,11 +12,11 @@ from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.robot.aim import aim, config_id, step_walk
 from truearc.robot.config.overrides import load_plan, with_plan
-from truearc.robot.config.schema import Config, Prescribed, config_hash, parse_toml
+from truearc.robot.config.schema import Prescribed
 from truearc.robot.estimate import estimate
-from truearc.robot.gate.verdict import judge
 from truearc.robot.reasons import NOT_AT_PLACE
 from truearc.robot.types import Shot
+from truearc.robot.verdict import judge
 
 ROWS = (Prescribed(DISTANCE_M, 0.5, HOOD_DEG), Prescribed(7.0, 0.625, 33.0))
 
@@ -111,14 +111,3 @@ def test_marks_of_prescribed_shots_walk_nothing():
     shot = Shot(0, 0, "c", 8.0, 0.02, 45.0, 0.5, 300.0, 12.0, None, None, None)
     assert step_walk((0.1, 0.0, 0.0), -1, shot, PLANNED) == (0.1, 0.0, 0.0)
     assert step_walk((0.1, 0.0, 0.0), -1, shot, CONFIG) != (0.1, 0.0, 0.0)
-
-
-def test_a_configuration_without_a_plan_says_what_it_said_before_there_were_plans():
-    """The hash is that of the file shipped before the key was there, so recordings from then still load."""
-    import msgspec
-    assert b"prescribed" not in msgspec.json.encode(CONFIG)
-    assert config_hash(PLANNED) != config_hash(CONFIG)
-    text = SHIPPED.read_text(encoding="utf-8")
-    rows = "\n".join(f"[[collect.prescribed]]\ndistance_m = {r.distance_m}\nmotor_ratio = {r.motor_ratio}\n"
-                     f"hood_deg = {r.hood_deg}" for r in ROWS)
-    assert parse_toml(text + "\n" + rows, Config, "x").collect.prescribed == ROWS

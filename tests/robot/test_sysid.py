@@ -2,7 +2,6 @@
 
 import math
 
-import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -224,9 +223,3 @@ def test_only_one_joint_is_ever_driven_and_the_feeder_never():
         command = tick(inputs_at(phase.joint, 0.0), running(index, since_s=0.5)).command
         assert command.feeder_torque_nm == 0.0
         assert 0.0 in (command.flywheel_torque_nm, command.hood_torque_nm)
-
-
-def test_recordings_and_configurations_of_before_still_say_what_they_said():
-    """Neither a row nor a hash knows of identifying where there is none: old sessions replay to the bit."""
-    assert b"identify" not in msgspec.json.encode(Memory())
-    assert b"identify" not in msgspec.json.encode(replace(CONFIG, identify=None))

@@ -18,7 +18,7 @@ from truearc.hw.protocols import CameraFrame
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import CameraConfig, CameraFile, load_config, load_toml
 from truearc.robot.vision import detect
-from truearc.robot.vision.threshold import mask_colour
+from truearc.robot.vision.marks import mask_colour
 from truearc_proof.world.camera_damage import KINDS, USUAL, Look, StagedCamera, place, second_goal
 
 pytestmark = pytest.mark.usefixtures("noise_drawn_once")

@@ -12,8 +12,7 @@ from msgspec.structs import replace
 
 from truearc import robot
 from truearc.robot.config.schema import load_config
-from truearc.robot.vision.geometry import make_optics, make_shape
-from truearc.robot.vision.pose import _beliefs, _rotation, horizontal, solve_pose
+from truearc.robot.vision.pose import _beliefs, _rotation, horizontal, make_optics, make_shape, solve_pose
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 CAMERA, TAPE = CONFIG.camera, CONFIG.tape

@@ -21,11 +21,10 @@ from truearc.hw.protocols import CameraFrame, LinkLost
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.processes import Slots
 from truearc.robot.config.schema import load_config
-from truearc.robot.processes.vision import FarEyes, make_room, watch
+from truearc.robot.eyes import FarEyes, InlineEyes, make_room, watch
 from truearc.robot.reasons import BOX_LOST, CAMERA_LOST, CAN_LOST, IMAGE_DARK, VISION_FAILED, VISION_UNRESPONSIVE
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.types import Sighting
-from truearc.robot.vision_source import InlineEyes
 
 PATIENCE_S = 30.0                     # of a loaded machine
 ROOM = make_room(8, 6)

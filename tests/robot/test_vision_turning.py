@@ -11,7 +11,7 @@ from truearc import robot
 from truearc.hw.emulated.camera import NOTHING, Stage, project
 from truearc.robot.config.schema import load_config
 from truearc.robot.vision import detect
-from truearc.robot.vision.geometry import make_optics
+from truearc.robot.vision.pose import make_optics
 from truearc.sim.world.emulated_vision import make_lens, make_tape
 from truearc_proof.world.camera_damage import Look, StagedCamera, place, project_turning
 

@@ -9,10 +9,8 @@ import pytest
 import truearc as ta
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.investigate import discover
-from truearc.sim.infer.fit import coefficients_of, covariance_of, scatter_of
-from truearc.sim.infer.likelihood.score_table import without
-from truearc_proof.importers.exit_speeds import import_971
-from truearc_proof.importers.set_points import import_254
+from truearc.sim.infer.launcher import coefficients_of, covariance_of, scatter_of
+from truearc_proof.importers.set_points import import_254, import_971
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
 
@@ -27,7 +25,7 @@ def _check(dataset: Dataset, terms: tuple[str, ...]) -> None:
     by_fit = ta.fit(dataset, terms).belief
     found = discover(dataset, terms, false_alarm=0.0)         # nothing is missing surely enough to be named
     assert found.fitted is not None
-    evidence, among = without(found.fitted.evidence), found.catalogue
+    evidence, among = found.fitted.scores.shared_only(), found.catalogue
     assert coefficients_of(evidence, terms, among) == {
         name: pytest.approx(values, rel=1e-9, abs=1e-12) for name, values in by_fit.coefficients.items()}
     assert scatter_of(evidence) == pytest.approx(by_fit.scatter, rel=1e-9)

@@ -19,7 +19,6 @@ from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import hash_dataset
 from truearc.sim.discover import investigate as engine
-from truearc.sim.discover.adopt import Investigation, make_belief
 from truearc.sim.discover.finding import (
     CONFIGURATIONS,
     FALSE_ALARM,
@@ -30,7 +29,7 @@ from truearc.sim.discover.finding import (
     check_chances,
     make_json,
 )
-from truearc.sim.discover.investigate import with_worth
+from truearc.sim.discover.investigate import Investigation, make_belief, with_worth
 from truearc.sim.discover.plan.identifiability import Sight, foresee, foresee_dataset, is_planned
 from truearc.sim.discover.plan.next_steps import can_design, make_design
 from truearc.sim.discover.report.finding_text import console_lines

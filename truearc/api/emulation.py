@@ -7,9 +7,9 @@ from pathlib import Path
 
 from truearc.api.results import Table
 from truearc.robot.config.schema import Config
-from truearc.robot.operator_ui.screens import Screen
 from truearc.robot.reasons import text
 from truearc.robot.recording.session import load_trials
+from truearc.robot.runtime import Screen
 from truearc.sim.printed import Printed, Progress
 from truearc.sim.world import emulated_robot as engine
 from truearc.sim.world.field import BallResult

@@ -18,13 +18,12 @@ from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import hash_dataset
 from truearc.sim.infer.belief import Belief, launcher_of, point_belief, ranges_of, replace_values, scale_of
-from truearc.sim.infer.fit import MapFit, fit_map
 from truearc.sim.infer.fit_report import CrossValidation, cross_validate, fit_lines, number_text
 from truearc.sim.infer.intervals import Pooling, ProfileInterval, one_rig, pool_normal, profile_interval, said_by
+from truearc.sim.infer.launcher import MapFit, fit_map
+from truearc.sim.paper import STEP
 from truearc.sim.paper.grid_fit import GridFit, Score, draw_map, explain, fit_grid, map_deviation, provenance_of, score
-from truearc.sim.paper.settings import STEP
-from truearc.sim.physics.term import Term
-from truearc.sim.physics.term_fields import LINEAR, from_scale
+from truearc.sim.physics.term import LINEAR, Term, from_scale
 from truearc.sim.printed import Printed, Progress, make_text
 from truearc.sim.statistics import Z90
 
@@ -75,9 +74,9 @@ class Fit(Printed):
         fit = self.solution
         said: dict[str, Any] = {
             "method": "ml", "dataset": self.dataset.name, "dataset_sha256": hash_dataset(self.dataset),
-            "truearc": version("truearc"), "shots": len(fit.evidence.rows), "terms": list(fit.terms),
-            "log_posterior": fit.log_posterior, "evidence": fit.fitted.intake.used,
-            "left_out": list(fit.fitted.intake.left_out), "range": ranges_of(self.dataset.shots),
+            "truearc": version("truearc"), "shots": len(fit.scores.rows), "terms": list(fit.terms),
+            "log_posterior": fit.log_posterior, "evidence": fit.fitted.model.data.used,
+            "left_out": list(fit.fitted.model.data.left_out), "range": ranges_of(self.dataset.shots),
             "rig": launcher_of(self.dataset.rig),
             **({"accepted": list(self.dataset.accepted)} if self.dataset.accepted else {}),
             "interval90": {one.name: [one.low90, one.high90] for one in self.intervals}}
@@ -221,7 +220,7 @@ class Pooled(Printed):
         said = {"method": "pooled", "truearc": version("truearc"), "terms": list(self.fits[0].solution.terms),
                 "datasets": [fit.dataset.name for fit in self.fits],
                 "datasets_sha256": [hash_dataset(fit.dataset) for fit in self.fits],
-                "shots": sum(len(fit.solution.evidence.rows) for fit in self.fits),
+                "shots": sum(len(fit.solution.scores.rows) for fit in self.fits),
                 "range": {name: [min(one[name][0] for one in ranges), max(one[name][1] for one in ranges)]
                           for name in ranges[0] if all(name in one for one in ranges)},
                 **({"rig": launcher_of(self.fits[0].dataset.rig)} if self._one_rig else {})}
@@ -257,7 +256,7 @@ class Pooled(Printed):
     def lines(self) -> list[str]:
         """Return the report: what is common, by how much members differ, and each member's numbers."""
         what = "sessions of one rig" if self._one_rig else "rigs"
-        shots = [len(fit.solution.evidence.rows) for fit in self.fits]
+        shots = [len(fit.solution.scores.rows) for fit in self.fits]
         head = f"{len(self.fits)} fits pooled as {what}: {sum(shots)} shots ({', '.join(map(str, shots))})"
         common = [(name, number_text(value), f"{number_text(low)} to {number_text(high)}{_after(unit)}",
                    self._differs(name, unit, differs))

@@ -12,20 +12,12 @@ from matplotlib.figure import Figure
 from truearc.api.arguments import check_kind
 from truearc.errors import InputError
 from truearc.model_export.graph import export_weights
-from truearc.robot.gate.model import load_gate
+from truearc.robot.gate import load_gate
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import hash_dataset
+from truearc.sim.gate import train
 from truearc.sim.gate.model import PhysicsGate, physics_of, save_physics_gate
-from truearc.sim.gate.train import (
-    Heldout,
-    OutcomeClasses,
-    outcome_classes_of,
-    tell_heldout,
-    tell_residual,
-    tell_too_few,
-    train_physics_gate,
-)
 from truearc.sim.infer.belief import Belief
 from truearc.sim.paper.network import domain_of
 from truearc.sim.printed import Printed, Progress
@@ -42,9 +34,9 @@ class GateTraining(Printed):
     """
 
     gate: PhysicsGate
-    folds: Heldout | None
+    folds: train.Heldout | None
     left_out: tuple[str, ...]
-    marks: OutcomeClasses
+    marks: train.OutcomeClasses
     record: dict[str, Any]
 
     @property
@@ -86,12 +78,12 @@ class GateTraining(Printed):
         lines = [*(f"warning: {line}" for line in self.record.get("accepted", ())),
                  *(f"warning: the belief was {other}" for other in [gate.belief.other_rig(gate.rig)] if other),
                  f"learned from {len(marks.level)} shots",
-                 *tell_residual(gate, marks.features, physics_of(gate.rig, gate.belief, marks.features))]
+                 *train.tell_residual(gate, marks.features, physics_of(gate.rig, gate.belief, marks.features))]
         if len(set(marks.level[marks.level >= 0])) < 2:
             lines.append("warning: every shot has the same outcome; the gate is the physics and its prior alone")
         if self.folds is None:
-            return [*lines, tell_too_few(marks.group, marks.level, gate.rig.target)]
-        return lines + tell_heldout(self.folds, gate.temperature, gate.rig.target)
+            return [*lines, train.tell_too_few(marks.group, marks.level, gate.rig.target)]
+        return lines + train.tell_heldout(self.folds, gate.temperature, gate.rig.target)
 
 
 def train_gate(dataset: Dataset, belief: Belief, *, seed: int = 0, accept: Collection[str] = (),
@@ -117,13 +109,13 @@ def train_gate(dataset: Dataset, belief: Belief, *, seed: int = 0, accept: Colle
     dataset = check_plausible(dataset, accept)
     name = dataset.shots.source
     shots = dataset.in_order().shots
-    marks, left_out = outcome_classes_of(shots, name, dataset.rig.target)
-    gate, folds = train_physics_gate(dataset.rig, belief, shots, seed, name, progress)
+    marks, left_out = train.outcome_classes_of(shots, name, dataset.rig.target)
+    gate, folds = train.train_physics_gate(dataset.rig, belief, shots, seed, name, progress)
     return GateTraining(gate, folds, tuple(left_out), marks, _record(dataset, belief, seed, marks, gate, folds))
 
 
-def _record(dataset: Dataset, belief: Belief, seed: int, marks: OutcomeClasses, gate: PhysicsGate,
-            folds: Heldout | None) -> dict[str, Any]:
+def _record(dataset: Dataset, belief: Belief, seed: int, marks: train.OutcomeClasses, gate: PhysicsGate,
+            folds: train.Heldout | None) -> dict[str, Any]:
     figures = None if folds is None else {
         name: {key: value if value == value else None for key, value in one._asdict().items()}
         for name, one in (("physics", folds.physics), ("gate", folds.calibrated))}

@@ -15,9 +15,9 @@ from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import hash_dataset
 from truearc.sim.gate.network_training import NetworkTraining, Shares, make_record, rows_of, train_network
+from truearc.sim.paper import Recipe
 from truearc.sim.paper import sweep as sweeps
 from truearc.sim.paper.network import accuracy, save_weights
-from truearc.sim.paper.settings import Recipe
 from truearc.sim.paper.sweep import Mean, SweepNetwork, SweepScore, SweepSetting, Verdict
 from truearc.sim.paper.synthetic import load_provenance, say_synthetic, write_synthetic
 from truearc.sim.paper.train_many import Trained, train_many

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, NoReturn
 
 from truearc.cli.common import number
 from truearc.cli.outputs import add_force
-from truearc.errors import InputError
+from truearc.errors import INSTALL_HINTS, InputError
 
 ENTRY_POINTS = "truearc.commands"
 OTHER_GROUP = "other"                 # of a command from another distribution that names no group
@@ -79,10 +79,6 @@ _TABLE = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encod
 GROUPS: dict[str, str] = _TABLE["groups"]         # name -> what its commands are about
 COMMANDS = tuple(Command(**row) for row in _TABLE["command"])
 NAMES = {command.name: command for command in COMMANDS}
-PROOF = "truearc-proof"               # the distribution in the repository's proof/
-PROOF_INSTALL = "pip install ./proof (in a checkout of the repository)"
-# what to say of a command that is not installed
-ABSENT = dict.fromkeys(("prove", "reproduce"), f"is part of the repository's proof/: {PROOF_INSTALL}")
 
 
 def find_command(argv: list[str]) -> Command | None:
@@ -117,9 +113,7 @@ def load_plugins() -> tuple[Command, ...]:
 
 def install_hint(command: Command) -> str:
     """Return how to install what a command needs."""
-    if command.distribution == PROOF:
-        return PROOF_INSTALL
-    return f"pip install '{command.distribution or 'truearc[sim]'}'"
+    return INSTALL_HINTS.get(command.distribution, f"pip install '{command.distribution or 'truearc[sim]'}'")
 
 
 def list_commands() -> tuple[Command, ...]:

@@ -21,7 +21,7 @@ import truearc as ta
 from truearc.robot.config.rig_spec import Rig, Site
 from truearc.sim.aim.solve import best_ratios
 from truearc.sim.data.dataset import join_datasets
-from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover.investigate import make_belief
 from truearc.sim.discover.report.finding_text import either, plain, size_of
 from truearc.sim.printed import Progress, make_text
 from truearc.sim.report import COLOURS, PHONE_IN, Origin, make_page, make_png, new_panels, paragraph, picture, table

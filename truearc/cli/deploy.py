@@ -10,8 +10,9 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from truearc.errors import InputError, load_text
-from truearc.robot.config.schema import load_config
+from truearc.errors import INSTALL_HINTS, InputError, load_text
+from truearc.robot.config.reading_tables import distribution_of_table
+from truearc.robot.config.schema import Config, load_config
 from truearc.robot.deploy import (
     CONFIG,
     INSTALL,
@@ -38,7 +39,8 @@ def deploy_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--wheels", type=Path, metavar="DIR", help="wheels of what truearc needs, for that computer: "
                         "it then needs no network (docs/how-to/deploy.md)")
     parser.add_argument("--plugin", type=Path, action="append", default=[], metavar="PATH", help="wheel or source "
-                        "folder of a distribution with motor drivers, to be installed there, too; may be repeated")
+                        "folder of a distribution with motor drivers or readings, to be installed there, too; may be "
+                        "repeated; truearc-frc comes by itself where the configuration needs it")
     parser.add_argument("--core", type=int, metavar="N", help="core of the control loop (default: any)")
     parser.add_argument("--priority", type=int, default=50, metavar="P", help="of the control loop")
     parser.add_argument("--can-serial", default="", metavar="S", help="give the CAN adapter with this serial number "
@@ -60,7 +62,7 @@ def deploy(args: argparse.Namespace) -> int:
         raise InputError(f"{args.host!r}: not user@host")
     config = load_config(args.config)
     if args.gate:
-        from truearc.robot.gate.model import load_gate
+        from truearc.robot.gate import load_gate
         load_gate(args.gate)                      # a model that the robot would refuse is refused here
     if args.aim:
         from truearc.robot.aim_file import load_aim_for
@@ -77,7 +79,7 @@ def deploy(args: argparse.Namespace) -> int:
     carried = {name: path for name, path in copies.items() if path}
     if config.recording is None:
         print(f"{args.config}: has no [recording]; the robot's {CONFIG} gets one: {', '.join(KEPT)}", flush=True)
-    wheels, plugins = _wheels(args.wheels), [_plugin(path) for path in args.plugin]
+    wheels, plugins = _wheels(args.wheels), [*_ours(config), *(_plugin(path) for path in args.plugin)]
     if not (SOURCE / "pyproject.toml").exists():
         raise InputError(f"{SOURCE}: deploy builds truearc from its source; run it from a checkout")
     if args.dry_run:
@@ -112,6 +114,12 @@ def _wheels(folder: Path | None) -> list[Path]:
     if not any(path.name.startswith("numpy-") for path in found):
         raise InputError(f"{folder}: no wheels of what truearc needs; docs/how-to/deploy.md says how to fetch them")
     return found
+
+
+def _ours(config: Config) -> list[Path]:
+    """Folders of this checkout with the distributions that the configuration needs."""
+    named = dict.fromkeys(map(distribution_of_table, config.readings))
+    return [SOURCE / name.removeprefix("truearc-") for name in named if name in INSTALL_HINTS]
 
 
 def _plugin(path: Path) -> Path:

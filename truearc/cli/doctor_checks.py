@@ -1,7 +1,6 @@
 """The work of `truearc doctor`: opens each wire in turn and collects the findings; with --move also moves the robot."""
 
 import argparse
-import math
 import os
 import shutil
 import sys
@@ -13,32 +12,27 @@ from pathlib import Path
 import cv2
 import msgspec
 
-from truearc.cli.common import SHIPPED, refuse
+from truearc.cli.common import refuse
 from truearc.cli.run_robot import Ending, open_bus
 from truearc.errors import InputError
 from truearc.hw.devices.family import FAILURE, WARNING, Endpoints, Finding, Heard, failure, line, listen, warning
-from truearc.hw.protocols import NS_PER_S, Bus, Clock, Frame, LinkLost, Stream
+from truearc.hw.protocols import Bus, Clock, Frame, LinkLost, Stream
 from truearc.hw.real.camera import open_camera
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.system import CanLink, is_clock_synchronised, read_exposure, read_link, rehearse
 from truearc.hw.real.wires import open_serial
 from truearc.robot import doctor
-from truearc.robot.advice.advice_io import Scaled, scaled_columns
-from truearc.robot.advice.nt_keys import NtKeys, Reading
 from truearc.robot.config.schema import Config, load_config
-from truearc.robot.config.shot_map import as_signal, load_map
 from truearc.robot.doctor import find_hood
 from truearc.robot.doctor_motion import SmallMotion, check_motion, describe, plan
-from truearc.robot.doctor_network import HeardKeys, check_network, check_tags, keys_wanted
+from truearc.robot.eyes import NoEyes
 from truearc.robot.motors import name_axes
+from truearc.robot.readings import sources_of
 from truearc.robot.recording.files import TappedBus
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
-from truearc.robot.vision_source import NoEyes
 
-LOOK_NS = 10_000_000
-CONNECT_S = 5.0                       # for the library to find the server
 CHECK = "motion"
 LOOK_S = 0.5                          # at where the hood is, before anything is asked
 WARNING_TEXT = "Take all balls out and keep hands away. Ctrl-C stops it, and so does any button of the button box."
@@ -47,27 +41,23 @@ WARNING_TEXT = "Take all balls out and keep hands away. Ctrl-C stops it, and so 
 def check_robot(args: argparse.Namespace) -> int:
     """Print the findings; 1 if any is a failure. args: those of `truearc doctor`."""
     check_move(args)
-    if args.nt or args.map:
-        return _report([*look_beside(args)], args.json)
-    if args.config is None:
-        raise InputError("--config is needed: which launcher.toml to look at; or --nt and --map")
     config = load_config(args.config)
     endpoints = doctor.load_endpoints(args.endpoints) if args.endpoints else None
     clock = MonotonicClock()
     findings = [*_look_at_can(config, clock, endpoints, args.seconds)]
     if args.move:
         findings += move_robot(config, clock, findings, args.yes)
-    findings += [*_look_at_senses(config, clock), *look_at_network(config),
+    findings += [*_look_at_senses(config, clock), *look_at_readings(config),
                 *doctor.check_real_time(rehearse(args.priority)), doctor.check_clock(is_clock_synchronised()),
                 doctor.check_model(config.gate, args.gate), *doctor.check_aim(config, args.aim),
                 _look_at_disk(args.out)]
-    return _report(findings, args.json)
+    return report(findings, args.json)
 
 
 def set_devices(args: argparse.Namespace) -> int:
     """Write what the axes should keep; 0 when they keep it. args: those of `truearc doctor`."""
-    if args.config is None or args.endpoints is None:
-        raise InputError("--set needs --config and --endpoints: whose axes, and their firmware's flat_endpoints.json")
+    if args.endpoints is None:
+        raise InputError("--set needs --endpoints: the flat_endpoints.json of the axes' firmware")
     config, endpoints, clock = load_config(args.config), doctor.load_endpoints(args.endpoints), MonotonicClock()
     try:
         bus = open_can(config.can.interface, config.can.channel, config.can.bitrate, clock)
@@ -81,7 +71,8 @@ def set_devices(args: argparse.Namespace) -> int:
         bus.close()
 
 
-def _report(findings: list[Finding], as_json: bool) -> int:
+def report(findings: list[Finding], as_json: bool) -> int:
+    """Print findings; return 1 if any is a failure."""
     levels = [finding.level for finding in findings]
     failures, warnings = levels.count(FAILURE), levels.count(WARNING)
     if as_json:
@@ -101,8 +92,8 @@ def _look_at_senses(config: Config, clock: Clock) -> Iterator[Finding]:
             yield doctor.check_box(box, clock)
         except LinkLost as error:
             yield failure("button box", str(error), "plug it in; stop a running robot; see [buttons] port")
-        if config.nt4 is not None and config.nt4.vision is not None:
-            return                    # another camera sees for us
+        if config.is_seen_elsewhere:
+            return
         yield doctor.check_exposure(config.camera, read_exposure(config.camera.device))
         try:
             camera = open_camera(config.camera.device, config.camera.width_px, config.camera.height_px,
@@ -148,59 +139,12 @@ def _look_at_disk(folder: Path) -> Finding:
     return doctor.check_disk(folder, free_bytes, there.is_dir() and os.access(there, os.W_OK))
 
 
-def look_at_network(config: Config) -> Iterator[Finding]:
-    """As [nt4] says, with the camera for tags; the latter alone without it."""
-    if config.nt4 is None:
-        yield from check_tags(config, None)
-        return
-    yield from _listen_and_check(config, config.nt4.server, *keys_wanted(config), seconds=2.0)
-
-
-def look_beside(args: argparse.Namespace) -> Iterator[Finding]:
-    """For `truearc advise` with --nt and --map."""
-    if args.nt is None or args.map is None:
-        raise InputError("--nt and --map belong together: where the robot is, and which keys say what")
-    config, shot_map = load_config(args.config or SHIPPED), load_map(args.map)
-    columns = [*scaled_columns(shot_map, config).values()]
-    quiet = [as_signal(said).key for said in (shot_map.shots.feed, shot_map.outcome.key) if said]
-    seen, still = keys_wanted(config)
-    lively, resting = [one.alive or one.key for one in columns], [one.key for one in columns if one.alive]
-    yield from _listen_and_check(config, args.nt, [*lively, *seen],
-                                 [*resting, *quiet, *shot_map.outcome.buttons, *still], args.seconds, columns,
-                                 [shot_map.outcome.key])
-
-
-def _listen_and_check(config: Config, server: str, lively: Sequence[str], still: Sequence[str],
-                      seconds: float, columns: Sequence[Scaled] = (), texts: Sequence[str] = ()) -> Iterator[Finding]:
-    try:
-        keys = NtKeys(server, [*lively, *still])
-    except InputError as error:
-        yield failure("NetworkTables server", str(error), "install it, or correct the address")
-        return
-    try:
-        heard = hear(keys, MonotonicClock(), seconds)
-    finally:
-        keys.close()
-    yield from check_network(server, lively, still, heard, columns, texts)
-    if heard.is_connected:
-        yield from check_tags(config, heard.newest)
-
-
-def hear(keys: NtKeys, clock: Clock, seconds: float) -> HeardKeys:
-    """Wait for the server, then read every key for so long."""
-    began_ns = clock.now_ns()
-    while not keys.connected and clock.now_ns() - began_ns < CONNECT_S * NS_PER_S:
-        clock.sleep_until_ns(clock.now_ns() + LOOK_NS)
-    newest, changes, ahead_s, offsets_s = dict[str, Reading](), Counter[str](), -math.inf, list[float]()
-    began_ns = clock.now_ns()
-    while keys.connected and clock.now_ns() - began_ns < seconds * NS_PER_S:
-        clock.sleep_until_ns(clock.now_ns() + LOOK_NS)
-        before, newest = newest, dict(keys.read(clock.now_ns()))
-        changes.update(key for key, reading in newest.items() if key in before and reading.t_ns != before[key].t_ns)
-        ahead_s = max(ahead_s, keys.ahead_s())
-        if (offset_s := keys.offset_s) is not None:
-            offsets_s.append(offset_s)
-    return HeardKeys(seconds, keys.connected, newest, changes, ahead_s, offsets_s)
+def look_at_readings(config: Config) -> Iterator[Finding]:
+    """What other distributions say of their tables; of [camera] where it sees tags itself."""
+    if not config.is_seen_elsewhere and config.camera.target == "apriltag":
+        yield doctor.check_calibration(config.camera)
+    for source in sources_of(config):
+        yield from source.findings()
 
 
 class NoBox:
@@ -216,8 +160,6 @@ def check_move(args: argparse.Namespace) -> None:
     """InputError for options that do not go together, before anything is opened."""
     if not args.move:
         refuse(args, ("--yes",), "applies with --move or --set only")
-    elif args.nt or args.map:
-        raise InputError("--move: applies to a robot that truearc drives, not with --nt and --map")
     elif not args.yes and not sys.stdin.isatty():
         raise InputError("--move: asks before it moves anything, and there is no terminal to answer; give --yes where "
                          "all balls are out and hands away")

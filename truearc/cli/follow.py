@@ -19,7 +19,6 @@ from truearc.cli import common
 from truearc.cli.aim import parse_distances
 from truearc.cli.outputs import OutFolder
 from truearc.errors import about, load_bytes, naming
-from truearc.robot.aim_file import LONGEST_NOTE
 from truearc.sim.discover.finding import FALSE_ALARM, check_chances
 
 if TYPE_CHECKING:
@@ -150,6 +149,7 @@ class ShotWatch:
 
     def _hand_over(self, made: "Proposed", rig: "ta.Rig", path: Path) -> None:
         """Write the aim file, and send it; what goes wrong is printed, and following goes on."""
+        from truearc.robot.aim_file import LONGEST_NOTE  # which loads the gate
         note = "".join(one for one in made.proposal.sentence if one.isprintable())[:LONGEST_NOTE]
         try:
             ta.export_aim(made.after, made.belief, rig, path, note=note)

@@ -16,7 +16,7 @@ import truearc as ta
 from truearc.cli.common import SHIPPED, add_accept, load_any_rig, make_progress, number, refuse
 from truearc.cli.outputs import WEIGHTS, OutFolder, out_file
 from truearc.errors import InputError, load_bytes, save_whole
-from truearc.model_export.tolerances import NETWORK_TOLERANCE, PHYSICS_TOLERANCE
+from truearc.model_export import NETWORK_TOLERANCE, PHYSICS_TOLERANCE
 from truearc.robot.config.schema import Config
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def export_options(parser: argparse.ArgumentParser) -> None:
 
 def export(args: argparse.Namespace) -> int:
     """Write trained weights as an ONNX file that carries its contract, domain and provenance."""
-    from truearc.robot.gate.model import load_gate
+    from truearc.robot.gate import load_gate
     data = ta.export_weights(args.weights, args.out)
     print(f"{args.out}: {len(data)} bytes, sha256 {load_gate(args.out).sha256}")
     return 0
@@ -142,7 +142,7 @@ def make_server(args: argparse.Namespace) -> "PageServer":
     """Return the server that the arguments ask for; it does not serve yet. InputError where it cannot listen."""
     from truearc.hw.real.clock import MonotonicClock
     from truearc.robot.config.schema import load_config
-    from truearc.robot.gate.model import load_gate
+    from truearc.robot.gate import load_gate
     from truearc.robot.operator_ui.server import PageServer
     from truearc.robot.operator_ui.what_if import LAPTOP_RATE_PER_S, WhatIf
     gate, config = load_gate(args.gate), load_config(args.config or SHIPPED)
@@ -165,7 +165,7 @@ def make_command(gate: Path, config: Config) -> tuple[str, ...]:
 def answer(gate: str, threshold: str, speed_rad_s: str = "") -> int:
     """Answer until standard input ends, giving way to every other process; return 2 where the gate cannot be used."""
     from truearc.hw.real.clock import MonotonicClock
-    from truearc.robot.gate.model import load_gate
+    from truearc.robot.gate import load_gate
     from truearc.robot.operator_ui.what_if import WhatIf, serve_questions
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # goes to the whole group; the page's process says when this one ends
     os.nice(NICE)

@@ -7,9 +7,9 @@ from pathlib import Path
 import truearc as ta
 from truearc.cli.common import make_progress
 from truearc.cli.outputs import DATASET, OutFolder
+from truearc.errors import OTHER_FORMATS, needs
 from truearc.sim.data.importers.registry import load_importers
 
-EXAMPLE = "truearc import wpilog monday.wpilog --guess --rig rig.toml -o data/monday"
 MAP = "shots.toml"
 
 
@@ -17,36 +17,39 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     importers = load_importers()
     known = "; ".join(f"{importer.name}: {', or '.join(importer.ways)}" for importer in importers)
-    parser.add_argument("source", choices=[importer.name for importer in importers],
-                        help="wpilog or csv: any team's; others: whose recordings (more come with pip install "
-                        "./proof in a checkout)")
+    parser.add_argument("source", choices=sorted({*OTHER_FORMATS, *(importer.name for importer in importers)}),
+                        help=f"{', '.join(OTHER_FORMATS)} or csv: any team's; others: whose recordings (more come "
+                        "with pip install ./proof in a checkout)")
     parser.add_argument("files", nargs="+", metavar="FILE", help=f"the public originals, or tables of them: {known}")
     parser.add_argument("-o", "--out", type=OutFolder(DATASET), required=True, metavar="DIR",
                         help="dataset directory to write")
     parser.add_argument("--only", metavar="COLUMN=TEXT,...", help="of the dataset's shots those with one of these "
                         "texts in the column (ball_quality=new), to compare parts with each other")
     how = parser.add_mutually_exclusive_group()
-    how.add_argument("--map", metavar="MAP", help="wpilog, csv: which keys say what: a shots.toml, or one that comes "
-                     "with truearc: advantagekit, wpilib, truearc, viking-2928, ftc-csv, tracker, kinovea")
+    how.add_argument("--map", metavar="MAP", help="of any team's files: which keys say what: a shots.toml, or an "
+                     "installed map, such as ftc-csv, tracker, kinovea")
     how.add_argument("--guess", action="store_true", help="propose that map from the names, units and numbers in the "
                      f"first file, write it to DIR/{MAP}, and import by it; a CSV without a column Timestamp has a row "
                      "per shot")
-    parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="wpilog, csv: ball, wheels and target (truearc "
-                        "init DIR makes one to fill in)")
+    parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="of any team's files: ball, wheels and target "
+                        "(truearc init DIR makes one to fill in)")
 
 
 def main(args: argparse.Namespace) -> int:
     """Read, say what came of it, write."""
     from truearc.sim.data.importers.imported import doubts_of, only
     from truearc.sim.printed import left_out_lines
-    importer = next(importer for importer in load_importers() if importer.name == args.source)
+    importer = next((importer for importer in load_importers() if importer.name == args.source), None)
+    if importer is None:
+        raise ta.InputError(f"{args.source}: {needs(args.source)}")
     if not importer.takes(args.files):
         raise ta.InputError(f"{args.source} takes {', or '.join(importer.ways)}; not {' '.join(args.files)}")
     shot_map = ""
     if importer.load is None:
         dataset, shot_map = _by_map(args)
     elif args.map or args.guess or args.rig:
-        raise ta.InputError(f"--map, --guess and --rig are for wpilog and csv; {args.source} knows its files' form")
+        any_team = " and ".join(one.name for one in load_importers() if one.load is None)
+        raise ta.InputError(f"--map, --guess and --rig are for {any_team}; {args.source} knows its files' form")
     else:
         dataset = importer.load(*args.files)
     if args.only is not None:

@@ -8,7 +8,7 @@ import truearc
 from truearc.cli import commands
 from truearc.cli.commands import Command, find_command, list_commands, make_parser
 from truearc.cli.outputs import fresh_outputs
-from truearc.errors import InputError
+from truearc.errors import ELSEWHERE, InputError, needs
 
 # Arrays here are small: threads of the linear algebra would only wait for one another and, where another process keeps
 # a core busy, for that. Set before NumPy is imported.
@@ -31,7 +31,7 @@ def main(argv: list[str] | None = None) -> int:
         return _run(command, argv[len(command.name.split()):])
     except ModuleNotFoundError as error:
         package = (error.name or "").partition(".")[0]
-        if package in ("", "truearc", "truearc_proof"):
+        if package in ("", "truearc", "truearc_proof", "truearc_frc"):
             raise                     # ours: a defect, not an install without the companion
         print(f"truearc {command.name}: needs {error.name}, which is not installed: {commands.install_hint(command)}",
               file=sys.stderr)
@@ -78,8 +78,8 @@ def _explain(argv: list[str]) -> int:
     if not words:
         print(_list(prefix), file=sys.stderr)
         return 2
-    if argv[0] in commands.ABSENT:
-        print(f"truearc {argv[0]}: {commands.ABSENT[argv[0]]}", file=sys.stderr)
+    if argv[0] in ELSEWHERE:
+        print(f"truearc {argv[0]}: {needs(argv[0])}", file=sys.stderr)
         return 2
     typed = f"{prefix} {words[0]}".strip()
     near = _nearest(typed)

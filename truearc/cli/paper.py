@@ -8,8 +8,8 @@ import truearc as ta
 from truearc.cli.common import add_accept, add_terms_from, catalogue_of, fixed, listed, make_progress, number, refuse
 from truearc.cli.outputs import DATASET, WEIGHTS, OutFolder, out_file
 from truearc.errors import save_whole
-from truearc.sim.paper.settings import DEFAULT_RECIPE as DEFAULT
-from truearc.sim.paper.settings import PATIENCE, STEP
+from truearc.sim.paper import DEFAULT_RECIPE as DEFAULT
+from truearc.sim.paper import PATIENCE, STEP
 
 if TYPE_CHECKING:
     from truearc.api.fitting import GridSearch
@@ -66,9 +66,6 @@ def synth_options(parser: argparse.ArgumentParser) -> None:
                         help="coefficients.toml, as `truearc fit` and `truearc paper fit` write it")
     add_terms_from(parser)
     parser.add_argument("-n", type=int, default=900, help="shots in all")
-    parser.add_argument("--draws", type=number(int, 1), metavar="N",
-                        help="draw N sets of coefficients from the fit's covariance, and scatter every shot; without "
-                             "it one exact set, as in the paper")
     parser.add_argument("--exclude", metavar="DIR", help="dataset of recorded shots whose configurations are not drawn")
     parser.add_argument("--seed", type=number(int, 0), default=0, help="of the draw")
     parser.add_argument("-o", "--out", type=OutFolder(SYNTHESIS), required=True, metavar="DIR",
@@ -78,15 +75,13 @@ def synth_options(parser: argparse.ArgumentParser) -> None:
 def synth(args: argparse.Namespace) -> int:
     """Simulate shots for the classifier, balanced over the three outcomes.
 
-    Every configuration of the paper's grid is flown with fitted coefficients, and an even sample is drawn. With --draws
-    each shot has coefficients of its own, drawn from the covariance that `truearc fit` writes, and the scatter and
-    sensor noise of a real shot.
+    Every configuration of the paper's grid is flown with fitted coefficients, and an even sample is drawn.
     """
     recorded = ta.load_dataset(args.exclude) if args.exclude else None
     shots = ta.paper.write_synthetic(args.out, ta.load_rig(args.rig), args.coefficients, args.n, exclude=recorded,
-                                     draws=args.draws, seed=args.seed, among=catalogue_of(args),
+                                     seed=args.seed, among=catalogue_of(args),
                                      progress=make_progress("synth", args.quiet))
-    print(ta.paper.say_synthetic(args.out, shots, args.draws))
+    print(ta.paper.say_synthetic(args.out, shots))
     return 0
 
 

@@ -49,10 +49,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def doctor_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--config", type=Path, help="launcher.toml; needed without --nt")
-    parser.add_argument("--nt", metavar="TEAM|ADDRESS", help="look at the keys that truearc advise --map reads, and "
-                        "at nothing else")
-    parser.add_argument("--map", metavar="MAP", help="as for truearc advise; with --nt")
+    parser.add_argument("--config", type=Path, required=True, help="launcher.toml")
     parser.add_argument("--gate", type=Path, help="model, as for truearc run")
     parser.add_argument("--aim", type=Path, metavar="FILE", help="aim file, as for truearc run")
     parser.add_argument("--out", type=Path, default=Path("sessions"), help="folder for sessions, as for truearc run")
@@ -62,7 +59,7 @@ def doctor_options(parser: argparse.ArgumentParser) -> None:
                         "switch and back, once you have typed yes: directions, scales, lags, the switch")
     parser.add_argument("--priority", type=number(int, 1, 99), default=50, metavar="P", help="as for truearc run")
     parser.add_argument("--seconds", type=number(float, 0.5, 600.0), default=2.0, metavar="S",
-                        help="to listen to the bus, or to --nt")
+                        help="to listen to the bus")
     parser.add_argument("--set", action="store_true", help="compare the watchdogs and limits that the axes keep with "
                         "the rig, and write and save what differs after a yes; with --endpoints")
     parser.add_argument("--yes", action="store_true", help="with --set or --move: do not ask; with --move, "
@@ -106,8 +103,10 @@ def emulate_options(parser: argparse.ArgumentParser) -> None:
 def emulate(args: argparse.Namespace) -> int:
     """Record trials of the emulated robot: the real runtime, real frames and images, a MuJoCo world."""
     config = load_config(args.config)
-    if config.nt4 is not None:        # it stands still, and sees with a camera of its own
-        config = replace(config, nt4=replace(config.nt4, vision=None, velocity=None))
+    # the emulated robot stands still, and sees with a camera of its own
+    config = replace(config, readings={
+        name: {key: value for key, value in table.items() if key not in ("vision", "velocity")}
+        for name, table in config.readings.items()})
     config = with_plan(config, load_plan(args.plan, config) if args.plan else (), args.repeats)
     trials = _trials(args.trials, config)
     print(_serve(args, config, trials) if args.bus != VIRTUAL else _emulate(args, config, trials))
@@ -122,13 +121,13 @@ def _emulate(args: argparse.Namespace, config: Config, trials: int) -> "Emulatio
         raise InputError(f"{args.config}: gate.policy is 'model', so --gate is needed")
     from truearc.cli.gate import make_command
     from truearc.hw.real.clock import MonotonicClock
-    from truearc.robot.advice.nt_publisher import open_publisher
-    from truearc.robot.operator_ui.screens import open_screens
     from truearc.robot.operator_ui.server import open_page
+    from truearc.robot.readings import open_their_screens
+    from truearc.robot.runtime import open_screens
     from truearc.sim.world.options import load_options
     asks = make_command(args.gate, config) if args.gate else ()
     page = open_screens((partial(open_page, args.page, config, args.out.name, gate_command=asks),
-                         partial(open_publisher, config, args.gate, True)), MonotonicClock())
+                         partial(open_their_screens, config, args.gate, True)), MonotonicClock())
     try:
         return ta.emulate(config, args.out, trials, args.seed, load_options(args.world), args.gate,
                           make_progress("emulate", args.quiet), page=page, aim_path=args.aim)

@@ -15,21 +15,16 @@ from truearc.hw.real.camera import open_camera
 from truearc.hw.real.clock import MonotonicClock, wall_offset_ns
 from truearc.hw.real.processes import Capacity, Child, Inbox, Line, Outbox, Slots, make_shared
 from truearc.hw.real.wires import MendedCamera
-from truearc.robot.advice.nt_camera import OwnNtCamera
-from truearc.robot.advice.nt_velocity import OwnNtVelocity, Velocity
 from truearc.robot.config.schema import Config, RecordingConfig
-from truearc.robot.operator_ui.screens import OpenScreen, Screen, with_screen
-from truearc.robot.processes.recorder import NEWS, Desk, FarKeeper
-from truearc.robot.processes.velocity import ROOM as VELOCITY_ROOM
-from truearc.robot.processes.velocity import FarVelocity, tell_velocity
-from truearc.robot.processes.vision import FarEyes, make_room, relay, tell, watch
+from truearc.robot.eyes import Eyes, FarEyes, InlineEyes, make_room, relay, tell, watch
+from truearc.robot.readings import open_eyes
 from truearc.robot.recording.files import Row
+from truearc.robot.recording.recorder import NEWS, Desk, FarKeeper
 from truearc.robot.recording.retention import start_pruning
 from truearc.robot.recording.writer import Keeper, LaneKeeper
-from truearc.robot.runtime import Recorder
+from truearc.robot.runtime import OpenScreen, Recorder, Screen, with_screen
 from truearc.robot.types import Sighting, Tick
 from truearc.robot.vision import find_target
-from truearc.robot.vision_source import Eyes, InlineEyes
 
 CLOSE_S = 2.0                         # for a camera to be let go
 
@@ -42,22 +37,13 @@ class OneProcess:
 
     def open_eyes(self, clock: Clock) -> Eyes:
         """Eyes on the configuration's camera, which may come later."""
-        if has_nt_camera(self._config):
-            seeing = OwnNtCamera(self._config, clock)
-            self._wires.callback(seeing.close)
-            return seeing
+        if (elsewhere := open_eyes(self._config, clock)) is not None:
+            self._wires.callback(elsewhere.close)
+            return elsewhere
         cv2.setNumThreads(1)
         camera = open_mended(self._config, clock)
         self._wires.callback(camera.close)
         return InlineEyes(camera, make_see(self._config))
-
-    def open_velocity(self, clock: Clock) -> Velocity | None:
-        """How the robot drives, where [nt4] says who tells."""
-        if self._config.nt4 is None or self._config.nt4.velocity is None:
-            return None
-        velocity = OwnNtVelocity(self._config, clock)
-        self._wires.callback(velocity.close)
-        return velocity
 
     def open_keeper(self, folder: Path, contents: Mapping[str, bytes]) -> Keeper:
         """Make a recording's folder and open its files; OSError or InputError when they cannot be."""
@@ -88,20 +74,11 @@ class ThreeProcesses:
         self._sightings = Slots(memory, room)
         self.vision = Child("vision", look, (config, memory, room), restarts=True, mortal=True)
         wires.callback(self.vision.close, CLOSE_S)
-        self._velocity: FarVelocity | None = None
-        if config.nt4 is not None and config.nt4.velocity is not None:
-            shared = make_shared(VELOCITY_ROOM.bytes)
-            self._velocity = FarVelocity(Slots(shared, VELOCITY_ROOM))
-            driven = Child("velocity", drive, (config, shared), restarts=True, mortal=True)
-            wires.callback(driven.close, CLOSE_S)
         self.recorder = RecorderProcess(wires, open_screen, config.recording)
 
     def open_eyes(self, clock: Clock) -> Eyes:
         self.vision.wait()
         return FarEyes(self._sightings, lambda: self.vision.trouble, clock)
-
-    def open_velocity(self, clock: Clock) -> Velocity | None:
-        return self._velocity
 
     def open_keeper(self, folder: Path, contents: Mapping[str, bytes]) -> Keeper:
         return self.recorder.open_keeper(folder, contents)
@@ -145,11 +122,10 @@ def look(line: Line, is_first: bool, config: Config, memory: object, room: Capac
     cv2.setNumThreads(1)
     clock, slots = MonotonicClock(), Slots(memory, room)
     slots.beat(clock.now_ns())
-    if has_nt_camera(config):
-        eyes = OwnNtCamera(config, clock)
+    if (elsewhere := open_eyes(config, clock)) is not None:
         line.say(None)
-        relay(eyes, slots, clock, line.is_over)
-        eyes.close()
+        relay(elsewhere, slots, clock, line.is_over)
+        elsewhere.close()
         return
     camera = open_mended(config, clock)
     if camera.lost is not None:
@@ -157,14 +133,6 @@ def look(line: Line, is_first: bool, config: Config, memory: object, room: Capac
     line.say(None)
     watch(camera, make_see(config), slots, clock, line.is_over)
     camera.close()
-
-
-def drive(line: Line, is_first: bool, config: Config, memory: object) -> None:
-    """The process that reads how the robot drives."""
-    velocity = OwnNtVelocity(config, MonotonicClock())
-    line.say(None)
-    tell_velocity(velocity, Slots(memory, VELOCITY_ROOM), line.is_over)
-    velocity.close()
 
 
 def write(line: Line, is_first: bool, end: socket.socket, memory: object,
@@ -204,11 +172,6 @@ def open_mended(config: Config, clock: Clock) -> MendedCamera:
     asked = config.camera
     return MendedCamera(lambda: open_camera(asked.device, asked.width_px, asked.height_px, asked.fps, clock,
                                             asked.exposure_s))
-
-
-def has_nt_camera(config: Config) -> bool:
-    """Whether a camera of the network sees for us."""
-    return config.nt4 is not None and config.nt4.vision is not None
 
 
 def make_see(config: Config) -> Callable[[CameraFrame], Sighting]:

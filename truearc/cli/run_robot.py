@@ -21,26 +21,22 @@ from truearc.hw.real.can_bus import WAIT_S, SupervisedBus, open_can
 from truearc.hw.real.clock import MonotonicClock, wall_clock, wall_offset_ns
 from truearc.hw.real.system import ServiceManager, ask_core, ask_fifo, ask_fifo_beside, ask_locked_memory
 from truearc.hw.real.wires import MendedStream, open_serial
-from truearc.robot.advice.nt_keys import need_library
-from truearc.robot.advice.nt_publisher import open_publisher
 from truearc.robot.aim_file import AimFile, load_aim_for, needs_aim
 from truearc.robot.config.overrides import load_plan, with_plan, with_ports
 from truearc.robot.config.schema import Config, load_config
-from truearc.robot.gate.model import load_gate
+from truearc.robot.eyes import Eyes
+from truearc.robot.gate import load_gate
 from truearc.robot.motors import guard, make_motors
 from truearc.robot.operator_ui import parse_page
 from truearc.robot.operator_ui.aim_inbox import AimInbox, OfferingRig
-from truearc.robot.operator_ui.screens import open_screens
 from truearc.robot.operator_ui.server import open_page
-from truearc.robot.processes.loop_health import Lateness, TimedRig, WatchedRig
-from truearc.robot.processes.velocity import MovingRig
+from truearc.robot.readings import open_their_screens, sources_of
 from truearc.robot.recording.files import DISK_ERRNOS, TappedBus
 from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import HardwareRig, RecordingRig
-from truearc.robot.runtime import RobotIo, run
+from truearc.robot.runtime import Lateness, RobotIo, TimedRig, WatchedRig, open_screens, run
 from truearc.robot.tick import step
-from truearc.robot.vision_source import Eyes
 
 ROOM_BYTES = 100 << 20                # a quarter of an hour of recording, which a session should find to begin with
 
@@ -62,8 +58,6 @@ def run_robot(args: argparse.Namespace) -> int:
     parse_page(args.page)
     config = with_ports(load_config(args.config), args.can, args.buttons, args.camera)
     config = with_plan(config, load_plan(args.plan, config) if args.plan else (), args.repeats)
-    if config.nt4 is not None:
-        need_library()
     make_motors(config)               # refuses two axes that are one device, before there is a folder
     gate = None if args.gate is None else load_gate(args.gate)
     if config.gate.policy == "model" and gate is None:
@@ -82,8 +76,9 @@ def run_robot(args: argparse.Namespace) -> int:
         # with all in one process a started one would be as urgent as the tick: there the page has no gate
         asks = make_command(args.gate, config) if args.gate and args.layout != "one" else ()
         screens = (partial(open_page, args.page, config, folder.name, gate_command=asks, inbox=args.aim_inbox),
-                   partial(open_publisher, config, args.gate if asks else None, False))
+                   partial(open_their_screens, config, args.gate if asks else None, False))
         layout = LAYOUTS[args.layout](config, wires, partial(open_screens, screens))
+        layers = [source.open_layer(wires, args.layout != "one") for source in sources_of(config)]
         bus, box, eyes, clock = _open_wires(config, layout, wires, tally)
         recorder = SessionWriter(folder, make_header(config, gate, started, aims.get(""), wall_offset_ns()), config,
                                  args.gate.read_bytes() if args.gate else None, lossless=False,
@@ -99,8 +94,8 @@ def run_robot(args: argparse.Namespace) -> int:
         wires.callback(rig.release)               # first of all to be done on the way out, whatever happened
         _ask_for_real_time(args)
         kept: RobotIo = RecordingRig(TimedRig(rig, lateness), recorder.trouble)
-        velocity = layout.open_velocity(clock)
-        kept = kept if velocity is None else MovingRig(kept, velocity)
+        for layer in filter(None, layers):
+            kept = layer(kept)
         watched = WatchedRig(_offering(args, config, folder, aims, kept, wires), config, manager.say)
         ticks = run(watched, config, gate, layout.show(recorder), partial(step, aims=aims))
     print(f"{folder}: {ticks} ticks" + (f", {recorder.dropped} batches lost" if recorder.dropped else ""))

@@ -2,10 +2,12 @@
 
 import argparse
 import sys
+from importlib.metadata import entry_points
 from pathlib import Path
 
 from truearc.cli import common
 from truearc.cli.outputs import out_file
+from truearc.errors import EXPORTS, OTHER_FORMATS
 
 
 def replay_options(parser: argparse.ArgumentParser) -> None:
@@ -56,19 +58,24 @@ def recover(args: argparse.Namespace) -> int:
 
 def convert_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("session", type=Path, help="recorded session folder")
-    parser.add_argument("--to", required=True, choices=("csv", "mcap", "parquet", "wpilog"), help="format")
+    parser.add_argument("--to", required=True, choices=_formats(), help="format")
     parser.add_argument("--belief", type=Path, metavar="FILE", help="with --to mcap: coefficients.toml by which the "
                         "flights of marked shots are drawn (needs truearc[sim]); without it none is")
     common.add_terms_from(parser)
     parser.add_argument("-o", "--out", type=out_file, required=True, metavar="FILE", help="file to write")
 
 
+def _formats() -> list[str]:
+    """Formats of truearc, of installed distributions, and of those that say what to install."""
+    return sorted({"csv", "mcap", "parquet", *OTHER_FORMATS, *(point.name for point in entry_points(group=EXPORTS))})
+
+
 def convert(args: argparse.Namespace) -> int:
     """Write a recorded session as one file that other programs open.
 
-    WPILOG for AdvantageScope, MCAP for Foxglove, Lichtblick and PlotJuggler, CSV or Parquet with one row per tick (and
-    one more file, FILE.trials, with one row per marked trial). With --belief an MCAP also shows the flight of each
-    marked shot as the belief has it.
+    MCAP for Foxglove, Lichtblick and PlotJuggler, CSV or Parquet with one row per tick (and one more file, FILE.trials,
+    with one row per marked trial), and the formats of other distributions. With
+    --belief an MCAP also shows the flight of each marked shot as the belief has it.
     """
     from truearc.cli.session_convert import convert
     return convert(args)

@@ -4,13 +4,14 @@ import argparse
 import sys
 from collections.abc import Callable, Iterator
 from functools import partial
+from importlib.metadata import entry_points
 from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
 
 from truearc.cli.common import catalogue_of, make_progress, refuse
 from truearc.cli.outputs import refuse_file
-from truearc.errors import InputError
+from truearc.errors import EXPORTS, InputError, PluginError, load_plugin, needs, only_point
 from truearc.robot.recording.export import convert as exports
 from truearc.robot.recording.export.convert import TRIAL_COLUMNS, ExportRows
 from truearc.robot.recording.export.field_pose import in_target_frame
@@ -32,9 +33,9 @@ def convert(args: argparse.Namespace) -> int:
         refuse(args, ("--belief", "--terms-from"), "applies with --to mcap only")
     progress = make_progress("convert", args.quiet)
     rows = ExportRows(args.session, progress)
-    formats = FORMATS | {"mcap": partial(_to_one_file, partial(_write_mcap, flights=_flights(args)))}
+    write = _writer(args)
     try:
-        made = formats[args.to](rows, args.out)
+        made = write(rows, args.out)
         if rows.count == 0:
             raise InputError(f"{rows.reader.path}: no ticks to convert"
                            + (f" ({rows.reader.cut_short})" if rows.reader.cut_short else ""))
@@ -53,6 +54,20 @@ def convert(args: argparse.Namespace) -> int:
     if rows.reader.cut_short:
         print(f"{rows.reader.cut_short}; what follows is missing: truearc session recover", file=sys.stderr)
     return 0
+
+
+def _writer(args: argparse.Namespace) -> Callable[[ExportRows, Path], tuple[Path, ...]]:
+    """What writes the format asked for; InputError where its distribution is not installed or is broken."""
+    if args.to == "mcap":
+        return partial(_to_one_file, partial(_write_mcap, flights=_flights(args)))
+    if args.to in FORMATS:
+        return FORMATS[args.to]
+    try:
+        return partial(_to_one_file, load_plugin(only_point(tuple(entry_points(group=EXPORTS, name=args.to)), args.to)))
+    except LookupError as error:
+        raise InputError(f"--to {args.to}: {needs(args.to)}") from error
+    except PluginError as error:
+        raise InputError(str(error)) from error
 
 
 def _to_two_files(write: WriteRows, rows: ExportRows, out: Path) -> tuple[Path, ...]:
@@ -132,5 +147,4 @@ def _part(path: Path) -> Path:
 
 
 FORMATS: dict[str, Callable[[ExportRows, Path], tuple[Path, ...]]] = {
-    "csv": partial(_to_two_files, exports.write_csv), "parquet": partial(_to_two_files, _write_parquet),
-    "wpilog": partial(_to_one_file, exports.write_wpilog)}
+    "csv": partial(_to_two_files, exports.write_csv), "parquet": partial(_to_two_files, _write_parquet)}

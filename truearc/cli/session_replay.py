@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from truearc.errors import InputError
 from truearc.robot.config.schema import load_config
-from truearc.robot.gate.model import load_gate
+from truearc.robot.gate import load_gate
 from truearc.robot.reasons import texts
 from truearc.robot.recording.export.tabular import Value
 from truearc.robot.recording.replay import (

@@ -17,6 +17,7 @@ from truearc.hw.real.clock import MonotonicClock, wall_clock, wall_offset_ns
 from truearc.hw.real.wires import open_serial
 from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config
+from truearc.robot.eyes import NoEyes
 from truearc.robot.motors import make_motors
 from truearc.robot.reasons import text
 from truearc.robot.recording.files import TappedBus
@@ -26,7 +27,6 @@ from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
 from truearc.robot.sysid import POLICY, make_step, phases, say
 from truearc.robot.types import Progress, Sent, Tick
-from truearc.robot.vision_source import NoEyes
 
 if TYPE_CHECKING:                     # needs MuJoCo, which a robot does without
     from truearc.sim.world.emulated_robot import MakeNodes

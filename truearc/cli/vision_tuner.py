@@ -26,9 +26,9 @@ from truearc.hw.protocols import Camera, CameraFrame, LinkLost
 from truearc.hw.real.camera import open_camera
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import CameraFile, Vision
-from truearc.robot.operator_ui.serving import LocalHandler, LocalServer
+from truearc.robot.operator_ui.server import LocalHandler, LocalServer
 from truearc.robot.vision import detect, draw_mask, draw_regions
-from truearc.robot.vision.threshold import Image
+from truearc.robot.vision.marks import Image
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".webp")
 PIECE = 25                            # pictures replayed for one answer; a page asks on until it has them all

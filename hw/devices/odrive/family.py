@@ -1,7 +1,17 @@
-"""ODrive as a MotorFamily: its table, its motor driver and its bus rules."""
+"""ODrive as a MotorFamily: its table, motor driver and bus rules, its doctor and its stored settings.
 
-from collections.abc import Sequence
+Settings that its cyclic frames do not show are asked for: its watchdog and its encoder's filter. A parameter's number
+differs between firmware versions, so the table of the axes' own version is needed: the maker's flat_endpoints.json,
+{"fw_version": "0.6.10", "endpoints": {name: {"id": number, "type": type}}}.
+"""
+
+import contextlib
+import json
+import math
+import struct
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
+from types import MappingProxyType
 from typing import Annotated
 
 from msgspec import Meta
@@ -11,11 +21,29 @@ from truearc.hw.bus_rules import Rules, allow, allow_seldom, kinds_of
 from truearc.hw.codec import DBC
 from truearc.hw.devices import family
 from truearc.hw.devices.drivers import AskedMotor
-from truearc.hw.devices.family import AttachedMotor, Axis, Bounds, MotorFamily, TorquePerAmp, current_limit_a
+from truearc.hw.devices.family import (
+    AttachedMotor,
+    Axis,
+    AxisCheck,
+    Bounds,
+    Endpoints,
+    Finding,
+    Heard,
+    MotorFamily,
+    Stored,
+    StoredSettings,
+    TorquePerAmp,
+    current_limit_a,
+    failure,
+    ok,
+    warning,
+)
 from truearc.hw.devices.odrive import frames as odrive
-from truearc.hw.devices.odrive.doctor import examine, questions, stored_settings
 from truearc.hw.devices.odrive.emulator import SETTINGS, OdriveNode, OdriveSettings
-from truearc.hw.protocols import NS_PER_MS, Frame, Order
+from truearc.hw.devices.odrive.frames import OdriveAxis
+from truearc.hw.fault_codes import BY_NAME
+from truearc.hw.protocols import NS_PER_MS, BadFrame, Frame, MotorReading, Order
+from truearc.hw.reason import listed
 
 RETRY_NS = 100_000_000                # how often orders to come up or to let go are repeated: a frame may be lost
 ENDSTOP_NS = 50_000_000               # between two questions about the limit switch
@@ -29,7 +57,7 @@ class OdriveMotor(AskedMotor):
     itself. limits: its own, set before it is driven (odrive.make_limits); none where they are not known.
     """
 
-    def __init__(self, axis: odrive.OdriveAxis, limits: Frame | None = None) -> None:
+    def __init__(self, axis: OdriveAxis, limits: Frame | None = None) -> None:
         super().__init__(odrive.name_of(axis), odrive.frame_ids(axis), False, partial(odrive.parse, axis),
                          odrive.make_version_query(axis))
         self._axis = axis
@@ -83,7 +111,7 @@ class OdriveMotor(AskedMotor):
 PULSE_NS = 100 * NS_PER_MS            # heartbeat: how often an axis says how it is; its maker's own setting
 
 
-def make_rules(axis: odrive.OdriveAxis, each_tick: int) -> Rules:
+def make_rules(axis: OdriveAxis, each_tick: int) -> Rules:
     """`each_tick`: how often within WINDOW_NS a frame may be sent that each tick sends once."""
     seldom = [odrive.make_clear_errors(axis), odrive.make_controller_mode(axis, odrive.TORQUE, odrive.PASSTHROUGH),
               odrive.make_estop(axis), odrive.make_version_query(axis)]
@@ -98,7 +126,7 @@ def make_rules(axis: odrive.OdriveAxis, each_tick: int) -> Rules:
                  {(odrive.frame_id(axis, "Heartbeat"), False, False): PULSE_NS})
 
 
-class OdriveConfig(odrive.OdriveAxis, Axis, frozen=True, forbid_unknown_fields=True, omit_defaults=True,
+class OdriveConfig(OdriveAxis, Axis, frozen=True, forbid_unknown_fields=True, omit_defaults=True,
                    tag_field="driver", tag="odrive"):
     """An ODrive, given torques."""
 
@@ -116,10 +144,266 @@ def make_limits(axis: OdriveConfig, bounds: Bounds) -> Frame | None:
     return None if speed_rad_s is None or current_a is None else odrive.make_limits(axis, speed_rad_s, current_a)
 
 
-def make_node(axis: odrive.OdriveAxis, motor: AttachedMotor) -> OdriveNode:
+def make_node(axis: OdriveAxis, motor: AttachedMotor) -> OdriveNode:
     settings = replace(SETTINGS.get(motor.name, OdriveSettings()), watchdog_ms=motor.watchdog_ms,
                        is_absolute=motor.is_absolute)
     return OdriveNode(axis, motor.name, motor.plant, settings, motor.endstop if axis.endstop_endpoint else None)
+
+
+# --- the doctor
+
+FIRMWARE = (0, 6)                     # whose frames hw/dbc/odrive.dbc describes; 0.5 has other ones under the same ids
+KNOWN_REVISION = 10                   # whose parameter numbers robot/launcher.toml names
+ENOUGH = 0.8                          # of the reports that should come in the time listened
+LOOK = "look at its power and plug, and at its node id"
+# Message -> longest period in ms that truearc needs of an axis; what it cannot do without comes first
+FLYWHEEL = MappingProxyType({"Heartbeat": 100, "Get_Encoder_Estimates": 10, "Get_Iq": 10,
+                             "Get_Bus_Voltage_Current": 100})
+HOOD = MappingProxyType(FLYWHEEL | {"Get_Iq": 100})
+FEEDER = MappingProxyType(HOOD | {"Get_Encoder_Estimates": 50})
+NEEDED = ("Heartbeat", "Get_Encoder_Estimates")
+WATCHDOG_ON, WATCHDOG_S = "axis0.config.enable_watchdog", "axis0.config.watchdog_timeout"
+BANDWIDTH = "axis0.config.encoder_bandwidth"
+ASKED = (WATCHDOG_ON, WATCHDOG_S, BANDWIDTH)
+LONGEST_S = 0.5                       # that a motor may go on after the robot has fallen silent
+SHORTEST_S = 0.05                     # the robot feeds it each 25 ms
+NOT_ASKED = "watchdog and encoder filter are not asked for: no table of parameters was given"
+GIVE = "give its firmware's flat_endpoints.json to --endpoints"
+
+
+def questions(axis: OdriveAxis, endpoints: Endpoints | None) -> list[Frame]:
+    """Its version, its serial number, its limit switch, and its parameters when their numbers are known."""
+    numbers = [] if endpoints is None else [endpoints.ids[name] for name in ASKED]
+    numbers += [axis.endstop_endpoint] if axis.endstop_endpoint else []
+    return [odrive.make_version_query(axis), odrive.make_address_query(axis),
+            *(odrive.make_parameter_query(axis, number) for number in numbers)]
+
+
+def examine(axis: OdriveAxis, check: AxisCheck, heard: Heard) -> Iterator[Finding]:
+    """All findings about the axis."""
+    name, endpoints = check.name, check.endpoints
+    yield check_firmware(name, axis, heard)
+    yield check_rates(name, axis, {"hood motor": HOOD, "feeder motor": FEEDER}.get(name, FLYWHEEL), heard)
+    yield check_errors(name, axis, heard)
+    estimates = heard.of(odrive.frame_id(axis, "Get_Encoder_Estimates"))
+    if estimates:
+        yield family.check_estimates(name, estimates, partial(odrive.parse, axis))
+    if axis.endstop_endpoint and heard.of(odrive.frame_id(axis, "Get_Version")):
+        yield check_switch(name, axis, heard)
+    yield from check_parameters(name, axis, endpoints, check.tick_hz, heard)
+
+
+def check_firmware(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
+    """Who answered the question for its version."""
+    check = f"{name}, firmware"
+    answers = heard.of(odrive.frame_id(axis, "Get_Version"))
+    if not answers:
+        return failure(check, f"node {axis.node} does not answer", f"{LOOK}, which `odrivetool` shows")
+    if (count := max(heard.answering(odrive.make_version_query(axis)), len(serials := _serials(axis, heard)))) > 1:
+        named = f" (serial numbers {', '.join(sorted(serials))})" if len(serials) > 1 else ""
+        return failure(check, f"{count} devices answer as node {axis.node}{named}", "give each a node id of its own")
+    try:
+        firmware = odrive.parse_version(axis, answers[0])
+    except BadFrame as error:
+        return failure(check, f"answers what cannot be read ({error})", "is it an ODrive with firmware 0.6?")
+    version = ".".join(map(str, firmware))
+    if firmware[:2] != FIRMWARE:
+        return failure(check, f"has firmware {version}; its frames differ from 0.6's", "flash it with 0.6")
+    if axis.endstop_endpoint and firmware[2] != KNOWN_REVISION:
+        return warning(check, f"has firmware {version}, and parameter numbers differ between revisions",
+                       "see that endstop_endpoint is that revision's own: give its table to --endpoints")
+    return ok(check, f"firmware {version}")
+
+
+def _serials(axis: OdriveAxis, heard: Heard) -> set[str]:
+    serials = set()
+    for frame in heard.of(odrive.frame_id(axis, "Address")):
+        with contextlib.suppress(BadFrame):       # it is not needed for anything else
+            serials.add(odrive.parse_serial(axis, frame))
+    return serials
+
+
+def check_rates(name: str, axis: OdriveAxis, rates: Mapping[str, int], heard: Heard) -> Finding:
+    """Whether what the robot needs to know comes, and often enough."""
+    check = f"{name}, status rates"
+    counts = {message: len(heard.of(odrive.frame_id(axis, message))) for message in rates}
+    if not any(counts.values()):
+        return failure(check, f"node {axis.node} is silent", LOOK)
+    slow = {message: f"{message} {counts[message] / heard.seconds:.0f}/s instead of {1000 / period_ms:.0f}/s"
+            for message, period_ms in rates.items()
+            if counts[message] < ENOUGH * heard.seconds * 1000 / period_ms}
+    if not slow:
+        return ok(check, ", ".join(f"{message} {counts[message] / heard.seconds:.0f}/s" for message in rates))
+    do = "set the axis's CAN message rates (periods in ms: " + ", ".join(
+        f"{message} {rates[message]}" for message in slow) + "), and save them"
+    if set(slow) & set(NEEDED):
+        return failure(check, "; ".join(slow.values()), do)
+    return warning(check, "; ".join(slow.values()) + ": recordings will lack it", do)
+
+
+def check_errors(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
+    """Standing errors, and frames that cannot be meant."""
+    check = f"{name}, errors"
+    keys = [(frame_id, False) for frame_id in odrive.frame_ids(axis)]
+    reading, refused = heard.read(keys, partial(odrive.parse, axis), MotorReading())
+    if refused:
+        return failure(check, f"sends what cannot be ({refused[-1]})",
+                       "look at the wiring and at whether another device has its node id")
+    if reading.axis_error:
+        return warning(check, listed(odrive.errors_of(reading.axis_error), BY_NAME),
+                       "arming clears errors; one that comes back has a cause")
+    if reading.heartbeat_t_ns == 0:
+        return failure(check, "no heartbeat says how it is", "set the axis's heartbeat to 100 ms")
+    return ok(check, "none")
+
+
+def check_switch(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
+    """Whether the limit switch is told at all."""
+    check = f"{name}, limit switch"
+    reading, _ = heard.read([(odrive.frame_id(axis, "TxSdo"), False)], partial(odrive.parse, axis), MotorReading())
+    if reading.endstop_t_ns == 0:
+        return failure(check, f"is not told: no answer for parameter {axis.endstop_endpoint}",
+                       "see that endstop_endpoint is that of its own firmware; without it the hood is never homed")
+    return ok(check, f"told as {'closed' if reading.endstop else 'open'}; whether it closes and opens, --move tells")
+
+
+def parse_endpoints(text: str) -> Endpoints:
+    """The contents of flat_endpoints.json; ValueError says what is missing."""
+    try:
+        table = json.loads(text)
+        ids = {str(name): int(entry["id"]) for name, entry in table["endpoints"].items() if "id" in entry}
+        firmware = str(table["fw_version"])
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise ValueError(f"not a table of endpoints (flat_endpoints.json): {error!r}") from error
+    for name in ASKED:
+        if name not in ids:
+            raise ValueError(f"has no endpoint {name!r}")
+    return Endpoints(firmware, ids)
+
+
+def check_parameters(name: str, axis: OdriveAxis, endpoints: Endpoints | None, tick_hz: int,
+                     heard: Heard) -> Iterator[Finding]:
+    """All findings about parameters; without a table, that they were not asked for."""
+    watchdog, encoder_filter = f"{name}, watchdog", f"{name}, encoder filter"
+    if endpoints is None:
+        yield warning(f"{name}, settings", NOT_ASKED, GIVE)
+        return
+    if (finding := _check_table(f"{name}, parameter numbers", axis, endpoints, heard)) is not None:
+        yield finding
+    found = _parameters(axis, heard)
+    answers = {name: found[endpoints.ids[name]] for name in ASKED if endpoints.ids[name] in found}
+    silent = "does not answer", f"is its firmware {endpoints.firmware}, as the table's?"
+    yield _check_watchdog(watchdog, answers) or warning(watchdog, *silent)
+    yield _check_filter(encoder_filter, answers, tick_hz) or warning(encoder_filter, *silent)
+
+
+def _check_watchdog(check: str, answers: Mapping[str, bytes]) -> Finding | None:
+    """Whether the motor stops by itself when the robot falls silent; None without an answer."""
+    enabled, timeout = answers.get(WATCHDOG_ON), answers.get(WATCHDOG_S)
+    if enabled is None or timeout is None:
+        return None
+    timeout_s = struct.unpack("<f", timeout)[0]
+    if not enabled[0]:
+        return failure(check, "off: its motor would go on turning if the robot hung",
+                       f"set {WATCHDOG_ON}, and {WATCHDOG_S} to 0.1")
+    if not SHORTEST_S <= timeout_s <= LONGEST_S:
+        return failure(check, f"waits {timeout_s:g} s", f"set {WATCHDOG_S} to 0.1")
+    return ok(check, f"{timeout_s:g} s")
+
+
+def _check_filter(check: str, answers: Mapping[str, bytes], tick_hz: int) -> Finding | None:
+    """Whether the axis's speed is filtered so much that the dip of a shot is smeared; None without an answer."""
+    answer = answers.get(BANDWIDTH)
+    bandwidth = struct.unpack("<f", answer)[0] if answer else math.nan
+    if not bandwidth > 0.0:
+        return None
+    lag_ms = 1000.0 / bandwidth
+    if bandwidth < tick_hz:
+        return warning(check, f"its speed lags by {lag_ms:.0f} ms, more than a tick",
+                       f"set {BANDWIDTH} to {tick_hz} 1/s at least, 1000 if the encoder is not noisy")
+    return ok(check, f"its speed lags by {lag_ms:.1f} ms")
+
+
+def _check_table(check: str, axis: OdriveAxis, endpoints: Endpoints, heard: Heard) -> Finding | None:
+    """Whether table, firmware and the configured limit switch belong together; None if its version is unreadable."""
+    for frame in heard.of(odrive.frame_id(axis, "Get_Version"))[:1]:
+        try:
+            firmware = ".".join(map(str, odrive.parse_version(axis, frame)))
+        except BadFrame:
+            return None                           # check_firmware says so
+        if firmware != endpoints.firmware:
+            return failure(check, f"the table is of firmware {endpoints.firmware}, the axis has {firmware}",
+                           "take the table of its own firmware")
+    if axis.endstop_endpoint:
+        named = [key for key, number in endpoints.ids.items() if number == axis.endstop_endpoint]
+        if not any(key.endswith("endstop.endstop_state") for key in named):
+            right = sorted(f"{number} = {key}" for key, number in endpoints.ids.items()
+                           if key.endswith("endstop.endstop_state"))
+            return failure(check, f"endstop_endpoint {axis.endstop_endpoint} is "
+                           f"{named[0] if named else 'nothing'} in firmware {endpoints.firmware}, not a limit switch",
+                           f"in launcher.toml take one of: {', '.join(right) or 'none in the table'}")
+    return ok(check, f"as in firmware {endpoints.firmware}")
+
+
+def _parameters(axis: OdriveAxis, heard: Heard) -> dict[int, bytes]:
+    """The newest answer about each parameter, by its number; what cannot be read is named by check_errors."""
+    answers = {}
+    for frame in heard.of(odrive.frame_id(axis, "TxSdo")):
+        with contextlib.suppress(BadFrame):
+            number, data = odrive.parse_parameter(axis, frame)
+            answers[number] = data
+    return answers
+
+
+# --- stored settings
+
+SPEED, CURRENT = "axis0.controller.config.vel_limit", "axis0.config.motor.current_soft_max"
+SAVE = "save_configuration"           # a function; the device restarts
+GOOD_S = 0.1                          # of a watchdog: four times as long as the robot takes to feed it
+NEAR = 0.01                           # a stored limit within this share is that of the rig: floats are rounded
+RESTART_S = 3.0                       # until its frames are there again, with time to spare
+
+
+def stored_settings(axis: OdriveAxis, bounds: family.Bounds, endpoints: Endpoints) -> StoredSettings:
+    """The axis's watchdog, and limits where the rig knows them; KeyError names a parameter that the table lacks."""
+    found = [_setting(axis, endpoints.ids[WATCHDOG_ON], WATCHDOG_ON, 1.0, 1.0, 1.0, "<?"),
+             _setting(axis, endpoints.ids[WATCHDOG_S], WATCHDOG_S, GOOD_S, SHORTEST_S, LONGEST_S, "<f")]
+    speed_rad_s, current_a = family.speed_limit_rad_s(bounds), family.current_limit_a(bounds, axis.torque_nm_a)
+    for name, wanted in ((SPEED, None if speed_rad_s is None else speed_rad_s / math.tau), (CURRENT, current_a)):
+        if wanted is not None:
+            found.append(_setting(axis, endpoints.ids[name], name, wanted, wanted * (1.0 - NEAR),
+                                  wanted * (1.0 + NEAR), "<f"))
+    save = odrive.make_parameter_write(axis, endpoints.ids[SAVE], b"")
+    return StoredSettings(tuple(found), (odrive.make_version_query(axis),), partial(_refuse, axis, endpoints), (save,),
+                          RESTART_S)
+
+
+def _setting(axis: OdriveAxis, number: int, name: str, wanted: float, low: float, high: float,
+             form: str) -> Stored:
+    def read(heard: Heard) -> float | None:
+        data = _parameters(axis, heard).get(number)
+        return None if data is None else float(struct.unpack_from(form, data)[0])
+
+    kind = bool if form == "<?" else float
+    return Stored(name, wanted, low, high, odrive.make_parameter_query(axis, number),
+                  odrive.make_parameter_write(axis, number, struct.pack(form, kind(wanted))), read)
+
+
+def _refuse(axis: OdriveAxis, endpoints: Endpoints, heard: Heard) -> str:
+    """Another firmware's table would write something else; a driven axis is in use."""
+    versions = heard.of(odrive.frame_id(axis, "Get_Version"))
+    try:
+        firmware = ".".join(map(str, odrive.parse_version(axis, versions[-1]))) if versions else ""
+    except BadFrame as error:
+        return str(error)
+    if firmware != endpoints.firmware:
+        return (f"has firmware {firmware}, got a table of {endpoints.firmware}; expected that of its own firmware"
+                if firmware else f"node {axis.node} does not answer")
+    keys = [(odrive.frame_id(axis, "Heartbeat"), False)]
+    reading, _ = heard.read(keys, partial(odrive.parse, axis), MotorReading())
+    if reading.axis_state != odrive.IDLE:
+        return f"is in state {reading.axis_state}, expected {odrive.IDLE}, idle: stop the robot first"
+    return ""
 
 
 ODRIVE = MotorFamily(

@@ -172,7 +172,10 @@ def parse(axis: SparkAxis, frame: Frame, previous: MotorReading) -> MotorReading
         return replace(previous, t_ns=t_ns, position_rad=sign * math.tau * values["position_rev"],
                        velocity_rad_s=sign * RPM_RAD_S * values["velocity_rpm"])
     if message == "STATUS_1":
-        return replace(previous, axis_error=previous.axis_error & LOCKED | _errors(values), errors_t_ns=t_ns)
+        # Sticky ones too: what came and went since they were last cleared is to be looked at before anything moves.
+        reset = HAS_RESET if int(values["sticky_warnings"]) & RESET_WARNING else 0
+        errors = int(values["faults"]) | int(values["sticky_faults"]) | reset
+        return replace(previous, axis_error=previous.axis_error & LOCKED | errors, errors_t_ns=t_ns)
     return _with_status_0(axis, values, t_ns, previous)
 
 
@@ -213,12 +216,6 @@ def parse_setting(axis: SparkAxis, frame: Frame) -> tuple[int, float] | None:
     if parameter not in PARAMETERS or values["result"]:
         return None
     return parameter, setting_value(parameter, int(values["value"]))
-
-
-def _errors(values: Values) -> int:
-    # Sticky ones too: what came and went since they were last cleared is to be looked at before anything moves.
-    reset = HAS_RESET if int(values["sticky_warnings"]) & RESET_WARNING else 0
-    return int(values["faults"]) | int(values["sticky_faults"]) | reset
 
 
 def _with_status_0(axis: SparkAxis, values: Values, t_ns: int, previous: MotorReading) -> MotorReading:

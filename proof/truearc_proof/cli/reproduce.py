@@ -5,10 +5,16 @@ was broken off goes on.
 """
 
 import argparse
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
-from truearc_proof.reproduce.settings import QUICK_DRAWS, Settings
+from truearc.cli.common import SHIPPED, make_progress, origin_of
+from truearc.errors import InputError
+from truearc.sim.printed import Progress
+from truearc_proof.reproduce import QUICK_DRAWS, Settings, quick
 
+MARK = ".truearc-reproduce"           # a folder with this in it was made by us and may be gone on with
 GROUP = "proof"
 SUMMARY = "the paper's tables and figures beside ours"
 EXAMPLE = "truearc reproduce -o reproduction --quick"
@@ -31,5 +37,51 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Return 0 when the report is written."""
-    from truearc_proof.cli.reproduce_run import reproduce
-    return reproduce(args)
+    from truearc.robot.config.schema import load_config
+    from truearc.sim.data.files import save_dataset
+    from truearc_proof.parallel import fan_out
+    from truearc_proof.reproduce import models, page
+    from truearc_proof.reproduce.collect import collect, make_record
+    settings = _settings(args)
+    folder = _own_folder(args.out)
+
+    def progress(what: str) -> Progress:
+        return make_progress(what, args.quiet)
+
+    if not args.quiet:
+        print(page.OURS_NOT_THEIRS, flush=True)
+    record = make_record(args.recordings or folder / "recordings", args.scheduler, args.workers, progress)
+    pool = collect(load_config(SHIPPED), settings, record, progress("fit what to launch"))
+    shutil.rmtree(folder / "data", ignore_errors=True)    # it follows from the recordings
+    for name, part in (("real", pool.real), ("launched", pool.launched)):
+        save_dataset(folder / "data" / name, part)
+    repetitions = fan_out(models.run_repetition, models.tasks_of(pool, settings), args.scheduler,
+                          progress("fit and predict"), args.workers)
+    answers = models.train_networks(repetitions, settings, progress("train networks"))
+    analysis = models.analyse(repetitions, answers, settings)
+    tables = page.make_tables(repetitions, analysis, settings)
+    page.save_figures(folder, pool, repetitions, analysis, tables, settings)
+    page.save_page(folder / "index.html", pool, repetitions, answers, analysis, tables, settings,
+              origin_of(args))
+    for line in [*(table.text() for table in page.in_short(tables)), "", *page.what_varies(pool, settings),
+                 *page.headline(analysis)]:
+        print(line)
+    print(f"\n{page.OURS_NOT_THEIRS}\nreport: {folder / 'index.html'}; figures: figures.csv, table_1.csv, summary.json")
+    return 0
+
+
+def _settings(args: argparse.Namespace) -> Settings:
+    if args.workers is not None and args.workers < 1:
+        raise InputError(f"--workers {args.workers}: at least 1")
+    draws = args.seeds if args.seeds is not None else QUICK_DRAWS if args.quick else Settings().draws
+    return quick(args.seed, draws) if args.quick else replace(Settings(), base_seed=args.seed, draws=draws)
+
+
+def _own_folder(folder: Path) -> Path:
+    if folder.is_file():
+        raise InputError(f"{folder}: is a file")
+    if folder.exists() and any(folder.iterdir()) and not (folder / MARK).exists():
+        raise InputError(f"{folder}: is not empty and was not made by truearc reproduce; name another with -o")
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / MARK).touch()
+    return folder

@@ -1,14 +1,16 @@
 """The recordings: practice, aimed configurations, simulated ones launched; and what each repetition draws from them.
 
 Every session follows from the settings and from the sessions before it, so a collection that was broken off goes on
-where it stopped. Nothing here records: that is `record`'s work, which returns the sessions' folders in order.
+where it stopped.
 
 The crew aims for hits, near misses and misses in similar numbers, learnt from their own marks. Speeds are vacuum
 ballistics' times a correction, a quadratic in distance and elevation fitted to the marks. No drag, lift or wheel slip
 is supposed, so the choice of configurations favours no simulator.
 """
 
+import json
 import math
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,15 +26,19 @@ from truearc.errors import InputError
 from truearc.robot.aim import FEASIBLE_DEG, vacuum_speed_m_s
 from truearc.robot.config.overrides import with_plan
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import Collect, Config, Prescribed
+from truearc.robot.config.schema import Collect, Config, Prescribed, is_hash_of
+from truearc.robot.recording.session import CAN, FRAMES, load_header
 from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.recordings import label_by_repeatability, shots_from_sessions
 from truearc.sim.paper.grid_fit import fit_grid
 from truearc.sim.paper.synthetic import AXES, SHAPE, grid_shots, label_grid, sample_balanced, taken_configurations
-from truearc.sim.physics.launch import Exit, exit_opposed, is_opposed
+from truearc.sim.physics.simulate import exit_opposed, is_opposed
+from truearc.sim.physics.term import Exit
 from truearc.sim.printed import Progress
-from truearc_proof.reproduce.settings import Settings
+from truearc.sim.world.emulated_robot import emulate
+from truearc_proof.parallel import fan_out
+from truearc_proof.reproduce import Settings
 
 DISTANCES_M = (2.6, 8.0)
 RATIOS = (0.15, 0.95)                 # what the wheels do
@@ -367,3 +373,60 @@ def exit_seed(rig: Rig, motor_ratio: Any, hood_deg: Any) -> Exit:
     motor_rad_s = motor_ratio * rig.launcher.free_speed_rad_s
     return exit_opposed(rig, motor_rad_s * (upper.gear * upper.radius_m), motor_rad_s * (lower.gear * lower.radius_m),
                         hood_deg)
+
+
+# --- recording, or finding what is recorded
+
+DONE = "recording.json"               # written last: a folder without it is incomplete and is recorded again
+
+
+class _Job(NamedTuple):
+    folder: Path
+    recording: Recording
+
+
+def make_record(folder: Path, scheduler: str | None, workers: int | None,
+                make_progress: Callable[[str], Progress]) -> Record:
+    """Return a function that records sessions in `folder`, unless they are there already, and returns their folders.
+
+    The folders are in the order of the sessions. The function raises InputError when a session was recorded with other
+    settings, or when a cluster's workers write to another disk.
+    """
+    def record(recordings: Sequence[Recording], what: str) -> list[Path]:
+        # a worker elsewhere has another working directory
+        jobs = [_Job(folder.resolve() / recording.name, recording) for recording in recordings]
+        missing = [job for job in jobs if not _is_there(job)]
+        if missing:
+            folder.mkdir(parents=True, exist_ok=True)
+            fan_out(_record, missing, scheduler, make_progress(f"record {what}"), workers)
+        for job in missing:
+            if not _is_there(job):
+                raise InputError(f"{job.folder}: not here after it was recorded: the cluster's workers need this "
+                                 f"folder")
+        return [job.folder for job in jobs]
+
+    return record
+
+
+def _is_there(job: _Job) -> bool:
+    path = job.folder / DONE
+    if not path.is_file():
+        return False
+    said = json.loads(path.read_text(encoding="utf-8"))
+    if said != _stated(job.recording) or not is_hash_of(load_header(job.folder).config_sha256, job.recording.config):
+        raise InputError(f"{job.folder}: recorded with other settings; name another folder or take this one away")
+    return True
+
+
+def _stated(recording: Recording) -> dict[str, int]:
+    return {"seed": recording.seed, "trials": recording.trials}
+
+
+def _record(job: _Job) -> str:
+    """Images and raw frames, nine tenths of a session, are not kept: every tick and mark is."""
+    shutil.rmtree(job.folder, ignore_errors=True)
+    emulate(job.recording.config, job.folder, job.recording.trials, job.recording.seed)
+    shutil.rmtree(job.folder / FRAMES)
+    (job.folder / CAN).unlink()
+    (job.folder / DONE).write_text(json.dumps(_stated(job.recording)) + "\n", encoding="utf-8")
+    return str(job.folder)

@@ -17,11 +17,19 @@ from truearc.sim.paper.sweep import SweepSetting
 from truearc.sim.printed import save_csv
 from truearc.sim.report import COLOURS, NO_ORIGIN, Origin, make_page, make_png, new_figure, paragraph, picture, table
 from truearc.sim.statistics import BINS, reliability
-from truearc_proof.reproduce import analysis as figures
-from truearc_proof.reproduce.analysis import Analysis, Interval, interval, network_name
+from truearc_proof.reproduce import EVERYTHING, REAL, SIMULATED, WHERE, Settings
+from truearc_proof.reproduce import models as figures
 from truearc_proof.reproduce.collect import LAUNCHABLE, Pool
-from truearc_proof.reproduce.models import OURS, SIMULATOR, Answer, Repetition
-from truearc_proof.reproduce.settings import EVERYTHING, REAL, SIMULATED, WHERE, Settings
+from truearc_proof.reproduce.models import (
+    OURS,
+    SIMULATOR,
+    Analysis,
+    Answer,
+    Interval,
+    Repetition,
+    interval,
+    network_name,
+)
 from truearc_proof.table import Table
 
 # the paper's printed Tables I and II; Figures 8 to 10 are pictures without numbers

@@ -18,7 +18,7 @@ from scipy.linalg import solveh_banded
 
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.infer.likelihood.observations import Samples, measure_scatter
-from truearc_proof.rivals import flights as laws
+from truearc_proof.rivals import claim as laws
 from truearc_proof.rivals.claim import Array, Claim, RivalBelief, folds, rms
 from truearc_proof.rivals.sindy import known_of
 

@@ -27,8 +27,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from truearc.sim.data.dataset import Dataset
-from truearc_proof.rivals import flights as laws
-from truearc_proof.rivals.claim import FOLDS, Array, Claim, RivalBelief, folds, rms
+from truearc.sim.infer.likelihood.score_table import FOLDS
+from truearc_proof.rivals import claim as laws
+from truearc_proof.rivals.claim import Array, Claim, RivalBelief, folds, rms
 
 THRESHOLDS = np.geomspace(0.02, 5.0, 13)      # in usual sizes of a term
 RIDGES = (0.05, 5.0, 500.0)           # PySINDy's own default, and two that damp what all but runs alike

@@ -1,1 +1,360 @@
-"""Sealed rounds: commit, solve, open, grade and check."""
+"""Sealed rounds on disk: layout, ledger, lock, and the documents that are committed to: seals and claims.
+
+    ROUND/lock                    held by whoever writes
+    ROUND/half/                   data in the making; nothing in there is ever read
+    ROUND/ledger.jsonl            every step of every world, chained
+    ROUND/data/w0001/             a dataset, given away
+    ROUND/data/home/              MuJoCo's robot before anything was changed, where there are such worlds
+    ROUND/home.json               what its session leaves to be believed, worked out once for all claims
+    ROUND/claims/w0001.json       what the solver says of it, and what more it asks for
+    ROUND/more/w0001/             those shots, or measured.json, given away
+    ROUND/again/w0001.json        what the solver says once it has them
+    ROUND/keeper/round.json       how the round was drawn; not for the solver
+    ROUND/keeper/w0001.json       its seal; not for the solver
+    ROUND/grades.jsonl            marks of opened worlds
+    ROUND/report.html             them all, in pictures and tables
+    ROUND/figures.json            the figures of those tables, with intervals
+
+The ledger has one JSON object a line, each with the SHA-256 of the line before it, so that no line can be changed, left
+out or put in without breaking the chain; lines are only ever added at the end, and are on the disk before whatever they
+are about is given away.
+
+    {"number": 3, "what": "sealed", "world": "w0001", "sha256": "...", "before": "..."}
+
+The kernel takes the lock off whoever dies, however it dies. Each part of a round takes it for as long as it writes. So
+a solver whose parent was killed goes on holding it, and whoever takes the round up again is told to wait, rather than
+writing beside it.
+
+A seal is what is true of a world, and the hashes of its data, committed to before anybody has seen them. The commitment
+is the SHA-256 of the seal's canonical JSON (keys sorted, no spaces, floats as the shortest text that reads back
+exactly). A salt of 32 random bytes keeps anybody from guessing worlds until one fits.
+
+Claims are `truearc.claims/2`: the keys that a grader reads (docs/how-to/challenge.md). Everything that is compared is
+an id: verdicts, names of terms, parameters, columns, stages, directions, instruments. Sentences are for people.
+"""
+
+import hashlib
+import json
+import math
+import os
+import secrets
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import msgspec
+from msgspec import Struct
+
+from truearc.errors import InputError
+from truearc.robot.recording.files import claim
+
+FIRST = "0" * 64                      # before the first line there is nothing
+LOCK = "lock"                         # stays there, empty, when no process holds it
+
+
+class Step(StrEnum):
+    """What is entered about a world, in this order; ASKED to CLAIMED_AGAIN only where the solver asks for more."""
+
+    SEALED = "sealed"
+    CLAIMED = "claimed"
+    ASKED = "asked"
+    ANSWERED = "answered"
+    CLAIMED_AGAIN = "claimed again"
+    OPENED = "opened"
+    GRADED = "graded"
+
+
+STEPS = tuple(Step)
+
+
+class Entry(Struct, frozen=True, forbid_unknown_fields=True):
+    """`sha256`: of what was committed to at this step of this world."""
+
+    number: int
+    what: str
+    world: str
+    sha256: str
+    before: str
+
+
+def digest(data: bytes) -> str:
+    """SHA-256 in hexadecimal."""
+    return hashlib.sha256(data).hexdigest()
+
+
+def read_ledger(path: str | Path) -> tuple[Entry, ...]:
+    """Every line; InputError names the first that does not follow from the one before it.
+
+    A last line that a kill has torn is ignored: its data were not given away yet.
+    """
+    path = Path(path)
+    lines = path.read_bytes().split(b"\n") if path.is_file() else [b""]
+    entries: list[Entry] = []
+    before = FIRST
+    for number, line in enumerate(lines[:-1], 1):
+        try:
+            entry = msgspec.json.decode(line, type=Entry)
+        except msgspec.MsgspecError as error:
+            raise InputError(f"{path}: line {number}: {error}") from error
+        if entry.number != number or entry.before != before:
+            raise InputError(f"{path}: line {number}: does not follow from the line before it: the ledger was changed")
+        if entry.what not in STEPS:
+            raise InputError(f"{path}: line {number}: there is no step {entry.what!r}")
+        entries.append(entry)
+        before = digest(line)
+    return tuple(entries)
+
+
+def last_digest(path: str | Path) -> str:
+    """SHA-256 of the last whole line, in which all before it is contained; FIRST where there is none."""
+    lines = Path(path).read_bytes().split(b"\n")[:-1] if Path(path).is_file() else []
+    return digest(lines[-1]) if lines else FIRST
+
+
+def append(path: str | Path, what: str, world: str, sha256: str) -> Entry:
+    """Add a line and wait until it is on the disk; for one writer. InputError where the ledger is broken already."""
+    path = Path(path)
+    entries = read_ledger(path)
+    data = path.read_bytes() if path.is_file() else b""
+    whole = data[:data.rfind(b"\n") + 1]
+    entry = Entry(len(entries) + 1, what, world, sha256, last_digest(path))
+    with path.open("r+b" if path.is_file() else "wb") as file:
+        file.truncate(len(whole))     # what a kill has torn
+        file.seek(len(whole))
+        file.write(msgspec.json.encode(entry) + b"\n")
+        file.flush()
+        os.fsync(file.fileno())
+    return entry
+
+
+def committed(entries: tuple[Entry, ...], world: str) -> dict[str, str]:
+    """{step: SHA-256} of one world; InputError for steps that come twice or in another order than STEPS."""
+    found: dict[str, str] = {}
+    for entry in entries:
+        if entry.world != world:
+            continue
+        late = [step for step in found if STEPS.index(step) >= STEPS.index(entry.what)]
+        if late:
+            raise InputError(f"ledger: line {entry.number}: {world} is {entry.what!r} after it was {late[-1]!r}")
+        found[entry.what] = entry.sha256
+    return found
+
+
+class Room(NamedTuple):
+    """Where things are."""
+
+    root: Path
+
+    @property
+    def ledger(self) -> Path:
+        return self.root / "ledger.jsonl"
+
+    @property
+    def keeper(self) -> Path:
+        return self.root / "keeper"
+
+    @property
+    def plan(self) -> Path:
+        return self.keeper / "round.json"
+
+    @property
+    def grades(self) -> Path:
+        return self.root / "grades.jsonl"
+
+    @property
+    def report(self) -> Path:
+        return self.root / "report.html"
+
+    @property
+    def figures(self) -> Path:
+        return self.root / "figures.json"
+
+    @property
+    def home(self) -> Path:
+        return self.root / "home.json"
+
+    @property
+    def half(self) -> Path:
+        return self.root / "half"
+
+    def more(self, world: str) -> Path:
+        return self.root / "more" / world
+
+    def again(self, world: str) -> Path:
+        return self.root / "again" / f"{world}.json"
+
+    def data(self, world: str) -> Path:
+        return self.root / "data" / world
+
+    def seal(self, world: str) -> Path:
+        return self.keeper / f"{world}.json"
+
+    def claims(self, world: str) -> Path:
+        return self.root / "claims" / f"{world}.json"
+
+    def steps(self) -> dict[str, dict[str, str]]:
+        """{world: {step: SHA-256}} of every world in the ledger, in its order; InputError where it was changed."""
+        entries = read_ledger(self.ledger)
+        return {world: committed(entries, world) for world in dict.fromkeys(entry.world for entry in entries)}
+
+
+@contextmanager
+def alone(root: Path) -> Iterator[None]:
+    """As the only writer in there; InputError where another process is one. The directory is made where there is
+    none."""
+    root.mkdir(parents=True, exist_ok=True)
+    with (root / LOCK).open("ab") as file:           # no child inherits it
+        try:
+            claim(file)
+        except OSError as error:
+            raise InputError(f"{root}: this round is being played by another process; go on when that has ended"
+                           ) from error
+        yield
+
+
+# --- seals and claims
+
+SALT_BYTES = 32
+SCHEMA = "truearc.claims/2"
+# What may be measured of a concealed robot instead of more shots, by the ids of the terms' instruments, one measurement
+# of all its terms: {term: standard deviation of a reading, in the unit of the catalogue's parameter}. Their order seeds
+# the readings.
+TOOLS: Mapping[str, Mapping[str, float]] = {
+    "target_height_tape": {"target_height": 0.01},
+    "exit_height_tape": {"release_height": 0.01},
+    "distance_tape": {"distance_scale": 0.005, "distance_bias": 0.02},
+    "inclinometer": {"hood_offset": 0.2},
+    "inclinometer_both_ways": {"hood_backlash": 0.2},
+    "calipers_tachometer": {"encoder_scale": 0.003},
+    "anemometer": {"wind_x": 0.2, "wind_y": 0.2, "wind_z": 0.2},
+    "delay_lamp": {"vision_latency": 0.005},
+    "ruler": {"track_scale": 0.003},
+    "plumb_line": {"track_tilt": 0.2, "track_roll": 0.2},
+    "stopwatch": {"track_clock": 0.003},
+}
+
+
+class Seal(Struct, frozen=True, forbid_unknown_fields=True):
+    """`world`: all that is true, plain values; `maker`: engine and version that made the data; `data`: {file's path in
+    the released directory: SHA-256}."""
+
+    world: dict[str, Any]
+    maker: str
+    data: dict[str, str]
+    salt: str
+
+    @property
+    def commitment(self) -> str:
+        return digest(canonical(msgspec.to_builtins(self)))
+
+
+def canonical(value: Any) -> bytes:
+    """The one JSON text of plain values; ValueError for numbers that are not finite, which JSON does not have."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False).encode()
+
+
+def make_seal(world: Mapping[str, Any], maker: str, directory: str | Path, salt: bytes | None = None) -> Seal:
+    """Seal a world with the data that lie in `directory`; a salt is drawn when none is given."""
+    salt = secrets.token_bytes(SALT_BYTES) if salt is None else salt
+    return Seal(dict(world), maker, hash_files(directory), salt.hex())
+
+
+def hash_files(directory: str | Path) -> dict[str, str]:
+    """{path with forward slashes: SHA-256} of every file below, sorted."""
+    root = Path(directory)
+    return {path.relative_to(root).as_posix(): digest(path.read_bytes())
+            for path in sorted(root.rglob("*")) if path.is_file()}
+
+
+def save_seal(path: str | Path, seal: Seal) -> None:
+    Path(path).write_bytes(msgspec.json.format(canonical(msgspec.to_builtins(seal)), indent=1) + b"\n")
+
+
+def load_seal(path: str | Path) -> Seal:
+    """InputError names the file and what is wrong with it."""
+    try:
+        seal = msgspec.json.decode(Path(path).read_bytes(), type=Seal)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from error
+    except msgspec.MsgspecError as error:
+        raise InputError(f"{path}: {error}") from error
+    if not _is_plain(seal.world):
+        raise InputError(f"{path}: world: a number in it is not finite")
+    return seal
+
+
+def check_data(seal: Seal, directory: str | Path) -> list[str]:
+    """Return a sentence for each released file that differs from the sealed data."""
+    there = hash_files(directory)
+    changed = [name for name in seal.data if name in there and there[name] != seal.data[name]]
+    return ([f"{Path(directory) / name}: was changed" for name in changed]
+            + [f"{Path(directory) / name}: is missing" for name in seal.data if name not in there]
+            + [f"{Path(directory) / name}: was not among the sealed data" for name in there if name not in seal.data])
+
+
+def _is_plain(value: Any) -> bool:
+    if isinstance(value, dict):
+        return all(map(_is_plain, value.values()))
+    if isinstance(value, list):
+        return all(map(_is_plain, value))
+    return not isinstance(value, float) or math.isfinite(value)
+
+
+class Mismatch(Struct):
+    found: bool
+    p_value: float | None = None
+
+
+class Term(Struct):
+    term: str
+    probability: float | None = None
+    parameters: dict[str, Any] | None = None
+
+
+class Finding(Struct):
+    mismatch: Mismatch
+    verdict: str
+    what: list[Term] | None = None
+
+
+class Believed(Struct):
+    """Tables of truearc.sim.infer.belief that forecast shots without the finding, and with it."""
+
+    before: dict[str, Any]
+    after: dict[str, Any]
+
+
+class Claims(Struct):
+    """Claims about one world; further keys are ignored.
+
+    data: {file: SHA-256}. asked: requests for further shots, or for one measurement. rivals: {name: its claim}.
+    believed: the two beliefs of the sealed test.
+    """
+
+    data: dict[str, str]
+    finding: dict[str, Any]
+    schema: Literal["truearc.claims/2"] = "truearc.claims/2"
+    asked: list[Any] = []
+    rivals: dict[str, Any] = {}
+    believed: Believed | None = None
+
+
+def load_claims(path: Path) -> Claims:
+    """Read claims.
+
+    Raises:
+        InputError: with the file, and the key that is missing or of another kind than it must be.
+    """
+    try:
+        claims = msgspec.json.decode(path.read_bytes(), type=Claims)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from error
+    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: {error}") from error
+    try:
+        msgspec.convert(claims.finding, Finding)
+    except msgspec.ValidationError as error:
+        raise InputError(f"{path}: finding: {error}") from error
+    return claims

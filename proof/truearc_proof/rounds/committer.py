@@ -14,7 +14,7 @@ import secrets
 import shutil
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 from msgspec import Struct
@@ -26,13 +26,37 @@ from truearc.sim.infer.likelihood.data import FEWEST_SHOTS
 from truearc.sim.physics.catalogue import TERMS
 from truearc.sim.printed import Progress
 from truearc_proof.parallel import fan_out
-from truearc_proof.rounds import documents
-from truearc_proof.rounds.ledger import Room, Step, alone, append, digest
-from truearc_proof.scoring.score_finding import PARAMETER
+from truearc_proof.rounds import (
+    TOOLS,
+    Room,
+    Step,
+    alone,
+    append,
+    canonical,
+    check_data,
+    digest,
+    hash_files,
+    load_claims,
+    load_seal,
+    make_seal,
+    save_seal,
+)
+from truearc_proof.rounds.worlds import (
+    FIRST_SEED,
+    HOME,
+    MUJOCO,
+    NUMPY,
+    OWN,
+    PARAMETER,
+    Drawn,
+    draw_round,
+    drawn_of,
+    home_of,
+    make_data,
+    make_more,
+    make_reading,
+)
 from truearc_proof.truth.generate import Asked
-from truearc_proof.worlds.generate_data import HOME, home_of, make_data, make_more, make_reading
-from truearc_proof.worlds.instruments import TOOLS
-from truearc_proof.worlds.sampling_plan import FIRST_SEED, MUJOCO, NUMPY, OWN, Drawn, draw_round, drawn_of
 
 MOST_CONFIGURATIONS, MOST_SHOTS = 5, 100     # of a follow-up
 AT_ONCE = 8                           # worlds made between two entries in the ledger
@@ -41,14 +65,7 @@ EFFECTS = {"clean": (0, 0), "dirty": (0, 0), "one": (1, 1), "alias": (1, 1), "de
            "off": (1, None)}          # of a kind, at least and at most
 
 
-class Reading(NamedTuple):
-    """One measurement: the instrument's id (truearc_proof.worlds.instruments), and as the claims name it."""
-
-    tool: str
-    written: str
-
-
-Wanted = list[Asked] | Reading
+Wanted = list[Asked] | str            # configurations, or the id of one instrument
 
 
 class RoundPlan(Struct, frozen=True, forbid_unknown_fields=True):
@@ -103,8 +120,8 @@ def _seal_drawn(room: Room, worlds: tuple[Drawn, ...], progress: Progress, worke
         makers = fan_out(partial(_make, half), batch, scheduler, workers=workers)
         for drawn, maker in zip(batch, makers, strict=True):
             if Step.SEALED not in done.get(drawn.name, {}):
-                seal = documents.make_seal(msgspec.to_builtins(drawn), maker, half / drawn.name)
-                documents.save_seal(room.seal(drawn.name), seal)
+                seal = make_seal(msgspec.to_builtins(drawn), maker, half / drawn.name)
+                save_seal(room.seal(drawn.name), seal)
                 append(room.ledger, Step.SEALED, drawn.name, seal.commitment)
             _move(half / drawn.name, room.data(drawn.name))      # given away once it is committed to
     progress(1.0, f"{len(worlds)} worlds sealed")
@@ -120,7 +137,7 @@ def _answer_claimed(room: Room, progress: Progress, workers: int | None, schedul
     steps, half = room.steps(), _half(room)
     todo = [name for name, done in steps.items() if Step.CLAIMED in done and Step.OPENED not in done
             and not (Step.ANSWERED in done and room.more(name).is_dir())]
-    drawn = {name: drawn_of(documents.load_seal(room.seal(name)).world, room.seal(name)) for name in todo}
+    drawn = {name: drawn_of(load_seal(room.seal(name)).world, room.seal(name)) for name in todo}
     asked = {name: asked_of(room, name) for name in todo if drawn[name].engine != OWN}
     todo = [name for name, wanted in asked.items() if wanted and can_answer(drawn[name], wanted)]
     for first in range(0, len(todo), AT_ONCE):
@@ -128,28 +145,28 @@ def _answer_claimed(room: Room, progress: Progress, workers: int | None, schedul
         progress(first / len(todo), "more shots are given")
         for name in batch:
             if Step.ASKED not in steps[name]:
-                written = documents.load_claims(room.claims(name)).written
-                append(room.ledger, Step.ASKED, name, digest(documents.canonical(written)))
+                requests = load_claims(room.claims(name)).asked
+                append(room.ledger, Step.ASKED, name, digest(canonical(requests)))
         fan_out(partial(_answer, half), [(drawn[name], asked[name]) for name in batch], scheduler, workers=workers)
         for name in batch:
             if Step.ANSWERED not in steps[name]:
-                append(room.ledger, Step.ANSWERED, name, digest(documents.canonical(documents.hash_files(half / name))))
+                append(room.ledger, Step.ANSWERED, name, digest(canonical(hash_files(half / name))))
             _move(half / name, room.more(name))
     progress(1.0, f"{len(todo)} worlds shot again")
 
 
 def can_answer(drawn: Drawn, asked: Wanted) -> bool:
     """Return whether the keeper can shoot or measure this world: no external one, and MuJoCo's is not measured."""
-    return drawn.engine == NUMPY or (drawn.engine == MUJOCO and not isinstance(asked, Reading))
+    return drawn.engine == NUMPY or (drawn.engine == MUJOCO and not isinstance(asked, str))
 
 
 def asked_of(room: Room, world: str) -> Wanted:
     """Return the requests of a world's claims, configurations or one measurement; InputError beyond the rules."""
     path = room.claims(world)
     try:
-        claims = documents.load_claims(path)
+        claims = load_claims(path)
         if claims.asked and "measure" in claims.asked[0]:
-            return Reading(_tool(claims.asked), claims.written[0]["measure"])
+            return _tool(claims.asked)
         asked = [_asked(one) for one in claims.asked]
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path}: asked: {error}") from error
@@ -182,8 +199,8 @@ def _answer(half: Path, job: tuple[Drawn, Wanted]) -> None:
 
 def answer(drawn: Drawn, asked: Wanted, directory: Path) -> None:
     """Write what was asked for; the same world and wish write the same bytes."""
-    if isinstance(asked, Reading):
-        make_reading(drawn, *asked, directory)
+    if isinstance(asked, str):
+        make_reading(drawn, asked, directory)
     else:
         make_more(drawn, asked, directory)
 
@@ -223,7 +240,7 @@ def seal_own(room: Room, world: Path, data: Path) -> str:
     """Seal an external world with its data; return its commitment, which its maker publishes before the data.
 
     world: JSON, {"kind": "one", "effects": {"wind_x": 2.0}} and whatever else is true of it; kinds are those of
-    truearc_proof.worlds.sampling_plan, effects the catalogue's parameters' values, or names of their own for what no
+    truearc_proof.rounds.worlds, effects the catalogue's parameters' values, or names of their own for what no
     catalogue has. InputError for what could never be marked, naming file and key, and for one of that name sealed
     already.
     """
@@ -245,14 +262,14 @@ def _seal(room: Room, name: str, whole: dict[str, Any], data: Path) -> str:
     if sealed and room.data(name).is_dir():
         raise InputError(f"{room.ledger}: {name} is sealed already")
     if sealed:                        # a kill came before the data were given away
-        seal = documents.load_seal(room.seal(name))
-        wrong = documents.check_data(seal, data)
+        seal = load_seal(room.seal(name))
+        wrong = check_data(seal, data)
         if wrong:
             raise InputError("\n".join(wrong))
     else:
         room.keeper.mkdir(parents=True, exist_ok=True)
-        seal = documents.make_seal(whole, "external", data)
-        documents.save_seal(room.seal(name), seal)
+        seal = make_seal(whole, "external", data)
+        save_seal(room.seal(name), seal)
         append(room.ledger, Step.SEALED, name, seal.commitment)
     _give_away(data, room.data(name))
     return seal.commitment

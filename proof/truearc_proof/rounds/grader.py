@@ -12,19 +12,25 @@ import msgspec
 from msgspec import Struct, structs
 
 from truearc.errors import InputError
-from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import load_dataset
 from truearc.sim.infer.belief import from_table
 from truearc.sim.printed import Progress
-from truearc_proof.parallel import fan_out
+from truearc_proof.parallel import append_line, fan_out, lines_of, mend
+from truearc_proof.rounds import (
+    Room,
+    Step,
+    alone,
+    append,
+    canonical,
+    check_data,
+    digest,
+    hash_files,
+    load_claims,
+    load_seal,
+)
 from truearc_proof.rounds.committer import load_plan
-from truearc_proof.rounds.documents import canonical, check_data, hash_files, load_claims, load_seal
-from truearc_proof.rounds.jsonl_store import append_line, lines_of, mend
-from truearc_proof.rounds.ledger import Room, Step, alone, append, digest
-from truearc_proof.scoring.oracle import Measured, Unseen, measure, off_m, random_worth, shoot_unseen
-from truearc_proof.scoring.score_world import MEASUREMENT, SHOTS, Mark, mark
-from truearc_proof.worlds.generate_data import HOME, MEASURED
-from truearc_proof.worlds.sampling_plan import NUMPY, OWN, Drawn, drawn_of
+from truearc_proof.rounds.marks import MEASUREMENT, SHOTS, Mark, Measured, Unseen, mark, measure, off_m, shoot_unseen
+from truearc_proof.rounds.worlds import HOME, OWN, Drawn, drawn_of
 
 Steps = Mapping[str, Mapping[str, str]]
 
@@ -170,7 +176,7 @@ def check_world(room: Room, world: str, done: Mapping[str, str]) -> list[str]:
     wrong += check_data(seal, room.data(world))
     if Step.CLAIMED in done:
         wrong += _check_claims(room.claims(world), done[Step.CLAIMED], seal.data)
-    asked = load_claims(room.claims(world)).written if Step.ASKED in done and not wrong else None
+    asked = load_claims(room.claims(world)).asked if Step.ASKED in done and not wrong else None
     if asked is not None and digest(canonical(asked)) != done[Step.ASKED]:
         wrong.append(f"{room.claims(world)}: asked for something else")
     given = hash_files(room.more(world)) if Step.ANSWERED in done else {}
@@ -194,20 +200,10 @@ def mark_world(root: Path, job: tuple[Drawn, bool]) -> Graded:
     room, (drawn, twice) = Room(root), job
     paths = [room.claims(drawn.name), *([room.again(drawn.name)] if twice else [])]
     tested = [load_claims(path).believed is not None for path in paths]
-    dataset = load_dataset(room.data(drawn.name))
-    measured = measure(drawn, dataset, any(tested))
+    measured = measure(drawn, load_dataset(room.data(drawn.name)), any(tested))
     unseen = shoot_unseen(drawn) if any(tested) else None
     marks = [_mark(path, drawn, measured, unseen) for path in paths]
-    random = _random(room, drawn, dataset) if twice else None
-    return Graded(drawn.name, structs.replace(marks[0], random=random), marks[1] if twice else None)
-
-
-def _random(room: Room, drawn: Drawn, dataset: Dataset) -> int | None:
-    """How many random shots those that were asked for and given are worth."""
-    more = room.more(drawn.name)
-    if drawn.engine != NUMPY or (more / MEASURED).exists():
-        return None
-    return random_worth(dataset, load_dataset(more), load_claims(room.claims(drawn.name)).finding)
+    return Graded(drawn.name, marks[0], marks[1] if twice else None)
 
 
 def _kind(asked: Sequence[Any]) -> str:

@@ -26,17 +26,15 @@ import truearc.sim
 import truearc_proof
 from truearc.sim.check.check import CHECKS
 from truearc.sim.data.dataset import join_datasets
-from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover.investigate import make_belief
 from truearc.sim.infer.belief import as_table, from_table
 from truearc.sim.physics.catalogue import BUILT_IN
 from truearc.sim.printed import Progress
 from truearc_proof.parallel import fan_out
 from truearc_proof.rivals import find_rival
 from truearc_proof.rivals.claim import believed_of
-from truearc_proof.rounds.documents import SCHEMA, canonical, hash_files
-from truearc_proof.rounds.ledger import Room, Step, alone, append, digest
-from truearc_proof.worlds.generate_data import HOME, MEASURED
-from truearc_proof.worlds.instruments import TOOLS
+from truearc_proof.rounds import SCHEMA, TOOLS, Room, Step, alone, append, canonical, digest, hash_files
+from truearc_proof.rounds.worlds import HOME, MEASURED
 
 FALSE_ALARM = 0.05
 AT_HOME = ("gravity", "drag", "magnus")      # what is believed of MuJoCo's robot before its unmodified session
@@ -47,7 +45,7 @@ SOURCES = {
     truearc.api: ("*.py",),
     truearc.sim: ("*.py", "data/**/*.py", "physics/**/*.py", "infer/**/*.py", "discover/**/*.py", "gate/**/*.py",
                   "paper/**/*.py", "sysid/**/*.py"),
-    truearc_proof: ("parallel.py", "rounds/solver.py", "worlds/instruments.py"),
+    truearc_proof: ("parallel.py", "rounds/__init__.py", "rounds/solver.py"),
 }
 
 _forbidden: list[str] = []

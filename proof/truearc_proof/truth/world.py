@@ -6,7 +6,7 @@ from the physics alone. Amplitude 0 is exact absence.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -172,13 +172,6 @@ def _rig(dirt: Sequence[str], believe: Sequence[str]) -> Rig:
     wheels = (Wheel("lower", 0.0508, 1.0, 180.0), Wheel("upper", 0.0349, 0.5625, 0.0))
     return Rig(Ball(0.14, 0.0889), LauncherFacts(0.75, 594.0, wheels), Target(2.44, 0.07, 0.35), Air(1.2),
                  WorldFacts(9.81), noise, Believe(tuple(believe)))
-
-
-def as_table(world: World) -> dict[str, Any]:
-    """Return the truth as plain values, for the grader."""
-    return {"seed": world.seed, "level": world.level, "shots": world.shots, "cd": world.cd,
-            "lift_slope": world.lift_slope, "efficiency": world.efficiency, "effects": dict(world.effects),
-            "dirt": list(world.dirt), "believe": list(world.facts.believe.terms), "side": world.side}
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ id @USER@ >/dev/null 2>&1 || useradd --system --user-group --home-dir @STATE@ --
 install -d -m 755 @HOME@ @SETTINGS@
 install -d -m 755 -o @USER@ -g @USER@ @STATE@ @STATE@/sessions @INBOX@
 
-# The program, and the motor drivers of other distributions in plugins/. With wheels for all they need in wheels/ no
+# The program, and other distributions in plugins/. With wheels for all they need in wheels/ no
 # network is asked.
 python3 -m venv @HOME@/venv
 offline=""

@@ -1,1 +1,1 @@
-"""Recordings as WPILOG, MCAP, CSV and tables."""
+"""Recordings as MCAP, CSV and tables, and as plain rows for the formats of other distributions."""

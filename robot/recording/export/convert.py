@@ -1,20 +1,15 @@
-"""A session as one file that others open: WPILOG, CSV, or MCAP for viewers."""
+"""A session as one file that others open: CSV, or MCAP for viewers."""
 
 import csv
-import json
 from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO
 
-import msgspec
-
 from truearc.robot.reasons import texts
 from truearc.robot.recording import session as layout
-from truearc.robot.recording.export.field_pose import ASSUMED, pose_of
 from truearc.robot.recording.export.tabular import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Column, FlatTicks, Value
 from truearc.robot.recording.export.viewer_mcap import NO_FLIGHTS, Flights, ViewerMessages
-from truearc.robot.recording.export.wpilog import SignalChanges, WpilogWriter, make_payload, pose_payload
 from truearc.robot.recording.files import TickFile
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.types import Tick
@@ -93,35 +88,6 @@ def write_csv(columns: tuple[Column, ...], rows: Iterator[list[Value]], path: Pa
             writer.writerow([_cell(column.kind, value) for column, value in zip(columns, row, strict=True)])
 
 
-def write_wpilog(rows: ExportRows, file: IO[bytes]) -> None:
-    """Every signal when it changes, under /estimate/hood_deg and the like, and each trial as JSON under /trial.
-
-    Beside them, under the names that AdvantageScope knows: `DS:enabled` (armed), `systemTime` (wall clock, once), and
-    `/pose`, a Pose2d of the robot before the target (truearc.robot.recording.export.field_pose).
-    """
-    log = WpilogWriter(file, "truearc")
-    changes = SignalChanges(log)
-    numbers: list[int] = []
-    enabled = pose = trial_number = 0
-    trials = rows.trials_in_time()
-    for tick, _ in rows.ticks():
-        t_us = tick.inputs.t_ns // 1000
-        if not numbers:
-            numbers = [_start(log, column, t_us) for column in rows.columns]
-            trial_number = log.start("/trial", "json", "", t_us)
-            enabled = log.start("DS:enabled", BOOL, "", t_us)
-            pose = log.start_pose("/pose", _said(source=ASSUMED), t_us)
-            _write_wall_time(log, rows, tick.inputs.t_ns)
-        for trial in due(trials, tick.inputs.t_ns):
-            _log_trial(log, trial_number, trial)
-        for number, column, value in zip(numbers, rows.columns, rows.flat.row(tick), strict=True):
-            changes.append(number, t_us, make_payload(column.kind, value))
-        changes.append(enabled, t_us, make_payload(BOOL, tick.memory.armed))
-        changes.append(pose, t_us, pose_payload(pose_of(tick)))
-    for trial in due(trials):
-        _log_trial(log, trial_number, trial)
-
-
 def write_mcap(rows: ExportRows, file: IO[bytes], flights: Flights = NO_FLIGHTS) -> int:
     """The recording's ticks and trials in one whole file, also where it is cut short or lacks /trial, with topics for
     viewers; times are the wall clock's. Returns how many images are missing."""
@@ -145,27 +111,6 @@ def due(trials: deque[layout.Trial], t_ns: int | None = None) -> Iterator[layout
     """Take from the front the trials that were marked by a time; all without one."""
     while trials and (t_ns is None or trials[0].outcome.t_ns <= t_ns):
         yield trials.popleft()
-
-
-def _start(log: WpilogWriter, column: Column, t_us: int) -> int:
-    return log.start("/" + column.name.replace(".", "/"), column.kind, _said(unit=column.unit) if column.unit else "",
-                     t_us)
-
-
-def _write_wall_time(log: WpilogWriter, rows: ExportRows, t_ns: int) -> None:
-    """WPILib's own entry for it; none of an emulated robot."""
-    wall = layout.wall_time(rows.header)
-    if wall.offset_ns:
-        number = log.start("systemTime", INT, _said(source=wall.how, format="time_t_us"), t_ns // 1000)
-        log.append(number, t_ns // 1000, make_payload(INT, (t_ns + wall.offset_ns) // 1000) or b"")
-
-
-def _said(**metadata: str) -> str:
-    return json.dumps(metadata)
-
-
-def _log_trial(log: WpilogWriter, signal: int, trial: layout.Trial) -> None:
-    log.append(signal, trial.outcome.t_ns // 1000, msgspec.json.encode(trial))
 
 
 def _cell(kind: str, value: Value) -> object:

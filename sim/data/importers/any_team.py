@@ -19,7 +19,9 @@ from truearc.sim.printed import Progress
 
 def import_shots(files: Sequence[str | Path], *, rig: Rig | str | Path, shot_map: str | Path | ShotMap | None = None,
                  name: str = "imported", progress: Progress = lambda done, note: None) -> Dataset:
-    """Return the shots of robot logs (WPILOG, CSV) or of tables as a dataset; what was left out is in `left_out`.
+    """Return the shots of robot logs or of tables as a dataset; what was left out is in `left_out`.
+
+    A log is a CSV file, or of a kind that an installed distribution reads.
 
     Args:
         files: Logs, a session each, or tables.

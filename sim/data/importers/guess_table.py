@@ -62,7 +62,7 @@ LEAST_STEP_S, LEAST_ROWS = 0.5, 20                     # rows of a log are close
 
 
 def is_log(path: Path) -> bool:
-    """Whether a file is a WPILOG, or has a log's column of times; also where it cannot be opened, as the log's reader
+    """Whether a file is no table, or has a log's column of times; also where it cannot be opened, as the log's reader
     says why."""
     if path.suffix.lower() not in (".csv", ".txt", ".parquet"):
         return True

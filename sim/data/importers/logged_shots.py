@@ -7,14 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from truearc.errors import InputError
+from truearc.errors import ELSEWHERE, InputError, needs
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.shot_map import MARKS, NOT_MARKED, ShotMap, Signal, as_signal, plain
 from truearc.robot.config.unit_table import MOTOR, WHEEL, factor_of, own_unit, unit_in
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import assemble
 from truearc.sim.data.importers.find_shots import FoundShots, find_shots, silences, spikes
-from truearc.sim.data.importers.series import Log, Series, read_csv_log, read_wpilog
+from truearc.sim.data.importers.registry import load_importers
+from truearc.sim.data.importers.series import Log, Series, read_csv_log
 from truearc.sim.data.recordings import AFTER_S, BEFORE_S
 from truearc.sim.data.table import Cell, RawTable, gathered
 from truearc.sim.printed import Progress, part_of
@@ -25,9 +26,16 @@ PUBLISHED_S = 0.2                     # the same mark again, sooner than this, i
 
 
 def read_log(path: Path, shot_map: ShotMap, progress: Progress = lambda done, note: None) -> Log:
-    """A WPILOG, or a CSV export."""
-    if path.suffix.lower() == ".wpilog":
-        return read_wpilog(path, lambda done: progress(done, path.name))
+    """A log of a kind that an installed distribution reads, or a CSV export.
+
+    Raises:
+        InputError: it cannot be read, or its distribution is not installed.
+    """
+    read = next((one.read for one in load_importers() if one.read is not None and one.takes([str(path)])), None)
+    if read is not None:
+        return read(path, lambda done: progress(done, path.name))
+    if (kind := path.suffix.lower().removeprefix(".")) in ELSEWHERE:
+        raise InputError(f"{path}: {needs(kind)}")
     return read_csv_log(path, shot_map.time.column, SECONDS[shot_map.time.unit])
 
 
@@ -72,8 +80,9 @@ class Reading:
         self.scales = {column: as_read(column, rig) for column in self.columns}
 
     def series(self, key: str) -> Series:
-        """A signal by its key, with or without the slash in front, or NT: of NetworkTables."""
-        for name in (key, f"/{key}", key.removeprefix("/"), f"NT:/{key.removeprefix('/')}"):
+        """A signal by its key, with or without the slash in front, or behind where it is from, as in FROM:/KEY."""
+        bare = key.removeprefix("/")
+        for name in (key, f"/{key}", bare, *(name for name in self.log if name.partition(":")[2] == f"/{bare}")):
             if name in self.log:
                 return self.log[name]
         near = [name for name in self.log if key.rpartition("/")[2].lower() in name.lower()]

@@ -11,8 +11,9 @@ from truearc.errors import InputError, PluginError, load_plugin, place_of
 
 if TYPE_CHECKING:
     from truearc.sim.data.dataset import Dataset
+    from truearc.sim.data.importers.series import Log
 
-GROUP = "truearc.importers"           # of particular data sets; wpilog and csv are here
+GROUP = "truearc.importers"
 KINDS = {".csv": (".csv", ".parquet")} # of a name in `ways`: what a file may end in, where it is not just that
 
 
@@ -21,6 +22,8 @@ class Importer:
     name: str
     ways: tuple[str, ...]             # files in order; `...`: the one before it, any number of times; `/`: a folder
     load: "Callable[..., Dataset] | None"             # None: of any team's files, under a map of their keys
+    # one of any team's logs, given what is called with the share of it that is read; None: they are CSV
+    read: "Callable[[Path, Callable[[float], None]], Log] | None" = None
 
     def takes(self, files: Sequence[str]) -> bool:
         """Whether these are the files of one of its ways, by number and kind."""
@@ -40,7 +43,7 @@ def _is_kind(name: str, file: str) -> bool:
     return Path(file).suffix.lower() in KINDS.get(suffix, (suffix,))
 
 
-ANY_TEAM = (Importer("csv", ("FILE.csv ...", "FILE.txt ..."), None), Importer("wpilog", ("LOG.wpilog ...",), None))
+CSV = Importer("csv", ("FILE.csv ...", "FILE.txt ..."), None)
 
 
 @cache
@@ -53,7 +56,7 @@ def load_importers() -> tuple[Importer, ...]:
         InputError: an entry point cannot be loaded, or is not an `Importer`; the message names its distribution.
     """
     installed = [_load(point) for point in entry_points(group=GROUP)]
-    return tuple(sorted((*ANY_TEAM, *installed), key=lambda importer: importer.name))
+    return tuple(sorted((CSV, *installed), key=lambda importer: importer.name))
 
 
 def _load(point: EntryPoint) -> Importer:

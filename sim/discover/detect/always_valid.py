@@ -82,7 +82,7 @@ class _Work:
     """Heights as drawn: mean_m, spread_m, wider_m [m, S] of each draw; shift_m, grown_m [m, K B] by each direction and
     size; before [m, S], filled by `run`: weight of each draw before each shot."""
 
-    evidence: ScoreTable
+    scores: ScoreTable
     directions: Int[np.ndarray, " K"]
     mean_m: Float[np.ndarray, "m S"]
     spread_m: Float[np.ndarray, "m S"]
@@ -143,8 +143,8 @@ class _Work:
                                   wider[:, None] + self.grown_m[shot])
 
     def _chance(self, shot: int, mean_m: Some, spread_m: Some, wider_m: Some) -> Some:
-        assert self.evidence.plane is not None
-        seen = self.evidence.plane.seen
+        assert self.scores.plane is not None
+        seen = self.scores.plane.seen
         if seen.measured[shot]:
             off = np.clip((seen.height_m[shot] - mean_m) / spread_m, -38.0, 38.0)
             return np.asarray((1.0 - LAPSE) * np.exp(-0.5 * off**2) / (np.sqrt(2.0 * np.pi) * spread_m)

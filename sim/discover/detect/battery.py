@@ -13,6 +13,21 @@ compared. Their covariance is a sandwich over clusters of shots (White 1980), in
 as one more observation. A change of some of the numbers is then a normal model with a closed form, averaged over which
 of them changed. A term that would draw the estimates away in the same manner (a head wind is much like a tilt) is added
 to the numbers, one at a time, and weighed against that.
+
+Does anything depend on anything? Efficient scores of the shots, and their largest, judged by flipping signs.
+
+Pure numpy. A test asks whether a channel's amplitude is w_i b with given weights w (a covariate's shape) and b not 0.
+Its score is freed of the shared parameters (Neyman's C(alpha): the part that they could explain is projected out),
+summed over the shots, and divided by the spread that the shots themselves show. Under the baseline model a shot's part
+is as likely to be negative as positive, whatever its variance and however correlated its samples are; so the same
+statistic under random signs is its null distribution, and the largest over all tests under the same signs gives the
+probability of so large a largest one (the score bootstrap: Kline and Santos 2012; max statistic: Westfall and Young
+1993). The spread is of the scores as they are, not of what an effect would leave of them: signs do not change the
+former, so that tests that rest on few shots have light tails, and do not raise the bar for all.
+
+A prior of a shared parameter is one more observation of it, which errs like any other, and so has a sign of its own.
+Otherwise a test that leans on priors (one supplier's balls against another's, where each ball may differ at random)
+would mistake the priors' errors for a finding.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,7 +36,7 @@ from itertools import chain, combinations
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int, Shaped
+from jaxtyping import Bool, Float, Int, Shaped
 from scipy.special import logsumexp
 from scipy.stats import f as f_distribution
 from scipy.stats import multivariate_normal
@@ -37,10 +52,186 @@ from truearc.sim.discover.detect.covariates import (
     varies,
     weights_of,
 )
-from truearc.sim.discover.detect.score_test import Scores, efficient_scores
-from truearc.sim.discover.select.terms import promote, refit
-from truearc.sim.infer.fit import BaselineFit
+from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
+from truearc.sim.printed import Progress
+
+FEWEST_SIGNS = 8.0                    # a test that rests on fewer shots is not made: their signs can hardly say 1 %
+LEAST_SHARE = 1e-4                    # of the information of a test or term that must survive the projection
+MOST_LEVERAGE = 0.9
+PIECES = 30                           # that what an earlier session found of one number is split into
+TINY = 1e-300                         # what is not known at all has a root, too
+CHUNK = 250                           # sign patterns at once
+
+
+@dataclass(frozen=True)
+class Scores:
+    """M tests over G signs, those of shots, then of the shared parameters' priors: `psi` [G, M] efficient scores,
+    `kappa` [G, M] their information; `kept` [M] usable.
+
+    `stretch` [G, M]: fitting the shared parameters draws each score towards zero; times this it has the spread that it
+    had before.
+    """
+
+    psi: Float[Array, "G M"]
+    kappa: Float[Array, "G M"]
+    stretch: Float[Array, "G M"]
+    kept: Bool[Array, " M"]
+
+    def take(self, kept: Int[Array, " kept"]) -> "Scores":
+        """These of the tests."""
+        return Scores(self.psi[:, kept], self.kappa[:, kept], self.stretch[:, kept], self.kept[kept])
+
+
+@dataclass(frozen=True)
+class Judged:
+    """`statistic` [M] |score| in units of its spread; `p_each` [M] one test alone; `p_value` [M] as the largest of its
+    family, with the family's share of the allowance for false alarms; `families` {name: p of the family}; `p_any`: of
+    all.
+
+    largest {family: [1 + draws]} the largest of each as seen, then by chance; weights: their shares of the allowance.
+    """
+
+    statistic: Float[Array, " M"]
+    amplitude: Float[Array, " M"]     # one-step estimate of b
+    gain: Float[Array, " M"]          # log-likelihood explained by it
+    p_each: Float[Array, " M"]
+    p_value: Float[Array, " M"]
+    families: dict[str, float]
+    p_any: float
+    largest: dict[str, Float[Array, " draws"]]
+    weights: dict[str, float]
+
+    def threshold(self, family: str, false_alarm: float) -> float:
+        """The statistic from which one test of the family is an alarm; infinite where nothing was asked."""
+        if family not in self.largest:
+            return float("inf")
+        allowed = np.quantile(_least(self.largest, self.weights)[1], false_alarm) * self.weights[family]
+        return float(np.quantile(self.largest[family], 1.0 - min(allowed, 1.0)))
+
+
+def efficient_scores(evidence: ScoreTable, channel: int, weights: Float[Array, "n q"], rows: Int[Array, " n"],
+                     shots: int) -> Scores:
+    """Scores of `weights` (q tests on one channel) in these `rows` of `shots`; those of the p priors follow."""
+    shared, first = evidence.shared, evidence.first_shared
+    place = evidence.deal.place[:, first:] - first
+    k_cc, k_ct, k_tt = (evidence.info[:, channel, channel], evidence.info[:, channel, first:],
+                        evidence.info[:, first:, first:])
+    across = evidence.deal.spread(evidence.info[:, channel])[:, shared]
+    total = evidence.information[shared, shared] + evidence.precision
+    project = np.linalg.solve(total, (weights.T @ across).T).T if len(total) else np.zeros((weights.shape[1], 0))
+    mine = np.swapaxes(project[:, place], 0, 1)
+    known = mine @ k_tt
+    psi = weights * evidence.score[:, channel, None] - evidence.score[:, shared] @ project.T
+    raw = weights**2 * k_cc[:, None]
+    kappa = raw - 2.0 * weights * (across @ project.T) + (known * mine).sum(2)
+    common = weights[:, :, None] * k_ct[:, None] - known
+    own = np.linalg.inv(total)[place[:, :, None], place[:, None, :]]
+    drawn = ((common @ own) * common).sum(2)          # variance by which fitting the shared ones draws each score
+    parts = np.zeros((3, shots, weights.shape[1]))
+    parts[:, rows] = psi, kappa, drawn
+    psi, kappa, drawn = (np.concatenate(both) for both in zip(parts, _prior_scores(evidence, project, total),
+                                                              strict=True))
+    return Scores(psi, kappa, _stretch(kappa, drawn), _usable(kappa, raw.sum(0)))
+
+
+def _prior_scores(evidence: ScoreTable, project: Float[Array, "q p"], total: Float[Array, "p p"]
+                  ) -> tuple[Float[Array, "m q"], Float[Array, "m q"], Float[Array, "m q"]]:
+    """(psi, kappa, drawn) of the priors, as independent observations of combinations of the shared parameters:
+    one each, or, of those from an earlier session, PIECES each.
+
+    A session's error is normal and as large as it says, so it may be split into many (its share of the error and
+    noise that adds up to zero); a single one would leave a test that rests on it with one sign to flip. How far the
+    catalogue's priors err is unknown: their one error stands for itself.
+    """
+    told = np.array([column.told for column in evidence.columns[evidence.shared]], dtype=bool)
+    root = np.linalg.cholesky(evidence.precision + TINY * np.eye(len(evidence.precision)))
+    error = np.linalg.solve(root, evidence.pull)
+    count = np.where(told, PIECES, 1)
+    whose = np.repeat(np.arange(len(told)), count)
+    noise = np.random.default_rng(0).normal(size=(len(told), PIECES))
+    noise = (noise - noise.mean(axis=1, keepdims=True)) / np.sqrt(PIECES)
+    piece = (error / count)[whose]
+    piece[told[whose]] += noise[told].ravel()
+    onto = (project @ root).T
+    share = 1.0 / count[whose, None]
+    leaned = np.einsum("ij,ij->i", root.T @ np.linalg.inv(total), root.T)[whose, None]
+    return -onto[whose] * piece[:, None], onto[whose]**2 * share, onto[whose]**2 * leaned * share**2
+
+
+def _stretch(kappa: Float[Array, "G M"], drawn: Float[Array, "G M"]) -> Float[Array, "G M"]:
+    """1 / sqrt(1 - leverage), each shot's leverage in each test as its information has it (HC2 of linear models)."""
+    leverage = drawn / np.maximum(kappa, 1e-300)
+    factor: Array = 1.0 / np.sqrt(1.0 - np.clip(leverage, 0.0, MOST_LEVERAGE))
+    return factor
+
+
+def _usable(kappa: Float[Array, "G M"], raw: Float[Array, " M"]) -> Bool[Array, " M"]:
+    total = kappa.sum(0)
+    effective = total**2 / np.maximum((kappa**2).sum(0), 1e-300)
+    usable: Array = (total > LEAST_SHARE * raw) & (raw > 0.0) & (effective >= FEWEST_SIGNS)
+    return usable
+
+
+def judge(scores: Scores, family: Sequence[str], allowance: Mapping[str, float], draws: int, seed: int,
+          progress: Progress) -> Judged:
+    """Judge every test alone, in its family [M], and all families together, under `draws` random sign patterns.
+
+    The families' probabilities, each over its share of the allowance, are compared by their smallest under the same
+    signs, so that sharing costs no more than it must (Westfall and Young's min-p).
+    """
+    psi, total, observed = scores.psi * scores.stretch, scores.kappa.sum(0), scores.psi.sum(0)
+    unit = psi / np.sqrt((psi**2).sum(0) + TINY)
+    seen = np.abs(observed) / np.sqrt((psi**2).sum(0) + TINY)
+    member = {name: np.array([one == name for one in family], dtype=bool) for name in allowance if name in set(family)}
+    if not member:
+        return Judged(seen, observed, observed, seen, seen, {}, 1.0, {}, {})
+    largest, above_each = _flip(unit, seen, member, draws, seed, progress)
+    share = sum(allowance[name] for name in member)
+    weights = {name: allowance[name] / share for name in member}
+    p_value, families, p_any = _combine(seen, member, largest, weights)
+    amplitude = observed / total
+    return Judged(seen, amplitude, 0.5 * amplitude * observed, (1.0 + above_each) / (1.0 + draws), p_value, families,
+                  p_any, largest, weights)
+
+
+def _flip(unit: Float[Array, "G M"], seen: Float[Array, " M"], member: Mapping[str, Bool[Array, " M"]], draws: int,
+          seed: int, progress: Progress) -> tuple[dict[str, Float[Array, " draws"]], Float[Array, " M"]]:
+    """({family: its largest as observed, then in each draw}, draws [M] in which a test came out as large).
+
+    `unit` [G, M]: each sign's part of a test's score, in units of the spread.
+    """
+    rng = np.random.default_rng(seed)
+    largest = {name: np.append(seen[inside].max(), np.zeros(draws)) for name, inside in member.items()}
+    above_each = np.zeros(len(seen))
+    for start in range(0, draws, CHUNK):
+        count = min(CHUNK, draws - start)
+        flipped = np.abs(rng.choice((-1.0, 1.0), size=(count, len(unit))) @ unit)
+        above_each += (flipped >= seen - 1e-9).sum(0)
+        for name, inside in member.items():
+            largest[name][1 + start:1 + start + count] = flipped[:, inside].max(1)
+        progress((start + count) / draws, "chance")
+    return largest, above_each
+
+
+def _combine(seen: Float[Array, " M"], member: Mapping[str, Bool[Array, " M"]],
+             largest: Mapping[str, Float[Array, " draws"]],
+             weights: Mapping[str, float]) -> tuple[Float[Array, " M"], dict[str, float], float]:
+    """(p of each test, p of each family alone, p of any): `largest` holds what was observed first, then the draws."""
+    ranks, least = _least(largest, weights)
+    p_value = np.ones(len(seen))
+    for name, values in largest.items():
+        alone = (values[None] >= seen[member[name]][:, None] - 1e-9).mean(1) / weights[name]
+        p_value[member[name]] = (least[None] <= alone[:, None] + 1e-12).mean(1)
+    return p_value, {name: float(rank[0]) for name, rank in ranks.items()}, float((least <= least[0] + 1e-12).mean())
+
+
+def _least(largest: Mapping[str, Float[Array, " draws"]], weights: Mapping[str, float]
+           ) -> tuple[dict[str, Float[Array, " draws"]], Float[Array, " draws"]]:
+    """({family: p of each of its largest}, the smallest of these [1 + draws], each over its share of the allowance)."""
+    ranks = {name: (values[None] >= values[:, None] - 1e-9).mean(1) for name, values in largest.items()}
+    return ranks, np.min([ranks[name] / weights[name] for name in largest], axis=0)
+
 
 MOST = 4.0                            # times home's information that a session may have: else home's noise drowns it
 
@@ -49,13 +240,13 @@ MOST = 4.0                            # times home's information that a session 
 class ReferenceSession:
     """`fitted`: the belief at its best there, with the same questions; `columns` {name: of every shot} there."""
 
-    fitted: BaselineFit
+    fitted: LauncherFit
     columns: Mapping[str, Any]
     company: dict[tuple[str, ...], "ReferenceSession"] = field(default_factory=dict, repr=False)
 
     @property
     def look(self) -> Look:
-        rows = self.fitted.evidence.rows
+        rows = self.fitted.scores.rows
         return Look(len(rows), lambda what: self.find(what)[rows])
 
     def find(self, what: Covariate | Factor) -> Shaped[Array, " shots"]:
@@ -77,13 +268,13 @@ class ReferenceSession:
 
     def index(self, name: str) -> int | None:
         """Of the tested column; None where there is none."""
-        columns = self.fitted.evidence.columns[:self.fitted.evidence.first_shared]
+        columns = self.fitted.scores.columns[:self.fitted.scores.first_shared]
         return next((k for k, column in enumerate(columns) if column.name == name), None)
 
     def beside(self, scores: Scores, evidence: ScoreTable, number: int, shapes: Sequence[WeightFunction],
                weights: Float[Array, "n q"]) -> Scores:
         """The scores of `shapes` (`weights` [n, q]) on the evidence's column, less home's, whose signs follow."""
-        mine = self.fitted.evidence
+        mine = self.fitted.scores
         column = self.index(evidence.columns[number].name)
         rows = len(mine.rows) + len(mine.precision)
         if column is None:
@@ -95,19 +286,19 @@ class ReferenceSession:
         share = np.where(said <= MOST * told, said / np.maximum(told, 1e-300), 0.0)
         return _joined(scores, found, share)
 
-    def among(self, fitted: BaselineFit) -> "ReferenceSession":
+    def among(self, fitted: LauncherFit) -> "ReferenceSession":
         """Home with the effects that `fitted` has been given since fitted there, too."""
-        first = fitted.evidence.first_shared
-        given = {column.name for column in fitted.evidence.columns[first:] if column.kind != "group"}
-        own = self.fitted.evidence.columns[self.fitted.evidence.first_shared:]
+        first = fitted.scores.first_shared
+        given = {column.name for column in fitted.scores.columns[first:] if column.kind != "group"}
+        own = self.fitted.scores.columns[self.fitted.scores.first_shared:]
         names = tuple(sorted(name for name in given - {column.name for column in own} if self.index(name) is not None))
         if names and names not in self.company:
-            found = refit(self.fitted, names, np.zeros(len(names)))
-            self.company[names] = replace(self, fitted=promote(self.fitted, found), company={})
+            found = self.fitted.with_terms(names, np.zeros(len(names)))
+            self.company[names] = replace(self, fitted=self.fitted.beside(found), company={})
         return self.company[names] if names else self
 
     def _all(self, value: int | float) -> Shaped[Array, " shots"]:
-        return np.full(int(self.fitted.evidence.rows.max(initial=-1)) + 1, value)
+        return np.full(int(self.fitted.scores.rows.max(initial=-1)) + 1, value)
 
 
 def _said(evidence: ScoreTable, column: int, weights: Float[Array, "n q"]) -> Float[Array, " q"]:
@@ -161,6 +352,7 @@ def ask_everything(evidence: ScoreTable, covariates: Sequence[Covariate], factor
     grouped = next((column.name.partition(" ")[0] for column in evidence.columns if column.kind == "group"), "")
     shapes = [SAME_SHAPE, *(shape for one in covariates for shape in functions.number_shapes(one, look)),
               *(shape for one in factors if one.name != grouped for shape in functions.group_shapes(one, look))]
+    pairs = functions.pair_shapes(covariates, look, seed)
     tests: list[Test] = []
     parts: list[Scores] = []
 
@@ -176,7 +368,7 @@ def ask_everything(evidence: ScoreTable, covariates: Sequence[Covariate], factor
             ask(number, TERMS if column.kind == "term" else FREE, [SAME_SHAPE])
         else:
             ask(number, FREE, shapes)
-    if pairs := functions.pair_shapes(covariates, look, seed):
+    if pairs:
         ask(evidence.index("launch speed"), PATTERN, pairs)
     scores = _join(parts)
     kept = np.flatnonzero(scores.kept)
@@ -220,7 +412,7 @@ class TrackerChange:
     together: tuple[str, ...]
 
 
-def compare_trackers(fitted: BaselineFit, home: BaselineFit, false_alarm: float) -> TrackerChange | None:
+def compare_trackers(fitted: LauncherFit, home: LauncherFit, false_alarm: float) -> TrackerChange | None:
     """Compare the calibrations of two fits of one belief; None where they agree, or there are too few tracks."""
     if not can_compare(fitted, home):
         return None
@@ -249,17 +441,17 @@ def compare_trackers(fitted: BaselineFit, home: BaselineFit, false_alarm: float)
     return TrackerChange(p_value, tuple(sorted(listed, key=lambda one: -one.probability)), together)
 
 
-def can_compare(fitted: BaselineFit, home: BaselineFit) -> bool:
+def can_compare(fitted: LauncherFit, home: LauncherFit) -> bool:
     """Whether both sessions have the tracker's numbers, and enough flights."""
     names = _numbers(fitted, home)
     return bool(names) and _clusters(fitted, home) > len(names) + 1
 
 
-def _clusters(fitted: BaselineFit, home: BaselineFit) -> int:
-    return min(len(np.unique(one.together)) for one in (fitted, home))
+def _clusters(fitted: LauncherFit, home: LauncherFit) -> int:
+    return min(len(np.unique(one.scores.together)) for one in (fitted, home))
 
 
-def rivals_of(fitted: BaselineFit, home: BaselineFit, term: str) -> tuple[NumberChange, ...]:
+def rivals_of(fitted: LauncherFit, home: LauncherFit, term: str) -> tuple[NumberChange, ...]:
     """The term, and the tracker's numbers of which one alone explains the sessions' difference about as well; each as
     likely a priori. Empty where there are none."""
     names = _numbers(fitted, home)
@@ -272,20 +464,20 @@ def rivals_of(fitted: BaselineFit, home: BaselineFit, term: str) -> tuple[Number
     return tuple(seen.number(k, probability[k], (k,)) for k in (len(names), *near)) if near else ()
 
 
-def _numbers(fitted: BaselineFit, home: BaselineFit) -> list[str]:
+def _numbers(fitted: LauncherFit, home: LauncherFit) -> list[str]:
     """Columns of the tracker's calibration that both sessions have."""
-    wanted = [f"{term.name}.{term.amplitude.name}" for term in fitted.layout.chain.catalogue
+    wanted = [f"{term.name}.{term.amplitude.name}" for term in fitted.model.catalogue
               if term.calibration_sd is not None or term.compared]
     return [name for name in wanted if all(name in _columns(one) for one in (fitted, home))]
 
 
-def _columns(fitted: BaselineFit) -> set[str]:
-    return {column.name for column in fitted.evidence.columns} if fitted.intake.filmed else set()
+def _columns(fitted: LauncherFit) -> set[str]:
+    return {column.name for column in fitted.scores.columns} if fitted.model.data.filmed else set()
 
 
-def _terms(fitted: BaselineFit) -> set[str]:
+def _terms(fitted: LauncherFit) -> set[str]:
     """Terms that are tested, and believed ones that may have changed."""
-    return {column.name for column in fitted.evidence.columns[:fitted.evidence.first_shared] if column.kind == "term"}
+    return {column.name for column in fitted.scores.columns[:fitted.scores.first_shared] if column.kind == "term"}
 
 
 @dataclass(frozen=True)
@@ -312,11 +504,11 @@ class _Difference:
         return self.covariance + np.diag([one**2 if k in subset else 0.0 for k, one in enumerate(self.usual)])
 
 
-def _difference(fitted: BaselineFit, home: BaselineFit, names: Sequence[str], term: str = "") -> _Difference:
+def _difference(fitted: LauncherFit, home: LauncherFit, names: Sequence[str], term: str = "") -> _Difference:
     """Of the tracker's numbers, and of one term where it is named."""
-    (value, here), (before, there) = (_estimate(one.evidence, one.together, _places(one.evidence, names, term))
+    (value, here), (before, there) = (_estimate(one.scores, one.scores.together, _places(one.scores, names, term))
                                       for one in (fitted, home))
-    columns = tuple(fitted.evidence.columns[k] for k in _places(fitted.evidence, names, term))
+    columns = tuple(fitted.scores.columns[k] for k in _places(fitted.scores, names, term))
     return _Difference(columns, value - before, here + there, np.sqrt(2.0) * np.array([one.usual for one in columns]))
 
 

@@ -11,9 +11,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.linalg import block_diag
 
-from truearc.sim.discover.detect.battery import FREE, PATTERN, Asked, Test
+from truearc.sim.discover.detect.battery import FREE, PATTERN, Asked, Judged, Test
 from truearc.sim.discover.detect.covariates import STEP, Covariate, CovariatePair, Factor, smooth_shapes
-from truearc.sim.discover.detect.score_test import Judged
 from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable, by_folds, go_uphill
 from truearc.sim.physics.term import STAGES
 
@@ -33,7 +32,7 @@ class Correction:
     """
 
     test: Test
-    evidence: ScoreTable
+    scores: ScoreTable
     amplitude: Float[Array, " n"]     # of the column, fitted to all shots
     before: Float[Array, "n P"]       # held out, shared columns alone refitted
     after: Float[Array, "n P"]
@@ -78,7 +77,7 @@ def contrast_of(found: Correction, weights: Float[Array, " n"]) -> tuple[float, 
 
 def _estimate(found: Correction) -> tuple[Basis, Float[Array, " q"], Float[Array, "q q"]]:
     """(basis, its coefficients, their covariance)."""
-    evidence, test = found.evidence, found.test
+    evidence, test = found.scores, found.test
     basis = _basis(evidence, test)
     whole = np.ones(len(basis), dtype=bool)
     ridge = _ridge(evidence, test, basis, whole)
@@ -247,7 +246,7 @@ def _weigh(evidence: ScoreTable, corrections: dict[str, Correction], shots: int,
     totals[:, evidence.rows] = [correction.gain for correction in corrections.values()]
     draws = np.random.default_rng(seed).dirichlet(np.ones(shots), RESAMPLES) * shots
     # log of a normal prior on the departure's size, relative to its peak
-    plausible = [-0.5 * (amplitude_of(one) / one.evidence.columns[0].usual) ** 2 for one in corrections.values()]
+    plausible = [-0.5 * (amplitude_of(one) / one.scores.columns[0].usual) ** 2 for one in corrections.values()]
     power = draws @ totals.T + np.array(plausible)
     share = np.exp(power - power.max(axis=1, keepdims=True))
     mean = (share / share.sum(axis=1, keepdims=True)).mean(axis=0)
@@ -333,7 +332,7 @@ def size_weights(correction: Correction) -> Float[Array, " n"]:
         return np.full(len(amplitude), 1.0 / len(amplitude))
     known = np.ones(len(amplitude), dtype=bool)
     if isinstance(what, Covariate):
-        values = what.values[correction.evidence.rows]
+        values = what.values[correction.scores.rows]
         known = np.isfinite(values)
         low, high = np.quantile(values[known], (0.05, 0.95))
         span: Array = _read_at(high, values, known) - _read_at(low, values, known)

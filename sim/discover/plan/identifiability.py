@@ -23,13 +23,14 @@ from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.conditions import ORDINARY
 from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
-from truearc.sim.discover.detect.battery import ALLOWANCE, TERMS
+from truearc.sim.discover.detect.battery import ALLOWANCE, LEAST_SHARE, TERMS
 from truearc.sim.discover.finding import FALSE_ALARM, LEVELS, SEASON_SHOTS
+from truearc.sim.discover.select.terms import BUSY
 from truearc.sim.infer.belief import Coefficients
-from truearc.sim.infer.fit import fit_believed, usual_spot
-from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, Intake, say_few, take_in
-from truearc.sim.infer.likelihood.layout import groups_of, lay_out, weak_prior
-from truearc.sim.infer.likelihood.linearization import linearise
+from truearc.sim.infer.fit import fit_believed
+from truearc.sim.infer.launcher import Launcher
+from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, say_few
+from truearc.sim.infer.likelihood.layout import weak_prior
 from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue, effective, find_terms, flight_terms
 from truearc.sim.physics.flight import path
@@ -40,8 +41,6 @@ SCHEMA = "truearc.identifiability/1"
 FOUR_IN_FIVE = float(ndtri(0.8))      # standard deviations beyond the threshold, for a power of 0.8
 DRAWS, SEED = 4000, 0                 # of scores by chance
 ALIKE = 0.95                          # correlation of efficient slopes from which two terms are one to these data
-LEAST_SHARE = 1e-4                    # of its own information, with all coefficients free, that a term needs to be seen
-BUSY = 1e-12
 NOTHING = 1e-9                        # information on a term at its usual size that no number of shots makes up for
 ABSORBS = 0.1                         # of the largest coefficient's part, from which one is named, too
 UNTOUCHED, TAKEN = "untouched", "taken up"      # values of truearc.identifiability/1
@@ -230,10 +229,8 @@ def foresee_dataset(dataset: Dataset, believed: tuple[str, ...], sides: bool = F
     beside the centre with the usual coefficients."""
     dataset = dataset.in_order()
     if not is_planned(dataset):
-        intake = _take_in(dataset)
-        layout = lay_out(intake, believed, groups_of(dataset.shots, intake.rows), among)
-        fitted = fit_believed(intake, layout, progress)
-        return sight_of(fitted.evidence, intake.level, believed)
+        model = _model_of(dataset, believed, among)
+        return sight_of(fit_believed(model, progress).scores, model.data.level, believed)
     progress(0.1, "slopes")
     marked = Shots(dataset.shots.shot_id, dataset.shots.numbers,
                    {**dataset.shots.texts, **mark(len(dataset.shots), sides)}, dataset.shots.source)
@@ -242,20 +239,19 @@ def foresee_dataset(dataset: Dataset, believed: tuple[str, ...], sides: bool = F
     return sight_of(_as_aimed(evidence, seed), level, believed)
 
 
-def _take_in(dataset: Dataset) -> Intake:
-    intake = take_in(dataset)
-    if not len(intake.rows):
+def _model_of(dataset: Dataset, believed: tuple[str, ...], among: Catalogue | None) -> Launcher:
+    model = Launcher.of(dataset, believed, among)
+    if not len(model.data.rows):
         raise InputError("no shot can say anything: distance_m, and hood_deg with motor_ratio (and "
                          "launcher.free_speed_rad_s in rig.toml) or every wheel's speed, or exit_deg with "
                          "exit_speed_m_s, are needed beside its outcome, or a track")
-    return intake
+    return model
 
 
 def _expected(dataset: Dataset, believed: tuple[str, ...], among: Catalogue | None) -> tuple[ScoreTable, str]:
     """Evidence at the middle of the priors; its scores mean nothing."""
-    intake = _take_in(dataset)
-    layout = lay_out(intake, believed, groups_of(dataset.shots, intake.rows), among)
-    return linearise(intake, layout, usual_spot(intake, layout))[0], intake.level
+    model = _model_of(dataset, believed, among)
+    return model.linearise(model.middle())[0], model.data.level
 
 
 def _as_aimed(evidence: ScoreTable, seed: int) -> ScoreTable:

@@ -18,18 +18,16 @@ from scipy.special import softmax
 from truearc.sim.check.flaw import RPM
 from truearc.sim.data.columns import SPIN_VECTOR
 from truearc.sim.data.dataset import Dataset
+from truearc.sim.discover.decide import Step
 from truearc.sim.discover.detect.battery import name_of
 from truearc.sim.discover.detect.covariates import IN_FLIGHT
 from truearc.sim.discover.finding import CONFIGURATIONS, PLANNED_SHOTS
 from truearc.sim.discover.plan.identifiability import sight_of
-from truearc.sim.discover.select.effects import Step
-from truearc.sim.discover.select.terms import Refit, efficient, nats_for
-from truearc.sim.infer.fit import BaselineFit
-from truearc.sim.infer.likelihood.linearization import linearise
+from truearc.sim.discover.select.terms import efficient, nats_for
+from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue
-from truearc.sim.physics.term import Term, WatchTerm
-from truearc.sim.physics.term_fields import Instrument
+from truearc.sim.physics.term import Instrument, Term, WatchTerm
 
 LEAST_CHANCE = 1e-300                 # of a name that is out of the question, so that it has a logarithm
 DRAWS = 4000
@@ -78,7 +76,7 @@ class Design:
 class Contest:
     """K names: columns of the evidence, amplitudes, sizes, probabilities, and what refits know beyond one step."""
 
-    evidence: ScoreTable
+    scores: ScoreTable
     columns: Int[Array, " K"]
     amplitude: Float[Array, " K"]
     usual: Float[Array, " K"]
@@ -100,7 +98,7 @@ def make_design(step: Step, shots: int = PLANNED_SHOTS, configurations: int = CO
 
     chosen = choose_blocks(contest, block, within_reach(step.fitted, there), configurations, information_of)
     more = block * np.sum([information_of(option) for option in chosen], axis=0)
-    told_by = _measurements(contest, names, seed, step.fitted.layout.chain.catalogue)
+    told_by = _measurements(contest, names, seed, step.fitted.model.catalogue)
     measurements = sorted(told_by, key=lambda one: -one.probability)
     return Design(names, contest.probability, tuple(Block(row, block, pace) for row, pace in chosen),
                   float((contest.probability * (contest.probability >= SURE)).sum()),
@@ -118,7 +116,7 @@ def _competing(step: Step) -> tuple[str, ...]:
 
 
 def _contest(step: Step, names: tuple[str, ...]) -> Contest:
-    evidence, naming = step.fitted.evidence, step.naming
+    evidence, naming = step.fitted.scores, step.naming
     columns = np.array([evidence.index(name) for name in names], dtype=int)
     usual = np.array([evidence.columns[k].usual for k in columns])
     # as the finding has them, of one of these names being right
@@ -132,7 +130,7 @@ def _contest(step: Step, names: tuple[str, ...]) -> Contest:
 
 def separation(contest: Contest, more: Information | float) -> Float[Array, "K K"]:
     """Delta [K, K]: how far name k, at its best, is from data that j makes, as a chi-squared; 0 on the diagonal."""
-    left = efficient(contest.evidence, contest.columns, more)[1]
+    left = efficient(contest.scores, contest.columns, more)[1]
     own = np.maximum(np.diag(left), 1e-300)
     return contest.amplitude[:, None]**2 * np.maximum(own[:, None] - left**2 / own[None, :], 0.0)
 
@@ -143,10 +141,10 @@ def worth(contest: Contest, more: Information | float) -> float:
     return float((weight * np.log1p(separation(contest, more))).sum() / weight.sum())
 
 
-def at_paces(fitted: BaselineFit) -> dict[float, ScoreTable]:
+def at_paces(fitted: LauncherFit) -> dict[float, ScoreTable]:
     """{pace: expected evidence of all shots so}; the recorded one alone where tracks or measured exits tell how fast
     each ball was."""
-    intake, there = fitted.intake, {1.0: fitted.evidence}
+    intake, there = fitted.model.data, {1.0: fitted.scores}
     if intake.samples is not None or np.isfinite(intake.exits).any() or not np.asarray(intake.lanes.rolled).any():
         return there
     rolling = intake.lanes.rolling
@@ -154,13 +152,13 @@ def at_paces(fitted: BaselineFit) -> dict[float, ScoreTable]:
         faster = rolling._replace(speed_m_s=pace * np.asarray(rolling.speed_m_s),
                                   spin_rev_s=pace * np.asarray(rolling.spin_rev_s))
         lanes = intake.lanes._replace(rolling=faster)
-        there[pace] = linearise(replace(intake, lanes=lanes), fitted.layout, fitted.spot)[0]
+        there[pace] = replace(fitted.model, data=replace(intake, lanes=lanes)).linearise(fitted.point)[0]
     return there
 
 
-def within_reach(fitted: BaselineFit, paces: Iterable[float]) -> list[tuple[int, float]]:
+def within_reach(fitted: LauncherFit, paces: Iterable[float]) -> list[tuple[int, float]]:
     """(row, pace) of every configuration whose wheels turn no slower and no faster than they have been seen to."""
-    lanes = fitted.intake.lanes
+    lanes = fitted.model.data.lanes
     speed, rolled = np.asarray(lanes.rolling.speed_m_s), np.asarray(lanes.rolled)
     low, high = (speed[rolled].min(), speed[rolled].max()) if rolled.any() else (0.0, 0.0)
     return [(row, pace) for pace in paces for row in range(len(speed))
@@ -190,8 +188,8 @@ def chance_of_name(contest: Contest, more: Information, seed: int) -> float:
     Truths are drawn as likely as they are now, each at its fitted amplitude; scores to come are normal.
     """
     rng = np.random.default_rng(seed)
-    score, left = efficient(contest.evidence, contest.columns, 0.0)
-    after = efficient(contest.evidence, contest.columns, more)[1]
+    score, left = efficient(contest.scores, contest.columns, 0.0)
+    after = efficient(contest.scores, contest.columns, more)[1]
     gained = after - left
     values, vectors = np.linalg.eigh(gained)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
@@ -209,8 +207,8 @@ def _stands_alone(nats: Float[Array, "draws K"], truth: Int[Array, " draws"]) ->
 
 def _random_equal(contest: Contest, more: Information) -> int | None:
     """Shots drawn like the present ones that are worth as much as `more`."""
-    wanted, present = worth(contest, more), contest.evidence.information
-    shots = len(contest.evidence.rows)
+    wanted, present = worth(contest, more), contest.scores.information
+    shots = len(contest.scores.rows)
     low, high = 0.0, float(MOST_RANDOM)
     if worth(contest, high * present) < wanted:
         return None
@@ -258,7 +256,7 @@ def next_steps(dataset: Dataset, step: Step, chosen: tuple[str, ...] | None) -> 
     if chosen is None:
         vertical = step.place is not None and step.place.column.direction == "vertical"
         return (*_spin(dataset, vertical), *_about_unknown(step), *_sides(dataset))
-    among = step.fitted.layout.chain.catalogue
+    among = step.fitted.model.catalogue
     instruments = [term.instrument for name in chosen for term in among.find([name])]
     tracked = dataset.tracks is not None or dataset.times is not None
     wanted = {one.id: one.what for one in instruments if one is not None and not (tracked and one.filmed)}
@@ -316,7 +314,7 @@ def _about_unknown(step: Step) -> tuple[dict[str, Any], ...]:
     place = step.place
     name = None if place is None else name_of(place.test, place.column)
     if name is None or name in IN_FLIGHT:
-        if step.fitted.intake.filmed:
+        if step.fitted.model.data.filmed:
             return _of_filmed(step)
         return ({"do": "measure", "record": "tracks", "what": "the flight with a camera from the side (tracks.csv)"},)
     return ({"do": "measure", "covariate": name, "what": f"what else changes with {name}, which it goes with"},)
@@ -324,10 +322,10 @@ def _about_unknown(step: Step) -> tuple[dict[str, Any], ...]:
 
 def _of_filmed(step: Step) -> tuple[dict[str, Any], ...]:
     """What settles the nearest name, if it is not seen on film anyway; else the wind, where there can be one."""
-    (term,) = step.fitted.layout.chain.catalogue.find([step.naming.leader.partition(".")[0]])
+    (term,) = step.fitted.model.catalogue.find([step.naming.leader.partition(".")[0]])
     if term.instrument is not None and not term.instrument.filmed:
         return ({"do": "measure", "instrument": term.instrument.id, "what": term.instrument.what},)
-    site = step.fitted.intake.rig.site
+    site = step.fitted.model.data.rig.site
     if site and site.indoor:
         return ()
     return ({"do": "measure", "instrument": "anemometer", "what": "the wind with an anemometer"},)
@@ -349,7 +347,7 @@ def _sides(dataset: Dataset) -> tuple[dict[str, Any], ...]:
 def parting_shot(dataset: Dataset, step: Step, pair: tuple[str, str]) -> dict[str, Any] | None:
     """The recorded configuration where the two, each fitted, forecast the most different heights; None where SHOTS of
     them would hardly tell the two apart."""
-    evidence = step.fitted.evidence
+    evidence = step.fitted.scores
     plane = evidence.plane
     if plane is None or any(name not in step.naming.refits for name in pair):
         return None
@@ -368,7 +366,7 @@ def parting_shot(dataset: Dataset, step: Step, pair: tuple[str, str]) -> dict[st
             "separates": [name.partition(".")[0] for name in pair]}
 
 
-def moved_by(evidence: ScoreTable, one: Refit) -> Float[Array, " P"]:
+def moved_by(evidence: ScoreTable, one: LauncherFit) -> Float[Array, " P"]:
     """Change [P] of the evidence's columns that a refit of one name amounts to.
 
     A name that is a fitted number itself (one that has changed since the belief) stands in that number's place: it is
@@ -378,9 +376,9 @@ def moved_by(evidence: ScoreTable, one: Refit) -> Float[Array, " P"]:
     shared = range(evidence.first_shared, len(evidence.columns))
     rest = [k for k in shared if evidence.columns[k].name != name]
     change = np.zeros(len(evidence.columns))
-    change[rest] = one.evidence.point[1:] - evidence.point[rest]
+    change[rest] = one.scores.point[1:] - evidence.point[rest]
     if len(rest) == len(shared):
         change[evidence.index(name)] = one.amplitude[0]
     for k in set(shared) - set(rest):
-        change[k] = one.evidence.point[0] - evidence.point[k]
+        change[k] = one.scores.point[0] - evidence.point[k]
     return change

@@ -9,23 +9,28 @@ from msgspec import UNSET, UnsetType, structs
 
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover import finding as parts
-from truearc.sim.discover.decide import verdict_of
-from truearc.sim.discover.detect.battery import TERMS, Asked, NumberChange, can_compare, compare_trackers, name_of
+from truearc.sim.discover.decide import Search, Step, verdict_of
+from truearc.sim.discover.detect.battery import (
+    TERMS,
+    Asked,
+    Judged,
+    NumberChange,
+    can_compare,
+    compare_trackers,
+    name_of,
+)
 from truearc.sim.discover.detect.covariates import Covariate, carried_by, followed_column
 from truearc.sim.discover.detect.localization import Place, contrast_of, size_weights, times_of
-from truearc.sim.discover.detect.score_test import Judged
 from truearc.sim.discover.finding import FindingRecord, FitSummary, FoundEffect, Named, TestResult, Unknown, Where
 from truearc.sim.discover.plan.next_steps import blind_terms, has_spin, measure_blind, measure_names, next_steps
 from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report.finding_text import say_improbable
-from truearc.sim.discover.select.effects import Search, Step
 from truearc.sim.discover.select.simulations import end_errors, side_errors, times_off
 from truearc.sim.discover.select.terms import posterior_amplitude
-from truearc.sim.infer.fit import BaselineFit, improbable, stopped
+from truearc.sim.infer.launcher import LauncherFit, improbable, stopped
 from truearc.sim.infer.likelihood import observations as outcomes
 from truearc.sim.infer.likelihood.data import Intake, number_columns
-from truearc.sim.infer.likelihood.layout import only_shared
-from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, clustered_error, unseen_change, without
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, clustered_error
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.term import STAGES
 from truearc.sim.statistics import Z90
@@ -61,30 +66,32 @@ def _has_topspin(dataset: Dataset) -> bool:
     return bool(len(known) and np.median(known) < 0.0)
 
 
-def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, asked: Asked, judged: Judged,
+def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: LauncherFit, asked: Asked, judged: Judged,
                  place: Place | None, steps: Sequence[Step], search: Search) -> FindingRecord:
     """Put it together; without steps nothing was found."""
-    intake, among, false_alarm = fitted.intake, fitted.layout.chain.catalogue, search.false_alarm
+    intake, among, false_alarm = fitted.model.data, fitted.model.catalogue, search.false_alarm
+    lacks, topspin, doubted = untested(dataset), _has_topspin(dataset), _improbable(fitted, steps)
+    believed = fitted.scores.shared_only()
+    best = next((step.refit.scores for step in reversed(steps) if not step.unknown), believed)
+    at_limit = {name: value for name, value in stopped(believed, among).items()
+                if not name.startswith("scatter.")}                      # scatters take what is missing
     data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {"all": fitted.values},
-                             {"by": "shot", "count": len(dataset.shots)}, dataset.accepted, untested(dataset),
-                             _has_topspin(dataset),
-                             _terms_only(stopped(without(fitted.evidence), among))
-                             | stopped(best_of(fitted, steps), among),
-                             _improbable(fitted, steps))
-    results = _results(fitted.evidence, asked, judged, false_alarm)
+                             {"by": "shot", "count": len(dataset.shots)}, dataset.accepted, lacks, topspin,
+                             at_limit | stopped(best, among), doubted)
+    results = _results(fitted.scores, asked, judged, false_alarm)
     mismatch = parts.Mismatch(bool(steps), judged.p_any, false_alarm, results, len(asked.tests), judged.families)
     fit = _fit(fitted, steps)
     tracker, said, to_check = _tracker(fitted, search)
     if not steps:
         where = Where(None, None, None, None, {}, None, None, (), "nothing was found")
         threshold = judged.threshold(TERMS, false_alarm)
-        blind = blind_terms(fitted.evidence, threshold, among) if np.isfinite(threshold) else []
+        blind = blind_terms(fitted.scores, threshold, among) if np.isfinite(threshold) else []
         steps_to_see = measure_blind(blind, intake.samples is not None)
         sentence = (wording.say_none(terms, judged.p_any, data.shots, false_alarm, among)
                     + wording.say_limits(data.at_limit) + say_improbable(data.improbable) + said
-                    + wording.say_scatter(times_off(intake, fitted.layout, fitted.spot))
+                    + wording.say_scatter(times_off(fitted))
                     + wording.say_blind(blind, steps_to_see, among)
-                    + wording.say_smallest(fitted.evidence, threshold, among))
+                    + wording.say_smallest(fitted.scores, threshold, among))
         return FindingRecord(data, mismatch, where, "none", sentence, None, fit,
                              next=(*to_check, *steps_to_see), tracker=tracker)
     first = steps[0]
@@ -100,9 +107,9 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
                          also=tuple(rest), unexplained=first.unexplained, tracker=tracker)
 
 
-def _tracker(fitted: BaselineFit, search: Search) -> tuple[FoundEffect | UnsetType, str, tuple[dict[str, Any], ...]]:
+def _tracker(fitted: LauncherFit, search: Search) -> tuple[FoundEffect | UnsetType, str, tuple[dict[str, Any], ...]]:
     """(change of the tracker's calibration since home and what it may be instead, in a sentence, what to measure)."""
-    among = fitted.layout.chain.catalogue
+    among = fitted.model.catalogue
     moved = None if search.home is None else compare_trackers(fitted, search.home.fitted, search.false_alarm)
     if moved is None:
         compared = search.home is not None and can_compare(fitted, search.home.fitted)
@@ -133,27 +140,15 @@ def _changed(one: NumberChange, among: Catalogue) -> Named:
     return Named(name, one.probability, {parameter: interval}, term.sentence, term.stage)
 
 
-def _improbable(fitted: BaselineFit, steps: Sequence[Step]) -> dict[str, float]:
+def _improbable(fitted: LauncherFit, steps: Sequence[Step]) -> dict[str, float]:
     """Fitted numbers that were believed all but impossible; beside what was found those of the tracker alone: others
     are what a missing effect moves."""
     if not steps:
-        return improbable(fitted.layout, fitted.evidence.point)
+        return improbable(fitted.model.layout, fitted.scores.point)
     last = next((step.refit for step in reversed(steps) if not step.unknown), None)
-    layout, point, effects = (fitted.layout, fitted.evidence.point, ()) if last is None else (
-        last.layout, last.evidence.point, last.names)
-    return {name: value for name, value in improbable(layout, point).items()
-            if name.startswith("track_") and name not in effects}
-
-
-def _terms_only(at_limit: dict[str, float]) -> dict[str, float]:
-    """Without scatters, which take what is missing."""
-    return {name: value for name, value in at_limit.items() if not name.startswith("scatter.")}
-
-
-def best_of(fitted: BaselineFit, steps: Sequence[Step]) -> ScoreTable:
-    """The fit with every named effect; the baseline's shared numbers where nothing has a name."""
-    named = [step.refit.evidence for step in steps if not step.unknown]
-    return named[-1] if named else without(fitted.evidence)
+    found = last or fitted
+    return {name: value for name, value in improbable(found.model.layout, found.scores.point).items()
+            if name.startswith("track_") and name not in found.names}
 
 
 def _further(step: Step) -> FoundEffect:
@@ -165,7 +160,7 @@ def _further(step: Step) -> FoundEffect:
 
 
 def _where(step: Step, judged: Judged, search: Search, probability: dict[str, float]) -> Where:
-    evidence, place = step.fitted.evidence, step.place
+    evidence, place = step.fitted.scores, step.place
     stage_of = {column.name: column.stage for column in evidence.columns}
     mass = {stage: sum(p for name, p in probability.items() if stage_of[name] == stage) for stage in STAGES}
     rest = step.unexplained
@@ -177,8 +172,8 @@ def _where(step: Step, judged: Judged, search: Search, probability: dict[str, fl
     reason = None if mass[stage] > UNSURE else "stage: these data cannot tell the likely stages apart"
     covariate, direction, others = _follows(step, judged, search)
     times = None
-    if evidence.plane is None or step.fitted.intake.samples is not None:
-        times = _until_seen(step.fitted.intake, times_of(evidence, place.test)) if place is not None else None
+    if evidence.plane is None or step.fitted.model.data.samples is not None:
+        times = _until_seen(step.fitted.model.data, times_of(evidence, place.test)) if place is not None else None
     return Where(stage, mass, covariate, direction, place.region if place else {}, times,
                  place.column.name if place else None, others, reason)
 
@@ -222,8 +217,8 @@ def _unknown(step: Step) -> Unknown | None:
 def _named(step: Step, name: str, probability: dict[str, float]) -> Named:
     """One name with its amplitude: refitted where it was among the likely, one step from nothing otherwise."""
     term_name, _, parameter = name.partition(".")
-    (term,) = step.fitted.layout.chain.catalogue.find([term_name])
-    column = step.fitted.evidence.columns[step.fitted.evidence.index(name)]
+    (term,) = step.fitted.model.catalogue.find([term_name])
+    column = step.fitted.scores.columns[step.fitted.scores.index(name)]
     found, before = step.naming.refits.get(name), _believed_before(step, name)
     if found is not None:
         amplitude, sd, start = float(found.amplitude[0]), float(found.sd[0]), float(found.value[0] - found.amplitude[0])
@@ -239,7 +234,7 @@ def _named(step: Step, name: str, probability: dict[str, float]) -> Named:
 
 def _believed_before(step: Step, name: str) -> float | None:
     """The belief's value of a number that may have changed; None of one that it lacks."""
-    layout = step.fitted.layout
+    layout = step.fitted.model.layout
     place = next((k for k, column in enumerate(layout.columns[layout.first_shared:]) if column.name == name), None)
     return None if place is None else float(layout.centre[place])
 
@@ -261,14 +256,15 @@ def _results(evidence: ScoreTable, asked: Asked, judged: Judged, false_alarm: fl
     return {key: result for key, (_, result) in ordered}
 
 
-def _fit(fitted: BaselineFit, steps: Sequence[Step]) -> FitSummary:
+def _fit(fitted: LauncherFit, steps: Sequence[Step]) -> FitSummary:
     """Figures on unseen shots: as believed, and with every named effect (log score: with the last free curve, too)."""
-    null = without(fitted.evidence)
-    before_change = unseen_change(null)
+    believed = fitted.without_terms()
+    null = believed.scores
+    before_change = null.held_out_change()
     before = null.log_score + null.gain(before_change)
-    rmse = end_errors(fitted.intake, only_shared(fitted.layout), fitted.spot, null, before_change)
     accuracy = _accuracy(null, before_change)
-    height_at = "track end" if fitted.intake.filmed else "plane"
+    rmse = end_errors(believed, before_change)
+    height_at = "track end" if fitted.model.data.filmed else "plane"
     if not steps:
         return FitSummary(len(null.rows), float(before.mean()), None, None, None, rmse, None, accuracy, None, height_at)
     last, named = steps[-1], [step.refit for step in steps if not step.unknown]
@@ -278,16 +274,15 @@ def _fit(fitted: BaselineFit, steps: Sequence[Step]) -> FitSummary:
     rmse_after = accuracy_after = None
     side: tuple[float | UnsetType, float | UnsetType] = UNSET, UNSET
     if named:
-        change = unseen_change(named[-1].evidence)
+        change = named[-1].scores.held_out_change()
         first = next(step for step in steps if not step.unknown)
-        if fitted.intake.filmed and first.column.direction == "lateral":
-            side = (side_errors(fitted.intake, only_shared(fitted.layout), fitted.spot, before_change),
-                    side_errors(fitted.intake, named[-1].layout, named[-1].spot, change))
-        rmse_after = end_errors(fitted.intake, named[-1].layout, named[-1].spot, named[-1].evidence, change)
-        accuracy_after = _accuracy(named[-1].evidence, change)
+        if fitted.model.data.filmed and first.column.direction == "lateral":
+            side = side_errors(believed, before_change), side_errors(named[-1], change)
+        rmse_after = end_errors(named[-1], change)
+        accuracy_after = _accuracy(named[-1].scores, change)
     gain = after - before
     return FitSummary(len(null.rows), float(before.mean()), float(after.mean()), float(gain.mean()),
-               clustered_error(gain, fitted.together), rmse, rmse_after, accuracy, accuracy_after, height_at, *side)
+               clustered_error(gain, null.together), rmse, rmse_after, accuracy, accuracy_after, height_at, *side)
 
 
 def _accuracy(evidence: ScoreTable, change: Float[Array, "n P"]) -> float | None:

@@ -26,8 +26,7 @@ from truearc.sim.discover.plan.identifiability import sight_of
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.physics.nonparametric import Nameless
-from truearc.sim.physics.term import Term
-from truearc.sim.physics.term_fields import ANGLE, LENGTH, SHARE, Phrase
+from truearc.sim.physics.term import ANGLE, LENGTH, SHARE, Phrase, Term
 from truearc.sim.printed import left_out_lines
 
 MOST_PLACES = 5                       # after the point; beyond, exponents

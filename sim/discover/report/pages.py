@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 from msgspec import UnsetType
 
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.discover.adopt import Investigation
-from truearc.sim.discover.decide import form_of, gain_interval
+from truearc.sim.discover.decide import Step, form_of, gain_interval
 from truearc.sim.discover.detect.covariates import IN_FLIGHT, CovariatePair
 from truearc.sim.discover.finding import FindingRecord
+from truearc.sim.discover.investigate import Investigation
 from truearc.sim.discover.plan.identifiability import TAKEN, Fittable, Sight, TermIdentifiability, sight_of
 from truearc.sim.discover.plan.next_steps import MOST_RANDOM, Block, Design
 from truearc.sim.discover.report import finding_text as wording
@@ -30,7 +30,6 @@ from truearc.sim.discover.report.pictures import (
     sight_png,
     views_of,
 )
-from truearc.sim.discover.select.effects import Step
 from truearc.sim.infer.likelihood.score_table import Array
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_terms
 from truearc.sim.printed import make_text
@@ -168,7 +167,7 @@ SETTINGS = ("distance_m", "hood_deg", "motor_ratio", "exit_speed_m_s", "exit_deg
 def design_table(design: Design, dataset: Dataset, step: Step, among: Catalogue | None = None) -> dict[str, Any]:
     """Return the plan as plain values, without schema and verdict; `next` as in truearc.finding/1."""
     names = [name.partition(".")[0] for name in design.names]
-    rows = step.fitted.evidence.rows
+    rows = step.fitted.scores.rows
     shoot = [{"do": "shoot", **_settings(dataset.shots, int(rows[block.row]), block.pace), "shots": block.shots,
               "separates": names}
              for block in _together(design.blocks)]
@@ -242,7 +241,7 @@ def make_report(name: str, investigation: Investigation, origin: Origin = NO_ORI
     finding, among = investigation.finding, investigation.catalogue
     sections = [("", f"<style>\n{STYLE}</style>" + _summary(finding, among))]
     if investigation.fitted is not None:
-        sight = sight_of(investigation.fitted.evidence, finding.data.level, finding.data.believed,
+        sight = sight_of(investigation.fitted.scores, finding.data.level, finding.data.believed,
                          investigation.threshold if np.isfinite(investigation.threshold or np.inf) else None)
         opened = finding.verdict == "none"
         shown = (paragraph(sight_sentence(sight)) if opened else "") + sight_section(sight, opened, among)
@@ -335,7 +334,7 @@ def _along_flight(view: View, what: str) -> str:
 def _field(view: View, investigation: Investigation, what: str) -> str:
     """Over distance and elevation, or speed and elevation where no distance varies."""
     assert investigation.fitted is not None
-    lanes = investigation.fitted.intake.lanes
+    lanes = investigation.fitted.model.data.lanes
     if np.asarray(lanes.free).all():
         return ""
     distance_m, speed = np.asarray(lanes.distance_m), np.asarray(lanes.rolling.speed_m_s)

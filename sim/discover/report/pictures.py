@@ -15,14 +15,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from truearc.sim.discover.decide import Step
 from truearc.sim.discover.detect.battery import Asked
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor, followed_column
 from truearc.sim.discover.detect.localization import Place, curve_of, joint_bands
 from truearc.sim.discover.plan.identifiability import Sight
 from truearc.sim.discover.report.finding_text import plain, scale_of
-from truearc.sim.discover.select.effects import Step
-from truearc.sim.discover.select.terms import promote
-from truearc.sim.infer.fit import BaselineFit
+from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood import observations as outcomes
 from truearc.sim.infer.likelihood.score_table import Array, PlaneScores, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue
@@ -129,10 +128,10 @@ class Bins:
 def evidence_after(step: Step) -> ScoreTable:
     """With the step's name fitted in, or with the free curve, each shot's from the other folds, where it has none."""
     if not step.unknown:
-        return promote(step.fitted, step.refit).evidence
+        return step.fitted.beside(step.refit).scores
     if step.place is None:
-        return step.fitted.evidence
-    return corrected(step.fitted.evidence, step.place)
+        return step.fitted.scores
+    return corrected(step.fitted.scores, step.place)
 
 
 def corrected(evidence: ScoreTable, place: Place) -> ScoreTable:
@@ -259,15 +258,15 @@ class View:
     against: Along
 
 
-def views_of(fitted: BaselineFit, asked: Asked, steps: Sequence[Step], first: str | None) -> Iterator[View]:
+def views_of(fitted: LauncherFit, asked: Asked, steps: Sequence[Step], first: str | None) -> Iterator[View]:
     """One view per step, or one of the fit alone; none where nothing that was recorded varies."""
     along = covariates_in(asked)
     for step in steps or (None,):
-        before, after, stated, stage = fitted.evidence, None, None, None
+        before, after, stated, stage = fitted.scores, None, None, None
         if step is not None:
-            before, after, stage = step.fitted.evidence, evidence_after(step), stage_of(step)
+            before, after, stage = step.fitted.scores, evidence_after(step), stage_of(step)
             stated = find_along(stated_covariate(step, along, first), along)
-        chosen = choose(residuals_of(before, after, fitted.intake.samples is not None),
+        chosen = choose(residuals_of(before, after, fitted.model.data.samples is not None),
                         along if stated is None else (stated,), before.rows, stage)
         if chosen is not None:
             yield View(step, before, after, stated, *chosen)
@@ -340,7 +339,7 @@ def curve_png(place: Place) -> bytes | None:
     if what is None:
         return None
     value, sd = curve_of(place.correction)
-    rows, (factor, unit) = place.correction.evidence.rows, scale_of(column.unit)
+    rows, (factor, unit) = place.correction.scores.rows, scale_of(column.unit)
     value, reach = value * factor, Z90 * sd * factor
     figure, (axes,) = new_panels(PHONE_IN, 3.0)
     if isinstance(what, CovariatePair):

@@ -24,31 +24,12 @@ from scipy.special import logsumexp
 
 from truearc.sim.discover.detect.battery import ReferenceSession
 from truearc.sim.discover.detect.covariates import Covariate, Factor, varies
-from truearc.sim.discover.select.terms import (
-    NEVER,
-    Candidate,
-    Naming,
-    Refit,
-    efficient,
-    is_possible,
-    log_evidence_at,
-    nats_in_range,
-    nats_known,
-    one_step,
-    promote,
-    refit,
-)
+from truearc.sim.discover.select import terms
 from truearc.sim.infer.belief import Curve
-from truearc.sim.infer.fit import BaselineFit, climb, objective, usual_spot
-from truearc.sim.infer.likelihood.data import Intake
-from truearc.sim.infer.likelihood.layout import (
-    LinearizationPoint,
-    ParameterLayout,
-    nats_measured,
-    only_shared,
-    with_curve,
-)
-from truearc.sim.infer.likelihood.score_table import Array, Column, PlaneScores, ScoreTable, fit_linear, without
+from truearc.sim.infer.fit import climb
+from truearc.sim.infer.launcher import Launcher, LauncherFit
+from truearc.sim.infer.likelihood.layout import Layout, with_curve
+from truearc.sim.infer.likelihood.score_table import Array, Column, PlaneScores, ScoreTable, fit_linear
 from truearc.sim.physics.nonparametric import find_nameless
 from truearc.sim.statistics import invert
 
@@ -186,7 +167,7 @@ SIDES = {"along": "along", "vertical": "up", "lateral": "left"}
 LONGEST_S = 60.0
 
 
-def term_of(column: Column, layout: ParameterLayout) -> tuple[str, dict[str, float]] | None:
+def term_of(column: Column, layout: Layout) -> tuple[str, dict[str, float]] | None:
     """The nameless term, with its numbers, that changes what the column does; None where there is none, or where the
     layout has it already."""
     if column.name in FREE_TERMS:
@@ -203,34 +184,33 @@ def term_of(column: Column, layout: ParameterLayout) -> tuple[str, dict[str, flo
     return None if name in layout.chain.terms else (name, values)
 
 
-def climb_with(fitted: BaselineFit, term: str, values: dict[str, float], curve: Curve,
-               by: Float[Array, "n points"]) -> tuple[Intake, ParameterLayout, LinearizationPoint, ScoreTable]:
-    """(intake, layout, top, evidence of the shared columns there) of the simulation with a curve of these shapes,
-    uphill from a curve of zero: a step on slopes may lead to where the flown simulation is worse than without it."""
-    lanes = fitted.intake.lanes
+def climb_with(fitted: LauncherFit, term: str, values: dict[str, float], curve: Curve,
+               by: Float[Array, "n points"]) -> tuple[Launcher, LauncherFit]:
+    """(the simulation with a curve of these shapes, the fit of its shared columns), uphill from a curve of zero: a step
+    on slopes may lead to where the flown simulation is worse than without it."""
+    data, lanes = fitted.model.data, fitted.model.data.lanes
     before = np.asarray(lanes.circumstances.curve_by)
     curve_by: Any = np.concatenate([before, by], axis=1) if before.ndim == 2 else by
-    intake = replace(fitted.intake, lanes=lanes._replace(circumstances=lanes.circumstances._replace(curve_by=curve_by)))
-    layout = with_curve(fitted.layout, term, values, curve.moved(dict.fromkeys(curve.fitted, 0.0)))
-    bare, new = only_shared(layout), len(layout.usual) - len(fitted.spot.values)
-    starts = [replace(fitted.spot, values=np.concatenate([fitted.spot.values, layout.usual[-new:]]))]
+    around = lanes.circumstances._replace(curve_by=curve_by)
+    layout = with_curve(fitted.model.layout, term, values, curve.moved(dict.fromkeys(curve.fitted, 0.0)))
+    model = Launcher(replace(data, lanes=lanes._replace(circumstances=around)), layout)
+    bare, new = model.shared_only(), len(layout.usual) - len(fitted.point.values)
+    starts = [replace(fitted.point, values=np.concatenate([fitted.point.values, layout.usual[-new:]]))]
     if fitted.lost:
-        starts.append(usual_spot(intake, bare))
-    top, evidence = max((climb(intake, bare, start) for start in starts), key=lambda found: objective(found[1], bare))
-    return intake, layout, top, evidence
+        starts.append(bare.middle())
+    return model, max((climb(bare, start) for start in starts), key=lambda found: found.log_posterior)
 
 
-def nats_flown(fitted: BaselineFit, part: Part) -> float | None:
+def nats_flown(fitted: LauncherFit, part: Part) -> float | None:
     """Log evidence of a part against none, where the simulation that has it fits best (Laplace); None for what no
     simulation of single shots can hold."""
-    taken = term_of(fitted.evidence.columns[part.column], fitted.layout)
+    taken = term_of(fitted.scores.columns[part.column], fitted.model.layout)
     shapes = part.shapes.shape[1]
     if taken is None or shapes > KNOTS:
         return None
     by = np.zeros((len(part.shapes), KNOTS + 1))       # as many for all, so that compiled code is shared
     by[:, :shapes] = part.shapes * part.sd / find_nameless(taken[0]).usual
-    _, layout, _, evidence = climb_with(fitted, *taken, Curve((0.0,) * KNOTS, 0.0), by)
-    return log_evidence_at(fitted, only_shared(layout), evidence)
+    return fitted.nats_for(climb_with(fitted, *taken, Curve((0.0,) * KNOTS, 0.0), by)[1])
 
 
 SHARES = {"one": 0.55, "varies": 0.03, "two": 0.18, "unexplained": 0.22, "both": 0.05}
@@ -242,7 +222,7 @@ FLOWN, MINOR = 4, 0.05                # unexplained changes that are flown, and 
 BALLS = "ball_id"                     # balls differ; sessions may differ by chance alone
 Shapes = tuple[Float[Array, "n _"], Float[Array, "m _"] | None]     # here, and the same at home
 Guesses = dict[frozenset[str], tuple[float, tuple[str, str], tuple[float, float]]]   # pair -> nats, names, amplitudes
-Bases = dict[tuple[str, ...], tuple[BaselineFit, float]]     # names -> fit with these, and its nats
+Bases = dict[tuple[str, ...], tuple[LauncherFit, float]]     # names -> fit with these, and its nats
 
 
 @dataclass(frozen=True)
@@ -273,7 +253,7 @@ class Hypotheses:
 
     hypotheses: tuple[Hypothesis, ...]
     probability: Float[Array, " h"]
-    pairs: dict[tuple[str, str], Refit]
+    pairs: dict[tuple[str, str], LauncherFit]
 
     def unexplained(self) -> float:
         """Of an unexplained change, alone or beside a term."""
@@ -292,7 +272,7 @@ class Hypotheses:
         return float(sum(p for one, p in zip(self.hypotheses, self.probability, strict=True)
                          if (beside or kind_of(one) != "both") and any(name in names for name in one.names)))
 
-    def likeliest_pair(self) -> Refit | None:
+    def likeliest_pair(self) -> LauncherFit | None:
         """Of those that were refitted."""
         pairs = {one.names: p for one, p in zip(self.hypotheses, self.probability, strict=True)
                  if one.names in self.pairs and one.family is None}
@@ -316,50 +296,51 @@ def kind_of(one: Hypothesis) -> str:
     return "unexplained" if not one.names else "varies" if one.family.column in one.names else "both"
 
 
-def weigh(fitted: BaselineFit, naming: Naming, covariates: Sequence[Covariate], factors: Sequence[Factor],
+def weigh(fitted: LauncherFit, naming: terms.Naming, covariates: Sequence[Covariate], factors: Sequence[Factor],
           home: ReferenceSession | None = None) -> Hypotheses:
     """The posterior over what is missing in `fitted`, whose single terms `naming` has ranked; or over what has changed
     since `home`, whose own misfit an unexplained change must exceed."""
     visible = [c for c in naming.candidates if c.visible]
-    singles = {name: nats + range_nats(fitted, naming, name) for name, nats in naming.nats.items() if nats > NEVER}
+    singles = {name: nats + range_nats(fitted, naming, name) for name, nats in naming.nats.items()
+               if nats > terms.NEVER}
     top = max(singles.values(), default=0.0)
     single_prior = np.log(SHARES["one"] / len(visible))
     found = [Hypothesis((name,), None, nats, single_prior) for name, nats in singles.items()]
-    families = families_of(fitted.evidence, covariates, factors, home)
+    families = families_of(fitted.scores, covariates, factors, home)
     count = max(len(families), 1)
     bases: Bases = {(): (fitted, 0.0)}
-    null = log_evidence(without(fitted.evidence))[0]
+    null = log_evidence(fitted.scores.shared_only())[0]
     found += [Hypothesis((), one, nats, np.log(SHARES["unexplained"] / count))
-              for one, nats in _climbed(fitted.evidence, families, null)]
+              for one, nats in _climbed(fitted.scores, families, null)]
     pair_prior = np.log(SHARES["two"] / max(0.5 * len(visible) * (len(visible) - 1), 1.0))
     both_prior = np.log(SHARES["both"] / (count * len(visible)))
-    leaders = [name for name in sorted(naming.refits, key=lambda name: -singles.get(name, NEVER))[:LEADERS]
-               if singles.get(name, NEVER) > top - max(WITHIN, SHARE * top)]
+    leaders = [name for name in sorted(naming.refits, key=lambda name: -singles.get(name, terms.NEVER))[:LEADERS]
+               if singles.get(name, terms.NEVER) > top - max(WITHIN, SHARE * top)]
     guesses = _at_once(fitted, visible, null)
-    usual = {one.name: fitted.evidence.columns[one.column].usual for one in visible}
+    usual = {one.name: fitted.scores.columns[one.column].usual for one in visible}
     for first in leaders:
-        base = promote(fitted, naming.refits[first])
+        base = fitted.beside(naming.refits[first])
         bases[(first,)] = base, singles[first]
-        floor = log_evidence(without(base.evidence))[0]
-        for second in sorted((c for c in one_step(base.evidence)[0] if c.visible), key=lambda c: -c.nats)[:SECONDS]:
-            own = base.evidence.columns[second.column]
-            part = Part(second.column, np.ones((len(base.evidence.rows), 1)), np.array([own.usual]))
-            value, change, sd = log_evidence(with_parts(base.evidence, [part]))
+        floor = log_evidence(base.scores.shared_only())[0]
+        for second in sorted((c for c in terms.one_step(base.scores)[0] if c.visible), key=lambda c: -c.nats)[:SECONDS]:
+            own = base.scores.columns[second.column]
+            part = Part(second.column, np.ones((len(base.scores.rows), 1)), np.array([own.usual]))
+            value, change, sd = log_evidence(with_parts(base.scores, [part]))
             known = nats_known(fitted, second.name, float(change[0]), float(sd[0]), own.usual)
             nats = singles[first] + value - floor + known
             both = frozenset((first, second.name))
             if nats > guesses.get(both, (-np.inf,))[0]:
                 guesses[both] = nats, (first, second.name), (float(naming.refits[first].amplitude[0]),
                                                              float(change[0]))
-        own_factors = [(one, many) for one, many in _factors_of(base.evidence, factors) if one.name == BALLS]
-        varied = [_family(Projector(base.evidence), base.evidence.index(first), first, usual[first], one, many)
+        own_factors = [(one, many) for one, many in _factors_of(base.scores, factors) if one.name == BALLS]
+        varied = [_family(Projector(base.scores), base.scores.index(first), first, usual[first], one, many)
                   for one, many in own_factors]
         varies_prior = np.log(SHARES["varies"] / (len(visible) * max(len(own_factors), 1)))
         found += [Hypothesis((first,), one, singles[first] + nats, varies_prior)
-                  for one, nats in _climbed(base.evidence, varied, floor)]
-        beside = families_of(base.evidence, covariates, factors, home)
+                  for one, nats in _climbed(base.scores, varied, floor)]
+        beside = families_of(base.scores, covariates, factors, home)
         found += [Hypothesis((first,), one, singles[first] + nats, both_prior)
-                  for one, nats in _climbed(base.evidence, beside, floor)]
+                  for one, nats in _climbed(base.scores, beside, floor)]
     pairs = _refitted(fitted, guesses, top + single_prior - pair_prior - WITHIN)
     found += [Hypothesis(names, None, pairs[names][1] if names in pairs else nats, pair_prior)
               for nats, names, _ in guesses.values()]
@@ -399,12 +380,12 @@ def _flown(found: Sequence[Hypothesis], bases: Bases) -> list[Hypothesis]:
     return found
 
 
-def _at_once(fitted: BaselineFit, visible: Sequence[Candidate], null: float) -> Guesses:
+def _at_once(fitted: LauncherFit, visible: Sequence[terms.Candidate], null: float) -> Guesses:
     """The SECONDS likeliest of all pairs by closed form, on the table of the fit; neither name need be likely alone."""
-    evidence = fitted.evidence
+    evidence = fitted.scores
     columns = np.array([one.column for one in visible], dtype=int)
     usual = np.array([evidence.columns[k].usual for k in columns])
-    score, info = efficient(evidence, columns)
+    score, info = terms.efficient(evidence, columns)
     score, info = score * usual, info * np.outer(usual, usual)
     first, second = np.triu_indices(len(columns), 1)
     own = 1.0 + np.diag(info)
@@ -424,44 +405,50 @@ def _at_once(fitted: BaselineFit, visible: Sequence[Candidate], null: float) -> 
     return found
 
 
-def _refitted(fitted: BaselineFit, guesses: Guesses, least: float) -> dict[tuple[str, str], tuple[Refit, float]]:
+def _refitted(fitted: LauncherFit, guesses: Guesses, least: float) -> dict[tuple[str, str], tuple[LauncherFit, float]]:
     """{names: (refit, nats)} of pairs, the likeliest first, until no guess may be as likely as one that is refitted."""
-    usual = {column.name: column.usual for column in fitted.evidence.columns[:fitted.evidence.first_shared]}
+    usual = {column.name: column.usual for column in fitted.scores.columns[:fitted.scores.first_shared]}
     left = sorted(guesses.values(), reverse=True)
-    found: dict[tuple[str, str], tuple[Refit, float]] = {}
+    found: dict[tuple[str, str], tuple[LauncherFit, float]] = {}
     while left and len(found) < PAIRS:
         best = max([least, *(nats for _, nats in found.values())])
         if left[0][0] <= best - GUESS * abs(best):
             break
         _, names, start = left.pop(0)
-        one, nats = refit(fitted, names, np.array(start)), NEVER
-        if is_possible(one, *(usual[name] for name in one.names)):
+        one, nats = fitted.with_terms(names, np.array(start)), terms.NEVER
+        if terms.is_possible(one, *(usual[name] for name in one.names)):
             nats = one.log_evidence + sum(
-                nats_in_range(fitted, name, float(a), float(sd), usual[name])
-                + nats_measured(fitted.layout.measured, name, 0.0, usual[name])      # the rest is in the refit's prior
+                terms.nats_in_range(fitted, name, float(a), float(sd), usual[name])
+                + terms.nats_measured(fitted.model.layout.measured, name, 0.0, usual[name])     # the rest is a prior
                 for name, a, sd in zip(one.names, one.amplitude, one.sd, strict=True))
         found[names] = one, nats
     return found
 
 
-def range_nats(fitted: BaselineFit, naming: Naming, name: str) -> float:
+def nats_known(fitted: LauncherFit, name: str, amplitude: float, sd: float, usual: float) -> float:
+    """Nats for an amplitude beside the shots: its range, and what was measured of it."""
+    return (terms.nats_in_range(fitted, name, amplitude, sd, usual)
+            + terms.nats_measured(fitted.model.layout.measured, name, amplitude, sd))
+
+
+def range_nats(fitted: LauncherFit, naming: terms.Naming, name: str) -> float:
     """For the prior of a refitted name's amplitude being cut where the parameter's range ends."""
     found = naming.refits.get(name)
     if found is None:
         return 0.0
-    usual = fitted.evidence.columns[fitted.evidence.index(name)].usual
-    return nats_in_range(fitted, name, float(found.amplitude[0]), float(found.sd[0]), usual)
+    usual = fitted.scores.columns[fitted.scores.index(name)].usual
+    return terms.nats_in_range(fitted, name, float(found.amplitude[0]), float(found.sd[0]), usual)
 
 
 def families_of(evidence: ScoreTable, covariates: Sequence[Covariate], factors: Sequence[Factor],
                 home: ReferenceSession | None = None) -> list[Family]:
     """Every unexplained change that the table can show, by closed form; likeliest first."""
     rows, projector, ones = evidence.rows, Projector(evidence), np.ones((len(evidence.rows), 1))
-    earlier = None if home is None else Projector(home.fitted.evidence)
+    earlier = None if home is None else Projector(home.fitted.scores)
     shapes: list[tuple[Covariate | Factor, list[Shapes]]] = [
         (one, _processes(one, rows, home)) for one in covariates if varies(one.values[rows])]
     shapes += _factors_of(evidence, factors)
-    constant: list[Shapes] = [(ones, None if home is None else np.ones((len(home.fitted.evidence.rows), 1)))]
+    constant: list[Shapes] = [(ones, None if home is None else np.ones((len(home.fitted.scores.rows), 1)))]
     found = []
     for number, column in enumerate(evidence.columns[:evidence.first_shared]):
         if column.kind != "free":
@@ -480,7 +467,7 @@ def _processes(one: Covariate, rows: Int[Array, " n"], home: ReferenceSession | 
     values = one.values[rows]
     if home is None or not isinstance(own, Covariate):
         return [(process_shapes(values, length), None) for length in LENGTHS]
-    there = own.values[home.fitted.evidence.rows]
+    there = own.values[home.fitted.scores.rows]
     return [(process_shapes(values, length), process_shapes(values, length, there)) for length in LENGTHS]
 
 

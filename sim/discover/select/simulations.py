@@ -22,90 +22,80 @@ Every shot is judged by fits to the other folds.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.special import ndtr, softmax
 
+from truearc.sim.discover.decide import Search, Step, clearly, judge_left
 from truearc.sim.discover.detect.battery import FREE, Test
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor, spline_knots
 from truearc.sim.discover.detect.localization import Correction, correct
-from truearc.sim.discover.select.effects import Search, Step, clearly, judge_left
 from truearc.sim.discover.select.posterior import climb_with, term_of
-from truearc.sim.discover.select.terms import SURE, Naming, promote
+from truearc.sim.discover.select.terms import SURE, Naming
 from truearc.sim.infer.belief import Curve, natural
-from truearc.sim.infer.fit import BaselineFit, moved, out_of_range
-from truearc.sim.infer.likelihood.data import Intake
-from truearc.sim.infer.likelihood.layout import LinearizationPoint, ParameterLayout, is_tracker, only_shared
-from truearc.sim.infer.likelihood.linearization import FAR_BELOW_M, LEAD, TRACK, fly, linearise, variance_of
+from truearc.sim.infer.fit import Fit
+from truearc.sim.infer.launcher import Launcher, LauncherFit, out_of_range
+from truearc.sim.infer.likelihood.layout import Layout, Point, is_tracker
+from truearc.sim.infer.likelihood.linearization import FAR_BELOW_M, LEAD, TRACK, variance_of
 from truearc.sim.infer.likelihood.noise import LAPSE, TIMED_M
 from truearc.sim.infer.likelihood.observations import OutcomeObservations, timed_noise, whiten
-from truearc.sim.infer.likelihood.score_table import (
-    Array,
-    PlaneScores,
-    ScoreTable,
-    folds_of,
-    unseen_change,
-    unseen_score,
-)
+from truearc.sim.infer.likelihood.score_table import Array, PlaneScores, ScoreTable, folds_of
 from truearc.sim.physics.simulate import LAUNCH_STATE
 from truearc.sim.statistics import POINTS_THREE, POINTS_TWO, invert
 
 FORECAST = 0.4                        # of a track's samples: from these its end is forecast
 
 
-def end_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, evidence: ScoreTable,
-               change: Float[Array, "n P"]) -> float | None:
+def end_errors(fit: LauncherFit, change: Float[Array, "n P"]) -> float | None:
     """RMS error in m of forecast heights, columns changed by `change` [n, P]; None where no height was measured.
 
     With tracks: at each one's last sample, the shot's own deviation taken from its first FORECAST of samples. Without:
-    heights measured at the plane against those of the evidence.
+    heights measured at the plane against those of the scores.
     """
-    if intake.filmed:
-        errors = track_errors(intake, layout, spot, change)[:, 2]
+    if fit.model.data.filmed:
+        errors = track_errors(fit, change)[:, 2]
     else:
-        if evidence.plane is None or not evidence.plane.seen.measured.any():
+        if fit.scores.plane is None or not fit.scores.plane.seen.measured.any():
             return None
-        seen, mean_m, _ = evidence.heights(change)
+        seen, mean_m, _ = fit.scores.heights(change)
         errors = (mean_m - seen.height_m)[seen.measured]
     return float(np.sqrt(np.mean(errors**2)))
 
 
-def side_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
-                change: Float[Array, "n P"]) -> float:
+def side_errors(fit: LauncherFit, change: Float[Array, "n P"]) -> float:
     """RMS error in m of y at each track's last sample, forecast as the height is by end_errors."""
-    return float(np.sqrt(np.mean(track_errors(intake, layout, spot, change)[:, 1]**2)))
+    return float(np.sqrt(np.mean(track_errors(fit, change)[:, 1]**2)))
 
 
-def times_off(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint) -> float | None:
+def times_off(fit: LauncherFit) -> float | None:
     """RMS of what times at heights differ from the simulation by, in their own standard deviations; None without."""
-    samples, rows = intake.samples, intake.tracked
+    samples, rows = fit.model.data.samples, fit.model.data.tracked
     if samples is None or samples.clock_s is None:
         return None
-    flown = fly(intake, layout, spot)
-    speed_m_s = np.asarray(flown.slopes.track_m)[rows, :, 2, len(layout.inputs) + LEAD]
+    flown = fit.model.fly(fit.point)
+    speed_m_s = np.asarray(flown.slopes.track_m)[rows, :, 2, len(fit.model.layout.inputs) + LEAD]
     off = (samples.position_m - flown.seen.track_m[rows])[..., 2] / (TIMED_M * timed_noise(samples, speed_m_s))
     return float(np.sqrt(np.mean(off[samples.real]**2)))
 
 
-def track_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, change: Float[Array, "n P"],
-                 share: float = FORECAST) -> Float[Array, "k 3"]:
+def track_errors(fit: LauncherFit, change: Float[Array, "n P"], share: float = FORECAST) -> Float[Array, "k 3"]:
     """[k, 3] in m: each track's last sample less its forecast from the first `share` of its samples; 0: from the
     settings alone."""
-    samples, rows, scatter = intake.samples, intake.tracked, intake.scatter
+    data, point = fit.model.data, fit.point
+    samples, rows, scatter = data.samples, data.tracked, data.scatter
     assert samples is not None and scatter is not None
-    inputs = layout.inputs
-    columns = np.flatnonzero(layout.source >= 0)
-    flown = fly(intake, layout, spot)
+    columns = np.flatnonzero(fit.model.layout.source >= 0)
+    flown = fit.model.fly(point)
     seen, slopes = flown.seen, flown.slopes
-    by_column, by_deviate = np.split(slopes.track_m[rows], [len(inputs)], axis=3)
+    by_column, by_deviate = np.split(slopes.track_m[rows], [len(fit.model.layout.inputs)], axis=3)
     by_column = by_column[..., :len(columns)]
     off = (samples.position_m - seen.track_m[rows] - np.einsum("klcp,kp->klc", by_column, change[rows][:, columns])
-           + np.einsum("klcd,kd->klc", by_deviate, spot.deviates[rows]))
-    sd = np.sqrt(variance_of(intake, spot.log_scatter))[rows][:, :by_deviate.shape[3]]
+           + np.einsum("klcd,kd->klc", by_deviate, point.deviates[rows]))
+    sd = np.sqrt(variance_of(data, point.log_scatter))[rows][:, :by_deviate.shape[3]]
     white = whiten(samples, scatter, np.concatenate([off[..., None], by_deviate * sd[:, None, None, :]], axis=3))
-    white /= np.exp(spot.log_scatter[TRACK])
+    white /= np.exp(point.log_scatter[TRACK])
     errors = np.zeros((len(rows), 3))
     for k, count in enumerate(samples.real.sum(1)):
         early = white[k, :3 * max(int(share * count), 4 if share else 0)]
@@ -117,16 +107,6 @@ def track_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoi
 
 THRESHOLD = 0.3                       # of P(three), as launcher.toml ships it
 FEWEST = 20                           # outcomes by which forecasts are compared with plain shares
-
-
-class JudgedFit(NamedTuple):
-    """A fit with all of its columns shared: the shots as it flies them (with its curves' shares), where it was
-    linearised, and its evidence there."""
-
-    intake: Intake
-    layout: ParameterLayout
-    spot: LinearizationPoint
-    evidence: ScoreTable
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,14 +133,15 @@ class ShotPoints:
         return np.where(self.aimed_fires, self.aimed, held)
 
 
-def hold_out(models: Sequence[JudgedFit], nats: Sequence[float]) -> HoldOut:
-    """Forecasts by the average of models, each as likely as the other folds make it (nats: of all shots)."""
+def hold_out(models: Sequence[LauncherFit], nats: Sequence[float]) -> HoldOut:
+    """Forecasts by the average of fits of shared columns, each as likely as the other folds make it (nats: of all).
+    """
     each = [_hold_out(model) for model in models]
     if len(each) == 1:
         return each[0]
-    plane = models[0].evidence.plane
+    plane = models[0].scores.plane
     assert plane is not None
-    scores = np.stack([unseen_score(model.evidence) for model in models])
+    scores = np.stack([model.scores.held_out() for model in models])
     fold = folds_of(scores.shape[1])
     log_weight = np.stack([np.array(nats) - scores[:, fold == held].sum(1) for held in range(fold.max() + 1)])
     weight = softmax(log_weight, axis=1)[fold[plane.rows]].T
@@ -169,10 +150,10 @@ def hold_out(models: Sequence[JudgedFit], nats: Sequence[float]) -> HoldOut:
     return HoldOut(mean, np.sqrt(np.maximum(square - mean**2, 1e-12)))
 
 
-def _hold_out(model: JudgedFit) -> HoldOut:
+def _hold_out(model: LauncherFit) -> HoldOut:
     """By one model, the effects of this session's balls left out: the next ones are others."""
-    evidence = model.evidence
-    change = unseen_change(evidence)
+    evidence = model.scores
+    change = evidence.held_out_change()
     group = np.array([column.kind == "group" for column in evidence.columns])
     change[:, group] = -evidence.point[group]
     plane = _from_settings(model)
@@ -184,15 +165,15 @@ def _hold_out(model: JudgedFit) -> HoldOut:
     return HoldOut(mean_m, np.sqrt(spread_m**2 + doubt))
 
 
-def as_believed(model: JudgedFit) -> HoldOut:
+def as_believed(model: LauncherFit) -> HoldOut:
     """Forecasts by what was believed before these shots, where the model is linearised; nothing is fitted to them."""
     plane = _from_settings(model)
     return HoldOut(plane.mean_m, np.sqrt(plane.spread_m**2 + _doubt(model, plane, 0.0)))
 
 
-def _doubt(model: JudgedFit, plane: PlaneScores, known: Float[np.ndarray, "P P"] | float) -> Float[np.ndarray, " m"]:
+def _doubt(model: LauncherFit, plane: PlaneScores, known: Float[np.ndarray, "P P"] | float) -> Float[np.ndarray, " m"]:
     """Variances of the means [m], by the columns' prior and the information `known`; of no ball's own effects."""
-    evidence = model.evidence
+    evidence = model.scores
     place = evidence.deal.place[plane.rows]
     group = np.array([column.kind == "group" for column in evidence.columns])
     by = np.where(group[place], 0.0, plane.by_column)
@@ -201,15 +182,11 @@ def _doubt(model: JudgedFit, plane: PlaneScores, known: Float[np.ndarray, "P P"]
     return np.asarray(np.maximum(np.einsum("mi,mij,mj->m", by, own, by), 0.0))
 
 
-def _from_settings(model: JudgedFit) -> PlaneScores:
+def _from_settings(model: LauncherFit) -> PlaneScores:
     """Heights as forecast from the settings: without what a track or a measured exit says of the very shot."""
-    intake, plane = model.intake, model.evidence.plane
-    assert plane is not None
-    if intake.samples is None and not np.isfinite(intake.exits).any():
-        return plane
-    blind = replace(intake, samples=None, scatter=None, exits=np.full(intake.exits.shape, np.nan))
-    still = replace(model.spot, deviates=np.zeros_like(model.spot.deviates))
-    plane = linearise(blind, model.layout, still)[0].plane
+    data, plane = model.model.data, model.scores.plane
+    if data.samples is not None or np.isfinite(data.exits).any():
+        plane = model.model.forecast(model.point).plane
     assert plane is not None
     return plane
 
@@ -277,19 +254,19 @@ class Mixed:
     little. evidence: of all of them and all shared columns at once, where they forecast the average."""
 
     share: dict[str, float]
-    evidence: ScoreTable
+    scores: ScoreTable
 
 
 def mixed(step: Step) -> Mixed | None:
     """None where one name stands alone, and where no heights are forecast."""
     naming = step.naming
-    if naming.probability[naming.leader] >= SURE or step.fitted.evidence.plane is None:
+    if naming.probability[naming.leader] >= SURE or step.fitted.scores.plane is None:
         return None
     share = shares(naming)
-    layout = only_shared(step.fitted.layout, tuple(share))
-    start, wanted = _average(step, layout, share)
-    spot = moved(layout, step.fitted.spot, start - _point(step.fitted.evidence, layout))
-    return None if wanted is None else Mixed(share, _come_near(step, layout, spot, start, wanted))
+    model = step.fitted.model.shared_only(share)
+    start, wanted = _average(step, model.layout, share)
+    point = model.moved(step.fitted.point, start - _point(step.fitted.scores, model.layout))
+    return None if wanted is None else Mixed(share, _come_near(model, point, start, wanted))
 
 
 def shares(naming: Naming) -> dict[str, float]:
@@ -303,15 +280,15 @@ def shares(naming: Naming) -> dict[str, float]:
     return {name: value for name, value in sorted(share.items(), key=lambda item: -item[1]) if value >= LEAST_SHARE}
 
 
-def _average(step: Step, layout: ParameterLayout,
+def _average(step: Step, layout: Layout,
              share: dict[str, float]) -> tuple[Float[Array, " P"], PlaneScores | None]:
     """(all numbers [P], each name's as far as it is likely; the average forecast, if there is one)."""
-    point = (1.0 - sum(share.values())) * _point(step.fitted.evidence, layout)
-    null = step.fitted.evidence.plane
+    point = (1.0 - sum(share.values())) * _point(step.fitted.scores, layout)
+    null = step.fitted.scores.plane
     assert null is not None
     mean, flown = (1.0 - sum(share.values())) * null.mean_m, null.mean_m > FAR_BELOW_M
     for name, value in share.items():
-        evidence = step.naming.refits[name].evidence
+        evidence = step.naming.refits[name].scores
         point = point + value * _point(evidence, layout)
         if evidence.plane is None or not np.array_equal(evidence.plane.rows, null.rows):
             return point, None
@@ -319,32 +296,31 @@ def _average(step: Step, layout: ParameterLayout,
     return point, replace(null, mean_m=np.where(flown, mean, np.nan))
 
 
-def _point(evidence: ScoreTable, layout: ParameterLayout) -> Float[Array, " P"]:
+def _point(evidence: ScoreTable, layout: Layout) -> Float[Array, " P"]:
     """The layout's numbers [P] as that evidence has them; zero for a name that it has not put in."""
     shared = zip(evidence.columns[evidence.first_shared:], evidence.point[evidence.first_shared:], strict=True)
     known = {column.name: float(value) for column, value in shared}
     return np.array([known.get(column.name, 0.0) for column in layout.columns])
 
 
-def _come_near(step: Step, layout: ParameterLayout, spot: LinearizationPoint,
-               start: Float[Array, " P"], wanted: PlaneScores) -> ScoreTable:
+def _come_near(model: Launcher, point: Point, start: Float[Array, " P"], wanted: PlaneScores) -> ScoreTable:
     """Gauss-Newton steps of all numbers except scatters and random effects of balls, as long as they reduce the rest.
     """
-    free = np.flatnonzero(layout.source >= 0)
-    prior = FAITH * layout.precision[np.ix_(free, free)]
-    evidence = linearise(step.fitted.intake, layout, spot)[0]
+    free = np.flatnonzero(model.layout.source >= 0)
+    prior = FAITH * model.layout.precision[np.ix_(free, free)]
+    evidence = model.linearise(point)[0]
     slope, gap, off = _left(evidence, wanted, free, start)
     left = gap @ gap + off @ prior @ off
     for _ in range(AVERAGE_STEPS):
-        change = np.zeros(len(layout.columns))
+        change = np.zeros(len(model.layout.columns))
         change[free] = np.linalg.lstsq(slope.T @ slope + prior, slope.T @ gap + prior @ off, rcond=None)[0]
-        there = moved(layout, spot, change)
-        tried = linearise(step.fitted.intake, layout, there)[0]
+        there = model.moved(point, change)
+        tried = model.linearise(there)[0]
         slope, gap, off = _left(tried, wanted, free, start)
         now = gap @ gap + off @ prior @ off
         if not now < (1.0 - ENOUGH) * left:
             break
-        spot, evidence, left = there, tried, now
+        point, evidence, left = there, tried, now
     return evidence
 
 
@@ -374,8 +350,8 @@ class Freed:
     term: str
     values: dict[str, float]
     curve: Curve
-    fitted: BaselineFit
-    evidence: ScoreTable
+    fitted: LauncherFit
+    scores: ScoreTable
     said: str
     beside: str = ""
 
@@ -393,7 +369,7 @@ def all_freed(step: Step, search: Search) -> tuple[tuple[Freed, ...], str]:
     if correction is None:
         return (), ""
     beside = step.change is not None and bool(step.change.names)       # its posterior has been compared with a pair's
-    if not fitted.intake.filmed and not (correction.gain.sum() > 0.0 if beside else clearly(
+    if not fitted.model.data.filmed and not (correction.gain.sum() > 0.0 if beside else clearly(
             correction.gain, fitted)):
         return (), "the free curve is not clearly better on unseen shots"
     found: list[Freed] = []
@@ -405,23 +381,23 @@ def all_freed(step: Step, search: Search) -> tuple[tuple[Freed, ...], str]:
             return tuple(found), "" if found and why == UNABLE else why
         found.append(one if found or step.change is None else replace(one, beside="".join(step.change.names)))
         fitted = one.fitted
-        correction = _what_is_left(fitted, search) if fitted.intake.filmed else None
+        correction = _what_is_left(fitted, search) if fitted.model.data.filmed else None
     return tuple(found), ""
 
 
-def _likeliest(step: Step) -> tuple[BaselineFit, Correction | None]:
+def _likeliest(step: Step) -> tuple[LauncherFit, Correction | None]:
     """(the fit, with the name beside which the likeliest change stands; that change, else the one that was found)."""
     change, fitted = step.change, step.fitted
     if change is None or change.family is None:
         return fitted, None if step.place is None else step.place.correction
     if change.names:
-        fitted = promote(fitted, step.naming.refits[change.names[0]])
-    column = fitted.evidence.index(change.family.column)
-    return fitted, correct(fitted.evidence, Test(FREE, column, change.family.what, "smooth",
-                                                 np.ones(len(fitted.evidence.rows))))
+        fitted = fitted.beside(step.naming.refits[change.names[0]])
+    column = fitted.scores.index(change.family.column)
+    return fitted, correct(fitted.scores, Test(FREE, column, change.family.what, "smooth",
+                                                 np.ones(len(fitted.scores.rows))))
 
 
-def _first_possible(fitted: BaselineFit, corrections: tuple[Correction, ...]) -> tuple[Freed | None, str]:
+def _first_possible(fitted: LauncherFit, corrections: tuple[Correction, ...]) -> tuple[Freed | None, str]:
     """(the first of them that may be believed, why the last one may not)."""
     why = ""
     for correction in corrections:
@@ -430,14 +406,14 @@ def _first_possible(fitted: BaselineFit, corrections: tuple[Correction, ...]) ->
             why = UNABLE
         elif beyond := _impossible(one):
             why = f"beside the free curve {', '.join(beyond)} would be impossible"
-        elif one.evidence.log_score.sum() <= fitted.evidence.log_score.sum():
+        elif one.scores.log_score.sum() <= fitted.scores.log_score.sum():
             why = "the free curve explains nothing once it is flown"
         else:
             return one, ""
     return None, why
 
 
-def _foreseeable(fitted: BaselineFit, correction: Correction, search: Search) -> Correction:
+def _foreseeable(fitted: LauncherFit, correction: Correction, search: Search) -> Correction:
     """The same change over what is known before a shot, if that gains half as much on unseen shots: a curve over what
     the shot itself did to the wheels counts with its mean in every forecast."""
     what = correction.test.what
@@ -453,14 +429,14 @@ def _foreseeable(fitted: BaselineFit, correction: Correction, search: Search) ->
         return correction
     test = asked.tests[max(others, key=lambda k: gain[k])]
     assert isinstance(test.what, Covariate)
-    other = correct(fitted.evidence, replace(test, what=test.what.led_by(BEFORE)))
+    other = correct(fitted.scores, replace(test, what=test.what.led_by(BEFORE)))
     return other if other.gain.sum() >= HALF * correction.gain.sum() else correction
 
 
-def freed(fitted: BaselineFit, correction: Correction) -> Freed | None:
+def freed(fitted: LauncherFit, correction: Correction) -> Freed | None:
     """None for what cannot be taken."""
-    column = fitted.evidence.columns[correction.test.column]
-    taken, curve = term_of(column, fitted.layout), _curve(correction)
+    column = fitted.scores.columns[correction.test.column]
+    taken, curve = term_of(column, fitted.model.layout), _curve(correction)
     if taken is None or curve is None:
         return None
     curve, whole, evidence = _fly(fitted, correction, *taken, curve)
@@ -469,13 +445,13 @@ def freed(fitted: BaselineFit, correction: Correction) -> Freed | None:
 
 
 def _impossible(free: Freed) -> list[str]:
-    values = zip(free.evidence.columns, map(float, free.evidence.point), strict=True)
-    among = free.fitted.layout.chain.catalogue
+    values = zip(free.scores.columns, map(float, free.scores.point), strict=True)
+    among = free.fitted.model.catalogue
     return out_of_range({column.name: value for column, value in values if column.kind == "shared"
                          and not column.name.startswith(APART) and not is_tracker(column, among)}, among)
 
 
-def _what_is_left(fitted: BaselineFit, search: Search) -> Correction | None:
+def _what_is_left(fitted: LauncherFit, search: Search) -> Correction | None:
     """The free change that explains most of what is left beyond chance, of those that a curve can take."""
     left = search.left(fitted)
     if left is None:
@@ -485,28 +461,28 @@ def _what_is_left(fitted: BaselineFit, search: Search) -> Correction | None:
     if not len(able):
         return None
     best = able[judged.gain[able].argmax()]      # not the plainest: what it leaves would be found again
-    correction = correct(fitted.evidence, asked.tests[best])
+    correction = correct(fitted.scores, asked.tests[best])
     return correction if clearly(correction.gain, fitted) else None
 
 
-def _can(fitted: BaselineFit, test: Test) -> bool:
-    return term_of(fitted.evidence.columns[test.column], fitted.layout) is not None
+def _can(fitted: LauncherFit, test: Test) -> bool:
+    return term_of(fitted.scores.columns[test.column], fitted.model.layout) is not None
 
 
-def _fly(fitted: BaselineFit, correction: Correction, term: str, values: dict[str, float],
-         curve: Curve) -> tuple[Curve, BaselineFit, ScoreTable]:
+def _fly(fitted: LauncherFit, correction: Correction, term: str, values: dict[str, float],
+         curve: Curve) -> tuple[Curve, LauncherFit, ScoreTable]:
     """(the curve, all, shared evidence) where the simulation that has both fits best."""
-    by = curve.by(_columns(correction), len(fitted.intake.rows))
-    intake, layout, top, evidence = climb_with(fitted, term, values, curve, by)
-    found = curve.moved({key: float(evidence.point[k]) for k, key in enumerate(curve.fitted)})
+    by = curve.by(_columns(correction), len(fitted.model.data.rows))
+    model, top = climb_with(fitted, term, values, curve, by)
+    found = curve.moved({key: float(top.scores.point[k]) for k, key in enumerate(curve.fitted)})
     if curve.covariate:
         found = found.moved({curve.keys[-1]: float(by.mean(0) @ found.points)})
-    return found, BaselineFit(intake, layout, top, linearise(intake, layout, top)[0]), evidence
+    return found, Fit(model, top.point, model.linearise(top.point)[0]), top.scores
 
 
 def _columns(correction: Correction) -> dict[str, Any]:
     """The covariate of each of the evidence's shots, by name."""
-    what, rows = correction.test.what, correction.evidence.rows
+    what, rows = correction.test.what, correction.scores.rows
     if isinstance(what, Covariate):
         return {what.name: what.values[rows]}
     return {what.name: [what.levels[code] if code >= 0 else "" for code in what.codes[rows]]} if isinstance(
@@ -515,7 +491,7 @@ def _columns(correction: Correction) -> dict[str, Any]:
 
 def _curve(correction: Correction) -> Curve | None:
     what, amplitude = correction.test.what, correction.amplitude
-    rows, otherwise = correction.evidence.rows, float(correction.amplitude.mean())
+    rows, otherwise = correction.scores.rows, float(correction.amplitude.mean())
     if what is None:
         return Curve((), otherwise)
     if isinstance(what, Factor):

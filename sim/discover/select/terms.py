@@ -4,14 +4,11 @@ Every term competes with a normal prior on its amplitude, of the size that such 
 would have to be absurdly large to explain the data loses to one that need not, and beyond what the term allows it
 cannot win at all.
 
-Shape parameters of a term, such as a time constant, are unidentified at zero amplitude, so they are not columns of the
-score table. A refit looks for the likeliest place of each, and their uncertainty adds to that of the amplitude.
-
 The evidence of a term is worked out with a normal prior of its usual size. Its own prior has several sizes, and no
 place outside its range.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -21,192 +18,28 @@ from jaxtyping import Float, Int
 from scipy.special import log_ndtr, logsumexp, ndtr
 from scipy.stats import norm
 
-from truearc.sim.infer.belief import Coefficients
-from truearc.sim.infer.fit import BaselineFit, climb, moved, objective, rough_likelihood, top_from, usual_spot
-from truearc.sim.infer.likelihood.layout import LinearizationPoint, ParameterLayout, nats_measured, only_shared
-from truearc.sim.infer.likelihood.linearization import linearise
-from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, without
+from truearc.sim.discover.detect.battery import LEAST_SHARE
+from truearc.sim.infer.launcher import LauncherFit
+from truearc.sim.infer.likelihood.layout import Measured
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import find_parameter, find_terms
-from truearc.sim.physics.term import Parameter, Term
-from truearc.sim.physics.term_fields import from_scale, to_scale
+from truearc.sim.physics.term import Term
 from truearc.sim.printed import Progress
-
-NO_FLIGHT = -1e6                      # nats, of what does not fly
-SHAPE_REACH = 3.0                     # standard deviations from a shape parameter's prior centre: the end of the search
-PLAIN = 2.0                           # standard errors of an amplitude, from which its term's shape is fitted, too
-
-
-@dataclass(frozen=True)
-class Refit:
-    """The baseline model with these terms' amplitudes fitted too.
-
-    evidence: at the optimum, named columns first, all shared. log_evidence: nats by which the data favour it over the
-    baseline model, size of the amplitude integrated out (Laplace). amplitude, sd [k] of the named columns; value [k]:
-    the same, and of changes of believed numbers the number after the change. wanted [k]: value, or where the fit would
-    go from there if the end of the parameter's range did not stop it.
-    """
-
-    names: tuple[str, ...]
-    layout: ParameterLayout
-    spot: LinearizationPoint
-    evidence: ScoreTable
-    amplitude: Float[Array, " k"]
-    value: Float[Array, " k"]
-    wanted: Float[Array, " k"]
-    sd: Float[Array, " k"]
-    log_evidence: float
-
-
-@dataclass(frozen=True)
-class ShapeParameter:
-    """One such number: its slot in the chain, and its declaration."""
-
-    slot: int
-    parameter: Parameter
-
-    def put(self, spot: LinearizationPoint, place: float) -> LinearizationPoint:
-        """The spot with the number `place` standard deviations from its prior's centre, within its range."""
-        prior = self.parameter.prior
-        assert prior is not None
-        value = float(from_scale(prior.scale, to_scale(prior.scale, prior.centre) + place * prior.sd))
-        values = spot.values.copy()
-        values[self.slot] = np.clip(value, self.parameter.low, self.parameter.high)
-        return replace(spot, values=values)
-
-
-def further_numbers(layout: ParameterLayout, names: tuple[str, ...]) -> list[ShapeParameter]:
-    """Those of the named terms that have a prior and are not fitted as columns already."""
-    columns = {column.name for column in layout.columns}
-    terms = find_terms({name.partition(".")[0] for name in names}, layout.chain.catalogue)
-    return [ShapeParameter(layout.chain.slots.index((term.name, one.name)), one) for term in terms
-            for one in term.parameters[1:] if one.prior is not None and f"{term.name}.{one.name}" not in columns]
-
-
-def further_values(layout: ParameterLayout, spot: LinearizationPoint, names: tuple[str, ...]) -> Coefficients:
-    """{term: {parameter: value}} of them at a spot."""
-    return {layout.chain.slots[one.slot][0]: {one.parameter.name: float(spot.values[one.slot])}
-            for one in further_numbers(layout, names)}
-
-
-@dataclass(frozen=True)
-class Peak:
-    """Where a number is likeliest, how far it may be from there (one deviation), and the two places beside it that were
-    looked at; all in standard deviations from the prior's centre. nats: of all that it may be together."""
-
-    place: float
-    sd: float
-    beside: tuple[float, float]
-    nats: float
-
-
-def find_peak(nats: Callable[[float], float]) -> Peak:
-    """nats: what the data say for a place, which the prior is added to; asked from the centre outwards, then at the top
-    of the parabola through the best three."""
-    found = {place: nats(place) - 0.5 * place**2 for place in (0.0, -1.0, 1.0)}
-    while (best := max(found, key=lambda place: found[place])) in (min(found), max(found)) and abs(best) < SHAPE_REACH:
-        further = best + np.copysign(1.0, best)
-        found[further] = nats(further) - 0.5 * further**2
-    best = min(max(best, min(found) + 1.0), max(found) - 1.0)
-    left, middle, right = (found[best + step] for step in (-1.0, 0.0, 1.0))
-    bend = max(2.0 * middle - left - right, 1.0)         # no less sure than the prior is
-    top = best + float(np.clip(0.5 * (right - left) / bend, -1.0, 1.0))
-    value = nats(top) - 0.5 * top**2
-    return Peak(top, bend**-0.5, (best - 1.0, best + 1.0), float(value - 0.5 * np.log(bend)))
-
-
-def refit(fitted: BaselineFit, names: tuple[str, ...], start: Float[Array, " k"],
-          near: LinearizationPoint | None = None) -> Refit:
-    """Fit the named columns with the shared ones, from amplitudes `start` [k] at the fitted spot, or at `near`.
-
-    Shape parameters of a term are at their likeliest, and their uncertainty is in sd and in log_evidence, where the
-    term does enough for that to be identifiable.
-    """
-    found = refit_at(fitted, names, start, near)
-    if (np.abs(found.amplitude) > PLAIN * found.sd).all():
-        for number in further_numbers(fitted.layout, names):
-            found = _looked_for(number, fitted, found)
-    return found
-
-
-def _looked_for(number: ShapeParameter, fitted: BaselineFit, found: Refit) -> Refit:
-    """The same with one further number where it is likeliest."""
-    tried: dict[float, Refit] = {}
-
-    def nats(place: float) -> float:
-        near = number.put(found.spot, place)
-        tried[place] = refit_at(fitted, found.names, np.zeros(len(found.names)), near)
-        return max(tried[place].log_evidence, NO_FLIGHT)
-
-    peak = find_peak(nats)
-    best, (left, right) = tried[peak.place], (tried[place] for place in peak.beside)
-    moves = (right.amplitude - left.amplitude) / (peak.beside[1] - peak.beside[0])
-    return replace(best, sd=np.hypot(best.sd, peak.sd * moves), log_evidence=peak.nats)
-
-
-def refit_at(fitted: BaselineFit, names: tuple[str, ...], start: Float[Array, " k"],
-             near: LinearizationPoint | None) -> Refit:
-    """Fit the named columns as refit does, with shape parameters where they are."""
-    layout = only_shared(fitted.layout, names)
-    order = [column.name for column in layout.columns[:len(names)]]
-    change = np.zeros(len(layout.columns))
-    change[:len(names)] = [start[names.index(name)] for name in order]
-    tops = [climb(fitted.intake, layout, moved(layout, fitted.spot if near is None else near, change))]
-    if near is None and fitted.lost:
-        middle = usual_spot(fitted.intake, layout)
-        tops.append(top_from(fitted.intake, layout, middle) if fitted.intake.filmed else
-                    climb(fitted.intake, layout, moved(layout, middle, change)))
-    spot, evidence = max(tops, key=lambda top: objective(top[1], layout))
-    covariance = evidence.covariance
-    # what the shots themselves scatter by, where the model is too sure of itself
-    scattered = covariance @ (evidence.score.T @ evidence.score) @ covariance
-    sd = np.sqrt(np.maximum(np.diag(covariance), np.diag(scattered)))
-    k = len(names)
-    value = evidence.point[:k]
-    believed = {column.name for column in fitted.layout.columns[fitted.layout.first_shared:]}
-    usual = np.array([centre if name in believed else 0.0 for name, centre in zip(order, layout.centre, strict=False)])
-    wanted = value + (covariance @ (evidence.score.sum(0) + evidence.pull))[:k]
-    return Refit(tuple(order), layout, spot, evidence, value - usual, value, wanted, sd[:k],
-                 log_evidence_at(fitted, layout, evidence))
-
-
-def log_evidence_at(fitted: BaselineFit, layout: ParameterLayout, evidence: ScoreTable) -> float:
-    """Nats by which the data favour a layout of more shared columns, at its optimum, over those of the fit (Laplace).
-    """
-    null = without(fitted.evidence)
-    info, null_info = evidence.information + evidence.precision, null.information + null.precision
-    gained = objective(evidence, layout) - objective(null, only_shared(fitted.layout))
-    priors = np.linalg.slogdet(layout.precision)[1] - np.linalg.slogdet(fitted.layout.precision)[1]
-    nats = float(gained + 0.5 * (priors - np.linalg.slogdet(info)[1] + np.linalg.slogdet(null_info)[1]))
-    return nats if np.isfinite(nats) else NO_FLIGHT
-
-
-def promote(fitted: BaselineFit, found: Refit) -> BaselineFit:
-    """The fit with the named columns among the shared ones, at the refit's optimum."""
-    layout = promoted(fitted.layout, found.names)
-    spot = found.spot
-    return BaselineFit(fitted.intake, layout, spot, linearise(fitted.intake, layout, spot)[0])
-
-
-def promoted(layout: ParameterLayout, names: tuple[str, ...]) -> ParameterLayout:
-    """The layout with these columns moved from the asked to the shared ones."""
-    kept = [k for k in range(layout.first_shared) if layout.columns[k].name not in names]
-    inner = only_shared(layout, names)
-    shift = len(kept)
-    return replace(inner, chain=layout.chain, columns=(*(layout.columns[k] for k in kept), *inner.columns),
-                   source=np.concatenate([layout.source[kept], inner.source]),
-                   scatters=tuple(place + shift if place >= 0 else -1 for place in inner.scatters))
-
 
 TERM_SIZES = (0.5, 1.0, 2.0, 4.0)     # of a term's amplitude, by the usual one
 
 
-def nats_known(fitted: BaselineFit, name: str, amplitude: float, sd: float, usual: float) -> float:
-    """Nats for an amplitude beside the shots: its range, and what was measured of it."""
-    return (nats_in_range(fitted, name, amplitude, sd, usual)
-            + nats_measured(fitted.layout.measured, name, amplitude, sd))
+def nats_measured(measured: Measured, column: str, amplitude: float, sd: float) -> float:
+    """Log likelihood ratio of what was measured of this column: of an amplitude ~ N(amplitude, sd^2), to nothing of the
+    kind. 0 where nothing was measured."""
+    if column not in measured:
+        return 0.0
+    value, own = measured[column]
+    variance = own**2 + sd**2
+    return float(0.5 * (np.log(own**2 / variance) + value**2 / own**2 - (value - amplitude)**2 / variance))
 
 
-def nats_in_range(fitted: BaselineFit, name: str, amplitude: float, sd: float, usual: float) -> float:
+def nats_in_range(fitted: LauncherFit, name: str, amplitude: float, sd: float, usual: float) -> float:
     """Nats by which the amplitude's own prior differs from the normal one that its evidence was worked out with: the
     range of its parameter, the side that nature prefers, the size that a law of physics gives it."""
     ends = _ends(fitted, name)
@@ -218,11 +51,11 @@ def nats_in_range(fitted: BaselineFit, name: str, amplitude: float, sd: float, u
     return float(logsumexp(density) + np.log(places[1] - places[0]))
 
 
-def posterior_amplitude(fitted: BaselineFit, name: str, amplitude: float,
+def posterior_amplitude(fitted: LauncherFit, name: str, amplitude: float,
                         sd: float) -> tuple[float, float, float, float]:
     """Mean, standard deviation and ends of the 90 % interval of an amplitude, by its own prior in place of the normal
     one of the usual size that `amplitude` and `sd` were worked out with."""
-    usual = fitted.evidence.columns[fitted.evidence.index(name)].usual
+    usual = fitted.scores.columns[fitted.scores.index(name)].usual
     ends = _ends(fitted, name)
     if not ends[0] < amplitude < ends[1] or sd >= usual:
         low, high = norm.interval(0.9, amplitude, sd)
@@ -234,32 +67,32 @@ def posterior_amplitude(fitted: BaselineFit, name: str, amplitude: float,
     return mean, float(np.sqrt(weight @ (places - mean)**2)), float(low), float(high)
 
 
-def own_size(fitted: BaselineFit, found: Refit, number: int) -> float:
+def own_size(fitted: LauncherFit, found: LauncherFit, number: int) -> float:
     """The size of a normal prior by which the likeliest amplitude of one name is the mean by its own prior."""
-    name, amplitude, evidence = found.names[number], float(found.amplitude[number]), found.evidence
-    usual = fitted.evidence.columns[fitted.evidence.index(name)].usual
+    name, amplitude, evidence = found.names[number], float(found.amplitude[number]), found.scores
+    usual = fitted.scores.columns[fitted.scores.index(name)].usual
     information = 1.0 / evidence.covariance[number, number]
     known = information - usual**-2.0
-    if known <= 0.0 or amplitude == 0.0 or name in fitted.layout.measured:
+    if known <= 0.0 or amplitude == 0.0 or name in fitted.model.layout.measured:
         return usual
     share = posterior_amplitude(fitted, name, amplitude, float(found.sd[number]))[0] * known / (amplitude * information)
     size = np.sqrt(max(share, 0.0) / (known * max(1.0 - share, 1e-9)))
     return float(np.clip(size, min(TERM_SIZES) * usual, max(TERM_SIZES) * usual))
 
 
-def _ends(fitted: BaselineFit, name: str) -> tuple[float, float]:
+def _ends(fitted: LauncherFit, name: str) -> tuple[float, float]:
     """Of the range of an amplitude: of a believed number, of its change."""
-    parameter = find_parameter(name, fitted.layout.chain.catalogue)
-    shared = [column.name for column in fitted.layout.columns[fitted.layout.first_shared:]]
-    centre = float(fitted.layout.centre[shared.index(name)]) if name in shared else 0.0
+    parameter = find_parameter(name, fitted.model.catalogue)
+    shared = [column.name for column in fitted.model.layout.columns[fitted.model.layout.first_shared:]]
+    centre = float(fitted.model.layout.centre[shared.index(name)]) if name in shared else 0.0
     return parameter.low - centre, parameter.high - centre
 
 
-def _density(fitted: BaselineFit, name: str, amplitude: float, sd: float,
+def _density(fitted: LauncherFit, name: str, amplitude: float, sd: float,
              usual: float) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
     """Places in an amplitude's range and the log density there, by its own prior: that of its evidence taken out."""
-    ends, term = _ends(fitted, name), find_terms((name.partition(".")[0],), fitted.layout.chain.catalogue)[0]
-    changed = name in [column.name for column in fitted.layout.columns[fitted.layout.first_shared:]]
+    ends, term = _ends(fitted, name), find_terms((name.partition(".")[0],), fitted.model.catalogue)[0]
+    changed = name in [column.name for column in fitted.model.layout.columns[fitted.model.layout.first_shared:]]
     places = np.linspace(max(ends[0], amplitude - 8.0 * sd), min(ends[1], amplitude + 8.0 * sd), 801)
     by_shots = norm.logpdf(places, amplitude, sd) - norm.logpdf(places, 0.0, usual)
     return places, by_shots + _own_prior(term, places, ends, usual, changed)  # a believed number has no side and no law
@@ -282,18 +115,19 @@ def _own_prior(term: Term, places: Float[Array, " k"], ends: tuple[float, float]
     return np.asarray(logsumexp(density, axis=1) - np.log(len(sizes)) + np.log(weight) - np.log(max(whole, 1e-300)))
 
 
-def by_own_prior(fitted: BaselineFit, found: Refit, beside: Sequence[tuple[BaselineFit, Refit]] = ()) -> Refit:
+def by_own_prior(fitted: LauncherFit, found: LauncherFit,
+                 beside: Sequence[tuple[LauncherFit, LauncherFit]] = ()) -> LauncherFit:
     """The refit with normal priors of own_size. beside: refits of terms that `fitted` has already."""
     sizes = {name: own_size(one, its, number) for one, its in ((fitted, found), *beside)
              for number, name in enumerate(its.names)}
-    layout, first = fitted.layout, fitted.layout.first_shared
+    model, layout, first = fitted.model, fitted.model.layout, fitted.model.layout.first_shared
     precision = layout.precision.copy()
     for k, column in enumerate(layout.columns[first:]):
         if column.name in sizes and precision[k, k] == column.usual**-2.0:      # not of a number believed before
             precision[k, k] = sizes[column.name]**-2.0
     columns = tuple(replace(column, usual=sizes.get(column.name, column.usual)) for column in layout.columns)
-    sized = replace(fitted, layout=replace(layout, columns=columns, precision=precision))
-    again = refit_at(sized, found.names, np.zeros(len(found.names)), found.spot)
+    sized = replace(fitted, model=replace(model, layout=replace(layout, columns=columns, precision=precision)))
+    again = sized.with_columns(found.names, np.zeros(len(found.names)), found.point)
     return replace(again, sd=np.maximum(again.sd, found.sd))       # which has the uncertainty of the term's shape
 
 
@@ -303,10 +137,9 @@ SHARE = 0.5                           # or this share of its nats: one step is a
 ALIAS = 0.95                          # correlation of two efficient slopes from which only words part them
 TOLD_APART = 2.0                      # nats by which one of two such fits the better, all the same
 SURE = 0.9                            # probability of one name, or that a set holds of what is explained
-LEAST_INFORMATION = 1e-4              # of a term's own, that must be left by the shared columns
 SCAN = (-3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 3.0)     # usual sizes that are flown where the fit is lost,
 FIRM = 100.0                          # and from which a refit starts, hardly drawn towards zero
-BUSY = 1e-12
+BUSY = 1e-12                          # information, below which nothing in the data depends on a term
 MOST_USUAL = 6.0                      # usual sizes beyond which an amplitude is not what its name says,
 SPARE_SD = 2.0                           # by more standard deviations than this
 NEVER = -1e3                          # nats
@@ -335,7 +168,7 @@ class Naming:
     """
 
     candidates: tuple[Candidate, ...]
-    refits: dict[str, Refit]
+    refits: dict[str, LauncherFit]
     nats: dict[str, float]
     alike: tuple[str, ...] = ()
     kin: dict[str, tuple[str, ...]] = field(default_factory=dict)
@@ -381,7 +214,7 @@ def one_step(evidence: ScoreTable) -> tuple[tuple[Candidate, ...], Float[Array, 
     found = []
     for number, column in enumerate(columns):
         own, kept = total[column, column], left[number, number]
-        visible = bool(own > BUSY and kept > LEAST_INFORMATION * own)
+        visible = bool(own > BUSY and kept > LEAST_SHARE * own)
         information = kept if visible else 0.0
         usual = evidence.columns[column].usual
         found.append(Candidate(evidence.columns[column].name, column,
@@ -406,16 +239,16 @@ def nats_for(score: Any, information: float, usual: float) -> Any:
     return nats if np.ndim(nats) else float(nats)
 
 
-def name_terms(fitted: BaselineFit, progress: Progress, starts: Mapping[str, float] | None = None) -> Naming:
+def name_terms(fitted: LauncherFit, progress: Progress, starts: Mapping[str, float] | None = None) -> Naming:
     """Rank the terms. At least one must be visible. starts: {name: amplitude} refitted from there in any case."""
-    candidates, alike = one_step(fitted.evidence)
+    candidates, alike = one_step(fitted.scores)
     visible = [c for c in candidates if c.visible]
-    slopes_tell = not fitted.lost or len(fitted.intake.marked) == 0
+    slopes_tell = not fitted.lost or len(fitted.model.data.marked) == 0
     likely = sorted(visible if slopes_tell else _scan(fitted, visible), key=lambda c: -c.nats)
     within = max(WITHIN, SHARE * likely[0].nats) if slopes_tell else np.inf
     likely = [c for c in likely[:REFITTED] if c.nats > likely[0].nats - within]
-    refits: dict[str, Refit] = {}
-    nats = {c.name: c.nats + nats_measured(fitted.layout.measured, c.name, c.amplitude, c.information**-0.5)
+    refits: dict[str, LauncherFit] = {}
+    nats = {c.name: c.nats + nats_measured(fitted.model.layout.measured, c.name, c.amplitude, c.information**-0.5)
             for c in visible}
     for candidate in visible:
         if candidate.name in (starts or {}):
@@ -441,61 +274,61 @@ def name_terms(fitted: BaselineFit, progress: Progress, starts: Mapping[str, flo
                   {name: tuple(c.name for c in kin(name)) for name in refits})
 
 
-def _scanned(fitted: BaselineFit, one: Candidate, nats: Float[Array, " sizes"]) -> Candidate:
+def _scanned(fitted: LauncherFit, one: Candidate, nats: Float[Array, " sizes"]) -> Candidate:
     """The candidate by what outcomes say of it at the sizes of SCAN."""
-    best, usual = int(nats.argmax()), fitted.evidence.columns[one.column].usual
+    best, usual = int(nats.argmax()), fitted.scores.columns[one.column].usual
     return replace(one, nats=float(nats[best]), amplitude=SCAN[best] * usual, information=FIRM * usual**-2.0)
 
 
-def _scan(fitted: BaselineFit, candidates: Sequence[Candidate]) -> list[Candidate]:
+def _scan(fitted: LauncherFit, candidates: Sequence[Candidate]) -> list[Candidate]:
     """The candidates by outcomes at some sizes of each, flown from the prior's middle: where the fit calls so much
     scatter that its slopes tell of no term."""
     columns = [one.column for one in candidates]
-    spot = usual_spot(fitted.intake, fitted.layout)
-    points = np.tile(spot.values, (len(columns), len(SCAN), 1))
+    points = np.tile(fitted.model.middle().values, (len(columns), len(SCAN), 1))
     for number, k in enumerate(columns):
-        points[number, :, fitted.layout.source[k]] += np.array(SCAN) * fitted.evidence.columns[k].usual
-    told = rough_likelihood(fitted.intake, fitted.layout, points.reshape(-1, points.shape[-1]), columns).max(1)
+        points[number, :, fitted.model.layout.source[k]] += np.array(SCAN) * fitted.scores.columns[k].usual
+    told = fitted.model.rough_likelihood(points.reshape(-1, points.shape[-1]), columns).max(1)
     told = told.reshape(len(columns), -1) - 0.5 * np.square(SCAN)
     return [_scanned(fitted, one, nats) for one, nats in zip(candidates, told, strict=True)]
 
 
-def _refit(fitted: BaselineFit, candidate: Candidate, refits: dict[str, Refit], nats: dict[str, float],
+def _refit(fitted: LauncherFit, candidate: Candidate, refits: dict[str, LauncherFit], nats: dict[str, float],
            start: float | None = None) -> None:
     """Refit one name into both, from one step's amplitude unless a start is given."""
     name = candidate.name
-    refits[name] = refit(fitted, (name,), np.array([tame(candidate, fitted.evidence) if start is None else start]))
+    start = tame(candidate, fitted.scores) if start is None else start
+    refits[name] = fitted.with_terms((name,), np.array([start]))
     nats[name] = _nats(fitted, candidate, refits[name])
 
 
-def _refit_beside(fitted: BaselineFit, one: Candidate, top: Candidate, refits: dict[str, Refit],
+def _refit_beside(fitted: LauncherFit, one: Candidate, top: Candidate, refits: dict[str, LauncherFit],
                   nats: dict[str, float]) -> None:
     """Refit a name once more, from where the likeliest came to rest: a fit may have several tops, and two names that
     one step cannot tell apart must not differ by which of them their climbs ended on."""
     best = refits[top.name]
-    values = best.spot.values.copy()
-    own = best.layout.source[0]
-    values[own] = fitted.spot.values[own]
+    values = best.point.values.copy()
+    own = best.model.layout.source[0]
+    values[own] = fitted.point.values[own]
     start = np.array([best.amplitude[0] * one.amplitude / top.amplitude])
-    again = refit(fitted, (one.name,), start, replace(best.spot, values=values))
+    again = fitted.with_terms((one.name,), start, replace(best.point, values=values))
     if again.log_evidence > refits[one.name].log_evidence:
         refits[one.name], nats[one.name] = again, _nats(fitted, one, again)
 
 
-def _nats(fitted: BaselineFit, candidate: Candidate, found: Refit) -> float:
+def _nats(fitted: LauncherFit, candidate: Candidate, found: LauncherFit) -> float:
     """For one name truly refitted, by the shots and by what was measured without one, which the fit has in its prior.
     """
-    usual = fitted.evidence.columns[candidate.column].usual
-    said = nats_measured(fitted.layout.measured, found.names[0], 0.0, usual)
+    usual = fitted.scores.columns[candidate.column].usual
+    said = nats_measured(fitted.model.layout.measured, found.names[0], 0.0, usual)
     return found.log_evidence + said if is_possible(found, usual) else NEVER
 
 
-def is_possible(found: Refit, *usual: float) -> bool:
+def is_possible(found: LauncherFit, *usual: float) -> bool:
     """Whether each amplitude may lie in the range that its parameter declares, and within MOST_USUAL usual sizes.
 
     By where it would go, so that a fit that came to rest at the end of its range does not pass for one inside it.
     """
-    among = found.layout.chain.catalogue
+    among = found.model.catalogue
     low, high = np.array([(one.low, one.high) for one in (find_parameter(name, among) for name in found.names)]).T
     spare = SPARE_SD * found.sd
     return bool(((found.wanted >= low - spare) & (found.wanted <= high + spare)
@@ -524,13 +357,13 @@ def efficient(evidence: ScoreTable, columns: Int[Array, " K"],
             info[np.ix_(columns, columns)] - lift @ cross.T)
 
 
-def _aliases(fitted: BaselineFit, ranked: Sequence[str], kin: Sequence[str], refits: Mapping[str, Refit],
+def _aliases(fitted: LauncherFit, ranked: Sequence[str], kin: Sequence[str], refits: Mapping[str, LauncherFit],
              nats: Mapping[str, float]) -> tuple[str, ...]:
     """Of what one step cannot tell from the likeliest, that which a true fit cannot either, and which is possible.
 
     By how well they fit: that one of them would have to be unusually large is prior knowledge, not data.
     """
-    fit = {name: float(refits[name].evidence.log_score.sum())
-           + nats_measured(fitted.layout.measured, name, float(refits[name].amplitude[0]), 0.0) for name in kin}
+    fit = {name: float(refits[name].scores.log_score.sum())
+           + nats_measured(fitted.model.layout.measured, name, float(refits[name].amplitude[0]), 0.0) for name in kin}
     return tuple(name for name in ranked[1:]
                  if name in fit and fit[name] > fit[ranked[0]] - TOLD_APART and nats[name] > NEVER)

@@ -24,26 +24,20 @@ from truearc.sim.infer.likelihood.noise import (
     PLACE_M,
     SPIN_SHARE,
 )
-from truearc.sim.infer.likelihood.observations import (
-    OutcomeObservations,
-    Samples,
-    Scatter,
-    gather_samples,
-    gather_times,
-    measure_scatter,
-    see_outcomes,
-)
+from truearc.sim.infer.likelihood.observations import OutcomeObservations, Samples, Scatter, samples_of, see_outcomes
 from truearc.sim.infer.likelihood.score_table import Array
-from truearc.sim.physics.launch import Exit, exit_no_slip, is_opposed
 from truearc.sim.physics.simulate import (
     by_wheels,
+    exit_no_slip,
     has_wheels,
+    is_opposed,
     launch_of,
     launch_state,
     own_balls,
     require,
     roll,
 )
+from truearc.sim.physics.term import Exit
 
 FEWEST_SHOTS = 10                     # by which a simulation is judged
 
@@ -198,9 +192,9 @@ def given_of(rig: Rig, shots: Shots, circumstances: Circumstances = ORDINARY) ->
     """
     speed_m_s = shots.number("exit_speed_m_s")
     by_camera, spin_seen = (~np.isnan(shots.number(name)) for name in ("exit_deg", "exit_spin_rev_s"))
-    exit = launch_of(rig, shots)
+    exit, rolled, distance_m = launch_of(rig, shots), by_wheels(shots), require(shots, "distance_m")
     log_speed, spin_rev_s = _by_deviation(rig, exit, ~np.isnan(speed_m_s), spin_seen)
-    return Given(exit, by_wheels(shots), ~by_camera, ~spin_seen, require(shots, "distance_m"), log_speed, spin_rev_s,
+    return Given(exit, rolled, ~by_camera, ~spin_seen, distance_m, log_speed, spin_rev_s,
                  np.radians(np.where(by_camera, EXIT_DEG, rig.noise.hood_deg)),
                  np.full(len(shots), rig.noise.distance_m), circumstances)
 
@@ -284,7 +278,8 @@ def take_in(dataset: Dataset, curves: Curves = NONE, fewest: int = FEWEST_SHOTS)
     launched = (wheels | sped) & (hood | aimed)
     marked, seen = see_outcomes(shots, rig.target)
     usable = launched[marked] & np.isfinite(shots.number("distance_m")[marked])
-    samples, scatter, notes = _samples(dataset)
+    seen = seen.take(usable)
+    samples, scatter, notes = samples_of(dataset)
     tracked = np.zeros(len(shots), bool) if samples is None else np.isin(np.arange(len(shots)), samples.rows)
     use = tracked.copy()
     use[marked[usable]] = True
@@ -295,12 +290,13 @@ def take_in(dataset: Dataset, curves: Curves = NONE, fewest: int = FEWEST_SHOTS)
     part = _Part(rig, shots.take(rows), wheels[rows], hood[rows], launched[rows])
     told = np.isin(np.arange(len(shots)), marked)
     left_out = [*dataset.left_out, *notes, *say_left_out(rig, shots, use, told, tracked)]
-    columns = every_column(dataset) if curves else {}
-    around = along(curves, circumstances_of(dataset), columns, len(shots))
+    around = circumstances_of(dataset)
+    if curves:
+        around = along(curves, around, every_column(dataset), len(shots))
     lanes, noise_var, scattered = _lanes(part, _pick(around, rows), samples, place)
     exits, exit_sd = _exits(part)
     return Intake(rig, without_noise(rig), rows, lanes, noise_var, scattered, exits, exit_sd, place[marked[usable]],
-                  seen.take(usable), np.zeros(0, int) if samples is None else place[samples.rows], samples, scatter,
+                  seen, np.zeros(0, int) if samples is None else place[samples.rows], samples, scatter,
                   _level(dataset, samples), tuple(left_out))
 
 
@@ -454,17 +450,6 @@ def _measured(column: Float[Array, " n"], where: Bool[Array, " n"]) -> Float[Arr
     """The column there; nan where it is the same for all shots: real measurements scatter."""
     known = column[where & np.isfinite(column)]
     return np.where(where & (len(known) > 1 and np.ptp(known) > 0.0), column, np.nan)
-
-
-def _samples(dataset: Dataset) -> tuple[Samples | None, Scatter | None, tuple[str, ...]]:
-    if dataset.times is not None and len(dataset.times.t_s):
-        return *gather_times(dataset.times), ()
-    if dataset.tracks is None or len(dataset.tracks.t_s) == 0:
-        return None, None, ()
-    samples, notes, _ = gather_samples(dataset.tracks)
-    if not len(samples.rows):
-        return None, None, notes
-    return samples, measure_scatter(samples, dataset.facts.noise.track_m), notes
 
 
 def _pick(circumstances: Circumstances, rows: Int[Array, " n"]) -> Circumstances:

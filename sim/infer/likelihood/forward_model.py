@@ -24,9 +24,8 @@ from truearc.sim.infer.belief import resized
 from truearc.sim.physics import catalogue as stages
 from truearc.sim.physics.catalogue import BUILT_IN, Catalogue, effective, find_terms
 from truearc.sim.physics.flight import AHEAD, SHARE, SLOWEST_M_S, Law, apart, make_law, together
-from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.nonparametric import CURVE
-from truearc.sim.physics.term import DIRECTIONS, BallState, InFlight, Opening
+from truearc.sim.physics.term import DIRECTIONS, BallState, Exit, InFlight, Opening
 from truearc.sim.physics.vector import Vec, add, axes
 
 # How one shot differs from its configuration. The last three are of flights whose launch is unknown.

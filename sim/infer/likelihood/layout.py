@@ -18,24 +18,13 @@ from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig, Tracker
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import SCATTER, Belief, Curve, scale_of
+from truearc.sim.infer.likelihood import noise
 from truearc.sim.infer.likelihood.data import Intake
 from truearc.sim.infer.likelihood.forward_model import Chain, Prediction
-from truearc.sim.infer.likelihood.noise import (
-    BALL_SPEED,
-    BALLS_PART,
-    CALIBRATED,
-    OTHER_BALLS,
-    OTHER_RAD,
-    SCATTER_PRIOR,
-    SCATTERS,
-    UNMEASURED_M,
-    WEAKER,
-)
 from truearc.sim.infer.likelihood.score_table import Array, Column
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_parameter, find_terms, flight_terms
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS, find_nameless
-from truearc.sim.physics.term import DIRECTIONS, STAGES, Parameter, Term, WatchTerm, complete
-from truearc.sim.physics.term_fields import LEFT, LOG
+from truearc.sim.physics.term import DIRECTIONS, LEFT, LOG, STAGES, Parameter, Term, WatchTerm, complete
 
 
 class Measurement(NamedTuple):
@@ -63,7 +52,7 @@ class Groups:
 
 
 @dataclass(frozen=True)
-class ParameterLayout:
+class Layout:
     """Which columns of the evidence are which inputs of the chain.
 
     columns: free, terms, then shared. source [P]: for each column its input of the chain (slot, deviate or push), or
@@ -108,7 +97,7 @@ class ParameterLayout:
 
 
 @dataclass(frozen=True)
-class LinearizationPoint:
+class Point:
     """Where the chain is linearised: `values` [slots], log scatters [S], each shot's deviates [n, D], and the effects
     of groups [Q], to which all is taken to be linear."""
 
@@ -118,27 +107,17 @@ class LinearizationPoint:
     effects: Float[Array, " Q"]
 
     @staticmethod
-    def still(layout: ParameterLayout, shots: int, values: Float[Array, " slots"],
-              log_scatter: Float[Array, " S"]) -> "LinearizationPoint":
+    def still(layout: Layout, shots: int, values: Float[Array, " slots"],
+              log_scatter: Float[Array, " S"]) -> "Point":
         """Of `shots` without deviations."""
         deviates = np.zeros((shots, layout.chain.deviates))
-        return LinearizationPoint(values, log_scatter, deviates, np.zeros(layout.grouped))
+        return Point(values, log_scatter, deviates, np.zeros(layout.grouped))
 
 
 def column_of(term: str, among: Catalogue | None = None) -> str:
     """The column of a term's amplitude, its first parameter. InputError for a term that there is none of."""
     (found,) = find_terms([term], among)
     return f"{term}.{found.parameters[0].name}"
-
-
-def nats_measured(measured: Measured, column: str, amplitude: float, sd: float) -> float:
-    """Log likelihood ratio of what was measured of this column: of an amplitude ~ N(amplitude, sd^2), to nothing of the
-    kind. 0 where nothing was measured."""
-    if column not in measured:
-        return 0.0
-    value, own = measured[column]
-    variance = own**2 + sd**2
-    return float(0.5 * (np.log(own**2 / variance) + value**2 / own**2 - (value - amplitude)**2 / variance))
 
 
 class MeasuredPrior(NamedTuple):
@@ -218,7 +197,7 @@ def groups_of(shots: Shots, rows: Int[Array, " n"]) -> tuple[str, Int[Array, " n
 
 def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Int[Array, " n"], int] | None = None,
             among: Catalogue | None = None, belief: Belief | None = None,
-            later: ParameterLayout | None = None) -> ParameterLayout:
+            later: Layout | None = None) -> Layout:
     """Every column that the data could speak of; InputError for a believed term that there is none of.
 
     among: the catalogue whose terms are tested, and which the believed ones are of;
@@ -234,17 +213,17 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Int[Ar
     check_believed((name for name in believed if belief is None or name not in belief.coefficients), catalogue)
     slots = tuple((term.name, p.name) for term in catalogue for p in term.parameters)
     usual = np.array([float(p.default) for term in catalogue for p in term.parameters])
-    tracked = intake.samples is not None
+    tracked, filmed = intake.samples is not None, intake.filmed
     chain = Chain(intake.stripped, catalogue.names, slots, BANDS if tracked else 0, _substeps(intake),
                   bool(len(intake.marked)), tracked, bool(np.asarray(intake.lanes.free).any()), catalogue)
     edges = _edges(intake) if later is None else later.edges_s
-    first_push = len(slots) + chain.deviates
-    found = [(column, len(slots) + number) for number, column in (*FREE, *([AZIMUTH] if intake.filmed else []))]
-    found += [(column, first_push + number) for number, column in _pushes(chain, edges)]
-    sideless = intake.scatter is not None and intake.scatter.sigma_m[1] >= UNMEASURED_M       # y tells nothing
+    first_push, width = len(slots) + chain.deviates, chain.pushes // len(DIRECTIONS)
+    found = [(column, len(slots) + number) for number, column in (*FREE, *([AZIMUTH] if filmed else []))]
+    found += [(column, first_push + number) for number, column in _pushes(chain, width, edges)]
+    sideless = intake.scatter is not None and intake.scatter.sigma_m[1] >= noise.UNMEASURED_M       # y tells nothing
     if sideless:
         found = [(column, place) for column, place in found if column.direction != "lateral"]
-    trackers = calibrated(catalogue) if intake.filmed else [one for one in catalogue if isinstance(one, WatchTerm)]
+    trackers = calibrated(catalogue) if filmed else [one for one in catalogue if isinstance(one, WatchTerm)]
     known = {*believed, *catalogue.always, *(term.name for term in trackers if tracked)}
     asked = [term for term in catalogue if term.name not in known and (belief is not None or not term.relative)
              and not (sideless and isinstance(term, WatchTerm) and term.direction == "lateral")]
@@ -253,10 +232,10 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Int[Ar
                slots.index((term.name, term.amplitude.name))) for term in asked]
     shared = _shared(intake, believed, slots, catalogue)
     found += _changed(shared, belief)
-    scatters = tuple(_scatter_place(intake, len(found) + len(shared), k) for k in range(len(SCATTERS)))
-    names = [name for name, place in zip(SCATTERS, scatters, strict=True) if place >= 0]
+    scatters = tuple(_scatter_place(intake, len(found) + len(shared), k) for k in range(len(noise.SCATTERS)))
+    names = [name for name, place in zip(noise.SCATTERS, scatters, strict=True) if place >= 0]
     prior = [(mean, sd) for _, _, mean, sd in shared]
-    prior += [(np.log(SCATTER_PRIOR[name][0]), np.log(SCATTER_PRIOR[name][1])) for name in names]
+    prior += [(np.log(noise.SCATTER_PRIOR[name][0]), np.log(noise.SCATTER_PRIOR[name][1])) for name in names]
     found += [(column, place) for column, place, *_ in shared]
     found += [(Column(name, "shared", "launch", "along", "1", 1.0), -1) for name in names]
     effects: Groups | None
@@ -270,7 +249,7 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Int[Ar
         prior += [(0.0, 1.0)] * (effects.count * len(effects.inputs))
     centre, sd = np.array(prior, dtype=float).reshape(-1, 2).T
     columns, source = zip(*found, strict=True)
-    layout = ParameterLayout(chain, columns, np.array(source, dtype=int), scatters, np.diag(sd**-2.0), centre, edges,
+    layout = Layout(chain, columns, np.array(source, dtype=int), scatters, np.diag(sd**-2.0), centre, edges,
                              usual, effects)
     return layout if belief is None else inform(bent(layout, belief), belief, sure=later is None)
 
@@ -279,7 +258,7 @@ def _groups(groups: tuple[str, Int[Array, " n"], int], believed: tuple[str, ...]
             catalogue: Catalogue) -> Groups:
     """Speed, and believed numbers that each ball has its own of (Parameter.fit_each_ball)."""
     _, label, count = groups
-    inputs, scale = [len(slots)], [BALL_SPEED]
+    inputs, scale = [len(slots)], [noise.BALL_SPEED]
     for term in catalogue.find(believed):
         for one in term.parameters:
             if one.fit_each_ball:
@@ -293,7 +272,7 @@ def _other_balls(intake: Intake, belief: Belief, slots: tuple[tuple[str, str], .
     inputs, scale = (_as_shots_differ(belief, slots) if intake.samples is None else
                      _as_balls_differ(belief, slots, catalogue))
     return Groups(np.zeros(len(intake.rows), dtype=int), 1, np.array(inputs, dtype=int),
-                  np.array(scale) / np.sqrt(OTHER_BALLS))
+                  np.array(scale) / np.sqrt(noise.OTHER_BALLS))
 
 
 def _as_balls_differ(belief: Belief, slots: tuple[tuple[str, str], ...],
@@ -304,13 +283,13 @@ def _as_balls_differ(belief: Belief, slots: tuple[tuple[str, str], ...],
     mine = {(term.name, one.name): one.by_ball * abs(belief.value(f"{term.name}.{one.name}"))
             for term, one in of_a_ball if belief.has(f"{term.name}.{one.name}")}
     return ([len(slots), len(slots) + 1, *(slots.index(slot) for slot in mine)],
-            [BALL_SPEED, OTHER_RAD, *mine.values()])
+            [noise.BALL_SPEED, noise.OTHER_RAD, *mine.values()])
 
 
 def _as_shots_differ(belief: Belief, slots: tuple[tuple[str, str], ...]) -> tuple[list[int], list[float]]:
     """In speed and elevation, by no more than launches do from shot to shot: outcomes show no more of a ball."""
     spread = belief.scatter.get("speed", 0.0), np.radians(belief.scatter.get("elevation_deg", 0.0))
-    return [len(slots), len(slots) + 1], [float(np.sqrt(BALLS_PART) * value) for value in spread]
+    return [len(slots), len(slots) + 1], [float(np.sqrt(noise.BALLS_PART) * value) for value in spread]
 
 
 def usual_of(term: Term, rig: Rig) -> float:
@@ -331,7 +310,7 @@ def weak_prior(parameter: Parameter) -> tuple[float, float]:
     if prior is None:
         return parameter.default, 0.2 * (parameter.high - parameter.low)
     spread = {"linear": 1.0, "log": prior.centre, "left": 1.0 - prior.centre}[prior.scale]
-    return prior.centre, WEAKER * spread * prior.sd
+    return prior.centre, noise.WEAKER * spread * prior.sd
 
 
 def check_believed(believed: Iterable[str], among: Catalogue | None = None) -> None:
@@ -367,7 +346,7 @@ def calibrated(catalogue: Catalogue) -> tuple[Term, ...]:
 def calibration_sd(term: Term, tracker: Tracker) -> float:
     """One standard deviation of a tracker's error, as rig.toml states it, or as is usual of such a tracker."""
     stated: float | None = getattr(tracker, STATED.get(term.name, ""), None)
-    return stated or (term.calibration_sd or 0.0) * (CALIBRATED if tracker.calibrated else 1.0)
+    return stated or (term.calibration_sd or 0.0) * (noise.CALIBRATED if tracker.calibrated else 1.0)
 
 
 def is_tracker(column: Column, among: Catalogue) -> bool:
@@ -385,13 +364,13 @@ def _scatter_place(intake: Intake, first: int, number: int) -> int:
     """The column of a scatter, or -1 where nothing could tell it."""
     there = np.append(intake.scattered != 0.0, np.full((len(intake.rows), 1), intake.filmed), axis=1)
     wanted = [bool(there[:, k].any()) and (one != "scatter.azimuth_rad" or intake.filmed)
-              for k, one in enumerate(SCATTERS)]
+              for k, one in enumerate(noise.SCATTERS)]
     return first + sum(wanted[:number]) if wanted[number] else -1
 
 
-def _pushes(chain: Chain, edges: Float[Array, " edges"]) -> list[tuple[int, Column]]:
-    """Throughout the flight, in each band of its time, and with the speed; outcomes see no sideways push."""
-    width = chain.pushes // len(DIRECTIONS)
+def _pushes(chain: Chain, width: int, edges: Float[Array, " edges"]) -> list[tuple[int, Column]]:
+    """Throughout the flight, in each band of its time, and with the speed: `width` of each direction; outcomes see no
+    sideways push."""
     found = []
     for number, direction in enumerate(DIRECTIONS):
         if direction == "lateral" and not chain.track:
@@ -453,7 +432,7 @@ def own_slope(name: str, value: float, among: Catalogue) -> float:
     return {LOG: value, LEFT: 1.0 - value}.get(scale_of(name, among), 1.0)
 
 
-def inform(layout: ParameterLayout, belief: Belief, sure: bool = True) -> ParameterLayout:
+def inform(layout: Layout, belief: Belief, sure: bool = True) -> Layout:
     """The layout, whose priors are independent, with what the belief knows better.
 
     A coefficient that the belief states without uncertainty keeps its width and takes the belief's value; so do all
@@ -496,14 +475,14 @@ def widened(precision: Float[Array, "p p"], by: Iterable[tuple[int, float]]) -> 
     return precision
 
 
-def bent(layout: ParameterLayout, belief: Belief) -> ParameterLayout:
+def bent(layout: Layout, belief: Belief) -> Layout:
     """The layout with the belief's unexplained effects, and the points of their curves among the shared columns."""
     for name, curve in belief.curves.items():
         layout = with_curve(layout, name, belief.coefficients[name], curve)
     return layout
 
 
-def with_curve(layout: ParameterLayout, name: str, values: Mapping[str, float], curve: Curve) -> ParameterLayout:
+def with_curve(layout: Layout, name: str, values: Mapping[str, float], curve: Curve) -> Layout:
     """The layout with the nameless term `name`, its parameters fixed, and the curve's points in front of the shared
     columns; they start where the curve has them."""
     chain, term = layout.chain, find_nameless(name)
@@ -532,7 +511,7 @@ def _shifted(inputs: Int[np.ndarray, " k"], first: int, by: int) -> Int[np.ndarr
     return np.where(inputs >= first, inputs + by, inputs)
 
 
-def only_shared(layout: ParameterLayout, more: Iterable[str] = ()) -> ParameterLayout:
+def only_shared(layout: Layout, more: Iterable[str] = ()) -> Layout:
     """The layout without free columns and terms, except the named ones, which become shared with their usual size
     as a prior. One that is a change of a shared number widens that one's prior instead, and puts it in front."""
     first = layout.first_shared
@@ -548,13 +527,23 @@ def only_shared(layout: ParameterLayout, more: Iterable[str] = ()) -> ParameterL
     order = np.array([*changed, *rest], dtype=int) - first
     own = [prior_of(layout.measured, layout.columns[k].name, layout.columns[k].usual) for k in named]
     precision = block_diag(np.diag([one.precision for one in own]), known[np.ix_(order, order)])
-    return ParameterLayout(lean_chain(layout, kept), tuple(layout.columns[k] for k in kept), layout.source[kept],
+    return Layout(lean_chain(layout, kept), tuple(layout.columns[k] for k in kept), layout.source[kept],
                   tuple(place.get(column, -1) for column in layout.scatters), precision,
                   np.concatenate([[one.centre for one in own], layout.centre[order]]), layout.edges_s, layout.usual,
                   layout.groups, layout.measured, layout.see, layout.steady)
 
 
-def lean_chain(layout: ParameterLayout, kept: list[int]) -> Chain:
+def promoted(layout: Layout, names: tuple[str, ...]) -> Layout:
+    """The layout with these columns moved from the asked to the shared ones."""
+    kept = [k for k in range(layout.first_shared) if layout.columns[k].name not in names]
+    inner = only_shared(layout, names)
+    shift = len(kept)
+    return replace(inner, chain=layout.chain, columns=(*(layout.columns[k] for k in kept), *inner.columns),
+                   source=np.concatenate([layout.source[kept], inner.source]),
+                   scatters=tuple(place + shift if place >= 0 else -1 for place in inner.scatters))
+
+
+def lean_chain(layout: Layout, kept: list[int]) -> Chain:
     """The chain with as few terms in the air as these columns need, but one of two: compiled code is shared."""
     chain = layout.chain
     airborne = {term.name for term in flight_terms(chain.terms, chain.catalogue)}

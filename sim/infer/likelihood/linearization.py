@@ -17,7 +17,7 @@ from jaxtyping import Float, Int
 from truearc.sim.infer.likelihood import observations as outcomes
 from truearc.sim.infer.likelihood.data import Intake
 from truearc.sim.infer.likelihood.forward_model import DEVIATES, Prediction, see_in_blocks
-from truearc.sim.infer.likelihood.layout import LinearizationPoint, ParameterLayout
+from truearc.sim.infer.likelihood.layout import Layout, Point
 from truearc.sim.infer.likelihood.noise import FLOOR_M, UNMEASURED_M
 from truearc.sim.infer.likelihood.observations import log_volume, timed_noise, whiten
 from truearc.sim.infer.likelihood.score_table import (
@@ -136,60 +136,54 @@ BESIDE = 0.001                        # standard deviations of the height, betwe
 STEEPEST = 1e6                        # m by a deviate: of a flight that goes astray
 
 
-
-
-
-
-
-
 @dataclass(frozen=True)
 class Linearization:
     """The prediction at a spot, its slopes by the layout's inputs, then deviates (last axis), and the normal equations
     of tracks and exits in both. log_spread_by [n, inputs]: slopes of the log standard deviation of the height at the
     plane; of tracked shots 0."""
 
-    spot: LinearizationPoint
+    point: Point
     seen: Prediction
     slopes: Prediction
     exits: Normal
     tracks: Normal | None
     log_spread_by: Float[Array, "n inputs"]
 
-    def plane_at(self, layout: ParameterLayout, values: Float[Array, " slots"]) -> Prediction:
+    def plane_at(self, layout: Layout, values: Float[Array, " slots"]) -> Prediction:
         """The prediction at the plane at other values of the inputs, all else the same; linear in them."""
         change = self._change(layout, values)
         return self.seen._replace(plane=self.seen.plane + self.slopes.plane[..., :len(change)] @ change)
 
-    def wider_at(self, layout: ParameterLayout, values: Float[Array, " slots"]) -> Float[Array, " n"]:
+    def wider_at(self, layout: Layout, values: Float[Array, " slots"]) -> Float[Array, " n"]:
         """How many times as much the height at the plane spreads there."""
         return np.asarray(np.exp(np.clip(self.log_spread_by @ self._change(layout, values), -2.0, 2.0)))
 
-    def tracks_at(self, layout: ParameterLayout, values: Float[Array, " slots"]) -> Normal | None:
+    def tracks_at(self, layout: Layout, values: Float[Array, " slots"]) -> Normal | None:
         """The normal equations of the tracks there, by the noise that was measured."""
         return None if self.tracks is None else self.tracks.at(self._moved(layout, values))
 
-    def exits_at(self, layout: ParameterLayout, values: Float[Array, " slots"]) -> Normal:
+    def exits_at(self, layout: Layout, values: Float[Array, " slots"]) -> Normal:
         """Those of the exits."""
         return self.exits.at(self._moved(layout, values))
 
-    def _moved(self, layout: ParameterLayout, values: Float[Array, " slots"]) -> Float[Array, " k"]:
+    def _moved(self, layout: Layout, values: Float[Array, " slots"]) -> Float[Array, " k"]:
         return np.concatenate([self._change(layout, values), np.zeros(layout.chain.deviates)])
 
-    def _change(self, layout: ParameterLayout, values: Float[Array, " slots"]) -> Float[Array, " inputs"]:
+    def _change(self, layout: Layout, values: Float[Array, " slots"]) -> Float[Array, " inputs"]:
         """From the spot, of the inputs; those of groups do not change."""
         inputs = layout.inputs
         slots = inputs < len(values)
         slots[len(inputs) - _bases(layout):] = False
         change = np.zeros(len(inputs))
-        change[slots] = (values - self.spot.values)[inputs[slots]]
+        change[slots] = (values - self.point.values)[inputs[slots]]
         return change
 
 
-def _bases(layout: ParameterLayout) -> int:
+def _bases(layout: Layout) -> int:
     return 0 if layout.groups is None else len(layout.groups.inputs)
 
 
-def linearise(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
+def linearise(intake: Intake, layout: Layout, spot: Point,
               flown: Linearization | None = None) -> tuple[ScoreTable, Float[Array, "n D"]]:
     """(evidence at the spot, most likely deviates there); of what was flown about a spot near by, if given,
     with the same deviates."""
@@ -228,7 +222,7 @@ def linearise(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
     return evidence, left.mean
 
 
-def _scaled(layout: ParameterLayout, linear: Float[Array, "n C"], bend: Float[Array, "n C C"],
+def _scaled(layout: Layout, linear: Float[Array, "n C"], bend: Float[Array, "n C C"],
             plane: PlaneScores | None) -> tuple[Float[Array, "n C"], Float[Array, "n C C"], PlaneScores | None]:
     """The effects of a shot's own group, which come last, in units of their own."""
     groups = layout.groups
@@ -241,14 +235,14 @@ def _scaled(layout: ParameterLayout, linear: Float[Array, "n C"], bend: Float[Ar
     return linear * scale, bend * scale[:, None] * scale, plane
 
 
-def _deal(layout: ParameterLayout) -> GroupedColumns | None:
+def _deal(layout: Layout) -> GroupedColumns | None:
     groups = layout.groups
     if groups is None:
         return None
     return GroupedColumns(len(layout.columns) - layout.grouped, len(groups.inputs), groups.count, groups.label)
 
 
-def _point(layout: ParameterLayout, spot: LinearizationPoint) -> Float[Array, " P"]:
+def _point(layout: Layout, spot: Point) -> Float[Array, " P"]:
     point = np.zeros(len(layout.columns))
     point[layout.in_slot] = spot.values[layout.source[layout.in_slot]]
     for number, column in enumerate(layout.scatters):
@@ -258,7 +252,7 @@ def _point(layout: ParameterLayout, spot: LinearizationPoint) -> Float[Array, " 
     return point
 
 
-def fly(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint) -> Linearization:
+def fly(intake: Intake, layout: Layout, spot: Point) -> Linearization:
     """Fly all shots at the spot.
 
     Slopes by inputs are those of a shot that deviates as all do on average: taken at the deviation that a track itself
@@ -277,13 +271,13 @@ def fly(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint) -> Li
     return _linearization(intake, layout, spot, seen, slopes)
 
 
-def _linearization(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, seen: Prediction,
+def _linearization(intake: Intake, layout: Layout, spot: Point, seen: Prediction,
                    slopes: Prediction) -> Linearization:
     exits, tracks = multiply_out(intake, seen, slopes, spot.deviates)
     return Linearization(spot, seen, slopes, exits, tracks, _log_spread_by(intake, layout, spot, seen, slopes, exits))
 
 
-def _log_spread_by(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, seen: Prediction,
+def _log_spread_by(intake: Intake, layout: Layout, spot: Point, seen: Prediction,
                    slopes: Prediction, normal: Normal) -> Float[Array, "n inputs"]:
     """Slopes [n, inputs] of the log standard deviation of the height at the plane.
 
@@ -313,7 +307,7 @@ def _common(deviates: Float[Array, "n D"]) -> Float[Array, "n D"]:
     return np.where(own[:, None], deviates[own].mean(axis=0), 0.0)
 
 
-def _fly(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
+def _fly(intake: Intake, layout: Layout, spot: Point,
          inputs: Int[Array, " k"]) -> tuple[Prediction, Prediction]:
     """(all lanes at the spot, their slopes by these of the chain's inputs)."""
     basis = np.zeros((layout.chain.size, len(inputs)))
@@ -364,7 +358,7 @@ def _integrate(normal: Normal, sd: Float[Array, "n D"], columns: Int[Array, " in
     return _Left(score, info, value, sd * shift, sd[:, :, None] * inverse * sd[:, None, :], mean_by)
 
 
-def _group_effects(layout: ParameterLayout, spot: LinearizationPoint) -> Float[Array, "n B"]:
+def _group_effects(layout: Layout, spot: Point) -> Float[Array, "n B"]:
     """Effects of each shot's own group, in the units of what they act on."""
     groups = layout.groups
     if groups is None:
@@ -373,7 +367,7 @@ def _group_effects(layout: ParameterLayout, spot: LinearizationPoint) -> Float[A
     return effects
 
 
-def _scatter_terms(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, sd: Float[Array, "n D"],
+def _scatter_terms(intake: Intake, layout: Layout, spot: Point, sd: Float[Array, "n D"],
                    left: _Left, own: Float[Array, "n D"],
                    count: int) -> tuple[Float[Array, "n C"], Float[Array, "n C C"]]:
     """Score and information of the log scatters from tracks and exits (the plane adds its own). own [n, D]: deviates of
@@ -393,7 +387,7 @@ def _scatter_terms(intake: Intake, layout: ParameterLayout, spot: LinearizationP
     return score, info
 
 
-def _plane(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, flown: Linearization,
+def _plane(intake: Intake, layout: Layout, spot: Point, flown: Linearization,
            sd: Float[Array, "n D"], left: _Left, columns: Int[Array, " inputs"], count: int) -> PlaneScores | None:
     """Heights given what tracks and exits said of the launch."""
     rows = intake.marked

@@ -13,7 +13,7 @@ from scipy.special import ndtr
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Target
-from truearc.sim.data.dataset import Shots, Times, Tracks
+from truearc.sim.data.dataset import Dataset, Shots, Times, Tracks
 from truearc.sim.infer.likelihood.noise import HEIGHT_M, LAPSE, SLIP_M, STILL_M, TIMED_M, UNMEASURED_M
 from truearc.sim.physics.simulate import MISS, THREE, TWO
 
@@ -240,6 +240,18 @@ class Scatter:
 
     sigma_m: Float[Array, " 3"]
     memory_s: Float[Array, " 3"]
+
+
+def samples_of(dataset: Dataset) -> tuple[Samples | None, Scatter | None, tuple[str, ...]]:
+    """(times at heights or tracks of a dataset, their noise, notes of what was left out); None without any."""
+    if dataset.times is not None and len(dataset.times.t_s):
+        return *gather_times(dataset.times), ()
+    if dataset.tracks is None or len(dataset.tracks.t_s) == 0:
+        return None, None, ()
+    samples, notes, _ = gather_samples(dataset.tracks)
+    if not len(samples.rows):
+        return None, None, notes
+    return samples, measure_scatter(samples, dataset.facts.noise.track_m), notes
 
 
 def gather_samples(tracks: Tracks) -> tuple[Samples, tuple[str, ...], int]:

@@ -21,6 +21,10 @@ from truearc.sim.infer.likelihood.observations import OutcomeObservations
 from truearc.sim.statistics import invert
 
 Array = np.ndarray
+Change = Float[Array, " P"]            # of all columns
+Which = Bool[Array, " P"]
+Centre = Float[Array, " p"]            # of the shared ones
+Precision = Float[Array, "p p"]
 Seen = tuple[OutcomeObservations, Float[Array, " m"], Float[Array, " m"]]       # with mean and spread of the heights
 
 
@@ -184,6 +188,11 @@ class ScoreTable:
         """Of all columns, where all are shared: the inverse of information and prior."""
         return invert(self.information + self.precision)
 
+    @property
+    def together(self) -> Int[Array, " n"]:
+        """The cluster of each shot [n] whose shots are correlated when figures are compared: its group, or itself."""
+        return np.arange(len(self.rows)) if self.deal.groups <= 1 else self.deal.label
+
     def index(self, name: str) -> int:
         return next(k for k, column in enumerate(self.columns) if column.name == name)
 
@@ -238,6 +247,18 @@ class ScoreTable:
                         self.bend[square], plane, self.precision, self.pull, self.log_score, self.own_score[:, own],
                         self.info[square])
 
+    def shared_only(self) -> "ScoreTable":
+        """The shared columns alone."""
+        return self.pick(np.arange(self.first_shared, len(self.columns)))
+
+    def held_out(self) -> Float[Array, " n"]:
+        """Log score of each shot by fits of all columns, which must all be shared, to the other folds."""
+        return np.asarray(self.log_score + self.gain(self.held_out_change()))
+
+    def held_out_change(self) -> Float[Array, "n P"]:
+        """For each shot the change of all columns, fitted to the other folds."""
+        return by_folds(self, lambda train: np.tile(fit_linear(self, train), (len(train), 1)))
+
 
 def make_evidence(rows: Int[Array, " n"], columns: tuple[Column, ...], point: Float[Array, " P"],
                   linear: Float[Array, "n C"], bend: Float[Array, "n C C"], plane: PlaneScores | None,
@@ -277,16 +298,6 @@ def plane_terms(plane: PlaneScores, seen: OutcomeObservations, mean_m: Float[Arr
 FOLDS = 5
 STEPS = 12
 HALVINGS = 6
-
-
-def unseen_score(evidence: ScoreTable) -> Float[Array, " n"]:
-    """Log score of each shot by fits of all columns to the other folds."""
-    return np.asarray(evidence.log_score + evidence.gain(unseen_change(evidence)))
-
-
-def unseen_change(evidence: ScoreTable) -> Float[Array, "n P"]:
-    """For each shot the change of all columns, fitted to the other folds."""
-    return by_folds(evidence, lambda train: np.tile(fit_linear(evidence, train), (len(train), 1)))
 
 
 def by_folds(evidence: ScoreTable, fit: Callable[[Bool[Array, " n"]], Float[Array, "n P"]]) -> Float[Array, "n P"]:
@@ -359,8 +370,3 @@ def clustered_error(values: Float[Array, " n"], label: Int[Array, " n"]) -> floa
     np.add.at(sums, label, values - values.mean())
     count = len(np.unique(label))
     return float(np.sqrt((sums**2).sum() * count / max(count - 1, 1)) / len(values))
-
-
-def without(evidence: ScoreTable) -> ScoreTable:
-    """The shared columns alone."""
-    return evidence.pick(np.arange(evidence.first_shared, len(evidence.columns)))

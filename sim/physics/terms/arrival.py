@@ -1,7 +1,6 @@
 """Terms of the arrival stage: the target's opening."""
 
-from truearc.sim.physics.term import ArrivalTerm, Opening, Values
-from truearc.sim.physics.term_fields import LENGTH, Instrument, Phrase, amplitude, either_way
+from truearc.sim.physics.term import LENGTH, ArrivalTerm, Instrument, Opening, Phrase, Values, amplitude, either_way
 
 
 class TargetHeight(ArrivalTerm):

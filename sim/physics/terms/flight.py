@@ -4,36 +4,24 @@ import math
 
 import jax.numpy as jnp
 
-from truearc.sim.physics.term import (
-    AirShareTerm,
-    AirTerm,
-    BallState,
-    FlightTerm,
-    Forces,
-    ForceShareTerm,
-    Number,
-    Rig,
-    Values,
-    WindTerm,
-    wind_speed,
-)
-from truearc.sim.physics.term_fields import SECONDS, SHARE, SPEED, Instrument, Parameter, Phrase, amplitude, either_way
+from truearc.sim.physics import term
+from truearc.sim.physics.term import SECONDS, SHARE, SPEED, Instrument, Parameter, Phrase, amplitude, either_way
 from truearc.sim.physics.vector import Vec, cross, dot, length, scale, times, total
 
 LEAST = 0.1                           # of 1 + rate S, should a search try rates far below 0
 
 
-def drag_per_m(rig: Rig) -> float:
+def drag_per_m(rig: term.Rig) -> float:
     """Return rho A / 2 m in 1/m: the deceleration per drag coefficient and speed squared (the paper's Eq. 3)."""
     return 0.5 * (math.pi * rig.ball.radius_m**2) * rig.air.density_kg_m3 / rig.ball.mass_kg
 
 
-def displaced_share(rig: Rig) -> float:
+def displaced_share(rig: term.Rig) -> float:
     """Return the mass of the air that the ball displaces as a share of the ball's."""
     return rig.air.density_kg_m3 * (4.0 / 3.0 * math.pi * rig.ball.radius_m**3) / rig.ball.mass_kg
 
 
-class SpinDecay(AirTerm):
+class SpinDecay(term.AirTerm):
     """spin = spin at release x exp(-rate_per_s x time since release)."""
 
     order = 10, "what spin is left, before the forces that it makes"
@@ -47,26 +35,26 @@ class SpinDecay(AirTerm):
                         " (time constant)", rate=True)
     instrument = Instrument("spin_film_early_late", "the spin of a marked ball as it leaves and as it lands", 0.1)
 
-    def meet(self, rig: Rig, values: Values, ball: BallState) -> BallState:
+    def meet(self, rig: term.Rig, values: term.Values, ball: term.BallState) -> term.BallState:
         return ball._replace(spin_rev_s=scale(jnp.exp(-values["rate_per_s"] * ball.time_s), ball.spin_rev_s))
 
 
-class WindX(WindTerm):
+class WindX(term.WindTerm):
     """The ball's velocity through the air is its own less speed_m_s toward the target."""
 
     order = 20, "what air the ball meets, before its forces"
-    parameters = wind_speed("wind toward the target")
+    parameters = term.wind_speed("wind toward the target")
     direction = "along"
     label = "head or tail wind"
     sentence = "There is wind toward the target, or from it."
     phrase = either_way("there is wind of {} <toward|from> the target", SPEED)
 
 
-class WindY(WindTerm):
+class WindY(term.WindTerm):
     """The ball's velocity through the air is its own less speed_m_s to the left."""
 
     order = 30, "what air the ball meets, before its forces"
-    parameters = wind_speed("wind to the left")
+    parameters = term.wind_speed("wind to the left")
     direction = "lateral"
     label = "crosswind"
     record = "tracks of the ball"
@@ -74,18 +62,18 @@ class WindY(WindTerm):
     phrase = either_way("there is wind of {} to the <left|right>", SPEED)
 
 
-class WindZ(WindTerm):
+class WindZ(term.WindTerm):
     """The ball's velocity through the air is its own less speed_m_s upward."""
 
     order = 40, "what air the ball meets, before its forces"
-    parameters = wind_speed("wind upward")
+    parameters = term.wind_speed("wind upward")
     direction = "vertical"
     label = "rising or sinking air"
     sentence = "The air rises or sinks where the balls fly."
     phrase = either_way("the air <rises|sinks> at {}", SPEED)
 
 
-class Gravity(FlightTerm):
+class Gravity(term.FlightTerm):
     """a = -g in z; `scale` multiplies the rig's own g and is 1 unless a fit says otherwise."""
 
     order = 100, "the one force that is not the air's"
@@ -97,11 +85,11 @@ class Gravity(FlightTerm):
     phrase = either_way("the ball <falls|rises> with {} of the stated gravity", SHARE)
     instrument = None
 
-    def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
+    def acceleration(self, rig: term.Rig, values: term.Values, ball: term.BallState, forces: term.Forces) -> Vec:
         return Vec(0.0, 0.0, -rig.world.gravity_m_s2 * values["scale"])
 
 
-class Drag(FlightTerm):
+class Drag(term.FlightTerm):
     """F = (cd / 2) A rho v^2 against the velocity, with A = pi r^2."""
 
     order = 110, "a force by itself, before those that are shares of it"
@@ -115,11 +103,11 @@ class Drag(FlightTerm):
     phrase = either_way("the air <slows|drives> the ball, with a drag coefficient of <|minus >{}")
     instrument = Instrument("fall_film", "the fall of a ball from a known height", 0.05, True)
 
-    def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
+    def acceleration(self, rig: term.Rig, values: term.Values, ball: term.BallState, forces: term.Forces) -> Vec:
         return scale(-values["cd"] * drag_per_m(rig) * length(ball.velocity_m_s), ball.velocity_m_s)
 
 
-class Magnus(FlightTerm):
+class Magnus(term.FlightTerm):
     """F = cl (4/3) (4 pi^2 r^3 rho) s x v with s in revolutions per second: backspin lifts."""
 
     order = 120, "a force by itself, before those that are shares of it"
@@ -136,12 +124,12 @@ class Magnus(FlightTerm):
                                 "<|minus >{}")
     instrument = Instrument("shots_without_spin", "where five shots without spin go", 0.05)
 
-    def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
+    def acceleration(self, rig: term.Rig, values: term.Values, ball: term.BallState, forces: term.Forces) -> Vec:
         per_rev = 4.0 / 3.0 * 4.0 * math.pi**2 * rig.ball.radius_m**3 * rig.air.density_kg_m3 / rig.ball.mass_kg
         return scale(values["cl"] * per_rev, cross(ball.spin_rev_s, ball.velocity_m_s))
 
 
-class SpinDrag(FlightTerm):
+class SpinDrag(term.FlightTerm):
     """cd grows by share S^2 with S = 2 pi r spin / speed: a = -(share S^2) (rho A / 2 m) v^2 against the velocity."""
 
     order = 130, "a force by itself, which shares of drag leave alone"
@@ -157,14 +145,14 @@ class SpinDrag(FlightTerm):
                         "rim turns as fast as it flies")
     instrument = Instrument("shots_without_spin", "where five shots without spin go", 0.15)
 
-    def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
+    def acceleration(self, rig: term.Rig, values: term.Values, ball: term.BallState, forces: term.Forces) -> Vec:
         rim_m = 2.0 * math.pi * rig.ball.radius_m
         per_m = values["share"] * (drag_per_m(rig) * rim_m**2)
         pace = dot(ball.spin_rev_s, ball.spin_rev_s) / length(ball.velocity_m_s)
         return scale(times(-1.0, times(per_m, pace)), ball.velocity_m_s)
 
 
-class DragReynolds(ForceShareTerm):
+class DragReynolds(term.ForceShareTerm):
     """cd x (1 + slope (v / at_m_s - 1)): cd is the coefficient at at_m_s."""
 
     of = "drag"
@@ -182,11 +170,11 @@ class DragReynolds(ForceShareTerm):
     phrase = either_way("the drag coefficient <grows|falls> with speed, by {} from 10 to 20 m/s", SHARE, " per 10 m/s")
     instrument = Instrument("fall_film_two_heights", "the fall of a ball from two heights", 0.2, True)
 
-    def share(self, rig: Rig, values: Values, ball: BallState) -> Number:
+    def share(self, rig: term.Rig, values: term.Values, ball: term.BallState) -> term.Number:
         return values["slope"] * (length(ball.velocity_m_s) / values["at_m_s"] - 1.0)
 
 
-class LiftSaturation(ForceShareTerm):
+class LiftSaturation(term.ForceShareTerm):
     """Lift / (1 + rate S) with S = 2 pi r spin / speed."""
 
     of = "magnus"
@@ -200,13 +188,13 @@ class LiftSaturation(ForceShareTerm):
                         "of {}")
     instrument = Instrument("spin_film", "the spin of a marked ball as it leaves", 0.3)
 
-    def share(self, rig: Rig, values: Values, ball: BallState) -> Number:
+    def share(self, rig: term.Rig, values: term.Values, ball: term.BallState) -> term.Number:
         bend_m_s = values["rate"] * (2.0 * math.pi * rig.ball.radius_m) * length(ball.spin_rev_s)
         speed_m_s = length(ball.velocity_m_s)
         return -bend_m_s / jnp.maximum(speed_m_s + bend_m_s, LEAST * speed_m_s)
 
 
-class DragWear(ForceShareTerm):
+class DragWear(term.ForceShareTerm):
     """drag x (1 + share x age); age runs from 0 to 1 through the session, or through a ball's own shots."""
 
     of = "drag"
@@ -222,7 +210,7 @@ class DragWear(ForceShareTerm):
     instrument = Instrument("fall_film_worn_balls", "the fall of new and worn balls side by side", 0.05, True)
 
 
-class AirDensity(AirShareTerm):
+class AirDensity(term.AirShareTerm):
     """All forces of the air x (1 + share x density's known departure from its median)."""
 
     order = 170, "a share of all forces of the moving air"
@@ -237,7 +225,7 @@ class AirDensity(AirShareTerm):
     instrument = Instrument("fall_film_cold_warm", "the fall of a ball on a cold and on a warm day", 0.3, True)
 
 
-class AirChange(AirShareTerm):
+class AirChange(term.AirShareTerm):
     """All forces of the air x (1 + share). Fitted drag and lift absorb that whole, unless both were known before."""
 
     order = 180, "a share of all forces of the moving air"
@@ -251,7 +239,7 @@ class AirChange(AirShareTerm):
     instrument = Instrument("thermometer_barometer", "temperature and pressure, and those of the session before", None)
 
 
-class Buoyancy(FlightTerm):
+class Buoyancy(term.FlightTerm):
     """share x (rho V / m) g upward, Archimedes' force; 1 is all of it."""
 
     order = 190, "air at rest: after the shares of the moving air's forces"
@@ -265,11 +253,11 @@ class Buoyancy(FlightTerm):
                     "the ball is heavier than stated, by {} of the weight of the air it displaces", *SHARE)
     instrument = Instrument("ball_scale", "ball mass with a scale", 0.3)
 
-    def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
+    def acceleration(self, rig: term.Rig, values: term.Values, ball: term.BallState, forces: term.Forces) -> Vec:
         return Vec(0.0, 0.0, values["share"] * (displaced_share(rig) * rig.world.gravity_m_s2))
 
 
-class AddedMass(FlightTerm):
+class AddedMass(term.FlightTerm):
     """All accelerations / (1 + share x rho V / 2 m): half the displaced air for a sphere in potential flow."""
 
     order = 200, "a share of all forces"
@@ -283,6 +271,6 @@ class AddedMass(FlightTerm):
                     "lighter, by {} of the air that theory has it move along", *SHARE)
     instrument = Instrument("ball_scale", "ball mass with a scale", 0.3)
 
-    def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
+    def acceleration(self, rig: term.Rig, values: term.Values, ball: term.BallState, forces: term.Forces) -> Vec:
         heavier = values["share"] * (0.5 * displaced_share(rig))
         return scale(-heavier / (1.0 + heavier), total(forces.values()))

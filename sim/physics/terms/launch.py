@@ -2,11 +2,11 @@
 
 import jax.numpy as jnp
 
-from truearc.sim.physics.term import Circumstances, Exit, LaunchTerm, Rig, SpeedTerm, Values
-from truearc.sim.physics.term_fields import LENGTH, SHARE, Instrument, Parameter, Phrase, Prior, amplitude, either_way
+from truearc.sim.physics import term
+from truearc.sim.physics.term import LENGTH, SHARE, Instrument, Parameter, Phrase, Prior, amplitude, either_way
 
 
-class WheelSlip(LaunchTerm):
+class WheelSlip(term.LaunchTerm):
     """exit speed = u / (1 + k u) with u the speed by the wheels: a share k u lost while that is small.
 
     The quotient rather than u (1 - k u): faster wheels never give a slower ball.
@@ -24,11 +24,11 @@ class WheelSlip(LaunchTerm):
                         "gains> {} of its speed for each m/s", SHARE, " per m/s of wheel surface")
     instrument = Instrument("exit_speed_film", "exit speed with a high-speed camera", 0.003, True)
 
-    def leave(self, rig: Rig, values: Values, exit: Exit) -> Exit:
+    def leave(self, rig: term.Rig, values: term.Values, exit: term.Exit) -> term.Exit:
         return exit._replace(speed_m_s=exit.speed_m_s / (1.0 + values["loss_per_m_s"] * exit.speed_m_s))
 
 
-class ExitEfficiency(SpeedTerm):
+class ExitEfficiency(term.SpeedTerm):
     """exit speed = speed by the wheels x (1 - loss), the same share at every speed; the spin is left as it is."""
 
     order = 20, "a share of the speed after slip"
@@ -42,7 +42,7 @@ class ExitEfficiency(SpeedTerm):
     instrument = Instrument("exit_speed_film", "exit speed with a high-speed camera", 0.02, True)
 
 
-class WheelDroop(SpeedTerm):
+class WheelDroop(term.SpeedTerm):
     """exit speed x (1 - loss x droop); droop: dip of the wheels in this shot by the mean dip, 1 without telemetry."""
 
     order = 30, "a factor of the speed; these commute"
@@ -59,7 +59,7 @@ class WheelDroop(SpeedTerm):
                             "exit speed at little and at much dip with a high-speed camera", 0.02, True)
 
 
-class BallCompression(LaunchTerm):
+class BallCompression(term.LaunchTerm):
     """spin / (1 - share); the speed of its centre stays."""
 
     order = 40, "a factor of the spin alone"
@@ -71,11 +71,11 @@ class BallCompression(LaunchTerm):
     phrase = either_way("the <squeezed ball|ball> spins {} <faster|slower> than its size says", SHARE)
     instrument = Instrument("spin_film", "the spin of a marked ball as it leaves", 0.05)
 
-    def leave(self, rig: Rig, values: Values, exit: Exit) -> Exit:
+    def leave(self, rig: term.Rig, values: term.Values, exit: term.Exit) -> term.Exit:
         return exit._replace(spin_rev_s=exit.spin_rev_s / (1.0 - values["share"]))
 
 
-class BallWear(SpeedTerm):
+class BallWear(term.SpeedTerm):
     """exit speed x (1 - loss x age); age runs from 0 to 1 through the session, or through a ball's own shots."""
 
     order = 50, "a factor of the speed; these commute"
@@ -88,7 +88,7 @@ class BallWear(SpeedTerm):
     instrument = Instrument("speed_worn_balls", "the speed of new and worn balls in turn", 0.02)
 
 
-class BallSpread(SpeedTerm):
+class BallSpread(term.SpeedTerm):
     """exit speed x (1 + spread x the ball's own departure), a standard normal number that is not known."""
 
     sign = 1.0
@@ -103,7 +103,7 @@ class BallSpread(SpeedTerm):
     instrument = Instrument("ball_scale_each", "weight and size of each ball, and note which was shot (ball_id)", 0.01)
 
 
-class BatterySag(SpeedTerm):
+class BatterySag(term.SpeedTerm):
     """exit speed x (1 + sensitivity x (battery voltage / its median - 1))."""
 
     sign = 1.0
@@ -119,7 +119,7 @@ class BatterySag(SpeedTerm):
     instrument = Instrument("shots_full_empty_battery", "the same shot on a full and an empty battery", 0.1)
 
 
-class RapidFire(SpeedTerm):
+class RapidFire(term.SpeedTerm):
     """exit speed x (1 - loss x exp(-time since the session's last shot / time_constant_s))."""
 
     order = 80, "a factor of the speed; these commute"
@@ -136,12 +136,12 @@ class RapidFire(SpeedTerm):
     phrase = either_way("a shot right after another leaves {} <slower|faster>", SHARE)
     instrument = Instrument("shots_short_long_pause", "the same shot after 1 s and after 10 s", 0.02)
 
-    def at_shot(self, values: Values, circumstances: Circumstances) -> Values:
+    def at_shot(self, values: term.Values, circumstances: term.Circumstances) -> term.Values:
         left = jnp.exp(-circumstances.since_last_shot_s / values["time_constant_s"])
         return {**values, "loss": values["loss"] * left}
 
 
-class ReleaseHeight(LaunchTerm):
+class ReleaseHeight(term.LaunchTerm):
     """The flight starts above_m over rig.toml's release height."""
 
     order = 90, "changes neither speed nor spin"
@@ -154,5 +154,5 @@ class ReleaseHeight(LaunchTerm):
     phrase = either_way("the ball leaves from {} <higher|lower> than stated", LENGTH)
     instrument = Instrument("exit_height_tape", "exit height with a tape", 0.01)
 
-    def leave(self, rig: Rig, values: Values, exit: Exit) -> Exit:
+    def leave(self, rig: term.Rig, values: term.Values, exit: term.Exit) -> term.Exit:
         return exit._replace(above_m=exit.above_m + values["above_m"])

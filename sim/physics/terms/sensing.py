@@ -1,16 +1,16 @@
 """Terms of the sensing stage: what hood, wheels and camera of the robot, and a tracker of the ball, get wrong."""
 
 import math
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
-from truearc.sim.physics.term import DistanceTerm, Exit, HoodTerm, Number, Rig, SensingTerm, Values, WatchTerm
-from truearc.sim.physics.term_fields import ANGLE, LENGTH, SHARE, Instrument, Parameter, Phrase, amplitude, either_way
+from truearc.sim.physics import term
+from truearc.sim.physics.term import ANGLE, LENGTH, SHARE, Instrument, Parameter, Phrase, amplitude, either_way
 from truearc.sim.physics.vector import Vec, add, scale, times
 
 
-class HoodOffset(HoodTerm):
+class HoodOffset(term.HoodTerm):
     """true elevation = measured + angle_deg."""
 
     order = 10, "sensors of the launch come first, in the order in which it is made"
@@ -22,7 +22,7 @@ class HoodOffset(HoodTerm):
     instrument = Instrument("inclinometer", "hood angle with an inclinometer", 0.2)
 
 
-class HoodBacklash(HoodTerm):
+class HoodBacklash(term.HoodTerm):
     """true elevation = measured + angle_deg x (+1 after moving up, -1 after moving down, 0 where that is not known)."""
 
     order = 20, "adds up with the offset, in any order"
@@ -37,7 +37,7 @@ class HoodBacklash(HoodTerm):
     instrument = Instrument("inclinometer_both_ways", "hood angle with an inclinometer, from both sides", 0.2)
 
 
-class EncoderScale(SensingTerm):
+class EncoderScale(term.SensingTerm):
     """true surface speeds = measured x (1 + share), and with them exit speed and spin."""
 
     order = 30, "the wheels, which the hood has no part in"
@@ -51,12 +51,12 @@ class EncoderScale(SensingTerm):
     instrument = Instrument("calipers_tachometer",
                             "wheel diameter with calipers, wheel speed with an optical tachometer", 0.003)
 
-    def sense(self, rig: Rig, values: Values, exit: Exit, distance_m: Number) -> tuple[Exit, Number]:
+    def sense(self, rig: term.Rig, values: term.Values, exit: term.Exit, distance_m: Any) -> tuple[term.Exit, Any]:
         factor = 1.0 + values["share"]
         return exit._replace(speed_m_s=exit.speed_m_s * factor, spin_rev_s=exit.spin_rev_s * factor), distance_m
 
 
-class DistanceScale(DistanceTerm):
+class DistanceScale(term.DistanceTerm):
     """true distance = measured x (1 + share)."""
 
     order = 40, "a share of what the camera gives"
@@ -67,11 +67,11 @@ class DistanceScale(DistanceTerm):
     phrase = either_way("the target is {} <farther away|nearer> than measured", SHARE)
     instrument = Instrument("distance_tape", "distance with a tape at 3 stations", 0.005)
 
-    def distance_m(self, measured_m: Number, amount: Number) -> Number:
+    def distance_m(self, measured_m: term.Number, amount: term.Number) -> term.Number:
         return measured_m * (1.0 + amount)
 
 
-class DistanceBias(DistanceTerm):
+class DistanceBias(term.DistanceTerm):
     """true distance = measured + bias_m."""
 
     order = 50, "a true length, which the camera's scale has no part in"
@@ -82,11 +82,11 @@ class DistanceBias(DistanceTerm):
     phrase = either_way("the target is {} <farther away|nearer> than measured, wherever the robot stands", LENGTH)
     instrument = Instrument("distance_tape", "distance with a tape at 3 stations", 0.01)
 
-    def distance_m(self, measured_m: Number, amount: Number) -> Number:
+    def distance_m(self, measured_m: term.Number, amount: term.Number) -> term.Number:
         return measured_m + amount
 
 
-class VisionLatency(DistanceTerm):
+class VisionLatency(term.DistanceTerm):
     """true distance = measured - delay_s x closing speed; the effective value is that product, in m."""
 
     order = 60, "a true length, too: what the robot has driven"
@@ -100,11 +100,11 @@ class VisionLatency(DistanceTerm):
                     1000.0, " ms")
     instrument = Instrument("delay_lamp", "the camera's delay, by a lamp in its view that the robot switches", 0.005)
 
-    def distance_m(self, measured_m: Number, amount: Number) -> Number:
+    def distance_m(self, measured_m: term.Number, amount: term.Number) -> term.Number:
         return measured_m - amount
 
 
-class TrackScale(WatchTerm):
+class TrackScale(term.WatchTerm):
     """seen position = position x (1 + share), from the floor below the exit."""
 
     order = 70, "trackers see what the sensors of the launch have no part in"
@@ -117,17 +117,17 @@ class TrackScale(WatchTerm):
     phrase = either_way("the tracker sees lengths {} too <long|short>", SHARE)
     instrument = Instrument("ruler", "a ruler in the tracker's view", None)
 
-    def watch(self, values: Values, position_m: Vec, velocity_m_s: Vec, time_s: Number) -> Vec:
+    def watch(self, values: term.Values, position_m: Vec, velocity_m_s: Vec, time_s: term.Number) -> Vec:
         return add(position_m, scale(values["share"], position_m))
 
 
-class _TurnedTracker(WatchTerm):
+class _TurnedTracker(term.WatchTerm):
     """Positions are seen turned about a level axis on the floor below the exit by angle_deg."""
 
     way: ClassVar[str]                # the axis whose far end is seen higher
     instrument = Instrument("plumb_line", "a plumb line in the tracker's view", None)
 
-    def watch(self, values: Values, position_m: Vec, velocity_m_s: Vec, time_s: Number) -> Vec:
+    def watch(self, values: term.Values, position_m: Vec, velocity_m_s: Vec, time_s: term.Number) -> Vec:
         angle_rad = math.radians(1.0) * values["angle_deg"]
         cosine, sine = jnp.cos(angle_rad), jnp.sin(angle_rad)
         level, z = getattr(position_m, self.way), position_m.z
@@ -167,7 +167,7 @@ class TrackRoll(_TurnedTracker):
     phrase = either_way("the tracker is tilted sideways: it sees what lies to the left {} too <high|low>", ANGLE)
 
 
-class TrackClock(WatchTerm):
+class TrackClock(term.WatchTerm):
     """At t of its clock the ball is where it is at t (1 + share): position + velocity x share x t, to first order."""
 
     order = 90, "to first order independent of scale and tilt"
@@ -180,11 +180,11 @@ class TrackClock(WatchTerm):
     phrase = either_way("the tracker's clock runs {} <slow|fast>", SHARE)
     instrument = Instrument("stopwatch", "a stopwatch in the tracker's view", None)
 
-    def watch(self, values: Values, position_m: Vec, velocity_m_s: Vec, time_s: Number) -> Vec:
+    def watch(self, values: term.Values, position_m: Vec, velocity_m_s: Vec, time_s: term.Number) -> Vec:
         return add(position_m, scale(values["share"] * time_s, velocity_m_s))
 
 
-class TrackPerspective(WatchTerm):
+class TrackPerspective(term.WatchTerm):
     """seen position = position x (1 + per_m x height above the floor), to first order; negative: shrinks upward."""
 
     order = 100, "to first order independent of the other errors of the tracker"
@@ -197,5 +197,5 @@ class TrackPerspective(WatchTerm):
                         "metre", SHARE, " per m of height")
     instrument = Instrument("ruler_two_heights", "a ruler at two heights in the tracker's view", None)
 
-    def watch(self, values: Values, position_m: Vec, velocity_m_s: Vec, time_s: Number) -> Vec:
+    def watch(self, values: term.Values, position_m: Vec, velocity_m_s: Vec, time_s: term.Number) -> Vec:
         return add(position_m, scale(times(values["per_m"], position_m.z), position_m))

@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.proof.reproduce.pools import CONFIG, FACTS, SMALL
-from tests.proof.reproduce.sessions import Launcher
+from tests.proof.reproduce.pools import CONFIG, FACTS, SMALL, Launcher
 from truearc.errors import InputError
 from truearc.sim.paper.synthetic import AXES
 from truearc_proof.reproduce.collect import LAUNCHABLE, collect, collect_real

@@ -1,12 +1,48 @@
-"""Sparse regressions on flights whose law is known in closed form; they need the extra `field`."""
+"""Sparse regressions: PySINDy and ODR-BINDy on tracks of known laws."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
+from scipy.stats import multivariate_normal
 
-from tests.proof.rivals.made import KNOWN, constant
-from truearc_proof.rivals import sindy
-from truearc_proof.rivals.flights import COLUMNS, end_errors
+from truearc_proof.rivals import odr_bindy, sindy
+from truearc_proof.rivals.claim import COLUMNS, Flights, Moments, accelerations, end_errors, gravity, usual_of
 from truearc_proof.rivals.sindy import Rows, Tuning, claim_by, compress, fit, known_of, rank
+from truearc_proof.truth.world import make_world
+
+# --- made
+
+FACTS = make_world().facts
+FRAMES, STEP_S = 40, 1.0 / 60.0
+KNOWN = ("drag", "magnus")
+
+
+def constant(push: float, shots: int = 30, noise_m: float = 0.0, seed: int = 0) -> Flights:
+    """Balls in vacuum with `push` usual buoyancies."""
+    rng = np.random.default_rng(seed)
+    time_s = np.tile(STEP_S * np.arange(FRAMES), (shots, 1))
+    pull = gravity(FACTS) + push * column("buoyancy")
+    start = np.stack([rng.uniform(4.0, 9.0, shots), rng.normal(0.0, 0.1, shots), rng.uniform(2.0, 7.0, shots)], axis=1)
+    position = start[:, None] * time_s[..., None] + 0.5 * pull * time_s[..., None]**2
+    position += noise_m * rng.normal(size=position.shape)
+    return Flights(FACTS, time_s, position, np.ones(time_s.shape, dtype=bool), rng.uniform(2.0, 8.0, shots),
+                   rng.uniform(0.0, 1.0, shots), rng.normal(0.0, 0.02, shots), *sizes(np.ones(shots)))
+
+
+def column(name: str) -> np.ndarray:
+    """[3] for a ball that flies straight ahead."""
+    one = np.ones(())
+    return accelerations(FACTS, (name,), Moments(np.array([8.0, 0.0, 0.0]), one, one, one, one, *sizes(one)))[..., 0]
+
+
+def sizes(one: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(radius_m, mass_kg) of the rig's ball."""
+    return FACTS.ball.radius_m * one, FACTS.ball.mass_kg * one
+
+
+# --- pysindy
 
 CANDIDATES = tuple(name for name in COLUMNS if name not in KNOWN)
 
@@ -90,3 +126,63 @@ def test_a_law_that_is_the_true_one_foretells_without_error() -> None:
 
 def test_what_is_believed_is_kept() -> None:
     assert known_of(("gravity", "drag", "exit_efficiency")) == ("drag",)
+
+
+# --- odr bindy
+
+def test_a_push_is_named_with_an_interval_that_holds_it() -> None:
+    claim = odr_bindy.claim_of(constant(2.0, noise_m=0.003), KNOWN)
+    usual = usual_of("buoyancy")
+    assert claim.says_something and claim.names == ("buoyancy", "added_mass")
+    assert claim.figures["low90"] < 2.0 * usual < claim.figures["high90"] < 2.3 * usual
+    assert claim.before_m is not None and claim.after_m is not None and claim.after_m < 0.5 * claim.before_m
+
+
+def test_nothing_is_said_of_vacuum() -> None:
+    claim = odr_bindy.claim_of(constant(0.0, noise_m=0.003), KNOWN)
+    assert not claim.says_something and claim.names == () and claim.after_m == claim.before_m
+
+
+def test_lost_frames_and_an_unmeasured_axis_do_not_matter() -> None:
+    flights = constant(2.0, noise_m=0.003)
+    real, position_m = flights.real.copy(), flights.position_m * [1.0, 0.0, 1.0]
+    real[::2, 15:18] = False
+    assert odr_bindy.claim_of(replace(flights, real=real, position_m=position_m), KNOWN).names[:1] == ("buoyancy",)
+
+
+def test_the_optimum_is_that_of_a_general_solver(monkeypatch) -> None:
+    """Positions and coefficients together, for a drag that is strong enough to bend the problem."""
+    monkeypatch.setattr(odr_bindy, "choose", lambda square, pull, prior, known: odr_bindy.solve(
+        square, pull, prior, np.ones(len(pull), dtype=bool)))
+    flights, names, prior = constant(1.0, shots=2, noise_m=0.01), ("drag", "buoyancy"), np.array([0.3, 1.0])
+    films, sigma_m = odr_bindy.film(flights), odr_bindy.noise_of(flights)
+    linear = odr_bindy.linearise_at_best(flights, names, prior, 0)
+    found = odr_bindy.solve(linear.square.sum(0), linear.pull.sum(0), prior, np.ones(2, dtype=bool))
+
+    def misfit(at: np.ndarray) -> np.ndarray:
+        weights, x = at[:2], at[2:].reshape(films.position_m.shape)
+        h = films.step_s[:, None, None]
+        law = odr_bindy._library(flights, films, names, (x[:, 2:] - x[:, :-2]) / (2.0 * h)) @ weights
+        miss = np.diff(x, 2, axis=1) / h**2 - odr_bindy.laws.gravity(flights.facts) - law
+        return np.concatenate([((x - films.position_m) / sigma_m).ravel(), miss.ravel() / odr_bindy.SOFT_M_S2,
+                               weights / prior])
+
+    direct = least_squares(misfit, np.concatenate([[0.0, 0.0], films.position_m.ravel()]), x_scale="jac")
+    np.testing.assert_allclose(found.weights, direct.x[:2], atol=2e-3 * found.sd.min())
+    sd = np.sqrt(np.diag(np.linalg.inv(direct.jac.T @ direct.jac)))[:2]
+    np.testing.assert_allclose(found.sd, sd, rtol=0.02)
+
+
+def test_evidence_of_a_linear_law_is_the_marginal_likelihood() -> None:
+    rng = np.random.default_rng(0)
+    columns, prior = rng.normal(size=(20, 3)), np.array([10.0, 1.0, 1.0])
+    seen = columns @ [2.0, 0.7, 0.0] + rng.normal(size=20)
+    evidence, exact = [], []
+    for kept in ([True, False, False], [True, True, False], [True, True, True]):
+        mask = np.array(kept)
+        evidence.append(odr_bindy.solve(columns.T @ columns, columns.T @ seen, prior, mask).evidence)
+        spread = (columns[:, mask] * prior[mask]**2) @ columns[:, mask].T + np.eye(20)
+        exact.append(multivariate_normal(np.zeros(20), spread).logpdf(seen))
+    np.testing.assert_allclose(np.diff(evidence), np.diff(exact))
+    best = odr_bindy.choose(columns.T @ columns, columns.T @ seen, prior, 1)
+    assert best.evidence == max(evidence)

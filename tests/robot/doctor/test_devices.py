@@ -12,7 +12,7 @@ from tests.hw.spinning_plant import SpinningPlant
 from tests.robot.good_tick import CONFIG
 from truearc.cli.doctor_checks import look_at_bus
 from truearc.errors import InputError
-from truearc.hw.devices.canandmag.emulator import CanandmagNode
+from truearc.hw.devices.canandmag import CanandmagNode
 from truearc.hw.devices.family import FAILURE, OK, WARNING, listen
 from truearc.hw.devices.odrive.emulator import SETTINGS, OdriveNode, OdriveSettings
 from truearc.hw.devices.spark.frames import CONTROLLER_HEARTBEAT, locked_spark

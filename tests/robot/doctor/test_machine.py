@@ -18,7 +18,7 @@ from tests.robot.test_rig import Stream, Time
 from truearc import robot
 from truearc.cli.main import main
 from truearc.hw.devices.button_box import make_heartbeat
-from truearc.hw.devices.family import FAILURE, OK, WARNING, Heard, failure, line, ok
+from truearc.hw.devices.family import FAILURE, OK, WARNING, Heard
 from truearc.hw.fault_codes import CAMERA_ERROR
 from truearc.hw.protocols import CameraFrame, LinkLost
 from truearc.hw.real.system import CanLink, Exposure, parse_link, read_exposure
@@ -204,11 +204,6 @@ def test_the_gate_model(tmp_path):
     finding = check_model(asked, path)
     assert finding.level == FAILURE and "another contract" in finding.says
     assert check_model(CONFIG.gate, tmp_path / "nowhere.onnx").level == FAILURE
-
-
-def test_a_finding_is_one_plain_line():
-    assert line(ok("disk", "9 GB are free")) == "ok       disk: 9 GB are free"
-    assert line(failure("camera", "gone", "plug it in")) == "FAILURE  camera: gone -> plug it in"
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.hw.codec import load_codec
 from truearc.hw.devices.button_box import open_button_box
-from truearc.hw.devices.canandmag.frames import frame_id
+from truearc.hw.devices.canandmag import frame_id
 from truearc.hw.devices.family import FAILURE, OK, WARNING, Finding, Heard, failure
 from truearc.hw.devices.motor_encoder import NONE
 from truearc.hw.emulated.nodes import Node, Twin
@@ -29,11 +29,11 @@ from truearc.hw.emulated.serial_link import SlcanAdapter
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import load_config
 from truearc.robot.doctor_motion import COAST_S, SmallMotion, check_motion, plan
+from truearc.robot.eyes import NoEyes
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
-from truearc.robot.vision_source import NoEyes
+from truearc.sim.world.drive import LOW_DEG
 from truearc.sim.world.emulated_robot import WATCHDOG_MS, emulated_rig, keep_time, make_nodes
-from truearc.sim.world.hood import LOW_DEG
 from truearc.sim.world.world import World
 from truearc_proof.world.faults import SILENT, Fault
 
@@ -227,7 +227,7 @@ def test_what_is_not_ours_is_not_moved():
 
 @pytest.mark.parametrize(("words", "says"), [
     (["--yes"], "--yes: applies with --move or --set only"), (["--move"], "no terminal"),
-    (["--move", "--nt", "2504", "--map", "m.toml"], "--nt"), (["--move", "--set", "--yes"], "--move: apart"),
+    (["--move", "--set", "--yes"], "--move: apart"),
 ])
 def test_move_without_a_yes_is_refused_before_anything_is_opened(words, says, capsys):
     assert main(["doctor", "--config", str(SHIPPED), *words]) == 2
@@ -272,7 +272,7 @@ def test_on_a_serial_bus_it_asks_moves_and_tells(wrong, tmp_path, monkeypatch, c
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         with excuse_stalls():
-            doctor_checks.check_move(argparse.Namespace(move=True, yes=False, nt=None, map=None))
+            doctor_checks.check_move(argparse.Namespace(move=True, yes=False))
             found = [*doctor_checks._look_at_can(config, clock, None, 2.0)]
             findings = {one.check: one for one in doctor_checks.move_robot(config, clock, found, False)}
             check_real(wrong, found, findings, capsys.readouterr().err)

@@ -14,20 +14,18 @@ from hypothesis import strategies as st
 from onnx import TensorProto, helper, numpy_helper
 
 from truearc.errors import InputError
-from truearc.robot.gate import contract
-from truearc.robot.gate import model as gate_model
-from truearc.robot.gate.contract import KEY_SEAL, UNSEALED, seal
-from truearc.robot.gate.model import NO_RATING, Gate, load_gate
+from truearc.robot import gate as gate_model
+from truearc.robot.gate import KEY_SEAL, NO_RATING, UNSEALED, Gate, load_gate, seal
 
 BOX = {"distance_m": [2.0, 8.0], "motor_ratio": [0.3, 0.9], "hood_deg": [20.0, 60.0]}
 RNG = np.random.default_rng(5)
 WEIGHTS = {"w1": RNG.normal(size=(3, 8)) * [[1.0], [9.0], [0.1]], "b1": RNG.normal(size=8),
            "w2": RNG.normal(size=(8, 2)), "b2": RNG.normal(size=2),
            "wn": np.array([[0.0], [0.0], [0.02]]), "bn": np.zeros(1)}
-METADATA = {contract.KEY_CONTRACT: contract.contract_json().decode(),
-            contract.KEY_CONTRACT_HASH: contract.contract_hash(),
-            contract.KEY_DOMAIN: json.dumps(BOX), contract.KEY_NOVELTY: '{"k": 3}',
-            contract.KEY_PROVENANCE: '{"seed": 3}', KEY_SEAL: UNSEALED}
+METADATA = {gate_model.KEY_CONTRACT: gate_model.contract_json().decode(),
+            gate_model.KEY_CONTRACT_HASH: gate_model.contract_hash(),
+            gate_model.KEY_DOMAIN: json.dumps(BOX), gate_model.KEY_NOVELTY: '{"k": 3}',
+            gate_model.KEY_PROVENANCE: '{"seed": 3}', KEY_SEAL: UNSEALED}
 
 
 # novelty is |hood| / 50: over 1 from 50 degrees on
@@ -145,28 +143,28 @@ def without(key: str) -> dict[str, str]:
 
 
 def domain(**changed: Any) -> dict[str, str]:
-    return METADATA | {contract.KEY_DOMAIN: json.dumps(BOX | changed)}
+    return METADATA | {gate_model.KEY_DOMAIN: json.dumps(BOX | changed)}
 
 
 REFUSED = {
     "empty": (b"", "not a usable ONNX model"),
     "words": (b"this is not a model at all", "not a usable ONNX model"),
     "no contract": (build(metadata={}), "carries no contract"),
-    "no hash": (build(metadata=without(contract.KEY_CONTRACT_HASH)), contract.KEY_CONTRACT_HASH),
-    "foreign hash": (build(metadata=METADATA | {contract.KEY_CONTRACT_HASH: "0" * 64}), "another contract"),
-    "contract beside its hash": (build(metadata=METADATA | {contract.KEY_CONTRACT: "{}"}), "does not match"),
-    "no domain": (build(metadata=without(contract.KEY_DOMAIN)), contract.KEY_DOMAIN),
-    "domain not JSON": (build(metadata=METADATA | {contract.KEY_DOMAIN: "{"}), contract.KEY_DOMAIN),
+    "no hash": (build(metadata=without(gate_model.KEY_CONTRACT_HASH)), gate_model.KEY_CONTRACT_HASH),
+    "foreign hash": (build(metadata=METADATA | {gate_model.KEY_CONTRACT_HASH: "0" * 64}), "another contract"),
+    "contract beside its hash": (build(metadata=METADATA | {gate_model.KEY_CONTRACT: "{}"}), "does not match"),
+    "no domain": (build(metadata=without(gate_model.KEY_DOMAIN)), gate_model.KEY_DOMAIN),
+    "domain not JSON": (build(metadata=METADATA | {gate_model.KEY_DOMAIN: "{"}), gate_model.KEY_DOMAIN),
     "domain of other features": (build(metadata=domain(speed=[0, 1])), "'speed'"),
     "domain upside down": (build(metadata=domain(hood_deg=[60.0, 20.0])), "hood_deg"),
     "domain beyond the contract": (build(metadata=domain(motor_ratio=[0.3, 1.5])), "motor_ratio"),
     "domain of words": (build(metadata=domain(distance_m="near")), "distance_m"),
-    "domain not finite": (build(metadata=METADATA | {contract.KEY_DOMAIN: json.dumps(BOX | {"hood_deg": [
-        float("nan"), 60.0]})}), contract.KEY_DOMAIN),
-    "no word on novelty": (build(metadata=without(contract.KEY_NOVELTY)), contract.KEY_NOVELTY),
+    "domain not finite": (build(metadata=METADATA | {gate_model.KEY_DOMAIN: json.dumps(BOX | {"hood_deg": [
+        float("nan"), 60.0]})}), gate_model.KEY_DOMAIN),
+    "no word on novelty": (build(metadata=without(gate_model.KEY_NOVELTY)), gate_model.KEY_NOVELTY),
     "no novelty, as before the contract had it": (build(two_outputs=False), "novelty tensor(float) [n, 1]"),
     "novelty not a number": (build(WEIGHTS | {"bn": np.full(1, -9.0)}, far="Log"), "no novelty inside its own domain"),
-    "no provenance": (build(metadata=without(contract.KEY_PROVENANCE)), contract.KEY_PROVENANCE),
+    "no provenance": (build(metadata=without(gate_model.KEY_PROVENANCE)), gate_model.KEY_PROVENANCE),
     "no seal": (build(metadata=without(KEY_SEAL)), KEY_SEAL),
     "a foreign seal": (build(metadata=METADATA | {KEY_SEAL: "0" * 64}), "damaged or altered"),
     "other input": (build(name="x"), "the input is x"),

@@ -14,9 +14,9 @@ from truearc.hw.fault_codes import BOX_PRESSES_LOST, CAN_BUS_OFF
 from truearc.robot import reasons as because
 from truearc.robot.aim import BEYOND, NO_FILE
 from truearc.robot.estimate import estimate
-from truearc.robot.gate.model import Rating
-from truearc.robot.gate.verdict import judge, only_the_model_doubts
-from truearc.robot.types import Aim, Inputs, Sighting, Verdict
+from truearc.robot.gate import Rating
+from truearc.robot.types import Aim, Inputs, Verdict
+from truearc.robot.verdict import judge, only_the_model_doubts
 
 LOST, GONE = BOX_PRESSES_LOST(presses=3), because.CAN_LOST(cause=CAN_BUS_OFF(bus="CAN"))
 IMPLAUSIBLE, BEHIND_M = because.TARGET_IMPLAUSIBLE, CONFIG.camera.behind_exit_m
@@ -253,14 +253,6 @@ def test_a_target_out_of_sight_holds_with_what_the_newest_image_showed(sighting,
 
 def test_an_image_without_a_target_alone_is_no_reason_while_the_last_sighting_is_young():
     assert verdict(replace(good_inputs(), unseen=UNSEEN)).fire
-
-
-def test_recordings_from_before_say_no_more_than_they_said():
-    refused = replace(good_inputs(), sighting=Sighting(NOW_NS, False, UNSEEN))
-    row = msgspec.json.encode(refused)
-    assert b"unseen" not in row
-    old = replace(good_memory(), last_sighting=replace(good_memory().last_sighting, t_ns=NOW_NS - seconds(0.4)))
-    assert_alike(verdict(msgspec.json.decode(row, type=Inputs), old).reasons, [because.TARGET_STALE(age_s=0.4)])
 
 
 def test_what_a_recording_does_not_say_is_not_asked():

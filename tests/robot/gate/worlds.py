@@ -18,7 +18,7 @@ from truearc.hw import fault_codes as hw
 from truearc.hw.protocols import AngleReading, ButtonEvent, MotorReading
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config
-from truearc.robot.gate.model import Gate
+from truearc.robot.gate import Gate
 from truearc.robot.motors import screw_length_m
 from truearc.robot.types import Aim, Inputs, Memory, Sighting
 

@@ -23,8 +23,7 @@ from tests.robot.operator_ui.browser import BROWSER, Browser
 from tests.robot.operator_ui.test_browser import Shower
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.operator_ui.aim_inbox import AimOrders
-from truearc.robot.operator_ui.server import LOOKING, OperatorPage
-from truearc.robot.operator_ui.serving import MAX_CONNECTIONS, MAX_OF_ADDRESS
+from truearc.robot.operator_ui.server import LOOKING, MAX_CONNECTIONS, MAX_OF_ADDRESS, OperatorPage
 from truearc.robot.tick import step
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "darwin", reason="has only one loopback address")]

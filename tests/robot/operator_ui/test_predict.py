@@ -11,7 +11,7 @@ from http.client import HTTPConnection
 
 import pytest
 
-import truearc.robot.operator_ui.serving
+import truearc.robot.operator_ui.server
 import truearc.robot.operator_ui.what_if
 from tests.robot.good_tick import CONFIG
 from tests.robot.operator_ui.test_what_if import GATE, GOLDEN, GOOD
@@ -137,7 +137,7 @@ def test_length_must_be_stated(server, length, status):
 
 
 def test_body_that_does_not_come_is_hung_up_on(server, monkeypatch):
-    monkeypatch.setattr(truearc.robot.operator_ui.serving, "REQUEST_NS", 300_000_000)
+    monkeypatch.setattr(truearc.robot.operator_ui.server, "REQUEST_NS", 300_000_000)
     assert raw(server, "POST /predict HTTP/1.0\r\nHERE\r\nContent-Length: 100\r\n\r\n{") == ""
     assert ask(server, json.dumps(GOOD))[0] == 200
 

@@ -10,12 +10,11 @@ from http.client import HTTPConnection
 import pytest
 from msgspec.structs import replace
 
-import truearc.robot.operator_ui.serving
+import truearc.robot.operator_ui.server
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from truearc.hw.real.clock import MonotonicClock
-from truearc.robot.operator_ui.screens import ShowingRecorder
-from truearc.robot.operator_ui.server import LOOKING, PERIOD_S, OperatorPage, PageServer
-from truearc.robot.operator_ui.serving import MAX_OF_ADDRESS
+from truearc.robot.operator_ui.server import LOOKING, MAX_OF_ADDRESS, PERIOD_S, OperatorPage, PageServer
+from truearc.robot.runtime import ShowingRecorder
 from truearc.robot.tick import step
 from truearc.robot.types import Memory
 
@@ -162,7 +161,7 @@ def test_what_is_old_when_a_browser_comes_is_not_told(page):
 
 def test_nobody_who_looks_and_does_not_listen_holds_up_who_shows(shown, monkeypatch):
     """A browser that never reads is dropped, and others are served meanwhile."""
-    monkeypatch.setattr(truearc.robot.operator_ui.serving, "PATIENCE_S", 0.3)
+    monkeypatch.setattr(truearc.robot.operator_ui.server, "PATIENCE_S", 0.3)
     deaf = socket.socket()
     deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
     deaf.connect(("127.0.0.1", port(shown)))
@@ -216,7 +215,7 @@ def test_one_connection_too_many_ends_the_oldest(page):
                                   "POST /predict HTTP/1.0\r\nHost: 127.0.0.1\r\nContent-Length: 999\r\n\r\n"])
 def test_the_whole_request_has_one_time_limit(page, monkeypatch, sent):
     """However often a byte of it comes."""
-    monkeypatch.setattr(truearc.robot.operator_ui.serving, "REQUEST_NS", 600_000_000)
+    monkeypatch.setattr(truearc.robot.operator_ui.server, "REQUEST_NS", 600_000_000)
     with socket.create_connection(("127.0.0.1", port(page)), timeout=0.05) as line:
         line.sendall(sent.encode())
         began = time.monotonic()

@@ -12,10 +12,10 @@ from tests.robot.operator_ui.browser import BROWSER, Browser
 from tests.robot.operator_ui.test_browser import Shower
 from tests.robot.operator_ui.test_what_if import GATE
 from truearc.hw.real.clock import MonotonicClock
-from truearc.robot.gate.verdict import doubt_rating
 from truearc.robot.operator_ui.server import OperatorPage, PageServer
 from truearc.robot.operator_ui.what_if import LAPTOP_RATE_PER_S, WhatIf
 from truearc.robot.tick import step
+from truearc.robot.verdict import doubt_rating
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.skipif(BROWSER is None, reason="needs chromium")]
 

@@ -17,14 +17,6 @@ SECOND = 1_000_000_000
 
 
 @pytest.fixture(scope="session")
-def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two shots, both marked."""
-    folder = tmp_path_factory.mktemp("recorded") / "plain"
-    emulate(CONFIG, folder, trials=2, seed=3)
-    return folder
-
-
-@pytest.fixture(scope="session")
 def faulty(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Torn frames for a while, then a camera that is gone."""
     folder = tmp_path_factory.mktemp("recorded") / "faulty"

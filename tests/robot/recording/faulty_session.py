@@ -27,8 +27,7 @@ from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import HardwareRig, RecordingRig
 from truearc.robot.runtime import run
-from truearc.sim.world.driver import Driver
-from truearc.sim.world.emulated_robot import CHANNELS
+from truearc.sim.world.emulated_robot import CHANNELS, Driver
 from truearc.sim.world.world import World
 from truearc_proof.world.faults import (
     DEAF,

@@ -26,13 +26,13 @@ from truearc.errors import InputError
 from truearc.hw.fault_codes import PROCESS_ENDED, PROCESS_KILLED
 from truearc.hw.protocols import CameraFrame, Frame
 from truearc.hw.real.clock import MonotonicClock
-from truearc.robot.processes import recorder as far_keeper
+from truearc.robot.eyes import NoEyes
 from truearc.robot.reasons import DISK_ERROR, RECORDER_UNRESPONSIVE
+from truearc.robot.recording import recorder as far_keeper
 from truearc.robot.recording.files import append_trials, load_image, load_pictures
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials, make_header
 from truearc.robot.recording.writer import MARKING_NS, SessionWriter
-from truearc.robot.vision_source import NoEyes
 
 posix = pytest.mark.skipif(os.name != "posix", reason="signals")
 MS = 1_000_000

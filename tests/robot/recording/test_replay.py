@@ -15,6 +15,7 @@ from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.hw.protocols import Frame
 from truearc.robot.config.schema import load_config
+from truearc.robot.eyes import InlineEyes
 from truearc.robot.reasons import BAD_FRAME, CAN_LOST, IMAGE_DARK
 from truearc.robot.recording.files import TappedBus, TickFile, load_pictures
 from truearc.robot.recording.reader import TickReader
@@ -24,7 +25,6 @@ from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
 from truearc.robot.types import Sighting
-from truearc.robot.vision_source import InlineEyes
 
 
 @pytest.fixture

@@ -2,15 +2,13 @@
 
 import os
 
-import msgspec
 import pytest
-from msgspec.structs import replace
 
 from tests.robot.good_tick import CONFIG
 from tests.robot.recording.test_writer import open_writer, play, ticks
 from truearc.cli.common import SHIPPED
 from truearc.errors import InputError
-from truearc.robot.config.schema import Config, RecordingConfig, config_hash, parse_toml
+from truearc.robot.config.schema import Config, RecordingConfig, parse_toml
 from truearc.robot.recording.files import claim
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.recover import recover
@@ -99,13 +97,6 @@ def test_a_pruned_session_says_so_and_keeps_its_trials_when_it_is_recovered(out)
     assert not any((out / "1" / name).exists() for name in BULK)
     recover(out / "1")
     assert (out / "1" / "trials.jsonl").read_bytes() == trials
-
-
-def test_a_config_without_the_section_keeps_its_hash():
-    assert CONFIG.recording is None and b"recording" not in msgspec.json.encode(CONFIG)
-    limited = replace(CONFIG, recording=RecordingConfig(keep_gb=1.0))
-    assert msgspec.json.decode(msgspec.json.encode(limited))["recording"] == {"keep_gb": 1.0}
-    assert config_hash(limited) != config_hash(CONFIG) == config_hash(replace(limited, recording=None))
 
 
 @pytest.mark.parametrize(("line", "words"), [

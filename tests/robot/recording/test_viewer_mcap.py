@@ -337,20 +337,3 @@ def test_the_foxglove_layout_shows_topics_and_fields_that_are_there(exported, pl
         schema = exported.schemas[topic][1]
         for field in fields:
             schema = schema["properties"][field]
-
-
-def test_the_advantagescope_layout_shows_signals_that_are_there(plain, tmp_path):
-    log = pytest.importorskip("wpiutil.log")
-    out = tmp_path / "s.wpilog"
-    assert main(["session", "convert", str(plain), "--to", "wpilog", "-o", str(out), "--quiet"]) == 0
-    kinds = {"double": "Number", "int64": "Number", "boolean": "Boolean", "struct:Pose2d": "Pose2d"}
-    there = {}
-    for record in log.DataLogReader(str(out)):
-        if record.isStart():
-            start = record.getStartData()         # good until the next record only
-            there[start.name] = kinds.get(start.type)
-    (hub,) = json.loads((DASHBOARDS / "advantagescope.json").read_text(encoding="utf-8"))["hubs"]
-    sources = [source for tab in hub["state"]["tabs"]["tabs"] if tab["controller"]
-               for sources in tab["controller"].values() if isinstance(sources, list) for source in sources]
-    assert len(sources) > 15
-    assert all(there[source["logKey"]] == source["logType"] for source in sources)

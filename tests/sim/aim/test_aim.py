@@ -54,7 +54,6 @@ def test_probabilities_are_those_of_drawn_shots() -> None:
         "motor_ratio": ratio * np.exp(SCATTER["speed"] * rng.normal(size=n))}, {})
     height_m = np.asarray(predict(QUIET, DRAG, drawn).height_m)
     target = GUPPY.target
-    assert target is not None
     off_m = np.abs(height_m - target.centre_height_m)
     for p, half_m in ((stated.p_two, target.two_half_height_m), (stated.p_three, target.three_half_height_m)):
         share = float((off_m <= half_m).mean())
@@ -62,7 +61,7 @@ def test_probabilities_are_those_of_drawn_shots() -> None:
     assert stated.points[0] == pytest.approx(2.0 * stated.p_two[0] + stated.p_three[0])
 
 
-def test_the_lead_is_against_the_drift_that_dop853_has() -> None:
+def test_lead_and_time_of_flight_are_those_of_dop853() -> None:
     wind_m_s, cd = 3.0, 0.45
     belief = point_belief({"drag": {"cd": cd}, "wind_y": {"speed_m_s": wind_m_s}})
     at = np.full(1, 5.0), np.full(1, 45.0), np.full(1, 0.6)
@@ -80,9 +79,10 @@ def test_the_lead_is_against_the_drift_that_dop853_has() -> None:
 
     there.terminal = True                                # type: ignore[attr-defined]
     start = [0.0, 0.0, GUPPY.launcher.release_height_m, speed * np.cos(np.pi / 4), 0.0, speed * np.sin(np.pi / 4)]
-    flown = solve_ivp(rate, (0.0, 5.0), start, "DOP853", events=there, rtol=1e-9, atol=1e-9)
-    drift_m = flown.y[1, -1]
+    found = solve_ivp(rate, (0.0, 5.0), start, "DOP853", events=there, rtol=1e-9, atol=1e-9)
+    drift_m = found.y[1, -1]
     assert drift_m > 0.05
+    assert flown(GUPPY, belief, *at)[1][0] == pytest.approx(found.t_events[0][0], abs=1e-4)
     assert lead_deg(GUPPY, belief, *at)[0] == pytest.approx(-np.degrees(np.arctan(drift_m / 5.0)), abs=2e-3)
 
 
@@ -122,7 +122,6 @@ def test_between_the_rows_numbers_go_on_smoothly(table: ta.AimTable) -> None:
     height = predict(GUPPY, DRAG, Shots(tuple(map(str, range(81))), {
         "distance_m": np.array([one.distance_m for one in fine]), "motor_ratio": ratio,
         "hood_deg": np.array([one.hood_deg for one in fine])}, {})).height_m
-    assert GUPPY.target is not None
     assert np.abs(np.asarray(height) - GUPPY.target.centre_height_m).max() < 0.05
     with pytest.raises(ta.InputError, match="7 is outside the table's 2 to 6"):
         table.at(7.0)
@@ -183,27 +182,6 @@ def test_the_command_writes_a_table_and_a_picture(tmp_path: Path, capsys: pytest
                         (["--distances", "two"], "is not numbers"), (["--distances", "3:5:1ms"], "the unit 'ms'"),
                         (["--picture", "aim.jpg"], "end the name with .png")):
         assert main(["aim", str(belief), "--rig", str(rig), *words]) == 2 and said in capsys.readouterr().err
-
-
-def test_time_of_flight_is_that_of_dop853() -> None:
-    drag = 0.5 * 0.45 * math.pi * GUPPY.ball.radius_m**2 * GUPPY.air.density_kg_m3 / GUPPY.ball.mass_kg
-    ratio, elevation, distance_m = 0.6, math.radians(50.0), 4.0
-    free_rad_s = GUPPY.launcher.free_speed_rad_s
-    assert free_rad_s is not None
-    surface = [wheel.radius_m * wheel.gear * ratio * free_rad_s for wheel in GUPPY.launcher.wheel]
-    speed = sum(surface) / len(surface)
-
-    def rate(_: float, y: np.ndarray) -> np.ndarray:
-        return np.concatenate([y[2:], [0.0, -9.81] - drag * np.hypot(*y[2:]) * y[2:]])
-
-    def there(_: float, y: np.ndarray) -> float:
-        return float(y[0] - distance_m)
-
-    start = [0.0, 0.0, speed * math.cos(elevation), speed * math.sin(elevation)]
-    found = solve_ivp(rate, (0.0, 5.0), start, "DOP853", events=there, rtol=1e-10, atol=1e-12)
-    side_m, flown_s = flown(GUPPY, point_belief({"drag": {"cd": 0.45}}), np.array([distance_m]), np.array([50.0]),
-                            np.array([ratio]))
-    assert flown_s[0] == pytest.approx(found.t_events[0][0], abs=1e-4) and side_m[0] == 0.0
 
 
 def test_shapes_of_teams_code_have_the_tables_numbers(table: ta.AimTable, tmp_path: Path) -> None:

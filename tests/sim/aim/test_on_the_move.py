@@ -13,12 +13,12 @@ import truearc as ta
 from tests.robot.good_tick import NOW_NS, good_inputs, good_memory, seconds
 from truearc.cli.common import SHIPPED
 from truearc.robot.aim_file import AimFile, load_aim_for
-from truearc.robot.config.nt4 import Nt4, Nt4Velocity
 from truearc.robot.config.schema import AimConfig, Config, load_config
-from truearc.robot.gate.model import Rating
+from truearc.robot.gate import Rating
 from truearc.robot.tick import step
 from truearc.robot.types import RobotVelocity, Sighting, Tick
 from truearc.sim.infer.belief import point_belief
+from truearc_frc.table import Nt4, Nt4Velocity, with_nt4
 
 CD, CL, LOSS = 0.45, 0.1, 0.38
 BELIEF = point_belief({"drag": {"cd": CD}, "magnus": {"cl": CL}, "exit_efficiency": {"loss": LOSS}},
@@ -28,11 +28,10 @@ RIG = SHIPPED_CONFIG.rig
 VELOCITY = Nt4Velocity("/Drive/Speeds", most_m_s=2.5, pointing_deg=2.0)
 FREE = RIG.launcher.free_speed_rad_s or 0.0
 TARGET = RIG.target
-assert TARGET is not None
 
 
 def config(velocity: Nt4Velocity = VELOCITY) -> Config:
-    return replace(SHIPPED_CONFIG, aim=AimConfig("belief", 0.005), nt4=Nt4("254", velocity=velocity))
+    return with_nt4(replace(SHIPPED_CONFIG, aim=AimConfig("belief", 0.005)), Nt4("254", velocity=velocity))
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +75,6 @@ WAYS = [(speed * math.cos(way), speed * math.sin(way)) for speed in (1.0, 2.0) f
 @pytest.mark.parametrize("distance_m", [2.5, 4.0, 5.5, 7.0])
 def test_the_ball_scores_from_a_robot_that_drives(distance_m: float, file: AimFile) -> None:
     rest = file.at(distance_m)
-    assert rest is not None
     unled = []
     for toward, left in [(0.0, 0.0), *WAYS]:
         moving = file.moving(distance_m, toward, left, 0.0)
@@ -91,7 +89,6 @@ def test_the_ball_scores_from_a_robot_that_drives(distance_m: float, file: AimFi
 def test_the_ball_leaves_late_and_scores_from_there(file: AimFile) -> None:
     delay_s, toward, left = 0.2, 1.5, 1.0
     moving = file.moving(5.0, toward, left, delay_s)
-    assert moving is not None
     place = np.array([toward, left]) * delay_s           # where the robot is by then
     line = math.atan2(-place[1], 5.0 - place[0])         # to the target, as seen from there
     along, across = np.array([[math.cos(line), math.sin(line)], [-math.sin(line), math.cos(line)]]) @ [toward, left]
@@ -136,12 +133,10 @@ def drive(forward: float, left: float, aims: dict[str, AimFile], bearing_deg: fl
 
 def test_a_tick_leads_fires_and_asks_the_gate_as_of_a_robot_at_rest(file: AimFile) -> None:
     moving = file.moving(5.0, 1.2, 0.0, 0.0)
-    assert moving is not None
     tick, gate = drive(1.2, 0.0, {"": file})
     assert tick.verdict.fire and tick.shot is not None and tick.shot.speed_m_s == pytest.approx(1.2)
     assert tick.aim.virtual_m == pytest.approx(moving.virtual_m) and moving.virtual_m < 4.6
     rest = file.at(moving.virtual_m)
-    assert rest is not None
     assert gate.questions[-1] == pytest.approx((moving.virtual_m, rest.motor_ratio, rest.hood_deg), rel=1e-6)
     up, side = passes(tick.aim.hood_deg, tick.aim.motor_ratio, 0.0, 5.0, 1.2, 0.0)
     assert abs(up) < 0.02 and abs(side) < 1e-6

@@ -3,10 +3,10 @@
 import json
 from pathlib import Path
 
-from truearc.robot.recording.export.wpilog import WpilogWriter, make_payload
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_session_config, load_trials
 from truearc.robot.types import Tick
+from truearc_frc.wpilog_export import WpilogWriter, make_payload
 
 # name -> (kind, unit in the metadata)
 SIGNALS = {

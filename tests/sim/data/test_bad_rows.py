@@ -12,33 +12,44 @@ from truearc.errors import InputError
 from truearc.sim.data.files import load_dataset
 
 BAD_ROWS = {
-    "b,nan,50,0.5,two,,,": "shots.csv:3: distance_m: 'nan' is not a finite number",
-    "b,3,inf,0.5,two,,,": "shots.csv:3: hood_deg: 'inf' is not a finite number",
-    "b,3,50,1e999,two,,,": "shots.csv:3: motor_ratio: '1e999' is not a finite number",
-    "b,-1,50,0.5,two,,,": "shots.csv:3: distance_m: -1 is out of range",
-    "b,3,120,0.5,two,,,": "shots.csv:3: hood_deg: 120 is out of range (0 to 90)",
-    "b,3,50,1.5,two,,,": "shots.csv:3: motor_ratio: 1.5 is out of range (0 to 1)",
-    "b,3,50,fast,two,,,": "shots.csv:3: motor_ratio: 'fast' is not a finite number",
-    "b,3,50,1_0,two,,,": "shots.csv:3: motor_ratio: '1_0' is not a finite number",
-    "b,3,50,0.5,four,,,": "shots.csv:3: outcome: 'four' is none of miss, two, three",
-    "b,3,50,0.5,miss,up,,": "shots.csv:3: side: 'up' is none of low, high, left, right",
-    "b,3,50,0.5,three,low,,": "shots.csv:3: side: outcome three cannot have the miss side 'low'",
-    "b,3,50,0.5,two,,,warm": "shots.csv:3: temperature_c: 'warm' is not a finite number",
-    "b,3,50,0.5,two,,,NaN": "shots.csv:3: temperature_c: 'NaN' is not a finite number",
-    "a,3,50,0.5,two,,,": "shots.csv:3: shot_id: 'a' stands already in",
-    ",3,50,0.5,two,,,": "shots.csv:3: shot_id: is missing",
-    "b,3,50,0.5,two": "shots.csv:3: 5 cells where the header has 8",
-    "b,3,50,0.5,two,,,,9": "shots.csv:3: 9 cells where the header has 8",
+    "b,nan,50,0.5,two,,,": "3: distance_m: 'nan' is not a finite number",
+    "b,3,inf,0.5,two,,,": "3: hood_deg: 'inf' is not a finite number",
+    "b,3,50,1e999,two,,,": "3: motor_ratio: '1e999' is not a finite number",
+    "b,-1,50,0.5,two,,,": "3: distance_m: -1 is out of range",
+    "b,3,120,0.5,two,,,": "3: hood_deg: 120 is out of range (0 to 90)",
+    "b,3,50,1.5,two,,,": "3: motor_ratio: 1.5 is out of range (0 to 1)",
+    "b,3,50,fast,two,,,": "3: motor_ratio: 'fast' is not a finite number",
+    "b,3,50,1_0,two,,,": "3: motor_ratio: '1_0' is not a finite number",
+    "b,3,50,0.5,four,,,": "3: outcome: 'four' is none of miss, two, three",
+    "b,3,50,0.5,miss,up,,": "3: side: 'up' is none of low, high, left, right",
+    "b,3,50,0.5,three,low,,": "3: side: outcome three cannot have the miss side 'low'",
+    "b,3,50,0.5,two,,,warm": "3: temperature_c: 'warm' is not a finite number",
+    "b,3,50,0.5,two,,,NaN": "3: temperature_c: 'NaN' is not a finite number",
+    "a,3,50,0.5,two,,,": "3: shot_id: 'a' stands already in",
+    ",3,50,0.5,two,,,": "3: shot_id: is missing",
+    "b,3,50,0.5,two": "3: 5 cells where the header has 8",
+    "b,3,50,0.5,two,,,,9": "3: 9 cells where the header has 8",
 }
+SOUND, TRACK, TRACE = f"{HEADER}\n{GOOD}\n", "shot_id,t_s,x_m,y_m,z_m\na,0,0,0,1\n", "shot_id,t_s,signal,value\n"
 
 
-@pytest.mark.parametrize(("row", "message"), BAD_ROWS.items())
-def test_a_bad_row_is_named(tmp_path, row, message):
-    write(tmp_path, f"{HEADER}\n{GOOD}\n{row}\n")
+@pytest.mark.parametrize(("shots", "more", "message"), [
+    *((f"{SOUND}{row}\n", {}, f"shots.csv:{message}") for row, message in BAD_ROWS.items()),
+    ("", {}, "shots.csv:1: the header is missing"),
+    ("distance_m\n3\n", {}, "shots.csv:1: column shot_id is missing"),
+    ("shot_id,a,a\nx,1,2\n", {}, "shots.csv:1: column 'a' stands twice"),
+    ("shot_id,\nx,1\n", {}, "shots.csv:1: column '' is unnamed"),
+    ('shot_id,a\nx,"1\n', {}, "shots.csv:2: unexpected end of data"),
+    (SOUND, {"tracks": f"{TRACK}z,0,0,0,0\n"}, "tracks.csv:3: shot_id: 'z' is not among the shots"),
+    (SOUND, {"tracks": f"{TRACK}a,0,0,0,0\n"}, "tracks.csv:3: t_s: 0 does not follow 0 of the same shot"),
+    (SOUND, {"tracks": f"{TRACK}a,1,,0,0\n"}, "tracks.csv:3: x_m: is missing"),
+    (SOUND, {"tracks": f"{TRACK}a,1,0,0,inf\n"}, "tracks.csv:3: z_m: 'inf' is not a finite number"),
+    (SOUND, {"traces": f"{TRACE}a,0,,1\n"}, "traces.csv:2: signal: is missing"),
+    (SOUND, {"traces": f"{TRACE}a,0,battery_v,full\n"}, "traces.csv:2: value: 'full' is not a finite number")])
+def test_a_bad_row_or_file_is_named(tmp_path, shots, more, message):
     with pytest.raises(InputError) as error:
-        load_dataset(tmp_path)
-    assert message in str(error.value)
-    assert len(str(error.value).splitlines()) == 1
+        load_dataset(write(tmp_path, shots, **more))
+    assert message in str(error.value) and len(str(error.value).splitlines()) == 1
 
 
 def test_a_blank_line_and_a_cell_of_two_lines_do_not_shift_the_count(tmp_path):
@@ -64,40 +75,6 @@ def test_the_same_fault_of_many_cells_is_said_once(tmp_path):
     with pytest.raises(InputError, match=r"shots\.csv:2: distance_m: '3.2m' is not a finite number; write digits "
                                          r"alone, and the unit in the column's name; .*; here and in 22 more rows$"):
         load_dataset(tmp_path)
-
-
-@pytest.mark.parametrize(("tracks", "message"), [
-    ("z,0,0,0,0", "tracks.csv:3: shot_id: 'z' is not among the shots"),
-    ("a,0,0,0,0", "tracks.csv:3: t_s: 0 does not follow 0 of the same shot"),
-    ("a,1,,0,0", "tracks.csv:3: x_m: is missing"),
-    ("a,1,0,0,inf", "tracks.csv:3: z_m: 'inf' is not a finite number"),
-])
-def test_a_bad_track_sample_is_named(tmp_path, tracks, message):
-    write(tmp_path, f"{HEADER}\n{GOOD}\n", tracks=f"shot_id,t_s,x_m,y_m,z_m\na,0,0,0,1\n{tracks}\n")
-    with pytest.raises(InputError) as error:
-        load_dataset(tmp_path)
-    assert message in str(error.value)
-
-
-def test_a_bad_trace_sample_is_named(tmp_path):
-    write(tmp_path, f"{HEADER}\n{GOOD}\n", traces="shot_id,t_s,signal,value\na,0,,1\na,0,battery_v,full\n")
-    with pytest.raises(InputError) as error:
-        load_dataset(tmp_path)
-    assert "traces.csv:2: signal: is missing" in str(error.value)
-    assert "traces.csv:3: value: 'full' is not a finite number" in str(error.value)
-
-
-@pytest.mark.parametrize(("shots", "message"), [
-    ("", "shots.csv:1: the header is missing"),
-    ("distance_m\n3\n", "shots.csv:1: column shot_id is missing"),
-    ("shot_id,a,a\nx,1,2\n", "shots.csv:1: column 'a' stands twice"),
-    ("shot_id,\nx,1\n", "shots.csv:1: column '' is unnamed"),
-    ('shot_id,a\nx,"1\n', "shots.csv:2: unexpected end of data"),
-])
-def test_a_broken_file_is_named(tmp_path, shots, message):
-    with pytest.raises(InputError) as error:
-        load_dataset(write(tmp_path, shots))
-    assert message in str(error.value)
 
 
 def test_bytes_that_are_no_text_are_named(tmp_path):

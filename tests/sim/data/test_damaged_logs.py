@@ -12,10 +12,11 @@ import pytest
 from tests.sim.data.files import FACTS, write
 from truearc.errors import InputError
 from truearc.robot.config.shot_map import SCHEMA, Detection, OutcomeKeys, ShotMap, Signal
-from truearc.robot.recording.export.wpilog import WpilogWriter, make_payload
 from truearc.sim.data.files import load_dataset
 from truearc.sim.data.importers.any_team import import_shots
-from truearc.sim.data.importers.series import read_csv_log, read_wpilog
+from truearc.sim.data.importers.series import read_csv_log
+from truearc_frc.wpilog_export import WpilogWriter, make_payload
+from truearc_frc.wpilog_log import read_wpilog
 
 pytest.importorskip("wpiutil")
 SHOTS_S = (2.0, 4.0, 6.0)

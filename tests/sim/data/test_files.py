@@ -15,7 +15,7 @@ from tests.sim.data.files import FACTS, GOOD, HEADER, RIG, write
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Wheel
 from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
-from truearc.sim.data.files import hash_dataset, load_dataset, load_rig, save_dataset, save_rig
+from truearc.sim.data.files import hash_dataset, load_dataset, load_rig, save_dataset
 
 WORDS = st.text(alphabet=st.characters(codec="utf-8", exclude_characters="\x00"), max_size=8)
 NUMBERS = st.one_of(st.floats(allow_nan=False, allow_infinity=False), st.just(float("nan")))
@@ -201,11 +201,6 @@ def test_a_rig_that_cannot_be_read_is_named_without_the_systems_number(tmp_path)
     (tmp_path / "latin.toml").write_bytes(b"[ball] # f\xfcr\n")
     with pytest.raises(InputError, match=r"latin\.toml: not UTF-8 text$"):
         load_rig(tmp_path / "latin.toml")
-
-
-def test_a_rig_reads_back(tmp_path):
-    save_rig(tmp_path / "rig.toml", FACTS)
-    assert load_rig(tmp_path / "rig.toml") == FACTS
 
 
 def test_a_key_that_is_not_known_is_named_beside_the_one_that_is_missing(tmp_path: Path,

@@ -32,7 +32,6 @@ def test_they_come_back_as_they_were_written(tmp_path: Path) -> None:
 def test_they_go_where_their_shots_go() -> None:
     both = join_datasets(dropped().take([2, 0]), Dataset("more", RIG, Shots(("x",), {}, {}), times=Times(
         np.array([0]), np.array([1.0]), np.array([15.1]), np.array([0.02]))))
-    assert both.times is not None
     assert both.times.shot.tolist() == [0, 1, 1, 2] and both.times.t_s.tolist() == [2.03, 1.02, 1.45, 1.0]
 
 
@@ -51,7 +50,6 @@ def test_other_units_are_read_by_their_names(tmp_path: Path) -> None:
     ta.save_dataset(tmp_path / "d", dropped())
     (tmp_path / "d" / "times.csv").write_text("shot_id,height_ft,t_ms,sigma_ms\na,49.2126,1020,20\n", encoding="utf-8")
     times = ta.load_dataset(tmp_path / "d").times
-    assert times is not None
     assert [times.height_m[0], times.t_s[0], times.sigma_s[0]] == pytest.approx([15.0, 1.02, 0.02], rel=1e-6)
 
 

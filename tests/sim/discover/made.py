@@ -70,3 +70,21 @@ def with_plane(seed: int, n: int = 12, wide: int = 4) -> ScoreTable:
     return make_evidence(np.arange(n), columns, np.zeros(wide), rng.normal(size=(n, wide)),
                          root @ np.swapaxes(root, 1, 2), plane, np.diag([2.0, 3.0]), np.array([0.3, -0.1]),
                          rng.normal(size=n))
+
+
+def make_linear(slopes: np.ndarray, columns: tuple[Column, ...], precision: np.ndarray,
+                observed: np.ndarray | None = None) -> ScoreTable:
+    """n shots, each with g unit-variance observations: slopes [n, g, P], observed [n, g] (default zeros)."""
+    seen = np.zeros(slopes.shape[:2]) if observed is None else observed
+    score = np.einsum("ngp,ng->np", slopes, seen)
+    info = np.swapaxes(slopes, 1, 2) @ slopes
+    return make_evidence(np.arange(len(slopes)), columns, np.zeros(len(columns)), score, info, None, np.diag(precision),
+                         np.zeros(len(precision)), -0.5 * (seen**2).sum(1))
+
+
+def term(name: str, usual: float = 1.0, stage: str = "launch") -> Column:
+    return Column(f"{name}.amount", "term", stage, "along", "1", usual)
+
+
+def shared(name: str, kind: str = "shared") -> Column:
+    return Column(name, kind, "launch", "along", "1", 1.0)

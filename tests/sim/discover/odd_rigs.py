@@ -4,12 +4,12 @@ All numbers SI; frame x toward the target, y left, z up.
 """
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
+from tests.sim.discover.worlds import fly, heights_at
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Noise, Rig, Target, Wheel
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
 
-GRAVITY, DENSITY, MASS, RADIUS = 9.81, 1.2, 0.14, 0.0889
+MASS, RADIUS = 0.14, 0.0889
 RELEASE, CENTRE = 0.75, 2.44
 WHEELS = (Wheel("left", 0.05, 1.0, 300.0), Wheel("right", 0.05, 1.0, 60.0), Wheel("bottom", 0.05, 1.0, 180.0))
 THREE = Rig(ball=Ball(MASS, RADIUS), launcher=LauncherFacts(RELEASE, None, WHEELS), target=Target(CENTRE),
@@ -30,7 +30,8 @@ def make_three_wheels(sag: float, shots: int, seed: int) -> Dataset:
     speed = (2.0 * upper + bottom * upper) / 3.0
     spin_rad_s = (bottom * upper - upper) / 1.5 / RADIUS
     luck = (1.0 + rng.normal(0.0, 0.012, shots)) * (1.0 + sag * (battery / np.median(battery) - 1.0))
-    off = plane_heights(speed * luck, np.radians(hood + rng.normal(0.0, 0.3, shots)), spin_rad_s, distance) - CENTRE
+    angle = np.radians(hood + rng.normal(0.0, 0.3, shots))
+    off = heights_at(distance, speed * luck, angle, 0.5, 0.06, spin_rad_s / (2.0 * np.pi)) - CENTRE
     numbers = {"distance_m": distance + rng.normal(0.0, 0.03, shots), "hood_deg": hood, "battery_v": battery,
                "wheel_left_rad_s": upper / 0.05, "wheel_right_rad_s": upper / 0.05,
                "wheel_bottom_rad_s": bottom * upper / 0.05, "miss_height_m": off + rng.normal(0.0, 0.01, shots)}
@@ -44,35 +45,7 @@ def make_drops(shots: int, seed: int, cd: float = 0.5, track_m: float = 0.02) ->
     parts = []
     for _ in range(shots):
         start = np.array([0.0, 0.0, 10.0, 1e-4, 0.0, rng.uniform(-1.0, 0.0)])
-        flown = solve_ivp(lambda t, y: _rate(y, cd, 0.0, 0.0), (0.0, time_s[-1]), start, "DOP853", t_eval=time_s,
-                          rtol=1e-9, atol=1e-10)
-        parts.append(flown.y[:3].T + rng.normal(0.0, track_m, (len(time_s), 3)))
+        parts.append(fly(start, time_s, (cd, 0.0, 0.0, 0.0, 0.0)) + rng.normal(0.0, track_m, (len(time_s), 3)))
     tracks = Tracks(np.repeat(np.arange(shots), len(time_s)), np.tile(time_s, shots), *np.concatenate(parts).T)
     facts = Rig(ball=Ball(MASS, RADIUS), noise=Noise(track_m=track_m))
     return Dataset("drops", facts, Shots(tuple(map(str, range(shots))), {}, {}), tracks)
-
-
-def plane_heights(speed_m_s: np.ndarray, angle_rad: np.ndarray, spin_rad_s: np.ndarray,
-                  distance_m: np.ndarray) -> np.ndarray:
-    """Heights at which shots pass the planes, through the floor if need be, with drag and lift.
-
-    One integration for all shots, over the share of the distance covered.
-    """
-    none = np.zeros(len(speed_m_s))
-
-    def per_share(share: float, flat: np.ndarray) -> np.ndarray:
-        state = flat.reshape(6, -1).copy()
-        state[3] = np.maximum(state[3], 0.2)              # nearly turned back: it ends far below
-        return (_rate(state, 0.5, 0.06, spin_rad_s) * distance_m / state[3]).ravel()
-
-    start = np.stack([none, none, none + RELEASE, speed_m_s * np.cos(angle_rad), none, speed_m_s * np.sin(angle_rad)])
-    return solve_ivp(per_share, (0.0, 1.0), start.ravel(), "DOP853", rtol=1e-8, atol=1e-8).y[:, -1].reshape(6, -1)[2]
-
-
-def _rate(state: np.ndarray, cd: float, cl: float, spin_rad_s: np.ndarray | float) -> np.ndarray:
-    """Gravity, quadratic drag, and the paper's lift for backspin."""
-    vx, vy, vz = state[3:]
-    speed = np.sqrt(vx * vx + vy * vy + vz * vz)
-    drag = cd * 0.5 * DENSITY * np.pi * RADIUS**2 / MASS * speed
-    turn = cl * 4.0 / 3.0 * 2.0 * np.pi * RADIUS**3 * DENSITY / MASS * spin_rad_s
-    return np.array([vx, vy, vz, -drag * vx - turn * vz, -drag * vy, -drag * vz + turn * vx - GRAVITY])

@@ -14,15 +14,16 @@ from tests.sim.discover.made import column
 from truearc.robot.config.rig_spec import Ball, Rig, Target
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.data.dataset import Shots
-from truearc.sim.infer.fit import BaselineFit, climb
+from truearc.sim.infer.fit import Fit, climb
+from truearc.sim.infer.launcher import Launcher, LauncherFit
 from truearc.sim.infer.likelihood.data import Intake
 from truearc.sim.infer.likelihood.forward_model import DEVIATES, Chain, Prediction, ShotBatch
-from truearc.sim.infer.likelihood.layout import LinearizationPoint, ParameterLayout, only_shared
-from truearc.sim.infer.likelihood.linearization import SCATTERED, linearise
+from truearc.sim.infer.likelihood.layout import Layout, Point
+from truearc.sim.infer.likelihood.linearization import SCATTERED
 from truearc.sim.infer.likelihood.noise import SCATTERS
 from truearc.sim.infer.likelihood.observations import see_outcomes
 from truearc.sim.infer.likelihood.score_table import Column
-from truearc.sim.physics.launch import Exit
+from truearc.sim.physics.term import Exit
 
 ASKED = ("wind_x.speed_m_s", "wind_y.speed_m_s", "wind_z.speed_m_s", "spin_decay.rate_per_s", "spin_drag.share",
          "drag_reynolds.slope", "lift_saturation.rate", "drag_wear.share", "buoyancy.share", "added_mass.share",
@@ -73,14 +74,14 @@ def take_straight(y: np.ndarray) -> Intake:
                   "L1", ())
 
 
-def lay_straight(usual: np.ndarray) -> ParameterLayout:
+def lay_straight(usual: np.ndarray) -> Layout:
     """All of ASKED, `usual` [K] large, and SHARED about zero with a standard deviation of 2."""
     slots = tuple((name.partition(".")[0], name.partition(".")[2]) for name in NAMES)
     chain = Chain(FACTS, tuple(term for term, _ in slots), slots, plane=False, track=False)
     columns: tuple[Column, ...] = (
         *(column(name, "term", usual=size) for name, size in zip(ASKED, usual, strict=True)),
         *(column(name, "shared") for name in SHARED))
-    return ParameterLayout(
+    return Layout(
         chain,
         columns,
         np.arange(len(NAMES)),
@@ -115,12 +116,13 @@ def fit_straight(
     usual: dict[str, float] | None = None,
     between: dict[str, tuple[str, ...]] | None = None,
     varying: dict[str, np.ndarray] | None = None,
-) -> BaselineFit:
+) -> LauncherFit:
     """The believed fit at its optimum. varying: sizes [shots] of what differs from shot to shot."""
     slopes, y = slopes_and_y(planted, seed, shots, copies or {}, between)
     for name, size in (varying or {}).items():
         y = y + slopes[:, NAMES.index(name)] * size
     layout = replace(lay_straight(np.array([(usual or {}).get(name, 0.3) for name in ASKED])), see=see_straight(slopes))
-    intake, bare = take_straight(y), only_shared(layout)
-    spot, _ = climb(intake, bare, LinearizationPoint.still(bare, shots, np.zeros(len(NAMES)), np.zeros(len(SCATTERS))))
-    return BaselineFit(intake, layout, spot, linearise(intake, layout, spot)[0])
+    model = Launcher(take_straight(y), layout)
+    start = Point.still(layout, shots, np.zeros(len(NAMES)), np.zeros(len(SCATTERS)))
+    point = climb(model.shared_only(), start).point
+    return Fit(model, point, model.linearise(point)[0])

@@ -12,22 +12,18 @@ from tests.sim.discover.odd_rigs import make_drops
 from tests.sim.few_terms import few_terms
 from truearc.sim.data.conditions import circumstances_of
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.discover import adopt
-from truearc.sim.discover.adopt import Investigation, judge_adoption, make_belief
+from truearc.sim.discover import investigate as adopt
 from truearc.sim.discover.detect.localization import Correction
 from truearc.sim.discover.finding import Adoption
-from truearc.sim.discover.investigate import discover, with_worth
+from truearc.sim.discover.investigate import Investigation, discover, judge_adoption, make_belief, with_worth
 from truearc.sim.discover.report.finding_text import console_lines, say_adopted
 from truearc.sim.discover.select import simulations as freed
 from truearc.sim.discover.select.posterior import Family, Hypothesis, Part
-from truearc.sim.discover.select.simulations import Freed, HoldOut, JudgedFit, hold_out
-from truearc.sim.discover.select.terms import refit
+from truearc.sim.discover.select.simulations import Freed, HoldOut, hold_out
 from truearc.sim.infer.belief import Belief, Curve, before_the_shot, load_belief, point_belief
-from truearc.sim.infer.fit import BaselineFit, usual_spot
+from truearc.sim.infer.launcher import Launcher, LauncherFit
 from truearc.sim.infer.likelihood.data import take_in
-from truearc.sim.infer.likelihood.layout import lay_out, only_shared
-from truearc.sim.infer.likelihood.linearization import linearise
-from truearc.sim.infer.likelihood.score_table import without
+from truearc.sim.infer.likelihood.layout import lay_out
 from truearc.sim.physics.catalogue import find_parameter
 from truearc.sim.physics.simulate import classify, predict
 from truearc_proof.truth.generate import shoot
@@ -140,9 +136,9 @@ def test_points_with_tracks_are_judged_from_the_settings_alone(nameless: Investi
     """A track of the very shot is not known when it is aimed."""
     fitted = nameless.fitted
     assert fitted is not None
-    model = JudgedFit(fitted.intake, only_shared(fitted.layout), fitted.spot, without(fitted.evidence))
+    model = fitted.without_terms()
     blind = hold_out([model], [0.0])
-    told = model.evidence.plane
+    told = model.scores.plane
     assert told is not None and np.median(blind.sd_m) > 2.0 * np.median(told.spread_m)
     off_m = scored_heights(nameless, blind)
     assert 0.7 < np.mean(off_m**2)**0.5 < 1.4
@@ -151,8 +147,8 @@ def test_points_with_tracks_are_judged_from_the_settings_alone(nameless: Investi
 def scored_heights(found: Investigation, said: HoldOut) -> np.ndarray:
     """Heights of the shots' tracks where they end near the plane, in standard deviations from the forecasts."""
     fitted = found.fitted
-    assert fitted is not None and fitted.evidence.plane is not None
-    told = without(fitted.evidence).plane
+    assert fitted is not None and fitted.scores.plane is not None
+    told = fitted.scores.shared_only().plane
     assert told is not None
     return np.asarray((told.mean_m - said.mean_m) / said.sd_m)
 
@@ -162,12 +158,12 @@ def test_a_curve_beside_which_a_coefficient_is_impossible_is_not_adopted(nameles
     """As where recordings would have the ball driven by the air: the fit stops at no drag at all."""
     plain = freed.freed
 
-    def driven(fitted: BaselineFit, correction: Correction) -> Freed | None:
+    def driven(fitted: LauncherFit, correction: Correction) -> Freed | None:
         free = plain(fitted, correction)
         assert free is not None
-        point = free.evidence.point.copy()
-        point[free.evidence.index("drag.cd")] = find_parameter("drag.cd").low
-        return replace(free, evidence=replace(free.evidence, point=point))
+        point = free.scores.point.copy()
+        point[free.scores.index("drag.cd")] = find_parameter("drag.cd").low
+        return replace(free, scores=replace(free.scores, point=point))
 
     monkeypatch.setattr(freed, "freed", driven)
     belief, provenance = make_belief(nameless)
@@ -182,7 +178,8 @@ def test_without_tracks_a_curve_that_is_not_surely_better_is_not_adopted(nameles
     luck = np.where(np.arange(len(gain)) % 2, 1.0, -0.9)           # 0.05 ± 0.1 per shot
     place = replace(step.place, correction=replace(step.place.correction, log_after=step.place.correction.log_after
                                                    - gain + luck))
-    blind = replace(step.fitted, intake=replace(step.fitted.intake, samples=None))
+    data = replace(step.fitted.model.data, samples=None)
+    blind = replace(step.fitted, model=replace(step.fitted.model, data=data))
     for fitted, adopts in ((step.fitted, True), (blind, False)):
         curves, why = freed.all_freed(replace(step, place=place, fitted=fitted, change=None), nameless.search)
         assert bool(curves) == adopts and ("not clearly" in why) != adopts
@@ -216,7 +213,7 @@ def test_only_names_that_were_put_in_together_are_adopted(hasty: tuple[Dataset, 
     found, name = hasty[1], "hood_offset.angle_deg"
     first, fitted = found.steps[0], found.fitted
     assert fitted is not None
-    other = refit(fitted, (name,), np.zeros(1))
+    other = fitted.with_terms((name,), np.zeros(1))
     naming = replace(first.naming, refits={name: other}, nats={name: 1.0}, inclusion={name: 1.0})
     both = replace(found, steps=(first, replace(first, naming=naming)))
     belief, provenance = make_belief(both, judge_adoption(both, lambda before, after: (0.1, 0.2), None))
@@ -309,7 +306,8 @@ def test_points_of_a_curve_are_felt_as_far_as_a_shot_goes_with_them() -> None:
     dataset = shoot(make_world({}, "L1", 40, 9))
     intake = take_in(dataset, belief.curves)
     layout = lay_out(intake, ("gravity", *belief.coefficients), belief=belief)
-    evidence, _ = linearise(intake, layout, usual_spot(intake, layout))
+    model = Launcher(intake, layout)
+    evidence, _ = model.linearise(model.middle())
     steeper = evidence.score[:, evidence.index("launch elevation")]
     by = curve.by({"distance_m": dataset.shots.number("distance_m")[intake.rows]}, len(intake.rows))
     for k in range(3):
@@ -349,8 +347,8 @@ def test_what_was_found_is_judged_beside_the_belief_as_it_is() -> None:
     assert found.fitted is not None
     model = adopt.unfitted(found.fitted)
     told = adopt.worth.as_believed(model)
-    assert model.evidence.plane is not None
-    rows = model.evidence.rows[model.evidence.plane.rows]
+    assert model.scores.plane is not None
+    rows = model.scores.rows[model.scores.plane.rows]
     forecast = ta.predict(event, belief)
     off_m = [row[forecast.columns.index("deviation_m")] for row in forecast.rows]
     assert told.mean_m == pytest.approx([off_m[row] for row in rows], abs=5e-3)

@@ -132,31 +132,6 @@ def test_a_change_is_found_with_its_first_shot() -> None:
     assert abs(start - 30) <= 6 and likely[25:46].sum() > 0.9
 
 
-def test_directions_leave_out_terms_and_what_moves_no_height() -> None:
-    by = np.column_stack([np.zeros(4), np.full(4, 0.1)])
-    table = make_table(("three",) * 4, by)
-    assert test_change(table).directions == ("hood.angle",)
-    assert test_change(make_table(("three",) * 4, by + 0.1), but=("hood",)).directions == ("wind.speed",)
-
-
-@pytest.mark.usefixtures("few_draws")
-def test_starts_are_as_likely_as_written_out() -> None:
-    by = np.random.default_rng(3).normal(0.0, 0.1, (6, 2))
-    outcome = ("miss", "three", "two", "two", "miss", "three")
-    table = make_table(outcome, by)
-    found = test_change(table)
-    start, likely = found.since(5)
-    errors_m = 0.05 * drawn(table, 0)[:, 0]
-    sizes = [sign * size for sign in (-1.0, 1.0) for size in SIZES]
-    wanted = []
-    for first in range(6):
-        rows = [np.prod([chance(one, error_m + (size * by[k, direction] if k >= first else 0.0))
-                         for k, one in enumerate(outcome)])
-                for error_m in errors_m for direction in range(2) for size in sizes]
-        wanted.append(np.mean(rows))
-    assert likely == pytest.approx(np.array(wanted) / np.sum(wanted), rel=1e-6) and start == int(np.argmax(wanted))
-
-
 def test_a_height_measured_wrongly_once_is_no_alarm() -> None:
     by = np.full((6, 2), 0.1)
     table = make_table(("three",) * 6, by)

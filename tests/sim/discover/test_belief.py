@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from truearc.sim.discover.adopt import ball_effects, judge_adoption, make_belief
 from truearc.sim.discover.finding import FindingRecord
-from truearc.sim.discover.investigate import discover
+from truearc.sim.discover.investigate import ball_effects, discover, judge_adoption, make_belief
 from truearc.sim.discover.plan.next_steps import moved_by, parting_shot
 from truearc.sim.infer.belief import Belief
 from truearc_proof.truth.generate import shoot
@@ -57,7 +56,7 @@ def test_a_change_is_adopted_unless_other_balls_would_be_foretold_worse_by_it(be
     dataset = shoot(later(33, cd=1.4))
     nobodys = {name: texts for name, texts in dataset.shots.texts.items() if name != "ball_id"}
     found = discover(replace(dataset, shots=replace(dataset.shots, texts=nobodys)), belief=belief)
-    assert found.fitted is not None and len(ball_effects(found.fitted.evidence))
+    assert found.fitted is not None and len(ball_effects(found.fitted.scores))
     adopted, provenance = make_belief(found)
     assert provenance["adopted"] == ["drag"] and "refused" not in provenance
     kept, provenance = make_belief(found, judge_adoption(found, lambda before, after: (-2.0, -1.0)))
@@ -70,13 +69,13 @@ def test_the_shot_that_parts_a_changed_number_from_another_name_goes_by_what_the
                     efficiency=FIRST.efficiency)
     dataset = shoot(world)
     step = discover(dataset, belief=belief).steps[0]
-    plane, refits = step.fitted.evidence.plane, step.naming.refits
+    plane, refits = step.fitted.scores.plane, step.naming.refits
     assert plane is not None and "drag.cd" in refits and len(refits) > 1
     for refit in refits.values():
-        after = refit.evidence.plane
+        after = refit.scores.plane
         assert after is not None
-        change = moved_by(step.fitted.evidence, refit)
-        foretold = step.fitted.evidence.heights(np.tile(change, (len(plane.rows), 1)))[1]
+        change = moved_by(step.fitted.scores, refit)
+        foretold = step.fitted.scores.heights(np.tile(change, (len(plane.rows), 1)))[1]
         if (after.mean_m - plane.mean_m).std() > 0.02:                  # of some there is hardly any
             assert np.corrcoef(foretold - plane.mean_m, after.mean_m - plane.mean_m)[0, 1] > 0.9, refit.names
     other = next(name for name in refits if name != "drag.cd")

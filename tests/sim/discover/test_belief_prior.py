@@ -7,11 +7,11 @@ import pytest
 
 from tests.sim.discover.made import column, gaussian
 from tests.sim.discover.straight import ASKED, lay_straight
-from truearc.sim.discover.detect.score_test import PIECES, Scores, efficient_scores
+from truearc.sim.discover.detect.battery import PIECES, Scores, efficient_scores
 from truearc.sim.infer.belief import Belief, point_belief
 from truearc.sim.infer.likelihood.layout import inform, may_have_moved, widened
 from truearc.sim.infer.likelihood.score_table import Column, ScoreTable
-from truearc.sim.physics.term_fields import to_scale
+from truearc.sim.physics.term import to_scale
 
 COLUMNS: tuple[Column, ...] = tuple(column(name, "shared") for name in (
     "drag.cd", "exit_efficiency.loss", "hood_offset.angle_deg", "scatter.speed", "scatter.elevation_rad",

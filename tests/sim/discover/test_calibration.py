@@ -7,9 +7,8 @@ from scipy.stats import binom
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.investigate import detect, make_search
 from truearc.sim.discover.select.terms import one_step
-from truearc.sim.infer.fit import BaselineFit, fit_believed
-from truearc.sim.infer.likelihood.data import take_in
-from truearc.sim.infer.likelihood.layout import groups_of, lay_out
+from truearc.sim.infer.fit import fit_believed
+from truearc.sim.infer.launcher import Launcher, LauncherFit
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
 
@@ -18,9 +17,8 @@ WORLDS, SHOTS = 24, 64
 TRACKED = range(200, 205)
 
 
-def believed_fit(dataset: Dataset) -> BaselineFit:
-    intake = take_in(dataset)
-    return fit_believed(intake, lay_out(intake, dataset.facts.believe.terms, groups_of(dataset.shots, intake.rows)))
+def believed_fit(dataset: Dataset) -> LauncherFit:
+    return fit_believed(Launcher.of(dataset, dataset.facts.believe.terms))
 
 
 def p_of(seed: int) -> float:
@@ -40,7 +38,7 @@ def test_scores_of_tracks_lean_to_no_side_under_the_truth() -> None:
     found = []
     for seed in TRACKED:
         fitted = believed_fit(shoot(make_world({}, "L2", 32, seed)))
-        found.append({one.name.partition(".")[0]: one.z for one in one_step(fitted.evidence)[0]})
+        found.append({one.name.partition(".")[0]: one.z for one in one_step(fitted.scores)[0]})
     mean = {name: float(np.mean([one[name] for one in found])) for name in found[0]}
     bound = 3.5 / np.sqrt(len(TRACKED))
     for name in ("lift_saturation", "spin_decay", "drag_reynolds", "spin_drag", "wind_x", "wind_z", "added_mass"):

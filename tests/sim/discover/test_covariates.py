@@ -42,16 +42,6 @@ def test_launch_state_follows_the_paper_and_is_one_with_the_motor_ratio() -> Non
     assert np.allclose(speed, ratio * 594.0 * (0.0508 + 0.5625 * 0.0349) / 2.0, atol=1e-8)
 
 
-def test_the_balls_own_state_leads_when_just_one_goes_with_the_wheels() -> None:
-    rng = np.random.default_rng(0)
-    spin, speed = rng.normal(0.0, 2.0, N), rng.normal(10.0, 0.01, N)
-    lower, upper = speed + np.pi * 0.0889 * spin, speed - np.pi * 0.0889 * spin
-    found = gather_covariates(dataset({"wheel_upper_rad_s": upper / 0.0349, "wheel_lower_rad_s": lower / 0.0508}))
-    covariate = named(found, "exit_spin_rev_s")
-    assert covariate.name == "exit_spin_rev_s"
-    assert np.corrcoef(covariate.values, spin)[0, 1] > 0.999
-
-
 def test_order_and_waiting_time_are_counted_within_a_session() -> None:
     t_s = np.concatenate([np.cumsum(np.arange(1.0, 21.0)), np.cumsum(np.arange(20.0, 0.0, -1.0))])
     found = gather_covariates(dataset({"t_s": t_s}, {"session": ("a",) * 20 + ("b",) * 20}))
@@ -69,18 +59,6 @@ def test_traces_give_their_value_at_feeding_and_their_dip() -> None:
     found = gather_covariates(dataset({}, traces=traces))
     assert np.allclose(dict(named(found, "dip_battery_v").columns)["dip_battery_v"], np.arange(N) / 10.0)
     assert np.allclose(named(found, "fed_battery_v").values, 12.0 + np.sin(np.arange(N)))
-
-
-def test_what_a_shot_takes_out_of_the_wheels_is_what_their_kinetic_energies_lose() -> None:
-    fed, lowest = 200.0 + 5.0 * np.sin(np.arange(N)), 180.0 + 4.0 * np.cos(3.0 * np.arange(N))
-    values = {"wheel_lower_rad_s": (fed, lowest), "wheel_upper_rad_s": (1.2 * fed, 1.1 * lowest)}
-    signals = tuple(name for name in values for _ in range(2 * N))
-    traces = Traces(np.tile(np.repeat(np.arange(N), 2), 2), np.tile([0.0, 0.1], 2 * N), signals,
-                    np.concatenate([np.stack(pair, axis=1).ravel() for pair in values.values()]))
-    found = named(gather_covariates(dataset({}, traces=traces)), "energy_of_wheels")
-    taken = dict(found.columns)["energy_of_wheels"]
-    wanted = sum(0.5 * (first**2 - last**2) for first, last in values.values())
-    assert np.allclose(taken, wanted)
 
 
 def test_what_terms_follow_is_there_to_be_asked_about() -> None:
@@ -129,11 +107,6 @@ def test_a_covariate_that_a_session_fixes_is_said_to_go_with_it() -> None:
     factors = gather_factors(dataset({}, {"session": session}).shots)
     assert carried_by(Covariate((("spin", np.repeat([0.0, 50.0], 20)),)), factors) == ("session",)
     assert carried_by(Covariate((("t", np.arange(40.0)),)), factors) == ()
-
-
-def test_groups_that_are_too_small_are_not_asked_about() -> None:
-    factor = gather_factors(dataset({}, {"rig": ("a",) * 30 + ("b",) * 8 + ("c",) * 2}).shots)[0]
-    assert [shape.name for shape in group_shapes(factor, Look(N, lambda what: factor.codes))] == ["a", "b"]
 
 
 def test_shapes_have_the_units_of_the_session_that_is_asked_wherever_they_are_laid() -> None:

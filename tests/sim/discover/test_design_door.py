@@ -16,16 +16,15 @@ from tests.sim.discover.worlds import FACTS
 from truearc.api.discovery import ShotDesign
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import save_dataset
-from truearc.sim.discover.decide import decide
+from truearc.sim.discover.decide import Search, Step, decide
 from truearc.sim.discover.plan.next_steps import Block, Design, make_design
 from truearc.sim.discover.report.pages import design_lines, design_table
-from truearc.sim.discover.select.effects import Search, Step
 from truearc.sim.physics.catalogue import as_catalogue
 
 
 def test_a_plan_names_configurations_that_were_shot() -> None:
     fitted = fit_straight({"spin_drag.share": 0.45}, 5, shots=30)
-    (step, *_) = decide(fitted, None, Search(len(fitted.evidence.rows), (), (), 0.05, 0), lambda done, note: None)
+    (step, *_) = decide(fitted, None, Search(len(fitted.scores.rows), (), (), 0.05, 0), lambda done, note: None)
     step = replace(step, unknown=False)
     distance_m = np.linspace(2.0, 6.0, 30)
     shots = Shots(tuple(f"s{k}" for k in range(30)), {"distance_m": distance_m, "hood_deg": np.full(30, 45.0)}, {})
@@ -43,7 +42,7 @@ def test_wheels_that_shall_run_otherwise_and_what_must_be_alike_are_said() -> No
     shots = Shots(("a", "b"), {"distance_m": np.array([3.0, 4.0]), "motor_ratio": np.array([0.4, 0.5])}, {})
     design = Design(("drag_wear.share", "wheel_slip.loss_per_m_s"), np.array([0.5, 0.5]),
                     (Block(1, 20, 1.06), Block(1, 20), Block(1, 20, 1.06)), 0.0, 0.5, None, ())
-    step = SimpleNamespace(fitted=SimpleNamespace(evidence=SimpleNamespace(rows=np.arange(2))))
+    step = SimpleNamespace(fitted=SimpleNamespace(scores=SimpleNamespace(rows=np.arange(2))))
     table = design_table(design, Dataset("d", STRAIGHT, shots), cast(Step, step))
     faster, plain = (one for one in table["next"] if one["do"] == "shoot")
     assert (faster["shots"], faster["motor_ratio"], faster["pace"]) == (40, pytest.approx(0.53), 1.06)

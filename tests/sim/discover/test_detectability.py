@@ -1,6 +1,5 @@
 """What data could tell: against least squares, the non-central chi-squared, and facts of the flight."""
 
-import json
 from dataclasses import replace
 
 import msgspec
@@ -11,12 +10,11 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.stats import multivariate_normal, norm
 
-from tests.sim.discover.synthetic import make_linear, shared, term
-from tests.sim.discover.worlds import FACTS, World, fly, make_outcomes, plane_heights
+from tests.sim.discover.made import make_linear, shared, term
+from tests.sim.discover.worlds import FACTS, World, plane_heights
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig, Target
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.plan.identifiability import (
     TAKEN,
     Sight,
@@ -68,15 +66,6 @@ def test_an_effect_of_the_smallest_size_is_seen_four_times_in_five() -> None:
     assert norm.sf(norm.isf(0.015) - one.smallest * one.information**0.5) == pytest.approx(0.8, abs=0.03)
 
 
-def test_twice_the_shots_of_a_kind_leave_the_shots_needed_as_they_are() -> None:
-    slopes = np.random.default_rng(1).normal(size=(50, 1, 3))
-    columns = (term("a", 0.2), shared("p"), shared("q"))
-    once, twice = (by_name(sight_of(make_linear(np.tile(slopes, (k, 1, 1)), columns, FLAT), "L0", ()))["a"]
-                   for k in (1, 2))
-    assert once.shots_needed == twice.shots_needed
-    assert twice.information == pytest.approx(2.0 * once.information)
-
-
 def test_copies_are_one_class_and_what_the_fit_mimics_is_never_seen() -> None:
     rng = np.random.default_rng(2)
     a, free, p, q = rng.normal(size=(4, 60))
@@ -88,18 +77,6 @@ def test_copies_are_one_class_and_what_the_fit_mimics_is_never_seen() -> None:
     assert (mimic.why, mimic.taken_by, mimic.shots_needed, mimic.power) == (TAKEN, ("p",), None, 0.0)
     assert (idle.why, idle.taken_by) == ("untouched", ())
     assert by_name(sight)["free"].why is None
-
-
-def test_luck_of_balls_takes_its_share_and_no_more() -> None:
-    ball = np.arange(60) % 6
-    of_ball = np.random.default_rng(3).normal(size=6)[ball]
-    members = (ball[:, None] == np.arange(6)) * 1.0
-    columns = (term("worn"), *(shared(f"ball_id {k}", "group") for k in range(6)))
-    slopes = np.concatenate([of_ball[:, None], members], axis=1)[:, None]
-    one = by_name(sight_of(make_linear(slopes, columns, np.full(6, 0.1)), "L0", ()))["worn"]
-    # per ball 10 shots against a prior of precision 0.1: 0.1 / 10.1 of the information is left
-    assert one.share_left == pytest.approx(0.1 / 10.1)
-    assert one.why is None
 
 
 @pytest.fixture(scope="module")
@@ -133,27 +110,6 @@ def test_tracks_see_spin_and_crosswind_but_never_weight_from_added_mass(tracks: 
     assert seen["ball_spread"].shots_needed is None
 
 
-def test_sides_tell_more_of_every_effect(outcomes: Sight) -> None:
-    told = by_name(foresee(FACTS, BELIEVED, "L0", 120, sides=True))
-    for one in outcomes.terms:
-        if one.why is None:
-            assert told[one.term].information >= 0.999 * one.information, one.term
-    # beside the centre a miss gives its side away as it is: little is left to learn
-    assert told["target_height"].information > 1.02 * by_name(outcomes)["target_height"].information
-
-
-def test_fitted_numbers_become_surer_with_the_shots(outcomes: Sight) -> None:
-    more = {one.name: one.after for one in foresee(FACTS, BELIEVED, "L0", 60).fitted}
-    assert all(one.after <= one.before for one in outcomes.fitted)
-    assert next(one.after for one in outcomes.fitted if one.name == "drag.cd") < more["drag.cd"]
-
-
-def test_the_answer_as_json(outcomes: Sight) -> None:
-    answer = json.loads(make_json(outcomes))
-    assert answer["schema"] == "truearc.identifiability/1" and answer["level"] == "L0" and answer["shots"] == 120
-    assert msgspec.json.decode(make_json(outcomes), type=Sight) == outcomes
-
-
 def test_rehearsed_shots_pass_beside_the_centre_by_another_integrator() -> None:
     shots = rehearse(FACTS, BELIEVED, "L0", 60, seed=3).shots
     ratio, hood_deg, distance_m = (shots.number(name) for name in ("motor_ratio", "hood_deg", "distance_m"))
@@ -162,40 +118,6 @@ def test_rehearsed_shots_pass_beside_the_centre_by_another_integrator() -> None:
     off = np.abs(height) / np.hypot(0.018 * (speedier - height) / 0.001, 0.03)
     assert ((off > 1.0) & (off < 3.5)).mean() > 0.9
     assert 0.25 < (height > 0.0).mean() < 0.75
-
-
-def test_rehearsed_tracks_are_the_flight_with_the_rigs_noise() -> None:
-    dataset = rehearse(FACTS, BELIEVED, "L2", 12, seed=4)
-    assert dataset.tracks is not None and dataset.traces is not None
-    for shot in range(3):
-        rows = dataset.tracks.shot == shot
-        ratio, hood = (dataset.shots.number(name)[shot] for name in ("motor_ratio", "hood_deg"))
-        lower, upper = ratio * 594.0 * 0.0508, ratio * 594.0 * 0.5625 * 0.0349
-        speed, angle = (lower + upper) / 2.0, np.radians(hood)
-        start = np.array([0.0, 0.0, 0.75, speed * np.cos(angle), 0.0, speed * np.sin(angle)])
-        time_s = dataset.tracks.t_s[rows] + 1.0 / 60.0
-        path = fly(start, time_s, (0.5, 0.1, (lower - upper) / (2.0 * np.pi * 0.0889), 0.0, 0.0))
-        seen = np.stack([dataset.tracks.x_m, dataset.tracks.y_m, dataset.tracks.z_m], axis=1)[rows]
-        assert np.abs(seen - path).max() < 5.0 * FACTS.noise.track_m
-        assert (seen - path).std() == pytest.approx(FACTS.noise.track_m, rel=0.4)
-
-
-def test_the_same_seed_rehearses_the_same_shots() -> None:
-    one, two, other = (rehearse(FACTS, BELIEVED, "L1", 20, seed=seed) for seed in (5, 5, 6))
-    assert all(np.array_equal(one.shots.numbers[name], two.shots.numbers[name], equal_nan=True)
-               for name in one.shots.numbers)
-    assert not np.array_equal(one.shots.number("distance_m"), other.shots.number("distance_m"))
-
-
-def test_shots_without_results_are_taken_as_aimed() -> None:
-    rehearsed = rehearse(FACTS, BELIEVED, "L0", 60, seed=1)
-    bare = replace(rehearsed, shots=replace(rehearsed.shots, texts={}))
-    seen = by_name(foresee_dataset(bare, BELIEVED))
-    aimed = by_name(foresee(FACTS, BELIEVED, "L0", 60, seed=1))
-    for name in ("ball_wear", "target_height", "hood_backlash"):
-        assert seen[name].information == pytest.approx(aimed[name].information, rel=0.5), name
-    data = make_outcomes(World(), 60, 3)
-    assert foresee_dataset(data, BELIEVED).shots == 60
 
 
 def test_bad_input_is_named() -> None:

@@ -14,7 +14,6 @@ from truearc.sim.data.files import save_dataset, save_rig
 from truearc.sim.discover.plan.identifiability import rehearse
 
 BELIEVED = ("gravity", "drag", "magnus")
-SPREADSHEET = Path(__file__).parents[3] / "examples" / "spreadsheet"
 
 
 @pytest.fixture
@@ -44,14 +43,6 @@ def test_a_directory_of_settings_is_enough_too(tmp_path: Path, capsys: pytest.Ca
     assert capsys.readouterr().out.startswith("64 shots of this kind (L0)")
 
 
-def test_example_spreadsheet_leads_to_wheel_slip(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "finding.json"
-    assert truearc.main(["discover", str(SPREADSHEET), "--json", str(out), "--quiet"]) == 0
-    finding = json.loads(out.read_text())
-    assert finding["verdict"] == "set" and "wheel_slip" in finding["set"]
-    assert "48 shots, level L0" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize(("words", "message"), [
     (["d", "--false-alarm", "2"], "--false-alarm"),
     (["d", "--seed", "-1"], "--seed"), (["d", "--false-alarm", "0.0004"], "--false-alarm"),
@@ -74,16 +65,6 @@ def test_identifiability_names_the_option_at_fault(words: list[str], message: st
     typed = [{"RIG": str(rig), "DIR": str(tmp_path)}.get(word, word) for word in words]
     assert truearc.main(["identifiability", *typed]) == 2
     assert message in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(("command", "option"), [
-    ("identifiability", "--measured"), ("identifiability", "--false-alarm"), ("identifiability", "--belief"),
-    ("discover", "--shots"), ("discover", "--sides"), ("discover", "--level"),
-])
-def test_discover_and_identifiability_refuse_each_others_options(command: str, option: str,
-                                                                capsys: pytest.CaptureFixture[str]) -> None:
-    assert truearc.main([command, "d", option, "1"]) == 2
-    assert f": {option}: there is no such option" in capsys.readouterr().err
 
 
 def test_compiled_code_is_kept_where_the_user_keeps_things(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,11 +2,6 @@
 
 import csv
 import io
-import json
-import os
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -67,31 +62,6 @@ def directory(dataset: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Pat
     return folder
 
 
-@pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where pip has put the example, without a network."""
-    folder = tmp_path_factory.mktemp("installed")
-    source = shutil.copytree(EXAMPLE, folder / "source")
-    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-    subprocess.run([*pip, "--no-deps", "--no-build-isolation", "--no-index", "--target", str(folder / "site"),
-                    str(source)], check=True)
-    return folder / "site"
-
-
-def run(site: Path | None, *words: str) -> str:
-    """What truearc prints; `site`: a folder of installed distributions."""
-    places = [str(ROOT), *([str(site)] if site else []), os.environ.get("PYTHONPATH", "")]
-    done = subprocess.run([sys.executable, "-m", "truearc", *words, "--quiet"], capture_output=True, text=True,
-                          env={**os.environ, "PYTHONPATH": os.pathsep.join(places)})
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
-def test_without_the_term_the_effect_has_another_name_or_none(dataset: Dataset) -> None:
-    finding = discover(dataset, terms=RIVALS).finding
-    assert finding.mismatch.found and "hood_flex" not in {one.term for one in finding.what}
-
-
 def test_discover_names_the_term_that_is_given_to_it(dataset: Dataset, among: Catalogue) -> None:
     found = discover(dataset, terms=[*RIVALS, among.find(["hood_flex"])[0]])
     assert found.finding.verdict == "named" and found.finding.set == ("hood_flex",)
@@ -100,13 +70,6 @@ def test_discover_names_the_term_that_is_given_to_it(dataset: Dataset, among: Ca
     assert "the hood yields to the ball" in found.finding.sentence and "flatter" in found.finding.sentence
     assert {"do": "measure", "instrument": "hood_film",
             "what": "hood angle while a ball passes, on film at 240 frames/s"} in found.finding.next
-
-
-def test_installed_it_is_found_by_the_command_and_adopted(directory: Path, installed: Path) -> None:
-    out, belief = directory.parent / "found.json", directory.parent / "belief.toml"
-    said = run(installed, "discover", str(directory), "--json", str(out), "--adopt", str(belief))
-    assert json.loads(out.read_text())["what"][0]["term"] == "hood_flex"
-    assert "adopted: hood_flex" in said and "[hood_flex]" in belief.read_text()
 
 
 @pytest.fixture

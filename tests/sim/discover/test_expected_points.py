@@ -57,21 +57,6 @@ def test_the_better_belief_has_more_points_and_its_gate_fires_the_better_shots()
     assert points[after.fires].mean() > points[before.fires].mean() + 0.2
 
 
-def test_a_belief_beside_itself_gains_nothing() -> None:
-    height_m, wrong, _ = season(200)
-    one, other = (points_of(see(height_m, side=False), wrong, (wrong, wrong), 0.3) for _ in range(2))
-    assert np.array_equal(one.worth(0.9), other.worth(0.9))
-
-
-def test_an_outcome_leaves_its_share_of_the_forecast() -> None:
-    """A two on the high side, by one belief N(0.1, 0.2): what of (0.07, 0.35) is within 0.07 and 0.35 of 0.1."""
-    one = HoldOut(np.array([0.1]), np.array([0.2]))
-    found = points_of(see(np.array([0.2])), one, (one, one), 0.3)
-    z = np.random.default_rng(1).normal(0.1, 0.2, 4_000_000)
-    z = z[(z > THREE_M) & (z < TWO_M)]
-    assert found.aimed[0] == pytest.approx(scored(z - 0.1).mean(), abs=2e-3)
-
-
 def test_worth_counts_held_balls_as_kept() -> None:
     points = ShotPoints(np.array([2.5, 2.0]), np.array([True, False]), np.array([False, True]))
     assert points.worth(0.9).tolist() == [2.5, 0.9]

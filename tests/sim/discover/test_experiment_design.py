@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal
 from tests.sim.discover.made import at_least_squares
 from tests.sim.discover.straight import ASKED, NAMES, SHARED, fit_straight, slopes_and_y
 from truearc.sim.data.dataset import Shots
-from truearc.sim.discover.decide import decide
+from truearc.sim.discover.decide import Search, Step, decide
 from truearc.sim.discover.plan.next_steps import (
     PACES,
     SURE,
@@ -24,8 +24,8 @@ from truearc.sim.discover.plan.next_steps import (
     within_reach,
     worth,
 )
-from truearc.sim.discover.select.effects import Search, Step
 from truearc.sim.infer.fit import fit_believed
+from truearc.sim.infer.launcher import Launcher
 from truearc.sim.infer.likelihood.data import take_in
 from truearc.sim.infer.likelihood.layout import lay_out
 from truearc.sim.physics.catalogue import TERMS
@@ -39,7 +39,7 @@ SHOTS, SEED = 30, 5
 
 def step_of(shots: int = SHOTS, planted: dict[str, float] = PLANTED) -> Step:
     fitted = fit_straight(planted, SEED, shots=shots)
-    step = decide(fitted, None, Search(len(fitted.evidence.rows), (), (), 0.05, 0), lambda done, note: None)[0]
+    step = decide(fitted, None, Search(len(fitted.scores.rows), (), (), 0.05, 0), lambda done, note: None)[0]
     return replace(step, unknown=False)          # so few shots hardly say that anything is there at all
 
 
@@ -51,9 +51,9 @@ def doubtful() -> tuple[Contest, tuple[str, ...]]:
 
 
 def chosen_rows(contest: Contest, block: int, count: int) -> list[int]:
-    options = [(row, 1.0) for row in range(len(contest.evidence.rows))]
+    options = [(row, 1.0) for row in range(len(contest.scores.rows))]
     return [row for row, _ in choose_blocks(contest, block, options, count,
-                                            lambda option: contest.evidence.told_by([option[0]]))]
+                                            lambda option: contest.scores.told_by([option[0]]))]
 
 
 def test_separations_are_least_squares_misfits() -> None:
@@ -96,7 +96,7 @@ def test_chances_are_those_of_shots_really_taken() -> None:
     contest, names = doubtful()
     slopes, y = slopes_and_y(PLANTED, SEED, SHOTS, {})
     rows = chosen_rows(contest, 2, 3)
-    said = chance_of_name(contest, 2.0 * contest.evidence.info[rows].sum(0), 1)
+    said = chance_of_name(contest, 2.0 * contest.scores.info[rows].sum(0), 1)
     repeated = np.repeat(rows, 2)
     rng = np.random.default_rng(2)
     every = np.vstack([slopes, slopes[repeated]])
@@ -145,7 +145,7 @@ def test_one_name_leaves_nothing_to_design() -> None:
 def test_slower_and_faster_wheels_are_foretold_as_the_simulator_has_them() -> None:
     """Expected heights at another pace, against another code's flights at those motor ratios."""
     dataset = shoot(make_world({}, "L0", 60, 3))
-    fitted = fit_believed(take_in(dataset), lay_out(take_in(dataset), dataset.facts.believe.terms))
+    fitted = fit_believed(Launcher(take_in(dataset), lay_out(take_in(dataset), dataset.facts.believe.terms)))
     coefficients = {name: {} for name in dataset.facts.believe.terms if name != "gravity"}
     for name, value in fitted.values.items():
         term, _, parameter = name.partition(".")
@@ -164,7 +164,7 @@ def test_slower_and_faster_wheels_are_foretold_as_the_simulator_has_them() -> No
         assert evidence.plane.mean_m[near] == pytest.approx(flown_m[near], abs=2e-3)
     options = within_reach(fitted, there)
     assert {row for row, pace in options if pace == 1.0} == set(range(len(ratio)))
-    asked = np.array([pace * ratio[fitted.evidence.rows[row]] for row, pace in options])
+    asked = np.array([pace * ratio[fitted.scores.rows[row]] for row, pace in options])
     assert ratio.min() - 1e-9 <= asked.min() and asked.max() <= ratio.max() + 1e-9
     assert len(options) > 3 * len(ratio)
 

@@ -5,8 +5,9 @@ import pytest
 from scipy.stats import norm
 
 from truearc.errors import InputError
-from truearc.sim.infer.likelihood.layout import Measurement, column_of, nats_measured, read_measured
-from truearc_proof.scoring.score_finding import PARAMETER
+from truearc.sim.discover.select.terms import nats_measured
+from truearc.sim.infer.likelihood.layout import Measurement, column_of, read_measured
+from truearc_proof.rounds.worlds import PARAMETER
 
 TARGET = "target_height.rise_m"
 

@@ -8,30 +8,24 @@ import pytest
 from scipy.optimize import minimize_scalar
 from scipy.stats import norm
 
-from tests.sim.discover.synthetic import make_linear, shared, term
+from tests.sim.discover.made import make_linear, term
 from truearc.robot.config.rig_spec import Target
 from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.detect.covariates import Covariate, Factor
-from truearc.sim.discover.plan.identifiability import sight_of
 from truearc.sim.discover.report.pictures import (
-    Bins,
     Heights,
     LinearResiduals,
     Residual,
-    binned,
     bins_of,
     choose,
     field_png,
     find_along,
     flight_png,
     halves,
-    residual_figure,
-    sight_png,
 )
 from truearc.sim.infer.likelihood.noise import LAPSE
 from truearc.sim.infer.likelihood.observations import see_outcomes
 from truearc.sim.infer.likelihood.score_table import Column, PlaneScores
-from truearc.sim.report import make_png
 
 ROWS = np.arange(80)
 ORDER = Covariate((("t_s", np.linspace(0.0, 100.0, 80)), ("order_in_session", ROWS.astype(float))))
@@ -128,21 +122,6 @@ def test_what_carries_the_effect_is_what_is_shown() -> None:
     assert find_along("nothing", (OTHER, ORDER)) is None
 
 
-def test_after_the_right_correction_no_bin_is_far_off() -> None:
-    bins = bins_of(ORDER, ROWS)
-    before, after = (binned(part, bins) for part in (drifting().before, drifting().after) if part is not None)
-    assert np.abs(before[0] / before[1]).max() > 4.0 and np.abs(after[0] / after[1]).max() < 3.5
-
-
-def test_pictures_are_not_blank_and_the_same_each_time() -> None:
-    for along in (ORDER, SIDE):
-        image = drawn(make_png(residual_figure(drifting(), along, ROWS, "ball wear")))
-        assert share_like(image, BLUE) > 1e-4
-        assert share_like(image, np.ones(3)) < 0.99
-    once, again = (make_png(residual_figure(drifting(), ORDER, ROWS, "x")) for _ in range(2))
-    assert once == again
-
-
 def test_the_field_is_coloured_where_shots_are_off() -> None:
     across, up = np.tile(np.arange(10.0), 8), np.repeat(np.arange(8.0), 10)
     off = np.where(across > 5.0, 0.1, 0.0)
@@ -170,17 +149,3 @@ def test_bands_along_the_flight_show_what_was_pushed() -> None:
     assert all(share_like(panel, colour) > 1e-4 for panel in panels for colour in (BLUE, ORANGE))
     assert share_like(image, ORANGE) == 0.0
     assert flight_png(make_linear(np.ones((4, 1, 1)), (term("a"),), np.zeros(0)), None, "", []) is None
-
-
-def test_shots_needed_are_drawn_for_what_can_be_seen() -> None:
-    rng = np.random.default_rng(4)
-    columns = (term("drag_wear", 1.0, "flight"), term("ball_wear", 0.03), shared("p"))
-    evidence = make_linear(rng.normal(size=(50, 1, 3)), columns, np.ones(1))
-    assert share_like(drawn(sight_png(sight_of(evidence, "L0", ()))), BLUE) > 0.005
-    blind = make_linear(np.zeros((50, 1, 3)), columns, np.ones(1))
-    assert sight_png(sight_of(blind, "L0", ())) is None
-
-
-def test_bins_of_nothing_are_nothing() -> None:
-    value, error = binned(drifting().before, Bins("x", np.full(80, -1), np.zeros(2)))
-    assert np.isnan(value).all() and np.isnan(error).all()

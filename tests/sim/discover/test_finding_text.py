@@ -12,7 +12,6 @@ from truearc.sim.discover.detect.battery import Test
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.localization import Correction, Place
 from truearc.sim.discover.finding import (
-    Adoption,
     DataSummary,
     FindingRecord,
     FitSummary,
@@ -25,22 +24,17 @@ from truearc.sim.discover.finding import (
 )
 from truearc.sim.discover.report.finding_text import (
     console_lines,
-    plain,
     say_chance,
     say_effect,
     say_named,
     say_none,
-    say_points,
     say_step,
     say_unknown,
-    scale_of,
     size_of,
-    too_little,
 )
 from truearc.sim.infer.likelihood.score_table import Column
 from truearc.sim.physics.catalogue import TERMS, find_terms
-from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.term import BallState, Opening, complete
+from truearc.sim.physics.term import BallState, Exit, Opening, complete
 from truearc.sim.physics.vector import Vec
 
 WHERE = Where("launch", None, None, None, {}, None, None, (), None)
@@ -75,12 +69,6 @@ def told(
 PHRASES = {term.name: term.phrase for term in TERMS}
 
 
-def test_every_term_has_words_for_either_sign_that_take_one_size() -> None:
-    for phrase in PHRASES.values():
-        assert phrase.more.count("{}") == phrase.less.count("{}") == 1
-        assert phrase.factor > 0.0
-
-
 def test_shares_are_told_as_per_cent_with_their_interval() -> None:
     said = say_effect("exit_efficiency", interval(0.042, 0.005), "")
     assert said == "the ball leaves 4.2 % (90 %: 3.2 to 5.2 %) slower than the wheels' surfaces run"
@@ -109,11 +97,6 @@ def test_a_p_value_is_told_as_a_share_of_datasets_in_which_nothing_is_missing(p_
     whole = f"If nothing were missing, {said} would look this extreme (p = {p_value:.2g}, "
     assert whole in told((named("drag", 0.5, 0.1),), p_value=p_value)
     assert whole in say_none(("gravity",), p_value, 80, 0.05)
-
-
-def test_a_term_that_nobody_has_words_for_is_told_by_its_own_sentence() -> None:
-    said = say_effect("moonlight", interval(2.0, 0.5, "m/s"), "The moon pulls.")
-    assert said == "the moon pulls (2.0 m/s, 90 %: 1.0 to 3.0)"
 
 
 @pytest.mark.parametrize(("term", "word"), [
@@ -150,37 +133,6 @@ def test_other_words_have_the_sign_of_the_term() -> None:
     assert tracked.x > 4.0 and "slow" in PHRASES["track_clock"].more
 
 
-def test_one_name_and_several() -> None:
-    first, second = named("rapid_fire", 0.08, 0.01, 0.6), named("ball_wear", 0.03, 0.01, 0.3)
-    single = told((first,), believed=("gravity", "exit_efficiency"), p_value=0.0005)
-    assert single.startswith("The simulation (gravity, exit efficiency) leaves something out: a shot right after")
-    assert "p = 0.0005" in single and "cannot tell" not in single
-    both = told((first, second), ("rapid_fire", "ball_wear"))
-    assert "at the launch: rapid fire (60%) or ball wear (30%)" in both and "cannot tell" in both
-
-
-def test_what_is_left_besides_is_what_it_looks_like() -> None:
-    first = named("rapid_fire", 0.08, 0.01)
-    sure, unsure = named("wind_x", 1.0, 0.1, unit="m/s"), named("target_height", 0.01, 0.02, unit="m")
-    alone, either, vague = (told((first,), also=(FoundEffect(what, tuple(one.term for one in what), None),))
-                            for what in ((sure,), (sure, unsure), (unsure,)))
-    assert "looks most as if there is wind of 1.00 m/s (90 %: 0.80 to 1.20 m/s) toward the target." in alone
-    assert "toward the target; or target height." in either
-    assert "too little to be named: perhaps target height" in vague and "target stands" not in vague
-    assert too_little((FoundEffect((unsure,), ("target_height",), None), FoundEffect((sure,), ("wind_x",), None))) == [
-        "target_height"]
-    nameless = FoundEffect((sure,), None, Unknown("battery_v", "along", 0.1, "1"))
-    rest = "a smaller effect remains that no term explains, and goes with the battery's voltage."
-    assert rest in told((first,), also=(nameless,))
-
-
-def test_a_name_that_a_free_curve_rivals_is_said_with_that_doubt() -> None:
-    what = (named("wind_x", 1.0, 0.1, 0.5, "m/s"),)
-    sure, unsure = (say_named(("gravity",), 0.01, FoundEffect(what, ("wind_x",), None, share), (), NO_FIT, None)
-                    for share in (0.05, 0.5))
-    assert "effect of no term" not in sure and "effect of no term (50%)" in unsure
-
-
 @pytest.mark.parametrize(("first", "second", "said"), [
     (1.0, 0.97, "drag (100%) and crosswind (97%). More likely both are there than one"),
     (0.6, 0.45, "drag (60%) or crosswind (45%). These data cannot tell which of these it is. Two of them may be there"),
@@ -192,20 +144,6 @@ def test_probabilities_that_add_up_to_more_than_one_are_of_two_together(first: f
                             Mismatch(True, 0.01, 0.05, {}, 7, {}), WHERE, "set", "Verdict.", None, None, what=what)
     (line,) = (line for line in console_lines(finding) if line.startswith("names: "))
     assert line.endswith("(two together count for both)") == (first + second > 1.0)
-
-
-def test_long_sets_are_cut_short_and_of_unlikely_names_no_size_is_said() -> None:
-    what = tuple(named(term.name, 0.1, 0.01, 0.05) for term in TERMS[:9])
-    said = told(what, tuple(one.term for one in what))
-    assert "or one of 5 others" in said and "No name stands out." in said and "If it is the first" not in said
-    likelier = (named(TERMS[0].name, 0.1, 0.01, 0.3), *what[1:])
-    assert "If it is the first" in told(likelier, tuple(one.term for one in likelier))
-
-
-def test_what_gains_no_points_for_sure_is_not_called_worth_adopting() -> None:
-    sure = Adoption(50, 0.5, 1.6, 1.9, 0.4, 0.5, 2.0, 2.1, 0.2, 0.1, 0.3, None)
-    assert say_points(sure).endswith("(90 %: +0.10 to +0.30); worth adopting (--adopt)")
-    assert say_points(msgspec.structs.replace(sure, low90=0.0)).endswith("no clear gain or loss, if adopted (--adopt)")
 
 
 def test_what_is_gained_is_told_in_outcomes_and_centimetres() -> None:
@@ -222,37 +160,6 @@ def test_what_is_gained_is_told_in_outcomes_and_centimetres() -> None:
     assert "heights within 84 cm instead of 7.2 m" in far
     ends = told(drag, fit=FitSummary(100, -0.9, -0.7, 0.2, 0.05, 0.06, 0.02, None, None, "track end"))
     assert "how high tracks end, from their first 40 %, within 2 cm instead of 6 cm" in ends
-
-
-def test_a_name_that_outweighs_the_others_of_its_set_is_said_first() -> None:
-    set_of = (named("hood_offset", 2.1, 0.4, 0.64), named("drag_reynolds", 0.1, 0.1, 0.02))
-    said = say_named(("gravity",), 0.006, FoundEffect(set_of, ("hood_offset", "drag_reynolds"), None, 0.34), (), NO_FIT,
-                     None)
-    assert said.startswith("The simulation (gravity) leaves something out: most likely hood offset (64%). If so, ")
-    assert "Drag by speed (2%) cannot be excluded. It may also be an effect of no term (34%)." in said
-    near = (set_of[0], named("drag_reynolds", 0.1, 0.1, 0.2))
-    said = say_named(("gravity",), 0.006, FoundEffect(near, ("hood_offset", "drag_reynolds"), None, 0.1), (), NO_FIT,
-                     None)
-    assert "These data cannot tell which of these it is" in said
-
-
-def test_what_is_measured_is_told_with_the_option_that_takes_it() -> None:
-    step = {"do": "measure", "instrument": "inclinometer", "what": "hood angle with an inclinometer"}
-    finding = FindingRecord(DataSummary(20, "L0", (), ("gravity",), {}, {"by": "shot", "count": 20}),
-                      Mismatch(True, 0.01, 0.05, {}, 7, {}), WHERE, "named", "Verdict.", None, None,
-                      what=(named("hood_offset", 2.0, 0.1, 0.7),), set=("hood_offset",), next=(step,))
-    said = "next: measure hood angle with an inclinometer; then add --measured hood_offset=VALUE,SD (true elevation"
-    lines = console_lines(finding)
-    assert any(line.startswith(said) for line in lines)
-    assert "next: believe that and look again: --believe gravity,hood_offset" in lines
-
-
-def test_nothing_found_and_nothing_to_say() -> None:
-    assert "No mismatch: 80 shots" in say_none(("gravity",), 0.4, 80, 0.05)
-    assert "cannot say anything" in say_none(("gravity",), None, 20, 0.05)
-    leading = FoundEffect((), None, Unknown(None, "along", 0.1, "1"))
-    unnamed = say_unknown(("gravity",), 0.01, WHERE, leading, (), NO_FIT, None)
-    assert "no term of the catalogue explains" in unnamed
 
 
 @pytest.mark.parametrize(("what", "shape", "said"), [
@@ -279,16 +186,6 @@ def test_a_name_that_shows_as_a_step_in_time_says_since_when() -> None:
         place = Place(Test("free", 0, what, shape, np.zeros(4)), column, 0, stand_in(Correction), {}, {}, None)
         said = say_named(("gravity",), 0.01, leading, (), NO_FIT, place)
         assert ("as a step where the time in the session is above 2990" in said) == told
-
-
-def test_sizes_in_the_units_of_people() -> None:
-    assert size_of("hood_offset.angle_deg", 0.8, "deg") == "0.80°"
-    assert size_of("rim_catch", 0.03, "m") == "3.0 cm"
-    assert size_of("launch speed", 0.02, "1") == "2.0 %"
-    assert size_of("nobody", 0.5, "kg") == "0.50 kg"
-    factor, unit = scale_of("rad")
-    assert factor * np.pi == pytest.approx(180.0) and unit == "°"
-    assert plain("exit_efficiency.loss") == "exit efficiency" and plain("wind_y") == "crosswind"
 
 
 def test_console_lines_name_steps_and_what_was_left_out() -> None:

@@ -19,31 +19,31 @@ from truearc.sim.discover.select.posterior import (
     with_parts,
 )
 from truearc.sim.discover.select.terms import _scan, name_terms, one_step
-from truearc.sim.infer.fit import BaselineFit, fit_believed
+from truearc.sim.infer.fit import fit_believed
+from truearc.sim.infer.launcher import Launcher, LauncherFit
 from truearc.sim.infer.likelihood.data import take_in
 from truearc.sim.infer.likelihood.layout import lay_out
-from truearc.sim.infer.likelihood.score_table import without
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
 
 BELIEVED = ("gravity", "drag", "magnus")
 
 
-def fit_drifting(drift: float) -> tuple[BaselineFit, Part]:
+def fit_drifting(drift: float) -> tuple[LauncherFit, Part]:
     """Launches grow faster by this share from first to last shot; the part is a curve of the speed over time."""
     dataset = make_outcomes(World(measured=True, speed_drift=drift), 80, 4)
     intake = take_in(dataset)
-    fitted = fit_believed(intake, lay_out(intake, BELIEVED))
+    fitted = fit_believed(Launcher(intake, lay_out(intake, BELIEVED)))
     shapes = process_shapes(dataset.shots.number("t_s")[intake.rows], 1.0)
-    return fitted, Part(fitted.evidence.index("launch speed"), shapes, np.full(shapes.shape[1], 0.03))
+    return fitted, Part(fitted.scores.index("launch speed"), shapes, np.full(shapes.shape[1], 0.03))
 
 
 @pytest.mark.slow
 def test_a_small_change_is_worth_flown_what_the_table_says_and_no_change_costs() -> None:
     for drift in (0.0, 0.03):
         fitted, part = fit_drifting(drift)
-        evidence = fitted.evidence
-        table = log_evidence(with_parts(evidence, [part]))[0] - log_evidence(without(evidence))[0]
+        evidence = fitted.scores
+        table = log_evidence(with_parts(evidence, [part]))[0] - log_evidence(evidence.shared_only())[0]
         flown = nats_flown(fitted, part)
         assert flown is not None and flown == pytest.approx(table, abs=0.6)
         assert flown < 0.0 if drift == 0.0 else flown > 5.0
@@ -67,16 +67,16 @@ def test_what_no_simulation_of_single_shots_holds_is_not_flown() -> None:
     fitted, part = fit_drifting(0.0)
     wide = np.zeros((len(part.shapes), 12))
     assert nats_flown(fitted, Part(part.column, wide, np.ones(12))) is None
-    drag = fitted.evidence.columns[fitted.evidence.index("spin_drag.share")]
-    assert term_of(drag, fitted.layout) is None
+    drag = fitted.scores.columns[fitted.scores.index("spin_drag.share")]
+    assert term_of(drag, fitted.model.layout) is None
 
 
 @pytest.mark.slow
 def test_a_scan_ranks_the_true_term_and_gives_its_sign() -> None:
     dataset = shoot(make_world({"hood_offset": -2.0}, "L1", 100, 3))
     intake = take_in(dataset)
-    fitted = fit_believed(intake, lay_out(intake, dataset.facts.believe.terms))
-    scanned = sorted(_scan(fitted, [one for one in one_step(fitted.evidence)[0] if one.visible]),
+    fitted = fit_believed(Launcher(intake, lay_out(intake, dataset.facts.believe.terms)))
+    scanned = sorted(_scan(fitted, [one for one in one_step(fitted.scores)[0] if one.visible]),
                      key=lambda one: -one.nats)
     place = [one.name for one in scanned].index("hood_offset.angle_deg")
     assert place < 4 and scanned[place].amplitude < 0.0

@@ -155,31 +155,6 @@ def test_heights_are_those_of_the_forecast_with_terms_of_every_stage(stage: Stag
     assert seen.plane[launched[both], 0] == pytest.approx(off, abs=1e-4)
 
 
-def test_measured_exits_are_foretold_as_the_ball_leaves(stage: Stage) -> None:
-    seen = stage.see(AIR, stage.none())
-    for row in (*FLOWN[:2], *LANDED[:2]):
-        state, spin = start_of(stage, row, stage.none()[row])
-        assert seen.exit[row, 0] == pytest.approx(math.log(np.linalg.norm(state[3:])), abs=1e-12)
-        assert seen.exit[row, 1] == pytest.approx(math.asin(state[5] / np.linalg.norm(state[3:])), abs=1e-12)
-        assert seen.exit[row, 2] == pytest.approx(np.linalg.norm(spin) / (2.0 * math.pi), abs=1e-12)
-
-
-def differences(stage: Stage, values: dict[str, float], deviates: np.ndarray, number: int) -> Prediction:
-    """Central differences of `see` by one input: a slot of the chain, or a deviate."""
-    slots, step = len(stage.chain.slots), 1e-5
-    sides = []
-    for sign in (1.0, -1.0):
-        moved_values, moved = dict(values), deviates.copy()
-        if number < slots:
-            name = ".".join(stage.chain.slots[number])
-            moved_values[name] = values.get(name, float(find_parameter(name).default)) + sign * step
-        else:
-            moved[:, number - slots] += sign * step
-        sides.append(stage.see(moved_values, moved))
-    plus, minus = sides
-    return Prediction(*((a.astype(float) - b.astype(float)) / (2.0 * step) for a, b in zip(plus, minus, strict=True)))
-
-
 def slopes_along(stage: Stage, values: dict[str, float], deviates: np.ndarray) -> list[Prediction]:
     """One Seen of slopes an input, in chunks of one size so that one program does them all."""
     lanes, n = pad_lanes(stage.intake.lanes)
@@ -199,20 +174,6 @@ def slopes_along(stage: Stage, values: dict[str, float], deviates: np.ndarray) -
 @pytest.fixture(scope="module")
 def slopes(stage: Stage) -> list[Prediction]:
     return slopes_along(stage, ALL, odd_deviates(stage))
-
-
-def test_slopes_by_every_parameter_and_deviate_are_differences(stage: Stage, slopes: list[Prediction]) -> None:
-    deviates = odd_deviates(stage)
-    here = stage.see(ALL, deviates)
-    flat = np.array([2, 3])           # half heights: of the plane, but not of the flight
-    for number in range(len(stage.chain.slots) + stage.chain.deviates):
-        there = differences(stage, ALL, deviates, number)
-        near = here.near
-        assert slopes[number].exit == pytest.approx(there.exit, rel=1e-5, abs=1e-6), number
-        assert slopes[number].plane[near] == pytest.approx(there.plane[near], rel=1e-4, abs=1e-5), number
-        assert slopes[number].plane[:, flat] == pytest.approx(there.plane[:, flat], abs=1e-6)
-        rows = stage.intake.tracked
-        assert slopes[number].track_m[rows] == pytest.approx(there.track_m[rows], rel=1e-4, abs=1e-5), number
 
 
 def test_every_parameter_of_the_catalogue_is_felt_somewhere(stage: Stage, slopes: list[Prediction]) -> None:

@@ -5,13 +5,12 @@ import pytest
 
 from tests.sim.discover.made import column, gaussian
 from truearc.sim.discover.detect.battery import Test
-from truearc.sim.discover.detect.covariates import STEP, Covariate, Factor, smooth_shapes
+from truearc.sim.discover.detect.covariates import STEP, Covariate, Factor
 from truearc.sim.discover.detect.localization import (
     Correction,
     amplitude_of,
     contrast_of,
     correct,
-    shortest_run,
     size_weights,
 )
 from truearc.sim.infer.likelihood.score_table import ScoreTable
@@ -28,8 +27,6 @@ def asked(what: Covariate | Factor | None) -> Test:
     return Test("free", 0, what, "straight", np.ones(N))
 
 
-
-
 def test_the_same_in_every_shot_is_the_mean_and_gains_half_its_square() -> None:
     noise = np.random.default_rng(0).normal(size=N)
     found = correct(evidence_of(np.full(N, 0.8), noise), asked(None))
@@ -37,15 +34,6 @@ def test_the_same_in_every_shot_is_the_mean_and_gains_half_its_square() -> None:
     # held out: half the square of the truth, less about 1 / (2 n) for not knowing it
     assert found.gain.mean() == pytest.approx(0.5 * 0.8**2, abs=0.1)
     assert np.allclose(found.log_after - found.log_before, found.gain)
-
-
-def test_a_bent_effect_is_followed() -> None:
-    rng = np.random.default_rng(1)
-    x = rng.uniform(-1.0, 1.0, N)
-    truth = 3.0 * x**2
-    found = correct(evidence_of(truth, rng.normal(size=N)), asked(Covariate((("x", x),))))
-    assert np.sqrt(np.mean((found.amplitude - truth)**2)) < 0.3
-    assert found.gain.mean() > 0.4 * np.mean(truth**2)
 
 
 def test_a_step_is_a_step_and_no_bend() -> None:
@@ -80,20 +68,6 @@ def test_groups_take_their_means() -> None:
     means = np.array([y[codes == k].mean() for k in range(3)])
     assert np.allclose(found.amplitude, means[codes], atol=1e-3)
     assert amplitude_of(found) == pytest.approx(np.ptp(means), abs=1e-3)
-
-
-def test_the_spline_is_straight_beyond_its_last_knots() -> None:
-    x = np.linspace(0.0, 1.0, 2001)
-    basis = smooth_shapes(x)
-    second = np.abs(np.diff(basis, 2, axis=0))
-    assert second[:30].max() < 1e-9 < second[500:1500].max()
-    assert second[-30:].max() < 1e-9
-
-
-def test_the_shortest_run_holds_its_share() -> None:
-    assert shortest_run(np.array([0.0, 5.0, 4.0, 0.5, 0.5])) == (1, 2)
-    assert shortest_run(np.array([1.0, 0.0, 1.0])) == (0, 2)
-    assert shortest_run(np.zeros(4)) is None
 
 
 def test_the_size_of_what_has_no_name_has_an_interval_that_holds_it() -> None:

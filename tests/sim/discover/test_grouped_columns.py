@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.sim.discover.made import column, heights
-from truearc.sim.discover.detect.score_test import efficient_scores
+from truearc.sim.discover.detect.battery import efficient_scores
 from truearc.sim.infer.likelihood.score_table import GroupedColumns, PlaneScores, ScoreTable, make_evidence
 
 SHOTS, REAL, EFFECTS, GROUPS = 14, 4, 2, 3

@@ -12,11 +12,10 @@ import pytest
 
 from tests.sim.discover.worlds import FACTS, World, make_outcomes
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.discover.adopt import Investigation
 from truearc.sim.discover.detect.covariates import Covariate
 from truearc.sim.discover.detect.localization import curve_of
 from truearc.sim.discover.finding import FoundEffect, Interval, Named
-from truearc.sim.discover.investigate import discover
+from truearc.sim.discover.investigate import Investigation, discover
 from truearc.sim.discover.plan.identifiability import foresee
 from truearc.sim.discover.report.pages import (
     make_pictures,
@@ -133,7 +132,7 @@ def test_an_effect_without_a_name_is_drawn_with_its_free_curve(drifting: Investi
     place = drifting.steps[0].place
     assert place is not None and isinstance(place.test.what, Covariate)
     share, sd = curve_of(place.correction)
-    t_s = place.test.what.values[place.correction.evidence.rows]
+    t_s = place.test.what.values[place.correction.scores.rows]
     true = 0.1 * (t_s - t_s.mean()) / t_s.max()          # of World(speed_drift=0.1), to first order
     assert np.abs(share - true).max() < 0.012 and (np.abs(share - true) < 3.0 * sd + 0.003).all()
     assert 0.0 < sd.max() < 0.02

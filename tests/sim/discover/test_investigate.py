@@ -12,10 +12,8 @@ from tests.sim.discover.odd_rigs import make_drops, make_three_wheels
 from tests.sim.few_terms import few_terms
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset, Shots, join_datasets
-from truearc.sim.discover.adopt import Investigation
 from truearc.sim.discover.finding import FindingRecord, make_json
-from truearc.sim.discover.investigate import discover
-from truearc.sim.discover.select.terms import promote
+from truearc.sim.discover.investigate import Investigation, discover
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
 
@@ -90,12 +88,12 @@ def test_a_named_effect_makes_forecasts_better(decaying: Investigation) -> None:
 def test_what_is_promoted_has_no_slope_left(decaying: Investigation) -> None:
     assert decaying.fitted is not None
     step = decaying.steps[0]
-    there = promote(decaying.fitted, step.refit).evidence
+    there = decaying.fitted.beside(step.refit).scores
     column = there.index("spin_decay.rate_per_s")
     slope = there.score[:, column].sum() + there.pull[column - there.first_shared]
     assert column >= there.first_shared
     assert abs(slope) / np.sqrt(there.info[:, column, column].sum()) < 0.1
-    before = decaying.fitted.evidence
+    before = decaying.fitted.scores
     was = before.index("spin_decay.rate_per_s")
     assert before.score[:, was].sum() / np.sqrt(before.info[:, was, was].sum()) > 2.0
 

@@ -14,7 +14,7 @@ from scipy.stats import multivariate_normal, norm
 from tests.sim.discover.mixed import BALLS, BELIEVED, FLOWN, LANDED, MEASURED, SHOTS, THROWN, make_mixed
 from truearc.sim.infer.likelihood.data import Intake, take_in
 from truearc.sim.infer.likelihood.forward_model import pad_lanes, see_slopes
-from truearc.sim.infer.likelihood.layout import LinearizationPoint, ParameterLayout, lay_out
+from truearc.sim.infer.likelihood.layout import Layout, Point, lay_out
 from truearc.sim.infer.likelihood.linearization import fly, linearise, variance_of
 from truearc.sim.infer.likelihood.noise import BALL_SPEED, FLOOR_M, HEIGHT_M, LAPSE, SLIP_M
 from truearc.sim.infer.likelihood.score_table import ScoreTable
@@ -31,12 +31,12 @@ class Bench:
     """The evidence at a spot off the optimum, deviates and all, and the means to work it out again."""
 
     intake: Intake
-    layout: ParameterLayout
-    spot: LinearizationPoint
-    evidence: ScoreTable
+    layout: Layout
+    point: Point
+    scores: ScoreTable
     mean: np.ndarray
 
-    def see(self, spot: LinearizationPoint) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def see(self, spot: Point) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(exit [n, 3], plane [n, 4], track [n, L, 3])."""
         lanes, n = pad_lanes(self.intake.lanes)
         deviates = np.resize(spot.deviates, (len(lanes.distance_m), spot.deviates.shape[1]))
@@ -45,11 +45,11 @@ class Bench:
         exit, plane, track = (np.asarray(part)[:n] for part in (seen.exit, seen.plane, seen.track_m))
         return exit, plane, track
 
-    def still(self) -> LinearizationPoint:
+    def still(self) -> Point:
         """Every shot that deviates does so as all of those do on average."""
-        deviates = self.spot.deviates
+        deviates = self.point.deviates
         own = deviates.any(axis=1, keepdims=True)
-        return replace(self.spot, deviates=own * deviates[own[:, 0]].mean(0))
+        return replace(self.point, deviates=own * deviates[own[:, 0]].mean(0))
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def bench() -> Bench:
     for slot, value in ((("drag", "cd"), 0.45), (("magnus", "cl"), 0.05), (("exit_efficiency", "loss"), 0.22)):
         values[chain.slots.index(slot)] = value
     # not quite at rest: then both looks are made by the same compiled code
-    spot = LinearizationPoint(values, np.log([0.02, 0.008, 0.006, 1.3, 0.03, 0.02, 1.2]),
+    spot = Point(values, np.log([0.02, 0.008, 0.006, 1.3, 0.03, 0.02, 1.2]),
                               np.full((SHOTS, chain.deviates), 1e-9), np.zeros(layout.grouped))
     _, mean = linearise(intake, layout, spot)
     spot = replace(spot, deviates=mean)
@@ -121,7 +121,7 @@ def noise_of(bench: Bench, row: int, log_noise: float | None = None) -> np.ndarr
     assert samples is not None and scatter is not None
     known = np.isfinite(bench.intake.exits[row])
     blocks = [np.diag(bench.intake.exit_sd[row][known]**2)]
-    noise = np.exp(bench.spot.log_scatter[-1]) if log_noise is None else np.exp(log_noise)
+    noise = np.exp(bench.point.log_scatter[-1]) if log_noise is None else np.exp(log_noise)
     place = np.flatnonzero(bench.intake.tracked == row)
     if len(place):
         time_s = samples.time_s[place[0]][samples.real[place[0]]]
@@ -137,7 +137,7 @@ def noise_of(bench: Bench, row: int, log_noise: float | None = None) -> np.ndarr
 
 
 def written_out(bench: Bench, row: int) -> Brute:
-    spot, step = bench.spot, 1e-5
+    spot, step = bench.point, 1e-5
     exit, plane, track = bench.see(spot)
     slope, height_by = [], []
     for number in range(spot.deviates.shape[1]):
@@ -159,7 +159,7 @@ def brute(bench: Bench) -> dict[int, Brute]:
 
 def column_slope(bench: Bench, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What one column's input does to a shot that deviates as all do on average, by differences of `see`."""
-    source, still, step = int(bench.layout.source[bench.evidence.index(name)]), bench.still(), 1e-5
+    source, still, step = int(bench.layout.source[bench.scores.index(name)]), bench.still(), 1e-5
     sides = []
     for sign in (1.0, -1.0):
         if source < len(bench.layout.chain.slots):
@@ -180,7 +180,7 @@ def test_log_likelihoods_are_those_of_the_big_matrix_and_the_normal_cdf(bench: B
         if row in places:
             mean, spread = one.height_given()
             value += class_log(bench, places[row], mean, spread)
-        assert bench.evidence.log_score[row] == pytest.approx(value, abs=2e-3), row
+        assert bench.scores.log_score[row] == pytest.approx(value, abs=2e-3), row
 
 
 def class_log(bench: Bench, place: int, mean: float, spread: float, wider: float = 0.0) -> float:
@@ -196,39 +196,39 @@ def class_log(bench: Bench, place: int, mean: float, spread: float, wider: float
 
 
 def test_an_opening_that_has_grown_is_the_one_that_counts(bench: Bench) -> None:
-    values = bench.spot.values.copy()
+    values = bench.point.values.copy()
     values[bench.layout.chain.slots.index(("rim_catch", "reach_m"))] = 0.03
-    grown, _ = linearise(bench.intake, bench.layout, replace(bench.spot, values=values))
-    plane = bench.evidence.plane
+    grown, _ = linearise(bench.intake, bench.layout, replace(bench.point, values=values))
+    plane = bench.scores.plane
     assert plane is not None and grown.plane is not None
     classed = [place for place in range(len(plane.rows)) if not np.isfinite(plane.seen.height_m[place])]
     for place in classed:
         mean, spread = float(plane.mean_m[place]), float(plane.spread_m[place])
-        gained = grown.log_score[plane.rows[place]] - bench.evidence.log_score[plane.rows[place]]
+        gained = grown.log_score[plane.rows[place]] - bench.scores.log_score[plane.rows[place]]
         expected = class_log(bench, place, mean, spread, 0.03) - class_log(bench, place, mean, spread)
         assert gained == pytest.approx(expected, abs=1e-6), place
     assert np.allclose(grown.plane.seen.borders[1:-1], [-0.38, -0.1, 0.1, 0.38]) and len(classed) > 10
 
 
 def test_scores_and_information_are_those_of_the_big_matrix(bench: Bench, brute: dict[int, Brute]) -> None:
-    index = [bench.evidence.index(name) for name in COLUMNS]
+    index = [bench.scores.index(name) for name in COLUMNS]
     slopes = [column_slope(bench, name) for name in COLUMNS]
     for row, one in brute.items():
         if not len(one.r):
-            assert not bench.evidence.linear[row].any() and not bench.evidence.bend[row].any()
+            assert not bench.scores.linear[row].any() and not bench.scores.bend[row].any()
             continue
         by = np.stack([flat(bench, row, exit, track) for exit, _, track in slopes], axis=1)
         precise = np.linalg.inv(one.total)
         score, info = by.T @ precise @ one.r, by.T @ precise @ by
         size = np.sqrt(np.diag(info)) + 1e-9
-        assert bench.evidence.linear[row, index] / size == pytest.approx(score / size, abs=2e-3), row
-        found = bench.evidence.bend[row][np.ix_(index, index)] / np.outer(size, size)
+        assert bench.scores.linear[row, index] / size == pytest.approx(score / size, abs=2e-3), row
+        found = bench.scores.bend[row][np.ix_(index, index)] / np.outer(size, size)
         assert found == pytest.approx(info / np.outer(size, size), abs=1e-3), row
 
 
 def test_heights_given_the_track_move_with_the_columns_as_conditioning_says(bench: Bench,
                                                                             brute: dict[int, Brute]) -> None:
-    plane = bench.evidence.plane
+    plane = bench.scores.plane
     assert plane is not None
     places = {row: number for number, row in enumerate(bench.intake.marked.tolist())}
     for name in COLUMNS:
@@ -238,7 +238,7 @@ def test_heights_given_the_track_move_with_the_columns_as_conditioning_says(benc
             pull = np.diag(one.own) @ one.slope.T @ np.linalg.inv(one.total)
             expected = height[row, 0] - one.height_by @ (pull @ flat(bench, row, exit, track))
             scale = 1e-4 + 1e-3 * abs(height[row, 0])
-            assert plane.by_column[places[row], bench.evidence.index(name)] == pytest.approx(expected, abs=scale)
+            assert plane.by_column[places[row], bench.scores.index(name)] == pytest.approx(expected, abs=scale)
 
 
 def test_scores_of_the_scatters_are_slopes_of_the_big_matrix(bench: Bench, brute: dict[int, Brute]) -> None:
@@ -246,34 +246,34 @@ def test_scores_of_the_scatters_are_slopes_of_the_big_matrix(bench: Bench, brute
         for row, one in brute.items():
             if not len(one.r):
                 continue
-            own = bench.intake.scattered[row, number] * np.exp(2.0 * bench.spot.log_scatter[number])
+            own = bench.intake.scattered[row, number] * np.exp(2.0 * bench.point.log_scatter[number])
             sides = []
             for step in (1e-4, -1e-4):
                 more = one.own.copy()
                 more[deviate] += own * (np.exp(2.0 * step) - 1.0)
                 sides.append(replace(one, own=more).log_density())
-            assert bench.evidence.linear[row, column] == pytest.approx((sides[0] - sides[1]) / 2e-4, abs=2e-3)
+            assert bench.scores.linear[row, column] == pytest.approx((sides[0] - sides[1]) / 2e-4, abs=2e-3)
             half = own * one.slope[:, deviate] @ np.linalg.solve(one.total, one.slope[:, deviate])
-            assert bench.evidence.bend[row, column, column] == pytest.approx(2.0 * half**2, rel=1e-3, abs=1e-6)
+            assert bench.scores.bend[row, column, column] == pytest.approx(2.0 * half**2, rel=1e-3, abs=1e-6)
 
 
 def test_the_score_of_the_tracks_noise_is_the_slope_of_the_big_matrix(bench: Bench, brute: dict[int, Brute]) -> None:
-    column, here = bench.layout.scatters[-1], float(bench.spot.log_scatter[-1])
+    column, here = bench.layout.scatters[-1], float(bench.point.log_scatter[-1])
     for row, one in brute.items():
         if row not in bench.intake.tracked:
-            assert len(one.r) == 0 or bench.evidence.linear[row, column] == pytest.approx(0.0, abs=1e-9)
+            assert len(one.r) == 0 or bench.scores.linear[row, column] == pytest.approx(0.0, abs=1e-9)
             continue
         sides = [replace(one, noise=noise_of(bench, row, here + step)).log_density() for step in (1e-4, -1e-4)]
-        assert bench.evidence.linear[row, column] == pytest.approx((sides[0] - sides[1]) / 2e-4, rel=1e-4, abs=1e-2)
+        assert bench.scores.linear[row, column] == pytest.approx((sides[0] - sides[1]) / 2e-4, rel=1e-4, abs=1e-2)
         share = np.linalg.solve(one.total, noise_of(bench, row))            # expected: the trace of its square, twice
         known = int(np.isfinite(bench.intake.exits[row]).sum())
-        assert bench.evidence.bend[row, column, column] == pytest.approx(
+        assert bench.scores.bend[row, column, column] == pytest.approx(
             2.0 * np.trace(share @ share) - 2.0 * known, rel=0.1)
 
 
 def test_an_effect_of_a_ball_is_the_same_slope_in_that_balls_shots_alone(bench: Bench) -> None:
     """Against indicator columns: launch speed and drag, times one standard deviation of balls, times (ball = b)."""
-    evidence, cd = bench.evidence, find_parameter("drag.cd").prior
+    evidence, cd = bench.scores, find_parameter("drag.cd").prior
     assert cd is not None
     assert find_parameter("drag.cd").fit_each_ball
     base = [evidence.index("launch speed")] * 5 + [evidence.index("drag.cd")] * 5
@@ -292,13 +292,13 @@ def test_an_effect_of_a_ball_is_the_same_slope_in_that_balls_shots_alone(bench: 
 def test_effects_of_balls_already_found_move_the_evidence_along(bench: Bench) -> None:
     """A spot with effects is the plain spot's evidence moved by them, drawn back by the balls' own prior."""
     effects = np.random.default_rng(1).normal(0.0, 0.5, bench.layout.grouped)
-    there, _ = linearise(bench.intake, bench.layout, replace(bench.spot, effects=effects))
-    change = np.zeros(len(bench.evidence.columns))
+    there, _ = linearise(bench.intake, bench.layout, replace(bench.point, effects=effects))
+    change = np.zeros(len(bench.scores.columns))
     change[-len(effects):] = effects
     tiled = np.tile(change, (SHOTS, 1))
-    assert there.log_score == pytest.approx(bench.evidence.log_score + bench.evidence.gain(tiled), abs=1e-9)
+    assert there.log_score == pytest.approx(bench.scores.log_score + bench.scores.gain(tiled), abs=1e-9)
     others = np.setdiff1d(np.arange(there.own_score.shape[1]), bench.layout.scatters)    # theirs hang on what is left
-    assert there.own_score[:, others] == pytest.approx(bench.evidence.slopes_at(tiled)[0][:, others], abs=1e-9)
+    assert there.own_score[:, others] == pytest.approx(bench.scores.slopes_at(tiled)[0][:, others], abs=1e-9)
     assert there.pull[-len(effects):] == pytest.approx(-effects)
 
 
@@ -307,7 +307,7 @@ def test_what_a_balls_luck_does_is_no_scatter(bench: Bench) -> None:
     say by differences: their deviations without their balls' effects, or scatter would grow with how balls differ."""
     effects = np.zeros(bench.layout.grouped)
     effects[:5] = [-5.0, 3.0, 4.0, -4.0, 2.0]
-    spot = replace(bench.spot, effects=effects)
+    spot = replace(bench.point, effects=effects)
     flown = fly(bench.intake, bench.layout, spot)
     tracked = ~np.isin(np.arange(len(bench.intake.rows)), bench.intake.marked)
     for number, column in enumerate(bench.layout.scatters):
@@ -326,28 +326,28 @@ def test_what_a_balls_luck_does_is_no_scatter(bench: Bench) -> None:
 
 def test_at_the_most_likely_deviates_a_second_look_changes_them_little(bench: Bench) -> None:
     """Gauss-Newton: about the posterior mean the linear model's mean is the same point again."""
-    sd = np.sqrt(variance_of(bench.intake, bench.spot.log_scatter))[:, :bench.mean.shape[1]]
+    sd = np.sqrt(variance_of(bench.intake, bench.point.log_scatter))[:, :bench.mean.shape[1]]
     launched = np.setdiff1d(bench.intake.tracked, [*THROWN, *MEASURED])      # MEASURED's exits are drawn at random
-    again = np.abs(bench.mean - bench.spot.deviates) / np.maximum(sd, 1e-12)
+    again = np.abs(bench.mean - bench.point.deviates) / np.maximum(sd, 1e-12)
     assert again[launched].max() < 0.2
 
 
 def test_a_spot_near_by_is_foretold_without_flying_anew(bench: Bench) -> None:
     """The flights about one spot, as linear functions with the slopes of shots without deviation: nearly right."""
-    flown, slot = fly(bench.intake, bench.layout, bench.spot), bench.layout.chain.slots.index(("drag", "cd"))
+    flown, slot = fly(bench.intake, bench.layout, bench.point), bench.layout.chain.slots.index(("drag", "cd"))
     ordinary = np.setdiff1d(np.arange(SHOTS), [*THROWN, *MEASURED])
-    values = bench.spot.values.copy()
+    values = bench.point.values.copy()
     values[slot] += 0.002
-    near = replace(bench.spot, values=values)
+    near = replace(bench.point, values=values)
     told = linearise(bench.intake, bench.layout, near, flown)[0].log_score[ordinary]
     true = linearise(bench.intake, bench.layout, near)[0].log_score[ordinary]
-    change = true - bench.evidence.log_score[ordinary]
+    change = true - bench.scores.log_score[ordinary]
     assert np.abs(change).max() > 0.1
     assert np.abs(told - true).max() < 0.2 * np.abs(change).max()
 
 
 def test_the_centre_of_the_prior_pulls(bench: Bench) -> None:
-    evidence, layout = bench.evidence, bench.layout
+    evidence, layout = bench.scores, bench.layout
     place = evidence.index("drag.cd") - evidence.first_shared
     centre, sd = 0.5, 1.5 * 0.5 * 0.35        # the catalogue's log prior as a plain one, half as wide again
     assert layout.centre[place] == pytest.approx(centre)

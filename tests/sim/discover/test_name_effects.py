@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from tests.sim.discover.straight import ASKED, SHARED, fit_straight
-from truearc.sim.discover.decide import decide
-from truearc.sim.discover.select.effects import Search, Step, unseen_scores
-from truearc.sim.discover.select.terms import NEVER, name_terms, promote, refit
-from truearc.sim.infer.fit import BaselineFit
+from truearc.sim.discover.decide import Search, Step, decide, unseen_scores
+from truearc.sim.discover.select.terms import NEVER, name_terms
+from truearc.sim.infer.launcher import LauncherFit
 
 
-def steps_of(fitted: BaselineFit) -> tuple[Step, ...]:
-    return decide(fitted, None, Search(len(fitted.evidence.rows), (), (), 0.05, 0), lambda done, note: None)
+def steps_of(fitted: LauncherFit) -> tuple[Step, ...]:
+    return decide(fitted, None, Search(len(fitted.scores.rows), (), (), 0.05, 0), lambda done, note: None)
 
 
 def test_two_effects_are_named_in_turn_and_then_it_ends() -> None:
@@ -56,19 +55,19 @@ def test_nothing_that_is_worth_its_prior_is_unknown() -> None:
 
 def test_the_promoted_column_has_no_slope_left() -> None:
     fitted = fit_straight({"buoyancy.share": 0.7, "wind_x.speed_m_s": 0.4}, 4)
-    found = refit(fitted, ("buoyancy.share",), np.array([0.5]))
-    there = promote(fitted, found)
-    columns = [one.name for one in there.evidence.columns]
+    found = fitted.with_terms(("buoyancy.share",), np.array([0.5]))
+    there = fitted.beside(found)
+    columns = [one.name for one in there.scores.columns]
     assert columns == [*(name for name in ASKED if name != "buoyancy.share"), "buoyancy.share", *SHARED]
-    assert there.evidence.first_shared == len(ASKED) - 1
-    slope = there.evidence.score[:, there.evidence.first_shared:].sum(0) + there.evidence.pull
+    assert there.scores.first_shared == len(ASKED) - 1
+    slope = there.scores.score[:, there.scores.first_shared:].sum(0) + there.scores.pull
     assert slope == pytest.approx(np.zeros(3), abs=0.5)                    # of information 200: a thousandth of an sd
-    information = there.evidence.info.sum(0).diagonal()[there.evidence.first_shared:]
+    information = there.scores.info.sum(0).diagonal()[there.scores.first_shared:]
     assert (np.abs(slope) / np.sqrt(information) < 0.06).all()
-    assert there.evidence.log_score.sum() == pytest.approx(found.evidence.log_score.sum())
+    assert there.scores.log_score.sum() == pytest.approx(found.scores.log_score.sum())
     # the other effect is still to be seen, the promoted one's slots hold what was fitted
-    other = there.evidence.index("wind_x.speed_m_s")
-    assert there.evidence.score[:, other].sum() / np.sqrt(there.evidence.info[:, other, other].sum()) > 4.0
+    other = there.scores.index("wind_x.speed_m_s")
+    assert there.scores.score[:, other].sum() / np.sqrt(there.scores.info[:, other, other].sum()) > 4.0
     assert there.values["buoyancy.share"] == pytest.approx(found.amplitude[0])
 
 
@@ -77,8 +76,8 @@ def test_a_refit_that_is_impossible_has_no_part_in_the_average() -> None:
     fitted = fit_straight({}, 11)
     naming = name_terms(fitted, lambda done, note: None)
     other = next(name for name in naming.refits if name != naming.leader)
-    lost = replace(naming.refits[other].evidence, info=np.full_like(naming.refits[other].evidence.info, np.nan))
-    refits = {**naming.refits, other: replace(naming.refits[other], evidence=lost)}
+    lost = replace(naming.refits[other].scores, info=np.full_like(naming.refits[other].scores.info, np.nan))
+    refits = {**naming.refits, other: replace(naming.refits[other], scores=lost)}
     alone = replace(naming, refits={name: one for name, one in refits.items() if name != other})
     impossible = replace(naming, refits=refits, nats={**naming.nats, other: NEVER})
     for one, same in zip(unseen_scores(impossible, fitted), unseen_scores(alone, fitted), strict=True):

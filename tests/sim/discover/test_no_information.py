@@ -9,9 +9,6 @@ from msgspec import structs
 
 import truearc as ta
 from tests.sim.discover.odd_rigs import make_drops
-from tests.sim.few_terms import few_terms
-from tests.sim.thin import thinned
-from truearc_proof.importers.mpi import import_mpi
 
 LATERAL = "wind_y"
 EXAMPLE = Path(__file__).parents[3] / "examples" / "spreadsheet"
@@ -33,17 +30,6 @@ def test_a_coordinate_that_is_zero_everywhere_shows_no_crosswind() -> None:
     said = str(ta.identifiability(flat, believe=believe))
     assert f"never seen: {LATERAL}: nothing in these data depends on it" in said
     assert "crosswind" not in ta.discover(flat, believe=believe).sentence
-
-
-@pytest.mark.data
-def test_real_tracks_without_y_are_pushed_to_no_side(data_dir: Path) -> None:
-    """A residual that is exactly zero has one sign throughout, and a test without scale would find it significant."""
-    real = data_dir / "real"
-    filmed = thinned(import_mpi(real / "mpi_launches.csv", real / "mpi_tracks.csv")).take(np.arange(0, 32, 3))
-    assert filmed.tracks is not None
-    flat = replace(filmed, tracks=replace(filmed.tracks, y_m=np.full_like(filmed.tracks.y_m, 0.31)))
-    where = ta.discover(flat, seed=0, terms=few_terms(LATERAL, "wind_x")).record.where
-    assert where.direction != "lateral" and "lateral" not in (where.channel or "")
 
 
 @pytest.mark.parametrize("name", ["exit_speed_m_s", "exit_spin_rev_s"])

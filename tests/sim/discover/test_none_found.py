@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import truearc as ta
-from tests.sim.discover.odd_rigs import make_drops
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "spreadsheet"
 TERMS = ["gravity", "drag", "magnus", "exit_efficiency"]
@@ -49,13 +48,6 @@ def test_design_after_none_plans_those_measurements(quiet: tuple[ta.Dataset, ta.
     for step in found.record.next:
         assert any(f"Measure {step['what']}" in line for line in plan.lines())
         assert f'"instrument": "{step["instrument"]}"' in plan.to_json()
-
-
-def test_with_tracks_no_filming_is_suggested() -> None:
-    for cd, believe in ((0.0, ["gravity", "drag"]), (0.5, ["gravity"])):
-        found = ta.discover(make_drops(14, 1, cd=cd), believe=believe)
-        assert not any("camera" in str(step.get("what")) and "flight" in str(step.get("what"))
-                       for step in found.record.next)
 
 
 def test_a_fitted_number_that_was_believed_all_but_impossible_is_doubted(quiet: tuple[ta.Dataset, ta.Finding]) -> None:

@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from truearc.sim.infer.fit import climb, fit_believed, moved, objective, usual_spot
-from truearc.sim.infer.likelihood.data import Intake, take_in
-from truearc.sim.infer.likelihood.layout import ParameterLayout, groups_of, lay_out, only_shared
-from truearc.sim.infer.likelihood.linearization import linearise
+from truearc.sim.infer.fit import climb, fit_believed
+from truearc.sim.infer.launcher import Launcher
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
 
@@ -14,22 +12,20 @@ BELIEVED = ("gravity", "exit_efficiency", "drag", "magnus")
 SPIN_DRAG = "spin_drag.share"
 
 
-def laid_out(effects: dict[str, float], shots: int, seed: int) -> tuple[Intake, ParameterLayout]:
-    dataset = shoot(make_world(effects, "L0", shots, seed))
-    intake = take_in(dataset)
-    return intake, lay_out(intake, BELIEVED, groups_of(dataset.shots, intake.rows))
+def laid_out(effects: dict[str, float], shots: int, seed: int) -> Launcher:
+    return Launcher.of(shoot(make_world(effects, "L0", shots, seed)), BELIEVED)
 
 
 @pytest.mark.slow
 def test_scores_are_slopes_of_the_likelihood_when_all_is_flown_anew() -> None:
-    intake, layout = laid_out({}, 60, 5)
-    spot = usual_spot(intake, layout)
-    evidence, _ = linearise(intake, layout, spot)
+    model = laid_out({}, 60, 5)
+    layout, middle = model.layout, model.middle()
+    evidence, _ = model.linearise(middle)
     slots = np.flatnonzero(layout.in_slot)
     for k in slots.tolist():
         step = np.zeros(len(layout.columns))
         step[k] = 1e-4 * layout.columns[k].usual
-        ahead, behind = (linearise(intake, layout, moved(layout, spot, sign * step))[0] for sign in (1.0, -1.0))
+        ahead, behind = (model.linearise(model.moved(middle, sign * step))[0] for sign in (1.0, -1.0))
         travelled = ahead.point[k] - behind.point[k]
         slope = (ahead.log_score - behind.log_score) / travelled
         name, size = layout.columns[k].name, layout.columns[k].usual
@@ -38,14 +34,13 @@ def test_scores_are_slopes_of_the_likelihood_when_all_is_flown_anew() -> None:
 
 @pytest.mark.slow
 def test_climbs_from_all_amplitudes_come_to_one_top() -> None:
-    intake, layout = laid_out({"spin_drag": 0.6}, 300, 5)
-    fitted = fit_believed(intake, layout)
-    asked = only_shared(layout, (SPIN_DRAG,))
-    change = np.zeros(len(asked.columns))
+    fitted = fit_believed(laid_out({"spin_drag": 0.6}, 300, 5))
+    asked = fitted.model.shared_only((SPIN_DRAG,))
+    change = np.zeros(len(asked.layout.columns))
     tops = []
     for amplitude in (0.0, 0.1, 0.2, 0.3):
         change[0] = amplitude
-        _, evidence = climb(intake, asked, moved(asked, fitted.spot, change))
-        tops.append((objective(evidence, asked), evidence.point[0]))
+        top = climb(asked, asked.moved(fitted.point, change))
+        tops.append((top.log_posterior, top.scores.point[0]))
     values, places = np.array(tops).T
     assert np.ptp(values) < 0.05 and np.ptp(places) < 0.01

@@ -25,8 +25,7 @@ from truearc.sim.discover.select.posterior import (
     with_parts,
 )
 from truearc.sim.discover.select.terms import name_terms, nats_in_range
-from truearc.sim.infer.fit import BaselineFit
-from truearc.sim.infer.likelihood.score_table import without
+from truearc.sim.infer.launcher import LauncherFit
 
 PLANTED = {"wind_z.speed_m_s": 1.2, "added_mass.share": 0.8}
 BETWEEN = {"drag_wear.share": tuple(PLANTED)}
@@ -35,14 +34,14 @@ Prior = Callable[[np.ndarray], np.ndarray]
 
 
 @pytest.fixture
-def fitted() -> BaselineFit:
+def fitted() -> LauncherFit:
     """Alone, what lies between the two planted ones explains most."""
     return fit_straight(PLANTED, 5, 400, usual=dict.fromkeys(ASKED, 1.0), between=BETWEEN)
 
 
-def exact_nats(fitted: BaselineFit, names: tuple[str, ...]) -> float:
+def exact_nats(fitted: LauncherFit, names: tuple[str, ...]) -> float:
     """Log Bayes factor of amplitudes ~ N(0, 1) against none: |Lambda| and the quadratic form of linear regression."""
-    evidence = fitted.evidence
+    evidence = fitted.scores
     shared = list(range(evidence.first_shared, len(evidence.columns)))
 
     def half(columns: list[int], prior: np.ndarray) -> float:
@@ -58,9 +57,9 @@ def exact_nats(fitted: BaselineFit, names: tuple[str, ...]) -> float:
     return half([*asked, *shared], prior) - half(shared, evidence.precision)
 
 
-def test_evidence_of_parts_is_that_of_linear_regression(fitted: BaselineFit) -> None:
-    evidence = fitted.evidence
-    ones, null = np.ones((len(evidence.rows), 1)), log_evidence(without(evidence))[0]
+def test_evidence_of_parts_is_that_of_linear_regression(fitted: LauncherFit) -> None:
+    evidence = fitted.scores
+    ones, null = np.ones((len(evidence.rows), 1)), log_evidence(evidence.shared_only())[0]
     for names in [(ASKED[0],), (ASKED[2], ASKED[9]), (ASKED[7], ASKED[2], ASKED[5])]:
         parts = [Part(evidence.index(name), ones, np.ones(1)) for name in names]
         nats, change, _ = log_evidence(with_parts(evidence, parts))
@@ -72,7 +71,7 @@ def test_evidence_of_parts_is_that_of_linear_regression(fitted: BaselineFit) -> 
         assert closed == pytest.approx(exact_nats(fitted, (name,)), abs=1e-2)
 
 
-def test_the_best_pair_is_found_though_neither_leads(fitted: BaselineFit) -> None:
+def test_the_best_pair_is_found_though_neither_leads(fitted: LauncherFit) -> None:
     naming = name_terms(fitted, lambda done, note: None)
     assert naming.leader == "drag_wear.share"
     posterior = weigh(fitted, naming, (), ())
@@ -118,10 +117,10 @@ def test_a_change_since_home_is_weighed_as_a_joint_normal_model_says() -> None:
     assert nats == pytest.approx(joint(True) - joint(False), abs=1e-9)
 
 
-def with_free(fitted: BaselineFit, name: str) -> BaselineFit:
+def with_free(fitted: LauncherFit, name: str) -> LauncherFit:
     """One of the columns is a free change."""
-    columns = tuple(replace(one, kind="free") if one.name == name else one for one in fitted.evidence.columns)
-    return replace(fitted, evidence=replace(fitted.evidence, columns=columns))
+    columns = tuple(replace(one, kind="free") if one.name == name else one for one in fitted.scores.columns)
+    return replace(fitted, scores=replace(fitted.scores, columns=columns))
 
 
 @pytest.mark.parametrize(("wave", "unexplained"), [(1.0, True), (0.0, False)])
@@ -135,7 +134,7 @@ def test_a_change_that_goes_with_a_covariate_is_unexplained(wave: float, unexpla
     covariate = Covariate((("humidity", place),))
     posterior = weigh(fitted, name_terms(fitted, lambda done, note: None), (covariate,), ())
     assert (posterior.unexplained() > 0.9) == unexplained
-    first = families_of(fitted.evidence, (covariate,), ())[0]
+    first = families_of(fitted.scores, (covariate,), ())[0]
     assert first.column == name and first.what is covariate
     assert (first.nats > 5.0) == unexplained
     if not unexplained:
@@ -147,13 +146,13 @@ def test_an_unexplained_change_counts_by_what_home_did_not_show() -> None:
     name, place = "release_height.above_m", np.random.default_rng(0).uniform(size=300)
     covariate = Covariate((("humidity", place),))
 
-    def session(wave: float, seed: int) -> BaselineFit:
+    def session(wave: float, seed: int) -> LauncherFit:
         varying = {name: wave * np.sin(2.0 * np.pi * place)}
         return with_free(fit_straight({}, seed, 300, varying=varying), name)
 
     here = session(1.0, 2)
     alike, without_it = (ReferenceSession(session(wave, 7), {"humidity": place}) for wave in (1.0, 0.0))
-    alone, same, new = (families_of(here.evidence, (covariate,), (), home)[0].nats
+    alone, same, new = (families_of(here.scores, (covariate,), (), home)[0].nats
                         for home in (None, alike, without_it))
     # the difference of two equal samples has twice the variance of one: half the nats
     assert alone > 20.0 and same < 3.0 and new == pytest.approx(0.5 * alone, rel=0.2)
@@ -172,7 +171,7 @@ def test_a_term_whose_size_differs_from_group_to_group_is_named() -> None:
 
 
 def test_probabilities_are_counted_by_what_hypotheses_hold() -> None:
-    free = families_of(with_free(fit_straight({}, 1), ASKED[0]).evidence, (Covariate((("x", np.arange(200.0)),)),), ())
+    free = families_of(with_free(fit_straight({}, 1), ASKED[0]).scores, (Covariate((("x", np.arange(200.0)),)),), ())
     found = Hypotheses((Hypothesis(("a.x",), None, 0.0, 0.0), Hypothesis(("a.x", "b.x"), None, 0.0, 0.0),
                        Hypothesis(("b.x",), free[0], 0.0, 0.0), Hypothesis((), free[0], 0.0, 0.0)),
                       np.array([0.4, 0.3, 0.2, 0.1]), {})

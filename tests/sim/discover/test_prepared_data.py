@@ -7,7 +7,7 @@ import pytest
 
 from tests.sim.discover.mixed import FLOWN, LANDED, MEASURED, SHOTS, THROWN, make_mixed
 from truearc.errors import InputError
-from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
+from truearc.sim.data.dataset import Dataset, Traces, Tracks
 from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, Intake, take_in
 from truearc.sim.infer.likelihood.forward_model import DEVIATES
 from truearc_proof.truth.generate import shoot
@@ -22,11 +22,6 @@ def mixed() -> Dataset:
 @pytest.fixture(scope="module")
 def intake(mixed: Dataset) -> Intake:
     return take_in(mixed)
-
-
-def without(dataset: Dataset, *names: str) -> Dataset:
-    numbers = {name: column for name, column in dataset.shots.numbers.items() if name not in names}
-    return replace(dataset, shots=replace(dataset.shots, numbers=numbers))
 
 
 def changed(dataset: Dataset, name: str, rows: np.ndarray, value: float) -> Dataset:
@@ -52,14 +47,6 @@ def test_measured_exits_are_evidence_and_do_not_replace_wheels_and_hood(mixed: D
     assert intake.exits[MEASURED, 0] == pytest.approx(np.log(shots.number("exit_speed_m_s")[MEASURED]))
     assert intake.exits[MEASURED, 1] == pytest.approx(np.radians(shots.number("exit_deg")[MEASURED]))
     assert intake.exit_sd[MEASURED, 0] == pytest.approx(0.05 / shots.number("exit_speed_m_s")[MEASURED])
-
-
-def test_a_measured_height_beats_the_class(mixed: Dataset, intake: Intake) -> None:
-    place = {row: number for number, row in enumerate(intake.marked.tolist())}
-    rows = MEASURED[:4]
-    assert intake.seen.measured.sum() == 4
-    assert intake.seen.height_m[[place[row] for row in rows]] == pytest.approx(
-        mixed.shots.number("miss_height_m")[rows])
 
 
 def test_doubt_is_the_sensors_own(intake: Intake) -> None:
@@ -114,22 +101,6 @@ def test_what_is_left_out_is_said_and_counted(mixed: Dataset) -> None:
     assert FLOWN[0] not in said.rows
 
 
-def test_shots_that_say_nothing_are_not_rows() -> None:
-    shots = Shots(tuple(map(str, range(20))), {"distance_m": np.linspace(2.0, 6.0, 20), "hood_deg": np.full(20, 50.0),
-                                               "motor_ratio": np.full(20, 0.5)}, {})
-    assert len(take_in(Dataset("mute", make_world().facts, shots)).rows) == 0
-
-
-def test_each_ball_has_its_own_mass_and_size_where_they_were_measured(mixed: Dataset) -> None:
-    weighed = changed(changed(mixed, "mass_kg", FLOWN, 0.2), "radius_m", FLOWN[:4], 0.1)
-    lanes = take_in(weighed).lanes
-    assert np.asarray(lanes.ball_kg)[FLOWN] == pytest.approx(0.2)
-    assert np.asarray(lanes.ball_m)[FLOWN[:4]] == pytest.approx(0.1)
-    others = np.setdiff1d(np.arange(SHOTS), FLOWN)
-    assert np.asarray(lanes.ball_kg)[others] == pytest.approx(mixed.facts.ball.mass_kg)
-    assert np.asarray(lanes.ball_m)[others] == pytest.approx(mixed.facts.ball.radius_m)
-
-
 def test_bad_input_is_named(mixed: Dataset) -> None:
     few = replace(mixed, shots=mixed.shots.take(np.arange(FEWEST_SHOTS - 1)), tracks=None)
     with pytest.raises(InputError, match=f"{FEWEST_SHOTS - 1} shots are too few.*{FEWEST_SHOTS} at least"):
@@ -137,9 +108,3 @@ def test_bad_input_is_named(mixed: Dataset) -> None:
     facts = type(mixed.facts)(ball=mixed.facts.ball, launcher=mixed.facts.launcher, noise=mixed.facts.noise)
     with pytest.raises(InputError, match=r"centre_height_m: missing key"):
         take_in(replace(mixed, facts=facts))
-
-
-def test_a_hood_that_was_not_read_makes_the_launch_unknown(mixed: Dataset) -> None:
-    intake = take_in(without(mixed, "hood_deg", "exit_deg"))
-    assert np.asarray(intake.lanes.free)[intake.tracked].all()
-    assert len(intake.marked) == 0

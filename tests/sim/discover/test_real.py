@@ -14,21 +14,20 @@ from tests.sim.thin import thinned
 from truearc.api.discovery import _check_since
 from truearc.errors import InputError
 from truearc.sim.data.importers.imported import doubts_of, only
-from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.detect.battery import compare_trackers
 from truearc.sim.discover.detect.localization import locate
-from truearc.sim.discover.investigate import detect, discover, make_search
+from truearc.sim.discover.investigate import detect, discover, make_belief, make_search
 from truearc.sim.infer.belief import point_belief
-from truearc.sim.infer.fit import fit_believed, fit_map
+from truearc.sim.infer.fit import fit_believed
+from truearc.sim.infer.launcher import Launcher, fit_map
 from truearc.sim.infer.likelihood.data import take_in
 from truearc.sim.infer.likelihood.layout import groups_of, lay_out
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.simulate import predict
 from truearc_proof.importers.ball_butler import import_ball_butler
 from truearc_proof.importers.ball_drops import import_ball_drops
-from truearc_proof.importers.exit_speeds import import_971
 from truearc_proof.importers.mpi import import_mpi
-from truearc_proof.importers.set_points import GOAL_M, import_254, import_3476
+from truearc_proof.importers.set_points import GOAL_M, import_254, import_971, import_3476
 
 FEW = Catalogue(few_terms())           # where it is, and no name, is asked for
 pytestmark = [pytest.mark.data, pytest.mark.slow]
@@ -46,10 +45,10 @@ def test_falling_balls_are_slower_than_gravity_has_them(data_dir: Path) -> None:
     why both drops of all balls have no one name, is in docs/measured/real-data.md: naming takes a minute.)"""
     drops = only(import_ball_drops(data_dir / "real/ball_drops.csv"), "session=drop 1")
     intake = take_in(drops)
-    fitted = fit_believed(intake, lay_out(intake, ("gravity",), groups_of(drops.shots, intake.rows), FEW))
+    fitted = fit_believed(Launcher(intake, lay_out(intake, ("gravity",), groups_of(drops.shots, intake.rows), FEW)))
     asked, judged = detect(fitted, make_search(drops), lambda done, note: None)
     assert judged.p_any <= 0.05
-    place = locate(fitted.evidence, asked, judged, 0.05, len(drops.shots), 0)
+    place = locate(fitted.scores, asked, judged, 0.05, len(drops.shots), 0)
     assert (place.column.stage, place.column.direction) == ("flight", "along")
     fit = fit_map(drops, ("drag",))
     assert fit.converged and 0.3 < fit.values["drag.cd"] < 0.8         # one number for smooth and rough ones
@@ -65,7 +64,7 @@ def test_a_thrown_ball_is_held_back_and_a_camera_that_was_set_again_is_found(dat
     fits = []
     for one in (home, later, replace(later, tracks=replace(later.tracks, **seen))):
         intake = take_in(one)
-        fits.append(fit_believed(intake, lay_out(intake, ("gravity", "drag"), among=FEW)))
+        fits.append(fit_believed(Launcher(intake, lay_out(intake, ("gravity", "drag"), among=FEW))))
         assert fits[-1].values["drag.cd"] == pytest.approx(0.77, abs=0.19)
     assert compare_trackers(fits[1], fits[0], 0.05) is None
     changed = compare_trackers(fits[2], fits[0], 0.05)

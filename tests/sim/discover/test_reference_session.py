@@ -5,12 +5,11 @@ import pytest
 from scipy import stats
 
 from tests.sim.discover.straight import fit_straight
+from truearc.sim.discover.decide import judge_left
 from truearc.sim.discover.detect.battery import Asked, ReferenceSession, ask_everything
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
-from truearc.sim.discover.select.effects import judge_left
-from truearc.sim.discover.select.terms import promote, refit
 from truearc.sim.infer.belief import Belief
-from truearc.sim.infer.fit import BaselineFit
+from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood.data import take_in
 from truearc.sim.infer.likelihood.layout import lay_out
 from truearc_proof.truth.generate import shoot
@@ -19,9 +18,9 @@ from truearc_proof.truth.world import make_world
 LEFT = {"wind_z.speed_m_s": 0.4, "spin_decay.rate_per_s": -0.3}
 
 
-def asked(later: BaselineFit, home: BaselineFit | None, seed: int = 0) -> Asked:
+def asked(later: LauncherFit, home: LauncherFit | None, seed: int = 0) -> Asked:
     beside = None if home is None else ReferenceSession(home, {})
-    return ask_everything(later.evidence, (), (), len(later.evidence.rows), seed, beside)
+    return ask_everything(later.scores, (), (), len(later.scores.rows), seed, beside)
 
 
 def test_what_is_left_over_in_both_sessions_is_no_change() -> None:
@@ -44,7 +43,7 @@ def test_what_has_changed_since_is_seen_and_its_size_is_that_of_the_change(shots
     later = fit_straight(changed, 2)
     found = asked(later, home)
     judged = judge_left(found, 0)
-    named = [later.evidence.columns[test.column].name for test in found.tests]
+    named = [later.scores.columns[test.column].name for test in found.tests]
     amplitude = dict(zip(named, judged.amplitude, strict=True))
     assert judged.p_any < 0.01 and named[int(judged.statistic.argmax())] == "buoyancy.share"
     sd = np.sqrt(1.0 / 200 + 1.0 / shots)                     # of a difference of two means with unit noise
@@ -66,10 +65,10 @@ def test_names_that_were_given_since_are_fitted_at_home_too() -> None:
     assert given.among(home) is given
     later = fit_straight(LEFT, 1)
     name = "wind_z.speed_m_s"
-    there = given.among(promote(later, refit(later, (name,), np.array([0.1]))))
+    there = given.among(later.beside(later.with_terms((name,), np.array([0.1]))))
     assert there is not None and there.index(name) is None and given.index(name) is not None
     assert there.fitted.values[name] == pytest.approx(0.4, abs=0.3)
-    assert given.among(promote(later, refit(later, (name,), np.array([0.1])))) is there
+    assert given.among(later.beside(later.with_terms((name,), np.array([0.1])))) is there
 
 
 def test_home_is_as_free_to_have_other_balls_as_the_later_session() -> None:

@@ -6,18 +6,13 @@ from scipy.optimize import minimize
 
 from tests.sim.discover.made import column, gaussian, with_plane
 from tests.sim.discover.straight import NAMES, SHARED, fit_straight, slopes_and_y
-from truearc.sim.discover.adopt import make_belief
-from truearc.sim.discover.investigate import discover
-from truearc.sim.discover.select.terms import refit
+from truearc.sim.discover.investigate import discover, make_belief
 from truearc.sim.infer.likelihood.score_table import (
     FOLDS,
     ScoreTable,
     clustered_error,
     fit_linear,
     folds_of,
-    unseen_change,
-    unseen_score,
-    without,
 )
 from truearc_proof.truth.flight import RAPID_FIRE_S
 from truearc_proof.truth.generate import shoot
@@ -51,8 +46,8 @@ def test_unseen_scores_are_densities_by_fits_to_the_other_folds() -> None:
     assert fold[:7].tolist() == [0, 1, 2, 3, 4, 0, 1] and fold.max() == FOLDS - 1
     expected = np.array([-0.5 * (y[k] - x[k] @ ridge(x[fold != fold[k]], y[fold != fold[k]]))**2
                          for k in range(N)]) - 0.5 * np.log(2.0 * np.pi)
-    assert unseen_score(evidence) == pytest.approx(expected, abs=1e-5)
-    change = unseen_change(evidence)
+    assert evidence.held_out() == pytest.approx(expected, abs=1e-5)
+    change = evidence.held_out_change()
     assert evidence.log_score + evidence.gain(change) == pytest.approx(expected, abs=1e-5)
 
 
@@ -84,21 +79,21 @@ def test_two_names_refitted_at_once_are_ridge_regression_too() -> None:
     names = ("wind_z.speed_m_s", "added_mass.share")
     planted = {names[0]: 0.5, names[1]: -0.4}
     fitted = fit_straight(planted, 8)
-    found = refit(fitted, names, np.array([0.1, 0.1]))
+    found = fitted.with_terms(names, np.array([0.1, 0.1]))
     assert found.names == names
     slopes, y = slopes_and_y(planted, 8, 200, {})
     x = slopes[:, [NAMES.index(name) for name in (*names, *SHARED)]]
     inverse = np.linalg.inv(x.T @ x + np.diag([0.3**-2, 0.3**-2, 0.25, 0.25]))
-    assert found.evidence.point == pytest.approx(inverse @ x.T @ y, abs=1e-3)
+    assert found.scores.point == pytest.approx(inverse @ x.T @ y, abs=1e-3)
     # the model's own deviation, or by the residuals' spread (White's sandwich) where that is wider
-    left = y - x @ found.evidence.point
+    left = y - x @ found.scores.point
     spread = inverse @ (x.T * left**2) @ x @ inverse
     assert found.sd == pytest.approx(np.sqrt(np.maximum(np.diag(inverse), np.diag(spread)))[:2], rel=1e-6)
     assert (np.diag(spread)[:2] > np.diag(inverse)[:2]).any() and (np.diag(spread)[:2] < np.diag(inverse)[:2]).any()
 
 
 def test_the_shared_columns_alone() -> None:
-    bare = without(fit_straight({}, 1).evidence)
+    bare = fit_straight({}, 1).scores.shared_only()
     assert tuple(one.name for one in bare.columns) == SHARED
 
 

@@ -50,14 +50,6 @@ def test_a_finding_is_the_same_for_every_order_of_rows() -> None:
     assert one == other, order
 
 
-@pytest.mark.slow
-def test_a_gate_is_the_same_for_every_order_of_rows() -> None:
-    belief = ta.load_belief(Path(__file__).parents[2] / "golden" / "reference" / "belief" / "belief.toml")
-    order = np.random.default_rng(2).permutation(len(SHEET.shots)).tolist()
-    one, other = (ta.train_gate(data, belief, seed=0) for data in (SHEET, shuffled(SHEET, order)))
-    assert str(one) == str(other)
-
-
 @settings(max_examples=20)
 @given(order=st.permutations(range(40)), seed=st.integers(0, 9))
 def test_sorted_samples_stay_with_their_shots(order: list[int], seed: int) -> None:
@@ -92,7 +84,6 @@ def test_with_times_the_order_is_theirs() -> None:
     columns, mixed = number_columns(timed), number_columns(shuffled(timed, order))
     for name in ("order_in_session", "since_last_shot_s", "hood_change"):
         np.testing.assert_array_equal(columns[name][order], mixed[name])
-
 
 
 def test_what_needs_an_order_is_said_to_be_untested() -> None:

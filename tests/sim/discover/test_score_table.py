@@ -45,14 +45,6 @@ def test_moved_evidence_gains_what_is_left_to_gain(seed: int) -> None:
     assert back.linear == pytest.approx(evidence.linear, abs=1e-9)
 
 
-def test_at_no_change_the_slopes_are_the_evidences_own_and_nothing_is_gained() -> None:
-    evidence = with_plane(3)
-    none = np.zeros_like(evidence.score)
-    score, info = evidence.slopes_at(none)
-    assert score == pytest.approx(evidence.score) and info == pytest.approx(evidence.info)
-    assert (evidence.gain(none) == 0.0).all()
-
-
 @settings(max_examples=20, deadline=None)
 @given(seed=seeds)
 def test_expected_information_is_what_scores_scatter_by(seed: int) -> None:

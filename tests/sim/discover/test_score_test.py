@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.stats import kstest, norm
 
 from tests.sim.discover.made import at_least_squares, column, gaussian
-from truearc.sim.discover.detect.score_test import Judged, Scores, efficient_scores, judge
+from truearc.sim.discover.detect.battery import Judged, Scores, efficient_scores, judge
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 
 ALLOWANCE = {"terms": 0.6, "free": 0.3, "pattern": 0.1}

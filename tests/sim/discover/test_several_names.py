@@ -11,12 +11,11 @@ import truearc as ta
 from truearc.errors import InputError
 from truearc.sim.data.conditions import circumstances_of
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.adopt import Investigation, make_belief, with_own_priors
-from truearc.sim.discover.investigate import discover
+from truearc.sim.discover.investigate import Investigation, discover, make_belief, with_own_priors
 from truearc.sim.discover.report.finding_text import say_adopted
 from truearc.sim.discover.select.simulations import LEAST_SHARE, mixed, shares
 from truearc.sim.infer.belief import Coefficients, load_belief, point_belief
-from truearc.sim.infer.fit import coefficients_of
+from truearc.sim.infer.launcher import coefficients_of
 from truearc.sim.infer.likelihood.layout import Measurement
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc.sim.physics.catalogue import BUILT_IN
@@ -52,8 +51,8 @@ def test_it_forecasts_the_average_and_no_single_name_does(raised: tuple[Dataset,
     assert found.finding.verdict == "set"
     step, believed = with_own_priors(found.steps[-1:]), found.finding.data.believed
     share = shares(step.naming)
-    forecasts = {name: above_m(dataset, believed_at(step.naming.refits[name].evidence, believed)) for name in share}
-    before = above_m(dataset, believed_at(step.fitted.evidence, believed))
+    forecasts = {name: above_m(dataset, believed_at(step.naming.refits[name].scores, believed)) for name in share}
+    before = above_m(dataset, believed_at(step.fitted.scores, believed))
     average = (1.0 - sum(share.values())) * before + sum(share[name] * forecasts[name] for name in share)
     belief, provenance = make_belief(found)
     off = {name: np.sqrt(np.nanmean((one - average)**2)) for name, one in {**forecasts, "nothing": before}.items()}

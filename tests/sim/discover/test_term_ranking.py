@@ -6,28 +6,29 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from benchmarks.worlds import Job, world_of
 from tests.sim.discover.made import stand_in
 from tests.sim.discover.straight import ASKED, NAMES, SHARED, fit_straight, slopes_and_y
 from tests.sim.few_terms import few_terms
 from truearc.sim.discover.decide import credible_set
 from truearc.sim.discover.investigate import discover
-from truearc.sim.discover.select.terms import NEVER, Naming, Refit, is_possible, name_terms, nats_for, one_step
-from truearc.sim.infer.fit import BaselineFit
+from truearc.sim.discover.select.terms import NEVER, Naming, is_possible, name_terms, nats_for, one_step
+from truearc.sim.infer.fit import Fit
+from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.physics.catalogue import BUILT_IN
 from truearc_proof.truth.generate import shoot
+from truearc_proof.truth.world import make_world
 
 PLANTED = "spin_drag.share"
 
 
-def named(fitted: BaselineFit) -> Naming:
+def named(fitted: LauncherFit) -> Naming:
     return name_terms(fitted, lambda done, note: None)
 
 
-def log_marginal(fitted: BaselineFit, names: tuple[str, ...], world: tuple[np.ndarray, np.ndarray]) -> float:
+def log_marginal(fitted: LauncherFit, names: tuple[str, ...], world: tuple[np.ndarray, np.ndarray]) -> float:
     """Of y under normal priors on these names and the shared ones: one big covariance matrix."""
     slopes, y = world
-    sd = np.array([*(fitted.evidence.columns[ASKED.index(name)].usual for name in names), 2.0, 2.0])
+    sd = np.array([*(fitted.scores.columns[ASKED.index(name)].usual for name in names), 2.0, 2.0])
     mine = slopes[:, [NAMES.index(name) for name in (*names, *SHARED)]] * sd
     return float(multivariate_normal.logpdf(y, np.zeros(len(y)), np.eye(len(y)) + mine @ mine.T))
 
@@ -58,7 +59,7 @@ def test_one_step_is_exact_where_all_is_linear() -> None:
     fitted = fit_straight({PLANTED: 0.3}, 4)
     world = slopes_and_y({PLANTED: 0.3}, 4, 200, {})
     believed = log_marginal(fitted, (), world)
-    for candidate in one_step(fitted.evidence)[0]:
+    for candidate in one_step(fitted.scores)[0]:
         assert candidate.nats == pytest.approx(log_marginal(fitted, (candidate.name,), world) - believed, abs=0.01)
 
 
@@ -105,11 +106,11 @@ def test_a_name_beyond_what_its_term_allows_loses() -> None:
 
 
 def test_amplitudes_of_the_wrong_sign_are_impossible_only_beyond_doubt() -> None:
-    def found(value: float, wanted: float | None = None) -> Refit:
+    def found(value: float, wanted: float | None = None) -> LauncherFit:
         amplitude = np.array([value])
-        layout = SimpleNamespace(chain=SimpleNamespace(catalogue=BUILT_IN))
-        return stand_in(Refit, names=("wheel_slip.loss_per_m_s",), amplitude=amplitude, value=amplitude,
-                        wanted=amplitude if wanted is None else np.array([wanted]), sd=np.array([0.002]), layout=layout)
+        return stand_in(Fit, names=("wheel_slip.loss_per_m_s",), amplitude=amplitude, value=amplitude,
+                        wanted=amplitude if wanted is None else np.array([wanted]), sd=np.array([0.002]),
+                        model=SimpleNamespace(catalogue=BUILT_IN))
 
     assert is_possible(found(0.01), 0.015) and is_possible(found(-0.003), 0.015)
     assert not is_possible(found(-0.006), 0.015)
@@ -120,7 +121,7 @@ def test_amplitudes_of_the_wrong_sign_are_impossible_only_beyond_doubt() -> None
 
 def test_a_name_that_is_nothing_gets_no_nats_on_average() -> None:
     """Bayes factors: under the believed simulation the mean of exp(nats) is 1, and that of nats below 0."""
-    nats = np.concatenate([[c.nats for c in one_step(fit_straight({}, 100 + seed).evidence)[0]]
+    nats = np.concatenate([[c.nats for c in one_step(fit_straight({}, 100 + seed).scores)[0]]
                            for seed in range(40)])
     assert nats.mean() < -0.5
     assert np.exp(nats).mean() == pytest.approx(1.0, abs=0.35)
@@ -130,8 +131,8 @@ def test_a_name_that_is_nothing_gets_no_nats_on_average() -> None:
 def test_two_names_of_one_thing_come_as_a_set_whichever_top_their_climbs_end_on() -> None:
     """Without telemetry a dip of the wheels is a loss of efficiency, to the letter; here the climb of the true name, by
     itself, came to rest on a far lower top, and the other one was named alone."""
-    job = Job("cut", "exit_efficiency", "L0", 300, 1.0, 5001, 3)
+    world = make_world({}, "L0", 300, 500176690003, believe=("gravity", "drag", "magnus"))
     rivals = few_terms("wheel_droop", "wheel_slip", "battery_sag", "hood_offset", "wind_x")
-    finding = discover(shoot(world_of(job)), seed=job.index, terms=rivals).finding
+    finding = discover(shoot(world), seed=3, terms=rivals).finding
     assert finding.verdict == "set" and finding.set is not None
     assert set(finding.set) >= {"exit_efficiency", "wheel_droop"}, finding.sentence

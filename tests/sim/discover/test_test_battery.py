@@ -5,10 +5,19 @@ import pytest
 
 from tests.sim.discover.made import column, gaussian
 from truearc.sim.data.dataset import Shots
-from truearc.sim.discover.detect.battery import ALLOWANCE, FREE, PATTERN, TERMS, Asked, ask_everything, name_of
+from truearc.sim.discover.detect.battery import (
+    ALLOWANCE,
+    FREE,
+    PATTERN,
+    TERMS,
+    Asked,
+    Judged,
+    ask_everything,
+    judge,
+    name_of,
+)
 from truearc.sim.discover.detect.covariates import Covariate, Factor
 from truearc.sim.discover.detect.localization import locate
-from truearc.sim.discover.detect.score_test import Judged, judge
 from truearc.sim.infer.likelihood.layout import groups_of
 from truearc.sim.infer.likelihood.score_table import Column, ScoreTable
 

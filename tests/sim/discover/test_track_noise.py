@@ -73,13 +73,6 @@ def test_short_tracks_are_left_out_and_counted_and_padding_weighs_nothing() -> N
     assert (white.reshape(2, -1, 3)[1, 7:] == 0.0).all()
 
 
-def test_with_short_tracks_only_the_believed_scatter_stands() -> None:
-    t = 0.01 * np.arange(8)
-    samples, _, _ = gather_samples(Tracks(np.zeros(8, int), t, t, t, t))
-    assert isinstance(samples, Samples)
-    assert measure_scatter(samples, 0.0123).sigma_m.tolist() == [0.0123] * 3
-
-
 def test_whitened_noise_has_the_density_of_the_big_normal() -> None:
     rng = np.random.default_rng(5)
     time_s = np.array([0.0, 0.01, 0.03, 0.035])

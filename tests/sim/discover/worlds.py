@@ -58,19 +58,21 @@ def make_outcomes(world: World, shots: int, seed: int, signed: bool = True) -> D
 
 def plane_heights(world: World, ratio: np.ndarray, hood_deg: np.ndarray, distance_m: np.ndarray,
                   speed_factor: np.ndarray) -> np.ndarray:
-    """Heights at which the paper's rig (its Eq. 11 and 12) passes the planes, through the floor if need be.
-
-    One integration for all shots, over the share of the distance covered.
-    """
+    """Heights at which the paper's rig (its Eq. 11 and 12) passes the planes."""
     lower, upper = ratio * 594.0 * 0.0508, ratio * 594.0 * 0.5625 * 0.0349
     speed, spin = speed_factor * (lower + upper) / 2.0, (lower - upper) / (2.0 * np.pi * 0.0889)
-    angle = np.radians(hood_deg)
-    none = np.zeros(len(ratio))
+    return heights_at(distance_m, speed, np.radians(hood_deg), world.cd, world.cl, spin)
+
+
+def heights_at(distance_m: np.ndarray, speed: np.ndarray, angle: np.ndarray, cd: float, cl: float,
+               spin: np.ndarray) -> np.ndarray:
+    """Heights at the planes, through the floor if need be: one integration, over the share of the distance covered."""
+    none = np.zeros(len(speed))
 
     def per_share(share: float, flat: np.ndarray) -> np.ndarray:
         state = flat.reshape(6, -1).copy()
         state[3] = np.maximum(state[3], 0.2)              # nearly turned back: it ends far below
-        return (_rate(share, state, world.cd, world.cl, spin, 0.0, 0.0) * distance_m / state[3]).ravel()
+        return (_rate(share, state, cd, cl, spin, 0.0, 0.0) * distance_m / state[3]).ravel()
 
     start = np.stack([none, none, none + 0.75, speed * np.cos(angle), none, speed * np.sin(angle)])
     return solve_ivp(per_share, (0.0, 1.0), start.ravel(), "DOP853", rtol=1e-8, atol=1e-8).y[:, -1].reshape(6, -1)[2]

@@ -5,11 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from msgspec.structs import replace as replace_struct
 
 from tests.sim.physics.rigs import GUPPY
 from truearc.errors import InputError
-from truearc.robot.config.rig_spec import Noise
 from truearc.sim.data.conditions import ORDINARY
 from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.detect.covariates import smooth_shapes, spline_knots
@@ -25,13 +23,11 @@ from truearc.sim.infer.belief import (
     replace_values,
 )
 from truearc.sim.infer.forecast import forecast
-from truearc.sim.paper.synthetic import assign, fly_draws
 from truearc.sim.physics.catalogue import effective, flight_terms
 from truearc.sim.physics.flight import path
-from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import fly_rows, launch_of, predict
+from truearc.sim.physics.term import Exit
 
-SILENT = replace_struct(GUPPY, noise=Noise(0.0, 0.0, 0.0, 0.0))
 KNOTS = (2.0, 3.0, 4.0, 6.0)
 CURVE = Curve((0.0, 0.02, 0.01, 0.05), 0.03, "distance_m", KNOTS, low=1.5, high=7.0)
 AIR = {"drag": {"cd": 0.5}, "magnus": {"cl": 0.06}}
@@ -101,16 +97,6 @@ def test_a_push_against_the_flight_that_goes_with_speed_is_linear_drag() -> None
     assert float(flown.position_m.x[100, 0]) == pytest.approx(10.0 * np.cos(0.6) * (1.0 - np.exp(-k)) / k, rel=1e-7)
 
 
-def test_a_push_in_a_stretch_of_the_flight_pushes_only_there() -> None:
-    values = effective({"free_push": {"size_m_s2": -2.0, "along": 1.0, "from_s": 0.2, "to_s": 0.5}},
-                       ORDINARY._replace(free_push=np.ones(1)))
-    flown = path(GUPPY, flight_terms({"free_push"}), values, Exit(np.array([10.0]), np.array([0.0]), np.zeros(1)),
-                 points=1001, step_s=0.001)
-    speed = np.asarray(flown.velocity_m_s.x)[:, 0]
-    assert speed[190] == pytest.approx(10.0)
-    assert speed[1000] == pytest.approx(10.0 - 2.0 * 0.3, abs=0.005)
-
-
 def test_it_comes_back_from_disk(tmp_path: Path) -> None:
     for number, curve in enumerate((CURVE, Curve((), -0.2), Curve((0.1, 0.2), 0.15, "ball", levels=("a", "b")))):
         file = tmp_path / f"{number}.toml"
@@ -151,12 +137,6 @@ def test_points_that_are_in_doubt_make_heights_doubtful(curve: Curve, tmp_path: 
     assert np.allclose(told.parameter_m, 0.004 * np.linalg.norm(slopes, axis=1), rtol=1e-3)
     some = np.array([flown(one) for one in draw(belief, 400, np.random.default_rng(0))])
     assert np.allclose(some.std(0), told.parameter_m, rtol=0.15)
-    many = Shots(tuple(map(str, range(400))), {name: np.full(400, column[1])
-                                               for name, column in CONFIGURATIONS.numbers.items()}, {})
-    rng = np.random.default_rng(1)
-    drawn = fly_draws(SILENT, many, assign(draw(belief, 100, rng), 400, rng), rng,
-                      circumstances=before_the_shot(curves, GUPPY, many))
-    assert drawn.std() == pytest.approx(told.parameter_m[1], rel=0.2)
 
 
 def flown(belief: Belief) -> np.ndarray:
@@ -173,7 +153,3 @@ def test_curves_and_terms_that_do_not_go_together_are_refused(change: dict, said
     belief = Belief({"free_speed": {"share": 1.0}}, {}, ("curve.free_speed.0",), np.eye(1), {"free_speed": CURVE})
     with pytest.raises(InputError, match=said):              # by the reader, which asks before anything is written
         replace(belief, **change, provenance={"method": "x"}).save(tmp_path / "c.toml")
-
-
-def test_a_covariate_that_hardly_ever_departs_has_two_knots_all_the_same() -> None:
-    assert spline_knots(np.r_[np.zeros(992), np.ones(8)]) == pytest.approx([0.0, 1.0])

@@ -70,21 +70,6 @@ def test_predict_refuses_by_name(home, capsys, arguments, message):
     assert message in capsys.readouterr().err
 
 
-def test_a_bad_row_stops_both(home, capsys):
-    with (home / "shots.csv").open("a") as file:
-        file.write("a,3,50,0.5,two\n")
-    for verb in (["predict", "--cd", "1", "--cl", "1"], ["paper", "fit"]):
-        assert main([*verb, str(home)]) == 2
-        assert "shots.csv:6: shot_id: 'a' stands already in" in capsys.readouterr().err
-
-
-def test_fit_refuses_by_name(home, capsys):
-    assert main(["paper", "fit", str(home), "--step", "0.3"]) == 2
-    assert "--step: 0.3" in capsys.readouterr().err
-    assert main(["paper", "fit", str(home), "--step", "2.5", "--quiet", "-o", "/nowhere/c.toml"]) == 2
-    assert "/nowhere/c.toml" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(("column", "message"), [
     ("hood_deg", "hood_deg or exit_deg is needed, and no shot has it"),
     ("distance_m", "distance_m is needed, and no shot has it"),
@@ -106,12 +91,6 @@ def test_a_cell_that_is_empty_is_named_with_file_shot_and_column(home, capsys):
     assert f"{path}: shots late: distance_m is needed and missing" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("option", "value"), [("--terms", ""), ("--terms", "drag"), ("--seed", "5")])
-def test_paper_fit_refuses_options_of_fit(home, capsys, option, value):
-    assert main(["paper", "fit", str(home), option, value, "--quiet"]) == 2
-    assert f": {option}: there is no such option" in capsys.readouterr().err
-
-
 def test_fit_says_what_it_found_and_where_to_be_careful(home, tmp_path, capsys):
     """Four shots: the tied pairs are listed, and one or two three-pointers are called few."""
     tied, picture = tmp_path / "tied.csv", tmp_path / "map.png"
@@ -129,14 +108,6 @@ def test_fit_says_what_it_found_and_where_to_be_careful(home, tmp_path, capsys):
         assert float(row["mean_deviation_m"]) == pytest.approx(np.mean(off_m), abs=1e-5)
     assert "warning: only 2 three-pointers" in said
     assert picture.read_bytes().startswith(b"\x89PNG")
-
-
-def test_fit_lists_ten_of_many_ties(home, capsys):
-    assert main(["paper", "fit", str(home), "--step", "0.005", "--quiet"]) == 0
-    said = capsys.readouterr().out.splitlines()
-    header = next(row for row, line in enumerate(said) if line.startswith("     cd"))
-    more = next(row for row, line in enumerate(said) if "and" in line and "more (--tied" in line)
-    assert more == header + 11
 
 
 def test_fit_in_words_when_no_pair_reaches_all(tmp_path, capsys):

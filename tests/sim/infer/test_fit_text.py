@@ -1,8 +1,8 @@
 """Sentences of a fit's report."""
 
-from truearc.sim.infer.fit import Sought
 from truearc.sim.infer.fit_report import CrossValidation, say_estimates, say_prediction
 from truearc.sim.infer.intervals import ProfileInterval
+from truearc.sim.infer.launcher import Sought
 
 DRAG = Sought("drag.cd", "1", "drag coefficient", False, 0, 0.5, 0.5)
 

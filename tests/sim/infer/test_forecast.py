@@ -40,16 +40,6 @@ def test_heights_and_scatter_are_those_of_many_shots():
     np.testing.assert_allclose(ahead.sigma_m**2, ahead.launch_m**2 + ahead.sensor_m**2, rtol=1e-12)
 
 
-def test_without_a_scatter_only_the_sensors_doubt():
-    ahead = forecast(GUPPY, point_belief(EXACT), _shots())
-    np.testing.assert_array_equal(ahead.launch_m, 0.0)
-    rng = np.random.default_rng(4)
-    for row in range(2):
-        columns = [np.full(8000, column[row]) for column in CONFIGURATION]
-        fired = independent.fired(rng, Truth(speed_sd=0.0, elevation_sd_deg=0.0), *columns)
-        assert ahead.sensor_m[row] == pytest.approx(fired.std(), rel=0.05)
-
-
 def test_doubt_about_the_belief_is_that_of_its_draws():
     names = ("drag.cd", "exit_efficiency.loss", "magnus.cl")
     factor = np.array([[0.06, 0, 0], [-0.015, 0.005, 0], [0.0, 0.001, 0.003]])

@@ -8,9 +8,9 @@ from tests.sim.infer.independent import Truth
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.infer.fit import USUAL_SCATTER
+from truearc.sim.infer.launcher import USUAL_SCATTER
 from truearc.sim.infer.likelihood.data import take_in
-from truearc.sim.infer.likelihood.layout import LinearizationPoint, lay_out, only_shared
+from truearc.sim.infer.likelihood.layout import Point, lay_out, only_shared
 from truearc.sim.infer.likelihood.linearization import linearise
 from truearc.sim.infer.likelihood.noise import EXIT_SPEED_M_S, LAPSE
 from truearc.sim.infer.likelihood.observations import class_chances
@@ -28,7 +28,7 @@ def _at_truth(shots: Shots) -> tuple[ScoreTable, np.ndarray]:
     for slot, value in {("drag", "cd"): TRUTH.cd, ("magnus", "cl"): TRUTH.cl,
                         ("exit_efficiency", "loss"): TRUTH.loss}.items():
         values[layout.chain.slots.index(slot)] = value
-    return linearise(intake, layout, LinearizationPoint.still(layout, len(intake.rows), values, log_scatter))
+    return linearise(intake, layout, Point.still(layout, len(intake.rows), values, log_scatter))
 
 
 def test_outcomes_are_those_of_many_real_shots():

@@ -13,9 +13,9 @@ from tests.sim.physics.rigs import GUPPY
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Tracker
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
-from truearc.sim.infer.fit import MapFit, fit_map
 from truearc.sim.infer.fit_report import cross_validate, identify
 from truearc.sim.infer.intervals import deviance_at, profile_interval
+from truearc.sim.infer.launcher import MapFit, fit_map
 from truearc.sim.infer.likelihood.data import take_in
 from truearc.sim.statistics import Z90
 
@@ -108,10 +108,10 @@ def test_tracks_recover_coefficients_scatter_and_noise():
     tracks = make_tracks(21, 12)
     fit = fit_map(tracks, TERMS)
     assert fit.converged
-    assert fit.fitted.intake.used == {"tracks": 12}
+    assert fit.fitted.model.data.used == {"tracks": 12}
     for name, value in (TRUE | {"track_scale.share": 0.0, "track_tilt.angle_deg": 0.0}).items():
         assert deviance_at(fit, name, value) < 9.0
-    assert fit.fitted.intake.scatter.sigma_m[[0, 2]] == pytest.approx(0.012, rel=0.1)
+    assert fit.fitted.model.data.scatter.sigma_m[[0, 2]] == pytest.approx(0.012, rel=0.1)
     assert "track_scale.share" not in fit.belief.names
     rig = msgspec.structs.replace(GUPPY, tracker=Tracker(calibrated=True))
     sure = fit_map(dataclasses.replace(tracks, facts=rig), TERMS)

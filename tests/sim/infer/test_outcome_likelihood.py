@@ -100,8 +100,3 @@ def test_sideways_misses_are_not_used_and_a_missing_target_is_named() -> None:
     assert see_outcomes(shots, TARGET)[0].tolist() == [1]
     with pytest.raises(InputError, match="target"):
         see_outcomes(shots, None)
-
-
-def test_the_likeliest_class() -> None:
-    seen = seen_of(list(CELLS[:3]))
-    assert outcomes.best_class(seen, np.array([0.0, 0.2, 0.9]), np.full(3, 0.05)).tolist() == [2, 1, 0]

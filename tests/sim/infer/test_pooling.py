@@ -7,7 +7,6 @@ from scipy.stats import halfnorm, norm
 
 import truearc as ta
 from tests.sim.infer.independent import make_dataset
-from tests.sim.infer.test_misfit import flights
 from tests.sim.thin import thinned
 from truearc.cli.main import main
 from truearc.sim.infer.belief import load_belief
@@ -73,24 +72,6 @@ def test_intervals_hold_what_is_common_and_what_is_next_in_ninety_of_a_hundred()
         assert 0.8 < (np.array(off) < 1.645).mean() < 0.97
 
 
-def test_members_that_agree_are_averaged_and_that_differ_keep_what_is_theirs():
-    error = np.full((4, 1), 0.1)
-    alike = pool_normal(said_of(np.full((4, 1), 2.0), error, 0.0, 10.0, 0.05))
-    assert alike.common[0][0] == pytest.approx(2.0, abs=0.01)
-    assert alike.own_sd.max() < 0.075          # 0.1 alone
-    apart = pool_normal(said_of(np.array([[0.0], [10.0], [20.0], [30.0]]), error, 0.0, 100.0, 20.0))
-    assert apart.own[:, 0] == pytest.approx([0.0, 10.0, 20.0, 30.0], abs=0.05)
-    assert apart.own_sd.min() > 0.09 and apart.own_sd.max() < 0.105
-
-
-def test_a_member_that_says_nothing_of_a_number_has_the_common_one():
-    said = said_of(np.array([[1.0, 5.0], [1.2, 5.2], [0.8, 0.0]]), np.full((3, 2), 0.1), 0.0, 10.0, 0.3)
-    said.information[2, 1, 1] = said.onto[2, 1] = 0.0
-    found = pool_normal(said)
-    assert found.own[2, 1] == pytest.approx(found.common[0][1], abs=1e-9)
-    assert found.own_sd[2, 1] == pytest.approx(np.sqrt(found.next_one[1, 1]), rel=0.02)
-
-
 @pytest.fixture(scope="module")
 def weeks(tmp_path_factory):
     folder = tmp_path_factory.mktemp("pool")
@@ -122,33 +103,10 @@ def test_two_sessions_are_known_better_than_either(weeks, fits, tmp_path, capsys
     assert ta.predict(fits[0].dataset, belief).rows[0][0] == fits[0].dataset.shots.shot_id[0]
 
 
-def test_what_cannot_be_pooled_is_refused():
-    with pytest.raises(ta.InputError, match="fits: 0 given; at least 2"):
-        ta.pool([])
-
-
 @pytest.mark.slow
 def test_the_same_data_do_not_count_twice(fits):
     with pytest.raises(ta.InputError, match="d21: the same data twice"):
         ta.pool([*fits, fits[0]])
-
-
-@pytest.mark.slow
-def test_flights_that_contradict_each_other_do_not_make_pooled_numbers_sure():
-    """Each flight has a drag of its own (0.5 +- 0.1), which the noise alone would know to 0.001."""
-    pooled = ta.pool([ta.fit(flights(seed), ["gravity", "drag"]) for seed in (0, 1)])
-    for _, name, own, low, high, given, pooled_low, pooled_high in pooled.members().rows:
-        if name == "drag.cd":
-            assert low < own < high and pooled_low < given < pooled_high
-            assert pooled_high - pooled_low > 0.4 * (high - low)         # two such members: 0.7 if they are one
-
-
-@pytest.mark.slow
-def test_fits_without_a_number_are_refused():
-    bare = [ta.fit(flights(seed), ["gravity"]) for seed in (0, 1)]
-    assert not bare[0].belief.names
-    with pytest.raises(ta.InputError, match="nothing to pool"):
-        ta.pool(bare)
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from truearc.api.arguments import joined, names_of
 from truearc.robot.config.rig_spec import Air, Ball, LauncherFacts, Noise, Rig, Target, Wheel
 from truearc.sim.check.check import needed_speed
 from truearc.sim.data.dataset import Shots
-from truearc.sim.infer.fit import fit_map
+from truearc.sim.infer.launcher import fit_map
 from truearc.sim.physics import term as parts
 from truearc.sim.physics.simulate import predict
 from truearc.sim.physics.term import (

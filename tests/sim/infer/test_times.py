@@ -79,7 +79,7 @@ def test_a_shot_without_any_time_is_left_out_and_said() -> None:
     kept = dataset.times.shot > 0
     fewer = Times(*(column[kept] for column in vars(dataset.times).values()))
     left = ta.fit(Dataset("d", dataset.rig, dataset.shots, times=fewer), ["gravity", "drag"])
-    assert any("(d0)" in line for line in left.solution.fitted.intake.left_out)
+    assert any("(d0)" in line for line in left.solution.fitted.model.data.left_out)
 
 
 def test_the_order_of_rows_does_not_matter() -> None:

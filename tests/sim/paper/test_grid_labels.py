@@ -9,7 +9,7 @@ from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY, weightless
 from truearc.sim.paper import grid_labels
 from truearc.sim.paper.grid_labels import LONG, SHORT, find_hits, fly_pairs, label_launches, make_flyer
-from truearc.sim.physics.launch import Exit
+from truearc.sim.physics.term import Exit
 from truearc_proof.reproduce.collect import exit_seed
 
 TARGET = (2.44, 0.07, 0.35)
@@ -104,11 +104,3 @@ def test_long_steps_are_near_enough_for_what_they_decide():
     near = (gap <= 0.0) & (exact_gap <= 0.0) & (np.abs(short_m - TARGET[0]) < 0.5)
     assert near.sum() > 1000
     assert np.abs(long_m - short_m)[near].max() < grid_labels.SURE_M
-
-
-def test_the_interpolant_is_exact_for_a_polynomial():
-    nodes = grid_labels.NODES_AT
-    shape = grid_labels.TRANSFORM @ np.outer(nodes**3, 1.0 - nodes**5) @ grid_labels.TRANSFORM.T
-    table = grid_labels.TABLES[17, :17]
-    at = np.linspace(0, 1, 17)
-    np.testing.assert_allclose(table @ shape @ table.T, np.outer(at**3, 1.0 - at**5), atol=1e-13)

@@ -16,30 +16,22 @@ from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Ball, Rig
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import save_dataset
+from truearc.sim.paper import sweep
 from truearc.sim.paper.network import Rows, load_weights
-from truearc.sim.paper.sweep import (
-    SweepScore,
-    SweepSetting,
-    balanced_order,
-    compare,
-    mean_of,
-    plan,
-    settings_of,
-)
 
 REAL, SIMULATED = some_rows(60, 1), some_rows(90, 2)
 
 
 def test_every_size_goes_with_every_weight_and_nothing_simulated_goes_once() -> None:
-    assert settings_of([0, 30], [0.01, 0.1]) == [(0, 0.0), (30, 0.01), (30, 0.1)]
+    assert sweep.settings_of([0, 30], [0.01, 0.1]) == [(0, 0.0), (30, 0.01), (30, 0.1)]
     for sizes, weights, option in (([-1], [0.1], "--sizes"), ([1], [-0.1], "--lambdas"),
                                    ([1], [math.nan], "--lambdas")):
         with pytest.raises(InputError, match=option):
-            settings_of(sizes, weights)
+            sweep.settings_of(sizes, weights)
 
 
 def test_settings_of_one_seed_differ_in_simulated_shots_alone() -> None:
-    networks = plan(REAL, SIMULATED, settings_of([0, 30, 60], [0.01]), [3, 4], 0.2, 0.25)
+    networks = sweep.plan(REAL, SIMULATED, sweep.settings_of([0, 30, 60], [0.01]), [3, 4], 0.2, 0.25)
     assert [(network.setting.size, network.seed) for network in networks] == [
         (0, 3), (30, 3), (60, 3), (0, 4), (30, 4), (60, 4)]
     none, small, large = (network.job for network in networks[:3])
@@ -54,16 +46,16 @@ def test_settings_of_one_seed_differ_in_simulated_shots_alone() -> None:
 
 def test_more_than_there_is_and_nobody_to_judge_are_refused() -> None:
     with pytest.raises(InputError, match=r"--sizes: 100 .* --sim has 90"):
-        plan(REAL, SIMULATED, [SweepSetting(100, 0.01)], [0], 0.2, 0.25)
+        sweep.plan(REAL, SIMULATED, [sweep.SweepSetting(100, 0.01)], [0], 0.2, 0.25)
     for holdout, validation, option in ((0.0, 0.25, "--holdout"), (0.2, 0.0, "--validation")):
         with pytest.raises(InputError, match=option):
-            plan(REAL, None, [SweepSetting(0, 0.0)], [0], holdout, validation)
+            sweep.plan(REAL, None, [sweep.SweepSetting(0, 0.0)], [0], holdout, validation)
 
 
 @given(st.integers(0, 20), st.integers(0, 20), st.integers(1, 20), st.integers(0, 2**32))
 def test_every_beginning_of_the_order_is_evenly_mixed(misses: int, twos: int, threes: int, seed: int) -> None:
     labels = np.array([[0.0, 0.0]] * misses + [[1.0, 0.0]] * twos + [[1.0, 1.0]] * threes)
-    order = balanced_order(Rows(np.zeros((len(labels), 3)), labels), seed)
+    order = sweep.balanced_order(Rows(np.zeros((len(labels), 3)), labels), seed)
     assert sorted(order) == list(range(len(labels)))
     level, limit = labels.sum(axis=1)[order], min(count for count in (misses, twos, threes) if count)
     kinds = len(np.unique(level))
@@ -75,29 +67,29 @@ def test_every_beginning_of_the_order_is_evenly_mixed(misses: int, twos: int, th
 def test_the_interval_is_that_of_the_t_test() -> None:
     values = np.random.default_rng(0).normal(1.0, 2.0, 12)
     low, high = ttest_1samp(values, 0.0).confidence_interval(0.95)
-    mean = mean_of(values)
+    mean = sweep.mean_of(values)
     assert (mean.value - mean.half, mean.value + mean.half) == pytest.approx((low, high), rel=1e-12)
-    assert math.isnan(mean_of([3.0]).half)
+    assert math.isnan(sweep.mean_of([3.0]).half)
 
 
-def make_score(setting: SweepSetting, seed: int, validation: float, heldout: float) -> SweepScore:
-    return SweepScore(*setting, seed, 100, validation, heldout, 0.5, 0.5, 0.5)
+def make_score(setting: sweep.SweepSetting, seed: int, validation: float, heldout: float) -> sweep.SweepScore:
+    return sweep.SweepScore(*setting, seed, 100, validation, heldout, 0.5, 0.5, 0.5)
 
 
 def test_validation_alone_says_which_is_best_and_seeds_are_paired() -> None:
-    settings = [SweepSetting(0, 0.0), SweepSetting(30, 0.01), SweepSetting(60, 0.01)]
+    settings = [sweep.SweepSetting(0, 0.0), sweep.SweepSetting(30, 0.01), sweep.SweepSetting(60, 0.01)]
     rng = np.random.default_rng(1)
     level = rng.normal(0.0, 5.0, 8)                                  # a hard split is hard for every setting
     gains = rng.normal(0.3, 0.05, 8)
     scores = [make_score(settings[0], seed, 0.9, level[seed]) for seed in range(8)]
     scores += [make_score(settings[1], seed, 0.5, level[seed] - gains[seed]) for seed in reversed(range(8))]
     scores += [make_score(settings[2], seed, 0.7, -99.0) for seed in range(8)]     # held out says this: no say
-    verdict = compare(scores, settings)
+    verdict = sweep.compare(scores, settings)
     assert (verdict.best, verdict.rival) == (settings[1], settings[0])
-    assert verdict.gain == pytest.approx(mean_of(gains), rel=1e-9)
+    assert verdict.gain == pytest.approx(sweep.mean_of(gains), rel=1e-9)
     assert verdict.gain.half < 0.1
-    assert compare(scores[8:], settings[1:]).rival == settings[2]    # without a plain one: the next best
-    assert compare(scores[:8], settings[:1]) is None
+    assert sweep.compare(scores[8:], settings[1:]).rival == settings[2]    # without a plain one: the next best
+    assert sweep.compare(scores[:8], settings[:1]) is None
 
 
 def save_rows(directory: Path, rows: Rows) -> None:

@@ -11,20 +11,9 @@ from hypothesis import strategies as st
 
 from tests.sim.training_rows import REAL, SIMULATED, sigmoid, some_rows
 from truearc.errors import InputError
+from truearc.sim.paper import Recipe
+from truearc.sim.paper import train_many as many
 from truearc.sim.paper.network import Layers, Rows, accuracy, cross_entropy, initial_layers, logits, mean_loss
-from truearc.sim.paper.settings import Recipe
-from truearc.sim.paper.train_many import (
-    LANES,
-    Job,
-    Trained,
-    batches_per_epoch,
-    deal,
-    make_decks,
-    pack,
-    train_many,
-    unpack,
-)
-from truearc.sim.paper.train_many import sigmoid as fast_sigmoid
 
 BRISK = 0.01                          # a learning rate that gets somewhere within a test
 
@@ -33,12 +22,12 @@ class Order:
     """The minibatches of one network, taken any number at a time."""
 
     def __init__(self, rng: np.random.Generator, real: int, simulated: int) -> None:
-        self.decks = make_decks([rng], [(real, simulated)])
+        self.decks = many.make_decks([rng], [(real, simulated)])
 
     def take(self, steps: int) -> np.ndarray:
         batches = np.full((steps, 20), -1, np.int32)
         for picked in batches:
-            deal(self.decks, 0, picked)
+            many.deal(self.decks, 0, picked)
         return batches
 
 
@@ -50,7 +39,7 @@ def gradient(layers: Layers, z: np.ndarray, labels: np.ndarray, weights: np.ndar
     return Layers(z.T @ back, back.sum(axis=0), hidden.T @ out, out.sum(axis=0))
 
 
-def train_plainly(job: Job, learning_rate: float, steps: int) -> Layers:
+def train_plainly(job: many.Job, learning_rate: float, steps: int) -> Layers:
     """The same updates in a plain loop in float64, Adam as Kingma and Ba's algorithm 1 has it."""
     mean = job.real.features.mean(axis=0).astype(np.float32).astype(float)
     scale = (1.0 / job.real.features.std(axis=0)).astype(np.float32).astype(float)
@@ -71,7 +60,7 @@ def train_plainly(job: Job, learning_rate: float, steps: int) -> Layers:
     return layers
 
 
-def same(one: Trained, other: Trained) -> bool:
+def same(one: many.Trained, other: many.Trained) -> bool:
     return one.step == other.step and all(
         np.array_equal(a, b) for a, b in zip(one.network.layers, other.network.layers, strict=True))
 
@@ -84,32 +73,32 @@ def test_the_gradient_of_the_reference_is_that_of_jax() -> None:
         np.testing.assert_allclose(found, slope, rtol=1e-10, atol=1e-13)
 
 
-@pytest.mark.parametrize("job", [Job(REAL, SIMULATED, None, 0.3, 4), Job(REAL, None, None, 0.3, 5)])
-def test_the_kernel_makes_the_updates_of_a_plain_loop(job: Job) -> None:
-    found = train_many([job], Recipe(learning_rate=0.02, steps=60))[0]
+@pytest.mark.parametrize("job", [many.Job(REAL, SIMULATED, None, 0.3, 4), many.Job(REAL, None, None, 0.3, 5)])
+def test_the_kernel_makes_the_updates_of_a_plain_loop(job: many.Job) -> None:
+    found = many.train_many([job], Recipe(learning_rate=0.02, steps=60))[0]
     for name, layer, wanted in zip(Layers._fields, found.network.layers, train_plainly(job, 0.02, 60), strict=True):
         np.testing.assert_allclose(layer, wanted, rtol=1e-4, atol=2e-5, err_msg=name)
     # the comparison would see one step more or less
-    assert np.abs(pack(train_plainly(job, 0.02, 61)) - pack(found.network.layers)).max() > 1e-3
+    assert np.abs(many.pack(train_plainly(job, 0.02, 61)) - many.pack(found.network.layers)).max() > 1e-3
 
 
 def test_the_series_is_the_sigmoid() -> None:
     x = np.concatenate([np.linspace(-90.0, 90.0, 20001), [-3e38, -1e4, 1e4, 3e38]]).astype(np.float32)
-    found = np.array([fast_sigmoid(value) for value in x])
+    found = np.array([many.sigmoid(value) for value in x])
     with np.errstate(over="ignore"):
         wanted = sigmoid(x.astype(float))
     np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-6)
-    assert math.isnan(fast_sigmoid(np.float32(np.nan)))
+    assert math.isnan(many.sigmoid(np.float32(np.nan)))
 
 
 def test_who_shares_a_batch_changes_no_bit() -> None:
-    jobs = [Job(some_rows(20 + seed % 7, seed), some_rows(11 * (seed % 5), 50 + seed) if seed % 5 else None,
-                some_rows(9, 90 + seed), 0.1 * (seed % 3), seed) for seed in range(LANES + 9)]
+    jobs = [many.Job(some_rows(20 + seed % 7, seed), some_rows(11 * (seed % 5), 50 + seed) if seed % 5 else None,
+                some_rows(9, 90 + seed), 0.1 * (seed % 3), seed) for seed in range(many.LANES + 9)]
     recipe = Recipe(BRISK, steps=900, patience=200, check=50)
-    together = train_many(jobs, recipe)
-    for number in (0, 3, 10, LANES + 8):
-        assert same(train_many([jobs[number]], recipe)[0], together[number])
-    backwards = train_many(jobs[::-1], recipe, threads=1)[::-1]
+    together = many.train_many(jobs, recipe)
+    for number in (0, 3, 10, many.LANES + 8):
+        assert same(many.train_many([jobs[number]], recipe)[0], together[number])
+    backwards = many.train_many(jobs[::-1], recipe, threads=1)[::-1]
     assert all(map(same, backwards, together))
     assert len({one.curve[-1].step for one in together}) > 3        # they did not all stop together
     assert not same(together[1], together[2])
@@ -117,7 +106,7 @@ def test_who_shares_a_batch_changes_no_bit() -> None:
 
 def test_the_losses_are_those_of_the_network() -> None:
     fresh = some_rows(40, 3)
-    one = train_many([Job(REAL, SIMULATED, fresh)], Recipe(BRISK, steps=300, patience=300, check=100))[0]
+    one = many.train_many([many.Job(REAL, SIMULATED, fresh)], Recipe(BRISK, steps=300, patience=300, check=100))[0]
     kept = next(point for point in one.curve if point.step == one.step)
     for found, rows in zip(kept[1:], (REAL, SIMULATED, fresh), strict=True):
         assert found == pytest.approx(mean_loss(one.network, rows), rel=1e-5)
@@ -126,7 +115,7 @@ def test_the_losses_are_those_of_the_network() -> None:
 def test_the_weights_kept_are_the_best_on_the_validation_rows_and_patience_ends_it() -> None:
     noise = Rows(some_rows(30, 5).features, np.random.default_rng(0).choice([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]], 30))
     fresh = Rows(some_rows(200, 6).features, np.random.default_rng(1).choice([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]], 200))
-    one = train_many([Job(noise, None, fresh)], Recipe(BRISK, steps=20000, patience=1500, check=100))[0]
+    one = many.train_many([many.Job(noise, None, fresh)], Recipe(BRISK, steps=20000, patience=1500, check=100))[0]
     watched = {point.step: point.validation for point in one.curve}
     assert one.step == min(watched, key=watched.get)
     assert one.curve[-1].step == one.step + 1500 < 20000
@@ -136,17 +125,18 @@ def test_the_weights_kept_are_the_best_on_the_validation_rows_and_patience_ends_
 
 
 def test_without_validation_it_goes_to_the_end_and_the_last_weights_are_kept() -> None:
-    one = train_many([Job(REAL, SIMULATED)], Recipe(BRISK, steps=730, patience=1, check=100))[0]
+    one = many.train_many([many.Job(REAL, SIMULATED)], Recipe(BRISK, steps=730, patience=1, check=100))[0]
     assert one.step == one.curve[-1].step == 730 and math.isnan(one.curve[-1].validation)
     assert [point.step for point in one.curve] == [100, 200, 300, 400, 500, 600, 700, 730]
-    long = train_many([Job(REAL, SIMULATED)], Recipe(BRISK, steps=730))[0]
+    long = many.train_many([many.Job(REAL, SIMULATED)], Recipe(BRISK, steps=730))[0]
     assert same(one, long)                                           # looking changes nothing
 
 
 def test_learns_what_can_be_learnt() -> None:
     real, fresh = some_rows(200, 5), some_rows(1000, 6)
-    jobs = [Job(real, SIMULATED, None, 0.01, 1), Job(real, None, None, 0.01, 1), Job(real, SIMULATED, None, 0.01, 2)]
-    both, alone, other = train_many(jobs, Recipe(BRISK, steps=3000))
+    jobs = [many.Job(real, SIMULATED, None, 0.01, 1), many.Job(real, None, None, 0.01, 1),
+            many.Job(real, SIMULATED, None, 0.01, 2)]
+    both, alone, other = many.train_many(jobs, Recipe(BRISK, steps=3000))
     assert accuracy(both.network, fresh)["outcome"] > 0.92
     assert accuracy(alone.network, fresh)["outcome"] > 0.9
     assert not np.array_equal(both.network.layers.hidden_w, other.network.layers.hidden_w)
@@ -155,28 +145,30 @@ def test_learns_what_can_be_learnt() -> None:
 def test_lambda_zero_makes_simulated_labels_irrelevant_and_more_does_not() -> None:
     upside_down = Rows(SIMULATED.features, 1.0 - SIMULATED.labels)
     for weight, equal in ((0.0, True), (0.5, False)):
-        one, two = train_many([Job(REAL, rows, None, weight) for rows in (SIMULATED, upside_down)], Recipe(steps=20))
+        jobs = [many.Job(REAL, rows, None, weight) for rows in (SIMULATED, upside_down)]
+        one, two = many.train_many(jobs, Recipe(steps=20))
         assert same(one, two) == equal
 
 
 def test_refuses_to_train_on_nothing_for_no_time_or_into_nonsense() -> None:
     with pytest.raises(InputError, match="no recorded shots"):
-        train_many([Job(some_rows(0, 0), SIMULATED)])
-    for job, option in ((Job(REAL, seed=-1), "--seed is -1"), (Job(REAL, simulated_weight=-0.1), "--lambda is -0.1"),
-                        (Job(REAL, simulated_weight=math.nan), "--lambda is nan")):
+        many.train_many([many.Job(some_rows(0, 0), SIMULATED)])
+    for job, option in ((many.Job(REAL, seed=-1), "--seed is -1"),
+                        (many.Job(REAL, simulated_weight=-0.1), "--lambda is -0.1"),
+                        (many.Job(REAL, simulated_weight=math.nan), "--lambda is nan")):
         with pytest.raises(InputError, match=option):
-            train_many([job])
+            many.train_many([job])
     for settings, option in (({"steps": 0}, "--steps is 0"), ({"patience": 0}, "--patience is 0"),
                              ({"learning_rate": 0.0}, "--learning-rate is 0.0")):
         with pytest.raises(InputError, match=option):
             Recipe(**settings)
     with pytest.raises(InputError, match=r"diverged within .* \(seed 3\)"):
-        train_many([Job(REAL, SIMULATED, seed=3)], Recipe(learning_rate=1e38, steps=50))
+        many.train_many([many.Job(REAL, SIMULATED, seed=3)], Recipe(learning_rate=1e38, steps=50))
 
 
 @given(st.integers(1, 60), st.integers(1, 200), st.integers(0, 2**32))
 def test_an_epoch_uses_every_simulated_row_and_recorded_rows_evenly(real: int, simulated: int, seed: int) -> None:
-    batches = Order(np.random.default_rng(seed), real, simulated).take(batches_per_epoch(real, simulated))
+    batches = Order(np.random.default_rng(seed), real, simulated).take(many.batches_per_epoch(real, simulated))
     assert batches.shape == (math.ceil(simulated / 10), 20)
     recorded = np.bincount(batches[:, :10].ravel(), minlength=real)
     imagined = np.bincount(batches[:, 10:].ravel() - real, minlength=simulated)
@@ -197,8 +189,3 @@ def test_rows_meet_each_other_in_every_order() -> None:
     share = np.array([[(orders[:, place] == row).any(axis=1).mean() for place in range(3)] for row in range(30)])
     assert np.abs(share - 1.0 / 3.0).max() < 5.0 * math.sqrt(2.0 / 9.0 / 3000)
     assert all(not np.array_equal(one, other) for one, other in pairwise(orders[:50]))
-
-
-def test_packed_layers_come_back() -> None:
-    layers = initial_layers(np.random.default_rng(2))
-    assert all(np.array_equal(a, b) for a, b in zip(unpack(pack(layers)), layers, strict=True))

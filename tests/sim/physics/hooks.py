@@ -9,20 +9,9 @@ import numpy as np
 
 from tests.sim.physics.rigs import GUPPY
 from truearc.robot.config.rig_spec import Rig
+from truearc.sim.physics import term as kinds
 from truearc.sim.physics.catalogue import find_terms
-from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.term import (
-    AirTerm,
-    ArrivalTerm,
-    BallState,
-    FlightTerm,
-    LaunchTerm,
-    Opening,
-    SensingTerm,
-    Term,
-    WatchTerm,
-    complete,
-)
+from truearc.sim.physics.term import BallState, Exit, Opening
 from truearc.sim.physics.vector import Vec
 
 EXITS = Exit(np.array([0.5, 4.0, 9.0, 21.0]), np.array([0.1, 0.5, 0.9, 1.3]), np.array([-3.0, 0.0, 4.0, 11.0]),
@@ -32,7 +21,7 @@ HOLE = Opening(2.44, 0.07, 0.35)
 FLOWN_S = 0.7
 
 
-def typical(term: Term) -> dict[str, float]:
+def typical(term: kinds.Term) -> dict[str, float]:
     """Values at work: somewhere between the default of the amplitude and the end of its range."""
     first = term.parameters[0]
     values = {p.name: p.low + 0.37 * (p.high - p.low) for p in term.parameters}
@@ -51,44 +40,44 @@ def ball_of(numbers, time_s: float = FLOWN_S) -> BallState:
 
 def forces_on(rig: Rig, ball: BallState, names: tuple[str, ...]) -> dict[str, Vec]:
     """What terms that are a share of others may find before them."""
-    return {term.name: term.acceleration(rig, complete(term, {"cd": 0.6, "cl": 0.2}), ball, {})
+    return {term.name: term.acceleration(rig, kinds.complete(term, {"cd": 0.6, "cl": 0.2}), ball, {})
             for term in find_terms(names)}
 
 
-def call(term: Term, values, numbers=None, rig: Rig = GUPPY, others=("gravity", "drag", "magnus"),
+def call(term: kinds.Term, values, numbers=None, rig: Rig = GUPPY, others=("gravity", "drag", "magnus"),
          exit: Exit = EXITS, distance_m=DISTANCES_M, hole: Opening = HOLE, time_s: float = FLOWN_S) -> np.ndarray:
     """All that a term's hook answers, as one array, whatever its stage; flight in the state `numbers`."""
     ball = ball_of(state(1) if numbers is None else numbers, time_s)
-    if isinstance(term, FlightTerm):
+    if isinstance(term, kinds.FlightTerm):
         answer = [tuple(term.acceleration(rig, values, ball, forces_on(rig, ball, others)))]
-    elif isinstance(term, AirTerm):
+    elif isinstance(term, kinds.AirTerm):
         met = term.meet(rig, values, ball)
         answer = [tuple(met.velocity_m_s), tuple(met.spin_rev_s)]
-    elif isinstance(term, SensingTerm):
+    elif isinstance(term, kinds.SensingTerm):
         answer = [tuple(part) for part in (*term.sense(rig, values, exit, distance_m)[0],
                                            term.sense(rig, values, exit, distance_m)[1])]
-    elif isinstance(term, LaunchTerm):
+    elif isinstance(term, kinds.LaunchTerm):
         answer = [tuple(part) for part in term.leave(rig, values, exit)]
-    elif isinstance(term, WatchTerm):
+    elif isinstance(term, kinds.WatchTerm):
         answer = [tuple(term.watch(values, ball.position_m, ball.velocity_m_s, ball.time_s))]
     else:
-        assert isinstance(term, ArrivalTerm)
+        assert isinstance(term, kinds.ArrivalTerm)
         answer = [tuple(term.arrive(values, hole))]
     return jnp.stack([jnp.stack([jnp.asarray(part, dtype=float) for part in row]) for row in answer])
 
 
-def untouched(term: Term) -> np.ndarray:
+def untouched(term: kinds.Term) -> np.ndarray:
     """The answer of a hook that changes nothing."""
     ball = ball_of(state(1))
-    if isinstance(term, FlightTerm):
+    if isinstance(term, kinds.FlightTerm):
         return np.zeros((1, 3))
-    if isinstance(term, AirTerm):
+    if isinstance(term, kinds.AirTerm):
         return np.array([ball.velocity_m_s, ball.spin_rev_s])
-    if isinstance(term, SensingTerm):
+    if isinstance(term, kinds.SensingTerm):
         return np.stack([*EXITS, DISTANCES_M])
-    if isinstance(term, LaunchTerm):
+    if isinstance(term, kinds.LaunchTerm):
         return np.stack(EXITS)
-    return np.array([ball.position_m if isinstance(term, WatchTerm) else HOLE])
+    return np.array([ball.position_m if isinstance(term, kinds.WatchTerm) else HOLE])
 
 
 def finite(tree) -> bool:

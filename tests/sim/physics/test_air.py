@@ -7,7 +7,7 @@ from scipy.integrate import quad, solve_ivp
 from tests.sim.physics.rigs import GUPPY, weightless
 from truearc.sim.physics.catalogue import flight_terms
 from truearc.sim.physics.flight import fly, make_law, path, reach_plane, start_of
-from truearc.sim.physics.launch import Exit
+from truearc.sim.physics.term import Exit
 
 M, R, RHO, G, UP = 0.14, 0.0889, 1.2, 9.81, 0.75
 AREA, VOLUME = np.pi * R**2, 4 / 3 * np.pi * R**3

@@ -1,13 +1,12 @@
-"""The catalogue as a value, with terms of distributions and of files: order, names, every declared field used."""
+"""The catalogue as a value, with terms of distributions and of files: order, names, what a term must declare."""
 
-import ast
-import dataclasses
 import inspect
 import pickle
 import subprocess
 import sys
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,29 +14,29 @@ import pytest
 from tests.sim.physics import own
 from tests.sim.physics.own import Flex
 from tests.sim.physics.rigs import GUPPY
-from tools.pages import TERMS_BEGIN, TERMS_END, put_terms
 from truearc import sim
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Shots
-from truearc.sim.physics.catalogue import (
-    BUILT_IN,
-    TERMS,
-    Catalogue,
-    as_catalogue,
-    catalogue,
-    find_parameter,
-    find_terms,
-    terms_of_distributions,
-    terms_of_file,
-)
+from truearc.sim.physics import catalogue as cat
+from truearc.sim.physics.catalogue import TERMS
 from truearc.sim.physics.nonparametric import NAMELESS
 from truearc.sim.physics.simulate import predict
-from truearc.sim.physics.term import STAGES, InFlight, LaunchTerm, Parameter, Term
-from truearc.sim.physics.term_fields import Instrument, Phrase, Prior
+from truearc.sim.physics.term import (
+    STAGES,
+    Exit,
+    Instrument,
+    LaunchTerm,
+    Parameter,
+    Phrase,
+    Prior,
+    Rig,
+    Term,
+    Values,
+)
 from truearc_proof.parallel import fan_out
 
 ROOT = Path(sim.__file__).parent.parent
-BIG = Catalogue((*TERMS, Flex()))
+BIG = cat.Catalogue((*TERMS, Flex()))
 ORDER = ("hood_offset hood_backlash encoder_scale distance_scale distance_bias vision_latency track_scale track_tilt "
          "track_roll track_clock track_perspective wheel_slip exit_efficiency wheel_droop ball_compression ball_wear "
          "ball_spread battery_sag rapid_fire release_height spin_decay wind_x wind_y wind_z gravity drag magnus "
@@ -47,8 +46,8 @@ TEXT = inspect.getsource(own)
 
 
 def test_terms_act_in_the_order_they_declare() -> None:
-    assert BUILT_IN.names == tuple(ORDER.split())
-    assert Catalogue(TERMS[::-1]) == BUILT_IN
+    assert cat.BUILT_IN.names == tuple(ORDER.split())
+    assert cat.Catalogue(TERMS[::-1]) == cat.BUILT_IN
     for stage in STAGES:
         places = [term.order[0] for term in TERMS if term.stage == stage]
         assert places == sorted(set(places))
@@ -57,26 +56,27 @@ def test_terms_act_in_the_order_they_declare() -> None:
 def test_a_further_term_finds_its_place_by_what_it_declares() -> None:
     names = BIG.names
     assert names.index("track_perspective") + 1 == names.index("flex") == names.index("wheel_slip") - 1
-    assert find_terms(["drag", "flex"], BIG) == (Flex(), *find_terms(["drag"]))
-    assert find_parameter("flex.angle_deg", BIG) is Flex.parameters[0]
+    assert cat.find_terms(["drag", "flex"], BIG) == (Flex(), *cat.find_terms(["drag"]))
+    assert cat.find_parameter("flex.angle_deg", BIG) is Flex.parameters[0]
     assert BIG.get("flex") == Flex() and BIG.get("free_push") == NAMELESS[-1] and BIG.get("magic") is None
 
 
 def test_the_usual_catalogue_is_not_changed_by_another() -> None:
-    assert as_catalogue(None) is catalogue() and as_catalogue(BIG) is BIG and as_catalogue([*BUILT_IN]) == BUILT_IN
+    assert cat.as_catalogue(None) is cat.catalogue() and cat.as_catalogue(BIG) is BIG
+    assert cat.as_catalogue([*cat.BUILT_IN]) == cat.BUILT_IN
     with pytest.raises(InputError, match="no term 'flex'"):
-        find_terms(["flex"])
+        cat.find_terms(["flex"])
 
 
 def test_names_that_are_taken_are_refused() -> None:
     for taken in ("drag", "free_push"):
         second = type("Second", (Flex,), {"__doc__": "A law.", "name": taken})
         with pytest.raises(InputError, match=f"Second: there is a term '{taken}' already"):
-            Catalogue((*TERMS, second()))
+            cat.Catalogue((*TERMS, second()))
 
 
 def test_terms_are_equal_by_class_hashable_and_picklable() -> None:
-    assert Flex() == Flex() and hash(BIG) == hash(Catalogue((Flex(), *TERMS))) and BIG != BUILT_IN
+    assert Flex() == Flex() and hash(BIG) == hash(cat.Catalogue((Flex(), *TERMS))) and BIG != cat.BUILT_IN
     assert pickle.loads(pickle.dumps(BIG)) == BIG
     assert repr(Flex()) == "Flex()"
 
@@ -90,30 +90,6 @@ def test_shots_fly_with_a_further_term() -> None:
     np.testing.assert_allclose(flexed.height_m, predict(GUPPY, coefficients, lower).height_m, rtol=1e-9)
     with pytest.raises(InputError, match="no term 'flex'"):
         predict(GUPPY, {"flex": {"angle_deg": 2.0}}, shots)
-
-
-def test_every_declared_field_is_used_beside_the_declarations() -> None:
-    """By the product or the page of terms: a field that only the check reads would be a burden without a use."""
-    own = {"term.py", "term_fields.py", "term_check.py"}
-    files = [path for folder in ("sim", "truearc", "tools") for path in (ROOT / folder).rglob("*.py")
-             if not (path.parent.name == "physics" and path.name in own) and path.parent.name != "terms"]
-    read = {node.attr for path in files for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-            if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load)}
-    declared = {*Term.__annotations__, *InFlight.__annotations__, *Phrase._fields, *Instrument._fields,
-                *(field.name for kind in (Parameter, Prior) for field in dataclasses.fields(kind))}
-    assert len(declared) > 30
-    assert declared - read == set()
-
-
-def test_every_term_is_on_the_page_of_terms() -> None:
-    page = (ROOT / "docs" / "reference" / "terms.md").read_text(encoding="utf-8")
-    assert all(f"| `{name}` |" in page for name in BUILT_IN.names)
-
-
-@pytest.mark.parametrize("page", ["no marks", TERMS_BEGIN, TERMS_END])
-def test_a_page_without_marks_is_refused(page: str) -> None:
-    with pytest.raises(ValueError, match="lacks"):
-        put_terms(page)
 
 
 @pytest.fixture
@@ -131,17 +107,17 @@ def describe(term: Term) -> tuple[str, str, float]:
 
 
 def test_a_file_gives_its_classes_and_instances_each_once(file: Path) -> None:
-    (term,) = terms_of_file(file, TERMS)
+    (term,) = cat.terms_of_file(file, TERMS)
     assert (term.name, term.label) == ("flex", "yielding hood") and isinstance(term, LaunchTerm)
     file.write_text(TEXT + "\n\nflex = Flex()\n\n\nclass _Hidden(Flex):\n    pass\n", encoding="utf-8")
-    assert [term.name for term in terms_of_file(file, TERMS)] == ["flex"]
+    assert [term.name for term in cat.terms_of_file(file, TERMS)] == ["flex"]
 
 
 def test_a_file_read_again_gives_equal_terms_and_a_changed_one_others(file: Path) -> None:
-    first = terms_of_file(file, TERMS)
-    assert terms_of_file(file, TERMS) == first
+    first = cat.terms_of_file(file, TERMS)
+    assert cat.terms_of_file(file, TERMS) == first
     file.write_text(TEXT.replace("before the losses", "first of all"), encoding="utf-8")
-    assert terms_of_file(file, TERMS) != first and hash(Catalogue(first)) == hash(Catalogue(first))
+    assert cat.terms_of_file(file, TERMS) != first and hash(cat.Catalogue(first)) == hash(cat.Catalogue(first))
 
 
 @pytest.mark.parametrize(("text", "message"), [
@@ -154,17 +130,17 @@ def test_a_file_read_again_gives_equal_terms_and_a_changed_one_others(file: Path
 def test_what_a_file_lacks_is_said_with_its_name(text: str, message: str, file: Path) -> None:
     file.write_text(text, encoding="utf-8")
     with pytest.raises(InputError) as caught:
-        terms_of_file(file, TERMS)
+        cat.terms_of_file(file, TERMS)
     assert message in str(caught.value) and str(file) in str(caught.value)
 
 
 def test_a_missing_file_is_named() -> None:
     with pytest.raises(InputError, match=r"nowhere\.py"):
-        terms_of_file("nowhere.py", TERMS)
+        cat.terms_of_file("nowhere.py", TERMS)
 
 
 def test_terms_of_a_file_work_in_spawned_processes_even_without_the_file(file: Path) -> None:
-    catalogue = Catalogue((*TERMS, *terms_of_file(file, TERMS)))
+    catalogue = cat.Catalogue((*TERMS, *cat.terms_of_file(file, TERMS)))
     (term,) = catalogue.find(["flex"])
     file.unlink()
     assert pickle.loads(pickle.dumps(catalogue)) == catalogue
@@ -193,7 +169,7 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.parametrize("more", ["", "\nFlex = Flex()\n", "\nFlex = [Flex, Flex()]\n"])
 def test_an_entry_point_gives_a_class_an_instance_or_several(more: str, site: Path) -> None:
     install(site, "own_terms:Flex", TEXT + more)
-    assert [term.name for term in terms_of_distributions(TERMS)] == ["flex"]
+    assert [term.name for term in cat.terms_of_distributions(TERMS)] == ["flex"]
     sys.modules.pop("own_terms", None)
 
 
@@ -206,7 +182,7 @@ def test_an_entry_point_gives_a_class_an_instance_or_several(more: str, site: Pa
 def test_a_broken_distribution_is_named(target: str, text: str, message: str, site: Path) -> None:
     install(site, target, text)
     with pytest.raises(InputError) as caught:
-        terms_of_distributions(TERMS)
+        cat.terms_of_distributions(TERMS)
     assert str(caught.value).startswith(f"hood-flex 1.2: entry point truearc.terms: mine = {target}: ")
     assert message in str(caught.value)
     sys.modules.pop("own_terms", None)
@@ -219,3 +195,53 @@ def test_distributions_are_looked_for_when_first_needed_and_never_by_the_robot(s
         found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True,
                                env={"PYTHONPATH": f"{site}:{Path(own.__file__).parents[3]}"})
         assert found.stdout.strip() == ("neither" if ".robot." in module else "{'truearc.sim.physics'}")
+
+
+PRIOR = Prior("linear", 0.0, 1.0, "a reason")
+
+
+def number(**changed: Any) -> tuple[Parameter, ...]:
+    said = {"name": "angle_deg", "unit": "deg", "low": -1.0, "high": 1.0, "default": 0.0, "source": "a source",
+            "prior": PRIOR, "meaning": "an angle"}
+    return (Parameter(**{**said, **changed}),)
+
+
+@pytest.mark.parametrize(("changed", "message"), [
+    ({"name": "Hood flex"}, "name: 'Hood flex'"), ({"direction": "up"}, "direction: 'up' is none of along"),
+    ({"order": (5, "")}, "order: "), ({"sentence": "It bends"}, "full stop"), ({"__doc__": None}, "no docstring"),
+    ({"phrase": Phrase("bends", "unbends", 1.0, "")}, "phrase: "), ({"label": ""}, "label: is empty"),
+    ({"instrument": None}, "instrument: "), ({"instrument": Instrument("ruler", "a ruler", 0.0)}, "not above 0"),
+    ({"follows": "moonlight", "record": "the moon"}, "follows: 'moonlight'"),
+    ({"follows": "curve_by"}, "record: is empty"),
+    ({"positive": 1.0}, "positive: "), ({"law_sd": 0.0}, "law_sd: "),
+    ({"calibration_sd": 0.1}, "calibration_sd: "), ({"parameters": ()}, "parameters: expected a tuple"),
+    ({"parameters": (*number(), *number())}, "two have one name"),
+    ({"parameters": number(unit="foot")}, "unit: got 'foot'"),
+    ({"parameters": number(default=3.0)}, "not within -1.0 to 1.0"), ({"parameters": number(source="")}, "source: is"),
+    ({"parameters": number(meaning="")}, "meaning: is empty"), ({"parameters": number(prior=None)}, "has no prior"),
+    ({"parameters": number(low=0.5, default=0.6)}, "whose default is 0"),
+    ({"parameters": number(prior=Prior("log", -1.0, 1.0, "a reason"))}, "prior: its scale"),
+    ({"parameters": number(fit_each_ball=True)}, "by_ball: ")])
+def test_wrong_declaration_is_named(changed: dict[str, Any], message: str) -> None:
+    wrong = type("Wrong", (Flex,), {"__doc__": "A law.", **changed})
+    with pytest.raises(InputError, match=r"^Wrong: ") as caught:
+        cat.check_term(wrong())
+    assert message in str(caught.value)
+
+
+def test_every_problem_is_named_at_once() -> None:
+    class Nothing(LaunchTerm):
+        """Declares nothing."""
+
+        def leave(self, rig: Rig, values: Values, exit: Exit) -> Exit:
+            return exit
+
+    with pytest.raises(InputError) as caught:
+        cat.check_term(Nothing())
+    assert all(f"{field}: " in str(caught.value) for field in ("order", "direction", "sentence", "phrase",
+                                                               "instrument", "parameters"))
+
+
+def test_what_is_no_term_is_refused() -> None:
+    with pytest.raises(InputError, match="'hood_flex': expected an instance of SensingTerm"):
+        cat.check_term("hood_flex")       # type: ignore[arg-type]

@@ -103,10 +103,6 @@ def test_one_source_serves_every_rig():
     np.testing.assert_allclose(_said(other, TERMS, states, pairs), _law(other, TERMS, states, pairs), rtol=1e-12)
 
 
-def test_a_further_term_changes_the_source():
-    assert make_source(GUPPY, (*TERMS, Odd()), VALUES) != make_source(GUPPY, TERMS, VALUES)
-
-
 def test_what_cannot_be_written_out_is_refused_by_name():
     with pytest.raises(UntraceableLaw, match="'erf'"):
         make_source(GUPPY, (*TERMS, Strange()), VALUES)

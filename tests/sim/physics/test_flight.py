@@ -14,9 +14,8 @@ from truearc.robot.config.rig_spec import WorldFacts
 from truearc.sim.data.dataset import Shots
 from truearc.sim.physics.catalogue import flight_terms
 from truearc.sim.physics.flight import fly, make_law, path, reach_plane, rk4
-from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.simulate import leave, predict
-from truearc.sim.physics.term import BallState
+from truearc.sim.physics.simulate import predict
+from truearc.sim.physics.term import BallState, Exit
 from truearc.sim.physics.vector import Vec
 
 SEED = flight_terms(("gravity", "drag", "magnus"))
@@ -245,8 +244,3 @@ def test_launch_terms_slow_what_the_wheels_send_and_nothing_measured():
     assert reached.sum() > 25
     np.testing.assert_allclose(got[reached], expected[reached], atol=1e-5)
     assert (expected[~reached] < 0.0).all()
-
-
-def test_without_launch_terms_the_launch_is_the_same_object():
-    exit = Exit(np.ones(3), np.ones(3), np.ones(3))
-    assert leave(GUPPY, PARAMS, exit) is exit

@@ -10,8 +10,8 @@ from tests.sim.physics.tracker import watch
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.physics.catalogue import TERMS, effective, find_terms, flight_terms
 from truearc.sim.physics.flight import make_law, path, reach_plane, rk4, start_of
-from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import leave, opening_of, sense
+from truearc.sim.physics.term import Exit
 
 BELIEVED = {"gravity": {"scale": 1.0}, "drag": {"cd": 0.6}, "magnus": {"cl": 0.1}}
 FLYING = flight_terms(term.name for term in TERMS)

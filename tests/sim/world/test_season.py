@@ -29,7 +29,6 @@ def test_it_is_a_dataset_and_the_same_every_time(tmp_path: Path) -> None:
     save_dataset(tmp_path / "season", first)
     back = load_dataset(tmp_path / "season")
     assert back.shots.text("outcome") == first.shots.text("outcome") and set(back.shots.text("outcome")) - {"miss"}
-    assert first.tracks is not None and again.tracks is not None and back.tracks is not None
     np.testing.assert_array_equal(first.tracks.x_m, again.tracks.x_m)
     np.testing.assert_allclose(back.tracks.z_m, first.tracks.z_m, atol=1e-6)
 
@@ -59,11 +58,9 @@ def test_bad_sensors_do_what_they_say_and_leave_the_shots_alone() -> None:
                                                    strict=True))
     assert 10 <= wrong <= 30 and all((side == "") == (mark != "miss") for mark, side in zip(*outcomes[1], strict=True))
     whole, torn = plain.dataset.tracks, bad.dataset.tracks
-    assert whole is not None and torn is not None
     assert 0.70 < len(torn.t_s) / len(whole.t_s) < 0.80
     assert all(torn.t_s[torn.shot == shot][0] == 0.0 for shot in range(40))
     level = play_season(RIG, Options(), 3, settings, "L2", EXACT._replace(track_m=0.01, track_tails=3)).dataset.tracks
-    assert level is not None
     off = (level.z_m - whole.z_m) / 0.01                     # Student's t of 3: 5.8 % beyond 3, of a normal .3 %
     assert 0.03 < np.mean(np.abs(off) > 3.0) < 0.09
 
@@ -81,7 +78,6 @@ def test_levels_carry_what_they_should() -> None:
 
 def test_wheels_dip_while_the_ball_passes() -> None:
     told = season(level="L1")
-    assert told.traces is not None
     lower = np.array([signal == "wheel_lower_rad_s" for signal in told.traces.signal]) & (told.traces.shot == 0)
     t_s, speed = told.traces.t_s[lower], told.traces.value[lower]
     before, dip = speed[t_s < 0.0].mean(), speed[(t_s > 0.0) & (t_s < 0.1)].min()
@@ -92,7 +88,6 @@ def test_tracks_begin_at_the_muzzle_and_fall_as_a_ball_does() -> None:
     """Without air: a parabola under 9.81 m/s2, through the exit point 0.75 m above the floor."""
     told = season(Options(scatter_scale=0.0, pose_scale=0.0, air_density_kg_m3=0.0))
     tracks = told.tracks
-    assert tracks is not None
     for shot in range(3):
         t_s, z_m, x_m = (part[tracks.shot == shot] for part in (tracks.t_s, tracks.z_m, tracks.x_m))
         assert t_s[0] == 0.0 and t_s[-1] <= 0.75 + 0.02

@@ -7,8 +7,8 @@ import pytest
 
 from tests.sim.world.calm import CALM, calm, fire
 from truearc.hw.emulated.nodes import Plant
-from truearc.sim.world.bench import TICK_NS, Bench
 from truearc.sim.world.options import Options
+from truearc.sim.world.season import TICK_NS, Bench
 from truearc.sim.world.world import World
 
 

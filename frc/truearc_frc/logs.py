@@ -1,0 +1,18 @@
+"""WPILOG as a source of `truearc import`; what reads it is imported with the first file."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from truearc.sim.data.importers.registry import Importer
+
+if TYPE_CHECKING:
+    from truearc.sim.data.importers.series import Log
+
+
+def _read(path: Path, progress: Callable[[float], None]) -> "Log":
+    from truearc_frc.wpilog_log import read_wpilog
+    return read_wpilog(path, progress)
+
+
+WPILOG = Importer("wpilog", ("LOG.wpilog ...",), None, _read)

@@ -1,1 +1,0 @@
-"""Redux Canandmag absolute encoder over CAN."""

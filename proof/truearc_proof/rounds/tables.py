@@ -1,0 +1,307 @@
+"""Tables of a round of proof, its figures with Wilson's 95 % intervals, and their targets, set before the rounds."""
+
+from collections.abc import Callable, Iterable, Sequence
+from itertools import pairwise
+from operator import attrgetter
+from statistics import median
+from typing import Any, NamedTuple
+
+from truearc.sim.statistics import wilson
+from truearc_proof.rounds.marks import MEASUREMENT, NULLS, SHOTS, Mark, up_to_alias
+from truearc_proof.rounds.worlds import MUJOCO, NUMPY, OWN
+from truearc_proof.table import Table
+from truearc_proof.truth.world import LEVELS
+
+VERDICTS = ("none", "named", "set", "unknown")
+GROUPS = {"nothing": NULLS, "one of the catalogue": ("one", "decoy"), "aliases": ("alias",), "two": ("two",),
+          "in no catalogue": ("off",)}
+KINDS = {"one": "one effect", "two": "two effects", "alias": "aliases", "decoy": "with a decoy",
+         "off": "in no catalogue"}
+CHANGED = {**KINDS, "one": "one thing changed", "two": "two things"}     # of MuJoCo's robot
+STEPS = (0.0, 1.0, 3.0, 7.0, 15.0, 35.0, 100.0, float("inf"))      # of lambda
+REQUESTS = {SHOTS: "shots", MEASUREMENT: "one measurement"}
+Question = Callable[[Mark], bool | None]
+Again = Sequence[tuple[Mark, Mark]]
+FOUND: Question = attrgetter("found")
+STAGE: Question = attrgetter("stage")
+RIGHT: tuple[Question, ...] = (attrgetter("first"), up_to_alias, attrgetter("covered"))
+
+
+def make_tables(marks: Sequence[Mark], again: Again = ()) -> list[Table]:
+    """Return the tables of a round that have rows.
+
+    False alarms, detection by lambda and by name, correct answers, the abstention matrix, the targets of the posterior,
+    rivals, and the gain of further shots.
+
+    Args:
+        marks: Of first claims.
+        again: (first, second) marks of the worlds that were shot again.
+    """
+    tables = [_alarms(marks), _ladder(marks), _by_name(marks), _right(marks), _matrix(marks), _posterior(marks),
+              _rivals(marks), _again(again)]
+    return [one for one in tables if one.rows]
+
+
+def share(marks: Iterable[Mark], question: Question) -> tuple[int, int]:
+    """(yes, of) of those that answer."""
+    return yes_of(map(question, marks))
+
+
+def said(yes: int, of: int) -> str:
+    low, high = wilson(yes, of)
+    return f"{yes}/{of} = {yes / of:.2f} ({low:.2f}-{high:.2f})" if of else "-"
+
+
+def matrix_of(marks: Sequence[Mark]) -> dict[str, list[int]]:
+    """{what was true: worlds by verdict}, of what there was."""
+    return {title: [sum(one.verdict == word for one in marks if one.kind in kinds) for word in VERDICTS]
+            for title, kinds in GROUPS.items() if any(one.kind in kinds for one in marks)}
+
+
+def ladder_of(marks: Sequence[Mark]) -> list[tuple[float, float, list[Mark]]]:
+    """(least lambda, most, worlds with one hidden effect of the catalogue in between)."""
+    single = [one for one in marks if one.kind in ("one", "alias")]
+    steps = [(low, high, [one for one in single if one.strength is not None and low <= one.strength < high])
+             for low, high in pairwise(STEPS)]
+    return [step for step in steps if step[2]]
+
+
+def _alarms(marks: Sequence[Mark]) -> Table:
+    nulls = [one for one in marks if one.kind in NULLS]
+    groups = {"clean": [one for one in nulls if one.kind == "clean" and one.engine == NUMPY],
+              "dirty": [one for one in nulls if one.kind == "dirty" and one.engine == NUMPY],
+              "MuJoCo, unchanged": [one for one in nulls if one.engine == MUJOCO and one.kind == "clean"],
+              "MuJoCo, unchanged, dirty": [one for one in nulls if one.engine == MUJOCO and one.kind == "dirty"],
+              "external": [one for one in nulls if one.engine == OWN], "together": nulls}
+    rows = [[title, said(*share(mine, lambda one: one.found)), said(*share(mine, lambda one: bool(one.names)))]
+            for title, mine in groups.items() if mine]
+    return Table(
+        "Worlds in which nothing is missing (nominal 0.05)", ("", "false alarms", "a name was given"), rows
+    )
+
+
+def _ladder(marks: Sequence[Mark]) -> Table:
+    rows = []
+    for low, high, mine in ladder_of(marks):
+        allowed = [one.allowed[0] for one in mine if one.allowed]
+        rows.append([f"{low:g}-{high:g}" if high < STEPS[-1] else f"{low:g} and more",
+                     said(*share(mine, lambda one: one.found)),
+                     f"{sum(allowed) / len(allowed):.2f}" if allowed else "-",
+                     *(said(*share(mine, question)) for question in (*RIGHT, STAGE))])
+    return Table("One hidden effect, by how plain it is", (
+        "lambda", "found", "these data allow", "first name right", "up to alias", "in the set", "stage"), rows)
+
+
+def _by_name(marks: Sequence[Mark]) -> Table:
+    """Those first of which most was missed of what their data allow."""
+    single = [one for one in marks if one.engine == NUMPY and one.kind == "one" and one.allowed]
+    rows = []
+    for name in sorted({one.hidden for one in single}):
+        mine = [one for one in single if one.hidden == name]
+        allowed = sum(one.allowed[0] for one in mine if one.allowed)
+        rows.append((sum(one.found for one in mine) - allowed, [
+            ", ".join(name), f"{sum(one.found for one in mine)}/{len(mine)}", f"{allowed:.1f}"]))
+    return Table("One effect of the catalogue, by name", ("hidden", "found", "these data allow to find"),
+                 [row for _, row in sorted(rows)])
+
+
+def _right(marks: Sequence[Mark]) -> Table:
+    """Each kind of world in which something is hidden, of those found."""
+    kinds = {**{words: (NUMPY, kind) for kind, words in KINDS.items()},
+             **{f"MuJoCo, {words}": (MUJOCO, kind) for kind, words in CHANGED.items()},
+             **{f"external, {words}": (OWN, kind) for kind, words in KINDS.items()}}
+    rows = []
+    for title, (engine, kind) in kinds.items():
+        mine = [one for one in marks if (one.engine, one.kind) == (engine, kind)]
+        errors = [one.error for one in mine if one.error is not None]
+        sizes = [one.set_size for one in mine if one.set_size is not None]
+        if mine:
+            rows.append([title, *(said(*share(mine, question)) for question in (FOUND, STAGE, *RIGHT)),
+                         f"{sum(sizes) / len(sizes):.1f}" if sizes else "-",
+                         said(*share(mine, lambda one: one.holds)),
+                         f"{(sum(error**2 for error in errors) / len(errors))**0.5:.2f}" if errors else "-",
+                         kept_in_test(mine), said(*share(mine, worse_in_test))])
+    return Table("Worlds in which something is hidden; from `stage` on, of those found", (
+        "hidden", "found", "stage", "first name right", "up to alias", "in the set", "set size", "interval holds",
+        "error / least possible, RMS", "gain kept in the sealed test",
+        "worse there than before"), rows)
+
+
+def _matrix(marks: Sequence[Mark]) -> Table:
+    rows = [[title, *map(str, counts)] for title, counts in matrix_of(marks).items()]
+    return Table("What was true against what was said", ("true, said", *VERDICTS), rows)
+
+
+def _posterior(marks: Sequence[Mark]) -> Table:
+    levels = {one.level for one in marks}
+    return Table("Against the targets of the posterior", ("figure", "here", "wanted", ""),
+                 posterior_rows(marks) if len(levels) == 1 else [])
+
+
+def _rivals(marks: Sequence[Mark]) -> Table:
+    """truearc and the rest, in the same worlds: those that rivals were put to."""
+    mine = [(one, {"truearc": _ours(one)} | one.rivals) for one in marks if one.rivals]
+    said_of = {name: [(one, answers[name]) for one, answers in mine if name in answers]
+               for name in dict.fromkeys(name for _, answers in mine for name in answers)}
+    rows = []
+    for name, answers in said_of.items():
+        nulls = [answer[0] for one, answer in answers if one.kind in NULLS]
+        hidden = [answer for one, answer in answers if one.kind not in NULLS]
+        rows.append([name, said(sum(nulls), len(nulls)), *(said(*yes_of([answer[k] for answer in hidden]))
+                                                          for k in range(3))])
+    return Table("Beside others, in the same worlds (with tracks)", (
+        "", "says something though nothing is missing", "says something where something is hidden",
+        "first name right, of all with a name to be found", "up to alias"), rows)
+
+
+def _ours(one: Mark) -> tuple[bool, bool | None, bool | None]:
+    return (one.found, bool(one.first), bool(up_to_alias(one))) if one.right else (one.found, None, None)
+
+
+def yes_of(answers: Iterable[bool | None]) -> tuple[int, int]:
+    """(yes, of) of those that are not None."""
+    known = [answer for answer in answers if answer is not None]
+    return sum(known), len(known)
+
+
+def _again(pairs: Again) -> Table:
+    named = {kind: [pair for pair in pairs if pair[0].first is not None and pair[0].asked == kind]
+             for kind in REQUESTS}
+    rows = [[REQUESTS[kind], str(len(mine)), *_before_and_after(mine)] for kind, mine in named.items() if mine]
+    return Table("Further shots and measurements: answers before and after", (
+        "", "worlds", "set before", "after", "first name right before", "after", "the right name alone before",
+        "after"), rows)
+
+
+def _before_and_after(named: Again) -> list[str]:
+    sizes = [[one.set_size for one in side if one.set_size is not None] for side in zip(*named, strict=True)]
+    cells = [f"{sum(side) / len(side):.1f}" if side else "-" for side in sizes]
+    for question in (lambda one: one.first, lambda one: bool(one.first) and one.names == one.hidden):
+        cells += [said(*share(side, question)) for side in zip(*named, strict=True)]
+    return cells
+
+
+# --- figures and their targets
+
+class Goal(NamedTuple):
+    """A figure's text, and for each of LEVELS from where to where it should be; None: no target."""
+
+    words: str
+    wanted: tuple[tuple[float, float] | None, ...]
+
+
+ALARM_RATES, FEW_ALARM_RATES = (0.03, 0.07), (0.0, 0.08)
+NEGLIGIBLE = 1e-3                     # relative change of an error that counts as none
+WORSE = 1.01                          # RMS error on the sealed season, by that without what was adopted
+CLEAN = Goal("false alarms, clean", (ALARM_RATES,) * 3)
+DIRTY = Goal("false alarms, dirty", (ALARM_RATES, ALARM_RATES, FEW_ALARM_RATES))
+UNCHANGED = Goal("false alarms, MuJoCo unchanged", (ALARM_RATES, ALARM_RATES, FEW_ALARM_RATES))
+POWER = Goal("power, share of what the data allow", ((0.93, 9.0), (0.93, 9.0), (0.95, 9.0)))
+WRONG = Goal("single names wrong, whatever was hidden", ((0.0, 0.10), (0.0, 0.10), (0.0, 0.06)))
+HELD = Goal("set holds the truth", ((0.90, 1.0), (0.90, 1.0), (0.92, 1.0)))
+OFF = Goal("in no catalogue: unknown or a set", ((0.5, 1.0), (0.6, 1.0), (0.88, 1.0)))
+BOTH = Goal("two effects, both right", (None, (0.3, 1.0), (0.6, 1.0)))
+INTERVALS = Goal("90 % intervals hold the truth", ((0.86, 0.94),) * 3)
+ADOPTED = Goal("adopted worse on the sealed season by over 1 %", ((0.0, 0.06),) * 3)
+SIZE = Goal("mean size of a set", ((0.0, 5.0), (0.0, 4.0), (0.0, 1.6)))
+
+
+class ProofFigure(NamedTuple):
+    """A figure with Wilson's 95 % interval; value None where no world says. `words`: as tables have it."""
+
+    value: float | None
+    words: str
+    low: float | None = None
+    high: float | None = None
+
+
+def figures_of(marks: Sequence[Mark]) -> dict[Goal, ProofFigure]:
+    """Figures of worlds of one level and number of shots, by both engines."""
+    found = [one for one in marks if one.found]
+    shares = {
+        CLEAN: [one.found for one in marks if one.engine == NUMPY and one.kind == "clean"],
+        DIRTY: [one.found for one in marks if one.engine == NUMPY and one.kind == "dirty"],
+        UNCHANGED: [one.found for one in marks if one.engine == MUJOCO and one.kind in NULLS],
+        POWER: [],
+        WRONG: [not one.first and not up_to_alias(one) for one in found if one.verdict == "named"],
+        HELD: [bool(one.covered) for one in found if one.right],
+        OFF: [one.verdict != "named" for one in found if one.kind == "off"],
+        BOTH: [bool(one.both) for one in found if one.kind == "two"],
+        INTERVALS: [one.holds for one in found if one.holds is not None],
+        ADOPTED: [one.off_m[1] > WORSE * one.off_m[0] for one in marks
+                  if one.off_m is not None and worse_in_test(one) is not None]}
+    figures = {goal: _share_figure(answers) for goal, answers in shares.items()}
+    figures[POWER] = _power([one for one in marks if one.engine == NUMPY and one.kind == "one"])
+    sizes = [len(one.names) for one in found if one.right and one.verdict in ("named", "set")]
+    mean = sum(sizes) / len(sizes) if sizes else None
+    return figures | {SIZE: ProofFigure(mean, "-" if mean is None else f"{mean:.2f} of {len(sizes)}", mean, mean)}
+
+
+def _share_figure(answers: Sequence[bool]) -> ProofFigure:
+    if not answers:
+        return ProofFigure(None, "-")
+    yes, of = sum(answers), len(answers)
+    return ProofFigure(yes / of, said(yes, of), *wilson(yes, of))
+
+
+def _power(marks: Sequence[Mark]) -> ProofFigure:
+    """Share detected, by the mean chance that the data allow."""
+    known = [(one.found, one.allowed[0]) for one in marks if one.allowed is not None]
+    yes, of, allowed = sum(found for found, _ in known), len(known), sum(chance for _, chance in known)
+    if not allowed:
+        return ProofFigure(None, "-")
+    value, low, high = (share / (allowed / of) for share in (yes / of, *wilson(yes, of)))
+    return ProofFigure(value, f"{value:.2f} ({low:.2f}-{high:.2f}): {yes}/{of} of {allowed / of:.2f}", low, high)
+
+
+def plain_figures(marks: Sequence[Mark]) -> dict[str, Any]:
+    """Return {"level, shots": {figure: value and interval}}, plain values."""
+    settings = sorted({(one.level, one.shots) for one in marks})
+    return {f"{level}, {shots}": {goal.words: {"value": one.value, "low95": one.low, "high95": one.high}
+                                  for goal, one in figures_of([mark for mark in marks if (mark.level, mark.shots)
+                                                               == (level, shots)]).items()}
+            for level, shots in settings}
+
+
+def posterior_rows(marks: Sequence[Mark]) -> list[list[str]]:
+    """Rows [target, figure, wanted, whether it is reached] for worlds of one level."""
+    level = LEVELS.index(marks[0].level)
+    return [[goal.words, figure.words, _wanted(goal.wanted[level]), _reached(figure, goal.wanted[level])]
+            for goal, figure in figures_of(marks).items() if figure.value is not None or goal not in (POWER, SIZE)]
+
+
+def _wanted(wanted: tuple[float, float] | None) -> str:
+    if wanted is None:
+        return "-"
+    low, high = wanted
+    return f"<= {high:g}" if low <= 0.0 else f">= {low:g}" if high >= 1.0 else f"{low:g} to {high:g}"
+
+
+def _reached(figure: ProofFigure, wanted: tuple[float, float] | None) -> str:
+    if figure.value is None or figure.low is None or figure.high is None:
+        return "no world of these rounds says"
+    if wanted is None:
+        return "no target"
+    if wanted[0] <= figure.value <= wanted[1]:
+        return "reached"
+    return "NOT REACHED" if figure.high < wanted[0] or figure.low > wanted[1] else "NOT REACHED, may be chance"
+
+
+def kept_in_test(marks: Sequence[Mark]) -> str:
+    """Return the share that adoption reached of the true term's reduction of the squared error of sealed heights.
+
+    The median over the worlds in which that reduction is not NEGLIGIBLE: a sum would be decided by the few in which
+    balls were forecast to fall short.
+    """
+    known = [one.off_m for one in marks if one.off_m is not None and len(one.off_m) == 3]
+    shares = [(before**2 - after**2) / (before**2 - true**2) for before, after, true in known
+              if true < before * (1.0 - NEGLIGIBLE)]
+    return f"{median(shares):.2f} (median of {len(shares)})" if shares else "-"
+
+
+def worse_in_test(one: Mark) -> bool | None:
+    """Return whether the adopted belief forecasts sealed shots worse; None where the change of error is negligible."""
+    if one.off_m is None:
+        return None
+    before, after = one.off_m[:2]
+    return None if abs(after - before) <= NEGLIGIBLE * before else after > before

@@ -1,1 +1,0 @@
-"""Scores of findings against concealed truth."""

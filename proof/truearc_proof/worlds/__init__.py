@@ -1,1 +1,0 @@
-"""Concealed worlds: sampling plan, data and perturbations."""

@@ -1,1 +1,0 @@
-"""Advice beside a robot that drives itself: its NetworkTables keys in, the tick's verdict out; nothing is commanded."""

@@ -1,1 +1,0 @@
-"""The gate: contract, model and verdict."""

@@ -1,1 +1,0 @@
-"""What runs beside the control loop: vision, recorder, watchdog and tick timing."""

@@ -1,0 +1,445 @@
+"""The launcher as the model of a fit: its shots and columns, where climbs start and end, and a belief made of a fit."""
+
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float
+
+from truearc.errors import InputError
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.infer.belief import SCATTER, Belief, Coefficients, scale_of
+from truearc.sim.infer.fit import Fit, fit_believed
+from truearc.sim.infer.likelihood import layout as lay
+from truearc.sim.infer.likelihood import linearization
+from truearc.sim.infer.likelihood import observations as outcomes
+from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, Intake, take_in
+from truearc.sim.infer.likelihood.forward_model import plane_grid
+from truearc.sim.infer.likelihood.layout import SCATTER_NAMES, Layout, Point, believed_name, is_tracker, own_slope
+from truearc.sim.infer.likelihood.noise import SCATTER_MOST, SCATTER_PRIOR, SCATTERS
+from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
+from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_parameter, find_terms
+from truearc.sim.physics.nonparametric import CURVE, NAMELESS
+from truearc.sim.physics.term import LOG, Parameter, WatchTerm, complete, fits_scale, from_scale, to_scale
+from truearc.sim.printed import Progress
+
+GRID = (-1.0, -0.5, 0.0, 0.5, 1.0)    # of each coefficient's prior, in standard deviations, where the fit may start
+SOME = 96                             # outcomes that the grid looks at
+MOST_GRID = 3                         # coefficients that are gridded; more start from the prior's centre
+SCATTER_GRID = (1.0, 3.0, 10.0)       # times the usual one of a launch
+USUAL_SCATTER = np.log([SCATTER_PRIOR[name][0] for name in SCATTERS])
+OF_LAUNCH = np.array([name not in ("scatter.distance", *SCATTER_MOST) for name in SCATTERS])
+END_REPORTED = {*SCATTERS} - {*SCATTER_MOST}
+FEWEST = 5                            # outcomes that the grid can be judged by
+TIGHT = 0.1                           # of a tracker's usual errors, where a climb begins
+LEAST_LOG = -9.0                      # of a scatter
+MOST_LOG = np.array([np.log(SCATTER_MOST[name]) if name in SCATTER_MOST else 1.0 for name in SCATTERS])
+ABSURD, MISFIT = 5.0, 2.0             # times the usual scatter of a launch, or the measured noise of tracks
+FEW = 200                             # outcomes up to which the likelihood may have several tops
+IMPROBABLE = 2.58                     # prior standard deviations that a hundredth of the prior lies beyond
+
+
+@dataclass(frozen=True)
+class ShapeParameter:
+    """A number of a term beside its amplitude, that is no column: its slot in the chain, and its declaration."""
+
+    slot: int
+    parameter: Parameter
+
+    def put(self, point: Point, place: float) -> Point:
+        """The point with the number `place` standard deviations from its prior's centre, within its range."""
+        prior = self.parameter.prior
+        assert prior is not None
+        value = float(from_scale(prior.scale, to_scale(prior.scale, prior.centre) + place * prior.sd))
+        values = point.values.copy()
+        values[self.slot] = np.clip(value, self.parameter.low, self.parameter.high)
+        return replace(point, values=values)
+
+
+@dataclass(frozen=True)
+class Launcher:
+    """Shots of a launcher, and the columns that are fitted to them and asked of them (truearc.sim.infer.fit.Model)."""
+
+    data: Intake
+    layout: Layout
+
+    @staticmethod
+    def of(dataset: Dataset, believed: tuple[str, ...], among: Catalogue | None = None, belief: Belief | None = None,
+           later: Layout | None = None, fewest: int = FEWEST_SHOTS) -> "Launcher":
+        """Of a dataset whose balls or sessions may differ at random; arguments and errors as of `take_in` and
+        `lay_out`."""
+        data = take_in(dataset, {} if belief is None else belief.curves, fewest)
+        groups = lay.groups_of(dataset.shots, data.rows)
+        return Launcher(data, lay.lay_out(data, believed, groups, among, belief, later))
+
+    @property
+    def catalogue(self) -> Catalogue:
+        return self.layout.chain.catalogue
+
+    @property
+    def sampled(self) -> bool:
+        return self.data.samples is not None
+
+    @property
+    def has_one_top(self) -> bool:
+        """Many outcomes have one top, except those that call all scatter."""
+        return not self.sampled and len(self.data.marked) > FEW
+
+    def fly(self, point: Point) -> linearization.Linearization:
+        return linearization.fly(self.data, self.layout, point)
+
+    def linearise(self, point: Point, flown: linearization.Linearization | None = None) -> tuple[ScoreTable, Point]:
+        scores, deviates = linearization.linearise(self.data, self.layout, point, flown)
+        return scores, replace(point, deviates=deviates)
+
+    def forecast(self, point: Point) -> ScoreTable:
+        """Without what a track or a measured exit says of the very shot."""
+        blind = replace(self.data, samples=None, scatter=None, exits=np.full(self.data.exits.shape, np.nan))
+        still = replace(point, deviates=np.zeros_like(point.deviates))
+        return linearization.linearise(blind, self.layout, still)[0]
+
+    def about(self, point: Point) -> Point:
+        return self.linearise(point)[1] if self.data.filmed else point
+
+    def moved(self, point: Point, change: Float[Array, " P"]) -> Point:
+        """Parameters go no further than they can, log scatters by no more than 1 at a time."""
+        layout, values, log_scatter = self.layout, point.values.copy(), point.log_scatter.copy()
+        values[layout.source[layout.in_slot]] += change[layout.in_slot]
+        values = np.clip(values, *_bounds(layout.chain.slots, self.catalogue))
+        for number, column in enumerate(layout.scatters):
+            if column >= 0:
+                log_scatter[number] = np.clip(log_scatter[number] + np.clip(change[column], -1.0, 1.0), LEAST_LOG,
+                                              MOST_LOG[number])
+        return Point(values, log_scatter, point.deviates, point.effects + change[layout.source == -2])
+
+    def leads_out(self, point: Point, step: Float[Array, " P"]) -> Bool[Array, " P"]:
+        layout, out = self.layout, np.full(len(self.layout.columns), False)
+        slots = np.flatnonzero(layout.in_slot)
+        source = layout.source[slots]
+        (low, high), values = _bounds(layout.chain.slots, self.catalogue), point.values[source]
+        out[slots] = ((values <= low[source]) & (step[slots] < 0.0)) | ((values >= high[source]) & (step[slots] > 0.0))
+        for number, column in enumerate(layout.scatters):
+            out[column] |= column >= 0 and step[column] > 0.0 and point.log_scatter[number] >= MOST_LOG[number]
+        return out
+
+    def limits(self, column: int) -> tuple[float, float]:
+        """Lowest and highest that a column may come to; a logarithm of a scatter by no more than its fit may."""
+        layout = self.layout
+        if not layout.in_slot[column]:
+            return LEAST_LOG, float(MOST_LOG[SCATTERS.index(layout.columns[column].name)])
+        low, high = _bounds(layout.chain.slots, self.catalogue)
+        return float(low[layout.source[column]]), float(high[layout.source[column]])
+
+    def is_lost(self, point: Point) -> bool:
+        """Whether launches scatter ABSURD times as usual, or tracks MISFIT times as measured."""
+        wider = np.exp(point.log_scatter - USUAL_SCATTER)
+        return bool((wider[OF_LAUNCH] > ABSURD).any() or wider[SCATTERS.index("scatter.track")] > MISFIT)
+
+    def middle(self) -> Point:
+        """Coefficients and scatters in the middle of their priors, no shot off its configuration."""
+        layout = self.layout
+        values, own = layout.usual.copy(), layout.in_slot[layout.first_shared:]
+        values[layout.source[layout.first_shared:][own]] = layout.centre[own]
+        return Point.still(layout, len(self.data.rows), values, USUAL_SCATTER)
+
+    def believed(self) -> Point:
+        """The middle, with the scatters as the belief has them."""
+        layout, middle = self.layout, self.middle()
+        log_scatter = np.array([usual if column < 0 else layout.centre[column - layout.first_shared]
+                                for usual, column in zip(middle.log_scatter, layout.scatters, strict=True)])
+        return replace(middle, log_scatter=log_scatter)
+
+    def starts(self) -> tuple[Point, ...]:
+        """For each size of the scatter the best of a grid over up to MOST_GRID coefficients, by outcomes, then the
+        priors' middle; of tracks the first alone."""
+        middle, layout = self.middle(), self.layout
+        if len(self.data.marked) < FEWEST:
+            return (middle,)
+        first, slots = layout.first_shared, layout.chain.slots
+        shared = [k for k in range(first, len(layout.columns))
+                  if layout.in_slot[k] and slots[layout.source[k]][0] != CURVE]
+        known = np.sqrt(np.diag(np.linalg.inv(layout.precision)))
+        axes = [(layout.source[k], layout.centre[k - first], known[k - first]) for k in shared][:MOST_GRID]
+        steps = np.array(list(itertools.product(GRID, repeat=len(axes))))
+        points = np.tile(middle.values, (len(steps), 1))
+        for number, (slot, centre, sd) in enumerate(axes):
+            points[:, slot] = centre + steps[:, number] * sd
+        likelihood = self.rough_likelihood(points) - 0.5 * (steps**2).sum(1)[:, None]
+        found = tuple(replace(middle, values=points[likelihood[:, k].argmax()],
+                              log_scatter=middle.log_scatter + np.log(SCATTER_GRID[k]) * OF_LAUNCH)
+                      for k in np.argsort(-likelihood.max(0)))
+        return found[:1] if self.sampled else (*found, middle)
+
+    def rough_likelihood(self, points: Float[Array, "points slots"],
+                         kept: Sequence[int] = ()) -> Float[Array, "points scatters"]:
+        """Log-likelihood of some of the outcomes, at some sizes of one scatter of the height; with the terms of the
+        `kept` columns in the air."""
+        marked = self.data.marked
+        some = np.arange(len(marked))[::-(-len(marked) // SOME)]
+        lanes = self.data.lanes.take(np.resize(marked[some], SOME))
+        mean, near = (np.asarray(part)[:, :len(some)]
+                      for part in plane_grid(lay.lean_chain(self.layout, list(kept)), lanes, jnp.asarray(points)))
+        mean = np.where(near, mean, -10.0)
+        seen = self.data.seen.take(some)
+        return np.array([[outcomes.log_likelihood(seen, row, np.full(len(row), 0.08 * factor)).sum()
+                          for factor in SCATTER_GRID] for row in mean])
+
+    def easier(self) -> Iterable["Launcher"]:
+        """First no height may be a slip, and physics does not change how heights scatter; then the tracker has hardly
+        any error.
+
+        A height that is a slip costs a few nats however far it is off, so that a climb from far away may end where half
+        of the heights are called slips; where nothing scores yet, physics by which heights scatter more looks better
+        than physics that aims; and a tracker's errors, which may be large, bend flights as any physics does.
+        """
+        data, layout = self.data, self.layout
+        if not self.sampled or data.seen.measured.any():
+            yield Launcher(replace(data, seen=replace(data.seen, slips=False)), replace(layout, steady=True))
+        tight = np.array([TIGHT if is_tracker(column, self.catalogue) else 1.0
+                          for column in layout.columns[layout.first_shared:]])
+        if (tight != 1.0).any():
+            yield Launcher(data, replace(layout, precision=layout.precision / np.outer(tight, tight)))
+
+    def afar(self, change: Float[Array, " P"]) -> tuple[Point, Iterable["Launcher"]]:
+        return (self.middle(), self.easier()) if self.data.filmed else (self.moved(self.middle(), change), ())
+
+    def shapes(self, names: tuple[str, ...]) -> list[ShapeParameter]:
+        """Those of the named terms that have a prior and are not fitted as columns already."""
+        columns, slots = {column.name for column in self.layout.columns}, self.layout.chain.slots
+        terms = find_terms({name.partition(".")[0] for name in names}, self.catalogue)
+        return [ShapeParameter(slots.index((term.name, one.name)), one) for term in terms
+                for one in term.parameters[1:] if one.prior is not None and f"{term.name}.{one.name}" not in columns]
+
+    def shapes_at(self, point: Point, names: tuple[str, ...]) -> Coefficients:
+        """{term: {parameter: value}} of them at a point."""
+        return {self.layout.chain.slots[one.slot][0]: {one.parameter.name: float(point.values[one.slot])}
+                for one in self.shapes(names)}
+
+    def shared_only(self, names: Iterable[str] = ()) -> "Launcher":
+        return Launcher(self.data, lay.only_shared(self.layout, names))
+
+    def sharing(self, names: tuple[str, ...]) -> "Launcher":
+        return Launcher(self.data, lay.promoted(self.layout, names))
+
+
+LauncherFit = Fit[Launcher]
+
+
+@cache
+def _bounds(slots: tuple[tuple[str, str], ...],
+            among: Catalogue) -> tuple[Float[Array, " slots"], Float[Array, " slots"]]:
+    """Lowest and highest that a fit may come to. A parameter's declared range, in which it is looked for, goes
+    on below zero where its scale does: lift may be reversed, an efficiency above one; drag cannot drive."""
+    parameters = [find_parameter(".".join(slot), among) for slot in slots]
+    low = [one.low if one.prior is not None and one.prior.scale == LOG else min(one.low, -one.high)
+           for one in parameters]
+    return np.array(low), np.array([one.high for one in parameters])
+
+
+def out_of_range(values: Mapping[str, float], among: Catalogue) -> list[str]:
+    """Names ("term.parameter") of values that no fit may come to, or that stopped at their limit; scatters have none.
+    """
+    slots = tuple(tuple(name.split(".", 1)) for name in values if not name.startswith("scatter."))
+    low, high = _bounds(slots, among)
+    return [".".join(slot) for slot, least, most in zip(slots, low, high, strict=True)
+            if not least < values[".".join(slot)] < most]
+
+
+def stopped(scores: ScoreTable, among: Catalogue) -> dict[str, float]:
+    """Fitted numbers of terms, a tracker's among them, and scatters that stopped at the end of their range, by name."""
+    points = [(one, float(at)) for one, at in zip(scores.columns, scores.point, strict=True) if one.kind != "group"]
+    values = {one.name: at for one, at in points if among.get(one.term) is not None}
+    found = {name: values[name] for name in out_of_range(values, among)}
+    return found | {one.name: float(np.exp(at)) for one, at in points if one.name in END_REPORTED and at >= 1.0}
+
+
+SCATTERED = {"scatter.speed": ("of the exit speed", "exit speed from shot to shot (sd)"),
+             "scatter.elevation_deg": ("deg", "exit angle from shot to shot (sd)")}
+
+
+@dataclass(frozen=True)
+class Sought:
+    """One fitted number.
+
+    column: its place in the fit. Its prior has `centre` and `sd` in the parameter's own unit; of a scatter they are the
+    logarithm's, in the column's unit. percent: shown in per cent.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    percent: bool
+    column: int
+    centre: float
+    sd: float
+
+    @property
+    def scatters(self) -> bool:
+        return self.name.startswith(SCATTER + ".")
+
+    def value(self, at: float) -> float:
+        """The number itself where its column is `at`."""
+        if not self.scatters:
+            return at
+        return float(np.degrees(np.exp(at)) if self.name.endswith("_deg") else np.exp(at))
+
+    def at(self, value: float) -> float:
+        """The inverse of `value`."""
+        if not self.scatters:
+            return value
+        return float(np.log(np.radians(value) if self.name.endswith("_deg") else value))
+
+    def improbable(self, value: float) -> bool:
+        """Whether it was believed all but impossible."""
+        return abs(self.at(value) - self.centre) > IMPROBABLE * self.sd
+
+    def slope(self, at: float) -> float:
+        """d value / d column."""
+        return self.value(at) if self.scatters else 1.0
+
+
+def improbable(layout: Layout, point: Float[np.ndarray, " p"]) -> dict[str, float]:
+    """Return the fitted numbers of terms that were believed all but impossible: {name: value at `point`}."""
+    found = {one.name: (one, one.value(float(point[one.column]))) for one in sought_of(layout) if not one.scatters}
+    return {name: value for name, (one, value) in found.items() if one.improbable(value)}
+
+
+def sought_of(layout: Layout) -> tuple[Sought, ...]:
+    """The numbers of terms, a tracker's among them, and of the launch's scatter; not random effects, nor scatters that
+    no belief keeps."""
+    sd: Float[np.ndarray, " p"] = np.sqrt(np.diag(np.linalg.inv(layout.precision)))
+    found = []
+    first = layout.first_shared
+    for k, column in enumerate(layout.columns[first:], first):
+        name, centre, wide = believed_name(column.name), float(layout.centre[k - first]), float(sd[k - first])
+        if name in SCATTERED:
+            unit, meaning = SCATTERED[name]
+            found.append(Sought(name, unit, meaning, name == "scatter.speed", k, centre, wide))
+        elif layout.in_slot[k]:
+            one = find_parameter(name, layout.chain.catalogue)
+            found.append(Sought(name, one.unit, one.meaning, one.percent, k, centre, wide))
+    return tuple(found)
+
+
+def believed_columns(scores: ScoreTable, among: Catalogue) -> list[int]:
+    """Places of the shared columns that belong to a belief: parameters and scatters of the launch, not a ball's random
+    effects or a tracker's calibration."""
+    return [k for k, column in enumerate(scores.columns[scores.shared], scores.first_shared)
+            if column.kind != "group" and not is_tracker(column, among)
+            and (column.name in SCATTER_NAMES or not column.name.startswith(SCATTER + "."))]
+
+
+def coefficients_of(scores: ScoreTable, believed: tuple[str, ...], among: Catalogue) -> Coefficients:
+    """Every believed and named term of the catalogue, with parameters that were not fitted at their defaults."""
+    tracker = (term.name for term in among if isinstance(term, WatchTerm))
+    apart = {*among.always, *tracker, *(term.name for term in NAMELESS)}
+    given: Coefficients = {name: {} for name in believed if name not in apart}
+    for k in believed_columns(scores, among):
+        term, _, parameter = scores.columns[k].name.partition(".")
+        if term not in (SCATTER, CURVE):
+            given.setdefault(term, {})[parameter] = float(scores.point[k])
+    return {name: {key: float(value) for key, value in complete(find_terms([name], among)[0], values).items()}
+            for name, values in given.items()}
+
+
+def scatter_of(scores: ScoreTable) -> dict[str, float]:
+    """Scatters of the launch by their names in a belief."""
+    found = {column.name: float(np.exp(value)) for column, value in zip(scores.columns, scores.point, strict=True)
+             if column.name in SCATTER_NAMES}
+    return {SCATTER_NAMES[name]: float(np.degrees(value)) if name.endswith("_rad") else value
+            for name, value in found.items()}
+
+
+def covariance_of(scores: ScoreTable, among: Catalogue) -> tuple[tuple[str, ...], Float[np.ndarray, "p p"]]:
+    """(names, covariance on their scales); a number that does not fit on its scale counts as exact."""
+    whole = scores.covariance
+    columns = believed_columns(scores, among)
+    names = {k: believed_name(scores.columns[k].name) for k in columns}
+    kept = [k for k in columns if scores.columns[k].name in SCATTER_NAMES
+            or fits_scale(scale_of(names[k], among), float(scores.point[k]))]
+    slope = np.array([1.0 / own_slope(scores.columns[k].name, float(scores.point[k]), among) for k in kept])
+    return tuple(names[k] for k in kept), whole[np.ix_(kept, kept)] * np.outer(slope, slope)
+
+
+@dataclass(frozen=True, eq=False)
+class MapFit:
+    """The fit of `terms` (gravity always among them) to a dataset, whose shots are in order."""
+
+    dataset: Dataset
+    terms: tuple[str, ...]
+    fitted: LauncherFit
+
+    @property
+    def scores(self) -> ScoreTable:
+        return self.fitted.scores
+
+    @property
+    def catalogue(self) -> Catalogue:
+        return self.fitted.model.catalogue
+
+    @property
+    def converged(self) -> bool:
+        return self.fitted.settled
+
+    @property
+    def log_posterior(self) -> float:
+        """At the fit, up to a constant."""
+        return self.fitted.log_posterior
+
+    @property
+    def at_limit(self) -> dict[str, float]:
+        """Fitted numbers that stopped at the end of their range, by name."""
+        return stopped(self.scores, self.catalogue)
+
+    @cached_property
+    def sought(self) -> tuple[Sought, ...]:
+        """The fitted numbers that are reported, a tracker's errors among them."""
+        return sought_of(self.fitted.model.layout)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of these."""
+        return tuple(one.name for one in self.sought)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """{name: most probable value} of these."""
+        return {one.name: one.value(float(self.scores.point[one.column])) for one in self.sought}
+
+    @cached_property
+    def covariance(self) -> Float[np.ndarray, "p p"]:
+        """Of these, in units of their priors' standard deviations: the inverse of prior and expected information."""
+        whole = self.scores.covariance
+        columns = [one.column for one in self.sought]
+        sd = np.array([one.sd for one in self.sought])
+        return np.asarray(whole[np.ix_(columns, columns)] / np.outer(sd, sd))
+
+    @cached_property
+    def belief(self) -> Belief:
+        """For whoever forecasts or simulates: without the tracker's errors and random effects."""
+        coefficients = coefficients_of(self.scores, self.terms, self.catalogue)
+        names, covariance = covariance_of(self.scores, self.catalogue)
+        return Belief(coefficients, scatter_of(self.scores), names, covariance, catalogue=self.catalogue)
+
+
+def fit_map(dataset: Dataset, terms: tuple[str, ...], progress: Progress = lambda done, note: None,
+            among: Catalogue | None = None) -> MapFit:
+    """Fit the named terms (gravity always among them) and the scatter of the launch to a dataset.
+
+    among: the catalogue of the terms, truearc.sim.physics.catalogue.catalogue() when not given.
+
+    Deterministic. A fit that did not settle says so in `converged`. InputError: unknown terms, or nothing to fit to.
+    """
+    catalogue = as_catalogue(among)
+    catalogue.find(terms)
+    names = (*catalogue.always, *(name for name in terms if name not in catalogue.always))
+    dataset = dataset.in_order()
+    model = Launcher.of(dataset, names, catalogue, fewest=1)
+    if not len(model.data.rows):
+        why = "; ".join(model.data.left_out) or "there are no shots"
+        raise InputError(f"{dataset.shots.source}: there is nothing to fit to, neither a track nor a shot with both a "
+                         f"launch and something seen of its flight: {why}")
+    return MapFit(dataset, names, fit_believed(model.shared_only(), progress))

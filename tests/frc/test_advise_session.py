@@ -1,0 +1,102 @@
+"""`truearc advise` beside a stand-in robot program on a real NetworkTables server, in processes of their own."""
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from truearc.cli.main import main
+
+pytestmark = pytest.mark.slow
+GATE = Path(__file__).parents[1] / "golden" / "reference" / "export-physics" / "gate.onnx"
+SECONDS, AFTER_S = 6.5, 3.5
+
+MAP = """schema = "truearc.shot-map/1"
+[columns]
+distance_m = "/Vision/Distance"
+hood_deg = { key = "/Hood/Angle", unit = "deg" }
+motor_rad_s = { key = "/Shooter/RPM", unit = "rpm" }
+battery_v = "/Battery"
+"""
+
+
+class Beside(NamedTuple):
+    """(time in s, verdict) of what the robot heard; ages in s; the session's folder."""
+
+    heard: list[tuple[float, str]]
+    ages: list[float]
+    session: Path
+
+
+def play_beside(gate: Path, folder: Path, seconds: float, trouble: str = "", key: str = "",
+                after_s: float = 0.0) -> Beside:
+    """Both programs in processes of their own for these seconds."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    (folder / "shots.toml").write_text(MAP, encoding="utf-8")
+    words = [trouble, key, str(after_s)] if trouble else []
+    robot = subprocess.Popen([sys.executable, str(Path(__file__).with_name("stand_in_robot.py")), str(port),
+                              str(seconds), *words], stdout=subprocess.PIPE, text=True)
+    advice = subprocess.Popen([sys.executable, "-m", "truearc", "advise", "--nt", f"127.0.0.1:{port}", "--map",
+                               str(folder / "shots.toml"), "--gate", str(gate), "--out", str(folder / "sessions")],
+                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        said = json.loads(robot.communicate(timeout=seconds + 60.0)[0])
+    finally:
+        advice.send_signal(signal.SIGTERM)
+        out, err = advice.communicate(timeout=30)
+    if advice.returncode != 0:
+        raise RuntimeError(out + err)
+    (session,) = (folder / "sessions").iterdir()
+    return Beside([(at, word) for at, word in said["heard"]], said["ages"], session)
+
+
+def beside(tmp_path: Path, *trouble: str) -> Beside:
+    return play_beside(GATE, tmp_path, SECONDS, *trouble, after_s=AFTER_S)
+
+
+def test_advice_comes_at_twenty_hertz_with_its_age_and_replays(tmp_path: Path) -> None:
+    heard, ages, session = beside(tmp_path)
+    times = np.array([at for at, _ in heard])
+    steady = times[times > times[0] + 1.0]
+    assert len(steady) / (steady[-1] - steady[0]) >= 20.0
+    words = [word for at, word in heard if at > times[0] + 1.0]
+    assert words.count("FIRE") > 0.5 * len(words)             # a busy machine may be late now and then
+    assert np.nanmedian(ages) < 0.2
+    assert main(["session", "replay", str(session), "--check"]) == 0
+
+
+def test_no_advice_to_fire_when_a_key_is_gone(tmp_path: Path) -> None:
+    heard, _, _ = beside(tmp_path, "disappears", "/Shooter/RPM")      # other troubles: test_advice.py
+    assert "FIRE" in [word for at, word in heard if at < AFTER_S]
+    assert "FIRE" not in [word for at, word in heard if at > AFTER_S + 1.0]
+
+
+@pytest.mark.parametrize(("words", "said"), [(["--map", "tracker"], "name no motor_rad_s and no wheel"),
+                                             (["--map", "nowhere"], "neither a file nor an installed map"),
+                                             (["--map", "wpilib", "--rate", "5"], "expected 20 to 1000")])
+def test_what_cannot_begin_is_refused_before_there_is_a_folder(words: list[str], said: str, tmp_path: Path,
+                                                               capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "sessions"
+    assert main(["advise", "--nt", "127.0.0.1:1", "--gate", str(GATE), "--out", str(out), *words]) == 2
+    assert said in capsys.readouterr().err and not out.exists()
+
+
+def test_a_server_that_is_not_there_is_said(tmp_path: Path) -> None:
+    words = ["advise", "--nt", "127.0.0.1:1", "--map", "wpilib", "--gate", str(GATE), "--out", str(tmp_path)]
+    asked = subprocess.Popen([sys.executable, "-m", "truearc", *words], stderr=subprocess.PIPE, text=True)
+    late = threading.Timer(60.0, asked.kill)
+    late.start()
+    assert asked.stderr is not None
+    assert any("127.0.0.1:1: does not answer" in line for line in asked.stderr)
+    asked.send_signal(signal.SIGINT)
+    assert asked.wait() == 0
+    late.cancel()

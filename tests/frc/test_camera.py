@@ -1,0 +1,281 @@
+"""PhotonVision and Limelight over NetworkTables: distance by geometry of its own, latency, sigma, every trouble."""
+
+import math
+import struct
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as some
+from msgspec.structs import replace
+
+from tests.frc.nt_server import Table
+from tests.frc.test_advice import GATE, HZ, MAP, NS, Clock, Robot
+from truearc.cli.common import SHIPPED
+from truearc.cli.main import main
+from truearc.errors import InputError
+from truearc.hw.protocols import LinkLost
+from truearc.hw.real.processes import Slots
+from truearc.robot.advice import POLICY, step
+from truearc.robot.config.schema import AprilTag, Config, load_config
+from truearc.robot.eyes import FarEyes, make_room, relay
+from truearc.robot.gate import load_gate
+from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.session import make_header
+from truearc.robot.recording.writer import SessionWriter
+from truearc.robot.runtime import run
+from truearc.robot.types import Sighting
+from truearc_frc.advice import AdviceIo, advised_columns
+from truearc_frc.camera import NtCamera, OwnNtCamera, keys_of_camera
+from truearc_frc.keys import Reading
+from truearc_frc.publisher import Adviser
+from truearc_frc.table import Nt4, Nt4Vision, nt4_of, with_nt4
+
+KINDS = ("photonvision", "limelight")
+TAG_M, BEHIND_M, LATENCY_S = 1.35, 0.6, 0.035
+NOW_NS = 50 * NS
+
+
+def config(kind: str, pitch_deg: float = 24.0, height_m: float = 0.6, **vision: float) -> Config:
+    shipped = load_config(SHIPPED)
+    camera = replace(shipped.camera, pitch_deg=pitch_deg, height_m=height_m)
+    facts = replace(shipped, camera=camera, tick_hz=HZ, apriltag=AprilTag((4, 7), 0.1651, TAG_M, BEHIND_M),
+                    gate=replace(shipped.gate, policy="model", reading_age_s=0.5, sighting_age_s=0.5))
+    return with_nt4(facts, Nt4("254", Nt4Vision(kind, "front", **{"sigma_m": 0.03, **vision})))  # type: ignore[arg-type]
+
+
+def seen_by(kind: str, distance_m: float, bearing_deg: float, pitch_deg: float, height_m: float) -> list[float]:
+    """The tag's place in the camera's axes, by a rotation matrix."""
+    right = math.radians(bearing_deg)
+    world = np.array([distance_m * math.cos(right), -distance_m * math.sin(right), TAG_M - height_m])
+    c, s = math.cos(math.radians(pitch_deg)), math.sin(math.radians(pitch_deg))
+    axes = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])       # rows: ahead, left, up
+    ahead, left, up = axes @ world
+    return [ahead, left, up] if kind == "photonvision" else [-left, -up, ahead]
+
+
+def keys(kind: str, place: list[float], t_ns: int = NOW_NS, **other: float) -> dict[str, Reading]:
+    if kind == "photonvision":
+        table, pose = "/photonvision/front", "targetPose"
+        values = {"heartbeat": 5.0, "hasTarget": 1.0, "latencyMillis": 1e3 * LATENCY_S}
+    else:
+        table, pose = "/front", "targetpose_cameraspace"
+        values = {"hb": 5.0, "tv": 1.0, "cl": 20.0, "tl": 1e3 * LATENCY_S - 20.0, "stddevs/0": 0.03, "stddevs/1": 0.04,
+                  "tid": 7.0}
+    values |= {f"{pose}/{axis}": value for axis, value in enumerate(place)} | other
+    return {f"{table}/{name}": Reading(t_ns, value) for name, value in values.items()}
+
+
+def look(kind: str, found: Mapping[str, Reading], **facts: float) -> Sighting | None:
+    return NtCamera(config(kind, **facts), Table(found), Clock()).read()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@given(some.floats(1.0, 8.0), some.floats(-30.0, 30.0), some.floats(-10.0, 40.0), some.floats(0.2, 1.2))
+def test_the_distance_is_horizontal_to_the_target_plane(kind: str, distance_m: float, bearing_deg: float,
+                                                        pitch_deg: float, height_m: float) -> None:
+    place = seen_by(kind, distance_m, bearing_deg, pitch_deg, height_m)
+    seen = look(kind, keys(kind, place), pitch_deg=pitch_deg, height_m=height_m, sigma_share=0.01)
+    assert seen is not None and seen.found and seen.t_ns == NOW_NS - round(LATENCY_S * 1e9)
+    assert seen.distance_m == pytest.approx(distance_m + BEHIND_M) and seen.bearing_deg == pytest.approx(bearing_deg)
+    own = (0.03, 0.01 * (distance_m + BEHIND_M)) + ((0.03, 0.04) if kind == "limelight" else ())
+    assert seen.sigma_m == pytest.approx(math.sqrt(sum(one * one for one in own)))
+
+
+WELL = {kind: seen_by(kind, 3.0, 5.0, 24.0, 0.6) for kind in KINDS}
+UP = {"photonvision": 2, "limelight": 1}
+
+
+@pytest.mark.parametrize(("kind", "other", "reason"), [
+    ("photonvision", {"hasTarget": 0.0}, "no_tag"), ("limelight", {"tv": 0.0}, "no_tag"),
+    ("limelight", {"tid": 3.0}, "no_tag"), ("limelight", {"stddevs/1": math.nan}, "nt_value_impossible"),
+    ("limelight", {"stddevs/0": -1.0}, "nt_value_impossible"), ("limelight", {"tl": math.nan}, "nt_value_impossible"),
+    *(("limelight", {key: math.nan}, "nt_value_impossible") for key in ("tid", "tv", "hb", "cl")),
+    *(("photonvision", {"hasTarget": value}, "nt_value_impossible") for value in (2.0, math.nan)),
+    ("photonvision", {"heartbeat": math.nan}, "nt_value_impossible"),
+    ("photonvision", {"latencyMillis": 1e9}, "nt_value_impossible"),
+    ("photonvision", {"latencyMillis": -1.0}, "nt_value_impossible"),
+    *((kind, {f"{pose}/{axis}": value}, "nt_value_impossible") for kind, pose in (
+        ("photonvision", "targetPose"), ("limelight", "targetpose_cameraspace"))
+      for axis in range(3) for value in (math.nan, math.inf)),
+    ("photonvision", {"targetPose/2": WELL["photonvision"][2] + 1.2}, "pose_off_mounting"),
+    ("limelight", {"targetpose_cameraspace/1": WELL["limelight"][1] - 1.2}, "pose_off_mounting"),
+    ("photonvision", {f"targetPose/{axis}": 0.0 for axis in range(3)}, "nt_value_impossible")])
+def test_a_doubtful_value_is_no_sighting(kind: str, other: dict[str, float], reason: str) -> None:
+    if reason == "nt_value_impossible":
+        with pytest.raises(LinkLost, match="nt_value_impossible"):
+            look(kind, keys(kind, WELL[kind], **other))
+        return
+    seen = look(kind, keys(kind, WELL[kind], **other))
+    assert seen is not None and not seen.found and seen.reason is not None and seen.reason.code == reason
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_key_that_is_not_there_is_named(kind: str) -> None:
+    whole = keys(kind, WELL[kind])
+    for key in whole:
+        found = {name: reading for name, reading in whole.items() if name != key}
+        with pytest.raises(LinkLost) as lost:
+            look(kind, found)
+        assert lost.value.reason.params == {"key": key}
+    assert set(whole) == set(keys_of_camera(nt4_of(config(kind)).vision))           # type: ignore[union-attr]
+    table = Table(whole)
+    table.connected = False
+    with pytest.raises(LinkLost, match="nt_lost"):
+        NtCamera(config(kind), table, Clock()).read()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_each_image_is_told_once_and_a_jump_silences_it_for_half_a_second(kind: str) -> None:
+    table = Table({})
+    camera = NtCamera(config(kind), table, Clock())
+    answers = []
+    for number in range(60):
+        far = 1.5 if 20 <= number < 22 else 0.0
+        place = seen_by(kind, 3.0 + far, 0.0, 24.0, 0.6)
+        table.found = keys(kind, place, NOW_NS + number * 20_000_000)
+        for again in range(2):
+            try:
+                seen = camera.read()
+                assert (seen is None) == bool(again)
+            except LinkLost as lost:
+                assert lost.reason.code == "key_jumped"
+                seen = None
+            answers += [] if again else [seen]
+    found = [one is not None and one.found for one in answers]
+    assert all(found[:20]) and not any(found[20:46]) and all(found[48:])
+    table.found = keys(kind, place, NOW_NS + 59 * 20_000_000, **{"hb" if kind == "limelight" else "heartbeat": 99.0})
+    assert camera.read() is None                  # a place that has frozen is nothing new
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_place_that_changes_without_its_heartbeat_is_not_believed(kind: str) -> None:
+    table = Table({})
+    camera = NtCamera(config(kind), table, Clock())
+    heart = "/front/hb" if kind == "limelight" else "/photonvision/front/heartbeat"
+    said = []
+    for number in range(40):
+        found = keys(kind, WELL[kind], NOW_NS + number * 20_000_000)
+        table.found = found | {heart: Reading(NOW_NS, 5.0)}
+        try:
+            assert camera.read() is not None
+            said.append("")
+        except LinkLost as lost:
+            said.append(lost.reason.code)
+    assert said == [""] * 26 + ["camera_frozen"] * 14         # 0.5 s, as old as a sighting may be
+    table.found = keys(kind, WELL[kind], NOW_NS + NS)
+    assert camera.read() is not None
+
+
+class Seeing(Robot):
+    """A robot without a distance, and a camera that has one."""
+
+    def __init__(self, kind: str, trouble: str = "") -> None:
+        super().__init__()
+        self.kind, self.what = kind, trouble
+
+    def read(self, now_ns: int) -> Mapping[str, Reading]:
+        found = dict(super().read(now_ns))
+        del found["/Vision/Distance"]
+        since = (now_ns - self.began_ns) * HZ // NS
+        lens_m = 2.2488 + 0.2 - BEHIND_M + 1e-4 * (since % 7)
+        if self.what == "jumps" and since >= 2 * HZ:
+            lens_m *= 1.5 if since % 10 < 5 else 1.0
+        if self.what == "disappears" and since >= 2 * HZ:
+            return found
+        t_ns = now_ns - 5_000_000
+        if self.what == "freezes" and since >= 2 * HZ:
+            t_ns = self.began_ns + 2 * NS
+        return found | keys(self.kind, seen_by(self.kind, lens_m, 0.0, 24.0, 0.6), t_ns)
+
+
+def advised(robot: Seeing, seconds: float, recorder: object = None) -> list[str]:
+    from tests.frc.test_advice import Nothing
+    clock, facts, gate = Clock(), config(robot.kind), load_gate(GATE)
+    end_ns = clock.t_ns + round(seconds * NS)
+    io = AdviceIo(facts, MAP, robot, clock, lambda: clock.t_ns >= end_ns, 0.02, NtCamera(facts, robot, clock))
+    run(io, facts, gate, Adviser(recorder or Nothing(), robot, facts, gate), step)      # type: ignore[arg-type]
+    return [str(said["verdict"]) for said in robot.said]
+
+
+def test_advice_by_a_camera_records_and_replays_to_the_bit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    robot, facts, gate = Seeing("limelight"), config("limelight"), load_gate(GATE)
+    assert "distance_m" not in advised_columns(MAP, facts)
+    recorder = SessionWriter(tmp_path / "s", replace(make_header(facts, gate, None), policy=POLICY), facts,
+                             GATE.read_bytes(), lossless=True)
+    verdicts = advised(robot, 3.0, recorder)
+    recorder.close()
+    assert verdicts.count("FIRE") > 0.8 * len(verdicts)
+    ticks = [tick for tick, _ in TickReader(tmp_path / "s")]
+    assert ticks[-1].estimate.distance_m == pytest.approx(2.2488, abs=0.01)
+    assert ticks[-1].estimate.distance_sigma_m == pytest.approx(math.hypot(0.03, 0.03, 0.04))
+    assert main(["session", "replay", str(tmp_path / "s"), "--check"]) == 0
+    assert "150 ticks" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("trouble", "patience_s"), [("freezes", 0.6), ("jumps", 0.05), ("disappears", 0.02)])
+def test_no_advice_to_fire_by_a_camera_in_trouble(kind: str, trouble: str, patience_s: float) -> None:
+    verdicts = advised(Seeing(kind, trouble), 5.0)
+    assert "FIRE" in verdicts[:2 * HZ] and "FIRE" not in verdicts[round((2.0 + patience_s) * HZ) + 1:]
+
+
+def test_a_struct_on_a_real_server_reaches_the_control_process(nt_server: tuple[Any, str]) -> None:
+    server, address = nt_server
+    table = server.getTable("photonvision/front")
+    pose = table.getRawTopic("targetPose").publish("struct:Transform3d")
+    numbers = {name: table.getDoubleTopic(name).publish() for name in ("latencyMillis",)}
+    alive, seen = table.getIntegerTopic("heartbeat").publish(), table.getBooleanTopic("hasTarget").publish()
+    facts = with_nt4(config("photonvision"), Nt4(address, Nt4Vision("photonvision", "front", 0.03)))
+
+    class Ticking:
+        def now_ns(self) -> int:
+            return time.monotonic_ns()
+
+        def sleep_until_ns(self, t_ns: int) -> None: ...
+
+    clock, room = Ticking(), make_room(8, 6)
+    memory = bytearray(room.bytes)
+    camera, told = OwnNtCamera(facts, clock), list[Sighting]()
+    eyes = FarEyes(Slots(memory, room), lambda: None, clock)
+    began, count = time.monotonic(), 0
+
+    def is_over(wait_s: float) -> bool:
+        nonlocal count
+        count += 1
+        place = seen_by("photonvision", 3.0 + 1e-6 * count, 5.0, 24.0, 0.6)
+        pose.set(struct.pack("<7d", *place, 1.0, 0.0, 0.0, 0.0))
+        numbers["latencyMillis"].set(1e3 * LATENCY_S)
+        seen.set(True)
+        alive.set(count)
+        server.flush()
+        time.sleep(0.01)
+        try:
+            if (sighting := eyes.read()) is not None:
+                told.append(sighting)
+        except LinkLost:
+            pass                                  # not connected yet
+        return len(told) >= 3 or time.monotonic() - began > 10.0
+
+    relay(camera, Slots(memory, room), clock, is_over)
+    camera.close()
+    assert len(told) >= 3 and told[-1].found and told[-1].distance_m == pytest.approx(3.0 + BEHIND_M, abs=1e-3)
+    assert LATENCY_S <= (time.monotonic_ns() - told[-1].t_ns) / NS < LATENCY_S + 1.0
+
+
+@pytest.mark.parametrize(("added", "said"), [
+    ('[nt4.vision]\nkind = "limelight"\ncamera = "limelight"\nsigma_m = 0.05', "nt4.vision: needs .apriltag"),
+    ('[nt4.vision]\nkind = "limelight"\ncamera = "/"\nsigma_m = 0.05\n[apriltag]\nids = [4]\nside_m = 0.1651\n'
+     "centre_height_m = 1.35", "nt4.vision.camera: is empty"),
+    ('[nt4.vision]\nkind = "zed"\ncamera = "x"\nsigma_m = 0.05', "nt4.vision.kind"),
+    ('[nt4.vision]\nkind = "limelight"\ncamera = "x"\nsigma_m = 0', "nt4.vision.sigma_m")])
+def test_what_cannot_be_is_refused_by_its_key(added: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "launcher.toml"
+    text = SHIPPED.read_text(encoding="utf-8")
+    path.write_text(f'{text}\n[nt4]\nserver = "254"\n{added}\n', encoding="utf-8")
+    with pytest.raises(InputError, match=said):
+        load_config(path)

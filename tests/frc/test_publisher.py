@@ -1,0 +1,147 @@
+"""Ticks of a launcher of ours as topics: on a real NetworkTables server, and without one."""
+
+import time
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+
+from tests.robot.good_tick import good_inputs, good_memory
+from truearc.cli.common import SHIPPED
+from truearc.cli.main import main
+from truearc.errors import InputError
+from truearc.hw.protocols import Clock
+from truearc.hw.real.clock import MonotonicClock
+from truearc.robot.config.schema import load_config
+from truearc.robot.readings import open_their_screens
+from truearc.robot.runtime import open_screens
+from truearc.robot.tick import step
+from truearc.robot.types import Tick, Verdict
+from truearc_frc.publisher import NtPublisher
+from truearc_frc.table import Nt4, nt4_of, with_nt4
+
+GATE = Path(__file__).parents[1] / "golden" / "reference" / "export-physics" / "gate.onnx"
+CONFIG = load_config(SHIPPED)
+FIRED = step(good_inputs(), good_memory(), CONFIG, None)
+HELD = replace(FIRED, verdict=Verdict(False, ()))
+
+
+class Table:
+    """A server that keeps what is published."""
+
+    connected = True
+
+    def __init__(self) -> None:
+        self.said: list[dict[str, float | str | Sequence[str]]] = []
+        self.closed = False
+
+    def publish(self, values: dict[str, float | str | Sequence[str]]) -> None:
+        self.said.append(dict(values))
+
+    def close(self) -> None:
+        self.closed = True
+
+
+class Still:
+    """A clock that stands 0.25 s behind the tick."""
+
+    def now_ns(self) -> int:
+        return FIRED.inputs.t_ns + 250_000_000
+
+    def sleep_until_ns(self, t_ns: int) -> None: ...
+
+
+def published(ticks: list[Tick], clock: Clock | None = None) -> list[dict[str, float | str | Sequence[str]]]:
+    table = Table()
+    screen = NtPublisher(with_nt4(CONFIG, Nt4("254")), table, None, clock)
+    for tick in ticks:
+        screen.show(tick)
+    wait_until(lambda: bool(table.said))
+    screen.close()
+    assert table.closed
+    return table.said
+
+
+def wait_until(true: object, limit_s: float = 60.0) -> None:
+    began = time.monotonic()
+    while not true():                             # type: ignore[operator]
+        assert time.monotonic() - began < limit_s
+        time.sleep(0.01)
+
+
+def test_a_fire_is_published_even_where_later_ticks_hold() -> None:
+    assert FIRED.verdict.fire
+    said = published([HELD, FIRED, HELD, HELD])
+    assert [one["verdict"] for one in said] == ["FIRE"] and len(said[0]) == 10
+
+
+def test_the_age_is_that_at_sending() -> None:
+    own, late = published([HELD])[0]["age_s"], published([HELD], Still())[0]["age_s"]
+    assert isinstance(own, float) and late == pytest.approx(own + 0.25)
+
+
+def test_topics_reach_a_server_and_go_with_the_robot(nt_server: tuple[Any, str],
+                                                     capsys: pytest.CaptureFixture[str]) -> None:
+    server, address = nt_server
+    verdict = server.getStringTopic("/truearc/verdict").subscribe("none")
+    novelty = server.getDoubleTopic("/truearc/novelty").subscribe(-1.0)
+    config = with_nt4(CONFIG, Nt4(address))
+    screen = open_screens((partial(open_their_screens, config, GATE, False),), MonotonicClock())
+    assert screen is not None
+    try:
+        seen = Tick(**{name: getattr(FIRED, name) for name in FIRED.__struct_fields__})
+        seen = replace(seen, verdict=replace(FIRED.verdict, p_two=0.9, p_three=0.5))
+
+        def shown() -> bool:
+            screen.show(seen)
+            return verdict.get() == "FIRE"
+
+        wait_until(shown)
+        wait_until(lambda: novelty.get() != -1.0)
+    finally:
+        screen.close()
+    assert "connected" in capsys.readouterr().err
+    wait_until(lambda: not verdict.exists())      # a robot that has gone publishes nothing
+
+
+def test_a_server_that_is_not_there_is_said_once(monkeypatch: pytest.MonkeyPatch,
+                                                 capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr("truearc_frc.publisher.PATIENCE_S", 0.05)
+    table = Table()
+    table.connected = False
+    screen = NtPublisher(with_nt4(CONFIG, Nt4("254")), table, None, None)
+    time.sleep(0.3)
+    screen.close()
+    assert capsys.readouterr().err.count("NetworkTables server 254: does not answer") == 1
+
+
+def test_without_a_table_there_is_no_screen() -> None:
+    assert open_screens((partial(open_their_screens, CONFIG, None, False),), MonotonicClock()) is None
+
+
+@pytest.fixture
+def launcher(tmp_path: Path) -> Iterator[Path]:
+    yield tmp_path / "launcher.toml"
+
+
+@pytest.mark.parametrize(("server", "wrong"), [("10.25.4.2", ""), ("254", ""), ("robot:x", "nt4.server"), ("", "nt4")])
+def test_the_server_is_checked_when_the_configuration_is_read(server: str, wrong: str, launcher: Path) -> None:
+    launcher.write_text(f'{SHIPPED.read_text(encoding="utf-8")}\n[nt4]\nserver = "{server}"\n', encoding="utf-8")
+    if not wrong:
+        assert nt4_of(load_config(launcher)) == Nt4(server)
+        return
+    with pytest.raises(InputError, match=wrong):
+        load_config(launcher)
+
+
+def test_deploy_carries_this_distribution_where_the_configuration_needs_it(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    launcher = tmp_path / "launcher.toml"
+    for added in ("", '\n[nt4]\nserver = "254"\n'):
+        launcher.write_text(SHIPPED.read_text(encoding="utf-8") + added, encoding="utf-8")
+        assert main(["deploy", "pi@launcher.local", "--config", str(launcher), "--dry-run"]) == 0
+        built = [line for line in capsys.readouterr().out.splitlines() if "pip wheel" in line and "/plugins" in line]
+        assert [line.rpartition("/")[2] for line in built] == (["frc"] if added else [])

@@ -1,0 +1,156 @@
+"""The robot's velocity: by its key into the robot's axes, none in doubt, through another process's memory."""
+
+import math
+import struct
+import time
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as some
+from msgspec import UNSET
+from msgspec.structs import replace
+
+from tests.frc.nt_server import Table
+from tests.frc.test_advice import NS, Clock
+from tests.robot.good_tick import good_inputs
+from truearc.cli.common import SHIPPED
+from truearc.hw.real.clock import MonotonicClock
+from truearc.hw.real.processes import Slots
+from truearc.robot.config.schema import Config, load_config
+from truearc.robot.types import Command, Inputs, RobotVelocity, Sent
+from truearc_frc.keys import Reading
+from truearc_frc.table import Nt4, Nt4Velocity, with_nt4
+from truearc_frc.velocity import (
+    ROOM,
+    FarVelocity,
+    MovingRig,
+    NtVelocity,
+    OwnNtVelocity,
+    keys_of_velocity,
+    tell_velocity,
+)
+
+SHIPPED_CONFIG = load_config(SHIPPED)
+NOW_NS = 50 * NS
+ROBOT = Nt4Velocity("/Drive/Speeds", 2.0, 2.0)
+FIELD = Nt4Velocity("/Drive/Speeds", 2.0, 2.0, frame="field", heading="/Drive/Heading", heading_unit="deg",
+                    alive="/Time")
+speeds = some.floats(-6.0, 6.0)
+
+
+def config(velocity: Nt4Velocity, server: str = "254") -> Config:
+    return with_nt4(SHIPPED_CONFIG, Nt4(server, velocity=velocity))
+
+
+def keys(forward: float, left: float, t_ns: int = NOW_NS, **other: float) -> dict[str, Reading]:
+    numbers = {"/Drive/Speeds/0": forward, "/Drive/Speeds/1": left, **{f"/Drive/{name}": value
+                                                                       for name, value in other.items()}}
+    return {key: Reading(t_ns, value) for key, value in numbers.items()} | {"/Time": Reading(NOW_NS + 7, 1.0)}
+
+
+@given(speeds, speeds, some.floats(-720.0, 720.0))
+def test_a_velocity_of_the_field_is_turned_into_the_robots_axes(ahead: float, side: float, heading_deg: float) -> None:
+    turn = complex(math.cos(math.radians(heading_deg)), math.sin(math.radians(heading_deg)))
+    field = complex(ahead, side) * turn
+    table = Table(keys(field.real, field.imag, Heading=heading_deg))
+    read = NtVelocity(config(FIELD), table, Clock()).read()
+    assert read is not None and (read.forward_m_s, read.left_m_s) == pytest.approx((ahead, side), abs=1e-9)
+    assert read.t_ns == NOW_NS + 7                       # that of `alive`: a robot may stand still
+    table.found = keys(ahead, side)
+    assert NtVelocity(config(ROBOT), table, Clock()).read() == RobotVelocity(NOW_NS, ahead, side)
+
+
+@pytest.mark.parametrize("key", keys_of_velocity(FIELD))
+@pytest.mark.parametrize("value", [None, math.nan, math.inf, "text"])
+def test_a_key_that_is_missing_or_no_number_is_no_velocity(key: str, value: float | str | None) -> None:
+    found = keys(1.0, 0.0, Heading=0.0)
+    if value is None:
+        del found[key]
+    else:
+        found[key] = Reading(NOW_NS, value)
+    assert NtVelocity(config(FIELD), Table(found), Clock()).read() is None
+
+
+def test_a_velocity_of_the_field_is_as_old_as_its_heading_and_with_alive_as_that() -> None:
+    found = keys(1.0, 0.0, Heading=0.0) | {"/Drive/Heading": Reading(NOW_NS - NS, 0.0)}
+    alone = NtVelocity(config(replace(FIELD, alive="")), Table(found), Clock()).read()
+    assert alone is not None and alone.t_ns == NOW_NS - NS
+    standing = NtVelocity(config(FIELD), Table(found), Clock()).read()
+    assert standing is not None and standing.t_ns == NOW_NS + 7
+
+
+@pytest.mark.parametrize("alive", ["", "/Time"])
+def test_a_heading_that_jumps_silences_it_and_one_that_turns_once_round_does_not(alive: str) -> None:
+    table = Table({})
+    velocity = NtVelocity(config(replace(FIELD, alive=alive)), table, Clock())
+    known = []
+    for number in range(100):
+        t_ns = NOW_NS + number * 20_000_000
+        heading = 170.0 + 5.0 * number - 360.0 * (number > 20) + 90.0 * (number >= 40)
+        table.found = keys(0.0, 0.0, t_ns, Heading=heading) | {"/Time": Reading(t_ns, 1.0)}
+        known.append(velocity.read() is not None)
+    assert all(known[:40]) and not any(known[40:66]) and all(known[68:])
+
+
+def test_a_jump_silences_it_for_half_a_second_and_a_lost_server_at_once() -> None:
+    table = Table({})
+    velocity = NtVelocity(config(ROBOT), table, Clock())
+    known = []
+    for number in range(60):
+        table.found = keys(3.5 if number == 20 else 1.0 + 0.01 * number, 0.0, NOW_NS + number * 20_000_000)
+        known.append(velocity.read() is not None)
+    assert all(known[:20]) and not any(known[20:46]) and all(known[48:])
+    table.connected = False
+    assert velocity.read() is None
+
+
+class Rig:
+    def __init__(self, *inputs: Inputs | None) -> None:
+        self.inputs = list(inputs)
+
+    def read(self) -> Inputs | None:
+        return self.inputs.pop(0)
+
+    def write(self, command: Command) -> Sent:
+        return Sent(False, False, False, 0.0, 0.0, 0.0)
+
+    def picture(self) -> None:
+        return None
+
+
+def test_the_newest_velocity_reaches_the_inputs_and_none_leaves_none() -> None:
+    memory = bytearray(ROOM.bytes)
+    said = iter([RobotVelocity(1, 1.0, 0.5), RobotVelocity(1, 1.0, 0.5), None, RobotVelocity(2, 0.0, 0.0)])
+    rig = MovingRig(Rig(*[good_inputs()] * 4, None), FarVelocity(Slots(memory, ROOM)))
+    first = rig.read()
+    assert first is not None and first.velocity is UNSET
+
+    class Saying:
+        def read(self) -> RobotVelocity | None:
+            return next(said)
+
+    told = []
+    for count in (1, 2, 1):
+        left = iter([False] * count + [True])
+        tell_velocity(Saying(), Slots(memory, ROOM), lambda wait_s, left=left: next(left))       # type: ignore[misc]
+        inputs = rig.read()
+        assert inputs is not None
+        told.append(inputs.velocity)
+    assert told == [RobotVelocity(1, 1.0, 0.5), UNSET, RobotVelocity(2, 0.0, 0.0)]
+    assert rig.read() is None
+
+
+def test_chassis_speeds_on_a_real_server_are_read(nt_server: tuple[Any, str]) -> None:
+    server, address = nt_server
+    chassis = server.getRawTopic("/Drive/Speeds").publish("struct:ChassisSpeeds")
+    velocity = OwnNtVelocity(config(ROBOT, address), MonotonicClock())
+    began, read = time.monotonic(), None
+    while read is None and time.monotonic() - began < 10.0:
+        chassis.set(struct.pack("<3d", 1.5, -0.25, 0.1 * time.monotonic()))
+        server.flush()
+        time.sleep(0.01)
+        read = velocity.read()
+    velocity.close()
+    assert read is not None and (read.forward_m_s, read.left_m_s) == (1.5, -0.25)
+    assert abs(read.t_ns - time.monotonic_ns()) < 1e9

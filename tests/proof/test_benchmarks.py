@@ -1,0 +1,84 @@
+"""Benchmarks of trackers' faults and of MuJoCo's launcher."""
+
+import numpy as np
+import pytest
+
+from benchmarks.faults import FAULTS
+from benchmarks.launcher_world import make_table
+from truearc.sim.data.dataset import Tracks
+from truearc.sim.physics.catalogue import TERMS
+from truearc.sim.physics.term import STAGES
+from truearc.sim.world.options import Options
+from truearc_proof.rounds.worlds import CHANGES, Change, seen_at
+
+# --- faults
+
+G, SPEED, RATE_HZ = 9.81, 6.0, 50.0
+
+
+def thrown() -> Tracks:
+    """Two flights of 20 frames, without air."""
+    t_s = np.tile(np.arange(20) / RATE_HZ, 2)
+    return Tracks(np.repeat([0, 1], 20), t_s, SPEED * t_s, 0.5 * t_s, 1.0 + 5.0 * t_s - G * t_s**2 / 2.0)
+
+
+def pulled(tracks: Tracks) -> float:
+    """Downward acceleration of the first flight as the tracker has it."""
+    first = tracks.shot == 0
+    return -2.0 * np.polyfit(tracks.t_s[first], tracks.z_m[first], 2)[0]
+
+
+@pytest.mark.parametrize(("fault", "gravity"), [("scale 5 % too long", 1.05 * G), ("clock 5 % slow", G / 1.05**2),
+                                                ("turned 5 deg", G)])
+def test_gravity_as_the_tracker_has_it(fault: str, gravity: float) -> None:
+    assert pulled(FAULTS[fault](thrown())) == pytest.approx(gravity, rel=1e-9)
+
+
+def test_lost_frames_leave_a_jump_that_no_stamp_shows() -> None:
+    seen = FAULTS["2 frames lost"](thrown())
+    first = seen.shot == 0
+    assert first.sum() == 18
+    np.testing.assert_allclose(np.diff(seen.t_s[first]), 1.0 / RATE_HZ, rtol=1e-9)
+    steps = np.diff(seen.x_m[first]) * RATE_HZ
+    np.testing.assert_allclose(np.delete(steps, 9), SPEED)
+    assert steps[9] == pytest.approx(3.0 * SPEED)
+
+
+def test_turning_moves_nothing_up_and_keeps_lengths() -> None:
+    before = thrown()
+    for fault in ("turned 5 deg", "tilted 4 deg"):
+        after = FAULTS[fault](before)
+        np.testing.assert_allclose(after.x_m**2 + after.y_m**2 + after.z_m**2,
+                                   before.x_m**2 + before.y_m**2 + before.z_m**2)
+    np.testing.assert_array_equal(FAULTS["turned 5 deg"](before).z_m, before.z_m)
+    assert (FAULTS["tilted 4 deg"](before).z_m[before.x_m > 0.0] > before.z_m[before.x_m > 0.0]).all()
+
+
+def test_a_camera_that_looks_up_sees_high_balls_small() -> None:
+    before, after = thrown(), FAULTS["2 % smaller per m"](thrown())
+    np.testing.assert_allclose(after.z_m, before.z_m * (1.0 - 0.02 * before.z_m))
+    np.testing.assert_allclose(after.y_m * before.z_m, before.y_m * after.z_m)
+
+
+# --- launcher
+
+@pytest.mark.parametrize("change", CHANGES, ids=lambda change: change.name)
+def test_a_change_is_one_of_the_world_and_its_names_are_of_the_catalogue(change: Change) -> None:
+    changed = Options(**change.options)
+    assert (changed == Options()) == (change.name == "nothing")
+    assert set(change.names) <= {term.name for term in TERMS}
+    assert set(change.stages) <= set(STAGES)
+    assert bool(change.names) == bool(change.stages) == bool(change.options)
+
+
+def test_what_only_tracks_show_is_not_asked_of_outcomes() -> None:
+    assert {change.name for change in seen_at("L2")} - {change.name for change in seen_at("L1")} == {"cross_wind"}
+
+
+def test_the_world_as_it_is_is_held_against_its_own_scatter() -> None:
+    sizes = [{"before_m": 0.4, "after_m": 0.14, "scatter_m": 0.1}, {"before_m": 0.4, "after_m": 0.2, "scatter_m": 0.1}]
+    what = [{"term": "wheel_slip", "parameters": {"size": {"value": 0.5, "unit": "m"}}}]
+    table = make_table([{"level": "L1", "seed": 7, "p_value": 0.001, "set": ["wheel_slip"], "verdict": "named",
+                         "where": {"stage": "launch"}, "what": what, "also": [], **one} for one in sizes])
+    assert "wheel_slip 0.5 m" in table and "| 1.40 |" in table and "| 2.00 |" in table
+    assert table.endswith("Adopted within 1.5 x the own scatter: 1 of 2; placed at the launch: 2 of 2.")

@@ -1,0 +1,319 @@
+"""Marks of claims made up so that the right mark is plain."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.worlds import KINDS, Job, amount_of, mark_job, plan_jobs, true_parameter, world_of
+from truearc.errors import InputError
+from truearc.sim.physics.catalogue import TERMS
+from truearc_proof.rounds import TOOLS, Entry
+from truearc_proof.rounds.marks import Mark, Measured, is_alias, mark, named_decoy, said_set, up_to_alias
+from truearc_proof.rounds.page import make_proof_page, verdict
+from truearc_proof.rounds.tables import make_tables
+from truearc_proof.rounds.worlds import ALIKE, DIRTS, PARAMETER, Drawn, names_at, read_off
+from truearc_proof.truth.world import make_world
+
+# --- score world
+
+ONE = Drawn("w1", "numpy", "one", "L1", 300, 1, {"wind_x": 2.0}, (), "", {"wind_x": 20.0})
+
+
+def finding(*names: tuple[str, float], found: bool = True, verdict: str = "named", stage: str = "flight",
+            value: float = 2.2, also: tuple[str, ...] = ()) -> dict[str, Any]:
+    parameters = {"speed_m_s": {"value": value, "low90": value - 0.5, "high90": value + 0.5}}
+    what = [{"term": name, "probability": share, "parameters": parameters} for name, share in names]
+    return {"mismatch": {"found": found, "p_value": 0.01}, "verdict": verdict, "where": {"stage": stage},
+            "what": what, "set": [name for name, _ in names] or None, "fit": {"gain_per_shot": 0.1},
+            "also": [{"what": [{"term": name}], "set": [name]} for name in also]}
+
+
+def test_the_right_name_with_its_size() -> None:
+    told = mark(ONE, finding(("wind_x", 0.95)), Measured((0.9, 0.8, 0.85, 0.9), (), 0.4))
+    assert (told.found, told.stage, told.first, told.alias, told.covered, told.holds) == (True,) * 6
+    assert told.error == pytest.approx(0.5)
+    assert (told.strength, told.hidden) == (20.0, ("wind_x",))
+
+
+def test_a_wrong_name_and_a_set_that_has_the_right_one() -> None:
+    wrong = mark(ONE, finding(("wheel_slip", 0.95), stage="launch"), Measured())
+    assert (wrong.stage, wrong.first, wrong.alias, wrong.covered, wrong.holds) == (False, False, False, False, None)
+    told = mark(ONE, finding(("spin_drag", 0.5), ("wind_x", 0.4), verdict="set"), Measured())
+    assert (told.first, told.alias, told.covered, told.set_size) == (False, False, True, 2)
+    alike = mark(ONE, finding(("spin_drag", 0.95)), Measured(None, ("spin_drag",)))
+    assert (alike.first, alike.alias) == (False, True)
+
+
+def test_nothing_found_is_asked_nothing() -> None:
+    told = mark(ONE, finding(found=False, verdict="none"), Measured((0.5, 0.4, 0.4, 0.4)))
+    assert (told.found, told.first, told.stage, told.names) == (False, None, None, ())
+    assert told.allowed == (0.5, 0.4, 0.4, 0.4)
+
+
+def test_two_effects_are_both_right_only_together() -> None:
+    two = Drawn("w2", "numpy", "two", "L1", 300, 1, {"wind_x": 2.0, "wheel_slip": 0.02})
+    assert mark(two, finding(("wind_x", 0.95), also=("wheel_slip",)), Measured()).both
+    assert mark(two, finding(("wind_x", 0.95), also=("rim_catch",)), Measured()).both is False
+
+
+def test_what_no_catalogue_has_can_be_named_only_wrongly() -> None:
+    off = Drawn("w3", "numpy", "off", "L1", 300, 1, {"hood_flex": 2.0})
+    told = mark(off, finding(verdict="unknown", stage="launch"), Measured())
+    assert (told.stage, told.first, told.covered, told.names) == (True, None, None, ())
+
+
+def test_a_changed_robot_may_be_told_by_several_names() -> None:
+    soft = Drawn("w4", "mujoco", "one", "L1", 300, 1, {"ball_stiffness_scale": 0.6}, (), "soft_ball")
+    told = mark(soft, finding(("exit_efficiency", 0.95), stage="launch"), Measured())
+    assert (told.first, told.stage, told.hidden, told.holds) == (True, True, ("soft_ball",), None)
+    still = Drawn("w5", "mujoco", "clean", "L1", 300, 1, change="nothing")
+    assert mark(still, finding(("wind_x", 0.9)), Measured()).hidden == ()
+
+
+def robot(kind: str, change: str, level: str = "L1", dirt: tuple[str, ...] = (), **options: float) -> Drawn:
+    return Drawn("w8", "mujoco", kind, level, 300, 1, options, dirt, change)
+
+
+def test_two_changes_of_a_robot_are_both_right_when_each_has_one_of_its_names() -> None:
+    two = robot("two", "tail_wind+soft_ball", wind_x_m_s=1.5, ball_stiffness_scale=0.6)
+    told = mark(two, finding(("wind_x", 0.95), also=("wheel_slip",)), Measured())
+    assert (told.hidden, told.first, told.stage, told.both) == (("tail_wind", "soft_ball"), True, True, True)
+    assert set(told.right) == {"wind_x", "exit_efficiency", "wheel_slip", "wheel_droop", "ball_compression"}
+    # two names of the one change are not both
+    told = mark(two, finding(("exit_efficiency", 0.95), also=("wheel_slip",), stage="launch"), Measured())
+    assert (told.first, told.stage, told.both) == (True, True, False)
+    assert mark(two, finding(("rim_catch", 0.95), stage="arrival"), Measured()).stage is False
+
+
+@pytest.mark.parametrize(("level", "change", "name", "stage", "right"), [
+    ("L0", "camera_scale", "target_height", "arrival", True),
+    ("L0", "release_height", "distance_bias", "sensing", True),
+    ("L1", "release_height", "target_height", "launch", True),
+    ("L1", "release_height", "distance_bias", "sensing", False),
+    ("L2", "camera_scale", "distance_scale", "sensing", True),
+    ("L2", "camera_scale", "release_height", "launch", False)])
+def test_any_name_of_a_class_is_right_of_a_robots_alias(level: str, change: str, name: str, stage: str,
+                                                       right: bool) -> None:
+    told = mark(robot("alias", change, level), finding((name, 0.95), stage=stage), Measured())
+    assert (told.first, told.stage, told.covered, told.right) == (right, right, right, ALIKE[level])
+
+
+def test_a_robots_decoy_is_nobodys_alias_and_what_wears_is_right() -> None:
+    decoy = robot("decoy", "worn_ball", dirt=("battery_with_wear",), wear_stiffness_per_shot=0.005)
+    told = mark(decoy, finding(("battery_sag", 0.95), stage="launch"), Measured(None, ("battery_sag",)),
+                {"argmax": {"says_something": True, "names": ["battery_sag"]}})
+    assert (told.first, told.alias, up_to_alias(told), named_decoy(told)) == (False, True, False, True)
+    assert told.rivals == {"argmax": (True, False, False)}
+    right = mark(decoy, finding(("ball_wear", 0.95), stage="launch"), Measured())
+    assert (right.first, up_to_alias(right), named_decoy(right)) == (True, True, False)
+    bare = mark(robot("decoy", "worn_ball", "L0", ("battery_with_wear",)), finding(("drag", 0.9)), Measured())
+    assert named_decoy(bare) is None                  # outcomes alone have no battery
+
+
+def test_what_no_catalogue_has_of_a_robot_can_be_named_only_wrongly() -> None:
+    flexed = robot("off", "hood_flex", hood_flex_deg=0.4)
+    told = finding(verdict="unknown", stage="launch")
+    told["where"] |= {"covariate": "motor_ratio", "direction": "vertical"}
+    marked = mark(flexed, told, Measured())
+    assert (marked.hidden, marked.right, marked.first, marked.stage, marked.goes_with) == (
+        ("hood_flex",), (), None, True, True)
+    told["where"]["direction"] = "along"
+    assert mark(flexed, told, Measured()).goes_with is False
+    aloft = mark(robot("off", "wind_aloft", wind_x_m_s=0.5, wind_above_m=2.5), told, Measured())
+    assert (aloft.stage, aloft.goes_with) == (False, None)       # nobody can be sure of what it would go with
+
+
+def test_a_dirty_robot_is_a_null_and_has_a_row_of_its_own() -> None:
+    dirty = mark(robot("dirty", "nothing", dirt=("scatter",)), finding(("wind_x", 0.9)), Measured())
+    assert (dirty.hidden, dirty.found, dirty.first, dirty.right) == ((), True, None, ())
+    clean = mark(robot("clean", "nothing"), finding(found=False, verdict="none"), Measured())
+    numpys = mark(Drawn("w6", "numpy", "dirty", "L1", 300, 1, {}, ("balls",)), finding(found=False, verdict="none"),
+                  Measured())
+    alarms = make_tables([dirty, clean, clean, numpys])[0]
+    assert {row[0]: row[1][:3] for row in alarms.rows} == {
+        "dirty": "0/1", "MuJoCo, unchanged": "0/2", "MuJoCo, unchanged, dirty": "1/1", "together": "1/4"}
+
+
+def test_every_kind_of_a_changed_robot_has_a_row() -> None:
+    marks = [mark(robot(kind, change), finding(("wind_x", 0.95)), Measured()) for kind, change in (
+        ("one", "tail_wind"), ("two", "tail_wind+soft_ball"), ("alias", "release_height"), ("decoy", "worn_ball"),
+        ("off", "wind_aloft"))]
+    (table,) = [one for one in make_tables(marks) if one.title.startswith("Worlds in which something is hidden")]
+    assert [(row[0], row[1][:3], row[3][:3]) for row in table.rows] == [
+        ("MuJoCo, one thing changed", "1/1", "1/1"), ("MuJoCo, two things", "1/1", "1/1"),
+        ("MuJoCo, aliases", "1/1", "0/1"), ("MuJoCo, with a decoy", "1/1", "0/1"),
+        ("MuJoCo, in no catalogue", "1/1", "-")]
+
+
+def test_tables_count_every_world_once() -> None:
+    clean = Drawn("w6", "numpy", "clean", "L1", 300, 1)
+    marks: list[Mark] = [mark(clean, finding(found=False, verdict="none"), Measured())] * 19
+    marks += [mark(clean, finding(("wind_x", 0.9)), Measured()), mark(ONE, finding(("wind_x", 0.95)), Measured())]
+    text = "\n".join(one.markdown() for one in make_tables(marks))
+    assert "| together | 1/20 = 0.05 (0.01-0.24) | 1/20" in text
+    assert "| nothing | 19 | 1 | 0 | 0 |" in text
+    assert "| 15-35 | 1/1" in text
+
+
+def test_what_others_say_of_the_same_world_is_marked_by_the_same_rule() -> None:
+    claims = {"gp": {"says_something": True, "names": []}, "argmax": {"says_something": True, "names": ["spin_drag"]},
+              "boosted": {"says_something": False, "names": ["wind_x"]}}
+    told = mark(ONE, finding(("wind_x", 0.95)), Measured(None, ("spin_drag",)), claims)
+    assert told.rivals == {"gp": (True, False, False), "argmax": (True, False, True), "boosted": (False, False, False)}
+    clean = mark(Drawn("w6", "numpy", "clean", "L2", 300, 1), finding(found=False, verdict="none"), Measured(), claims)
+    assert clean.rivals["argmax"] == (True, None, None)
+    (table,) = [one for one in make_tables([told, clean]) if "Beside others" in one.title]
+    rows = {row[0]: row[1:] for row in table.rows}
+    assert rows["truearc"][0].startswith("0/1") and rows["truearc"][2].startswith("1/1")
+    assert rows["argmax"][0].startswith("1/1") and rows["argmax"][2].startswith("0/1")
+    assert rows["argmax"][3].startswith("1/1")
+
+
+def test_a_decoy_s_name_is_no_rival_s_alias_either() -> None:
+    decoy = Drawn("w7", "numpy", "decoy", "L2", 300, 1, {"ball_wear": 0.1}, ("battery_with_wear",))
+    claims = {"argmax": {"says_something": True, "names": ["battery_sag"]},
+              "gp": {"says_something": True, "names": ["drag_wear"]}}
+    told = mark(decoy, finding(("ball_wear", 0.95)), Measured(None, ("battery_sag", "drag_wear")), claims)
+    assert told.rivals == {"argmax": (True, False, False), "gp": (True, False, True)}
+
+
+def test_the_page_says_all_in_a_sentence_and_holds_every_world_and_line() -> None:
+    marks = [mark(ONE, finding(("wind_x", 0.95)), Measured()),
+             mark(Drawn("w6", "numpy", "clean", "L1", 300, 1), finding(found=False, verdict="none"), Measured())]
+    assert verdict(marks).startswith("Where nothing was missing, something was claimed in 0 of 1 worlds (0% to 79%).")
+    page = make_proof_page(marks, make_tables(marks), (Entry(1, "sealed", "w1", "ab" * 32, "0" * 64),))
+    assert page.count("data:image/png") == 3 and "wind_x" in page and "abababababababab" in page
+
+
+# --- score finding
+
+JOB = Job("effects", "hood_offset", "L1", 300, 1.0, 7, 0)
+SCALES = {"L0": 1.0, "L1": 1.0, "L2": 0.25}
+
+
+def told(found=True, what=(("hood_offset", 0.7), ("wheel_slip", 0.2)), said=None, verdict="named", stage="sensing",
+            low=0.5, high=1.0):
+    return {"mismatch": {"found": found, "p_value": 0.01 if found else 0.4},
+            "where": {"stage": stage, "stage_probability": {"sensing": 0.3, "launch": 0.6}, "covariate": "hood_deg",
+                      "direction": "vertical"},
+            "what": [{"term": term, "probability": p, "parameters": {"angle_deg": {"low90": low, "high90": high}}}
+                     for term, p in what],
+            "verdict": verdict, "set": said}
+
+
+def test_a_right_answer_is_right_in_everything():
+    marks = mark_job(JOB, told())
+    assert (marks.found, marks.stage, marks.first, marks.alias, marks.covered) == (True,) * 5
+    assert marks.holds and marks.set_size == 2
+
+
+def test_what_was_not_found_is_asked_nothing_more():
+    marks = mark_job(JOB, told(found=False, what=(), verdict="none"))
+    assert not marks.found and marks.p_value == 0.4
+    assert {marks.stage, marks.first, marks.alias, marks.covered, marks.set_size, marks.holds} == {None}
+
+
+def test_a_wrong_name_an_alias_and_a_set():
+    wrong = mark_job(JOB, told(what=(("rim_catch", 0.95),), said=["rim_catch"]))
+    assert not (wrong.first or wrong.alias or wrong.covered) and wrong.holds is None
+    in_set = mark_job(JOB, told(what=(("wheel_slip", 0.5), ("hood_offset", 0.4)), said=["wheel_slip", "hood_offset"],
+                                   verdict="set"))
+    assert (in_set.first, in_set.alias, in_set.covered, in_set.set_size) == (False, False, True, 2)
+    table = Job("effects", "target_height", "L1", 300, 1.0, 7, 0)
+    alias = mark_job(table, told(what=(("release_height", 0.95),), said=["release_height"]))
+    assert (alias.first, alias.alias, alias.covered) == (False, True, False)
+    assert [is_alias(level, "target_height", ["release_height"]) for level in ("L0", "L1", "L2")] == [True, True, False]
+
+
+def test_in_a_null_every_name_is_wrong_and_nothing_can_be_right():
+    marks = mark_job(Job("nulls", "clean", "L0", 300, 0.0, 7, 0), told())
+    assert marks.found and marks.stage is None and marks.first is None
+
+
+@pytest.mark.parametrize(("stage", "right"), [("sensing", True), ("launch", False), (None, False)])
+def test_without_a_stage_the_likeliest_counts(stage, right):
+    assert mark_job(JOB, told(stage=stage)).stage is right
+
+
+@pytest.mark.parametrize(("low", "high", "holds"), [(0.8, 0.9, True), (0.81, 0.9, False), (0.1, 0.79, False),
+                                                    (None, None, None)])
+def test_intervals_are_held_against_the_amplitude(low, high, holds):
+    assert mark_job(JOB, told(low=low, high=high)).holds is holds
+
+
+def test_wear_of_balls_that_nobody_tells_apart_is_another_number():
+    job = Job("effects", "ball_wear", "L0", 300, 1.0, 7, 0)
+    worn = told(what=(("ball_wear", 0.9),))
+    worn["what"][0]["parameters"] = {"loss": {"low90": 0.02, "high90": 0.04}}
+    assert mark_job(job, worn).first and mark_job(job, worn).holds is None
+    assert mark_job(Job("effects", "ball_wear", "L1", 300, 1.0, 7, 0), worn).holds is True
+
+
+def test_a_set_that_is_not_said_is_the_likeliest_ninety_percent():
+    assert said_set(told(what=(("a", 0.5), ("b", 0.3), ("c", 0.05), ("d", 0.02)))) == ["a", "b"]
+    assert said_set(told(said=["z"])) == ["z"] and said_set({}) == []
+    assert said_set(told(what=(("a", 0.99), ("b", 0.01)))) == ["a"]
+
+
+def test_true_parameters_in_the_catalogues_words():
+    assert true_parameter(JOB) == ("angle_deg", 0.8)
+    odd = Job("effects", "hood_offset", "L1", 300, 0.5, 7, 1)
+    assert true_parameter(odd) == ("angle_deg", -0.4)
+    assert true_parameter(Job("effects", "hood_backlash", "L1", 300, 1.0, 7, 0)) == ("angle_deg", -0.6)
+    assert true_parameter(Job("off", "late_gust", "L1", 300, 1.0, 7, 0)) is None
+
+
+def test_jobs_are_different_worlds_and_the_same_again():
+    jobs = plan_jobs(KINDS, ["L0", "L1", "L2"], [100, 300], 3, 7, SCALES)
+    assert len({job.key for job in jobs}) == len(jobs) > 400
+    seeds = {}
+    for job in jobs:
+        seeds.setdefault(job.seed, set()).add((job.kind, job.name, job.index))
+    assert all(len(worlds) == 1 for worlds in seeds.values())
+    assert jobs == plan_jobs(KINDS, ["L0", "L1", "L2"], [100, 300], 3, 7, SCALES)
+    other = plan_jobs(KINDS, ["L0"], [100], 3, 8, SCALES)
+    assert not {job.seed for job in other} & set(seeds)
+
+
+def test_what_a_level_cannot_show_is_run_only_when_named():
+    assert "battery_sag" not in set(names_at("effects", "L0")) and "battery_sag" in set(names_at("effects", "L1"))
+    assert "track_scale" not in set(names_at("effects", "L1")) and "track_scale" in set(names_at("effects", "L2"))
+    assert "clipped" not in set(names_at("nulls", "L1")) and set(names_at("nulls", "L2")) == set(DIRTS)
+    named = plan_jobs(["effects"], ["L0"], [300], 2, 7, SCALES, ["battery_sag"])
+    assert [job.name for job in named] == ["battery_sag"] * 2
+    with pytest.raises(InputError, match="moon"):
+        plan_jobs(["effects"], ["L0"], [300], 2, 7, SCALES, ["moon"])
+    with pytest.raises(InputError, match="stars"):
+        plan_jobs(["stars"], ["L0"], [300], 2, 7, SCALES)
+
+
+def test_amplitudes_take_turns_in_sign_where_nature_is_free():
+    signs = [amount_of(Job("effects", "wind_x", "L2", 300, 0.25, 7, index)) for index in range(4)]
+    assert signs == [0.2, -0.2, 0.2, -0.2]
+    assert {amount_of(Job("effects", "spin_decay", "L2", 300, 1.0, 7, index)) for index in range(4)} == {0.6}
+    assert world_of(Job("nulls", "all", "L2", 300, 0.0, 7, 0)).dirt == DIRTS["all"]
+    assert dict(world_of(JOB).effects) == {"hood_offset": 0.8}
+    assert make_world(seed=JOB.seed).cd == world_of(JOB).cd
+
+
+# --- instruments
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_a_tool_is_what_discovery_proposes_for_its_terms(tool: str) -> None:
+    assert {term.name for term in TERMS if term.instrument and term.instrument.id == tool} == set(TOOLS[tool])
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_readings_scatter_about_the_truth_by_their_stated_error(tool: str) -> None:
+    """Of the first of the tool's terms; of the others there is nothing."""
+    name, *others = TOOLS[tool]
+    amount = 0.02
+    readings = [read_off(tool, {name: amount}, seed) for seed in range(400)]
+    for term in (name, *others):
+        values, sd = np.array([one[term]["value"] for one in readings]), TOOLS[tool][term]
+        wanted = PARAMETER[term][1](amount) if term == name else 0.0
+        assert values.mean() == pytest.approx(wanted, abs=4.0 * sd / np.sqrt(len(values)))
+        assert values.std() == pytest.approx(sd, rel=0.15)
+        assert {one[term]["sd"] for one in readings} == {sd}
+    assert readings[3] == read_off(tool, {name: amount}, 3)
