@@ -24,13 +24,11 @@ from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import RecordingRig
 from truearc.robot.runtime import run
-from truearc_frc.advice import AdviceIo, advised_columns
-from truearc_frc.camera import NtCamera, keys_of_camera
+from truearc_frc.advice import PATIENCE_S, AdviceIo, Adviser, advised_columns
 from truearc_frc.doctor import look_beside
+from truearc_frc.inputs import NtCamera, NtVelocity, keys_of_camera, keys_of_velocity
 from truearc_frc.keys import NtKeys
-from truearc_frc.publisher import PATIENCE_S, Adviser
 from truearc_frc.table import LISTEN_S, nt4_of
-from truearc_frc.velocity import NtVelocity, keys_of_velocity
 
 
 def check(args: argparse.Namespace) -> int:

@@ -13,8 +13,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import truearc as ta
-from truearc.cli.common import SHIPPED, add_accept, load_any_rig, make_progress, number, refuse
-from truearc.cli.outputs import WEIGHTS, OutFolder, out_file
+from truearc.cli.common import (
+    SHIPPED,
+    WEIGHTS,
+    OutFolder,
+    add_accept,
+    load_any_rig,
+    make_progress,
+    number,
+    out_file,
+    refuse,
+)
 from truearc.errors import InputError, load_bytes, save_whole
 from truearc.model_export import NETWORK_TOLERANCE, PHYSICS_TOLERANCE
 from truearc.robot.config.schema import Config

@@ -5,8 +5,20 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 import truearc as ta
-from truearc.cli.common import add_accept, add_terms_from, catalogue_of, fixed, listed, make_progress, number, refuse
-from truearc.cli.outputs import DATASET, WEIGHTS, OutFolder, out_file
+from truearc.cli.common import (
+    DATASET,
+    WEIGHTS,
+    OutFolder,
+    add_accept,
+    add_terms_from,
+    catalogue_of,
+    fixed,
+    listed,
+    make_progress,
+    number,
+    out_file,
+    refuse,
+)
 from truearc.errors import save_whole
 from truearc.sim.paper import DEFAULT_RECIPE as DEFAULT
 from truearc.sim.paper import PATIENCE, STEP

@@ -6,7 +6,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 from truearc.cli import common
-from truearc.cli.outputs import out_file
+from truearc.cli.common import out_file
 from truearc.errors import EXPORTS, OTHER_FORMATS
 
 
@@ -26,7 +26,7 @@ def replay(args: argparse.Namespace) -> int:
 
     Exit 1 on the first difference. With another configuration or model: which outputs would have differed.
     """
-    from truearc.cli.session_replay import replay_as_recorded, replay_with
+    from truearc.cli.session_work import replay_as_recorded, replay_with
     if args.config is None and args.gate is None:
         return replay_as_recorded(args)
     if args.depth == "frames":
@@ -77,5 +77,5 @@ def convert(args: argparse.Namespace) -> int:
     with one row per marked trial), and the formats of other distributions. With
     --belief an MCAP also shows the flight of each marked shot as the belief has it.
     """
-    from truearc.cli.session_convert import convert
+    from truearc.cli.session import convert
     return convert(args)
