@@ -48,8 +48,8 @@ class WpilogWriter:
     def start(self, name: str, kind: str, metadata: str, t_us: int) -> int:
         """Announce a signal of one of the kinds of TYPES; returns its number."""
         self._signals += 1
-        self._record(CONTROL, t_us, struct.pack("<BI", START, self._signals)
-                     + _text(name) + _text(TYPES[kind]) + _text(metadata))
+        self.append(CONTROL, t_us, struct.pack("<BI", START, self._signals)
+                    + _text(name) + _text(TYPES[kind]) + _text(metadata))
         return self._signals
 
     def start_pose(self, name: str, metadata: str, t_us: int) -> int:
@@ -59,10 +59,7 @@ class WpilogWriter:
         return self.start(name, POSE, metadata, t_us)
 
     def append(self, signal: int, t_us: int, payload: bytes) -> None:
-        """One value, as `make_payload` made it."""
-        self._record(signal, t_us, payload)
-
-    def _record(self, signal: int, t_us: int, payload: bytes) -> None:
+        """One value, as `make_payload` made it; of signal 0 an announcement."""
         parts = [_shortest(signal), _shortest(len(payload)), _shortest(t_us)]
         sizes = len(parts[0]) - 1 | (len(parts[1]) - 1) << 2 | (len(parts[2]) - 1) << 4
         self._file.write(bytes([sizes]) + b"".join(parts) + payload)

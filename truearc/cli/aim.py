@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING
 
 import truearc as ta
 from truearc.cli import common
-from truearc.cli.common import OutFolder, out_file
 from truearc.errors import about, load_bytes, naming, save_whole
 from truearc.robot.config.unit_table import CONVERTED
 from truearc.sim.discover.finding import FALSE_ALARM, check_chances
@@ -43,10 +42,13 @@ def aim_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--format", choices=FORMATS, default="text", help="text for people, CSV or JSON with every "
                         "number, lines to paste into robot code, or the shape of a team's public "
                         "code: java-6328, java-254, csv-2928, json-3476 (default text)")
-    parser.add_argument("-o", "--out", type=out_file, metavar="FILE", help="file to write instead of standard output")
-    parser.add_argument("--picture", type=out_file, metavar="PNG", help="picture of set points and of the band that "
+    parser.add_argument("-o", "--out", type=common.out_file, metavar="FILE",
+                        help="file to write instead of standard output")
+    parser.add_argument("--picture", type=common.out_file, metavar="PNG",
+                        help="picture of set points and of the band that "
                         "scores")
-    parser.add_argument("--robot", type=out_file, metavar="FILE", help="aim file for `truearc run --aim`, checked "
+    parser.add_argument("--robot", type=common.out_file, metavar="FILE",
+                        help="aim file for `truearc run --aim`, checked "
                         "against the simulator; --rig should be the robot's launcher.toml then")
     parser.add_argument("--note", metavar="TEXT", help="one line in that file for the driver")
     common.add_terms_from(parser)
@@ -153,7 +155,8 @@ def follow_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--once", action="store_true", help="look once at what is there, and end")
     parser.add_argument("--every", type=common.number(float, 0.1, 3600.0), metavar="S", help="seconds between looks "
                         "(default 1)")
-    parser.add_argument("--out", type=OutFolder((PROPOSAL, BELIEF, AIM)), metavar="DIR", help=f"folder for {PROPOSAL}, "
+    parser.add_argument("--out", type=common.OutFolder((PROPOSAL, BELIEF, AIM)), metavar="DIR",
+                        help=f"folder for {PROPOSAL}, "
                         f"{BELIEF} and the robot's {AIM}, written where a change is proposed")
     parser.add_argument("--send", type=_url, metavar="URL", help="address of the robot's operator page: the aim file "
                         "is sent there and offered to the driver; with --out and --token")

@@ -3,20 +3,11 @@
 import argparse
 import shlex
 import sys
+from functools import partial
 from pathlib import Path
 
 import truearc as ta
-from truearc.cli.common import (
-    DATASET,
-    SHIPPED,
-    OutFolder,
-    add_accept,
-    listed,
-    make_progress,
-    number,
-    out_file,
-    write_out,
-)
+from truearc.cli import common
 from truearc.errors import OTHER_FORMATS, InputError, about, needs
 from truearc.sim.data.importers.registry import load_importers
 
@@ -29,13 +20,13 @@ NOT_TRACKED = ("[[launcher.wheel]]", "[target]", "free_speed_rad_s")       # of 
 
 
 def init_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("dataset", nargs="?", type=OutFolder(("rig.toml", "shots.csv", "tracks.csv")),
+    parser.add_argument("dataset", nargs="?", type=common.OutFolder(("rig.toml", "shots.csv", "tracks.csv")),
                         metavar="DIR", help="dataset directory to make")
     parser.add_argument("--units", type=lambda text: text.split(","), default=[], metavar="UNIT[,UNIT]",
                         help="in which shots.csv has distances and angles instead of m and deg: mm, cm, in or ft; rad")
     parser.add_argument("--tracks", action="store_true", help="a dataset of flights that a camera saw: tracks.csv, "
                         "too, and a rig.toml without wheels and target")
-    parser.add_argument("--robot", type=out_file, metavar="FILE", help="launcher.toml to write instead: the "
+    parser.add_argument("--robot", type=common.out_file, metavar="FILE", help="launcher.toml to write instead: the "
                         "configuration that the emulated robot runs with, every key with its meaning")
 
 
@@ -54,14 +45,14 @@ def init(args: argparse.Namespace) -> int:
         raise InputError("--tracks: goes with DIR alone; columns in other units are read by their names (x_mm, x_ft)")
     columns = in_units(args.units)
     if args.robot is not None:
-        write_out(args.robot, SHIPPED.read_text(encoding="utf-8"))
+        common.write_out(args.robot, common.SHIPPED.read_text(encoding="utf-8"))
         print(f"{args.robot}: change what differs on your launcher; then: truearc doctor --config {args.robot}")
         return 0
     args.dataset.mkdir(parents=True, exist_ok=True)
     rig = RIG.read_text(encoding="utf-8")
-    write_out(args.dataset / "rig.toml", for_tracks(rig) if args.tracks else rig)
+    common.write_out(args.dataset / "rig.toml", for_tracks(rig) if args.tracks else rig)
     for name, header in (TRACKED if args.tracks else {"shots.csv": columns}).items():
-        write_out(args.dataset / name, ",".join(header) + "\n")
+        common.write_out(args.dataset / name, ",".join(header) + "\n")
     rows = ", a row of shots.csv for each shot and one of tracks.csv for each frame" if args.tracks else (
         " and a row of shots.csv for each shot")
     print(f"{args.dataset}: fill in rig.toml{rows}; then: truearc check {args.dataset}")
@@ -90,7 +81,7 @@ def in_units(units: list[str]) -> list[str]:
 
 def shots_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("sessions", type=Path, nargs="+", metavar="SESSION", help="recorded session folder")
-    parser.add_argument("-o", "--out", type=OutFolder(DATASET), required=True, metavar="DIR",
+    parser.add_argument("-o", "--out", type=common.OutFolder(common.DATASET), required=True, metavar="DIR",
                         help="dataset folder to write")
     parser.add_argument("--repeatability", action="store_true",
                         help="one row a configuration, labelled by the paper's R2/R3 rule (section IV-A)")
@@ -99,7 +90,7 @@ def shots_options(parser: argparse.ArgumentParser) -> None:
 def shots(args: argparse.Namespace) -> int:
     """Turn recorded sessions into a dataset of shots (rig.toml, shots.csv, traces.csv)."""
     from truearc.sim.data.recordings import label_by_repeatability
-    progress = make_progress("shots", args.quiet)
+    progress = common.make_progress("shots", args.quiet)
     dataset = ta.shots_from_sessions(args.sessions, args.out.name)
     progress(0.8, "read")
     if args.repeatability:
@@ -116,10 +107,10 @@ def shots(args: argparse.Namespace) -> int:
 
 def check_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("dataset", metavar="DIR", help="dataset directory")
-    parser.add_argument("--believe", type=listed(str), metavar="TERMS", help="terms of the simulation, "
+    parser.add_argument("--believe", type=common.listed(str), metavar="TERMS", help="terms of the simulation, "
                         "comma-separated; else rig.toml's")
-    add_accept(parser)
-    parser.add_argument("--seed", type=number(int, 0), help="of the season that is planned without "
+    common.add_accept(parser)
+    parser.add_argument("--seed", type=common.number(int, 0), help="of the season that is planned without "
                         "shots, or of where shots without results pass")
 
 
@@ -143,7 +134,7 @@ def check(args: argparse.Namespace) -> int:
         return 0
     with about(args.dataset):
         could = ta.identifiability(dataset.rig if few else dataset, believe=args.believe, seed=args.seed,
-                                   accept=args.accept, progress=make_progress("check", args.quiet))
+                                   accept=args.accept, progress=common.make_progress("check", args.quiet))
     if few:
         print(f"warning: {say_few(len(dataset.shots))}" if len(dataset.shots) else "\nno shots yet", end="")
     print("; of a season with this rig:" if few else "")
@@ -208,7 +199,7 @@ def import_shots_options(parser: argparse.ArgumentParser) -> None:
                         help=f"{', '.join(OTHER_FORMATS)} or csv: any team's; others: whose recordings (more come "
                         "with pip install ./proof in a checkout)")
     parser.add_argument("files", nargs="+", metavar="FILE", help=f"the public originals, or tables of them: {known}")
-    parser.add_argument("-o", "--out", type=OutFolder(DATASET), required=True, metavar="DIR",
+    parser.add_argument("-o", "--out", type=common.OutFolder(common.DATASET), required=True, metavar="DIR",
                         help="dataset directory to write")
     parser.add_argument("--only", metavar="COLUMN=TEXT,...", help="of the dataset's shots those with one of these "
                         "texts in the column (ball_quality=new), to compare parts with each other")
@@ -259,18 +250,18 @@ def _by_map(args: argparse.Namespace) -> "tuple[ta.Dataset, str]":
     if not args.rig:
         raise ta.InputError(f"{args.source}: --rig RIG.toml is needed: a log does not say what ball, wheels and target "
                             "there are; `truearc init DIR` makes one to fill in")
+    load = partial(ta.import_shots, args.files, rig=args.rig, name=args.out.name,
+                   progress=common.make_progress("import", args.quiet))
     if args.map:
-        return ta.import_shots(args.files, rig=args.rig, shot_map=args.map, name=args.out.name,
-                               progress=make_progress("import", args.quiet)), ""
+        return load(shot_map=args.map), ""
     if not args.guess:
         raise ta.InputError(f"{args.source}: --map MAP is needed, or --guess, which proposes one")
-    guessed = guess(args.files, ta.load_rig(args.rig), make_progress("guess", args.quiet))
+    guessed = guess(args.files, ta.load_rig(args.rig), common.make_progress("guess", args.quiet))
     print(f"guessed from the names, units and numbers of {args.files[0]}; make sure of it:")
     for line in guessed.lines:
         print(f"  {line}")
     try:
-        return ta.import_shots(args.files, rig=args.rig, shot_map=guessed.map, name=args.out.name,
-                               progress=make_progress("import", args.quiet)), guessed.to_toml()
+        return load(shot_map=guessed.map), guessed.to_toml()
     except ta.InputError as error:
         print(f"\nthe map, to save as {MAP} and correct:\n\n{guessed.to_toml()}")
         again = shlex.join(["truearc", "import", args.source, *args.files, "--map", MAP, "--rig", str(args.rig),

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import truearc as ta
 from truearc.cli import common
-from truearc.cli.common import out_file
 from truearc.errors import about
 from truearc.sim.discover import finding as settings
 from truearc.sim.printed import Progress, part_of
@@ -22,7 +21,7 @@ LONG = 50_000                         # shots that take over two seconds: progre
 def fit_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("datasets", metavar="DIR", nargs="+", help="dataset of shots; several, of sessions or rigs, "
                         "are pooled: what they have in common, and by how much they differ")
-    parser.add_argument("-o", "--out", type=out_file, metavar="FILE", help="coefficients.toml to write")
+    parser.add_argument("-o", "--out", type=common.out_file, metavar="FILE", help="coefficients.toml to write")
     parser.add_argument("--terms", type=common.listed(str), metavar="NAMES",
                         help="terms to fit, comma-separated (default: [believe] of rig.toml)")
     common.add_terms_from(parser)
@@ -83,7 +82,8 @@ def predict_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--coefficients", metavar="FILE", help="coefficients.toml, instead of --cd and --cl")
     common.add_terms_from(parser)
     common.add_accept(parser)
-    parser.add_argument("-o", "--out", type=out_file, metavar="FILE", help="CSV to write instead of standard output")
+    parser.add_argument("-o", "--out", type=common.out_file, metavar="FILE",
+                        help="CSV to write instead of standard output")
 
 
 def predict(args: argparse.Namespace) -> int:
@@ -94,13 +94,13 @@ def predict(args: argparse.Namespace) -> int:
     and names settings outside the range of the shots that the coefficients were fitted to. With --gate:
     shot_id,p_two,p_three,in_domain,novelty (novelty over 1: further than that from all recorded shots).
     """
-    common.print_or_write(args.out, _by_simulation(args) if args.gate is None else _by_gate(args))
+    if args.gate is None:
+        table = _by_simulation(args)
+    else:
+        common.refuse(args, ("--cd", "--cl", "--coefficients", "--terms-from"), "does not apply with --gate")
+        table = ta.predict(_plausible(args), gate=args.gate, accept=args.accept)
+    common.print_or_write(args.out, table.to_csv())
     return 0
-
-
-def _by_gate(args: argparse.Namespace) -> str:
-    common.refuse(args, ("--cd", "--cl", "--coefficients", "--terms-from"), "does not apply with --gate")
-    return ta.predict(_plausible(args), gate=args.gate, accept=args.accept).to_csv()
 
 
 def _plausible(args: argparse.Namespace) -> "ta.Dataset":
@@ -111,7 +111,7 @@ def _plausible(args: argparse.Namespace) -> "ta.Dataset":
     return dataset
 
 
-def _by_simulation(args: argparse.Namespace) -> str:
+def _by_simulation(args: argparse.Namespace) -> "ta.Table":
     belief = _belief(args)
     dataset = _plausible(args)
     forecast = ta.predict(dataset, belief, accept=args.accept,
@@ -121,7 +121,7 @@ def _by_simulation(args: argparse.Namespace) -> str:
     if noted := sum(note != "" for *_, note in rows):
         print(f"{noted} of {len(rows)} forecasts have a note: outside the fitted range, of another rig, or without a "
               "height", file=sys.stderr)
-    return ta.Table(forecast.columns, rows).to_csv()
+    return ta.Table(forecast.columns, rows)
 
 
 def _belief(args: argparse.Namespace) -> "ta.Belief":
@@ -150,14 +150,14 @@ def discover_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--measured", metavar="TERM=VALUE,SD", action="append", default=[], help="what was measured of "
                         "a term without a shot, with its standard deviation, in the term's unit; may come often")
     add_reports(parser)
-    parser.add_argument("--adopt", type=out_file, metavar="FILE", help="write what was fitted and named as "
+    parser.add_argument("--adopt", type=common.out_file, metavar="FILE", help="write what was fitted and named as "
                         "coefficients, for predict, paper synth and train")
 
 
 def add_reports(parser: argparse.ArgumentParser) -> None:
     """Options for the files that an answer is written to: of discover and identifiability."""
-    parser.add_argument("--json", type=out_file, metavar="FILE", help="write the answer as JSON")
-    parser.add_argument("--report", type=out_file, metavar="FILE", help="write an HTML report")
+    parser.add_argument("--json", type=common.out_file, metavar="FILE", help="write the answer as JSON")
+    parser.add_argument("--report", type=common.out_file, metavar="FILE", help="write an HTML report")
 
 
 def _write_reports(args: argparse.Namespace, answer: "ta.Finding | ta.Identifiability") -> None:
@@ -272,7 +272,7 @@ def design_options(parser: argparse.ArgumentParser) -> None:
                         help="shots to plan")
     parser.add_argument("--configurations", type=common.number(int, 1), default=settings.CONFIGURATIONS, metavar="K",
                         help="that they are shared out to")
-    parser.add_argument("--json", type=out_file, metavar="FILE", help="write the plan as JSON")
+    parser.add_argument("--json", type=common.out_file, metavar="FILE", help="write the plan as JSON")
 
 
 def design(args: argparse.Namespace) -> int:

@@ -6,7 +6,6 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 from truearc.cli import common
-from truearc.cli.common import out_file
 from truearc.errors import EXPORTS, OTHER_FORMATS
 
 
@@ -62,7 +61,7 @@ def convert_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--belief", type=Path, metavar="FILE", help="with --to mcap: coefficients.toml by which the "
                         "flights of marked shots are drawn (needs truearc[sim]); without it none is")
     common.add_terms_from(parser)
-    parser.add_argument("-o", "--out", type=out_file, required=True, metavar="FILE", help="file to write")
+    parser.add_argument("-o", "--out", type=common.out_file, required=True, metavar="FILE", help="file to write")
 
 
 def _formats() -> list[str]:

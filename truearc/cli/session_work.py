@@ -14,22 +14,12 @@ from truearc.errors import EXPORTS, InputError, PluginError, load_plugin, needs,
 from truearc.robot.config.schema import load_config
 from truearc.robot.gate import load_gate
 from truearc.robot.reasons import texts
+from truearc.robot.recording import replay
 from truearc.robot.recording.export import convert as exports
 from truearc.robot.recording.export.convert import TRIAL_COLUMNS, ExportRows
 from truearc.robot.recording.export.field_pose import in_target_frame
 from truearc.robot.recording.export.tabular import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Column, Value
 from truearc.robot.recording.export.viewer_mcap import NO_FLIGHTS, Flights
-from truearc.robot.recording.replay import (
-    Change,
-    Changes,
-    Difference,
-    Flip,
-    Recomputed,
-    config_changes,
-    find_changes,
-    replay,
-    replay_frames,
-)
 from truearc.robot.recording.session import TRIALS, load_session_config, load_session_gate
 
 # --- replay
@@ -42,10 +32,10 @@ def replay_as_recorded(args: argparse.Namespace) -> int:
     """Recompute with the recording's own configuration and model; 1 on the first difference."""
     try:
         if args.depth == "frames":
-            replayed, again = replay_frames(args.session)
+            replayed, again = replay.replay_frames(args.session)
         else:
-            replayed, again = replay(args.session), None
-    except Difference as difference:
+            replayed, again = replay.replay(args.session), None
+    except replay.Difference as difference:
         print(f"{args.session}: {difference}", file=sys.stderr)
         return 1
     print(f"{args.session}: {replayed.ticks} ticks replayed, every output bit-equal")
@@ -56,7 +46,7 @@ def replay_as_recorded(args: argparse.Namespace) -> int:
     return 1 if args.check and (replayed.cut_short or (again is not None and again.missing)) else 0
 
 
-def _again(again: Recomputed) -> str:
+def _again(again: replay.Recomputed) -> str:
     lines = [f"  {again.frames} CAN frames parsed again, every motor and encoder reading bit-equal",
              f"  {again.seen} images seen again, every sighting bit-equal; {again.taken} sightings are as recorded, "
              "for their images were not kept (the one behind each shot is)",
@@ -77,15 +67,15 @@ def replay_with(args: argparse.Namespace) -> int:
     if config.gate.policy == "model" and gate is None:
         raise InputError(f"{args.config}: gate.policy is 'model', and the recording has none: --gate is needed")
     try:
-        changes = find_changes(args.session, config, gate)
-    except Difference as difference:
+        changes = replay.find_changes(args.session, config, gate)
+    except replay.Difference as difference:
         print(f"{args.session}: {difference}", file=sys.stderr)
         return 1
-    print(describe_changes(str(args.session), changes, config_changes(recorded, config)))
+    print(describe_changes(str(args.session), changes, replay.config_changes(recorded, config)))
     return 1 if args.check and (changes.differing or changes.remembering or changes.cut_short) else 0
 
 
-def describe_changes(session: str, changes: Changes, keys: Sequence[str]) -> str:
+def describe_changes(session: str, changes: replay.Changes, keys: Sequence[str]) -> str:
     """Which keys differ, which outputs changed, when first and by how much, and which verdicts are others."""
     lines = [f"{session}: {changes.ticks} ticks replayed from the recorded inputs"]
     lines += _shortened([f"  with {key}" for key in keys], MOST_KEYS, "keys")
@@ -105,7 +95,7 @@ def describe_changes(session: str, changes: Changes, keys: Sequence[str]) -> str
     return "\n".join(lines)
 
 
-def _line(change: Change, ticks: int) -> str:
+def _line(change: replay.Change, ticks: int) -> str:
     share = f"{change.ticks} ({change.ticks / ticks:.0%})"
     head = f"  {change.name:{NAME}}{share:{COUNT}}{f'{change.first_s:.2f} s':{TIME}}"
     if isinstance(change.was, list) and isinstance(change.now, list):
@@ -123,14 +113,14 @@ def _listed(was: list[str], now: list[str]) -> str:
     return "; ".join(words)
 
 
-def _verdicts(changes: Changes) -> list[str]:
+def _verdicts(changes: replay.Changes) -> list[str]:
     if not changes.flips:
         return [f"No verdict changes: {changes.fired} shots then and now."]
     lines = [f"{len(changes.flips)} verdicts change: {changes.fired} shots then, {changes.fires} now."]
     return lines + _shortened([_flip(flip) for flip in changes.flips], MOST_FLIPS, "verdicts")
 
 
-def _flip(flip: Flip) -> str:
+def _flip(flip: replay.Flip) -> str:
     reasons = "; ".join(texts(flip.reasons))
     if flip.fired:
         return f"  at {flip.t_s:.2f} s it fired, and now holds: {reasons}"
