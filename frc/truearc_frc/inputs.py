@@ -27,7 +27,7 @@ from truearc.hw.real.processes import Capacity, Child, Line, Slots, make_shared
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.advice import CALM_S, DISTANCE_RATE_M_S, DISTANCE_STEP_M
-from truearc.robot.config.schema import CameraConfig, Config
+from truearc.robot.config.schema import Config
 from truearc.robot.hood_encoders import ReadEncoder
 from truearc.robot.runtime import RigLayer, RobotIo
 from truearc.robot.types import Inputs, RobotVelocity, Sighting
@@ -151,7 +151,9 @@ class NtCamera:
         if sigma_m is None:
             self._refuse(because.NT_VALUE_IMPOSSIBLE(key=self._names.stddevs))
         off_m = self._camera.height_m + above_m - self._tag.centre_height_m
-        if abs(off_m) > OFF_SIGMAS * _height_sigma_m(self._camera, to_tag_m, above_m, sigma_m):
+        slope = abs(above_m) / to_tag_m if to_tag_m > 0.0 else 0.0      # what a distance's error makes of the height
+        if abs(off_m) > OFF_SIGMAS * math.hypot(
+                self._camera.height_sigma_m, to_tag_m * math.radians(self._camera.pitch_sigma_deg), slope * sigma_m):
             return Sighting(t_ns, False, because.POSE_OFF_MOUNTING(quantity="height"))
         if (jumped := self._jump(t_ns, distance_m)) is not None:
             self._refuse(jumped)
@@ -191,12 +193,6 @@ class OwnNtCamera(NtCamera):
 
 def _part(key: str, place: int) -> str:
     return f"{key}/{place}"
-
-
-def _height_sigma_m(camera: CameraConfig, to_tag_m: float, above_m: float, sigma_m: float) -> float:
-    """Of the tag's height above the floor, by mounting and distance."""
-    slope = abs(above_m) / to_tag_m if to_tag_m > 0.0 else 0.0
-    return math.hypot(camera.height_sigma_m, to_tag_m * math.radians(camera.pitch_sigma_deg), slope * sigma_m)
 
 
 # --- velocity

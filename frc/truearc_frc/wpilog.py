@@ -20,7 +20,7 @@ from wpiutil.log import DataLogReader
 
 from truearc.errors import InputError, load_bytes
 from truearc.robot.recording.export.convert import ExportRows, due
-from truearc.robot.recording.export.field_pose import ASSUMED, FieldPose, pose_of
+from truearc.robot.recording.export.field_pose import ASSUMED, pose_of
 from truearc.robot.recording.export.tabular import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Column, Value
 from truearc.robot.recording.session import Trial, wall_time
 
@@ -65,19 +65,6 @@ class WpilogWriter:
         self._file.write(bytes([sizes]) + b"".join(parts) + payload)
 
 
-class SignalChanges:
-    """Appends to a log what differs from the last that was said of a signal."""
-
-    def __init__(self, log: WpilogWriter) -> None:
-        self._log = log
-        self._said: dict[int, bytes] = {}
-
-    def append(self, signal: int, t_us: int, payload: bytes | None) -> None:
-        if payload is not None and payload != self._said.get(signal):
-            self._said[signal] = payload
-            self._log.append(signal, t_us, payload)
-
-
 def write_wpilog(rows: ExportRows, file: IO[bytes]) -> None:
     """Every signal when it changes, under /estimate/hood_deg and the like, and each trial as JSON under /trial.
 
@@ -85,7 +72,13 @@ def write_wpilog(rows: ExportRows, file: IO[bytes]) -> None:
     `/pose`, a Pose2d of the robot before the target (truearc.robot.recording.export.field_pose).
     """
     log = WpilogWriter(file, "truearc")
-    changes = SignalChanges(log)
+    said: dict[int, bytes] = {}
+
+    def change(signal: int, t_us: int, payload: bytes | None) -> None:
+        if payload is not None and payload != said.get(signal):
+            said[signal] = payload
+            log.append(signal, t_us, payload)
+
     numbers: list[int] = []
     enabled = pose = trial_number = 0
     trials = rows.trials_in_time()
@@ -100,9 +93,10 @@ def write_wpilog(rows: ExportRows, file: IO[bytes]) -> None:
         for trial in due(trials, tick.inputs.t_ns):
             _log_trial(log, trial_number, trial)
         for number, column, value in zip(numbers, rows.columns, rows.flat.row(tick), strict=True):
-            changes.append(number, t_us, make_payload(column.kind, value))
-        changes.append(enabled, t_us, make_payload(BOOL, tick.memory.armed))
-        changes.append(pose, t_us, pose_payload(pose_of(tick)))
+            change(number, t_us, make_payload(column.kind, value))
+        change(enabled, t_us, make_payload(BOOL, tick.memory.armed))
+        place = pose_of(tick)
+        change(pose, t_us, None if place is None else struct.pack("<3d", *place))
     for trial in due(trials):
         _log_trial(log, trial_number, trial)
 
@@ -126,11 +120,6 @@ def _said(**metadata: str) -> str:
 
 def _log_trial(log: WpilogWriter, signal: int, trial: Trial) -> None:
     log.append(signal, trial.outcome.t_ns // 1000, msgspec.json.encode(trial))
-
-
-def pose_payload(pose: FieldPose | None) -> bytes | None:
-    """The bytes of a Pose2d; None for none."""
-    return None if pose is None else struct.pack("<3d", *pose)
 
 
 def make_payload(kind: str, value: Value) -> bytes | None:

@@ -272,7 +272,8 @@ def fresh_outputs(parser: argparse.ArgumentParser, args: argparse.Namespace) -> 
                     raise InputError(f"{other}, {option}: both write {path}; name two")
             if path is not None and action.type is out_file:
                 refuse_file(path, args.force)
-            elif path is not None and isinstance(action.type, OutFolder) and _is_used(path):
+            elif (path is not None and isinstance(action.type, OutFolder) and path.exists()
+                    and (not path.is_dir() or any(path.iterdir()))):
                 _refuse_folder(path, action.type, args.force)
                 folders.enter_context(_set_aside(path))
         yield
@@ -285,10 +286,6 @@ def refuse_file(path: Path, force: bool) -> None:
     check_file(path)
     if path.is_file() and not force:
         raise InputError(f"{path}: exists already; {ADVICE}")
-
-
-def _is_used(folder: Path) -> bool:
-    return folder.exists() and (not folder.is_dir() or any(folder.iterdir()))
 
 
 def _refuse_folder(folder: Path, kind: OutFolder, force: bool) -> None:

@@ -138,15 +138,10 @@ def check(args: argparse.Namespace) -> int:
     if few:
         print(f"warning: {say_few(len(dataset.shots))}" if len(dataset.shots) else "\nno shots yet", end="")
     print("; of a season with this rig:" if few else "")
-    print("\n".join([*sight_summary(could.sight, could.catalogue), f"effect by effect: {by_effect(args, few)}"]))
+    by_effect = ["truearc", "identifiability", str(Path(args.dataset) / "rig.toml") if few else args.dataset,
+                 *(["--believe", ",".join(args.believe)] if args.believe else [])]
+    print("\n".join([*sight_summary(could.sight, could.catalogue), f"effect by effect: {shlex.join(by_effect)}"]))
     return 0
-
-
-def by_effect(args: argparse.Namespace, few: bool) -> str:
-    """Return the command that lists what each effect needs."""
-    asked = [args.dataset if not few else str(Path(args.dataset) / "rig.toml")]
-    asked += ["--believe", ",".join(args.believe)] if args.believe else []
-    return shlex.join(["truearc", "identifiability", *asked])
 
 
 def lacking(dataset: "ta.Dataset") -> list[str]:

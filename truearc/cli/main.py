@@ -113,11 +113,6 @@ def load_plugins() -> tuple[Command, ...]:
     return tuple(plugins)
 
 
-def install_hint(command: Command) -> str:
-    """Return how to install what a command needs."""
-    return INSTALL_HINTS.get(command.distribution, f"pip install '{command.distribution or 'truearc[sim]'}'")
-
-
 def list_commands() -> tuple[Command, ...]:
     """Return every command that is installed: truearc's own, then those of other distributions."""
     return (*COMMANDS, *load_plugins())
@@ -246,8 +241,8 @@ def main(argv: list[str] | None = None) -> int:
         package = (error.name or "").partition(".")[0]
         if package in ("", "truearc", "truearc_proof", "truearc_frc"):
             raise                     # ours: a defect, not an install without the companion
-        print(f"truearc {command.name}: needs {error.name}, which is not installed: {install_hint(command)}",
-              file=sys.stderr)
+        hint = INSTALL_HINTS.get(command.distribution, f"pip install '{command.distribution or 'truearc[sim]'}'")
+        print(f"truearc {command.name}: needs {error.name}, which is not installed: {hint}", file=sys.stderr)
         return 2
 
 

@@ -266,17 +266,13 @@ def _answer(args: argparse.Namespace, source: str, records: "Mapping[str, Record
     write_out(args.gains, fragment)
     if args.report is not None:
         # matplotlib, likewise
+        from truearc.robot.recording.session import TELEMETRY
         from truearc.sim.sysid.html_report import make_fit_page
-        origin = origin_of(args)._replace(sha256=_hash(Path(source)))
+        content = (Path(source) / TELEMETRY if Path(source).is_dir() else Path(source)).read_bytes()
+        origin = origin_of(args)._replace(sha256=hashlib.sha256(content).hexdigest())
         write_out(args.report, make_fit_page(title, fits, make_gains(fits, config), notes, origin))
     print(fragment, end="")           # last: whoever reads it may be gone
     return 0
-
-
-def _hash(source: Path) -> str:
-    """SHA-256 of a table, or of a session's ticks."""
-    from truearc.robot.recording.session import TELEMETRY
-    return hashlib.sha256((source / TELEMETRY if source.is_dir() else source).read_bytes()).hexdigest()
 
 
 # --- cameras

@@ -57,16 +57,13 @@ def recover(args: argparse.Namespace) -> int:
 
 def convert_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("session", type=Path, help="recorded session folder")
-    parser.add_argument("--to", required=True, choices=_formats(), help="format")
+    # of truearc, of installed distributions, and of those that say what to install
+    formats = {"csv", "mcap", "parquet", *OTHER_FORMATS, *(point.name for point in entry_points(group=EXPORTS))}
+    parser.add_argument("--to", required=True, choices=sorted(formats), help="format")
     parser.add_argument("--belief", type=Path, metavar="FILE", help="with --to mcap: coefficients.toml by which the "
                         "flights of marked shots are drawn (needs truearc[sim]); without it none is")
     common.add_terms_from(parser)
     parser.add_argument("-o", "--out", type=common.out_file, required=True, metavar="FILE", help="file to write")
-
-
-def _formats() -> list[str]:
-    """Formats of truearc, of installed distributions, and of those that say what to install."""
-    return sorted({"csv", "mcap", "parquet", *OTHER_FORMATS, *(point.name for point in entry_points(group=EXPORTS))})
 
 
 def convert(args: argparse.Namespace) -> int:
