@@ -28,7 +28,7 @@ from truearc.sim.data.importers.any_team import import_shots
 from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.sysid.session import load_steps
 from truearc_frc import maps
-from truearc_frc.wpilog_export import write_wpilog
+from truearc_frc.wpilog import write_wpilog
 
 ROOT = Path(__file__).parents[1]
 GATE = ROOT / "tests" / "golden" / "reference" / "export-physics" / "gate.onnx"
@@ -197,7 +197,7 @@ def make(home: Path) -> None:
 
 def _write_csv_logs(logs: Path) -> None:
     """What AdvantageScope exports of the stranger's log: a list, and a table."""
-    from truearc_frc.wpilog_log import read_wpilog
+    from truearc_frc.wpilog import read_wpilog
     log = read_wpilog(logs / "stranger.wpilog")
     rows = sorted((t_s, name, value) for name, series in log.items()
                   for t_s, value in zip(series.t_s.tolist(), series.values, strict=True))

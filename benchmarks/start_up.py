@@ -13,7 +13,7 @@ import sys
 import time
 from statistics import median
 
-from truearc.cli.commands import list_commands
+from truearc.cli.main import list_commands
 
 EMPTY = "python -c pass"
 

@@ -31,7 +31,7 @@ from benchmarks import demo_seeds, fault_matrix
 from benchmarks.matrix.judge import Result
 from benchmarks.proof import load
 from tools import formats
-from truearc.cli.commands import COMMANDS, GROUPS, Command, load_plugins, make_parser
+from truearc.cli.main import COMMANDS, GROUPS, Command, load_plugins, make_parser
 from truearc.errors import INSTALL_HINTS
 from truearc.hw import fault_codes
 from truearc.hw.devices.registry import find_family

@@ -28,10 +28,9 @@ from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import ReplayRig
 from truearc.robot.runtime import run
 from truearc_frc.advice import AdviceIo
-from truearc_frc.camera import NtCamera
+from truearc_frc.inputs import NtCamera, NtVelocity
 from truearc_frc.keys import Reading
 from truearc_frc.table import Nt4, Nt4Velocity, Nt4Vision, nt4_of, with_nt4
-from truearc_frc.velocity import NtVelocity
 
 NS = 1_000_000_000
 HZ, FRESH_S, BEGIN_S, AFTER_S = 50, 0.25, 1.0, 2.0

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def _read(path: Path, progress: Callable[[float], None]) -> "Log":
-    from truearc_frc.wpilog_log import read_wpilog
+    from truearc_frc.wpilog import read_wpilog
     return read_wpilog(path, progress)
 
 

@@ -10,13 +10,11 @@ from truearc.robot.config.reading_tables import ReadingTable
 from truearc.robot.config.schema import Config
 from truearc.robot.readings import Layer, OwnEyes, Source
 from truearc.robot.runtime import Screen
-from truearc_frc.camera import OwnNtCamera
+from truearc_frc.advice import NtPublisher
 from truearc_frc.doctor import look_at_server
-from truearc_frc.encoder import NT_ENCODER
+from truearc_frc.inputs import NT_ENCODER, OwnNtCamera, open_moving
 from truearc_frc.keys import NtKeys
-from truearc_frc.publisher import NtPublisher
 from truearc_frc.table import NAME, Nt4, nt4_errors, nt4_of
-from truearc_frc.velocity import open_moving
 
 
 class NtSource(Source):

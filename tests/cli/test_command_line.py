@@ -6,8 +6,7 @@ import sys
 
 import pytest
 
-from truearc.cli.commands import Command, list_commands, make_parser
-from truearc.cli.main import main
+from truearc.cli.main import Command, list_commands, main, make_parser
 
 COMMANDS = list_commands()
 

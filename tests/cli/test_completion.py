@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from truearc.cli.commands import list_commands
-from truearc.cli.main import main
+from truearc.cli.main import list_commands, main
 
 ASK = """
 source "$1"; shift

@@ -16,8 +16,8 @@ from msgspec import structs
 import truearc as ta
 from benchmarks.follow import make_table
 from truearc.api.following import propose, sealed
+from truearc.cli.aim import ShotWatch
 from truearc.cli.common import SHIPPED
-from truearc.cli.follow import ShotWatch
 from truearc.cli.main import main
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.aim_file import load_aim

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from truearc.cli.commands import Command, list_commands, make_parser
-from truearc.cli.main import main
+from truearc.cli.main import Command, list_commands, main, make_parser
 
 ALWAYS = {"help", "force"}            # of every command, and of every one with outputs (test_outputs.py)
 PACKAGES = ("truearc.cli", "truearc_proof.cli", "truearc_frc")

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from truearc.cli.commands import Command, list_commands, make_parser
-from truearc.cli.main import main
-from truearc.cli.outputs import OutFolder, out_file
+from truearc.cli.common import OutFolder, out_file
+from truearc.cli.main import Command, list_commands, main, make_parser
 from truearc.errors import InputError, save_whole, whole_file
 
 SHOTS = Path(__file__).parents[2] / "examples" / "spreadsheet"

@@ -24,10 +24,9 @@ from truearc.robot.recording.session import load_trials, make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.runtime import run
 from truearc.robot.types import Tick
-from truearc_frc.advice import AdviceIo, advised_columns
+from truearc_frc.advice import AdviceIo, Adviser, advised_columns
 from truearc_frc.advise_session import keys_of
 from truearc_frc.keys import NtKeys, Reading, names_of, parse_server
-from truearc_frc.publisher import Adviser
 
 GATE = Path(__file__).parents[1] / "golden" / "reference" / "export-physics" / "gate.onnx"
 MAP = ShotMap("truearc.shot-map/1", columns={

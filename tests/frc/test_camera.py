@@ -29,10 +29,9 @@ from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.runtime import run
 from truearc.robot.types import Sighting
-from truearc_frc.advice import AdviceIo, advised_columns
-from truearc_frc.camera import NtCamera, OwnNtCamera, keys_of_camera
+from truearc_frc.advice import AdviceIo, Adviser, advised_columns
+from truearc_frc.inputs import NtCamera, OwnNtCamera, keys_of_camera
 from truearc_frc.keys import Reading
-from truearc_frc.publisher import Adviser
 from truearc_frc.table import Nt4, Nt4Vision, nt4_of, with_nt4
 
 KINDS = ("photonvision", "limelight")

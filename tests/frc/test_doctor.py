@@ -17,8 +17,8 @@ from truearc.hw.devices.family import FAILURE, OK, WARNING
 from truearc.robot.config.schema import AprilTag, Config, load_config
 from truearc.robot.config.shot_map import load_map
 from truearc_frc.advice import scaled_columns
-from truearc_frc.camera import calibration_key, keys_of_camera
 from truearc_frc.doctor import HeardKeys, check_network, check_tags, keys_wanted
+from truearc_frc.inputs import calibration_key, keys_of_camera
 from truearc_frc.keys import Reading
 from truearc_frc.table import Nt4, Nt4Velocity, Nt4Vision, with_nt4
 

@@ -15,7 +15,7 @@ from truearc.hw.devices.family import FAILURE, OK, Around
 from truearc.robot import reasons as because
 from truearc.robot.hood_encoders import encoder_family_of
 from truearc.robot.tick import step
-from truearc_frc.encoder import NtEncoder, examine
+from truearc_frc.inputs import NtEncoder, examine
 from truearc_frc.keys import Reading
 
 TABLE = NT4.hood_encoder
@@ -105,6 +105,6 @@ def test_the_doctor_says_that_a_key_is_published(monkeypatch: pytest.MonkeyPatch
 
         def close(self) -> None: ...
 
-    monkeypatch.setattr("truearc_frc.encoder.NtKeys", Keys)
+    monkeypatch.setattr("truearc_frc.inputs.NtKeys", Keys)
     finding, = examine(TABLE, Around(0.1, {"nt4": {"server": "127.0.0.1:1"}}), None)
     assert finding.level == OK

@@ -28,11 +28,9 @@ from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.runtime import run
 from truearc.robot.types import Command, Inputs, Sent
 from truearc_frc.advice import AdviceIo
-from truearc_frc.camera import NtCamera, keys_of_camera
-from truearc_frc.encoder import NtEncoder
+from truearc_frc.inputs import NtCamera, NtEncoder, NtVelocity, keys_of_camera
 from truearc_frc.keys import Reading
 from truearc_frc.table import Nt4, Nt4Velocity, Nt4Vision, with_nt4
-from truearc_frc.velocity import NtVelocity
 
 VISION = Nt4Vision("photonvision", "front", 0.03)
 NT4 = Nt4("127.0.0.1:1", VISION, Nt4Velocity("/v", 2.0, 2.0, delay_s=0.1))

@@ -20,7 +20,7 @@ from truearc.robot.readings import open_their_screens
 from truearc.robot.runtime import open_screens
 from truearc.robot.tick import step
 from truearc.robot.types import Tick, Verdict
-from truearc_frc.publisher import NtPublisher
+from truearc_frc.advice import NtPublisher
 from truearc_frc.table import Nt4, nt4_of, with_nt4
 
 GATE = Path(__file__).parents[1] / "golden" / "reference" / "export-physics" / "gate.onnx"
@@ -109,7 +109,7 @@ def test_topics_reach_a_server_and_go_with_the_robot(nt_server: tuple[Any, str],
 
 def test_a_server_that_is_not_there_is_said_once(monkeypatch: pytest.MonkeyPatch,
                                                  capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr("truearc_frc.publisher.PATIENCE_S", 0.05)
+    monkeypatch.setattr("truearc_frc.advice.PATIENCE_S", 0.05)
     table = Table()
     table.connected = False
     screen = NtPublisher(with_nt4(CONFIG, Nt4("254")), table, None, None)

@@ -19,9 +19,7 @@ from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.processes import Slots
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.types import Command, Inputs, RobotVelocity, Sent
-from truearc_frc.keys import Reading
-from truearc_frc.table import Nt4, Nt4Velocity, with_nt4
-from truearc_frc.velocity import (
+from truearc_frc.inputs import (
     ROOM,
     FarVelocity,
     MovingRig,
@@ -30,6 +28,8 @@ from truearc_frc.velocity import (
     keys_of_velocity,
     tell_velocity,
 )
+from truearc_frc.keys import Reading
+from truearc_frc.table import Nt4, Nt4Velocity, with_nt4
 
 SHIPPED_CONFIG = load_config(SHIPPED)
 NOW_NS = 50 * NS

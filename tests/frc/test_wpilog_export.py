@@ -14,7 +14,7 @@ from tests.frc.test_dashboards import DASHBOARDS
 from tests.robot.recording.test_convert import convert, ticks
 from truearc.robot.recording.export.tabular import TEXTS
 from truearc.robot.recording.session import load_trials
-from truearc_frc.wpilog_export import WpilogWriter, make_payload
+from truearc_frc.wpilog import WpilogWriter, make_payload
 
 
 def read_wpilog(data):

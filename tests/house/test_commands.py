@@ -23,8 +23,7 @@ import pytest
 
 from tests.house.here import ROOT, run_module
 from tests.sim.data.stranger_log import write_stranger_log
-from truearc.cli.commands import find_command, make_parser
-from truearc.cli.main import main
+from truearc.cli.main import find_command, main, make_parser
 from truearc.errors import InputError
 from truearc.sim.gate import surrogate
 from truearc_proof.cli import prove_roles

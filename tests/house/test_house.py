@@ -99,8 +99,8 @@ def test_only_one_file_reads_a_clock():
                        "proof/truearc_proof/importers/set_points.py"}
 
 
-@pytest.mark.parametrize("module", ["run_robot", "session_replay", "vision_images", "doctor_checks", "deploy", "sysid",
-                                    "sysid_drive", "session", "session_convert", "commands"])
+@pytest.mark.parametrize("module", ["main", "robot", "run_robot", "doctor_checks", "deploy", "session", "session_work",
+                                    "vision_images"])
 def test_the_robots_own_commands_need_only_the_base_install(module):
     """Imported in a process in which the heavy packages do not exist."""
     code = (f"import sys\nfor name in {HEAVY!r}: sys.modules[name] = None\n"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from truearc.cli.commands import COMMANDS, ENTRY_POINTS
+from truearc.cli.main import COMMANDS, ENTRY_POINTS
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *(page for folder in ("docs", "benchmarks", "examples", ".github")

@@ -11,7 +11,7 @@ from tests.faulty_robot import nodes_with
 from tests.robot.alike import codes
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
-from truearc.cli.sysid_drive import ARM, drive_twin
+from truearc.cli.run_robot import ARM, drive_twin
 from truearc.hw.devices.button_box import open_button_box
 from truearc.robot.config.schema import load_config
 from truearc.robot.reasons import DEVICE_STALE, IDENTIFY_RELEASED

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
-from truearc.cli.sysid_drive import drive_twin
+from truearc.cli.run_robot import drive_twin
 from truearc.robot.config.schema import Config, load_config, read_axis
 from truearc.robot.reasons import IDENTIFY_DONE
 from truearc.robot.recording.reader import TickReader

@@ -10,38 +10,20 @@ import numpy as np
 from matplotlib.figure import Figure
 from msgspec import json, structs
 
-from truearc.api.arguments import check_kind, names_of
-from truearc.api.results import FindingReport, Table
+from truearc.api.results import FindingReport, Table, check_kind, names_of
 from truearc.errors import InputError, about, save_whole
 from truearc.hw.real.clock import wall_clock
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import hash_dataset
+from truearc.sim.discover import finding as settings
 from truearc.sim.discover import investigate as engine
-from truearc.sim.discover.finding import (
-    CONFIGURATIONS,
-    FALSE_ALARM,
-    LEVEL,
-    PLANNED_SHOTS,
-    SEASON_SHOTS,
-    FindingRecord,
-    check_chances,
-    make_json,
-)
 from truearc.sim.discover.investigate import Investigation, make_belief, with_worth
 from truearc.sim.discover.plan.identifiability import Sight, foresee, foresee_dataset, is_planned
 from truearc.sim.discover.plan.next_steps import can_design, make_design
+from truearc.sim.discover.report import pages
 from truearc.sim.discover.report.finding_text import console_lines
-from truearc.sim.discover.report.pages import (
-    SCHEMA,
-    design_lines,
-    design_table,
-    make_report,
-    make_sight_page,
-    plot_residuals,
-    sight_lines,
-)
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.likelihood.layout import Measurement, check_believed, column_of
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
@@ -68,7 +50,7 @@ class Finding(FindingReport):
     investigation: Investigation
 
     @property
-    def record(self) -> FindingRecord:
+    def record(self) -> settings.FindingRecord:
         """Every figure of the answer, as the JSON schema truearc.finding/1 has it."""
         return self.investigation.finding
 
@@ -78,7 +60,7 @@ class Finding(FindingReport):
         made_at, command: date (None: now) and command line for its head, beside the version and the hash of the data.
         """
         origin = Origin(wall_clock() if made_at is None else made_at, command)
-        save_whole(path, make_report(self.name, self.investigation, origin).encode())
+        save_whole(path, pages.make_report(self.name, self.investigation, origin).encode())
 
     def plot_residuals(self) -> Figure:
         """Draw real shots less simulation, against what the first effect goes with, before and after putting it in.
@@ -86,7 +68,7 @@ class Finding(FindingReport):
         Raises:
             InputError: the data carry no test, or nothing that was recorded varies.
         """
-        figure = plot_residuals(self.investigation)
+        figure = pages.plot_residuals(self.investigation)
         if figure is None:
             raise InputError(f"{self.name}: there are no residuals to plot")
         return figure
@@ -124,7 +106,7 @@ class Finding(FindingReport):
 def discover(dataset: Dataset, *, belief: Belief | None = None, believe: Iterable[str | Term] | None = None,
              terms: Iterable[Term] | None = None, since: Dataset | None = None,
              measured: Mapping[str, tuple[float, float]] | None = None, seed: int = 0,
-             false_alarm: float = FALSE_ALARM, accept: Collection[str] = (),
+             false_alarm: float = settings.FALSE_ALARM, accept: Collection[str] = (),
              progress: Progress = lambda done, note: None) -> Finding:
     """Test whether a dataset disagrees with the simulation, say where, and rank the terms that explain it.
 
@@ -148,7 +130,7 @@ def discover(dataset: Dataset, *, belief: Belief | None = None, believe: Iterabl
         InputError: implausible data, an unknown term, contradicting arguments, too few shots, or outcomes without a
             target.
     """
-    check_chances(false_alarm, seed)
+    settings.check_chances(false_alarm, seed)
     check_kind("dataset", dataset, Dataset, "load_dataset(...)")
     among = belief.catalogue if terms is None and belief is not None else as_catalogue(terms)
     if belief is not None and believe is not None:
@@ -214,7 +196,7 @@ class Identifiability(Printed):
 
     def to_json(self) -> str:
         """Return the answer as JSON (schema truearc.identifiability/1)."""
-        return make_json(self.sight).decode()
+        return settings.make_json(self.sight).decode()
 
     def to_html(self, path: str | Path, *, made_at: str | None = None, command: str = IN_PYTHON) -> None:
         """Write the report as one HTML file; OSError where it cannot be written.
@@ -222,11 +204,11 @@ class Identifiability(Printed):
         made_at, command: date (None: now) and command line for its head, beside the version and the hash of the data.
         """
         origin = Origin(wall_clock() if made_at is None else made_at, command, self.sha256)
-        save_whole(path, make_sight_page(self.name, self.sight, self.catalogue, origin).encode())
+        save_whole(path, pages.make_sight_page(self.name, self.sight, self.catalogue, origin).encode())
 
     def lines(self) -> list[str]:
         """Return the report: how many terms would be seen, and a line per term."""
-        return sight_lines(self.sight, self.catalogue)
+        return pages.sight_lines(self.sight, self.catalogue)
 
 
 def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, shots: int | None = None,
@@ -267,8 +249,8 @@ def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, 
             raise InputError(f"{option}: applies to planned shots only; these have results")
         sight = foresee_dataset(rig_or_dataset, believed, sides, seed or 0, progress, among)
         return Identifiability(name or rig_or_dataset.name, sight, among, hash_dataset(data))
-    sight = foresee(rig, believed, LEVEL if level is None else level, SEASON_SHOTS if shots is None else shots, sides,
-                    seed or 0, progress, among)
+    sight = foresee(rig, believed, settings.LEVEL if level is None else level,
+                    settings.SEASON_SHOTS if shots is None else shots, sides, seed or 0, progress, among)
     return Identifiability(name or "rig", sight, among, hash_dataset(data))
 
 
@@ -304,22 +286,22 @@ class ShotDesign(Printed):
 
     def to_json(self) -> str:
         """Return the plan as JSON (schema truearc.design/1)."""
-        table = {"schema": SCHEMA, "verdict": self.verdict, "next": [], **self.plan}
+        table = {"schema": pages.SCHEMA, "verdict": self.verdict, "next": [], **self.plan}
         return (msgspec.json.format(msgspec.json.encode(table), indent=1) + b"\n").decode()
 
     def lines(self) -> list[str]:
         """Return the report: the finding's sentence, then the shots, or that there is nothing to tell apart."""
         told = ["There are no names to tell apart by shots."]
         if "names" in self.plan:
-            told = design_lines(self.plan, self.catalogue)
+            told = pages.design_lines(self.plan, self.catalogue)
             told += [UNPROVEN] if self.level == "L1" else []
         elif self.plan:
             told = [f"Measure {one['what']}: it would show {', '.join(one['shows'])}." for one in self.plan["next"]]
         return [self.sentence, *told]
 
 
-def design_shots(dataset: Dataset, found: Finding, *, shots: int = PLANNED_SHOTS,
-                 configurations: int = CONFIGURATIONS, seed: int = 0) -> ShotDesign:
+def design_shots(dataset: Dataset, found: Finding, *, shots: int = settings.PLANNED_SHOTS,
+                 configurations: int = settings.CONFIGURATIONS, seed: int = 0) -> ShotDesign:
     """Choose the shots, of those that the robot can take, that best tell a finding's candidate terms apart.
 
     Args:
@@ -339,7 +321,8 @@ def design_shots(dataset: Dataset, found: Finding, *, shots: int = PLANNED_SHOTS
     steps, record, among = found.investigation.steps, found.record, found.investigation.catalogue
     plan: dict[str, Any] = {}
     if steps and can_design(steps[0]):
-        plan = design_table(make_design(steps[0], shots, configurations, seed), dataset.in_order(), steps[0], among)
+        made = make_design(steps[0], shots, configurations, seed)
+        plan = pages.design_table(made, dataset.in_order(), steps[0], among)
     elif record.verdict == "none" and record.next:
         plan = {"next": [dict(step) for step in record.next]}
     return ShotDesign(record.sentence, record.verdict, plan, among, record.data.level)

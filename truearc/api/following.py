@@ -8,27 +8,17 @@ from functools import cached_property
 import numpy as np
 from msgspec import UnsetType, structs
 
-from truearc.api.arguments import check_kind
 from truearc.api.discovery import Finding, discover
 from truearc.api.forecasting import AimTable, aim
-from truearc.api.results import Table
+from truearc.api.results import Table, check_kind
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.aim.make_table import AimRow
 from truearc.sim.aim.solve import chances_of
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset
+from truearc.sim.discover import finding as settings
 from truearc.sim.discover.detect.always_valid import ChangeTest
-from truearc.sim.discover.finding import (
-    FALSE_ALARM,
-    AimProposal,
-    BeliefFile,
-    ProposedEffect,
-    SetPointChange,
-    check_chances,
-    make_json,
-    with_id,
-)
 from truearc.sim.discover.investigate import follow_shots
 from truearc.sim.discover.report.finding_text import either, plain, say_effect
 from truearc.sim.infer.belief import Belief
@@ -113,7 +103,7 @@ class Following(Printed):
                       f"({self.shot(since)})"]
 
 
-def follow(dataset: Dataset, belief: Belief, *, false_alarm: float = FALSE_ALARM, seed: int = 0,
+def follow(dataset: Dataset, belief: Belief, *, false_alarm: float = settings.FALSE_ALARM, seed: int = 0,
            accept: Collection[str] = ()) -> Following:
     """Test the shots since a belief for a change, with an answer that is valid after every shot.
 
@@ -131,7 +121,7 @@ def follow(dataset: Dataset, belief: Belief, *, false_alarm: float = FALSE_ALARM
         InputError: implausible data; no shot has an outcome or a height with its distance and launch; or outcomes
             without a target.
     """
-    check_chances(false_alarm, seed)
+    settings.check_chances(false_alarm, seed)
     check_kind("dataset", dataset, Dataset, "load_dataset(...)")
     check_kind("belief", belief, Belief, "load_belief(...)")
     dataset = check_plausible(dataset, accept).in_order()
@@ -142,21 +132,21 @@ def follow(dataset: Dataset, belief: Belief, *, false_alarm: float = FALSE_ALARM
 class Proposed(Printed):
     """A belief to accept or not: what changed, the set points by both beliefs, and the file's content."""
 
-    proposal: AimProposal
+    proposal: settings.AimProposal
     belief: Belief
     before: AimTable
     after: AimTable
 
     def to_json(self) -> str:
         """Return the proposal as JSON (schema truearc.proposal/1)."""
-        return make_json(self.proposal).decode()
+        return settings.make_json(self.proposal).decode()
 
     def lines(self) -> list[str]:
         """Return the proposal in one line."""
         return [self.proposal.sentence]
 
 
-def propose(following: Following, finding: Finding, rig: Rig, files: tuple[BeliefFile, str],
+def propose(following: Following, finding: Finding, rig: Rig, files: tuple[settings.BeliefFile, str],
             distances_m: Iterable[float] | None = None,
             progress: Progress = lambda done, note: None) -> Proposed:
     """Make a proposal of what was found since the change.
@@ -173,13 +163,14 @@ def propose(following: Following, finding: Finding, rig: Rig, files: tuple[Belie
     before, after = (aim(one, rig, distances_m=places, hood_deg=_hood(following.belief), progress=progress)
                      for one in (following.belief, belief))
     rows = tuple(_change(rig, belief, place, before, after) for place in places)
-    effects = tuple(ProposedEffect(one.term, one.probability, one.value, *one.interval90, one.unit, one.sentence)
-                    for one in finding.effects if one.term in _adopted(belief))
+    adopted = _adopted(belief)
+    effects = tuple(settings.ProposedEffect(one.term, one.probability, one.value, *one.interval90, one.unit,
+                                            one.sentence) for one in finding.effects if one.term in adopted)
     alarm, since = following.alarm or 1, following.since or 1
     name = files[1]
-    made = AimProposal("", None, _say(finding, since, rows, following), effects, following.shot(since), since,
+    made = settings.AimProposal("", None, _say(finding, since, rows, following), effects, following.shot(since), since,
                     following.shot(alarm), len(following.test.rows), float(following.test.e_value.max()),
-                    following.false_alarm, files[0], BeliefFile(name, ""), rows)
+                    following.false_alarm, files[0], settings.BeliefFile(name, ""), rows)
     return Proposed(made, belief, before, after)
 
 
@@ -206,8 +197,8 @@ def _refused(following: Following, finding: Finding, belief: Belief) -> str:
 
 def sealed(proposed: Proposed, content: bytes, made_at: str | None = None) -> Proposed:
     """The same with its id, the hash of the proposed belief's file, whose bytes are `content`, and the time (ISO)."""
-    after = BeliefFile(proposed.proposal.after.file, hashlib.sha256(content).hexdigest())
-    return replace(proposed, proposal=with_id(structs.replace(proposed.proposal, after=after, t=made_at)))
+    after = settings.BeliefFile(proposed.proposal.after.file, hashlib.sha256(content).hexdigest())
+    return replace(proposed, proposal=settings.with_id(structs.replace(proposed.proposal, after=after, t=made_at)))
 
 
 def _adopted(belief: Belief) -> set[str]:
@@ -232,17 +223,17 @@ def _row(table: AimTable, distance_m: float) -> AimRow | None:
     return next((one for one in table.rows if abs(one.distance_m - distance_m) < 1e-9), None)
 
 
-def _change(rig: Rig, belief: Belief, distance_m: float, before: AimTable, after: AimTable) -> SetPointChange:
+def _change(rig: Rig, belief: Belief, distance_m: float, before: AimTable, after: AimTable) -> settings.SetPointChange:
     old, new = _row(before, distance_m), _row(after, distance_m)
     kept = None
     if old is not None:
         kept = float(chances_of(rig, belief, *(np.array([one]) for one in (
             distance_m, old.hood_deg, old.motor_ratio))).points[0])
-    return SetPointChange(distance_m, old and old.hood_deg, new and new.hood_deg, old and old.motor_rad_s,
+    return settings.SetPointChange(distance_m, old and old.hood_deg, new and new.hood_deg, old and old.motor_rad_s,
                           new and new.motor_rad_s, new and new.points, kept)
 
 
-def _say(finding: Finding, since: int, rows: tuple[SetPointChange, ...], following: Following) -> str:
+def _say(finding: Finding, since: int, rows: tuple[settings.SetPointChange, ...], following: Following) -> str:
     """One line for the driver: what, since when, and what the aim does about it."""
     known = [row for row in rows if row.motor_before_rad_s is not None and row.motor_after_rad_s is not None]
     middle = float(np.nanmedian(following.dataset.shots.number("distance_m")))

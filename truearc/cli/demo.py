@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import truearc as ta
-from truearc.cli.common import SHIPPED, make_progress, number, origin_of, write_out
-from truearc.cli.outputs import OutFolder
+from truearc.cli.common import SHIPPED, OutFolder, make_progress, number, origin_of, write_out
 from truearc.robot.config.schema import Config, load_config
 
 if TYPE_CHECKING:

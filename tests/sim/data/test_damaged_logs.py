@@ -15,8 +15,7 @@ from truearc.robot.config.shot_map import SCHEMA, Detection, OutcomeKeys, ShotMa
 from truearc.sim.data.files import load_dataset
 from truearc.sim.data.importers.any_team import import_shots
 from truearc.sim.data.importers.series import read_csv_log
-from truearc_frc.wpilog_export import WpilogWriter, make_payload
-from truearc_frc.wpilog_log import read_wpilog
+from truearc_frc.wpilog import WpilogWriter, make_payload, read_wpilog
 
 pytest.importorskip("wpiutil")
 SHOTS_S = (2.0, 4.0, 6.0)

@@ -23,8 +23,7 @@ from truearc.sim.data.importers.any_team import guess
 from truearc.sim.data.importers.guess_map import _meaning
 from truearc.sim.data.importers.series import Series, read_csv_log
 from truearc_frc.advice import Scaled
-from truearc_frc.wpilog_export import WpilogWriter, make_payload
-from truearc_frc.wpilog_log import read_wpilog
+from truearc_frc.wpilog import WpilogWriter, make_payload, read_wpilog
 
 pytest.importorskip("wpiutil")
 COMPARED = ("distance_m", "hood_deg", "motor_ratio", "battery_v", "t_s", "since_last_shot_s")
