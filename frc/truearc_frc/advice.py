@@ -11,8 +11,17 @@ from truearc.hw.protocols import NS_PER_S, AngleReading, ButtonEvent, CameraFram
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config
-from truearc.robot.config.shot_map import NOT_MARKED, ShotMap, Signal, as_signal, plain
-from truearc.robot.config.unit_table import MOTOR, WHEEL, factor_of, unit_in
+from truearc.robot.config.shot_map import (
+    MOTOR,
+    NOT_MARKED,
+    WHEEL,
+    ShotMap,
+    Signal,
+    as_signal,
+    factor_of,
+    plain,
+    unit_in,
+)
 from truearc.robot.gate import FEATURES
 from truearc.robot.types import Command, Inputs, RobotVelocity, Sent, Sighting
 from truearc_frc.keys import Reading

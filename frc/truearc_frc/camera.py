@@ -15,8 +15,8 @@ from truearc.hw.fault_codes import CAMERA_FROZEN
 from truearc.hw.protocols import NS_PER_S, CameraFrame, Clock, LinkLost
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
-from truearc.robot.advice import CALM_S, DISTANCE_RATE_M_S, DISTANCE_STEP_M
 from truearc.robot.config.schema import CameraConfig, Config
+from truearc.robot.tick import CALM_S, DISTANCE_RATE_M_S, DISTANCE_STEP_M
 from truearc.robot.types import Sighting
 from truearc_frc.advice import Keys
 from truearc_frc.keys import NtKeys, Reading

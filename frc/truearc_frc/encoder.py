@@ -12,7 +12,7 @@ from truearc.hw.protocols import AngleReading
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
-from truearc.robot.hood_encoders import ReadEncoder
+from truearc.robot.config.named_tables import ReadEncoder
 from truearc_frc.keys import NtKeys, Reading
 from truearc_frc.table import NAME
 

@@ -11,12 +11,12 @@ from msgspec import UNSET
 
 from truearc.hw.protocols import NS_PER_S, CameraFrame, Clock
 from truearc.robot import reasons as because
-from truearc.robot.advice import POLICY
 from truearc.robot.aim import NOWHERE, as_at_rest
 from truearc.robot.config.schema import Config
 from truearc.robot.gate import Gate, load_gate
 from truearc.robot.reasons import texts
 from truearc.robot.runtime import Recorder
+from truearc.robot.tick import ADVICE
 from truearc.robot.types import Sent, Tick
 from truearc_frc.advice import Keys
 from truearc_frc.table import nt4_of
@@ -137,7 +137,7 @@ def advice_of(tick: Tick, config: Config, gate: Gate | None) -> dict[str, float 
 def _set_points(tick: Tick) -> tuple[float, float]:
     """(hood in degrees, share of the free speed), NaN where there are none."""
     has_launcher = tick.estimate.hood_deg is not None and tick.inputs.flywheels[0].t_ns
-    if tick.aim.source in NOWHERE or (tick.aim.source == POLICY and not has_launcher):
+    if tick.aim.source in NOWHERE or (tick.aim.source == ADVICE and not has_launcher):
         return math.nan, math.nan
     return tick.aim.hood_deg, tick.aim.motor_ratio
 

@@ -15,9 +15,9 @@ from msgspec.structs import replace
 from truearc.hw.protocols import NS_PER_S, Clock
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.processes import Capacity, Child, Line, Slots, make_shared
-from truearc.robot.advice import CALM_S
 from truearc.robot.config.schema import Config
 from truearc.robot.runtime import RigLayer, RobotIo
+from truearc.robot.tick import CALM_S
 from truearc.robot.types import Inputs, RobotVelocity
 from truearc_frc.advice import Keys
 from truearc_frc.keys import NtKeys, Reading

@@ -13,10 +13,9 @@ from typing import IO
 
 import msgspec
 
-from truearc.robot.recording.export.convert import ExportRows, due
-from truearc.robot.recording.export.field_pose import ASSUMED, FieldPose, pose_of
-from truearc.robot.recording.export.tabular import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Column, Value
+from truearc.robot.recording.export import ASSUMED, ExportRows, FieldPose, due, pose_of
 from truearc.robot.recording.session import Trial, wall_time
+from truearc.robot.recording.tabular import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Column, Value
 
 TYPES = {FLOAT: "double", INT: "int64", BOOL: "boolean", TEXT: "string", TEXTS: "string[]", FLOATS: "double[]",
          "json": "json", "structschema": "structschema", "struct:Pose2d": "struct:Pose2d"}
@@ -74,7 +73,7 @@ def write_wpilog(rows: ExportRows, file: IO[bytes]) -> None:
     """Every signal when it changes, under /estimate/hood_deg and the like, and each trial as JSON under /trial.
 
     Beside them, under the names that AdvantageScope knows: `DS:enabled` (armed), `systemTime` (wall clock, once), and
-    `/pose`, a Pose2d of the robot before the target (truearc.robot.recording.export.field_pose).
+    `/pose`, a Pose2d of the robot before the target (truearc.robot.recording.export).
     """
     log = WpilogWriter(file, "truearc")
     changes = SignalChanges(log)

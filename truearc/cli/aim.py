@@ -9,7 +9,7 @@ import truearc as ta
 from truearc.cli import common
 from truearc.cli.outputs import out_file
 from truearc.errors import about, save_whole
-from truearc.robot.config.unit_table import CONVERTED
+from truearc.robot.config.shot_map import CONVERTED
 
 FORMATS = ("text", "csv", "json", "java", "cpp", "java-6328", "java-254", "csv-2928", "json-3476")
 MOST = 1000                           # distances

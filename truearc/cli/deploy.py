@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from truearc.errors import INSTALL_HINTS, InputError, load_text
-from truearc.robot.config.reading_tables import distribution_of_table
+from truearc.robot.config.named_tables import distribution_of_table
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.deploy import (
     CONFIG,

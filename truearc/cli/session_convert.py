@@ -12,12 +12,10 @@ from typing import BinaryIO
 from truearc.cli.common import catalogue_of, make_progress, refuse
 from truearc.cli.outputs import refuse_file
 from truearc.errors import EXPORTS, InputError, PluginError, load_plugin, needs, only_point
-from truearc.robot.recording.export import convert as exports
-from truearc.robot.recording.export.convert import TRIAL_COLUMNS, ExportRows
-from truearc.robot.recording.export.field_pose import in_target_frame
-from truearc.robot.recording.export.tabular import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Column, Value
-from truearc.robot.recording.export.viewer_mcap import NO_FLIGHTS, Flights
+from truearc.robot.recording import export as exports
+from truearc.robot.recording.export import NO_FLIGHTS, TRIAL_COLUMNS, ExportRows, Flights, in_target_frame
 from truearc.robot.recording.session import TRIALS
+from truearc.robot.recording.tabular import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Column, Value
 
 GROUP_ROWS = 10_000                   # of a Parquet file
 WriteRows = Callable[[tuple[Column, ...], Iterator[list[Value]], Path], None]

@@ -8,7 +8,6 @@ from truearc.errors import InputError
 from truearc.robot.config.schema import load_config
 from truearc.robot.gate import load_gate
 from truearc.robot.reasons import texts
-from truearc.robot.recording.export.tabular import Value
 from truearc.robot.recording.replay import (
     Change,
     Changes,
@@ -21,6 +20,7 @@ from truearc.robot.recording.replay import (
     replay_frames,
 )
 from truearc.robot.recording.session import load_session_config, load_session_gate
+from truearc.robot.recording.tabular import Value
 
 MOST_KEYS, MOST_FLIPS = 12, 10
 NAME, COUNT, TIME, VALUES = 30, 13, 10, 30        # widths of the table's columns, characters
