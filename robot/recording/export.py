@@ -25,24 +25,14 @@ from typing import IO, Any, NamedTuple
 import msgspec
 from mcap.writer import Writer
 
+from truearc.hw.reason import unit_of
 from truearc.robot.config.rig_spec import Target
 from truearc.robot.reasons import texts
 from truearc.robot.recording import session as layout
+from truearc.robot.recording import tabular
 from truearc.robot.recording.files import TickFile, load_pictures
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.tabular import (
-    BOOL,
-    FLOAT,
-    FLOATS,
-    INT,
-    TEXT,
-    TEXTS,
-    Column,
-    FlatTicks,
-    Value,
-    object_schema,
-    topics_of,
-)
+from truearc.robot.recording.tabular import Column, FlatTicks, Value
 from truearc.robot.types import Shot, Tick
 
 # --- the pose
@@ -97,7 +87,7 @@ MISSED = (0.85, 0.15, 0.15, 1.0)
 
 
 def _nested(kind: str, about: str, /, **properties: dict[str, Any]) -> dict[str, Any]:
-    return object_schema(f"foxglove.{kind}", about, properties) | {"required": list(properties)}
+    return tabular.object_schema(f"foxglove.{kind}", about, properties) | {"required": list(properties)}
 
 
 def _of_type(kind: str) -> Callable[[str], dict[str, Any]]:
@@ -137,7 +127,7 @@ _ENTITY = _nested("SceneEntity", "something drawn", timestamp=_STAMP, frame_id=_
                   id=_text("replaces what had it before"), lifetime=_time("duration", "0: until replaced"),
                   frame_locked=_flag("moves with its frame"), metadata=_several(_PAIR, "notes"),
                   lines=_several(_LINE, "lines"), texts=_several(_WORDS, "texts"),
-                  **{name: _several(object_schema(name, "none", {}), "always empty") for name in _UNUSED})
+                  **{name: _several(tabular.object_schema(name, "none", {}), "always empty") for name in _UNUSED})
 
 SCHEMAS = {
     "foxglove.CompressedImage": _nested(
@@ -154,7 +144,7 @@ SCHEMAS = {
         child_frame_id=_text("frame"), translation=_VECTOR, rotation=_TURN),
     "foxglove.SceneUpdate": _nested(
         "SceneUpdate", "target and flights of the balls",
-        deletions=_several(object_schema("deletion", "none", {}), "always empty"),
+        deletions=_several(tabular.object_schema("deletion", "none", {}), "always empty"),
         entities=_several(_ENTITY, "drawn or replaced")),
 }
 
@@ -236,7 +226,7 @@ class ViewerMessages:
     def __init__(self, mcap: Writer, session: Path, flat: FlatTicks, target: Target | None,
                  trials: Sequence[layout.Trial], wall: layout.WallTime, flights: Flights) -> None:
         self._mcap, self._session, self._flat, self._wall, self._flights = mcap, session, flat, wall, flights
-        self._topics = [(topic, self._channel(topic.name, topic.schema)) for topic in topics_of(flat.columns)]
+        self._topics = [(topic, self._channel(topic.name, topic.schema)) for topic in tabular.topics_of(flat.columns)]
         self._drawn = {topic: self._channel(topic, SCHEMAS[name]) for topic, name in DRAWN.items()}
         self._marks = {trial.outcome.trial: trial.outcome.outcome for trial in trials}
         self._pictures = sorted(load_pictures(session), key=lambda picture: picture.t_ns)
@@ -328,13 +318,11 @@ class ViewerMessages:
 
 # --- the file
 
-TRIAL_COLUMNS = (
-    Column("trial", INT, ""), Column("outcome_t_ns", INT, "ns"), Column("outcome", TEXT, ""),
-    Column("reasons", TEXTS, ""), Column("shot_t_ns", INT, "ns"), Column("config_id", TEXT, ""),
-    Column("distance_m", FLOAT, "m"), Column("distance_sigma_m", FLOAT, "m"), Column("hood_deg", FLOAT, "deg"),
-    Column("motor_ratio", FLOAT, ""), Column("motor_rad_s", FLOAT, "rad/s"), Column("battery_v", FLOAT, "V"),
-    Column("since_last_shot_s", FLOAT, "s"), Column("p_two", FLOAT, ""), Column("p_three", FLOAT, ""),
-)
+_KINDS = {"trial": tabular.INT, "outcome_t_ns": tabular.INT, "outcome": tabular.TEXT, "reasons": tabular.TEXTS,
+          "shot_t_ns": tabular.INT, "config_id": tabular.TEXT}
+TRIAL_COLUMNS = tuple(Column(name, _KINDS.get(name, tabular.FLOAT), unit_of(name)) for name in (
+    *_KINDS, "distance_m", "distance_sigma_m", "hood_deg", "motor_ratio", "motor_rad_s", "battery_v",
+    "since_last_shot_s", "p_two", "p_three"))
 
 
 class ExportRows:
@@ -428,8 +416,8 @@ def due(trials: deque[layout.Trial], t_ns: int | None = None) -> Iterator[layout
 
 
 def _cell(kind: str, value: Value) -> object:
-    if kind == BOOL and value is not None:
+    if kind == tabular.BOOL and value is not None:
         return "true" if value else "false"
-    if kind in (TEXTS, FLOATS) and isinstance(value, list | tuple):
+    if kind in (tabular.TEXTS, tabular.FLOATS) and isinstance(value, list | tuple):
         return "; ".join(map(str, value))
     return value
