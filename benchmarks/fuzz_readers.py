@@ -17,12 +17,12 @@ from truearc.robot.aim_file import load_aim
 from truearc.robot.config.schema import CameraFile, load_config, load_toml
 from truearc.robot.config.shot_map import load_map
 from truearc.robot.gate import load_gate
-from truearc.robot.recording.export.convert import ExportRows
+from truearc.robot.recording.export import ExportRows
 from truearc.robot.recording.files import parse_candump
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.recover import recover
 from truearc.robot.recording.replay import Difference, replay_frames
 from truearc.robot.recording.session import load_session_aims, load_session_config, load_trials
+from truearc.robot.recording.upkeep import recover
 from truearc.sim.data.files import load_dataset, load_rig
 from truearc.sim.data.importers.any_team import import_shots
 from truearc.sim.data.recordings import shots_from_sessions

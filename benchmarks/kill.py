@@ -31,8 +31,8 @@ from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import load_config
 from truearc.robot.recording.files import load_image, load_pictures, parse_candump
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.recover import recover
 from truearc.robot.recording.session import CAN, load_header, load_session_config, load_trials
+from truearc.robot.recording.upkeep import recover
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.types import Outcome, Tick
 

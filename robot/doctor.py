@@ -27,9 +27,9 @@ from truearc.hw.protocols import NS_PER_S, BadFrame, Bus, Camera, CameraFrame, C
 from truearc.hw.real.system import CanLink, Exposure
 from truearc.robot import motors
 from truearc.robot.aim_file import load_aim_for, needs_aim
+from truearc.robot.config.named_tables import encoder_family_of
 from truearc.robot.config.schema import CameraConfig, Can, Config, GateConfig
 from truearc.robot.gate import FEATURES, load_gate
-from truearc.robot.hood_encoders import encoder_family_of
 from truearc.robot.motors import around_encoder, bound_axes, elevation_from_encoder_deg, make_motors, name_axes
 from truearc.robot.reasons import text
 

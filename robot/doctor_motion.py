@@ -21,20 +21,14 @@ from truearc.hw.devices.family import FAILURE, AxisCheck, Finding, Heard, failur
 from truearc.hw.devices.registry import family_of
 from truearc.hw.protocols import NS, ButtonEvent, CameraFrame, MotorReading
 from truearc.hw.reason import Reason
+from truearc.robot import reasons as because
 from truearc.robot import sysid
 from truearc.robot.config.schema import Config
 from truearc.robot.control import RELEASED
 from truearc.robot.estimate import is_fresh
 from truearc.robot.gate import Gate
 from truearc.robot.motors import elevation_from_encoder_deg, elevation_from_screw_deg, name_axes, screw_rad
-from truearc.robot.reasons import (
-    BOX_GONE,
-    FRAMES_NOT_SENT,
-    HOOD_ENCODERS_DISAGREE,
-    IDENTIFY_DONE,
-    IDENTIFY_RELEASED,
-    text,
-)
+from truearc.robot.reasons import text
 from truearc.robot.sysid import CREEP, FLYWHEEL, HOOD, PAUSE, STILL, Phase
 from truearc.robot.types import Inputs, Memory, Progress, Sent, Tick, Verdict
 
@@ -138,12 +132,12 @@ class SmallMotion:
         assert isinstance(progress, Progress)
         doubt = self._doubt(inputs, progress) if begun and progress.over is None else None
         if doubt is not None:
-            over = replace(progress, over=IDENTIFY_RELEASED(button="doctor"))
-            tick = replace(tick, command=RELEASED, verdict=Verdict(False, (IDENTIFY_RELEASED(button="doctor"),)),
-                           memory=replace(tick.memory, armed=False, identify=over))
+            why = because.IDENTIFY_RELEASED(button="doctor")
+            tick = replace(tick, command=RELEASED, verdict=Verdict(False, (why,)),
+                           memory=replace(tick.memory, armed=False, identify=replace(progress, over=why)))
             self.over = doubt
         elif progress.over is not None:
-            self.over = self.over or ("" if progress.over.code == IDENTIFY_DONE.name else _words(progress.over))
+            self.over = self.over or ("" if progress.over.code == because.IDENTIFY_DONE.name else _words(progress.over))
         if self.over is not None:
             self._over_ns = self._over_ns or inputs.t_ns
             self.is_finished = (inputs.t_ns - self._over_ns) * NS > COAST_S
@@ -151,10 +145,10 @@ class SmallMotion:
 
     def _counted(self, inputs: Inputs) -> tuple[Reason, ...]:
         """The faults, without those of a box that is not there, and frames unsent once: motors are told again soon."""
-        ignored = set[str]() if self._has_box else set(BOX_GONE)
-        if any(fault.code == FRAMES_NOT_SENT.name for fault in inputs.faults):
+        ignored = set[str]() if self._has_box else set(because.BOX_GONE)
+        if any(fault.code == because.FRAMES_NOT_SENT.name for fault in inputs.faults):
             if inputs.t_ns - self._unsent_ns > UNSENT_NS:
-                ignored.add(FRAMES_NOT_SENT.name)
+                ignored.add(because.FRAMES_NOT_SENT.name)
             self._unsent_ns = inputs.t_ns
         return tuple(fault for fault in inputs.faults if fault.code not in ignored)
 
@@ -223,7 +217,8 @@ def hood_angle_deg(inputs: Inputs, config: Config) -> float | None:
 def _words(over: Reason) -> str:
     """Why system identification's tick has released the motors, and of two hood encoders what to look for."""
     causes, words = over.params.get("causes"), text(over).removeprefix("identify: ")
-    if isinstance(causes, tuple) and HOOD_ENCODERS_DISAGREE.name in (getattr(cause, "code", "") for cause in causes):
+    if isinstance(causes, tuple) and any(getattr(cause, "code", "") == because.HOOD_ENCODERS_DISAGREE.name
+                                         for cause in causes):
         return f"{words}: is one of them stuck, scaled, late or the wrong way round?"
     return words
 

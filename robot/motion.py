@@ -16,17 +16,10 @@ from truearc.hw import fault_codes as codes
 from truearc.hw.devices.registry import family_of
 from truearc.hw.protocols import NS, NS_PER_S
 from truearc.hw.reason import Reason
+from truearc.robot import motors
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config, Hood
 from truearc.robot.estimate import Doubts, is_fresh
-from truearc.robot.motors import (
-    HOOD_OVERSPEED,
-    elevation_from_encoder_deg,
-    elevation_from_screw_deg,
-    elevation_per_rad,
-    screw_rad,
-    screw_travel_rad,
-)
 from truearc.robot.types import Estimate, Inputs, Joint, Memory, MotionMemory
 
 WHEELS, HOOD, SWITCH = "wheels", "hood", "hood limit switch"
@@ -339,8 +332,8 @@ def _hood(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, jo
         return joint, differing
     if joint.push:
         limit_rad_s = wanted.hood_top_rad_s or hood_limit_rad_s(estimate, config.hood)
-        if joint.push * speed > HOOD_OVERSPEED * limit_rad_s:
-            return joint, because.JOINT_OVERSPEED(joint=HOOD, speed_rad_s=speed, factor=HOOD_OVERSPEED,
+        if joint.push * speed > motors.HOOD_OVERSPEED * limit_rad_s:
+            return joint, because.JOINT_OVERSPEED(joint=HOOD, speed_rad_s=speed, factor=motors.HOOD_OVERSPEED,
                                                   top_rad_s=limit_rad_s)
         if joint.push * speed < min(joint.push * joint.push_rad_s, 0.0) - HOOD_BACKWARDS * limit_rad_s:
             return joint, because.JOINT_BACKWARDS(joint=HOOD)
@@ -367,7 +360,7 @@ def _compared(inputs: Inputs, estimate: Estimate, memory: Memory, joint: Joint, 
     if is_fresh(inputs, angle.t_ns, config) and is_fresh(inputs, motor.t_ns, config):
         then_rad = motor.position_rad - motor.velocity_rad_s * (motor.t_ns - angle.t_ns) * NS
         if memory.homed:
-            screw_deg = elevation_from_screw_deg(then_rad - memory.screw_zero_rad, config.hood)
+            screw_deg = motors.elevation_from_screw_deg(then_rad - memory.screw_zero_rad, config.hood)
         elif joint.began_t_ns:
             reads_deg, screw_deg = _since_began(angle.angle_rad, then_rad, encoder_deg, joint, config)
         elif asked_nm != 0.0:
@@ -397,7 +390,7 @@ def _rate_deg_s(t_ns: int, encoder_deg: float | None, joint: Joint, config: Conf
 def _since_began(angle_rad: float, motor_rad: float, encoder_deg: float | None, joint: Joint,
                  config: Config) -> tuple[float, float | None]:
     """Where encoder and screw say that the hood is since they are compared; changes where its zero is not known."""
-    changed_deg = elevation_from_encoder_deg(angle_rad, config.hood_encoder, math.degrees(joint.began_rad))
+    changed_deg = motors.elevation_from_encoder_deg(angle_rad, config.hood_encoder, math.degrees(joint.began_rad))
     began_deg = None if encoder_deg is None else encoder_deg - changed_deg
     reads_deg = (began_deg or 0.0) + changed_deg
     return reads_deg, _nearest_deg(reads_deg, began_deg, motor_rad - joint.began_screw_rad, config.hood)
@@ -410,7 +403,7 @@ def _nearest_deg(reads_deg: float, began_deg: float | None, turned_rad: float, h
               else [min(max(began_deg, hood.low_deg), hood.high_deg)])
     moved = []
     for place_deg in places:
-        at_deg = elevation_from_screw_deg(screw_rad(place_deg, hood) + turned_rad, hood)
+        at_deg = motors.elevation_from_screw_deg(motors.screw_rad(place_deg, hood) + turned_rad, hood)
         if at_deg is not None:
             moved.append((began_deg or 0.0) + at_deg - place_deg)
     return min(max(reads_deg, min(moved)), max(moved)) if moved else None
@@ -458,7 +451,7 @@ def _homing(inputs: Inputs, hood_deg: float | None, memory: Memory, joint: Joint
         return replace(joint, homing_t_ns=t_ns, homing_rad=at_rad), None
     took_s = (t_ns - joint.homing_t_ns) * NS
     limit_s = HOMING_TIMES * (hood.high_deg - hood.low_deg) / hood.max_deg_s
-    if beyond or took_s > limit_s or abs(at_rad - joint.homing_rad) > HOMING_TRAVEL * screw_travel_rad(hood):
+    if beyond or took_s > limit_s or abs(at_rad - joint.homing_rad) > HOMING_TRAVEL * motors.screw_travel_rad(hood):
         return joint, because.SWITCH_NOT_REACHED(limit_s=took_s)
     return joint, None
 
@@ -474,7 +467,7 @@ def _switch_doubt(inputs: Inputs) -> Reason | None:
 
 def hood_limit_rad_s(estimate: Estimate, hood: Hood) -> float:
     """`[hood] max_deg_s` as a speed of the hood's motor."""
-    return hood.max_deg_s / elevation_per_rad(here_deg(estimate, hood), hood)
+    return hood.max_deg_s / motors.elevation_per_rad(here_deg(estimate, hood), hood)
 
 
 def here_deg(estimate: Estimate, hood: Hood) -> float:

@@ -15,9 +15,9 @@ from msgspec import UNSET, Struct, UnsetType
 from truearc.hw.devices.canandmag import CanandmagConfig
 from truearc.robot.aim_file import AimContent
 from truearc.robot.config.limits import LIMITS, Bound, shown
+from truearc.robot.config.named_tables import BY_DRIVER
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import Config
-from truearc.robot.hood_encoders import BY_DRIVER
 from truearc.robot.recording.session import Header
 from truearc.sim.data.columns import UNITS
 from truearc.sim.discover.finding import AimProposal, FindingRecord

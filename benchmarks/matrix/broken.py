@@ -16,8 +16,7 @@ from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.emulator import SparkSettings
 from truearc.hw.devices.spark.frames import CONTROLLER_HEARTBEAT
-from truearc.hw.emulated.pty_cable import PtyCable
-from truearc.hw.emulated.serial_link import Cable, SlcanAdapter, open_cable
+from truearc.hw.emulated.serial_link import Cable, PtyCable, SlcanAdapter, open_cable
 from truearc.hw.protocols import Clock, Frame, LinkLost
 from truearc.hw.real.can_bus import open_can
 

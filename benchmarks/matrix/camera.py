@@ -9,7 +9,7 @@ import numpy as np
 from truearc.hw.emulated.camera import NOTHING, Image, Stage, outline_m, project
 from truearc.hw.fault_codes import CAMERA_ERROR
 from truearc.hw.protocols import CameraFrame, Clock, LinkLost
-from truearc.hw.real.camera import CameraThread
+from truearc.hw.real.wires import CameraThread
 from truearc.robot.config.schema import CameraConfig, Config, Tape
 from truearc.sim.world.emulated_vision import make_lens, make_tape
 from truearc_proof.world.camera_damage import StagedCamera, floor_reflection, place, second_goal
@@ -102,7 +102,7 @@ def stamp(now_ns: int, trouble: str, scenery: Scenery) -> int:
 
 
 class Capture:
-    """As much of cv2.VideoCapture as truearc.hw.real.camera reads: waits for each image."""
+    """As much of cv2.VideoCapture as truearc.hw.real.wires reads: waits for each image."""
 
     def __init__(self, scenery: Scenery, fps: float, clock: Clock) -> None:
         self._scenery, self._clock, self._period_s = scenery, clock, 1.0 / fps

@@ -16,7 +16,6 @@ from msgspec.structs import replace
 from benchmarks.matrix.fault import Key, Row, find
 from truearc.cli.common import SHIPPED
 from truearc.hw.emulated.nodes import StepClock
-from truearc.robot.advice import POLICY, step
 from truearc.robot.config.schema import AprilTag, Config, load_config
 from truearc.robot.config.shot_map import ShotMap, Signal
 from truearc.robot.gate import Rating
@@ -27,6 +26,7 @@ from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import ReplayRig
 from truearc.robot.runtime import run
+from truearc.robot.tick import ADVICE, advise_step
 from truearc_frc.advice import AdviceIo
 from truearc_frc.inputs import NtCamera, NtVelocity
 from truearc_frc.keys import Reading
@@ -131,9 +131,9 @@ def play_keys(row: Row, trouble: Key, folder: Path) -> None:
     rig = AdviceIo(config, MAP, robot, clock, lambda: clock.now_ns() >= end_ns + AFTER_S * NS, 0.05,
                    NtCamera(config, robot, clock) if nt4.vision else None,
                    NtVelocity(config, robot, clock) if nt4.velocity else None)
-    header = replace(make_header(config, None, None), policy=POLICY)
+    header = replace(make_header(config, None, None), policy=ADVICE)
     recorder = SessionWriter(folder / "session", header, config, None, lossless=True)
-    run(rig, config, AGREES, recorder, step)
+    run(rig, config, AGREES, recorder, advise_step)
     recorder.close()
     (folder / "keys.json").write_bytes(msgspec.json.encode((begin_ns, end_ns)))
 
@@ -165,7 +165,7 @@ def judge_keys(row: Row, trouble: Key, folder: Path, result: Any) -> None:
 def _judge_replay(trouble: Key, folder: Path, result: Any) -> None:
     rows = RecordedRows(TickReader(folder / "session"))
     try:
-        run(ReplayRig(rows), make_config(trouble), AGREES, Comparer(rows), partial(step, aims={}))
+        run(ReplayRig(rows), make_config(trouble), AGREES, Comparer(rows), partial(advise_step, aims={}))
     except Difference as difference:
         result.wrong.append(f"replays otherwise: {difference}")
 

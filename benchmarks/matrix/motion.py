@@ -21,7 +21,7 @@ from benchmarks.matrix.run import Span, frame_id, is_odrive, with_launcher
 from truearc.cli.common import SHIPPED
 from truearc.hw.codec import load_codec
 from truearc.hw.devices.canandmag import frame_id as encoder_id
-from truearc.hw.devices.motor_encoder import NoEncoder
+from truearc.hw.devices.registry import NoEncoder
 from truearc.hw.emulated.nodes import MotorTruth, Node, Twin
 from truearc.hw.protocols import CameraFrame, Clock, Frame
 from truearc.hw.reason import FAULT, Reason

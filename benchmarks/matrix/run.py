@@ -12,9 +12,9 @@ from msgspec.structs import replace
 
 from truearc.hw.codec import load_codec
 from truearc.hw.devices import canandmag
-from truearc.hw.devices.advisory import AdvisoryConfig
 from truearc.hw.devices.family import Axis
 from truearc.hw.devices.odrive.family import OdriveConfig
+from truearc.hw.devices.registry import AdvisoryConfig
 from truearc.hw.devices.spark.family import SparkConfig
 from truearc.robot.config.schema import Axes, Config
 

@@ -12,14 +12,23 @@ from truearc.errors import InputError
 from truearc.hw.protocols import NS_PER_S, AngleReading, ButtonEvent, CameraFrame, Clock, LinkLost, MotorReading
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
-from truearc.robot.advice import POLICY
 from truearc.robot.aim import NOWHERE, as_at_rest
 from truearc.robot.config.schema import Config
-from truearc.robot.config.shot_map import NOT_MARKED, ShotMap, Signal, as_signal, plain
-from truearc.robot.config.unit_table import MOTOR, WHEEL, factor_of, unit_in
+from truearc.robot.config.shot_map import (
+    MOTOR,
+    NOT_MARKED,
+    WHEEL,
+    ShotMap,
+    Signal,
+    as_signal,
+    factor_of,
+    plain,
+    unit_in,
+)
 from truearc.robot.gate import FEATURES, Gate, load_gate
 from truearc.robot.reasons import texts
 from truearc.robot.runtime import Recorder
+from truearc.robot.tick import ADVICE
 from truearc.robot.types import Command, Inputs, Sent, Sighting, Tick
 from truearc_frc.inputs import NtCamera, NtVelocity
 from truearc_frc.keys import Keys, NtKeys, Reading
@@ -318,7 +327,7 @@ def advice_of(tick: Tick, config: Config, gate: Gate | None) -> dict[str, float 
 def _set_points(tick: Tick) -> tuple[float, float]:
     """(hood in degrees, share of the free speed), NaN where there are none."""
     has_launcher = tick.estimate.hood_deg is not None and tick.inputs.flywheels[0].t_ns
-    if tick.aim.source in NOWHERE or (tick.aim.source == POLICY and not has_launcher):
+    if tick.aim.source in NOWHERE or (tick.aim.source == ADVICE and not has_launcher):
         return math.nan, math.nan
     return tick.aim.hood_deg, tick.aim.motor_ratio
 

@@ -14,7 +14,6 @@ from truearc.cli.doctor_checks import report
 from truearc.cli.run_robot import Ending, make_room
 from truearc.errors import InputError
 from truearc.hw.real.clock import MonotonicClock, wall_clock, wall_offset_ns
-from truearc.robot.advice import POLICY, step
 from truearc.robot.aim_file import AimFile, load_aim_for
 from truearc.robot.config.rig_spec import Rig, rig_errors
 from truearc.robot.config.schema import AimConfig, Config, load_config, load_toml
@@ -24,6 +23,7 @@ from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import RecordingRig
 from truearc.robot.runtime import run
+from truearc.robot.tick import ADVICE, advise_step
 from truearc_frc.advice import PATIENCE_S, AdviceIo, Adviser, advised_columns
 from truearc_frc.doctor import look_beside
 from truearc_frc.inputs import NtCamera, NtVelocity, keys_of_camera, keys_of_velocity
@@ -58,7 +58,7 @@ def advise(args: argparse.Namespace) -> tuple[int, Path]:
             file=sys.stderr, flush=True))
         wires.callback(watch.cancel)
         watch.start()
-        header = replace(make_header(config, gate, started, aims.get(""), wall_offset_ns()), policy=POLICY)
+        header = replace(make_header(config, gate, started, aims.get(""), wall_offset_ns()), policy=ADVICE)
         recorder = SessionWriter(folder, header, config, args.gate.read_bytes(), lossless=False, aim=aim)
         wires.callback(recorder.close)
         clock = MonotonicClock()
@@ -68,7 +68,7 @@ def advise(args: argparse.Namespace) -> tuple[int, Path]:
         print(f"{args.nt}: {len(keys_of(shot_map))} keys of the map are read; advice is published under /truearc and "
               f"recorded in {folder}; Ctrl+C ends it", file=sys.stderr, flush=True)
         ticks = run(RecordingRig(rig, recorder.trouble), config, gate, Adviser(recorder, keys, config, gate),
-                    partial(step, aims=aims))
+                    partial(advise_step, aims=aims))
     if recorder.failed is not None:
         raise InputError(f"{folder}: the recording stopped: {recorder.failed}")
     return ticks, folder

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from truearc.hw.devices.family import Finding
 from truearc.hw.protocols import Clock
-from truearc.robot.config.reading_tables import ReadingTable
+from truearc.robot.config.named_tables import ReadingTable
 from truearc.robot.config.schema import Config
-from truearc.robot.readings import Layer, OwnEyes, Source
+from truearc.robot.eyes import Layer, OwnEyes, Source
 from truearc.robot.runtime import Screen
 from truearc_frc.advice import NtPublisher
 from truearc_frc.doctor import look_at_server

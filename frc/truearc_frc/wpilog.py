@@ -19,10 +19,9 @@ import numpy as np
 from wpiutil.log import DataLogReader
 
 from truearc.errors import InputError, load_bytes
-from truearc.robot.recording.export.convert import ExportRows, due
-from truearc.robot.recording.export.field_pose import ASSUMED, pose_of
-from truearc.robot.recording.export.tabular import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Column, Value
+from truearc.robot.recording.export import ASSUMED, ExportRows, due, pose_of
 from truearc.robot.recording.session import Trial, wall_time
+from truearc.robot.recording.tabular import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Column, Value
 
 if TYPE_CHECKING:                     # needs pyarrow, which a robot that writes logs does without
     from truearc.sim.data.importers.series import Log, Series
@@ -69,7 +68,7 @@ def write_wpilog(rows: ExportRows, file: IO[bytes]) -> None:
     """Every signal when it changes, under /estimate/hood_deg and the like, and each trial as JSON under /trial.
 
     Beside them, under the names that AdvantageScope knows: `DS:enabled` (armed), `systemTime` (wall clock, once), and
-    `/pose`, a Pose2d of the robot before the target (truearc.robot.recording.export.field_pose).
+    `/pose`, a Pose2d of the robot before the target (truearc.robot.recording.export).
     """
     log = WpilogWriter(file, "truearc")
     said: dict[int, bytes] = {}

@@ -18,7 +18,7 @@ import msgspec
 from truearc.errors import did_you_mean
 from truearc.hw.devices.family import driver_of
 from truearc.hw.devices.registry import family_of
-from truearc.robot.config.reading_tables import find_table
+from truearc.robot.config.named_tables import RECORDED, ReadEncoder, encoder_family_of, find_table
 from truearc.robot.config.rig_spec import AIR_KG_M3, DENSEST_KG_M3, TERMS, Rig, too_large
 
 Bound = float | str | tuple[float | str, ...]
@@ -232,9 +232,6 @@ def _of_choices(config: Any) -> Iterator[tuple[str, str]]:
 
 
 def _of_encoder(config: Any) -> Iterator[tuple[str, str]]:
-    # drivers need cantools, which most commands do without
-    from truearc.robot.hood_encoders import RECORDED, ReadEncoder, encoder_family_of
-
     family, driver = encoder_family_of(config.hood_encoder), driver_of(config.hood_encoder)
     if isinstance(config.hood_encoder, ReadEncoder):
         if driver not in config.readings:

@@ -18,7 +18,7 @@ from truearc.errors import INSTALL_HINTS, InputError
 from truearc.hw.devices.family import driver_of
 from truearc.hw.devices.registry import BY_DRIVER
 from truearc.robot.aim_file import needs_aim
-from truearc.robot.config.reading_tables import distribution_of_table
+from truearc.robot.config.named_tables import distribution_of_table
 from truearc.robot.config.schema import Config
 from truearc.robot.motors import name_axes
 

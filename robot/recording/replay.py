@@ -20,21 +20,19 @@ from truearc.errors import InputError, check_file, naming
 from truearc.hw.devices.family import Encoder
 from truearc.hw.protocols import NS, CameraFrame, Frame, LinkLost
 from truearc.hw.reason import Reason
-from truearc.robot.advice import POLICY as ADVICE
-from truearc.robot.advice import step as advise
+from truearc.robot.config.named_tables import encoder_family_of
 from truearc.robot.config.schema import Config, plain_table
 from truearc.robot.eyes import NoEyes
 from truearc.robot.gate import Gate
-from truearc.robot.hood_encoders import encoder_family_of
 from truearc.robot.reasons import BAD_FRAME, CAN_LOST
 from truearc.robot.recording import session as layout
-from truearc.robot.recording.export.tabular import FlatTicks, Value
 from truearc.robot.recording.files import load_image, load_pictures, parse_candump
 from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.tabular import FlatTicks, Value
 from truearc.robot.rig import HardwareRig, ReplayRig
 from truearc.robot.runtime import RigLayer, RobotIo, run
 from truearc.robot.sysid import POLICY, make_step
-from truearc.robot.tick import step
+from truearc.robot.tick import ADVICE, advise_step, step
 from truearc.robot.types import Command, Inputs, Sent, Sighting, Tick
 from truearc.robot.vision import find_target
 
@@ -118,7 +116,7 @@ def _replay(session: Path, make_rig: Callable[[RecordedRows, Config], RobotIo]) 
     rows = RecordedRows(reader)
     aims = layout.load_session_aims(session)
     policy = layout.load_header(session).policy
-    think = make_step(config) if policy == POLICY else partial(advise if policy == ADVICE else step, aims=aims)
+    think = make_step(config) if policy == POLICY else partial(advise_step if policy == ADVICE else step, aims=aims)
     return matched(run(make_rig(rows, config), config, gate, Comparer(rows), think), reader)
 
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import MOST
-from truearc.robot.config.unit_table import CONVERTED, ZERO, unit_of
-from truearc.robot.config.unit_table import WHEEL as WHEEL
+from truearc.robot.config.shot_map import CONVERTED, ZERO, unit_of
+from truearc.robot.config.shot_map import WHEEL as WHEEL
 from truearc.sim.data.dataset import Floats
 from truearc.sim.data.table import Cell, Problems, RawTable
 

@@ -29,11 +29,10 @@ from truearc.hw.real.can_bus import CanBus, open_can
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.wires import open_serial
 from truearc.robot.aim_file import NO_AIMS, Aims, load_aim_for, needs_aim
-from truearc.robot.config.overrides import split_bus
-from truearc.robot.config.schema import AimConfig, CameraConfig, Config, Tape
+from truearc.robot.config.named_tables import encoder_family_of
+from truearc.robot.config.schema import AimConfig, CameraConfig, Config, Tape, split_bus
 from truearc.robot.eyes import Eyes
 from truearc.robot.gate import load_gate
-from truearc.robot.hood_encoders import encoder_family_of
 from truearc.robot.motors import guard, make_motors, name_axes
 from truearc.robot.recording.files import TappedBus
 from truearc.robot.recording.session import make_header

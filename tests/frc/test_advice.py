@@ -14,7 +14,6 @@ from tests.robot.aim_files import CONTENT, HOOD, LEAD, RATIO, write
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.errors import InputError
-from truearc.robot.advice import POLICY, step
 from truearc.robot.aim_file import Segment, load_aim
 from truearc.robot.config.schema import AimConfig, Config, load_config
 from truearc.robot.config.shot_map import Detection, OutcomeKeys, ShotMap, Signal
@@ -23,6 +22,7 @@ from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials, make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.runtime import run
+from truearc.robot.tick import ADVICE, advise_step
 from truearc.robot.types import Tick
 from truearc_frc.advice import AdviceIo, Adviser, advised_columns
 from truearc_frc.advise_session import keys_of
@@ -107,7 +107,7 @@ def advise(robot: Robot, seconds: float, recorder: object = None, play: Iterator
 
     io = AdviceIo(facts, MAP, robot, clock, over, 0.02)
     run(io, facts, gate, Adviser(recorder or Nothing(), robot, facts, gate),             # type: ignore[arg-type]
-        partial(step, aims=aims))
+        partial(advise_step, aims=aims))
     return [str(said["verdict"]) for said in robot.said]
 
 
@@ -237,7 +237,7 @@ def test_it_records_a_session_that_replays_to_the_bit_and_has_its_shots(tmp_path
                                                                         capsys: pytest.CaptureFixture[str]) -> None:
     robot, facts, gate = Robot(), config(), load_gate(GATE)
     folder = tmp_path / "advice"
-    recorder = SessionWriter(folder, replace(make_header(facts, gate, None), policy=POLICY), facts, GATE.read_bytes(),
+    recorder = SessionWriter(folder, replace(make_header(facts, gate, None), policy=ADVICE), facts, GATE.read_bytes(),
                              lossless=True)
     advise(robot, 8.0, recorder, play(robot))
     recorder.close()
@@ -311,8 +311,8 @@ def test_set_points_are_where_the_launcher_is_without_an_aim_file() -> None:
     facts, gate, clock, robot = config(), load_gate(GATE), Clock(), Robot()
     inputs = AdviceIo(facts, MAP, robot, clock, lambda: False, 0.02).read()
     assert inputs is not None
-    tick = partial(step, aims={})(inputs, Memory(), facts, gate)
-    assert tick.aim.hood_deg == pytest.approx(51.737, rel=1e-3) and tick.aim.source == POLICY
+    tick = partial(advise_step, aims={})(inputs, Memory(), facts, gate)
+    assert tick.aim.hood_deg == pytest.approx(51.737, rel=1e-3) and tick.aim.source == ADVICE
 
 
 def test_a_gamepads_buttons_and_a_toggle_are_read_from_a_real_server(nt_server: tuple[Any, str]) -> None:

@@ -20,7 +20,6 @@ from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.hw.protocols import LinkLost
 from truearc.hw.real.processes import Slots
-from truearc.robot.advice import POLICY, step
 from truearc.robot.config.schema import AprilTag, Config, load_config
 from truearc.robot.eyes import FarEyes, make_room, relay
 from truearc.robot.gate import load_gate
@@ -28,6 +27,7 @@ from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.runtime import run
+from truearc.robot.tick import ADVICE, advise_step
 from truearc.robot.types import Sighting
 from truearc_frc.advice import AdviceIo, Adviser, advised_columns
 from truearc_frc.inputs import NtCamera, OwnNtCamera, keys_of_camera
@@ -197,14 +197,14 @@ def advised(robot: Seeing, seconds: float, recorder: object = None) -> list[str]
     clock, facts, gate = Clock(), config(robot.kind), load_gate(GATE)
     end_ns = clock.t_ns + round(seconds * NS)
     io = AdviceIo(facts, MAP, robot, clock, lambda: clock.t_ns >= end_ns, 0.02, NtCamera(facts, robot, clock))
-    run(io, facts, gate, Adviser(recorder or Nothing(), robot, facts, gate), step)      # type: ignore[arg-type]
+    run(io, facts, gate, Adviser(recorder or Nothing(), robot, facts, gate), advise_step)      # type: ignore[arg-type]
     return [str(said["verdict"]) for said in robot.said]
 
 
 def test_advice_by_a_camera_records_and_replays_to_the_bit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     robot, facts, gate = Seeing("limelight"), config("limelight"), load_gate(GATE)
     assert "distance_m" not in advised_columns(MAP, facts)
-    recorder = SessionWriter(tmp_path / "s", replace(make_header(facts, gate, None), policy=POLICY), facts,
+    recorder = SessionWriter(tmp_path / "s", replace(make_header(facts, gate, None), policy=ADVICE), facts,
                              GATE.read_bytes(), lossless=True)
     verdicts = advised(robot, 3.0, recorder)
     recorder.close()

@@ -13,7 +13,7 @@ from tests.robot.encoders import NT4
 from tests.robot.good_tick import NOW_NS, good_inputs, good_memory
 from truearc.hw.devices.family import FAILURE, OK, Around
 from truearc.robot import reasons as because
-from truearc.robot.hood_encoders import encoder_family_of
+from truearc.robot.config.named_tables import encoder_family_of
 from truearc.robot.tick import step
 from truearc_frc.inputs import NtEncoder, examine
 from truearc_frc.keys import Reading

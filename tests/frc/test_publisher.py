@@ -16,7 +16,7 @@ from truearc.errors import InputError
 from truearc.hw.protocols import Clock
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import load_config
-from truearc.robot.readings import open_their_screens
+from truearc.robot.eyes import open_their_screens
 from truearc.robot.runtime import open_screens
 from truearc.robot.tick import step
 from truearc.robot.types import Tick, Verdict

@@ -12,8 +12,8 @@ from wpiutil import log as wpilog
 
 from tests.frc.test_dashboards import DASHBOARDS
 from tests.robot.recording.test_convert import convert, ticks
-from truearc.robot.recording.export.tabular import TEXTS
 from truearc.robot.recording.session import load_trials
+from truearc.robot.recording.tabular import TEXTS
 from truearc_frc.wpilog import WpilogWriter, make_payload
 
 

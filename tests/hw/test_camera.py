@@ -11,7 +11,7 @@ from tests.hw.conftest import SetClock
 from truearc.hw.emulated.camera import TAPE_BGR, Lens, TapeSize, distort, outline_m
 from truearc.hw.emulated.nodes import View
 from truearc.hw.protocols import LinkLost
-from truearc.hw.real.camera import SILENT_NS, CameraThread
+from truearc.hw.real.wires import SILENT_NS, CameraThread
 from truearc_proof.world.camera_damage import Look, StagedCamera
 
 TAPE = TapeSize(0.99695, 0.49885, 0.4318, 0.0508)

@@ -16,8 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from truearc.hw.emulated.pty_cable import PtyCable
-from truearc.hw.emulated.serial_link import SlcanAdapter
+from truearc.hw.emulated.serial_link import PtyCable, SlcanAdapter
 from truearc.hw.fault_codes import CAN_ADAPTER_ERROR, CAN_BUS_OFF, CAN_OVERRUN, CAN_REOPENED, CAN_SILENT
 from truearc.hw.protocols import Frame, LinkLost
 from truearc.hw.real.can_bus import (

@@ -7,8 +7,8 @@ import pytest
 
 from truearc.hw.emulated.camera import PictureServer
 from truearc.hw.protocols import LinkLost
-from truearc.hw.real.camera import open_camera
 from truearc.hw.real.clock import MonotonicClock
+from truearc.hw.real.wires import open_camera
 
 
 def make_picture(shade: int) -> np.ndarray:

@@ -28,7 +28,7 @@ def wait_for(what):
 
 
 def test_a_box_that_is_plugged_in_again_is_heard_again(tmp_path):
-    PtyCable = pytest.importorskip("truearc.hw.emulated.pty_cable").PtyCable
+    PtyCable = pytest.importorskip("truearc.hw.emulated.serial_link").PtyCable
     name = tmp_path / "buttonbox"                          # as udev's link of a device by its serial number
     cable = PtyCable()
     name.symlink_to(cable.port)
@@ -142,7 +142,7 @@ def test_pauses_grow_up_to_a_longest():
 
 
 def test_what_is_not_there_at_the_start_is_opened_when_it_comes(tmp_path):
-    PtyCable = pytest.importorskip("truearc.hw.emulated.pty_cable").PtyCable
+    PtyCable = pytest.importorskip("truearc.hw.emulated.serial_link").PtyCable
     stream = MendedStream(lambda: open_serial(str(tmp_path / "box"), 115200), pause_s=0.005)
     assert stream.lost is not None
     with pytest.raises(LinkLost, match="box"):

@@ -5,8 +5,7 @@ import os
 import pytest
 
 from truearc.hw.devices.button_box import BUTTONS, BoxHeartbeat, ButtonBox, make_press, open_button_box, parse_lines
-from truearc.hw.emulated.pty_cable import PtyCable
-from truearc.hw.emulated.serial_link import SocketCable
+from truearc.hw.emulated.serial_link import PtyCable, SocketCable
 from truearc.hw.protocols import ButtonEvent, LinkLost
 from truearc.hw.real.wires import open_serial
 

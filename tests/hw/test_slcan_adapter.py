@@ -10,8 +10,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from truearc.hw.emulated.pty_cable import PtyCable
-from truearc.hw.emulated.serial_link import LONGEST, SERIAL, VERSION, SlcanAdapter, SocketCable, make_line, parse_line
+from truearc.hw.emulated.serial_link import (
+    LONGEST,
+    SERIAL,
+    VERSION,
+    PtyCable,
+    SlcanAdapter,
+    SocketCable,
+    make_line,
+    parse_line,
+)
 from truearc.hw.protocols import Frame
 
 frames = st.builds(

@@ -12,8 +12,8 @@ import pytest
 from truearc.hw.fault_codes import CAMERA_EXPOSURE_AUTOMATIC, CAMERA_EXPOSURE_WRONG
 from truearc.hw.protocols import LinkLost
 from truearc.hw.real import system as realtime
-from truearc.hw.real.camera import CameraThread, lock_exposure, open_camera
 from truearc.hw.real.system import ServiceManager
+from truearc.hw.real.wires import CameraThread, lock_exposure, open_camera
 
 needs_unix = pytest.mark.skipif(sys.platform == "win32", reason="AF_UNIX datagrams: POSIX only")
 needs_linux = pytest.mark.skipif(sys.platform != "linux", reason="real-time scheduling is asked of Linux only")

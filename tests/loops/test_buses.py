@@ -19,14 +19,12 @@ from tests.hw.spinning_plant import SpinningPlant
 from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.hw.emulated.nodes import Twin
-from truearc.hw.emulated.pty_cable import PtyCable
-from truearc.hw.emulated.serial_link import SlcanAdapter
+from truearc.hw.emulated.serial_link import PtyCable, SlcanAdapter
 from truearc.hw.fault_codes import CAN_REOPENED
 from truearc.hw.real.can_bus import WAIT_S, SupervisedBus, open_can
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.reason import Reason
-from truearc.robot.config.overrides import split_bus, with_ports
-from truearc.robot.config.schema import load_config
+from truearc.robot.config.schema import load_config, split_bus, with_ports
 from truearc.robot.eyes import InlineEyes
 from truearc.robot.motors import guard
 from truearc.robot.reasons import CAN_LOST, DEVICE_NEVER_RECEIVED, DEVICE_STALE, IMAGE_DARK, text

@@ -14,7 +14,7 @@ from truearc import robot
 from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.robot import reasons as bot
-from truearc.robot.config.overrides import with_plan
+from truearc.robot.aim_file import with_plan
 from truearc.robot.config.schema import Prescribed, config_hash, load_config
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay import Difference, replay

@@ -13,7 +13,7 @@ from truearc.hw.fault_codes import PROCESS_KILLED
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as bot
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.recover import recover
+from truearc.robot.recording.upkeep import recover
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")]
 PATIENCE_S = 60.0                     # of a loaded machine

@@ -23,8 +23,8 @@ from truearc.hw.emulated.nodes import StepClock, Twin
 from truearc.hw.protocols import MotorReading
 from truearc.hw.real.can_bus import open_can
 from truearc.robot import reasons as because
+from truearc.robot.config.named_tables import FAMILIES, encoder_family_of
 from truearc.robot.config.schema import Config, config_hash, load_config, read_axis
-from truearc.robot.hood_encoders import FAMILIES, encoder_family_of
 from truearc.robot.motion import BLIND
 from truearc.robot.motors import around_encoder, guard
 from truearc.robot.tick import step

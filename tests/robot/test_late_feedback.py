@@ -62,8 +62,7 @@ class Robot:
         self.nodes = make_nodes(config, self.plant)
         self.clock = StepClock(lambda t_ns: self.twin.advance(t_ns))
         if wire == "slcan":
-            from truearc.hw.emulated.pty_cable import PtyCable
-            from truearc.hw.emulated.serial_link import SlcanAdapter
+            from truearc.hw.emulated.serial_link import PtyCable, SlcanAdapter
             self.far = SlcanAdapter(PtyCable())
             self.near = open_can("slcan", self.far.port, 1_000_000, self.clock)
         else:

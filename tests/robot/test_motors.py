@@ -21,10 +21,10 @@ from tests.robot.test_rig import ASKED, Blind, Stream, Time, Wire
 from truearc.errors import InputError
 from truearc.hw import fault_codes as hw
 from truearc.hw.bus_rules import Allowed
-from truearc.hw.devices.advisory import AdvisoryConfig
 from truearc.hw.devices.family import Axis, Bounds
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.family import OdriveConfig
+from truearc.hw.devices.registry import AdvisoryConfig
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.family import SparkConfig
 from truearc.hw.fault_codes import DUPLICATE_ID, FOREIGN_HOST, FRAME_RATE_EXCEEDED

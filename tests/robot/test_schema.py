@@ -20,8 +20,8 @@ from truearc.robot.doctor import load_endpoints
 from truearc.robot.gate import load_gate
 from truearc.robot.recording.files import make_folder, session_contents
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.recover import recover
 from truearc.robot.recording.session import load_header, load_session_config, load_trials, make_header
+from truearc.robot.recording.upkeep import recover
 from truearc.sim.data.files import load_rig
 from truearc.sim.discover.finding import load_record as load_finding
 from truearc.sim.paper.network import load_json

@@ -11,7 +11,7 @@ from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.robot.aim import aim, config_id, step_walk
-from truearc.robot.config.overrides import load_plan, with_plan
+from truearc.robot.aim_file import load_plan, with_plan
 from truearc.robot.config.schema import Prescribed
 from truearc.robot.estimate import estimate
 from truearc.robot.reasons import NOT_AT_PLACE

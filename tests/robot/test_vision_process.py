@@ -192,7 +192,7 @@ def test_a_camera_that_stops_is_lost_in_the_cameras_words(scene):
 @pytest.mark.slow
 @pytest.mark.parametrize("layout", ["one", "three"])
 def test_without_camera_box_and_adapter_it_starts_holds_and_opens_what_appears(layout, tmp_path):
-    PtyCable = pytest.importorskip("truearc.hw.emulated.pty_cable").PtyCable
+    PtyCable = pytest.importorskip("truearc.hw.emulated.serial_link").PtyCable
     box, adapter, out = tmp_path / "buttonbox", tmp_path / "adapter", tmp_path / "out"
     words = ["--can", f"slcan:{adapter}", "--buttons", str(box), "--camera", "/dev/video99", "--layout", layout]
     robot = subprocess.Popen([sys.executable, "-m", "truearc", "run", "--config", str(SHIPPED), "--out", str(out),

@@ -11,8 +11,7 @@ from truearc.errors import InputError
 from truearc.hw.protocols import CameraFrame
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import AprilTag, CameraConfig, load_config
-from truearc.robot.vision import find_target
-from truearc.robot.vision.tag import detect_tag
+from truearc.robot.vision import detect_tag, find_target
 
 SHIPPED_CONFIG = load_config(SHIPPED)
 TAG = AprilTag((4, 7), 0.1651, 1.35)                  # 6.5 in, as on an FRC field

@@ -19,7 +19,7 @@ from truearc.model_export.verify import HEADER as RATING_COLUMNS
 from truearc.model_export.verify import rate_shots
 from truearc.robot.aim_file import check_rig, load_aim
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.unit_table import CONVERTED
+from truearc.robot.config.shot_map import CONVERTED
 from truearc.robot.gate import load_gate
 from truearc.sim.aim.export import TEAMS, AimCheck, aim_bytes, check_aim_file, cpp_text, java_text
 from truearc.sim.aim.make_table import RPM, AimRow, draw_aim, make_rows

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from truearc.errors import INSTALL_HINTS, InputError, load_text
 from truearc.robot import deploy as target
-from truearc.robot.config.reading_tables import distribution_of_table
+from truearc.robot.config.named_tables import distribution_of_table
 from truearc.robot.config.schema import Config, load_config
 
 SOURCE = Path(__file__).parents[2]

@@ -17,18 +17,16 @@ from truearc.cli.run_robot import Ending, open_bus
 from truearc.errors import InputError
 from truearc.hw.devices.family import FAILURE, WARNING, Endpoints, Finding, Heard, failure, line, listen, warning
 from truearc.hw.protocols import Bus, Clock, Frame, LinkLost, Stream
-from truearc.hw.real.camera import open_camera
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.system import CanLink, is_clock_synchronised, read_exposure, read_link, rehearse
-from truearc.hw.real.wires import open_serial
+from truearc.hw.real.wires import open_camera, open_serial
 from truearc.robot import doctor
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.doctor import find_hood
 from truearc.robot.doctor_motion import SmallMotion, check_motion, describe, plan
-from truearc.robot.eyes import NoEyes
+from truearc.robot.eyes import NoEyes, sources_of
 from truearc.robot.motors import name_axes
-from truearc.robot.readings import sources_of
 from truearc.robot.recording.files import TappedBus
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 import truearc as ta
 from truearc.cli.common import SHIPPED, make_progress, number, origin_of, out_file, packaged_cameras, refuse, write_out
 from truearc.errors import InputError
-from truearc.robot.config.overrides import add_port_arguments, load_plan, with_plan
+from truearc.robot.aim_file import load_plan, with_plan
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.operator_ui import OFF, PORT, add_page_argument, parse_page
 
@@ -27,7 +27,9 @@ WATCHDOG_MS = 100                     # without --watchdog-ms
 
 def run_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--config", type=Path, required=True, help="launcher.toml")
-    add_port_arguments(parser)
+    parser.add_argument("--can", metavar="INTERFACE:CHANNEL", help="instead of [can], such as slcan:/dev/ttyACM0")
+    parser.add_argument("--buttons", metavar="PORT", help="instead of [buttons] port")
+    parser.add_argument("--camera", metavar="DEVICE", help="instead of [camera] device; a URL, too")
     parser.add_argument("--plan", type=Path, metavar="TABLE", help="shoot these configurations: a CSV file with "
                         "distance_m, motor_ratio, hood_deg, or a dataset directory; it says where to stand")
     parser.add_argument("--repeats", type=int, metavar="N", help="shots at each configuration (default: [collect])")
@@ -125,8 +127,8 @@ def _emulate(args: argparse.Namespace, config: Config, trials: int) -> "Emulatio
         raise InputError(f"{args.config}: gate.policy is 'model', so --gate is needed")
     from truearc.cli.gate import make_command
     from truearc.hw.real.clock import MonotonicClock
+    from truearc.robot.eyes import open_their_screens
     from truearc.robot.operator_ui.server import open_page
-    from truearc.robot.readings import open_their_screens
     from truearc.robot.runtime import open_screens
     from truearc.sim.world.options import load_options
     asks = make_command(args.gate, config) if args.gate else ()

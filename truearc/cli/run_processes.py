@@ -11,17 +11,14 @@ import msgspec
 
 from truearc.errors import about
 from truearc.hw.protocols import NS_PER_S, CameraFrame, Clock, LinkLost
-from truearc.hw.real.camera import open_camera
 from truearc.hw.real.clock import MonotonicClock, wall_offset_ns
 from truearc.hw.real.processes import Capacity, Child, Inbox, Line, Outbox, Slots, make_shared
-from truearc.hw.real.wires import MendedCamera
+from truearc.hw.real.wires import MendedCamera, open_camera
 from truearc.robot.config.schema import Config, RecordingConfig
-from truearc.robot.eyes import Eyes, FarEyes, InlineEyes, make_room, relay, tell, watch
-from truearc.robot.readings import open_eyes
+from truearc.robot.eyes import Eyes, FarEyes, InlineEyes, make_room, open_eyes, relay, tell, watch
 from truearc.robot.recording.files import Row
-from truearc.robot.recording.recorder import NEWS, Desk, FarKeeper
-from truearc.robot.recording.retention import start_pruning
-from truearc.robot.recording.writer import Keeper, LaneKeeper
+from truearc.robot.recording.upkeep import start_pruning
+from truearc.robot.recording.writer import NEWS, Desk, FarKeeper, Keeper, LaneKeeper
 from truearc.robot.runtime import OpenScreen, Recorder, Screen, with_screen
 from truearc.robot.types import Sighting, Tick
 from truearc.robot.vision import find_target

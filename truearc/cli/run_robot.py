@@ -28,16 +28,14 @@ from truearc.hw.real.clock import MonotonicClock, wall_clock, wall_offset_ns
 from truearc.hw.real.system import ServiceManager, ask_core, ask_fifo, ask_fifo_beside, ask_locked_memory
 from truearc.hw.real.wires import MendedStream, open_serial
 from truearc.hw.reason import Reason
-from truearc.robot.aim_file import AimFile, load_aim_for, needs_aim
-from truearc.robot.config.overrides import load_plan, with_plan, with_ports
-from truearc.robot.config.schema import Config, load_config
-from truearc.robot.eyes import Eyes, NoEyes
+from truearc.robot.aim_file import AimFile, load_aim_for, load_plan, needs_aim, with_plan
+from truearc.robot.config.schema import Config, load_config, with_ports
+from truearc.robot.eyes import Eyes, NoEyes, open_their_screens, sources_of
 from truearc.robot.gate import load_gate
 from truearc.robot.motors import guard, make_motors
 from truearc.robot.operator_ui import parse_page
 from truearc.robot.operator_ui.aim_inbox import AimInbox, OfferingRig
 from truearc.robot.operator_ui.server import open_page
-from truearc.robot.readings import open_their_screens, sources_of
 from truearc.robot.reasons import text
 from truearc.robot.recording.files import DISK_ERRNOS, TappedBus
 from truearc.robot.recording.session import make_header

@@ -42,8 +42,8 @@ def recover(args: argparse.Namespace) -> int:
 
     Nothing that is whole is lost, and the damaged files are kept in SESSION/damaged.
     """
-    from truearc.robot.recording.recover import recover
     from truearc.robot.recording.session import CAN, INDEX
+    from truearc.robot.recording.upkeep import recover
     recovered = recover(args.session)
     absent = [name for name in (CAN, INDEX) if not (args.session / name).exists()]
     counts = f"{recovered.ticks} ticks, {recovered.trials} trials"

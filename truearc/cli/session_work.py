@@ -14,13 +14,11 @@ from truearc.errors import EXPORTS, InputError, PluginError, load_plugin, needs,
 from truearc.robot.config.schema import load_config
 from truearc.robot.gate import load_gate
 from truearc.robot.reasons import texts
+from truearc.robot.recording import export as exports
 from truearc.robot.recording import replay
-from truearc.robot.recording.export import convert as exports
-from truearc.robot.recording.export.convert import TRIAL_COLUMNS, ExportRows
-from truearc.robot.recording.export.field_pose import in_target_frame
-from truearc.robot.recording.export.tabular import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Column, Value
-from truearc.robot.recording.export.viewer_mcap import NO_FLIGHTS, Flights
+from truearc.robot.recording.export import NO_FLIGHTS, TRIAL_COLUMNS, ExportRows, Flights, in_target_frame
 from truearc.robot.recording.session import TRIALS, load_session_config, load_session_gate
+from truearc.robot.recording.tabular import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Column, Value
 
 # --- replay
 

@@ -21,23 +21,7 @@ from truearc.hw.bus_rules import Rules, allow, allow_seldom, kinds_of
 from truearc.hw.codec import DBC
 from truearc.hw.devices import family
 from truearc.hw.devices.drivers import AskedMotor
-from truearc.hw.devices.family import (
-    AttachedMotor,
-    Axis,
-    AxisCheck,
-    Bounds,
-    Endpoints,
-    Finding,
-    Heard,
-    MotorFamily,
-    Stored,
-    StoredSettings,
-    TorquePerAmp,
-    current_limit_a,
-    failure,
-    ok,
-    warning,
-)
+from truearc.hw.devices.family import Axis, Finding, Heard, failure, ok, warning
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.emulator import SETTINGS, OdriveNode, OdriveSettings
 from truearc.hw.devices.odrive.frames import OdriveAxis
@@ -131,20 +115,20 @@ class OdriveConfig(OdriveAxis, Axis, frozen=True, forbid_unknown_fields=True, om
     """An ODrive, given torques."""
 
     endstop_endpoint: Annotated[int, Meta(ge=0, le=65535)]    # SDO endpoint that reads the limit switch; 0 = none
-    torque_nm_a: TorquePerAmp = 0.0   # its torque_constant; 0: not known, its own limits stay as they are stored
+    torque_nm_a: family.TorquePerAmp = 0.0   # its torque_constant; 0: not known, its own limits stay as they are stored
 
 
-def make_motors(axes: Sequence[OdriveConfig], bounds: Sequence[Bounds]) -> tuple[OdriveMotor, ...]:
+def make_motors(axes: Sequence[OdriveConfig], bounds: Sequence[family.Bounds]) -> tuple[OdriveMotor, ...]:
     return tuple(OdriveMotor(axis, make_limits(axis, one)) for axis, one in zip(axes, bounds, strict=True))
 
 
-def make_limits(axis: OdriveConfig, bounds: Bounds) -> Frame | None:
+def make_limits(axis: OdriveConfig, bounds: family.Bounds) -> Frame | None:
     """The device's own limits; None where one of them is not known, for the frame sets both."""
-    speed_rad_s, current_a = family.speed_limit_rad_s(bounds), current_limit_a(bounds, axis.torque_nm_a)
+    speed_rad_s, current_a = family.speed_limit_rad_s(bounds), family.current_limit_a(bounds, axis.torque_nm_a)
     return None if speed_rad_s is None or current_a is None else odrive.make_limits(axis, speed_rad_s, current_a)
 
 
-def make_node(axis: OdriveAxis, motor: AttachedMotor) -> OdriveNode:
+def make_node(axis: OdriveAxis, motor: family.AttachedMotor) -> OdriveNode:
     settings = replace(SETTINGS.get(motor.name, OdriveSettings()), watchdog_ms=motor.watchdog_ms,
                        is_absolute=motor.is_absolute)
     return OdriveNode(axis, motor.name, motor.plant, settings, motor.endstop if axis.endstop_endpoint else None)
@@ -171,7 +155,7 @@ NOT_ASKED = "watchdog and encoder filter are not asked for: no table of paramete
 GIVE = "give its firmware's flat_endpoints.json to --endpoints"
 
 
-def questions(axis: OdriveAxis, endpoints: Endpoints | None) -> list[Frame]:
+def questions(axis: OdriveAxis, endpoints: family.Endpoints | None) -> list[Frame]:
     """Its version, its serial number, its limit switch, and its parameters when their numbers are known."""
     numbers = [] if endpoints is None else [endpoints.ids[name] for name in ASKED]
     numbers += [axis.endstop_endpoint] if axis.endstop_endpoint else []
@@ -179,7 +163,7 @@ def questions(axis: OdriveAxis, endpoints: Endpoints | None) -> list[Frame]:
             *(odrive.make_parameter_query(axis, number) for number in numbers)]
 
 
-def examine(axis: OdriveAxis, check: AxisCheck, heard: Heard) -> Iterator[Finding]:
+def examine(axis: OdriveAxis, check: family.AxisCheck, heard: Heard) -> Iterator[Finding]:
     """All findings about the axis."""
     name, endpoints = check.name, check.endpoints
     yield check_firmware(name, axis, heard)
@@ -267,7 +251,7 @@ def check_switch(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
     return ok(check, f"told as {'closed' if reading.endstop else 'open'}; whether it closes and opens, --move tells")
 
 
-def parse_endpoints(text: str) -> Endpoints:
+def parse_endpoints(text: str) -> family.Endpoints:
     """The contents of flat_endpoints.json; ValueError says what is missing."""
     try:
         table = json.loads(text)
@@ -278,10 +262,10 @@ def parse_endpoints(text: str) -> Endpoints:
     for name in ASKED:
         if name not in ids:
             raise ValueError(f"has no endpoint {name!r}")
-    return Endpoints(firmware, ids)
+    return family.Endpoints(firmware, ids)
 
 
-def check_parameters(name: str, axis: OdriveAxis, endpoints: Endpoints | None, tick_hz: int,
+def check_parameters(name: str, axis: OdriveAxis, endpoints: family.Endpoints | None, tick_hz: int,
                      heard: Heard) -> Iterator[Finding]:
     """All findings about parameters; without a table, that they were not asked for."""
     watchdog, encoder_filter = f"{name}, watchdog", f"{name}, encoder filter"
@@ -324,7 +308,7 @@ def _check_filter(check: str, answers: Mapping[str, bytes], tick_hz: int) -> Fin
     return ok(check, f"its speed lags by {lag_ms:.1f} ms")
 
 
-def _check_table(check: str, axis: OdriveAxis, endpoints: Endpoints, heard: Heard) -> Finding | None:
+def _check_table(check: str, axis: OdriveAxis, endpoints: family.Endpoints, heard: Heard) -> Finding | None:
     """Whether table, firmware and the configured limit switch belong together; None if its version is unreadable."""
     for frame in heard.of(odrive.frame_id(axis, "Get_Version"))[:1]:
         try:
@@ -364,7 +348,7 @@ NEAR = 0.01                           # a stored limit within this share is that
 RESTART_S = 3.0                       # until its frames are there again, with time to spare
 
 
-def stored_settings(axis: OdriveAxis, bounds: family.Bounds, endpoints: Endpoints) -> StoredSettings:
+def stored_settings(axis: OdriveAxis, bounds: family.Bounds, endpoints: family.Endpoints) -> family.StoredSettings:
     """The axis's watchdog, and limits where the rig knows them; KeyError names a parameter that the table lacks."""
     found = [_setting(axis, endpoints.ids[WATCHDOG_ON], WATCHDOG_ON, 1.0, 1.0, 1.0, "<?"),
              _setting(axis, endpoints.ids[WATCHDOG_S], WATCHDOG_S, GOOD_S, SHORTEST_S, LONGEST_S, "<f")]
@@ -374,22 +358,22 @@ def stored_settings(axis: OdriveAxis, bounds: family.Bounds, endpoints: Endpoint
             found.append(_setting(axis, endpoints.ids[name], name, wanted, wanted * (1.0 - NEAR),
                                   wanted * (1.0 + NEAR), "<f"))
     save = odrive.make_parameter_write(axis, endpoints.ids[SAVE], b"")
-    return StoredSettings(tuple(found), (odrive.make_version_query(axis),), partial(_refuse, axis, endpoints), (save,),
-                          RESTART_S)
+    return family.StoredSettings(tuple(found), (odrive.make_version_query(axis),), partial(_refuse, axis, endpoints),
+                                 (save,), RESTART_S)
 
 
 def _setting(axis: OdriveAxis, number: int, name: str, wanted: float, low: float, high: float,
-             form: str) -> Stored:
+             form: str) -> family.Stored:
     def read(heard: Heard) -> float | None:
         data = _parameters(axis, heard).get(number)
         return None if data is None else float(struct.unpack_from(form, data)[0])
 
     kind = bool if form == "<?" else float
-    return Stored(name, wanted, low, high, odrive.make_parameter_query(axis, number),
+    return family.Stored(name, wanted, low, high, odrive.make_parameter_query(axis, number),
                   odrive.make_parameter_write(axis, number, struct.pack(form, kind(wanted))), read)
 
 
-def _refuse(axis: OdriveAxis, endpoints: Endpoints, heard: Heard) -> str:
+def _refuse(axis: OdriveAxis, endpoints: family.Endpoints, heard: Heard) -> str:
     """Another firmware's table would write something else; a driven axis is in use."""
     versions = heard.of(odrive.frame_id(axis, "Get_Version"))
     try:
@@ -406,7 +390,7 @@ def _refuse(axis: OdriveAxis, endpoints: Endpoints, heard: Heard) -> str:
     return ""
 
 
-ODRIVE = MotorFamily(
+ODRIVE = family.MotorFamily(
     driver="odrive", axis=OdriveConfig, example=OdriveConfig(4, 1, 0), dbc=DBC / "odrive.dbc", is_commanded=True,
     make_motors=make_motors, make_rules=make_rules,
     errors=lambda axis, motor: odrive.errors_of(motor.axis_error),

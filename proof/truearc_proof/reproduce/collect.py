@@ -24,7 +24,7 @@ from sklearn.linear_model import LogisticRegression
 
 from truearc.errors import InputError
 from truearc.robot.aim import FEASIBLE_DEG, vacuum_speed_m_s
-from truearc.robot.config.overrides import with_plan
+from truearc.robot.aim_file import with_plan
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import Collect, Config, Prescribed, is_hash_of
 from truearc.robot.recording.session import CAN, FRAMES, load_header

@@ -12,6 +12,7 @@ from truearc.errors import make_toml
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.shot_map import (
     MARKS,
+    MOTOR,
     NOT_MARKED,
     SCHEMA,
     Detection,
@@ -19,9 +20,10 @@ from truearc.robot.config.shot_map import (
     ShotMap,
     Signal,
     as_signal,
+    factor_of,
     load_map,
+    own_unit,
 )
-from truearc.robot.config.unit_table import MOTOR, factor_of, own_unit
 from truearc.sim.data.dataset import Floats
 from truearc.sim.data.importers.logged_shots import Reading
 from truearc.sim.data.importers.recognise import (

@@ -12,8 +12,19 @@ import numpy as np
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.shot_map import NOT_MARKED, SCHEMA, OutcomeKeys, ShotMap, Signal
-from truearc.robot.config.unit_table import MOTOR, UNITS, WHEEL, own_unit, unit_in, unit_of
+from truearc.robot.config.shot_map import (
+    MOTOR,
+    NOT_MARKED,
+    SCHEMA,
+    UNITS,
+    WHEEL,
+    OutcomeKeys,
+    ShotMap,
+    Signal,
+    own_unit,
+    unit_in,
+    unit_of,
+)
 from truearc.sim.data.columns import SIDES, is_shot_column, parse_number, read_as
 from truearc.sim.data.importers.guess_map import NO_OUTCOME, Guess
 from truearc.sim.data.importers.mapped_tables import PLACE, outcome_text, table_below

@@ -9,8 +9,19 @@ import numpy as np
 
 from truearc.errors import ELSEWHERE, InputError, needs
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.shot_map import MARKS, NOT_MARKED, ShotMap, Signal, as_signal, plain
-from truearc.robot.config.unit_table import MOTOR, WHEEL, factor_of, own_unit, unit_in
+from truearc.robot.config.shot_map import (
+    MARKS,
+    MOTOR,
+    NOT_MARKED,
+    WHEEL,
+    ShotMap,
+    Signal,
+    as_signal,
+    factor_of,
+    own_unit,
+    plain,
+    unit_in,
+)
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import assemble
 from truearc.sim.data.importers.find_shots import FoundShots, find_shots, silences, spikes

@@ -9,8 +9,17 @@ from pathlib import Path
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.shot_map import MARKS, NOT_MARKED, ShotMap, Signal, as_signal, plain
-from truearc.robot.config.unit_table import factor_of, own_unit, unit_in
+from truearc.robot.config.shot_map import (
+    MARKS,
+    NOT_MARKED,
+    ShotMap,
+    Signal,
+    as_signal,
+    factor_of,
+    own_unit,
+    plain,
+    unit_in,
+)
 from truearc.sim.data.columns import parse_number
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import assemble

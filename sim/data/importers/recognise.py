@@ -7,8 +7,7 @@ import numpy as np
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.shot_map import MARKS, NOT_MARKED
-from truearc.robot.config.unit_table import MOTOR, factor_of, own_unit, unit_in
+from truearc.robot.config.shot_map import MARKS, MOTOR, NOT_MARKED, factor_of, own_unit, unit_in
 from truearc.sim.data.columns import RANGES, SAID_OF_SHOTS, SPELLINGS
 from truearc.sim.data.importers.logged_shots import times
 from truearc.sim.data.importers.series import Series, Signals

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from tests.proof.reproduce.pools import CONFIG, FACTS
 from truearc.errors import InputError
-from truearc.robot.config.overrides import with_plan
+from truearc.robot.aim_file import with_plan
 from truearc.robot.config.schema import Prescribed
 from truearc.robot.recording.replay import replay
 from truearc.robot.recording.session import load_trials

@@ -22,10 +22,9 @@ from truearc.hw.codec import load_codec
 from truearc.hw.devices.button_box import open_button_box
 from truearc.hw.devices.canandmag import frame_id
 from truearc.hw.devices.family import FAILURE, OK, WARNING, Finding, Heard, failure
-from truearc.hw.devices.motor_encoder import NONE
+from truearc.hw.devices.registry import NONE
 from truearc.hw.emulated.nodes import Node, Twin
-from truearc.hw.emulated.pty_cable import PtyCable
-from truearc.hw.emulated.serial_link import SlcanAdapter
+from truearc.hw.emulated.serial_link import PtyCable, SlcanAdapter
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import load_config
 from truearc.robot.doctor_motion import COAST_S, SmallMotion, check_motion, plan

@@ -13,9 +13,9 @@ from mcap.reader import make_reader
 from truearc.cli.main import main
 from truearc.hw.reason import unit_of
 from truearc.robot.reasons import texts
-from truearc.robot.recording.export.tabular import FLOAT, INT, FlatTicks
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials
+from truearc.robot.recording.tabular import FLOAT, INT, FlatTicks
 
 HERE = Path(__file__).parent
 

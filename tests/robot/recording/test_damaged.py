@@ -18,8 +18,8 @@ from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.robot.recording.files import MOST_PIXELS, load_image, load_pictures, parse_candump
 from truearc.robot.recording.reader import LARGEST, TickReader
-from truearc.robot.recording.recover import recover
 from truearc.robot.recording.session import FRAMES, INDEX, TELEMETRY, TRIALS, Picture, load_trials
+from truearc.robot.recording.upkeep import recover
 from truearc.sim.data.recordings import shots_from_sessions
 
 ZEROS = 2_600_000_000                 # bytes, of which zstd makes 82 kB

@@ -15,8 +15,8 @@ from truearc.errors import InputError
 from truearc.robot.operator_ui.aim_inbox import AimOrders
 from truearc.robot.operator_ui.what_if import QuestionError
 from truearc.robot.reasons import DISK_FULL, NOT_RECORDING
-from truearc.robot.recording.recover import recover
 from truearc.robot.recording.session import load_header, load_trials, make_header
+from truearc.robot.recording.upkeep import recover
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import RecordingRig, ReplayRig
 from truearc.robot.tick import step

@@ -28,7 +28,7 @@ from truearc.hw.protocols import CameraFrame, Frame
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.eyes import NoEyes
 from truearc.robot.reasons import DISK_ERROR, RECORDER_UNRESPONSIVE
-from truearc.robot.recording import recorder as far_keeper
+from truearc.robot.recording import writer as far_keeper
 from truearc.robot.recording.files import append_trials, load_image, load_pictures
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials, make_header

@@ -14,9 +14,9 @@ from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.robot.recording.files import Appender, TickFile, load_pictures, parse_candump
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.recover import recover, salvage
 from truearc.robot.recording.replay import Difference, replay, replay_frames
 from truearc.robot.recording.session import load_trials
+from truearc.robot.recording.upkeep import recover, salvage
 
 TELEMETRY, TRIALS, CAN = "telemetry.mcap", "trials.jsonl", "can0.log"
 MANY = settings(max_examples=8, deadline=None,

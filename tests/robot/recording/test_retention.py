@@ -11,9 +11,8 @@ from truearc.errors import InputError
 from truearc.robot.config.schema import Config, RecordingConfig, parse_toml
 from truearc.robot.recording.files import claim
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.recover import recover
-from truearc.robot.recording.retention import BULK, S_PER_DAY, prune
 from truearc.robot.recording.session import load_session_config, load_trials
+from truearc.robot.recording.upkeep import BULK, S_PER_DAY, prune, recover
 
 NOW_S = 2e9
 SIZE = 60_000_000                     # of a session's telemetry, mostly a hole

@@ -26,7 +26,7 @@ from zstandard import ZstdError
 import truearc as ta
 from truearc.cli.main import main
 from truearc.robot.reasons import texts
-from truearc.robot.recording.export.viewer_mcap import SCHEMAS
+from truearc.robot.recording.export import SCHEMAS
 from truearc.robot.recording.files import load_image, load_pictures
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials

@@ -1,29 +1,71 @@
-"""A session as one MCAP that viewers open well, beside the ticks and trials of the recording itself.
+"""A session as one file that others open: CSV, or MCAP for viewers, with the robot's pose.
 
-Times are the wall clock's. Every subsystem has a topic with units in its schema (by_subsystem). Images, reasons, pose
-and scene have Foxglove's schemas, as JSON: names and types of the fields are those of the official schemas
-(https://docs.foxglove.dev/docs/sdk/schemas), which a test compares; their optional fields are left out. Of a scene's
-primitives, lines and texts are described and the others are empty lists. Lengths in m, colours from 0 to 1. What made
-the session is attached. Messages are written as the ticks are read.
+In an MCAP for viewers, beside the ticks and trials of the recording itself, every subsystem has a topic with units in
+its schema (tabular). Times are the wall clock's. Images, reasons, pose and scene have Foxglove's schemas, as JSON:
+names and types of the fields are those of the official schemas (https://docs.foxglove.dev/docs/sdk/schemas), which a
+test compares; their optional fields are left out. Of a scene's primitives, lines and texts are described and the others
+are empty lists. Lengths in m, colours from 0 to 1. What made the session is attached. Messages are written as the ticks
+are read.
+
+Frame "target" of the pose: origin on the floor below the middle of the target, x from the target toward the robot, z
+up, y so that the frame is right-handed (to the right as the robot sees it). Known are the horizontal distance from the
+ball's exit to the target plane and, where the camera gives one, the bearing of the target. Assumed: the robot stands
+straight in front of the target (y = 0), and the camera looks where the launcher throws. Without a bearing it faces the
+target.
 """
 
 import base64
+import csv
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
 import msgspec
 from mcap.writer import Writer
 
+from truearc.hw.reason import unit_of
 from truearc.robot.config.rig_spec import Target
 from truearc.robot.reasons import texts
 from truearc.robot.recording import session as layout
-from truearc.robot.recording.export.by_subsystem import object_schema, topics_of
-from truearc.robot.recording.export.field_pose import ASSUMED, FieldPose, pose_of
-from truearc.robot.recording.export.tabular import FlatTicks
-from truearc.robot.recording.files import load_pictures
+from truearc.robot.recording import tabular
+from truearc.robot.recording.files import TickFile, load_pictures
+from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.tabular import Column, FlatTicks, Value
 from truearc.robot.types import Shot, Tick
+
+# --- the pose
+
+ASSUMED = (
+    "frame target: origin on the floor below the middle of the target, x toward the robot, z up. Known: distance (ball "
+    "exit to target plane) and bearing, if the camera gave one. Assumed: the robot is straight in front of the target "
+    "(y = 0) and the camera looks where the launcher throws")
+
+
+class FieldPose(NamedTuple):
+    """The point on the floor below the ball's exit, in m, and the direction of throw, anticlockwise from x, in rad."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+
+
+def pose_of(tick: Tick) -> FieldPose | None:
+    """The pose at a tick; None while no distance is known."""
+    if tick.estimate.distance_m is None:
+        return None
+    sighting = tick.memory.last_sighting
+    bearing_deg = 0.0 if sighting is None or sighting.bearing_deg is None else sighting.bearing_deg
+    return FieldPose(tick.estimate.distance_m, 0.0, math.remainder(math.pi + math.radians(bearing_deg), 2.0 * math.pi))
+
+
+def in_target_frame(distance_m: float, x_m: float, y_m: float, z_m: float) -> tuple[float, float, float]:
+    """A point of the launcher's frame (x toward the target, y left, z up from the floor) of a robot at a distance."""
+    return distance_m - x_m, -y_m, z_m
+
+
+# --- messages for viewers
 
 S_NS = 1_000_000_000
 INFO, WARNING = 2, 3                  # levels of foxglove.Log
@@ -45,7 +87,7 @@ MISSED = (0.85, 0.15, 0.15, 1.0)
 
 
 def _nested(kind: str, about: str, /, **properties: dict[str, Any]) -> dict[str, Any]:
-    return object_schema(f"foxglove.{kind}", about, properties) | {"required": list(properties)}
+    return tabular.object_schema(f"foxglove.{kind}", about, properties) | {"required": list(properties)}
 
 
 def _of_type(kind: str) -> Callable[[str], dict[str, Any]]:
@@ -85,7 +127,7 @@ _ENTITY = _nested("SceneEntity", "something drawn", timestamp=_STAMP, frame_id=_
                   id=_text("replaces what had it before"), lifetime=_time("duration", "0: until replaced"),
                   frame_locked=_flag("moves with its frame"), metadata=_several(_PAIR, "notes"),
                   lines=_several(_LINE, "lines"), texts=_several(_WORDS, "texts"),
-                  **{name: _several(object_schema(name, "none", {}), "always empty") for name in _UNUSED})
+                  **{name: _several(tabular.object_schema(name, "none", {}), "always empty") for name in _UNUSED})
 
 SCHEMAS = {
     "foxglove.CompressedImage": _nested(
@@ -102,7 +144,7 @@ SCHEMAS = {
         child_frame_id=_text("frame"), translation=_VECTOR, rotation=_TURN),
     "foxglove.SceneUpdate": _nested(
         "SceneUpdate", "target and flights of the balls",
-        deletions=_several(object_schema("deletion", "none", {}), "always empty"),
+        deletions=_several(tabular.object_schema("deletion", "none", {}), "always empty"),
         entities=_several(_ENTITY, "drawn or replaced")),
 }
 
@@ -184,7 +226,7 @@ class ViewerMessages:
     def __init__(self, mcap: Writer, session: Path, flat: FlatTicks, target: Target | None,
                  trials: Sequence[layout.Trial], wall: layout.WallTime, flights: Flights) -> None:
         self._mcap, self._session, self._flat, self._wall, self._flights = mcap, session, flat, wall, flights
-        self._topics = [(topic, self._channel(topic.name, topic.schema)) for topic in topics_of(flat.columns)]
+        self._topics = [(topic, self._channel(topic.name, topic.schema)) for topic in tabular.topics_of(flat.columns)]
         self._drawn = {topic: self._channel(topic, SCHEMAS[name]) for topic, name in DRAWN.items()}
         self._marks = {trial.outcome.trial: trial.outcome.outcome for trial in trials}
         self._pictures = sorted(load_pictures(session), key=lambda picture: picture.t_ns)
@@ -272,3 +314,110 @@ class ViewerMessages:
     def _channel(self, topic: str, schema: dict[str, Any]) -> int:
         made = self._mcap.register_schema(schema["title"], "jsonschema", msgspec.json.encode(schema))
         return int(self._mcap.register_channel(topic, "json", made))
+
+
+# --- the file
+
+_KINDS = {"trial": tabular.INT, "outcome_t_ns": tabular.INT, "outcome": tabular.TEXT, "reasons": tabular.TEXTS,
+          "shot_t_ns": tabular.INT, "config_id": tabular.TEXT}
+TRIAL_COLUMNS = tuple(Column(name, _KINDS.get(name, tabular.FLOAT), unit_of(name)) for name in (
+    *_KINDS, "distance_m", "distance_sigma_m", "hood_deg", "motor_ratio", "motor_rad_s", "battery_v",
+    "since_last_shot_s", "p_two", "p_three"))
+
+
+class ExportRows:
+    """A session's ticks, flat, as `columns` says; afterwards `count` of them and the reader's `cut_short`.
+
+    Trials that trials.jsonl lacks are taken from the ticks, and `missing` counts them; `unlike` those of which the two
+    say different things, where trials.jsonl counts.
+    """
+
+    def __init__(self, session: Path, progress: Callable[[float, str], None]) -> None:
+        self.session, self.header = session, layout.load_header(session)
+        self.config = layout.load_session_config(session)
+        self.flat = FlatTicks(len(self.config.axes.flywheels))
+        self.columns = self.flat.columns
+        self.trials = layout.load_trials(session)
+        self.count = self.missing = self.unlike = 0
+        self._filed = {trial.outcome.trial: trial for trial in self.trials}
+        self._told: dict[int, layout.Trial] = {}         # what the ticks say
+        self._due: deque[layout.Trial] = deque()
+        self.reader = TickReader(session)
+        self._progress = progress
+
+    def __iter__(self) -> Iterator[list[Value]]:
+        for tick, _ in self.ticks():
+            yield self.flat.row(tick)
+
+    def ticks(self) -> Iterator[tuple[Tick, bytes]]:
+        for tick, data in self.reader:
+            self.count += 1
+            self._progress(min(self.reader.share, 0.99), f"{self.count} ticks")
+            if tick.outcomes:
+                self._compare(tick)
+            yield tick, data
+        missing = [trial for number, trial in self._told.items() if number not in self._filed]
+        self.missing = len(missing)
+        self.unlike = sum(trial != self._filed.get(number, trial) for number, trial in self._told.items())
+        self.trials = sorted([*self.trials, *missing], key=lambda trial: trial.outcome.trial)
+
+    def _compare(self, tick: Tick) -> None:
+        for trial in layout.make_trials(tick):
+            self._told[trial.outcome.trial] = trial
+            if trial.outcome.trial not in self._filed:
+                self._due.appendleft(trial)       # it was marked in this tick
+
+    def trials_in_time(self) -> deque[layout.Trial]:
+        """Trials that are still to be written, by when they were marked; ticks may add to it as they are read."""
+        self._due = deque(sorted(self.trials, key=lambda trial: trial.outcome.t_ns))
+        return self._due
+
+
+def trial_row(trial: layout.Trial) -> list[Value]:
+    """One marked trial under TRIAL_COLUMNS."""
+    outcome, shot = trial.outcome, trial.shot
+    row: list[Value] = [outcome.trial, outcome.t_ns, outcome.outcome, texts(outcome.reasons)]
+    names = [column.name.removeprefix("shot_") for column in TRIAL_COLUMNS[len(row):]]
+    return row + [None if shot is None else getattr(shot, name) for name in names]
+
+
+def write_csv(columns: tuple[Column, ...], rows: Iterator[list[Value]], path: Path) -> None:
+    """A header of names, whose ends are the units, and a line a row; lists are joined by '; ', absent cells empty."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow([column.name for column in columns])
+        for row in rows:
+            writer.writerow([_cell(column.kind, value) for column, value in zip(columns, row, strict=True)])
+
+
+def write_mcap(rows: ExportRows, file: IO[bytes], flights: Flights = NO_FLIGHTS) -> int:
+    """The recording's ticks and trials in one whole file, also where it is cut short or lacks /trial, with topics for
+    viewers; times are the wall clock's. Returns how many images are missing."""
+    out, wall, trials = TickFile(file), layout.wall_time(rows.header), rows.trials_in_time()
+    viewer = ViewerMessages(out.mcap, rows.session, rows.flat, rows.config.rig.target, rows.trials, wall, flights)
+
+    def write_trials(t_ns: int | None) -> None:
+        for trial in due(trials, t_ns):
+            out.write_trial(trial.outcome.t_ns + wall.offset_ns, layout.encode_row(trial))
+
+    for tick, data in rows.ticks():
+        out.write(tick.inputs.t_ns + wall.offset_ns, data)
+        viewer.write(tick)
+        write_trials(tick.inputs.t_ns)
+    write_trials(None)
+    out.finish()
+    return viewer.images_lost
+
+
+def due(trials: deque[layout.Trial], t_ns: int | None = None) -> Iterator[layout.Trial]:
+    """Take from the front the trials that were marked by a time; all without one."""
+    while trials and (t_ns is None or trials[0].outcome.t_ns <= t_ns):
+        yield trials.popleft()
+
+
+def _cell(kind: str, value: Value) -> object:
+    if kind == tabular.BOOL and value is not None:
+        return "true" if value else "false"
+    if kind in (tabular.TEXTS, tabular.FLOATS) and isinstance(value, list | tuple):
+        return "; ".join(map(str, value))
+    return value
