@@ -4,7 +4,7 @@
 
 Two sets of 80 launches, a third of them three-pointers: `random` (distance 1-16 m, ratio 0-1, 15-75 degrees; most can
 score with hardly any pair) and `scoring` (those that score with cd 0.9, cl 0.06, as recorded shots do). The plain ways
-fly subsets, stated, and are scaled up to all flights; all of them take the law of motion from sim/physics/terms.
+fly subsets, stated, and are scaled up to all flights; all of them take the law of motion from the terms of sim/physics.
 """
 
 import argparse

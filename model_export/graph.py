@@ -17,7 +17,7 @@ from truearc.model_export import NETWORK_TOLERANCE, PHYSICS_TOLERANCE
 from truearc.robot import gate as contract
 from truearc.robot.gate import INPUT, KEY_SEAL, NOVELTY, OUTPUT, UNSEALED, load_gate, seal
 from truearc.sim.gate import model as gates
-from truearc.sim.gate.surrogate import Domain, Surrogate, as_cosines, make_surrogate
+from truearc.sim.gate.train import Domain, Surrogate, as_cosines, make_surrogate
 from truearc.sim.paper.network import RECORD_FILE, Network, load_weights, probabilities, weights_hash
 
 EDGES = 4                             # of the target: above and below, of two and of three

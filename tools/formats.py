@@ -19,7 +19,7 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import Config
 from truearc.robot.hood_encoders import BY_DRIVER
 from truearc.robot.recording.session import Header
-from truearc.sim.data.columns import UNITS
+from truearc.sim.data.table import UNITS
 from truearc.sim.discover.finding import AimProposal, FindingRecord
 from truearc.sim.discover.plan.identifiability import Sight
 

@@ -11,7 +11,7 @@ import numpy as np
 from wpiutil.log import DataLogReader
 
 from truearc.errors import InputError, load_bytes
-from truearc.sim.data.importers.series import BACK_US, Log, Series
+from truearc.sim.data.log import BACK_US, Log, Series
 
 MOST_BYTES = 2_000_000_000            # of one WPILOG
 # WPILib's structs of doubles -> names of their numbers, as AdvantageScope shows them

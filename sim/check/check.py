@@ -17,8 +17,8 @@ from truearc.robot.config.rig_spec import DENSEST_KG_M3, MOST, Rig, too_large
 from truearc.sim.check import flaw
 from truearc.sim.check.flaw import LENGTHS, TRACKS, Flaw
 from truearc.sim.check.tracks import judge_tracks
-from truearc.sim.data.columns import SPIN_VECTOR
 from truearc.sim.data.dataset import Dataset, Floats, Shots, Times
+from truearc.sim.data.table import SPIN_VECTOR
 from truearc.sim.physics.simulate import by_wheels, has_wheels, launch_state
 
 CHECKS = ("gravity", "axes", "bounce", "sample-interval", "track-length", "track-shots", "speed", "hood", "mass",

@@ -10,8 +10,8 @@ from jaxtyping import Bool
 from msgspec import structs
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.data.columns import WHEEL
 from truearc.sim.data.dataset import Floats, Shots
+from truearc.sim.data.table import WHEEL
 from truearc.sim.physics.simulate import launch_state
 
 LENGTHS = {"millimetres": ("mm", 1e-3), "centimetres": ("cm", 0.01), "inches": ("in", 0.0254), "feet": ("ft", 0.3048)}

@@ -1,7 +1,7 @@
 """The law of motion as machine code: the one JAX law of the terms, traced, written out as scalars, compiled by numba.
 
 Only the plane of a flight without sideways force is written out. Nothing here knows what a term says: whatever the
-terms of truearc.sim.physics.terms come to is what gets compiled, and an operation that has no counterpart here is an
+terms of truearc.sim.physics come to is what gets compiled, and an operation that has no counterpart here is an
 error.
 """
 
@@ -23,8 +23,7 @@ import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.physics.flight import make_law, needs_time, numbers_of, with_numbers, without_wheels
-from truearc.sim.physics.term import BallState, InFlight
-from truearc.sim.physics.vector import Vec, absent
+from truearc.sim.physics.term import BallState, InFlight, Vec, absent
 
 STATE = ("x_m", "z_m", "vx_m_s", "vz_m_s", "spin_rev_s")
 CACHED = "cache=True"

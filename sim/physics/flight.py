@@ -22,8 +22,21 @@ import numpy as np
 from jax import lax
 
 from truearc.robot.config.rig_spec import Ball, Rig
-from truearc.sim.physics.term import AirTerm, BallState, Exit, FlightTerm, InFlight, complete
-from truearc.sim.physics.vector import Vec, absent, add, length, plus, scale, times
+from truearc.sim.physics.term import (
+    AirTerm,
+    BallState,
+    Exit,
+    FlightTerm,
+    InFlight,
+    Vec,
+    absent,
+    add,
+    complete,
+    length,
+    plus,
+    scale,
+    times,
+)
 
 STEP_S = 0.002                        # longest RK4 step: heights of 30 000 random launches within 6e-9 m of DOP853
 TURN_RAD = 0.02                       # ... and the air changes the velocity by no more than this share in one

@@ -22,7 +22,7 @@ SHOTS = Path(__file__).parents[2] / "examples" / "spreadsheet"
 APART = {("demo_effects.py", "world.options"),   # the demo plays a world, too, and its page has the hash of the shots
          ("demo.py", "data.files"),
          *(("demo_acts.py", module) for module in ("aim.solve", "data.dataset", "discover.investigate", "world.options",
-                                                   "world.season"))}
+                                                   "world.world"))}
 REFERENCE = Path(__file__).parents[1] / "golden" / "reference"
 
 
@@ -130,7 +130,7 @@ def test_every_lazy_name_is_one_that_type_checkers_see() -> None:
 
 def test_commands_reach_the_engine_through_the_api() -> None:
     """Of the companion they import defaults, texts, tables and pictures; robot commands their own parts of it."""
-    helpers = ("compute", "data.columns", "data.importers", "discover.report", "discover.settings", "paper",
+    helpers = ("compute", "data.import_shots", "data.log", "data.table", "discover.report", "paper",
                "physics.catalogue", "printed", "report", "statistics")
     root = Path(ta.__file__).parent / "cli"
     for path in sorted([*(root / "gate").glob("*.py"), *(root / "paper").glob("*.py"), *(root / "start").glob("*.py")]):

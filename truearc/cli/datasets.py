@@ -150,7 +150,7 @@ def by_effect(args: argparse.Namespace, few: bool) -> str:
 
 def lacking(dataset: "ta.Dataset") -> list[str]:
     """Return what no shot states of its own settings and results, where there are no tracks or times."""
-    from truearc.sim.data.columns import WHEEL
+    from truearc.sim.data.table import WHEEL
     known = {name for name, column in dataset.shots.numbers.items() if (column == column).any()}
     known |= {"wheel_<name>_rad_s" for name in known if WHEEL.fullmatch(name)}
     known |= {"outcome"} if any(dataset.shots.text("outcome")) else set()

@@ -8,7 +8,7 @@ import truearc as ta
 from truearc.cli.common import make_progress
 from truearc.cli.outputs import DATASET, OutFolder
 from truearc.errors import OTHER_FORMATS, needs
-from truearc.sim.data.importers.registry import load_importers
+from truearc.sim.data.log import load_importers
 
 MAP = "shots.toml"
 
@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Read, say what came of it, write."""
-    from truearc.sim.data.importers.imported import doubts_of, only
+    from truearc.sim.data.import_shots import doubts_of, only
     from truearc.sim.printed import left_out_lines
     importer = next((importer for importer in load_importers() if importer.name == args.source), None)
     if importer is None:
@@ -68,7 +68,7 @@ def main(args: argparse.Namespace) -> int:
 
 def _by_map(args: argparse.Namespace) -> "tuple[ta.Dataset, str]":
     """(the dataset, the map's text where it was guessed)."""
-    from truearc.sim.data.importers.any_team import guess
+    from truearc.sim.data.import_shots import guess
     if not args.rig:
         raise ta.InputError(f"{args.source}: --rig RIG.toml is needed: a log does not say what ball, wheels and target "
                             "there are; `truearc init DIR` makes one to fill in")

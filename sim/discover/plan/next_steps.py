@@ -16,8 +16,8 @@ from jaxtyping import Float, Int
 from scipy.special import softmax
 
 from truearc.sim.check.flaw import RPM
-from truearc.sim.data.columns import SPIN_VECTOR
 from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.table import SPIN_VECTOR
 from truearc.sim.discover.decide import Step
 from truearc.sim.discover.detect.battery import name_of
 from truearc.sim.discover.detect.covariates import IN_FLIGHT

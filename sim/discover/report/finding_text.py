@@ -24,8 +24,7 @@ from truearc.sim.discover.finding import (
 )
 from truearc.sim.discover.plan.identifiability import sight_of
 from truearc.sim.infer.likelihood.score_table import ScoreTable
-from truearc.sim.physics.catalogue import Catalogue, as_catalogue
-from truearc.sim.physics.nonparametric import Nameless
+from truearc.sim.physics.catalogue import Catalogue, Nameless, as_catalogue
 from truearc.sim.physics.term import ANGLE, LENGTH, SHARE, Phrase, Term
 from truearc.sim.printed import left_out_lines
 

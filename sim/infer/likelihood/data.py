@@ -9,9 +9,16 @@ from jaxtyping import Bool, Float, Int
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Believe, Noise, Rig
-from truearc.sim.data.columns import SPIN_VECTOR
-from truearc.sim.data.conditions import ORDINARY, Circumstances, circumstances_of, counts_shots, gather_circumstances
-from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.data.dataset import (
+    ORDINARY,
+    Circumstances,
+    Dataset,
+    Shots,
+    circumstances_of,
+    counts_shots,
+    gather_circumstances,
+)
+from truearc.sim.data.table import SPIN_VECTOR
 from truearc.sim.infer.belief import Curves, along
 from truearc.sim.infer.likelihood.forward_model import DEVIATES, ShotBatch
 from truearc.sim.infer.likelihood.noise import (
