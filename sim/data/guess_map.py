@@ -14,35 +14,15 @@ import numpy as np
 from msgspec import structs
 
 from truearc.errors import InputError, make_toml
+from truearc.robot.config import shot_map as maps
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.shot_map import (
-    MARKS,
-    NOT_MARKED,
-    SCHEMA,
-    Detection,
-    OutcomeKeys,
-    ShotMap,
-    Signal,
-    as_signal,
-    load_map,
-)
+from truearc.robot.config.shot_map import MARKS, NOT_MARKED, SCHEMA, OutcomeKeys, ShotMap, Signal, as_signal, load_map
 from truearc.robot.config.unit_table import MOTOR, UNITS, WHEEL, factor_of, own_unit, unit_in, unit_of
+from truearc.sim.data import table as cols
 from truearc.sim.data.dataset import Floats
 from truearc.sim.data.log import TIME, Log, Series, Signals
 from truearc.sim.data.mapped_shots import PLACE, Reading, outcome_text, table_below, times
-from truearc.sim.data.table import (
-    RANGES,
-    SAID_OF_SHOTS,
-    SIDES,
-    SPELLINGS,
-    Cell,
-    RawTable,
-    gathered,
-    is_shot_column,
-    load_table,
-    parse_number,
-    read_as,
-)
+from truearc.sim.data.table import SAID_OF_SHOTS, SPELLINGS, RawTable, is_shot_column, load_table, parse_number, read_as
 
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 WANTED = {"set", "setpoint", "target", "goal", "desired", "reference", "ref", "command", "commanded", "requested",
@@ -119,7 +99,7 @@ def _score(series: Series, said: list[str], column: str, nouns: Set[str], kinds:
     scale, zero = factor or (1.0, 0.0)
     values = (np.asarray(series.values, dtype=float) - zero) * scale
     values = np.abs(values[np.isfinite(values)]) if column == MOTOR else values[np.isfinite(values)]
-    low, high = PLAUSIBLE_RAD_S if column == MOTOR else RANGES[column]
+    low, high = PLAUSIBLE_RAD_S if column == MOTOR else cols.RANGES[column]
     top = values.max(initial=-np.inf)
     if not (low <= top <= high) or (column != MOTOR and values.min() < low):
         return 0.0
@@ -222,7 +202,7 @@ def guess_map(log: Log, rig: Rig, name: str) -> Guess:
         lines.append(f"battery_v: {battery}")
     set_point = _set_point(log, words, log[columns[column].key], columns[column].unit)
     feed = _feed(log, words)
-    shot_map = ShotMap(SCHEMA, columns={**columns}, shots=Detection(set_point=set_point, feed=feed))
+    shot_map = ShotMap(SCHEMA, columns={**columns}, shots=maps.Detection(set_point=set_point, feed=feed))
     outcome, marked_by = _outcome(log, words, Reading(Path(name), log, shot_map, rig))
     wanted = set_point.key if set_point else "none found: spinning down may look like a ball"
     lines += [f"set point of the speed: {wanted}",
@@ -341,7 +321,7 @@ def is_log(path: Path) -> bool:
     if path.suffix.lower() not in (".csv", ".txt", ".parquet"):
         return True
     if path.suffix == ".parquet":
-        with gathered() as problems:
+        with cols.gathered() as problems:
             return TIME in load_table(path, problems).columns
     try:
         with path.open("rb") as file:
@@ -378,7 +358,7 @@ def _is_header(cells: set[str], _: str) -> bool:
     return len(names) >= len(NEEDED) and all(parse_number(name) is None for name in names)
 
 
-def _series(name: str, cells: list[Cell]) -> Series | None:
+def _series(name: str, cells: list[cols.Cell]) -> Series | None:
     """Numbers where most cells are: the others are named as the table is read."""
     rows = [row for row, cell in enumerate(cells) if cell is not None and str(cell).strip()]
     if not rows:
@@ -442,7 +422,7 @@ class _Guessing:
         series = self.free[key]
         if not is_shot_column(column) or column in self.columns or column == "outcome":
             return
-        if column == "side" and {str(value).lower() for value in series.values} - {*SIDES}:
+        if column == "side" and {str(value).lower() for value in series.values} - {*cols.SIDES}:
             return
         if column == "shot_id" and not self._is_name(key):
             return

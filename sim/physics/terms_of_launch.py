@@ -6,21 +6,7 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 
 from truearc.sim.physics import term
-from truearc.sim.physics.term import (
-    ANGLE,
-    LENGTH,
-    SHARE,
-    Instrument,
-    Parameter,
-    Phrase,
-    Prior,
-    Vec,
-    add,
-    amplitude,
-    either_way,
-    scale,
-    times,
-)
+from truearc.sim.physics.term import ANGLE, LENGTH, SHARE, Instrument, Phrase, Vec, add, amplitude, either_way, scale
 
 
 class HoodOffset(term.HoodTerm):
@@ -147,7 +133,7 @@ class _TurnedTracker(term.WatchTerm):
         return position_m._replace(**{self.way: level * cosine - z * sine, "z": z * cosine + level * sine})
 
 
-def _turned_deg(sd: float, meaning: str) -> tuple[Parameter]:
+def _turned_deg(sd: float, meaning: str) -> tuple[term.Parameter]:
     return amplitude("angle_deg", "deg", -15.0, 15.0, sd=sd, meaning=meaning,
                      source="a camera on a tripod is levelled by eye or by a bubble",
                      reason="a bubble is good to half a degree, the eye to one or two")
@@ -211,7 +197,7 @@ class TrackPerspective(term.WatchTerm):
     instrument = Instrument("ruler_two_heights", "a ruler at two heights in the tracker's view", None)
 
     def watch(self, values: term.Values, position_m: Vec, velocity_m_s: Vec, time_s: term.Number) -> Vec:
-        return add(position_m, scale(times(values["per_m"], position_m.z), position_m))
+        return add(position_m, scale(term.times(values["per_m"], position_m.z), position_m))
 
 
 class WheelSlip(term.LaunchTerm):
@@ -335,9 +321,9 @@ class RapidFire(term.SpeedTerm):
         *amplitude("loss", "1", -0.5, 0.5, sd=0.05, meaning="share of the speed lost right after another shot",
                    source="teams see the second of two quick shots fall short by a few per cent of speed",
                    reason="a wheel dips by up to a tenth, and its reading recovers before the ball's grip does"),
-        Parameter("time_constant_s", "s", 0.05, 10.0, 0.7, "wheels under control come back within 0.3 to 2 s",
-                  Prior("log", 0.7, 0.6, "0.2 to 2.3 s at two sigma, by motor, inertia and gains"),
-                  meaning="time in which that fades to a third"))
+        term.Parameter("time_constant_s", "s", 0.05, 10.0, 0.7, "wheels under control come back within 0.3 to 2 s",
+                       term.Prior("log", 0.7, 0.6, "0.2 to 2.3 s at two sigma, by motor, inertia and gains"),
+                       meaning="time in which that fades to a third"))
     record = "t_s or since_last_shot_s of each shot"
     positive = 0.9                    # wheels that had no time to recover are slower
     sentence = "A shot soon after another leaves slower: the wheels have not recovered."

@@ -21,19 +21,8 @@ from truearc.robot.config.shot_map import OUTCOMES
 from truearc.sim.data.dataset import Dataset, Shots, Traces
 from truearc.sim.data.recordings import AFTER_S, BEFORE_S
 from truearc.sim.printed import Progress
-from truearc.sim.world.drive import (
-    FEEDER,
-    FLYWHEEL,
-    HOOD,
-    HOOD_COULOMB_NM,
-    Battery,
-    Belt,
-    Drawn,
-    Hood,
-    Motor,
-    drive_motor,
-    flexed,
-)
+from truearc.sim.world import drive
+from truearc.sim.world.drive import FLYWHEEL, HOOD_COULOMB_NM, Battery, Belt, Drawn, Hood, Motor, drive_motor, flexed
 from truearc.sim.world.field import BallResult, Chassis, Flight, Pose, from_exit_point, in_field, look
 from truearc.sim.world.options import Options
 from truearc.sim.world.scene import Feeder, Nip, Rack, Released
@@ -41,7 +30,7 @@ from truearc.sim.world.scene import Feeder, Nip, Rack, Released
 LONGEST_STEP_S = 0.005
 START_DISTANCE_M = 4.0
 
-_MOTORS = {"flywheel_a": FLYWHEEL, "flywheel_b": FLYWHEEL, "hood": HOOD, "feeder": FEEDER}
+_MOTORS = {"flywheel_a": FLYWHEEL, "flywheel_b": FLYWHEEL, "hood": drive.HOOD, "feeder": drive.FEEDER}
 _STILL = Drawn(0.0, 0.0, 0.0)
 
 
