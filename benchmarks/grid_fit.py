@@ -22,8 +22,16 @@ from jax import lax
 from truearc.robot.config.rig_spec import Air, Ball, LauncherFacts, Rig, Target, Wheel, WorldFacts
 from truearc.sim.data.dataset import Shots
 from truearc.sim.paper.grid_fit import fit_grid, make_axis, make_scoring, rank_ties
-from truearc.sim.paper.grid_labels import TEMPLATE, TERMS, VALUES, find_hits, fly_pairs
-from truearc.sim.physics.compiled import facts_values, load_kernel, make_source
+from truearc.sim.paper.grid_labels import (
+    TEMPLATE,
+    TERMS,
+    VALUES,
+    facts_values,
+    find_hits,
+    fly_pairs,
+    load_kernel,
+    make_source,
+)
 from truearc.sim.physics.flight import fly
 from truearc.sim.physics.simulate import classify, fly_rows
 from truearc.sim.physics.term import Exit

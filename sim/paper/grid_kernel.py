@@ -1,4 +1,4 @@
-"""Flights of the grid, 64 abreast. A template: truearc.sim.physics.simulate puts the law of motion where
+"""Flights of the grid, 64 abreast. A template: truearc.sim.paper.grid_labels puts the law of motion where
 `acceleration` stands.
 
 The same flight as truearc.sim.physics.flight's, in numbers instead of arrays: Runge-Kutta steps of a lane's own

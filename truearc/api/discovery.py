@@ -29,9 +29,9 @@ from truearc.sim.discover.finding import (
     check_chances,
     make_json,
 )
+from truearc.sim.discover.identifiability import Sight, foresee, foresee_dataset, is_planned
 from truearc.sim.discover.investigate import Investigation, make_belief, with_worth
-from truearc.sim.discover.plan.identifiability import Sight, foresee, foresee_dataset, is_planned
-from truearc.sim.discover.plan.next_steps import can_design, make_design
+from truearc.sim.discover.next_steps import can_design, make_design
 from truearc.sim.discover.report.finding_text import console_lines
 from truearc.sim.discover.report.pages import (
     SCHEMA,

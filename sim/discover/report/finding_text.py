@@ -13,7 +13,7 @@ from truearc.sim.discover.decide import form_of, gain_interval
 from truearc.sim.discover.detect.covariates import STEP, Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.localization import Place
 from truearc.sim.discover.finding import FindingRecord, FitSummary, FoundEffect, Interval, Named, Unknown, Where
-from truearc.sim.discover.plan.identifiability import sight_of
+from truearc.sim.discover.identifiability import sight_of
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc.sim.physics.catalogue import Catalogue, Nameless, as_catalogue
 from truearc.sim.physics.term import ANGLE, LENGTH, SHARE, Phrase, Term

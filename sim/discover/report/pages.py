@@ -15,9 +15,9 @@ from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.discover.decide import Step, form_of, gain_interval
 from truearc.sim.discover.detect.covariates import IN_FLIGHT, CovariatePair
 from truearc.sim.discover.finding import FindingRecord
+from truearc.sim.discover.identifiability import TAKEN, Fittable, Sight, TermIdentifiability, sight_of
 from truearc.sim.discover.investigate import Investigation
-from truearc.sim.discover.plan.identifiability import TAKEN, Fittable, Sight, TermIdentifiability, sight_of
-from truearc.sim.discover.plan.next_steps import MOST_RANDOM, Block, Design
+from truearc.sim.discover.next_steps import MOST_RANDOM, Block, Design
 from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report import pictures
 from truearc.sim.discover.report.finding_text import WORDING, in_words, plain, say_effect, size_of
