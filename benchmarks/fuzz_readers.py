@@ -24,7 +24,7 @@ from truearc.robot.recording.replay import Difference, replay_frames
 from truearc.robot.recording.session import load_session_aims, load_session_config, load_trials
 from truearc.robot.recording.upkeep import recover
 from truearc.sim.data.files import load_dataset, load_rig
-from truearc.sim.data.importers.any_team import import_shots
+from truearc.sim.data.import_shots import import_shots
 from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.sysid.session import load_steps
 from truearc_frc import maps

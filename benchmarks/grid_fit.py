@@ -4,7 +4,7 @@
 
 Two sets of 80 launches, a third of them three-pointers: `random` (distance 1-16 m, ratio 0-1, 15-75 degrees; most can
 score with hardly any pair) and `scoring` (those that score with cd 0.9, cl 0.06, as recorded shots do). The plain ways
-fly subsets, stated, and are scaled up to all flights; all of them take the law of motion from sim/physics/terms.
+fly subsets, stated, and are scaled up to all flights; all of them take the law of motion from the terms of sim/physics.
 """
 
 import argparse
@@ -22,8 +22,16 @@ from jax import lax
 from truearc.robot.config.rig_spec import Air, Ball, LauncherFacts, Rig, Target, Wheel, WorldFacts
 from truearc.sim.data.dataset import Shots
 from truearc.sim.paper.grid_fit import fit_grid, make_axis, make_scoring, rank_ties
-from truearc.sim.paper.grid_labels import TEMPLATE, TERMS, VALUES, find_hits, fly_pairs
-from truearc.sim.physics.compiled import facts_values, load_kernel, make_source
+from truearc.sim.paper.grid_labels import (
+    TEMPLATE,
+    TERMS,
+    VALUES,
+    facts_values,
+    find_hits,
+    fly_pairs,
+    load_kernel,
+    make_source,
+)
 from truearc.sim.physics.flight import fly
 from truearc.sim.physics.simulate import classify, fly_rows
 from truearc.sim.physics.term import Exit

@@ -28,7 +28,7 @@ from truearc.sim.discover.investigate import Investigation, discover, make_belie
 from truearc.sim.infer.belief import Belief, before_the_shot
 from truearc.sim.physics.simulate import predict
 from truearc.sim.world.options import Options
-from truearc.sim.world.season import Season
+from truearc.sim.world.world import Season
 from truearc_proof.table import Table
 from truearc_proof.world.season import ORDINARY, Sensors, plan_season, play_season
 

@@ -18,8 +18,8 @@ from benchmarks.worlds import Line, fill_and_tell, parser_of
 from truearc.sim.compute import keep_compiled
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.finding import FALSE_ALARM
+from truearc.sim.discover.identifiability import sight_of
 from truearc.sim.discover.investigate import detect, make_search
-from truearc.sim.discover.plan.identifiability import sight_of
 from truearc.sim.infer.fit import fit_believed
 from truearc.sim.infer.launcher import Launcher, LauncherFit
 from truearc.sim.printed import make_text

@@ -25,7 +25,7 @@ from truearc.hw.emulated.camera import NOTHING, Stage, outline_m, project
 from truearc.hw.protocols import CameraFrame
 from truearc.robot.config.schema import CameraConfig, Config, load_config
 from truearc.robot.vision import detect
-from truearc.sim.world.emulated_vision import make_lens, make_tape
+from truearc.sim.world.emulated_robot import make_lens, make_tape
 from truearc_proof.world.camera_damage import (
     KINDS,
     USUAL,

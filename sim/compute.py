@@ -12,9 +12,6 @@ import jax
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
-
-
-
 _compiled: set[Hashable] = set()
 MIN_COMPILE_S = 0.3                   # code that compiles faster is not kept
 

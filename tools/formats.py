@@ -19,9 +19,9 @@ from truearc.robot.config.named_tables import BY_DRIVER
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import Config
 from truearc.robot.recording.session import Header
-from truearc.sim.data.columns import UNITS
+from truearc.sim.data.table import UNITS
 from truearc.sim.discover.finding import AimProposal, FindingRecord
-from truearc.sim.discover.plan.identifiability import Sight
+from truearc.sim.discover.identifiability import Sight
 
 LAUNCHER = Path(__file__).resolve().parents[1] / "robot" / "launcher.toml"
 SPELLED = {"s": "s", "deg": "deg", "rad_s": "rad/s", "rev_s": "rev/s", "m_s": "m/s", "kg_m3": "kg/m³", "m_s2": "m/s²",

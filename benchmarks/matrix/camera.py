@@ -11,7 +11,7 @@ from truearc.hw.fault_codes import CAMERA_ERROR
 from truearc.hw.protocols import CameraFrame, Clock, LinkLost
 from truearc.hw.real.wires import CameraThread
 from truearc.robot.config.schema import CameraConfig, Config, Tape
-from truearc.sim.world.emulated_vision import make_lens, make_tape
+from truearc.sim.world.emulated_robot import make_lens, make_tape
 from truearc_proof.world.camera_damage import StagedCamera, floor_reflection, place, second_goal
 
 LENS_M = 4.2                          # from lens to target: 4.0 m from the ball's exit

@@ -4,10 +4,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from truearc.sim.data.importers.registry import Importer
+from truearc.sim.data.log import Importer
 
 if TYPE_CHECKING:
-    from truearc.sim.data.importers.series import Log
+    from truearc.sim.data.log import Log
 
 
 def _read(path: Path, progress: Callable[[float], None]) -> "Log":

@@ -24,7 +24,7 @@ from truearc.robot.recording.session import Trial, wall_time
 from truearc.robot.recording.tabular import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Column, Value
 
 if TYPE_CHECKING:                     # needs pyarrow, which a robot that writes logs does without
-    from truearc.sim.data.importers.series import Log, Series
+    from truearc.sim.data.log import Log, Series
 
 # --- out
 
@@ -182,7 +182,7 @@ class _Wpilog:
     """Takes the records of a WPILOG, in their order; what is damaged is counted by kind, with its first byte."""
 
     def __init__(self) -> None:
-        from truearc.sim.data.importers.series import BACK_US
+        from truearc.sim.data.log import BACK_US
         self._back_us = BACK_US
         self._entries: dict[int, tuple[str, str, str]] = {}   # name, kind, unit
         self._times: dict[str, list[float]] = {}
@@ -204,7 +204,7 @@ class _Wpilog:
 
     def log(self, more: tuple[str, ...]) -> "Log":
         """All signals; more: further damage."""
-        from truearc.sim.data.importers.series import Log
+        from truearc.sim.data.log import Log
         damage = tuple(f"damaged: byte {place}: {what}" + (f"; {count} of these" if count > 1 else "")
                        + "; shots may be missing" for what, (place, count) in self._damage.items())
         return Log({name: _series(name, times, self._values[name], self._units[name])
@@ -298,7 +298,7 @@ def _parts(name: str, said: object) -> Iterator[tuple[str, float | str]]:
 
 def _series(name: str, t_s: list[float], values: list[Any], unit: str) -> "Series":
     """In the order of time; a log of several writers is not."""
-    from truearc.sim.data.importers.series import Series
+    from truearc.sim.data.log import Series
     times = np.array(t_s)
     order = np.argsort(times, kind="stable")
     if any(isinstance(value, str) for value in values):

@@ -14,11 +14,10 @@ from jaxtyping import Bool, Float, Int
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import DENSEST_KG_M3, MOST, Rig, too_large
-from truearc.sim.check import flaw
-from truearc.sim.check.flaw import LENGTHS, TRACKS, Flaw
-from truearc.sim.check.tracks import judge_tracks
-from truearc.sim.data.columns import SPIN_VECTOR
+from truearc.sim.check import tracks
+from truearc.sim.check.tracks import LENGTHS, TRACKS, Flaw, judge_tracks
 from truearc.sim.data.dataset import Dataset, Floats, Shots, Times
+from truearc.sim.data.table import SPIN_VECTOR
 from truearc.sim.physics.simulate import by_wheels, has_wheels, launch_state
 
 CHECKS = ("gravity", "axes", "bounce", "sample-interval", "track-length", "track-shots", "speed", "hood", "mass",
@@ -101,7 +100,7 @@ def _objections(dataset: Dataset) -> Iterator[Flaw]:
     ball = list(_ball(dataset.rig))
     yield from ball
     yield from _balls(dataset.rig, dataset.shots) if all(one.warns for one in ball) else ()
-    launcher = [*_launcher(dataset.rig), *flaw.judge_wheels(dataset.rig, dataset.shots)]
+    launcher = [*_launcher(dataset.rig), *tracks.judge_wheels(dataset.rig, dataset.shots)]
     yield from launcher
     hood = list(_hood(dataset.shots))
     yield from hood
@@ -276,7 +275,7 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
     ratio = ratios(distance_m, hood_deg, speed_m_s)
     middle = float(np.median(ratio))
     path_m, other_m = (distance_m / np.maximum(part(np.radians(hood_deg)), 1e-3) for part in (np.cos, np.sin))
-    uneven = _uneven(ratio, path_m, flaw.ALL_BUT)
+    uneven = _uneven(ratio, path_m, tracks.ALL_BUT)
     unstated = "" if rig.launcher.release_height_m > 0.0 else "; or state launcher.release_height_m, which may be why"
     other = ratios(distance_m, 90.0 - hood_deg, speed_m_s)
     if _is_straighter(_uneven(other, other_m), uneven):
@@ -288,19 +287,19 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
             distance_m * metres, hood_deg, speed_m_s, release=release)):
         yield Flaw("reach", place, f"the speeds of scoring shots fit their distances far better if {what}{unstated}")
         return
-    if mixed := flaw.mixed_units(ratio, lambda far, metres: ratios(distance_m[far] * metres, hood_deg[far],
-                                                                   speed_m_s[far])):
+    if mixed := tracks.mixed_units(ratio, lambda far, metres: ratios(distance_m[far] * metres, hood_deg[far],
+                                                                     speed_m_s[far])):
         yield Flaw("reach", f"{shots.source}: distance_m", mixed)
         return
-    if rig.launcher.release_height_m > 0.0 and (lone := flaw.lone_shots(ratio, [shots.shot_id[row] for row in rows])):
+    if rig.launcher.release_height_m > 0.0 and (lone := tracks.lone_shots(ratio, [shots.shot_id[row] for row in rows])):
         yield Flaw("reach", f"{shots.source}: distance_m, hood_deg or speed", lone, warns=True)
     measured = np.isfinite(shots.number("exit_speed_m_s")[scoring]).all() and "exit_speed_m_s" in shots.numbers
-    (low, high), causes = MEASURED if measured else REACH, flaw.speed_causes(rig, shots)
+    (low, high), causes = MEASURED if measured else REACH, tracks.speed_causes(rig, shots)
     if low <= middle <= high:
         if middle > DOUBLED and by_wheels(shots).all():
             yield Flaw("reach", "rig.toml: launcher.wheel.radius_m", f"scoring shots leave with {middle:.2g} times the "
                        "speed that gets a ball so far without air; make sure that it is not the diameter" + "".join(
-                       f", nor {cause}" for cause in (flaw.MOTORS, flaw.GEARS) if causes.get(cause, 1.0) < 1.0),
+                       f", nor {cause}" for cause in (tracks.MOTORS, tracks.GEARS) if causes.get(cause, 1.0) < 1.0),
                        warns=True)
         return
     if measured:
@@ -311,7 +310,7 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
         return
     yield Flaw("reach", f"{shots.source}: distance_m, hood_deg and the wheels", "scoring shots leave with "
                 f"{middle:.2g} times the speed that gets a ball so far without air; this looks like "
-                + flaw.likeliest({
+                + tracks.likeliest({
                     **{f"distance_m in {name}": float(np.median(ratios(distance_m * metres, hood_deg, speed_m_s)))
                        for name, (_, metres) in LENGTHS.items()},
                     **{f"target.centre_height_m in {name}, which would be {centre_m * metres:.3g} m":

@@ -16,7 +16,7 @@ import numpy as np
 
 from truearc.errors import InputError, load_text, make_toml, near_key, parse_struct, parse_table, reworded, unknown_keys
 from truearc.robot.config.rig_spec import Rig, rig_errors
-from truearc.sim.data import columns as cols
+from truearc.sim.data import table as cols
 from truearc.sim.data.dataset import Dataset, Shots, Times, Traces, Tracks
 from truearc.sim.data.table import Cell, Problems, RawTable, as_cell, find_table, gathered, load_table
 
@@ -142,7 +142,7 @@ def _warn_of_copies(shots: Shots) -> None:
 
 def _settle_hits(table: RawTable, rig: Rig, has_three: bool, problems: Problems) -> tuple[RawTable, Rig]:
     """Hits as twos of a rig without a three; a problem are hits that could be twos or threes."""
-    outcome = [cols.text_of(cell).strip().lower() for cell in table.columns.get("outcome", ())]
+    outcome = [cols.cell_text(cell).strip().lower() for cell in table.columns.get("outcome", ())]
     hits = [row for row, word in enumerate(outcome) if word == cols.HIT]
     threes = [row for row, word in enumerate(outcome) if word in THREES]
     if threes and rig.target is not None and rig.target.hit_or_miss:
@@ -162,7 +162,7 @@ def _settle_hits(table: RawTable, rig: Rig, has_three: bool, problems: Problems)
 
 def _ids(table: RawTable, problems: Problems) -> tuple[str, ...]:
     first: dict[str, int] = {}
-    ids = tuple(cols.text_of(cell) for cell in table.columns["shot_id"])
+    ids = tuple(cols.cell_text(cell) for cell in table.columns["shot_id"])
     for row, name in enumerate(ids):
         if not name:
             table.fault(problems, row, "shot_id", "is missing")
@@ -216,7 +216,7 @@ def _traces(table: RawTable | None, row_of: dict[str, int], problems: Problems) 
 def _shot_rows(table: RawTable, row_of: dict[str, int], problems: Problems) -> np.ndarray:
     rows = np.full(len(table.lines), -1, dtype=np.int64)
     for row, cell in enumerate(table.columns["shot_id"]):
-        name = cols.text_of(cell)
+        name = cols.cell_text(cell)
         if name in row_of:
             rows[row] = row_of[name]
         else:

@@ -46,18 +46,17 @@ def shots_from_sessions(sessions: Sequence[str | Path], name: str, telemetry: bo
     """
     if isinstance(sessions, str | Path):
         raise InputError(f"sessions: a list of folders is expected: [{str(sessions)!r}]")
-    return _from_folders([Path(session) for session in sessions], name, telemetry)
-
-
-def _from_folders(sessions: Sequence[Path], name: str, telemetry: bool) -> Dataset:
-    _check_names(sessions)
+    folders = [Path(session) for session in sessions]
+    names = [session.resolve().name for session in folders]
+    if twice := next((one for one in names if names.count(one) > 1), None):
+        raise InputError(f"two sessions are called {twice}: shot_id would not be unique")
     rows: list[tuple[str, Trial]] = []
     left_out: list[str] = []
     traces: list[tuple[int, float, str, float]] = []
-    configs = [load_session_config(session) for session in sessions]
-    for session, config in zip(sessions, configs, strict=True):
+    configs = [load_session_config(session) for session in folders]
+    for session, config in zip(folders, configs, strict=True):
         if config.rig != configs[0].rig:
-            raise InputError(f"{session}: recorded with another rig than {sessions[0]} ([rig] differs); import "
+            raise InputError(f"{session}: recorded with another rig than {folders[0]} ([rig] differs); import "
                              "them one by one")
         marked = load_trials(session)
         kept, dropped = _split(session, marked)
@@ -73,15 +72,8 @@ def _from_folders(sessions: Sequence[Path], name: str, telemetry: bool) -> Datas
                 left_out.append(f"{reader.cut_short}: telemetry after that is missing")
         rows += [(session.resolve().name, trial) for trial in kept]
     if not rows:
-        raise InputError(f"{', '.join(map(str, sessions))}: no marked shots")
+        raise InputError(f"{', '.join(map(str, folders))}: no marked shots")
     return Dataset(name, configs[0].rig, _shots(rows), None, Traces.of(traces), tuple(left_out))
-
-
-def _check_names(sessions: Sequence[Path]) -> None:
-    names = [session.resolve().name for session in sessions]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"two sessions are called {name}: shot_id would not be unique")
 
 
 def _unlike(session: Path, marked: list[Trial], in_ticks: dict[int, Trial]) -> list[str]:

@@ -44,16 +44,8 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 import numpy as np
 from scipy.special import logsumexp
 
-from truearc.sim.discover.detect.battery import (
-    ALLOWANCE,
-    Asked,
-    Judged,
-    NumberChange,
-    ReferenceSession,
-    ask_everything,
-    judge,
-    rivals_of,
-)
+from truearc.sim.discover.detect import battery
+from truearc.sim.discover.detect.battery import ALLOWANCE, Asked, Judged, ask_everything, judge, rivals_of
 from truearc.sim.discover.detect.covariates import Covariate, Factor
 from truearc.sim.discover.detect.localization import Place, locate
 from truearc.sim.discover.finding import Adoption, FitSummary
@@ -119,7 +111,7 @@ class Search:
     factors: tuple[Factor, ...]
     false_alarm: float
     seed: int
-    home: ReferenceSession | None = None          # the session since which changes are looked for
+    home: battery.ReferenceSession | None = None          # the session since which changes are looked for
 
     def ask(self, fitted: LauncherFit) -> Asked:
         """All tests of the fit, the misfit of the reference session subtracted."""
@@ -354,7 +346,7 @@ class Judgement(NamedTuple):
 
     verdict: str
     terms: tuple[str, ...] | None
-    rivals: tuple[NumberChange, ...]
+    rivals: tuple[battery.NumberChange, ...]
 
 
 def verdict_of(first: Step, fitted: LauncherFit, home: LauncherFit | None) -> Judgement:

@@ -40,8 +40,7 @@ from truearc.sim.infer.launcher import Launcher, LauncherFit, coefficients_of, c
 from truearc.sim.infer.likelihood.data import every_column, take_in
 from truearc.sim.infer.likelihood.layout import Layout, Measured, is_tracker, lay_out
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable, clustered_error
-from truearc.sim.physics.catalogue import Catalogue, as_catalogue, catalogue
-from truearc.sim.physics.nonparametric import CURVE
+from truearc.sim.physics.catalogue import CURVE, Catalogue, as_catalogue, catalogue
 from truearc.sim.physics.term import Term
 from truearc.sim.printed import Progress
 from truearc.sim.statistics import POINTS_THREE, Z90

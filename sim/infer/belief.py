@@ -21,7 +21,7 @@ The matrix is that of the numbers on each parameter's own scale (truearc.sim.phy
 the catalogue; scatters: their logarithm), on which the belief is about normal. An unexplained effect is a free curve:
 how its size goes with a covariate.
 
-    [free_speed]                      # what it changes, a term of truearc.sim.physics.nonparametric
+    [free_speed]                      # what it changes, a term of truearc.sim.physics.catalogue
     share = 1.0
     [curve.free_speed]
     covariate = "distance_m"          # absent: the same in every shot
@@ -49,11 +49,17 @@ from scipy.interpolate import CubicSpline
 
 from truearc.errors import InputError, load_text, make_toml, parse_table, reworded, save_whole
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.data.columns import WHEEL
-from truearc.sim.data.conditions import ORDINARY, Circumstances
-from truearc.sim.data.dataset import Shots
-from truearc.sim.physics.catalogue import Catalogue, as_catalogue, catalogue, find_parameter, find_terms
-from truearc.sim.physics.nonparametric import CURVE, NAMELESS
+from truearc.sim.data.dataset import ORDINARY, Circumstances, Shots
+from truearc.sim.data.table import WHEEL
+from truearc.sim.physics.catalogue import (
+    CURVE,
+    NAMELESS,
+    Catalogue,
+    as_catalogue,
+    catalogue,
+    find_parameter,
+    find_terms,
+)
 from truearc.sim.physics.simulate import launch_state
 from truearc.sim.physics.term import LINEAR, LOG, fits_scale, from_scale, to_scale
 from truearc.sim.printed import Printed
@@ -100,7 +106,7 @@ def _values(path: str | Path, name: str, values: Any, among: Catalogue | None) -
 
 
 Columns = Mapping[str, Any]           # name -> numbers [n], or texts (n of them)
-Curves = Mapping[str, "Curve"]        # by the term of truearc.sim.physics.nonparametric that takes it
+Curves = Mapping[str, "Curve"]        # by the term of truearc.sim.physics.catalogue that takes it
 
 
 class Curve(Struct, frozen=True, forbid_unknown_fields=True):
@@ -250,7 +256,7 @@ class Belief(Printed):
     coefficients: {term: {parameter: value}}. scatter: {"speed": sd of the log of the exit speed from shot to shot,
     "elevation_deg": sd of the exit elevation}, empty when it was not fitted. names: "term.parameter" or "scatter.x",
     one per row of `covariance` [p, p], which is on the parameters' own scales (module docstring); others are exact.
-    curves: sizes of unexplained effects, by their terms of truearc.sim.physics.nonparametric in `coefficients`.
+    curves: sizes of unexplained effects, by their terms of truearc.sim.physics.catalogue in `coefficients`.
     catalogue: of the terms that the coefficients name.
     provenance: how the belief came about, in plain values that a file keeps; nothing is computed from it.
     """

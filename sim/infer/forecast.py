@@ -14,9 +14,8 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import SCATTER, Belief, before_the_shot, owners, scale_of
 from truearc.sim.infer.likelihood.data import Given, given_of
-from truearc.sim.physics.catalogue import Catalogue, effective, flight_terms
+from truearc.sim.physics.catalogue import CURVE, Catalogue, effective, flight_terms
 from truearc.sim.physics.flight import make_law, reach_plane
-from truearc.sim.physics.nonparametric import CURVE
 from truearc.sim.physics.simulate import leave, sense
 from truearc.sim.physics.term import Exit, from_scale
 

@@ -21,8 +21,7 @@ from truearc.sim.infer.likelihood.forward_model import plane_grid
 from truearc.sim.infer.likelihood.layout import SCATTER_NAMES, Layout, Point, believed_name, is_tracker, own_slope
 from truearc.sim.infer.likelihood.noise import SCATTER_MOST, SCATTER_PRIOR, SCATTERS
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
-from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_parameter, find_terms
-from truearc.sim.physics.nonparametric import CURVE, NAMELESS
+from truearc.sim.physics.catalogue import CURVE, NAMELESS, Catalogue, as_catalogue, find_parameter, find_terms
 from truearc.sim.physics.term import LOG, Parameter, WatchTerm, complete, fits_scale, from_scale, to_scale
 from truearc.sim.printed import Progress
 

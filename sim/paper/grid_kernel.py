@@ -1,4 +1,4 @@
-"""Flights of the grid, 64 abreast. A template: truearc.sim.physics.compiled puts the law of motion where
+"""Flights of the grid, 64 abreast. A template: truearc.sim.paper.grid_labels puts the law of motion where
 `acceleration` stands.
 
 The same flight as truearc.sim.physics.flight's, in numbers instead of arrays: Runge-Kutta steps of a lane's own
@@ -31,7 +31,7 @@ small = njit(fastmath=REORDER, error_model="numpy", nogil=True, cache=True, forc
 # ---- the law of motion ----
 def acceleration(x_m: float, z_m: float, vx_m_s: float, vz_m_s: float, spin_rev_s: float, values: Pair,
                  facts: Numbers) -> Pair:
-    """Stands for the law of motion, which is written once, in sim/physics/terms."""
+    """Stands for the law of motion, which is written once, in the terms of sim/physics."""
     raise NotImplementedError
 
 

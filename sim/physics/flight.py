@@ -22,8 +22,8 @@ import numpy as np
 from jax import lax
 
 from truearc.robot.config.rig_spec import Ball, Rig
-from truearc.sim.physics.term import AirTerm, BallState, Exit, FlightTerm, InFlight, complete
-from truearc.sim.physics.vector import Vec, absent, add, length, plus, scale, times
+from truearc.sim.physics import term as kinds
+from truearc.sim.physics.term import BallState, Exit, InFlight, Vec, absent, add, complete, length, plus, scale, times
 
 STEP_S = 0.002                        # longest RK4 step: heights of 30 000 random launches within 6e-9 m of DOP853
 TURN_RAD = 0.02                       # ... and the air changes the velocity by no more than this share in one
@@ -108,8 +108,8 @@ def make_law(rig: Rig, terms: Sequence[InFlight], params: Mapping[str, Mapping[s
     terms: in the catalogue's order. params: effective values (truearc.sim.physics.catalogue.effective). First the
     terms about the air make the ball as the air sees it; then each force in turn may be a share of those before it.
     """
-    airs = [(term, complete(term, params.get(term.name))) for term in terms if isinstance(term, AirTerm)]
-    pushes = [(term, complete(term, params.get(term.name))) for term in terms if isinstance(term, FlightTerm)]
+    airs = [(term, complete(term, params.get(term.name))) for term in terms if isinstance(term, kinds.AirTerm)]
+    pushes = [(term, complete(term, params.get(term.name))) for term in terms if isinstance(term, kinds.FlightTerm)]
 
     def law(ball: BallState) -> Vec:
         for air, values in airs:

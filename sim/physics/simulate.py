@@ -9,8 +9,7 @@ import numpy as np
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.data.conditions import ORDINARY, Circumstances
-from truearc.sim.data.dataset import Shots
+from truearc.sim.data.dataset import ORDINARY, Circumstances, Shots
 from truearc.sim.physics import catalogue as known
 from truearc.sim.physics.flight import STEP_S, Balls, Crossing, fly, path, with_balls
 from truearc.sim.physics.term import Exit, Opening, complete
@@ -34,7 +33,7 @@ def predict(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Sh
     """Fly each recorded configuration to its plane with gravity and the terms that `coefficients` names.
 
     Sensing terms correct what the robot's sensors say and launch terms what the wheels do, never what was measured on
-    the ball. Returns numpy arrays, one row a shot. circumstances: of these shots (truearc.sim.data.conditions);
+    the ball. Returns numpy arrays, one row a shot. circumstances: of these shots (truearc.sim.data.dataset);
     terms that follow one are absent from ordinary shots. among: the catalogue of the terms,
     truearc.sim.physics.catalogue.catalogue() when not given, here and below. step_s: the longest step of the
     flight. InputError names shots without a distance or a launch. Each shot's own mass_kg and radius_m fly, where they

@@ -121,8 +121,7 @@ def load_steps(path: Path) -> Record:
 
     InputError names file, line and column.
     """
-    from truearc.sim.data.columns import need_columns, number_column
-    from truearc.sim.data.table import gathered, load_table
+    from truearc.sim.data.table import gathered, load_table, need_columns, number_column
     with gathered() as problems:
         table = load_table(path, problems)
         need_columns(table, ["t_s"])

@@ -33,9 +33,9 @@ PLAY = f"""
 import argparse, pathlib
 import numpy as np
 from truearc.cli import demo, demo_acts
-from truearc.sim.gate import surrogate
+from truearc.sim.gate import train
 demo_acts.DISTANCES_M = np.arange(2.5, 8.01, 1.1)      # each row of a table is a search
-surrogate.CHECKED, surrogate.LEARNED = 3000, 2000      # the gate's polynomial; tests/sim/gate has it as it is
+train.CHECKED, train.LEARNED = 3000, 2000      # the gate's polynomial; tests/sim/gate has it as it is
 demo.secrets.choice = lambda seeds: 12                 # the printed seed repeats what it drew
 sizes = demo_acts.Sizes{tuple(QUICK)}
 assert demo.demo(argparse.Namespace(out=pathlib.Path("report"), seed=None, quiet=True), sizes) == 0

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.house.here import ROOT, run_module
-from truearc.sim.gate import surrogate
+from truearc.sim.gate import train
 
 GATE = ROOT / "tests" / "golden" / "reference" / "export-physics" / "gate.onnx"
 
@@ -62,8 +62,8 @@ def test_benchmark_runs(name: str, tmp_path: Path, data_dir: Path, monkeypatch: 
     else:
         monkeypatch.chdir(tmp_path)
         monkeypatch.setenv("TRUEARC_DATA", str(data_dir))
-        monkeypatch.setattr(surrogate, "CHECKED", 3000)      # tests/model_export has a gate's graph as it is
-        monkeypatch.setattr(surrogate, "LEARNED", 2000)
+        monkeypatch.setattr(train, "CHECKED", 3000)      # tests/model_export has a gate's graph as it is
+        monkeypatch.setattr(train, "LEARNED", 2000)
         code, out, err = run_module(f"benchmarks.{name}", options.split(), monkeypatch)
     assert code in ((0, 1) if name in JUDGES else (0,)), err[-2000:]
     assert out.strip() and "Traceback" not in err

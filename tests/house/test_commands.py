@@ -25,7 +25,7 @@ from tests.house.here import ROOT, run_module
 from tests.sim.data.stranger_log import write_stranger_log
 from truearc.cli.main import find_command, main, make_parser
 from truearc.errors import InputError
-from truearc.sim.gate import surrogate
+from truearc.sim.gate import train
 from truearc_proof.cli import prove_roles
 from truearc_proof.rounds import solver
 
@@ -272,8 +272,8 @@ def workspace(tmp_path: Path, data_dir: Path, monday: Path, monkeypatch: pytest.
     (folder / "data").mkdir()
     monkeypatch.chdir(folder)
     monkeypatch.setattr(solver, "forbid", lambda directory: None)
-    monkeypatch.setattr(surrogate, "CHECKED", 3000)       # tests/model_export has a gate's graph as it is
-    monkeypatch.setattr(surrogate, "LEARNED", 2000)
+    monkeypatch.setattr(train, "CHECKED", 3000)       # tests/model_export has a gate's graph as it is
+    monkeypatch.setattr(train, "LEARNED", 2000)
     monkeypatch.setattr(prove_roles, "subprocess", SimpleNamespace(run=run_here))
     return Workspace(folder, monkeypatch)
 

@@ -11,7 +11,7 @@ import msgspec
 
 import truearc
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.data.columns import NO_RANGE, RANGES, TEXTS, WORDS
+from truearc.sim.data.table import NO_RANGE, RANGES, TEXTS, WORDS
 
 ROOT = Path(__file__).parents[2]
 DATASET = (ROOT / "docs" / "reference" / "dataset.md").read_text(encoding="utf-8")

@@ -10,7 +10,7 @@ import pytest
 from tests.sim.gate.plausible import make_season
 from truearc.model_export.graph import export_weights
 from truearc.robot.gate import FEATURES, Ratings, load_gate
-from truearc.sim.gate import surrogate
+from truearc.sim.gate import train
 from truearc.sim.gate.model import save_physics_gate
 from truearc.sim.gate.train import train_physics_gate
 from truearc.sim.infer.belief import Belief
@@ -54,7 +54,7 @@ def test_a_domain_that_is_narrowed_is_said_with_the_settings_outside(
         tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """Season 2 fitted by drag alone: 3, six times a ball's, for which some of its shots stall. Higher degrees, which
     cost ten times as much, might follow even that."""
-    monkeypatch.setattr(surrogate, "DEGREES", surrogate.DEGREES[:1])
+    monkeypatch.setattr(train, "DEGREES", train.DEGREES[:1])
     crooked = Belief({"gravity": {"g_m_s2": 9.81}, "drag": {"cd": 3.0}, "magnus": {"cl": 0.1}},
                      {"speed": 0.095, "elevation_deg": 0.41}, (), np.zeros((0, 0)))
     rated, outside = export(2, crooked, tmp_path)

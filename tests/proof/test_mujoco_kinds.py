@@ -15,7 +15,7 @@ from truearc.sim.data.files import load_dataset
 from truearc.sim.infer.belief import as_table
 from truearc.sim.physics.term import STAGES
 from truearc.sim.world.options import Options
-from truearc.sim.world.season import Season, ShotSetting
+from truearc.sim.world.world import Season, ShotSetting
 from truearc_proof.rounds import Room, solver
 from truearc_proof.rounds.marks import GOES_WITH
 from truearc_proof.rounds.worlds import (

@@ -9,9 +9,9 @@ import pytest
 from benchmarks.worlds import Job, amount_of, true_parameter
 from tests.proof.test_truth_flight import quiet
 from tests.sim.physics.tracker import watch
-from truearc.sim.data.conditions import Circumstances, circumstances_of
+from truearc.sim.data.dataset import Circumstances, circumstances_of
 from truearc.sim.physics.simulate import opening_of, predict
-from truearc.sim.physics.vector import Vec
+from truearc.sim.physics.term import Vec
 from truearc_proof.rounds.worlds import PARAMETER
 from truearc_proof.truth.flight import CELSIUS_K, RAPID_FIRE_S, at, wheel_dip
 from truearc_proof.truth.generate import play

@@ -23,7 +23,7 @@ from truearc.hw.emulated.camera import Stage
 from truearc.hw.fault_codes import CAMERA_SILENT
 from truearc.hw.protocols import CameraFrame, LinkLost
 from truearc.robot.config.schema import CameraFile, load_config, load_toml
-from truearc.sim.world.emulated_vision import make_lens, make_tape
+from truearc.sim.world.emulated_robot import make_lens, make_tape
 from truearc_proof.world.camera_damage import StagedCamera, place
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")

@@ -12,7 +12,7 @@ from truearc.hw.emulated.camera import NOTHING, Stage, project
 from truearc.robot.config.schema import load_config
 from truearc.robot.vision import detect
 from truearc.robot.vision.pose import make_optics
-from truearc.sim.world.emulated_vision import make_lens, make_tape
+from truearc.sim.world.emulated_robot import make_lens, make_tape
 from truearc_proof.world.camera_damage import Look, StagedCamera, place, project_turning
 
 pytestmark = pytest.mark.usefixtures("noise_drawn_once")

@@ -19,9 +19,9 @@ from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import hash_dataset
 from truearc.sim.discover import finding as settings
 from truearc.sim.discover import investigate as engine
+from truearc.sim.discover.identifiability import Sight, foresee, foresee_dataset, is_planned
 from truearc.sim.discover.investigate import Investigation, make_belief, with_worth
-from truearc.sim.discover.plan.identifiability import Sight, foresee, foresee_dataset, is_planned
-from truearc.sim.discover.plan.next_steps import can_design, make_design
+from truearc.sim.discover.next_steps import can_design, make_design
 from truearc.sim.discover.report import pages
 from truearc.sim.discover.report.finding_text import console_lines
 from truearc.sim.infer.belief import Belief

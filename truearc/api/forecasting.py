@@ -21,11 +21,20 @@ from truearc.robot.aim_file import check_rig, load_aim
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.shot_map import CONVERTED
 from truearc.robot.gate import load_gate
-from truearc.sim.aim.export import TEAMS, AimCheck, aim_bytes, check_aim_file, cpp_text, java_text
-from truearc.sim.aim.make_table import RPM, AimRow, draw_aim, make_rows
+from truearc.sim.aim.make_table import (
+    RPM,
+    TEAMS,
+    AimCheck,
+    AimRow,
+    aim_bytes,
+    check_aim_file,
+    cpp_text,
+    draw_aim,
+    java_text,
+    make_rows,
+)
 from truearc.sim.check.check import check_plausible
-from truearc.sim.data.conditions import circumstances_of
-from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.data.dataset import Dataset, Shots, circumstances_of
 from truearc.sim.data.files import hash_dataset
 from truearc.sim.gate import train
 from truearc.sim.gate.model import PhysicsGate, physics_of, save_physics_gate

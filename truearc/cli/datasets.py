@@ -9,7 +9,7 @@ from pathlib import Path
 import truearc as ta
 from truearc.cli import common
 from truearc.errors import OTHER_FORMATS, InputError, about, needs
-from truearc.sim.data.importers.registry import load_importers
+from truearc.sim.data.log import load_importers
 
 RIG = Path(__file__).with_name("rig_template.toml")
 COLUMNS = ("shot_id", "distance_m", "hood_deg", "motor_ratio", "outcome")
@@ -146,7 +146,7 @@ def check(args: argparse.Namespace) -> int:
 
 def lacking(dataset: "ta.Dataset") -> list[str]:
     """Return what no shot states of its own settings and results, where there are no tracks or times."""
-    from truearc.sim.data.columns import WHEEL
+    from truearc.sim.data.table import WHEEL
     known = {name for name, column in dataset.shots.numbers.items() if (column == column).any()}
     known |= {"wheel_<name>_rad_s" for name in known if WHEEL.fullmatch(name)}
     known |= {"outcome"} if any(dataset.shots.text("outcome")) else set()
@@ -210,7 +210,7 @@ def import_shots_options(parser: argparse.ArgumentParser) -> None:
 
 def import_shots(args: argparse.Namespace) -> int:
     """Turn the logs, tables and recordings of others into a dataset directory (docs/how-to/importing.md)."""
-    from truearc.sim.data.importers.imported import doubts_of, only
+    from truearc.sim.data.import_shots import doubts_of, only
     from truearc.sim.printed import left_out_lines
     importer = next((importer for importer in load_importers() if importer.name == args.source), None)
     if importer is None:
@@ -241,7 +241,7 @@ def import_shots(args: argparse.Namespace) -> int:
 
 def _by_map(args: argparse.Namespace) -> "tuple[ta.Dataset, str]":
     """(the dataset, the map's text where it was guessed)."""
-    from truearc.sim.data.importers.any_team import guess
+    from truearc.sim.data.import_shots import guess
     if not args.rig:
         raise ta.InputError(f"{args.source}: --rig RIG.toml is needed: a log does not say what ball, wheels and target "
                             "there are; `truearc init DIR` makes one to fill in")

@@ -1,6 +1,6 @@
 """What the demo plays and shows: a robot practises or meets a changed world, learns and aims again; and its page.
 
-Balls are shot by the season (truearc.sim.world.season): the emulated robot's world without buses and images. An act is
+Balls are shot by the season (truearc.sim.world.world): the emulated robot's world without buses and images. An act is
 a pure function of the robot, the seed and the effect; `truearc demo` tells it, and `python -m benchmarks.demo_seeds`
 repeats it over seeds. World seeds of one seed lie in its own thousand.
 """
@@ -26,7 +26,7 @@ from truearc.sim.discover.report.finding_text import either, plain, size_of
 from truearc.sim.printed import Progress, make_text, part_of
 from truearc.sim.report import COLOURS, PHONE_IN, Origin, make_page, make_png, new_panels, paragraph, picture, table
 from truearc.sim.world.options import Options
-from truearc.sim.world.season import ORDINARY, ShotSetting, play_season, seen_distance_m
+from truearc.sim.world.world import ORDINARY, ShotSetting, play_season, seen_distance_m
 
 PAPER = ("gravity", "drag", "magnus")                 # the paper's physics
 DISTANCES_M = np.arange(2.5, 8.01, 0.25)              # of the table of set points

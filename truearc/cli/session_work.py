@@ -237,7 +237,7 @@ def _flights(args: argparse.Namespace) -> Flights:
         return NO_FLIGHTS
     try:
         from truearc.sim.compute import keep_compiled
-        from truearc.sim.data.conditions import circumstances_of
+        from truearc.sim.data.dataset import circumstances_of
         from truearc.sim.data.recordings import shots_from_sessions
         from truearc.sim.infer.belief import along, load_belief
         from truearc.sim.infer.likelihood.data import every_column

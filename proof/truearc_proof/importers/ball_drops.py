@@ -13,9 +13,19 @@ import numpy as np
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig
-from truearc.sim.data.columns import need_columns, number_column, parse_number, text_column
 from truearc.sim.data.dataset import Dataset, Shots, Times
-from truearc.sim.data.table import Cell, Problems, RawTable, gathered, load_table, text_of
+from truearc.sim.data.table import (
+    Cell,
+    Problems,
+    RawTable,
+    gathered,
+    load_table,
+    need_columns,
+    number_column,
+    parse_number,
+    text_column,
+    text_of,
+)
 from truearc_proof.importers.originals import group_rows, needed, part, tracks_of
 
 COLUMNS = ("ball", "drop", "t_s", "height_m", "mass_kg", "diameter_m")

@@ -16,9 +16,17 @@ import numpy as np
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Site, Tracker, Wheel
-from truearc.sim.data.columns import need_columns, number_column, text_column
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.table import Cell, Problems, RawTable, gathered, load_table
+from truearc.sim.data.table import (
+    Cell,
+    Problems,
+    RawTable,
+    gathered,
+    load_table,
+    need_columns,
+    number_column,
+    text_column,
+)
 from truearc_proof.importers.originals import needed, part, tracks_of
 
 LAUNCH_COLUMNS = ("set", "launch", "phi_cmd", "theta_cmd", "motor_top_left_rpm", "motor_top_right_rpm",

@@ -12,9 +12,8 @@ from typing import TypeVar
 import numpy as np
 
 from truearc.errors import InputError
-from truearc.sim.data.columns import parse_number
 from truearc.sim.data.dataset import Tracks
-from truearc.sim.data.table import Cell, Problems, RawTable, text_of
+from truearc.sim.data.table import Cell, Problems, RawTable, parse_number, text_of
 
 Key = TypeVar("Key")
 INCH_M = 0.0254

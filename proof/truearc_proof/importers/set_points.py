@@ -15,9 +15,19 @@ import numpy as np
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Target, Wheel
-from truearc.sim.data.columns import need_columns, number_column, parse_number, text_column
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.table import Cell, Problems, RawTable, gathered, load_table, text_of
+from truearc.sim.data.table import (
+    Cell,
+    Problems,
+    RawTable,
+    gathered,
+    load_table,
+    need_columns,
+    number_column,
+    parse_number,
+    text_column,
+    text_of,
+)
 from truearc_proof.importers.originals import INCH_M, PYTHON_COMMENT, json_rows, matching, part, scaled
 
 NUMBER_254 = r"new InterpolatingDouble\((?P<{}>[^()]*)\)"

@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.files import hash_dataset
+from truearc.sim.data.table import OUTCOMES
 from truearc.sim.paper.sweep import SweepSetting
 from truearc.sim.printed import save_csv
 from truearc.sim.report import COLOURS, NO_ORIGIN, Origin, make_page, make_png, new_figure, paragraph, picture, table

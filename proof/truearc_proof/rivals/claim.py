@@ -49,8 +49,7 @@ import numpy as np
 from msgspec import Struct
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.data.conditions import circumstances_of
-from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.dataset import Dataset, circumstances_of
 from truearc.sim.discover.investigate import Investigation
 from truearc.sim.discover.select import simulations
 from truearc.sim.discover.select.simulations import FORECAST

@@ -16,8 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from msgspec import Struct, structs
 
-from truearc.sim.data.conditions import circumstances_of, counts_shots
-from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.dataset import Dataset, circumstances_of, counts_shots
 from truearc.sim.discover.select.terms import ALIAS, efficient, nats_for, visible_terms
 from truearc.sim.infer.belief import Belief, along, point_belief
 from truearc.sim.infer.fit import fit_believed

@@ -42,7 +42,7 @@ from truearc.robot.config.schema import load_config
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import save_dataset
 from truearc.sim.world.options import Options
-from truearc.sim.world.season import Season, ShotSetting
+from truearc.sim.world.world import Season, ShotSetting
 from truearc_proof.rounds import TOOLS, canonical
 from truearc_proof.truth import world as truth
 from truearc_proof.truth.generate import Asked, follow, write

@@ -17,13 +17,12 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.shot_map import OUTCOMES
 from truearc.sim.data.dataset import Tracks
 from truearc.sim.printed import Progress
-from truearc.sim.world import season
+from truearc.sim.world import world
 from truearc.sim.world.drive import UPPER_GEAR
 from truearc.sim.world.field import CENTRE_HEIGHT_M, BallResult, Pose
 from truearc.sim.world.options import Options
 from truearc.sim.world.scene import LOWER_RADIUS_M, UPPER_RADIUS_M
-from truearc.sim.world.season import Ball, Bench, Season, ShotSetting, Trial
-from truearc.sim.world.world import World
+from truearc.sim.world.world import Ball, Bench, Season, ShotSetting, Trial, World
 
 LEVELS = ("L0", "L1", "L2")
 NOTED = ("miss-low", "miss-high", "two", "three")      # a crew that notes sides of misses alone
@@ -62,15 +61,15 @@ def play_season(rig: Rig, options: Options, seed: int, settings: Sequence[ShotSe
                 sensors: Sensors = ORDINARY, progress: Progress = lambda done, note: None) -> Season:
     """Shoot the settings in this order with one robot on one battery. level: "L0", "L1" (telemetry), "L2" (tracks too).
 
-    As truearc.sim.world.season.play_season; without tracks and wrong marks the same arguments give the same season.
+    As truearc.sim.world.world.play_season; without tracks and wrong marks the same arguments give the same season.
     """
     if level not in LEVELS:
         raise ValueError(f"no level {level!r}; there are {', '.join(LEVELS)}")
     rng = np.random.default_rng([seed, 7])
-    trials = season.shoot(rig, options, seed, settings, season.Sensors(*sensors[:3]), rng, progress,
+    trials = world.shoot(rig, options, seed, settings, world.Sensors(*sensors[:3]), rng, progress,
                           ball_from_muzzle)
     luck = np.random.default_rng([seed, 9])           # apart: good sensors have no part of it
-    played = season.season_of(rig, seed, trials, level, _noted(trials, sensors, luck))
+    played = world.season_of(rig, seed, trials, level, _noted(trials, sensors, luck))
     if level != "L2":
         return played
     return played._replace(dataset=replace(played.dataset, tracks=_tracks(trials, sensors, rng, luck)))

@@ -42,16 +42,7 @@ from scipy.stats import f as f_distribution
 from scipy.stats import multivariate_normal
 
 from truearc.sim.discover.detect import covariates as functions
-from truearc.sim.discover.detect.covariates import (
-    SAME_SHAPE,
-    Covariate,
-    CovariatePair,
-    Factor,
-    Look,
-    WeightFunction,
-    varies,
-    weights_of,
-)
+from truearc.sim.discover.detect.covariates import SAME_SHAPE, Covariate, Factor, Look, WeightFunction, weights_of
 from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
 from truearc.sim.printed import Progress
@@ -258,11 +249,11 @@ class ReferenceSession:
             return np.array([codes.get(text, -1) for text in known]) if known is not None else self._all(-1)
         return self._all(np.nan) if known is None else np.asarray(known, dtype=float)
 
-    def own(self, what: Covariate | Factor | CovariatePair | None) -> Covariate | Factor | None:
+    def own(self, what: Covariate | Factor | functions.CovariatePair | None) -> Covariate | Factor | None:
         """The same as it was here; None where it did not vary, and for two together."""
         if isinstance(what, Factor):
             return Factor(what.name, what.levels, self.find(what))
-        if not isinstance(what, Covariate) or not varies(self.look.at(what)):
+        if not isinstance(what, Covariate) or not functions.varies(self.look.at(what)):
             return None
         return Covariate(((what.name, self.find(what)),))
 
@@ -327,7 +318,7 @@ class Test:
 
     family: str
     column: int
-    what: Covariate | Factor | CovariatePair | None
+    what: Covariate | Factor | functions.CovariatePair | None
     shape: str
     weights: Float[Array, " n"]
     form: WeightFunction = SAME_SHAPE                # behind `shape` and `weights`, to lay over another session

@@ -10,19 +10,12 @@ from msgspec import UNSET, UnsetType, structs
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover import finding as parts
 from truearc.sim.discover.decide import Search, Step, verdict_of
-from truearc.sim.discover.detect.battery import (
-    TERMS,
-    Asked,
-    Judged,
-    NumberChange,
-    can_compare,
-    compare_trackers,
-    name_of,
-)
+from truearc.sim.discover.detect import battery
+from truearc.sim.discover.detect.battery import Asked, Judged, NumberChange, can_compare, compare_trackers, name_of
 from truearc.sim.discover.detect.covariates import Covariate, carried_by, followed_column
 from truearc.sim.discover.detect.localization import Place, contrast_of, size_weights, times_of
 from truearc.sim.discover.finding import FindingRecord, FitSummary, FoundEffect, Named, TestResult, Unknown, Where
-from truearc.sim.discover.plan.next_steps import blind_terms, has_spin, measure_blind, measure_names, next_steps
+from truearc.sim.discover.next_steps import blind_terms, has_spin, measure_blind, measure_names, next_steps
 from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report.finding_text import say_improbable
 from truearc.sim.discover.select.simulations import end_errors, side_errors, times_off
@@ -84,7 +77,7 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: LauncherFit, 
     tracker, said, to_check = _tracker(fitted, search)
     if not steps:
         where = Where(None, None, None, None, {}, None, None, (), "nothing was found")
-        threshold = judged.threshold(TERMS, false_alarm)
+        threshold = judged.threshold(battery.TERMS, false_alarm)
         blind = blind_terms(fitted.scores, threshold, among) if np.isfinite(threshold) else []
         steps_to_see = measure_blind(blind, intake.samples is not None)
         sentence = (wording.say_none(terms, judged.p_any, data.shots, false_alarm, among)

@@ -8,24 +8,14 @@ from typing import Any
 
 from msgspec import UNSET, UnsetType
 
+from truearc.sim.discover import finding as findings
 from truearc.sim.discover.decide import form_of, gain_interval
 from truearc.sim.discover.detect.covariates import STEP, Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.localization import Place
-from truearc.sim.discover.finding import (
-    SIGN_DRAWS,
-    Adoption,
-    FindingRecord,
-    FitSummary,
-    FoundEffect,
-    Interval,
-    Named,
-    Unknown,
-    Where,
-)
-from truearc.sim.discover.plan.identifiability import sight_of
+from truearc.sim.discover.finding import FindingRecord, FitSummary, FoundEffect, Interval, Named, Unknown, Where
+from truearc.sim.discover.identifiability import sight_of
 from truearc.sim.infer.likelihood.score_table import ScoreTable
-from truearc.sim.physics.catalogue import Catalogue, as_catalogue
-from truearc.sim.physics.nonparametric import Nameless
+from truearc.sim.physics.catalogue import Catalogue, Nameless, as_catalogue
 from truearc.sim.physics.term import ANGLE, LENGTH, SHARE, Phrase, Term
 from truearc.sim.printed import left_out_lines
 
@@ -257,7 +247,7 @@ def say_adopted(finding: FindingRecord, provenance: Mapping[str, Any]) -> str:
     return f"adopted: {what or 'nothing named, the fitted coefficients alone'}{but}"
 
 
-def say_points(adoption: Adoption) -> str:
+def say_points(adoption: findings.Adoption) -> str:
     """What it is worth in points, aimed by it and let through by its gate."""
     passed = [f"{share:.0%} of the shots as made" + ("" if points is None else f" at {points:.2f} points each")
               for share, points in ((adoption.fired_before, adoption.scored_before),
@@ -474,7 +464,7 @@ def say_chance(p_value: float) -> str:
     """
     if p_value > RARE:
         return f"{100.0 * p_value:.0f} datasets in 100 would look this extreme"
-    least = "at most " if p_value * (1 + SIGN_DRAWS) < 1.5 else ""
+    least = "at most " if p_value * (1 + findings.SIGN_DRAWS) < 1.5 else ""
     return f"{least}1 dataset in {int(float(f'{1.0 / p_value:.2g}')):,} would look this extreme"
 
 

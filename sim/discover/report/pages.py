@@ -15,21 +15,13 @@ from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.discover.decide import Step, form_of, gain_interval
 from truearc.sim.discover.detect.covariates import IN_FLIGHT, CovariatePair
 from truearc.sim.discover.finding import FindingRecord
+from truearc.sim.discover.identifiability import TAKEN, Fittable, Sight, TermIdentifiability, sight_of
 from truearc.sim.discover.investigate import Investigation
-from truearc.sim.discover.plan.identifiability import TAKEN, Fittable, Sight, TermIdentifiability, sight_of
-from truearc.sim.discover.plan.next_steps import MOST_RANDOM, Block, Design
+from truearc.sim.discover.next_steps import MOST_RANDOM, Block, Design
 from truearc.sim.discover.report import finding_text as wording
+from truearc.sim.discover.report import pictures
 from truearc.sim.discover.report.finding_text import WORDING, in_words, plain, say_effect, size_of
-from truearc.sim.discover.report.pictures import (
-    View,
-    curve_png,
-    field_png,
-    flight_png,
-    halves,
-    residual_figure,
-    sight_png,
-    views_of,
-)
+from truearc.sim.discover.report.pictures import View, flight_png, halves, residual_figure, sight_png, views_of
 from truearc.sim.infer.likelihood.score_table import Array
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_terms
 from truearc.sim.printed import make_text
@@ -305,7 +297,7 @@ def _said(step: Step | None, among: Catalogue) -> str:
 def _free_curve(step: Step) -> str:
     """The unexplained effect itself; "" where it is the same in all shots."""
     place = step.place
-    png = None if place is None else curve_png(place)
+    png = None if place is None else pictures.curve_png(place)
     if place is None or png is None or place.test.what is None:
         return ""
     what = place.test.what
@@ -341,7 +333,7 @@ def _field(view: View, investigation: Investigation, what: str) -> str:
     across: tuple[str, Array] = ("distance [m]", distance_m) if np.ptp(distance_m) > 0.0 else ("launch speed [m/s]",
                                                                                               speed)
     elevation = ("launch elevation [°]", np.degrees(np.asarray(lanes.rolling.elevation_rad)))
-    png = field_png(view.residual, across, elevation, what)
+    png = pictures.field_png(view.residual, across, elevation, what)
     return picture(
         png, "residual over the field", f"The same {view.residual.name}, by where and how steeply the shot was made. "
         "Numbers: the mean of a cell; colour: how many standard errors that is, so that pale ones may be chance. Cells "

@@ -19,7 +19,7 @@ from truearc.sim.discover.decide import Step
 from truearc.sim.discover.detect.battery import Asked
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor, followed_column
 from truearc.sim.discover.detect.localization import Place, curve_of, joint_bands
-from truearc.sim.discover.plan.identifiability import Sight
+from truearc.sim.discover.identifiability import Sight
 from truearc.sim.discover.report.finding_text import plain, scale_of
 from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood import observations as outcomes

@@ -30,7 +30,7 @@ from truearc.sim.infer.fit import climb
 from truearc.sim.infer.launcher import Launcher, LauncherFit
 from truearc.sim.infer.likelihood.layout import Layout, with_curve
 from truearc.sim.infer.likelihood.score_table import Array, Column, PlaneScores, ScoreTable, fit_linear
-from truearc.sim.physics.nonparametric import find_nameless
+from truearc.sim.physics.catalogue import find_nameless
 from truearc.sim.statistics import invert
 
 KNOTS = 8

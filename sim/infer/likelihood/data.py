@@ -9,9 +9,16 @@ from jaxtyping import Bool, Float, Int
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Believe, Noise, Rig
-from truearc.sim.data.columns import SPIN_VECTOR
-from truearc.sim.data.conditions import ORDINARY, Circumstances, circumstances_of, counts_shots, gather_circumstances
-from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.data.dataset import (
+    ORDINARY,
+    Circumstances,
+    Dataset,
+    Shots,
+    circumstances_of,
+    counts_shots,
+    gather_circumstances,
+)
+from truearc.sim.data.table import SPIN_VECTOR
 from truearc.sim.infer.belief import Curves, along
 from truearc.sim.infer.likelihood.forward_model import DEVIATES, ShotBatch
 from truearc.sim.infer.likelihood.noise import (
@@ -26,17 +33,8 @@ from truearc.sim.infer.likelihood.noise import (
 )
 from truearc.sim.infer.likelihood.observations import OutcomeObservations, Samples, Scatter, samples_of, see_outcomes
 from truearc.sim.infer.likelihood.score_table import Array
-from truearc.sim.physics.simulate import (
-    by_wheels,
-    exit_no_slip,
-    has_wheels,
-    is_opposed,
-    launch_of,
-    launch_state,
-    own_balls,
-    require,
-    roll,
-)
+from truearc.sim.physics import simulate
+from truearc.sim.physics.simulate import has_wheels, is_opposed, launch_of, launch_state, own_balls, require, roll
 from truearc.sim.physics.term import Exit
 
 FEWEST_SHOTS = 10                     # by which a simulation is judged
@@ -192,7 +190,7 @@ def given_of(rig: Rig, shots: Shots, circumstances: Circumstances = ORDINARY) ->
     """
     speed_m_s = shots.number("exit_speed_m_s")
     by_camera, spin_seen = (~np.isnan(shots.number(name)) for name in ("exit_deg", "exit_spin_rev_s"))
-    exit, rolled, distance_m = launch_of(rig, shots), by_wheels(shots), require(shots, "distance_m")
+    exit, rolled, distance_m = launch_of(rig, shots), simulate.by_wheels(shots), require(shots, "distance_m")
     log_speed, spin_rev_s = _by_deviation(rig, exit, ~np.isnan(speed_m_s), spin_seen)
     return Given(exit, rolled, ~by_camera, ~spin_seen, distance_m, log_speed, spin_rev_s,
                  np.radians(np.where(by_camera, EXIT_DEG, rig.noise.hood_deg)),
@@ -385,7 +383,7 @@ def _wheel_spin(part: _Part) -> Float[Array, "n 3"]:
     """Spin [n, 3] by all wheels in rev/s about (ahead, left, up); nan where a wheel's speed is unknown."""
     surface = np.stack([part.shots.number(f"wheel_{wheel.name}_rad_s") * wheel.radius_m
                         for wheel in part.rig.launcher.wheel], axis=1)
-    spin_rev_s: Array = exit_no_slip(part.rig, surface)[1] / (2.0 * np.pi)
+    spin_rev_s: Array = simulate.exit_no_slip(part.rig, surface)[1] / (2.0 * np.pi)
     return spin_rev_s
 
 

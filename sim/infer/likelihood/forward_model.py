@@ -19,14 +19,12 @@ from jaxtyping import Bool, Float, Int
 
 from truearc.robot.config.rig_spec import Ball, Rig
 from truearc.sim.compute import each_core
-from truearc.sim.data.conditions import Circumstances
+from truearc.sim.data.dataset import Circumstances
 from truearc.sim.infer.belief import resized
 from truearc.sim.physics import catalogue as stages
-from truearc.sim.physics.catalogue import BUILT_IN, Catalogue, effective, find_terms
+from truearc.sim.physics.catalogue import BUILT_IN, CURVE, Catalogue, effective, find_terms
 from truearc.sim.physics.flight import AHEAD, SHARE, SLOWEST_M_S, Law, apart, make_law, together
-from truearc.sim.physics.nonparametric import CURVE
-from truearc.sim.physics.term import DIRECTIONS, BallState, Exit, InFlight, Opening
-from truearc.sim.physics.vector import Vec, add, axes
+from truearc.sim.physics.term import DIRECTIONS, BallState, Exit, InFlight, Opening, Vec, add, axes
 
 # How one shot differs from its configuration. The last three are of flights whose launch is unknown.
 DEVIATES = ("log_speed", "elevation_rad", "azimuth_rad", "spin_share", "distance_m", "lead_s",

@@ -22,8 +22,16 @@ from truearc.sim.infer.likelihood import noise
 from truearc.sim.infer.likelihood.data import Intake
 from truearc.sim.infer.likelihood.forward_model import Chain, Prediction
 from truearc.sim.infer.likelihood.score_table import Array, Column
-from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_parameter, find_terms, flight_terms
-from truearc.sim.physics.nonparametric import CURVE, NAMELESS, find_nameless
+from truearc.sim.physics.catalogue import (
+    CURVE,
+    NAMELESS,
+    Catalogue,
+    as_catalogue,
+    find_nameless,
+    find_parameter,
+    find_terms,
+    flight_terms,
+)
 from truearc.sim.physics.term import DIRECTIONS, LEFT, LOG, STAGES, Parameter, Term, WatchTerm, complete
 
 

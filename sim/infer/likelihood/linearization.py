@@ -20,13 +20,7 @@ from truearc.sim.infer.likelihood.forward_model import DEVIATES, Prediction, see
 from truearc.sim.infer.likelihood.layout import Layout, Point
 from truearc.sim.infer.likelihood.noise import FLOOR_M, UNMEASURED_M
 from truearc.sim.infer.likelihood.observations import log_volume, timed_noise, whiten
-from truearc.sim.infer.likelihood.score_table import (
-    Array,
-    GroupedColumns,
-    PlaneScores,
-    ScoreTable,
-    make_evidence,
-)
+from truearc.sim.infer.likelihood.score_table import Array, GroupedColumns, PlaneScores, ScoreTable, make_evidence
 
 LEAD = DEVIATES.index("lead_s")
 

@@ -18,7 +18,7 @@ from tests.sim.same_dataset import assert_same
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import load_dataset
-from truearc.sim.data.importers.imported import doubts_of
+from truearc.sim.data.import_shots import doubts_of
 from truearc.sim.physics.simulate import launch_of
 from truearc.sim.physics.term import Exit
 from truearc_proof.importers.set_points import (

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from tests.sim.physics.rigs import GUPPY
-from truearc.sim.data.conditions import Circumstances, circumstances_of, gather_circumstances
-from truearc.sim.data.dataset import Dataset, Shots, Traces
+from truearc.sim.data.dataset import Circumstances, Dataset, Shots, Traces, circumstances_of, gather_circumstances
 
 NAN = np.nan
 

@@ -13,8 +13,8 @@ from tests.sim.data.files import FACTS, write
 from truearc.errors import InputError
 from truearc.robot.config.shot_map import SCHEMA, Detection, OutcomeKeys, ShotMap, Signal
 from truearc.sim.data.files import load_dataset
-from truearc.sim.data.importers.any_team import import_shots
-from truearc.sim.data.importers.series import read_csv_log
+from truearc.sim.data.import_shots import import_shots
+from truearc.sim.data.log import read_csv_log
 from truearc_frc.wpilog import WpilogWriter, make_payload, read_wpilog
 
 pytest.importorskip("wpiutil")

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from truearc.sim.data.importers.find_shots import find_dips, find_shots
-from truearc.sim.data.importers.series import Series
+from truearc.sim.data.log import Series, find_dips, find_shots
 
 LEAST = 0.01
 

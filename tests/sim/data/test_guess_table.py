@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 import truearc as ta
 from truearc.cli.main import main
 from truearc.robot.config.shot_map import MARKS, NOT_MARKED, as_signal, unit_in
-from truearc.sim.data.columns import SAID_OF_SHOTS
-from truearc.sim.data.importers.any_team import guess
+from truearc.sim.data.import_shots import guess
+from truearc.sim.data.table import SAID_OF_SHOTS
 
 RIG = """
 [ball]

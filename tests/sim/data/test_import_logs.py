@@ -19,9 +19,9 @@ from tests.sim.data.stranger_log import write_stranger_log
 from truearc.cli.main import main
 from truearc.robot.config.shot_map import as_signal, load_map
 from truearc.robot.recording.session import load_trials
-from truearc.sim.data.importers.any_team import guess
-from truearc.sim.data.importers.guess_map import _meaning
-from truearc.sim.data.importers.series import Series, read_csv_log
+from truearc.sim.data.guess_map import _meaning
+from truearc.sim.data.import_shots import guess
+from truearc.sim.data.log import Series, read_csv_log
 from truearc_frc.advice import Scaled
 from truearc_frc.wpilog import WpilogWriter, make_payload, read_wpilog
 

@@ -12,8 +12,7 @@ import numpy as np
 
 from tests.sim.discover.made import column
 from truearc.robot.config.rig_spec import Ball, Rig, Target
-from truearc.sim.data.conditions import Circumstances
-from truearc.sim.data.dataset import Shots
+from truearc.sim.data.dataset import Circumstances, Shots
 from truearc.sim.infer.fit import Fit, climb
 from truearc.sim.infer.launcher import Launcher, LauncherFit
 from truearc.sim.infer.likelihood.data import Intake

@@ -10,8 +10,7 @@ from msgspec import structs
 import truearc as ta
 from tests.sim.discover.odd_rigs import make_drops
 from tests.sim.few_terms import few_terms
-from truearc.sim.data.conditions import circumstances_of
-from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.data.dataset import Dataset, Shots, circumstances_of
 from truearc.sim.discover import investigate as adopt
 from truearc.sim.discover.detect.localization import Correction
 from truearc.sim.discover.finding import Adoption

@@ -7,7 +7,7 @@ import pytest
 
 from truearc.sim.discover.finding import FindingRecord
 from truearc.sim.discover.investigate import ball_effects, discover, judge_adoption, make_belief
-from truearc.sim.discover.plan.next_steps import moved_by, parting_shot
+from truearc.sim.discover.next_steps import moved_by, parting_shot
 from truearc.sim.infer.belief import Belief
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import World, make_world

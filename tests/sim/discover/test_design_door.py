@@ -17,7 +17,7 @@ from truearc.api.discovery import ShotDesign
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import save_dataset
 from truearc.sim.discover.decide import Search, Step, decide
-from truearc.sim.discover.plan.next_steps import Block, Design, make_design
+from truearc.sim.discover.next_steps import Block, Design, make_design
 from truearc.sim.discover.report.pages import design_lines, design_table
 from truearc.sim.physics.catalogue import as_catalogue
 

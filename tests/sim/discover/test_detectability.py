@@ -15,7 +15,7 @@ from tests.sim.discover.worlds import FACTS, World, plane_heights
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig, Target
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.discover.plan.identifiability import (
+from truearc.sim.discover.identifiability import (
     TAKEN,
     Sight,
     TermIdentifiability,

@@ -11,7 +11,7 @@ from tests.sim.discover.worlds import FACTS
 from truearc.sim.compute import keep_compiled
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import save_dataset, save_rig
-from truearc.sim.discover.plan.identifiability import rehearse
+from truearc.sim.discover.identifiability import rehearse
 
 BELIEVED = ("gravity", "drag", "magnus")
 

@@ -12,8 +12,7 @@ from tests.sim.discover.worlds import FACTS
 from tests.sim.few_terms import few_terms
 from truearc import sim
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.data.conditions import ORDINARY
-from truearc.sim.data.dataset import Dataset, Shots, Tracks
+from truearc.sim.data.dataset import ORDINARY, Dataset, Shots, Tracks
 from truearc.sim.data.files import load_dataset, save_dataset, save_rig
 from truearc.sim.discover.investigate import discover
 from truearc.sim.physics.catalogue import TERMS, Catalogue, effective, flight_terms, terms_of_file

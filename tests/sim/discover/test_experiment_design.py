@@ -11,7 +11,7 @@ from tests.sim.discover.made import at_least_squares
 from tests.sim.discover.straight import ASKED, NAMES, SHARED, fit_straight, slopes_and_y
 from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.decide import Search, Step, decide
-from truearc.sim.discover.plan.next_steps import (
+from truearc.sim.discover.next_steps import (
     PACES,
     SURE,
     Contest,

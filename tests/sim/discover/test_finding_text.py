@@ -34,8 +34,7 @@ from truearc.sim.discover.report.finding_text import (
 )
 from truearc.sim.infer.likelihood.score_table import Column
 from truearc.sim.physics.catalogue import TERMS, find_terms
-from truearc.sim.physics.term import BallState, Exit, Opening, complete
-from truearc.sim.physics.vector import Vec
+from truearc.sim.physics.term import BallState, Exit, Opening, Vec, complete
 
 WHERE = Where("launch", None, None, None, {}, None, None, (), None)
 NO_FIT = FitSummary(100, -0.9, None, None, None, None, None, None, None)

@@ -15,8 +15,8 @@ from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.discover.detect.covariates import Covariate
 from truearc.sim.discover.detect.localization import curve_of
 from truearc.sim.discover.finding import FoundEffect, Interval, Named
+from truearc.sim.discover.identifiability import foresee
 from truearc.sim.discover.investigate import Investigation, discover
-from truearc.sim.discover.plan.identifiability import foresee
 from truearc.sim.discover.report.pages import (
     make_pictures,
     make_report,

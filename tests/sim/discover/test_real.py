@@ -13,7 +13,7 @@ from tests.sim.few_terms import few_terms
 from tests.sim.thin import thinned
 from truearc.api.discovery import _check_since
 from truearc.errors import InputError
-from truearc.sim.data.importers.imported import doubts_of, only
+from truearc.sim.data.import_shots import doubts_of, only
 from truearc.sim.discover.detect.battery import compare_trackers
 from truearc.sim.discover.detect.localization import locate
 from truearc.sim.discover.investigate import detect, discover, make_belief, make_search

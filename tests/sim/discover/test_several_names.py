@@ -9,8 +9,7 @@ import pytest
 
 import truearc as ta
 from truearc.errors import InputError
-from truearc.sim.data.conditions import circumstances_of
-from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.dataset import Dataset, circumstances_of
 from truearc.sim.discover.investigate import Investigation, discover, make_belief, with_own_priors
 from truearc.sim.discover.report.finding_text import say_adopted
 from truearc.sim.discover.select.simulations import LEAST_SHARE, mixed, shares

@@ -18,7 +18,7 @@ from truearc.sim.discover.detect.battery import (
     rivals_of,
 )
 from truearc.sim.discover.investigate import make_search
-from truearc.sim.discover.plan.next_steps import next_steps
+from truearc.sim.discover.next_steps import next_steps
 from truearc.sim.discover.report import build_finding
 from truearc.sim.discover.select.terms import Naming
 from truearc.sim.infer.belief import Belief

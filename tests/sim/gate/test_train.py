@@ -12,7 +12,7 @@ from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.gate import train
 from truearc.sim.gate.model import MODEL_FILE, PhysicsGate, load_physics_gate, physics_of, save_physics_gate
-from truearc.sim.gate.surrogate import compare, inside, make_surrogate
+from truearc.sim.gate.train import compare, inside, make_surrogate
 from truearc.sim.paper.network import domain_of
 from truearc.sim.statistics import figures_of
 

@@ -8,8 +8,7 @@ import pytest
 
 from tests.sim.physics.rigs import GUPPY
 from truearc.errors import InputError
-from truearc.sim.data.conditions import ORDINARY
-from truearc.sim.data.dataset import Shots
+from truearc.sim.data.dataset import ORDINARY, Shots
 from truearc.sim.discover.detect.covariates import smooth_shapes, spline_knots
 from truearc.sim.infer.belief import (
     Belief,

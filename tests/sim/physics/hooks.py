@@ -11,8 +11,7 @@ from tests.sim.physics.rigs import GUPPY
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.physics import term as kinds
 from truearc.sim.physics.catalogue import find_terms
-from truearc.sim.physics.term import BallState, Exit, Opening
-from truearc.sim.physics.vector import Vec
+from truearc.sim.physics.term import BallState, Exit, Opening, Vec
 
 EXITS = Exit(np.array([0.5, 4.0, 9.0, 21.0]), np.array([0.1, 0.5, 0.9, 1.3]), np.array([-3.0, 0.0, 4.0, 11.0]),
              np.array([0.0, 0.1, -0.2, 0.3]))

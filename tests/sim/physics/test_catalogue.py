@@ -18,8 +18,7 @@ from truearc import sim
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Shots
 from truearc.sim.physics import catalogue as cat
-from truearc.sim.physics.catalogue import TERMS
-from truearc.sim.physics.nonparametric import NAMELESS
+from truearc.sim.physics.catalogue import NAMELESS, TERMS
 from truearc.sim.physics.simulate import predict
 from truearc.sim.physics.term import (
     STAGES,

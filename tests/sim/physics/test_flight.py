@@ -15,8 +15,7 @@ from truearc.sim.data.dataset import Shots
 from truearc.sim.physics.catalogue import flight_terms
 from truearc.sim.physics.flight import fly, make_law, path, reach_plane, rk4
 from truearc.sim.physics.simulate import predict
-from truearc.sim.physics.term import BallState, Exit
-from truearc.sim.physics.vector import Vec
+from truearc.sim.physics.term import BallState, Exit, Vec
 
 SEED = flight_terms(("gravity", "drag", "magnus"))
 LIFT = flight_terms(("magnus",))

@@ -8,8 +8,7 @@ from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY, with_wheels
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target
-from truearc.sim.data.conditions import Circumstances
-from truearc.sim.data.dataset import Shots
+from truearc.sim.data.dataset import Circumstances, Shots
 from truearc.sim.physics.catalogue import flight_terms
 from truearc.sim.physics.flight import fly
 from truearc.sim.physics.simulate import (

@@ -7,7 +7,7 @@ import pytest
 
 from tests.sim.physics.rigs import GUPPY
 from tests.sim.physics.tracker import watch
-from truearc.sim.data.conditions import Circumstances
+from truearc.sim.data.dataset import Circumstances
 from truearc.sim.physics.catalogue import TERMS, effective, find_terms, flight_terms
 from truearc.sim.physics.flight import make_law, path, reach_plane, rk4, start_of
 from truearc.sim.physics.simulate import leave, opening_of, sense

@@ -8,8 +8,7 @@ from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.sim.world.emulated_robot import Driver
 from truearc.sim.world.options import Options
-from truearc.sim.world.season import TICK_NS, Bench
-from truearc.sim.world.world import World
+from truearc.sim.world.world import TICK_NS, Bench, World
 
 TEXT = SHIPPED.read_text(encoding="utf-8")
 SECOND = '[[axes.flywheels]]\ndriver = "odrive"\nnode = 2'

@@ -11,7 +11,7 @@ from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import load_dataset, save_dataset
 from truearc.sim.world.field import CENTRE_HEIGHT_M
 from truearc.sim.world.options import Options
-from truearc.sim.world.season import ShotSetting
+from truearc.sim.world.world import ShotSetting
 from truearc_proof.world.season import ASIDE, Sensors, plan_season, play_season, reach_m, reach_table
 
 RIG = load_config(Path(robot.__file__).parent / "launcher.toml").rig

@@ -8,8 +8,7 @@ import pytest
 from tests.sim.world.calm import CALM, calm, fire
 from truearc.hw.emulated.nodes import Plant
 from truearc.sim.world.options import Options
-from truearc.sim.world.season import TICK_NS, Bench
-from truearc.sim.world.world import World
+from truearc.sim.world.world import TICK_NS, Bench, World
 
 
 def test_it_is_a_plant() -> None:

@@ -9,8 +9,7 @@ import pytest
 from tests.sim.world.calm import CALM, calm, fire
 from truearc.errors import InputError
 from truearc.sim.world.options import Options, load_options
-from truearc.sim.world.season import TICK_NS
-from truearc.sim.world.world import World
+from truearc.sim.world.world import TICK_NS, World
 
 
 def test_what_the_file_says_is_read_and_the_rest_is_default(tmp_path: Path) -> None:

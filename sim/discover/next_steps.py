@@ -15,14 +15,14 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.special import softmax
 
-from truearc.sim.check.flaw import RPM
-from truearc.sim.data.columns import SPIN_VECTOR
+from truearc.sim.check.tracks import RPM
 from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.table import SPIN_VECTOR
 from truearc.sim.discover.decide import Step
 from truearc.sim.discover.detect.battery import name_of
 from truearc.sim.discover.detect.covariates import IN_FLIGHT
 from truearc.sim.discover.finding import CONFIGURATIONS, PLANNED_SHOTS
-from truearc.sim.discover.plan.identifiability import sight_of
+from truearc.sim.discover.identifiability import sight_of
 from truearc.sim.discover.select.terms import efficient, nats_for
 from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable

@@ -21,8 +21,7 @@ from scipy.special import ndtr, ndtri
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.data.conditions import ORDINARY
-from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
+from truearc.sim.data.dataset import ORDINARY, Dataset, Shots, Traces, Tracks
 from truearc.sim.discover.detect.battery import ALLOWANCE, LEAST_SHARE, TERMS
 from truearc.sim.discover.finding import FALSE_ALARM, LEVELS, SEASON_SHOTS
 from truearc.sim.discover.select.terms import BUSY

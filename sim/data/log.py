@@ -1,13 +1,183 @@
-"""Shots in a log: the dips of a wheel's speed as balls pass, checked against the feeder where its signal is there."""
+"""A robot's log in memory, the formats that it is read from, and the shots in it by the dips of a wheel's speed."""
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 
 import numpy as np
 
-from truearc.sim.data.dataset import Floats
-from truearc.sim.data.importers.series import Series
+from truearc.errors import InputError, PluginError, load_plugin, place_of
+from truearc.sim.data.dataset import Dataset, Floats
+from truearc.sim.data.table import Cell, RawTable, gathered, load_table, parse_number
+
+BACK_US = 1_000_000                   # a signal's values of several writers may be out of order by less
+TRUE, FALSE = "true", "false"
+TIME, KEY, VALUE = "Timestamp", "Key", "Value"          # header of AdvantageScope's CSV list
+
+
+@dataclass(frozen=True)
+class Series:
+    """One signal: times [n] in s, not falling; values [n], numbers or texts; the unit that the log states, or "".
+
+    A boolean is 1 or 0. `each_row`: a value stands at every time of the log, whether it is new or not.
+    """
+
+    name: str
+    t_s: Floats
+    values: Floats | tuple[str, ...]
+    unit: str = ""
+    each_row: bool = False
+
+    @property
+    def numeric(self) -> bool:
+        return isinstance(self.values, np.ndarray)
+
+    def before(self, t_s: float) -> float | str | None:
+        """The newest value at that time or before; None where there is none yet."""
+        place = int(np.searchsorted(self.t_s, t_s, side="right")) - 1
+        return None if place < 0 or self.values[place] == "" else self.values[place]
+
+    def changes(self) -> "Series":
+        """Without samples that repeat the one before."""
+        if len(self.t_s) < 2:
+            return self
+        values = self.values if isinstance(self.values, np.ndarray) else np.array(self.values, dtype=object)
+        new = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]]))
+        kept = self.values[new] if isinstance(self.values, np.ndarray) else tuple(values[new])
+        return Series(self.name, self.t_s[new], kept, self.unit)
+
+
+Signals = Mapping[str, Series]
+
+
+class Log(dict[str, Series]):
+    """The signals of a log by their names; `damage`: a line for each kind of damage to its file."""
+
+    def __init__(self, signals: Signals, damage: tuple[str, ...] = ()) -> None:
+        super().__init__(signals)
+        self.damage = damage
+
+
+def read_csv_log(path: Path, time: str | None, second: float) -> Log:
+    """Signals of a CSV file: AdvantageScope's list (Timestamp, Key, Value), or a table with a column a signal.
+
+    time: the column of time; None: `Timestamp`. second: how many of its units are one.
+
+    Raises:
+        InputError: a cell of the time is not a number, or the column is missing.
+    """
+    with gathered() as problems:
+        table = load_table(path, problems)
+    column = TIME if time is None else time
+    if column not in table.columns:
+        raise InputError(f"{table.place(-1)}: there is no column {column!r} of time ({', '.join(table.columns)})")
+    t_s = np.array([_time(table, row, cell) for row, cell in enumerate(table.columns[column])]) / second
+    if {KEY, VALUE} <= set(table.columns):
+        return _of_list(table, t_s)
+    return Log({name: series for name, cells in table.columns.items()
+                if name != column and (series := _of_cells(name, t_s, cells, each_row=True)) is not None},
+               _backwards([t_s]))
+
+
+def _time(table: RawTable, row: int, cell: Cell) -> float:
+    number = parse_number(cell)
+    if number is None or not np.isfinite(number):
+        raise InputError(f"{table.place(row)}: {cell!r} is not a time")
+    return number
+
+
+def _of_list(table: RawTable, t_s: Floats) -> Log:
+    rows: dict[str, list[int]] = {}
+    for row, key in enumerate(table.columns[KEY]):
+        rows.setdefault(str(key or ""), []).append(row)
+    cells = table.columns[VALUE]
+    found = {key: _of_cells(key, t_s[mine], [cells[row] for row in mine]) for key, mine in rows.items()}
+    return Log({key: series for key, series in found.items() if series is not None},
+               _backwards([t_s[mine] for mine in rows.values()]))
+
+
+def _backwards(times: list[Floats]) -> tuple[str, ...]:
+    """A line on how often time goes back in series of rows, as where a part of the file stands in another's place."""
+    count = sum(np.count_nonzero(np.diff(t_s) < -BACK_US * 1e-6) for t_s in times)
+    return (f"damaged: time goes back in {count} rows; shots may be missing",) if count else ()
+
+
+def _of_cells(name: str, t_s: Floats, cells: list[Cell], each_row: bool = False) -> Series | None:
+    """Numbers where every cell that is filled is one, or a boolean."""
+    filled = [row for row, cell in enumerate(cells) if cell is not None and str(cell).strip() not in ("", "null")]
+    if not filled:
+        return None
+    order = sorted(filled, key=lambda row: t_s[row])
+    numbers = [_number(cells[row]) for row in order]
+    if any(number is None for number in numbers):
+        order = sorted(range(len(cells)), key=lambda row: t_s[row]) if each_row else order     # "" is a word, too
+        return Series(name, t_s[order], tuple(str(cells[row] or "").strip() for row in order), "", each_row)
+    return Series(name, t_s[order], np.array(numbers, dtype=float), "", each_row)
+
+
+def _number(cell: Cell) -> float | None:
+    word = str(cell).strip().lower()
+    return 1.0 if word == TRUE else 0.0 if word == FALSE else parse_number(cell)
+
+
+GROUP = "truearc.importers"
+KINDS = {".csv": (".csv", ".parquet")} # of a name in `ways`: what a file may end in, where it is not just that
+
+
+@dataclass(frozen=True)
+class Importer:
+    name: str
+    ways: tuple[str, ...]             # files in order; `...`: the one before it, any number of times; `/`: a folder
+    load: Callable[..., Dataset] | None             # None: of any team's files, under a map of their keys
+    # one of any team's logs, given what is called with the share of it that is read; None: they are CSV
+    read: Callable[[Path, Callable[[float], None]], Log] | None = None
+
+    def takes(self, files: Sequence[str]) -> bool:
+        """Whether these are the files of one of its ways, by number and kind."""
+        return any(_fits(way.split(), files) for way in self.ways)
+
+
+def _fits(names: list[str], files: Sequence[str]) -> bool:
+    if names[-1] == "...":
+        names = names[:-1] + names[-2:-1] * (len(files) - len(names) + 1)
+    return len(names) == len(files) and all(map(_is_kind, names, files))
+
+
+def _is_kind(name: str, file: str) -> bool:
+    if name.endswith("/"):
+        return Path(file).is_dir()
+    suffix = Path(name).suffix
+    return Path(file).suffix.lower() in KINDS.get(suffix, (suffix,))
+
+
+CSV = Importer("csv", ("FILE.csv ...", "FILE.txt ..."), None)
+
+
+@cache
+def load_importers() -> tuple[Importer, ...]:
+    """Return every installed importer, sorted by name.
+
+    An entry point of the group `truearc.importers` names an `Importer`.
+
+    Raises:
+        InputError: an entry point cannot be loaded, or is not an `Importer`; the message names its distribution.
+    """
+    installed = [_load(point) for point in entry_points(group=GROUP)]
+    return tuple(sorted((CSV, *installed), key=lambda importer: importer.name))
+
+
+def _load(point: EntryPoint) -> Importer:
+    try:
+        importer = load_plugin(point)
+    except PluginError as error:
+        raise InputError(str(error)) from error
+    if not isinstance(importer, Importer):
+        raise InputError(f"{place_of(point)} is not an Importer")
+    return importer
+
 
 FALL_S = 0.15                         # a ball slows the wheels within this
 RECOVER_S = 1.0                       # and they are faster again within this, where no set point says that they fell

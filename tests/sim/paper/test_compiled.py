@@ -13,11 +13,10 @@ import pytest
 
 import truearc.sim.paper
 from tests.sim.physics.rigs import GUPPY
+from truearc.sim.paper.grid_labels import UntraceableLaw, facts_values, load_kernel, make_source
 from truearc.sim.physics.catalogue import flight_terms
-from truearc.sim.physics.compiled import UntraceableLaw, facts_values, load_kernel, make_source
 from truearc.sim.physics.flight import make_law
-from truearc.sim.physics.term import BallState, FlightTerm, Parameter
-from truearc.sim.physics.vector import Vec, length, scale
+from truearc.sim.physics.term import BallState, FlightTerm, Parameter, Vec, length, scale
 
 TEMPLATE = Path(truearc.sim.paper.__file__).parent / "grid_kernel.py"
 TERMS = flight_terms(("gravity", "drag", "magnus"))

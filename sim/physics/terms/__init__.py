@@ -1,1 +1,0 @@
-"""Physics terms: a page of effects for each stage."""
