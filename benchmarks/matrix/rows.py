@@ -394,7 +394,7 @@ KEY_ROWS = (
 GONE_S, WRONG_S, REST_S = 0.12, 0.08, 0.25   # readings stop; freeze under torque or jump; are wrong since rest
 NEVER_S = 0.01                        # not driven at all
 TRAVEL_DEG = 5.0
-HOMING_S = 0.4                        # until encoder and screw are 1.5 degrees apart, from rest
+HOMING_S = 0.5                        # until encoder and screw are 1.5 degrees apart, from rest
 WHEELS = ("flywheel_a", "flywheel_b")
 
 # What the page may say of each kind of fault, as codes of truearc.robot.reasons: one of these; none, any fault; None,
