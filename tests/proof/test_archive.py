@@ -59,18 +59,8 @@ def test_packing_twice_gives_the_same_file(unpacked: Room, packed: Path, tmp_pat
     assert (tmp_path / "twice.tar.xz").read_bytes() == packed.read_bytes()
 
 
-def change_claims(room: Room) -> str:
-    path = room.claims("w0001")
-    path.write_bytes(path.read_bytes().replace(b"verdict", b"Verdict", 1))
-    return "w0001.json: is not what was claimed"
-
-
-def change_marks(room: Room) -> str:
-    make_mark_kinder(room, 0)
-    return "w0001 is not marked as the ledger has it"
-
-
 def change_seal(room: Room) -> str:
+    """And with it whatever the ledger's hashes tell: test_round.py has each of them."""
     path = room.seal("w0002")
     path.write_bytes(path.read_bytes().replace(b'"salt": "', b'"salt": "0', 1))
     return "w0002.json: is not what was sealed"
@@ -104,7 +94,7 @@ def choose_data(room: Room) -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("cheat", [change_claims, change_marks, forge_marks, change_seal, leave_out, choose_data])
+@pytest.mark.parametrize("cheat", [forge_marks, change_seal, leave_out, choose_data])
 def test_whatever_was_changed_or_left_out_is_named(unpacked: Room, cheat: Callable[[Room], str]) -> None:
     expected = cheat(unpacked)
     assert any(expected in line for line in check_round(unpacked, 3, quiet).wrong)      # all that there are
@@ -179,9 +169,9 @@ WHERE: dict[str, Any] = CLAIMS["finding"]["where"]
     {"verdict": "named"}, {"mismatch": {"found": False, "p_value": 0.01}},
     {"mismatch": {"found": True, "p_value": 0.02}}, {"set": ["drag"]}, {"what": CLAIMS["finding"]["what"][:1]},
     {"also": []}, {"fit": {"gain_per_shot": 0.2}}, {"unknown": {"covariate": "t_s", "direction": "along"}},
-    {"where": WHERE | {"stage": "launch"}}, {"where": WHERE | {"stage_probability": {"flight": 0.3, "launch": 0.7}}},
-    {"where": WHERE | {"covariate": "ball_id"}}, {"where": WHERE | {"direction": "vertical"}},
-    {"where": WHERE | {"inseparable": []}}], ids=str)
+    *({"where": WHERE | one} for one in ({"stage": "launch"}, {"stage_probability": {"flight": 0.3, "launch": 0.7}},
+                                         {"covariate": "ball_id"}, {"direction": "vertical"}, {"inseparable": []}))],
+    ids=str)
 def test_whatever_marks_are_made_of_cannot_be_forged_unseen(tmp_path: Path, forged: dict[str, Any]) -> None:
     rooms = [Room(tmp_path / name) for name in ("was", "now", "same")]
     for room, change in zip(rooms, (forged, {}, {}), strict=True):

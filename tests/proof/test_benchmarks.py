@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from benchmarks.faults import FAULTS
-from benchmarks.launcher_world import make_table
 from truearc.sim.data.dataset import Tracks
 from truearc.sim.physics.catalogue import TERMS
 from truearc.sim.physics.term import STAGES
@@ -44,22 +43,6 @@ def test_lost_frames_leave_a_jump_that_no_stamp_shows() -> None:
     assert steps[9] == pytest.approx(3.0 * SPEED)
 
 
-def test_turning_moves_nothing_up_and_keeps_lengths() -> None:
-    before = thrown()
-    for fault in ("turned 5 deg", "tilted 4 deg"):
-        after = FAULTS[fault](before)
-        np.testing.assert_allclose(after.x_m**2 + after.y_m**2 + after.z_m**2,
-                                   before.x_m**2 + before.y_m**2 + before.z_m**2)
-    np.testing.assert_array_equal(FAULTS["turned 5 deg"](before).z_m, before.z_m)
-    assert (FAULTS["tilted 4 deg"](before).z_m[before.x_m > 0.0] > before.z_m[before.x_m > 0.0]).all()
-
-
-def test_a_camera_that_looks_up_sees_high_balls_small() -> None:
-    before, after = thrown(), FAULTS["2 % smaller per m"](thrown())
-    np.testing.assert_allclose(after.z_m, before.z_m * (1.0 - 0.02 * before.z_m))
-    np.testing.assert_allclose(after.y_m * before.z_m, before.y_m * after.z_m)
-
-
 # --- launcher
 
 @pytest.mark.parametrize("change", CHANGES, ids=lambda change: change.name)
@@ -73,12 +56,3 @@ def test_a_change_is_one_of_the_world_and_its_names_are_of_the_catalogue(change:
 
 def test_what_only_tracks_show_is_not_asked_of_outcomes() -> None:
     assert {change.name for change in seen_at("L2")} - {change.name for change in seen_at("L1")} == {"cross_wind"}
-
-
-def test_the_world_as_it_is_is_held_against_its_own_scatter() -> None:
-    sizes = [{"before_m": 0.4, "after_m": 0.14, "scatter_m": 0.1}, {"before_m": 0.4, "after_m": 0.2, "scatter_m": 0.1}]
-    what = [{"term": "wheel_slip", "parameters": {"size": {"value": 0.5, "unit": "m"}}}]
-    table = make_table([{"level": "L1", "seed": 7, "p_value": 0.001, "set": ["wheel_slip"], "verdict": "named",
-                         "where": {"stage": "launch"}, "what": what, "also": [], **one} for one in sizes])
-    assert "wheel_slip 0.5 m" in table and "| 1.40 |" in table and "| 2.00 |" in table
-    assert table.endswith("Adopted within 1.5 x the own scatter: 1 of 2; placed at the launch: 2 of 2.")

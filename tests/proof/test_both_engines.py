@@ -9,6 +9,8 @@ import msgspec
 import pytest
 
 from tests.proof.playing import ask, prove, prove_apart
+from truearc.errors import InputError
+from truearc_proof.parallel import fan_out
 from truearc_proof.rounds import Room, read_ledger
 from truearc_proof.rounds.grader import graded_of
 from truearc_proof.rounds.worlds import MUJOCO, NUMPY
@@ -68,18 +70,19 @@ def test_a_stranger_makes_data_claims_and_marks_again(played: Room, tmp_path: Pa
 ONE_WORLD = ["--worlds", "1", "--level", "L0", "--shots", "40", "--engines", "numpy", "--seed", "3"]
 # In a process of its own: in one that holds a whole test session, distributed's own thread may starve.
 CLUSTER = """
+import sys
 from distributed import LocalCluster
-with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+with LocalCluster(n_workers=int(sys.argv[1]), threads_per_worker=1, dashboard_address=None) as cluster:
     print(cluster.scheduler_address, flush=True)
     input()
 """
 
 
 @pytest.fixture
-def address() -> Iterator[str]:
+def address(request: pytest.FixtureRequest) -> Iterator[str]:
     pytest.importorskip("distributed")
-    cluster = subprocess.Popen([sys.executable, "-c", CLUSTER], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                               text=True)
+    cluster = subprocess.Popen([sys.executable, "-c", CLUSTER, str(getattr(request, "param", 1))], text=True,
+                               stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     assert cluster.stdout is not None
     try:
         yield cluster.stdout.readline().strip()
@@ -98,6 +101,12 @@ def test_a_round_is_played_to_its_end_by_a_worker_that_is_refused_the_seals(addr
     assert [one.what for one in read_ledger(room.ledger)] == [
         "sealed", "claimed", "asked", "answered", "claimed again", "opened", "graded"]
     assert len(room.grades.read_bytes().splitlines()) == 1
+
+
+@pytest.mark.parametrize("address", [0], indirect=True)
+def test_a_cluster_without_workers_is_told(address: str) -> None:
+    with pytest.raises(InputError, match="no workers"):
+        fan_out(abs, [1, 2], scheduler=address, patience_s=2.0)
 
 
 def test_a_cluster_is_refused_where_none_is_used(tmp_path: Path) -> None:

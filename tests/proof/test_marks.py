@@ -57,20 +57,6 @@ def test_two_effects_are_both_right_only_together() -> None:
     assert mark(two, finding(("wind_x", 0.95), also=("rim_catch",)), Measured()).both is False
 
 
-def test_what_no_catalogue_has_can_be_named_only_wrongly() -> None:
-    off = Drawn("w3", "numpy", "off", "L1", 300, 1, {"hood_flex": 2.0})
-    told = mark(off, finding(verdict="unknown", stage="launch"), Measured())
-    assert (told.stage, told.first, told.covered, told.names) == (True, None, None, ())
-
-
-def test_a_changed_robot_may_be_told_by_several_names() -> None:
-    soft = Drawn("w4", "mujoco", "one", "L1", 300, 1, {"ball_stiffness_scale": 0.6}, (), "soft_ball")
-    told = mark(soft, finding(("exit_efficiency", 0.95), stage="launch"), Measured())
-    assert (told.first, told.stage, told.hidden, told.holds) == (True, True, ("soft_ball",), None)
-    still = Drawn("w5", "mujoco", "clean", "L1", 300, 1, change="nothing")
-    assert mark(still, finding(("wind_x", 0.9)), Measured()).hidden == ()
-
-
 def robot(kind: str, change: str, level: str = "L1", dirt: tuple[str, ...] = (), **options: float) -> Drawn:
     return Drawn("w8", "mujoco", kind, level, 300, 1, options, dirt, change)
 
@@ -127,6 +113,9 @@ def test_what_no_catalogue_has_of_a_robot_can_be_named_only_wrongly() -> None:
 def test_a_dirty_robot_is_a_null_and_has_a_row_of_its_own() -> None:
     dirty = mark(robot("dirty", "nothing", dirt=("scatter",)), finding(("wind_x", 0.9)), Measured())
     assert (dirty.hidden, dirty.found, dirty.first, dirty.right) == ((), True, None, ())
+    off = mark(Drawn("w3", "numpy", "off", "L1", 300, 1, {"hood_flex": 2.0}),
+               finding(verdict="unknown", stage="launch"), Measured())
+    assert (off.stage, off.first, off.covered, off.names) == (True, None, None, ())
     clean = mark(robot("clean", "nothing"), finding(found=False, verdict="none"), Measured())
     numpys = mark(Drawn("w6", "numpy", "dirty", "L1", 300, 1, {}, ("balls",)), finding(found=False, verdict="none"),
                   Measured())
@@ -170,14 +159,6 @@ def test_what_others_say_of_the_same_world_is_marked_by_the_same_rule() -> None:
     assert rows["argmax"][3].startswith("1/1")
 
 
-def test_a_decoy_s_name_is_no_rival_s_alias_either() -> None:
-    decoy = Drawn("w7", "numpy", "decoy", "L2", 300, 1, {"ball_wear": 0.1}, ("battery_with_wear",))
-    claims = {"argmax": {"says_something": True, "names": ["battery_sag"]},
-              "gp": {"says_something": True, "names": ["drag_wear"]}}
-    told = mark(decoy, finding(("ball_wear", 0.95)), Measured(None, ("battery_sag", "drag_wear")), claims)
-    assert told.rivals == {"argmax": (True, False, False), "gp": (True, False, True)}
-
-
 def test_the_page_says_all_in_a_sentence_and_holds_every_world_and_line() -> None:
     marks = [mark(ONE, finding(("wind_x", 0.95)), Measured()),
              mark(Drawn("w6", "numpy", "clean", "L1", 300, 1), finding(found=False, verdict="none"), Measured())]
@@ -202,19 +183,17 @@ def told(found=True, what=(("hood_offset", 0.7), ("wheel_slip", 0.2)), said=None
             "verdict": verdict, "set": said}
 
 
-def test_a_right_answer_is_right_in_everything():
-    marks = mark_job(JOB, told())
-    assert (marks.found, marks.stage, marks.first, marks.alias, marks.covered) == (True,) * 5
-    assert marks.holds and marks.set_size == 2
-
-
-def test_what_was_not_found_is_asked_nothing_more():
+def test_of_what_was_not_found_and_in_a_null_nothing_can_be_right():
+    null = mark_job(Job("nulls", "clean", "L0", 300, 0.0, 7, 0), told())
+    assert null.found and null.stage is None and null.first is None
     marks = mark_job(JOB, told(found=False, what=(), verdict="none"))
     assert not marks.found and marks.p_value == 0.4
     assert {marks.stage, marks.first, marks.alias, marks.covered, marks.set_size, marks.holds} == {None}
 
 
-def test_a_wrong_name_an_alias_and_a_set():
+def test_a_right_answer_a_wrong_name_an_alias_and_a_set():
+    marks = mark_job(JOB, told())
+    assert (marks.found, marks.stage, marks.first, marks.alias, marks.covered, marks.holds) == (True,) * 6
     wrong = mark_job(JOB, told(what=(("rim_catch", 0.95),), said=["rim_catch"]))
     assert not (wrong.first or wrong.alias or wrong.covered) and wrong.holds is None
     in_set = mark_job(JOB, told(what=(("wheel_slip", 0.5), ("hood_offset", 0.4)), said=["wheel_slip", "hood_offset"],
@@ -226,20 +205,10 @@ def test_a_wrong_name_an_alias_and_a_set():
     assert [is_alias(level, "target_height", ["release_height"]) for level in ("L0", "L1", "L2")] == [True, True, False]
 
 
-def test_in_a_null_every_name_is_wrong_and_nothing_can_be_right():
-    marks = mark_job(Job("nulls", "clean", "L0", 300, 0.0, 7, 0), told())
-    assert marks.found and marks.stage is None and marks.first is None
-
-
-@pytest.mark.parametrize(("stage", "right"), [("sensing", True), ("launch", False), (None, False)])
-def test_without_a_stage_the_likeliest_counts(stage, right):
-    assert mark_job(JOB, told(stage=stage)).stage is right
-
-
-@pytest.mark.parametrize(("low", "high", "holds"), [(0.8, 0.9, True), (0.81, 0.9, False), (0.1, 0.79, False),
-                                                    (None, None, None)])
-def test_intervals_are_held_against_the_amplitude(low, high, holds):
-    assert mark_job(JOB, told(low=low, high=high)).holds is holds
+def test_without_a_stage_the_likeliest_counts_and_intervals_are_held_against_the_amplitude():
+    assert [mark_job(JOB, told(stage=stage)).stage for stage in ("sensing", "launch", None)] == [True, False, False]
+    ends = ((0.8, 0.9), (0.81, 0.9), (0.1, 0.79), (None, None))
+    assert [mark_job(JOB, told(low=low, high=high)).holds for low, high in ends] == [True, False, False, None]
 
 
 def test_wear_of_balls_that_nobody_tells_apart_is_another_number():

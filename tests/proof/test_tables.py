@@ -7,7 +7,6 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from msgspec import structs
 from msgspec.structs import replace
 
 from benchmarks.proof import BEGIN, END, load, tell_posterior
@@ -19,7 +18,7 @@ from truearc_proof.cli.prove_roles import Driven, driven_of, room_of
 from truearc_proof.rounds import Room, append
 from truearc_proof.rounds.grader import save_mark
 from truearc_proof.rounds.marks import Mark, Measured, mark
-from truearc_proof.rounds.page import claimed_bins, reliability_png, verdict
+from truearc_proof.rounds.page import claimed_bins, verdict
 from truearc_proof.rounds.tables import kept_in_test, make_tables, posterior_rows
 from truearc_proof.rounds.worlds import DECOY, Drawn
 
@@ -106,24 +105,10 @@ def test_worse_on_the_sealed_season_means_by_over_one_percent() -> None:
     assert rows["adopted worse on the sealed season by over 1 %"][0].startswith("1/3")     # one changed nothing
 
 
-def test_they_are_among_the_tables_of_rounds_of_one_level() -> None:
-    one, other = world("one", WIND, WIND), world("one", WIND, WIND, level="L0")
-    titles = [table.title for table in make_tables([one])]
-    assert "Against the targets of the posterior" in titles
-    assert "Against the targets of the posterior" not in [table.title for table in make_tables([one, other])]
-
-
 def test_bins_count_what_was_right_of_what_was_claimed() -> None:
     pairs = [(0.1, False), (0.19, True), (0.97, True), (1.0, True), (1.0, False)]
     assert claimed_bins(pairs) == [(pytest.approx(0.145), 1, 2), (pytest.approx(0.99), 2, 3)]
     assert claimed_bins([]) == []
-
-
-def test_there_is_a_picture_where_probabilities_were_claimed() -> None:
-    assert reliability_png([structs.replace(PLAIN, said=None)]) is None
-    marks = [PLAIN, structs.replace(PLAIN, level="L0", alias=False), structs.replace(
-        PLAIN, verdict="unknown", right=(), alias=None, unexplained=0.8)]
-    assert (reliability_png(marks) or b"").startswith(b"\x89PNG")
 
 
 def test_the_page_is_what_the_archives_say() -> None:

@@ -21,7 +21,7 @@ from truearc_proof.truth.flight import (
     wheel_dip,
     wheel_speeds,
 )
-from truearc_proof.truth.generate import play, see_places
+from truearc_proof.truth.generate import play
 from truearc_proof.truth.world import Scatter, find_effect, make_world, plan_shots
 
 IN_THE_AIR = {"wind_x": -0.9, "wind_y": 0.7, "wind_z": 0.4, "spin_decay": 0.8, "spin_drag": 0.2,
@@ -129,45 +129,27 @@ def test_the_ball_rolls_between_its_wheels_less_what_is_lost():
     assert np.array_equal(launch.elevation_deg, plan.hood_deg) and np.all(launch.height_m == 0.75)
 
 
+# of those in no catalogue; test_same_hypotheses.py holds the others against the catalogue's terms
 SPEED = {
-    "ball_wear": lambda plan, size, dip: 1.0 - size * plan.used,
-    "ball_spread": lambda plan, size, dip: 1.0 + size * plan.fresh_ball,
-    "battery_sag": lambda plan, size, dip: 1.0 + size * (plan.battery_v / np.median(plan.battery_v) - 1.0),
-    "rapid_fire": lambda plan, size, dip: 1.0 - size * np.where(np.isnan(plan.since_last_s), 0.0,
-                                                                np.exp(-np.nan_to_num(plan.since_last_s))),
-    "wheel_droop": lambda plan, size, dip: 1.0 - size * dip / dip.mean(),
-    "far_kick": lambda plan, size, dip: 1.0 + size * (plan.distance_m - 4.5) / 2.5,
-    "cold_rubber": lambda plan, size, dip: 1.0 + size * (plan.temperature_c - 20.0) / 10.0,
+    "far_kick": lambda plan, size: 1.0 + size * (plan.distance_m - 4.5) / 2.5,
+    "cold_rubber": lambda plan, size: 1.0 + size * (plan.temperature_c - 20.0) / 10.0,
 }
 
 
 @pytest.mark.parametrize("name", SPEED)
 def test_effects_that_change_the_speed_change_nothing_else(name):
     plain, hidden, plan, size = both(name)
-    world = make_world(level="L1", shots=N, seed=21)
-    dip = wheel_dip(world, plan, wheel_speeds(world, RATIO))
-    np.testing.assert_allclose(hidden.speed_m_s / plain.speed_m_s, SPEED[name](plan, size, dip), rtol=1e-12)
+    np.testing.assert_allclose(hidden.speed_m_s / plain.speed_m_s, SPEED[name](plan, size), rtol=1e-12)
     assert np.ptp(hidden.speed_m_s / plain.speed_m_s) > 0.005
     for part in ("elevation_deg", "azimuth_deg", "backspin_rad_s", "height_m"):
         assert np.array_equal(getattr(plain, part), getattr(hidden, part))
 
 
-def test_slip_encoder_squeeze_height_and_flex():
-    plain, slipping, _, size = both("wheel_slip")
+def test_a_worn_wheel_and_a_hood_that_bends():
     efficiency = make_world(level="L1", shots=N, seed=21).efficiency
-    middle = (UP + LOW) / 2.0
-    np.testing.assert_allclose(slipping.speed_m_s, efficiency * middle / (1.0 + size * middle))
-    plain, scaled, _, size = both("encoder_scale")
-    np.testing.assert_allclose(scaled.speed_m_s, (1.0 + size) * plain.speed_m_s)
-    np.testing.assert_allclose(scaled.backspin_rad_s, (1.0 + size) * plain.backspin_rad_s)
     plain, worn, _, size = both("worn_wheel")
     np.testing.assert_allclose(worn.speed_m_s - plain.speed_m_s, efficiency * size * LOW / 2.0)
     np.testing.assert_allclose(worn.backspin_rad_s - plain.backspin_rad_s, size * LOW / (2.0 * 0.0889))
-    plain, squeezed, _, size = both("ball_compression")
-    np.testing.assert_allclose(squeezed.backspin_rad_s * (1.0 - size), plain.backspin_rad_s)
-    assert np.array_equal(squeezed.speed_m_s, plain.speed_m_s)
-    plain, raised, _, size = both("release_height")
-    np.testing.assert_allclose(raised.height_m - plain.height_m, size)
     plain, bent, _, size = both("hood_flex")
     np.testing.assert_allclose(bent.elevation_deg - plain.elevation_deg, size * (RATIO * 594.0 - 250.0) / 100.0)
 
@@ -182,33 +164,6 @@ def test_the_dip_is_the_energy_that_the_ball_takes():
     np.testing.assert_allclose(given_j, flying_j * plan.squeeze, rtol=1e-9)
 
 
-SENSED = {
-    "distance_scale": lambda plan, seen, size: seen * (1.0 + size),
-    "distance_bias": lambda plan, seen, size: seen + size,
-    "vision_latency": lambda plan, seen, size: seen - size * plan.closing_m_s,
-}
-
-
-@pytest.mark.parametrize("name", SENSED)
-def test_true_distances_from_measured_ones(name):
-    size = find_effect(name).typical
-    world = quiet(make_world({name: size}, "L1", N, 22))
-    plan = plan_shots(world)
-    distance, hood = see_places(world, plan)
-    np.testing.assert_allclose(SENSED[name](plan, distance, size), plan.distance_m)
-    assert np.abs(distance - plan.distance_m).max() > 0.02 and np.array_equal(hood, plan.hood_deg)
-
-
-def test_true_elevations_from_measured_ones():
-    world = quiet(make_world({"hood_offset": 0.8}, "L1", N, 22))
-    plan = plan_shots(world)
-    np.testing.assert_allclose(plan.hood_deg - see_places(world, plan)[1], 0.8)
-    slack = quiet(make_world({"hood_backlash": 0.6}, "L1", N, 22))
-    short = see_places(slack, plan)[1] - plan.hood_deg
-    rising = np.diff(plan.hood_deg, prepend=plan.hood_deg[0])
-    first = np.diff(plan.session, prepend=-1) > 0
-    np.testing.assert_allclose(short[~first], 0.6 * np.sign(rising[~first]), atol=1e-12)
-    assert np.all(short[first] == 0.0)
 
 
 @pytest.mark.parametrize(("effects", "centre", "more"), [({}, 2.44, 0.0), ({"target_height": 0.05}, 2.49, 0.0),
