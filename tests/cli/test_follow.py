@@ -1,6 +1,7 @@
 """`truearc follow`: shots as they come, an alarm where something changed, and a proposal that changes nothing."""
 
 import hashlib
+from argparse import Namespace
 from contextlib import nullcontext, redirect_stdout
 from dataclasses import replace
 from io import StringIO
@@ -14,7 +15,6 @@ import pytest
 from msgspec import structs
 
 import truearc as ta
-from benchmarks.follow import make_table
 from truearc.api.following import propose, sealed
 from truearc.cli.aim import ShotWatch
 from truearc.cli.common import SHIPPED
@@ -181,25 +181,11 @@ def test_implausible_shots_are_refused_unless_accepted(changed: ta.Dataset, beli
     assert ta.follow(radians, belief, accept=["hood"]).accept == ["hood"]
 
 
-def test_nothing_is_found_without_an_alarm(belief: ta.Belief) -> None:
-    quiet = ta.follow(session(33, 20, {}, "c"), belief)
-    assert quiet.alarm is None and quiet.since is None
-    with pytest.raises(ta.InputError, match="no alarm"):
-        quiet.find()
-
-
-class _Args:
-    paths: tuple[Path, ...]
-    belief, rig, out, distances, false_alarm, seed, quiet = "home.toml", None, None, None, 0.05, 0, True
-    accept: tuple[str, ...] = ()
-
-
 def test_watch_looks_again_only_after_the_files_have_changed(belief: ta.Belief, tmp_path: Path,
                                                              capsys: pytest.CaptureFixture[str]) -> None:
     whole = session(34, 14, {}, "d")
-    args = _Args()
-    args.paths = (tmp_path / "event",)
-    watch = ShotWatch(args, belief)       # type: ignore[arg-type]  # the options that it reads
+    watch = ShotWatch(Namespace(paths=(tmp_path / "event",), belief="home.toml", rig=None, out=None, distances=None,
+                                false_alarm=0.05, seed=0, quiet=True, accept=()), belief)
     watch.look_if_grown()
     assert capsys.readouterr().err.startswith("waiting: ")
     ta.save_dataset(tmp_path / "event", whole.take(range(12)))
@@ -212,6 +198,13 @@ def test_watch_looks_again_only_after_the_files_have_changed(belief: ta.Belief, 
         path.replace(tmp_path / "event" / path.name)
     watch.look_if_grown()
     assert "14 shots: e-value" in capsys.readouterr().out
+
+
+def test_nothing_is_found_without_an_alarm(belief: ta.Belief) -> None:
+    quiet = ta.follow(session(33, 20, {}, "c"), belief)
+    assert quiet.alarm is None and quiet.since is None
+    with pytest.raises(ta.InputError, match="no alarm"):
+        quiet.find()
 
 
 @pytest.mark.parametrize(("options", "error"), [
@@ -261,7 +254,7 @@ def test_tracks_show_the_direction_too(found: "ta.Following", named: ta.Finding)
     assert "; accept?" in str(propose(filmed, named, found.dataset.rig, (BeliefFile("a", "0" * 64), "b"), [4.0]))
 
 
-@pytest.mark.parametrize(("low90", "offered"), [(0.0, False), (-0.01, False), (0.01, True)])
+@pytest.mark.parametrize(("low90", "offered"), [(0.0, False), (0.01, True)])
 def test_no_gain_is_proposed_that_may_be_nothing(low90: float, offered: bool, found: "ta.Following",
                                                  named: ta.Finding) -> None:
     worth = named.record.adoption
@@ -271,9 +264,3 @@ def test_no_gain_is_proposed_that_may_be_nothing(low90: float, offered: bool, fo
     with nullcontext() if offered else pytest.raises(ta.InputError, match="which may be nothing"):
         propose(found, replace(named, investigation=replace(named.investigation, finding=record)), found.dataset.rig,
                 files, [4.0])
-
-
-def test_table_of_sessions_counts_alarms() -> None:
-    quiet, loud = [0.1, 0.4], [0.5, 2.0]
-    text = make_table([{"kind": "season", "seed": 1, "sessions": {"nothing": [quiet, loud], "wind 1.5 m/s": [loud]}}])
-    assert "MuJoCo's launcher | 1, 2 | 1 | 50.0%" in text and "| wind 1.5 m/s | 1 | 1 | 2 | 2 |" in text

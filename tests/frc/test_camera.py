@@ -17,7 +17,6 @@ from tests.frc.nt_server import Table
 from tests.frc.test_advice import GATE, HZ, MAP, NS, Clock, Robot
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
-from truearc.errors import InputError
 from truearc.hw.protocols import LinkLost
 from truearc.hw.real.processes import Slots
 from truearc.robot.config.schema import AprilTag, Config, load_config
@@ -264,17 +263,3 @@ def test_a_struct_on_a_real_server_reaches_the_control_process(nt_server: tuple[
     camera.close()
     assert len(told) >= 3 and told[-1].found and told[-1].distance_m == pytest.approx(3.0 + BEHIND_M, abs=1e-3)
     assert LATENCY_S <= (time.monotonic_ns() - told[-1].t_ns) / NS < LATENCY_S + 1.0
-
-
-@pytest.mark.parametrize(("added", "said"), [
-    ('[nt4.vision]\nkind = "limelight"\ncamera = "limelight"\nsigma_m = 0.05', "nt4.vision: needs .apriltag"),
-    ('[nt4.vision]\nkind = "limelight"\ncamera = "/"\nsigma_m = 0.05\n[apriltag]\nids = [4]\nside_m = 0.1651\n'
-     "centre_height_m = 1.35", "nt4.vision.camera: is empty"),
-    ('[nt4.vision]\nkind = "zed"\ncamera = "x"\nsigma_m = 0.05', "nt4.vision.kind"),
-    ('[nt4.vision]\nkind = "limelight"\ncamera = "x"\nsigma_m = 0', "nt4.vision.sigma_m")])
-def test_what_cannot_be_is_refused_by_its_key(added: str, said: str, tmp_path: Path) -> None:
-    path = tmp_path / "launcher.toml"
-    text = SHIPPED.read_text(encoding="utf-8")
-    path.write_text(f'{text}\n[nt4]\nserver = "254"\n{added}\n', encoding="utf-8")
-    with pytest.raises(InputError, match=said):
-        load_config(path)

@@ -11,7 +11,7 @@ from tests.frc.nt_server import free_port
 from tests.robot.alike import codes
 from tests.robot.encoders import NT4
 from tests.robot.good_tick import NOW_NS, good_inputs, good_memory
-from truearc.hw.devices.family import FAILURE, OK, Around
+from truearc.hw.devices.family import FAILURE, Around
 from truearc.robot import reasons as because
 from truearc.robot.config.named_tables import encoder_family_of
 from truearc.robot.tick import step
@@ -93,18 +93,3 @@ def test_a_real_server_is_read_without_waiting_and_the_doctor_sees_what_it_publi
     finally:
         encoder._keys.close()
         server.stopServer()
-
-
-def test_the_doctor_says_that_a_key_is_published(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Keys(Said):
-        def __init__(self, server: str, keys: list[str]) -> None:
-            super().__init__(0.125)
-
-        def read(self, now_ns: int) -> dict[str, Reading]:
-            return {TABLE.key: Reading(now_ns, 0.125)}
-
-        def close(self) -> None: ...
-
-    monkeypatch.setattr("truearc_frc.inputs.NtKeys", Keys)
-    finding, = examine(TABLE, Around(0.1, {"nt4": {"server": "127.0.0.1:1"}}), None)
-    assert finding.level == OK

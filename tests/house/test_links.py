@@ -1,22 +1,15 @@
 """Links, paths and commands of the project's pages: each leads to a file, a heading or a command that exists."""
 
 import re
-import subprocess
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-
-import pytest
 
 from truearc.cli.main import COMMANDS, ENTRY_POINTS
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *(page for folder in ("docs", "benchmarks", "examples", ".github")
                                       for page in (ROOT / folder).rglob("*.md"))])
-NAMED_IN = (".py", ".toml", ".md", ".html", ".yml", ".yaml", ".cff", ".txt", ".in")
-NAME = re.compile(r"(?<![\w./<{*-])(?:\.\.?/)*[\w-][\w./-]*\.md\b")
-ELSEWHERE = ("parameters/SparkParameters-v0.1.2.md",)           # a page of REV's, quoted as the source of facts
-MADE_BY_TESTS = ("bare.md", "page.md", "notes.md", "a.md", "docs/gone.md")      # files that tests write themselves
 
 TOPS = ("hw", "robot", "sim", "model_export", "truearc", "proof", "frc", "benchmarks", "tests", "tools", "docs",
         "examples")
@@ -42,33 +35,6 @@ def test_links_lead_somewhere() -> None:
             if "://" not in link and not (there.exists() and (not anchor or anchor in anchors(there))):
                 lost.append((page.relative_to(ROOT).as_posix(), link))
     assert lost == []
-
-
-def tracked_texts() -> list[Path]:
-    done = subprocess.run(["git", "ls-files", "--cached", "--others", "--exclude-standard"], cwd=ROOT,
-                          capture_output=True, text=True, check=False)
-    paths = [ROOT / name for name in done.stdout.splitlines()]
-    return [path for path in paths if path.is_file() and (path.suffix in NAMED_IN or path.name == "Makefile")]
-
-
-def names_without_a_page(path: Path, text: str) -> list[str]:
-    """Names of Markdown files in a text that lead nowhere: from the root, from the file's folder, or from docs/."""
-    test = ROOT / "tests" in path.parents           # tests join names to a folder that they have in a variable
-    known = (*ELSEWHERE, *(MADE_BY_TESTS if test else ()))
-    names = [name for name in NAME.findall(re.sub(r"\w+://\S+", "", text)) if name not in known]
-    places = (ROOT, path.parent, *((ROOT / "docs").iterdir() if test else ()),
-              *((ROOT / "docs" / "reference",) if path.parent == ROOT / "tools" else ()),
-              *((ROOT / "docs",) if path.name == "mkdocs.yml" else ()))
-    return [name for name in names if not any((place / name).is_file() for place in places)]
-
-
-def test_named_pages_exist() -> None:
-    texts = tracked_texts()
-    if not texts:
-        pytest.skip("not a git checkout")
-    lost = {path.relative_to(ROOT).as_posix(): names_without_a_page(path, path.read_text(encoding="utf-8"))
-            for path in texts}
-    assert {name: names for name, names in lost.items() if names} == {}
 
 
 def code_of(page: Path) -> str:

@@ -1,5 +1,6 @@
-"""Tables of pages that restate code say what the code says."""
+"""Pages and JSON schemas that restate code say what the code says; golden documents pass their schemas."""
 
+import json
 import math
 import re
 from collections.abc import Iterator
@@ -7,15 +8,26 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import msgspec
 
 import truearc
+from tests.golden.make import REFERENCE
+from tools.formats import DOCUMENTS, launcher_keys
+from tools.pages import SCHEMAS
+from truearc.hw.devices.canandmag import CanandmagConfig
+from truearc.hw.devices.family import HoodEncoder
 from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.schema import Config
 from truearc.sim.data.table import NO_RANGE, RANGES, TEXTS, WORDS
 
 ROOT = Path(__file__).parents[2]
 DATASET = (ROOT / "docs" / "reference" / "dataset.md").read_text(encoding="utf-8")
-REQUIRED = "required"
+GOLDEN = sorted([*REFERENCE.glob("finding-*/finding.json"), *REFERENCE.glob("identifiability/*.json"),
+                 *REFERENCE.glob("design/*.json"), *REFERENCE.glob("gated-*/session.json"),
+                 ROOT / "tests" / "robot" / "aim.json", REFERENCE.parent / "inputs" / "proposal.json"])
+# docs/how-to/motors.md, docs/reference/dataset.md, `--plan`, docs/how-to/advise.md
+ELSEWHERE = ("axes.", "rig.", "collect.prescribed.", "readings.")
 
 
 def rows_of(text: str, heading: str) -> dict[str, list[str]]:
@@ -37,41 +49,42 @@ def values_of(name: str) -> str:
     return f"{low:g} to {high:g}"
 
 
-def columns_read() -> set[str]:
-    """Columns of shots that code under sim/ reads by name."""
-    read = re.compile(r'shots\.(?:number|text)\("(\w+)"\)')
-    return {name for path in (ROOT / "sim").rglob("*.py") for name in read.findall(path.read_text(encoding="utf-8"))}
-
-
-def leaves(kind: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
-    """(dotted key, default as the page writes it) of every key of rig.toml."""
-    for one in msgspec.structs.fields(kind):
-        parts = (one.type, *getattr(one.type, "__args__", ()))
-        inner = next((part for part in parts if isinstance(part, type) and issubclass(part, msgspec.Struct)), None)
-        if inner is not None:
-            yield from leaves(inner, f"{prefix}{one.name}.")
+def leaves(kind: type[msgspec.Struct], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """(dotted key, default) of every key of a file."""
+    for field in msgspec.structs.fields(kind):
+        parts = (field.type, *getattr(field.type, "__args__", ()))
+        inner = [part for part in parts if isinstance(part, type) and issubclass(part, msgspec.Struct)]
+        if field.type is HoodEncoder:             # the shipped one
+            inner = [CanandmagConfig]
+            yield f"{prefix}{field.encode_name}.driver", field.default
+        if inner:
+            yield from leaves(inner[0], f"{prefix}{field.encode_name}.")
         else:
-            yield prefix + one.name, default_text(one.default)
+            yield prefix + field.encode_name, field.default
 
 
 def default_text(default: Any) -> str:
-    if default is msgspec.NODEFAULT:
-        return REQUIRED
     if isinstance(default, tuple):
         return ", ".join(default)
     if isinstance(default, bool):
         return str(default).lower()
-    return "none" if default is None else f"{default:g}"
+    return "required" if default is msgspec.NODEFAULT else "none" if default is None else f"{default:g}"
 
 
 def test_every_column_is_on_the_page_of_datasets() -> None:
+    read = re.compile(r'shots\.(?:number|text)\("(\w+)"\)')
+    columns = {name for path in (ROOT / "sim").rglob("*.py") for name in read.findall(path.read_text(encoding="utf-8"))}
     rows = rows_of(DATASET, "shots.csv")
-    assert {*RANGES, *WORDS, *TEXTS, "shot_id", *columns_read()} - set(rows) == set()
+    assert {*RANGES, *WORDS, *TEXTS, "shot_id", *columns} - set(rows) == set()
     assert {name: cells[1] for name, cells in rows.items()} == {name: values_of(name) for name in rows}
 
 
-def test_every_key_of_the_rig_is_on_the_page_of_datasets() -> None:
-    assert {name: cells[1] for name, cells in rows_of(DATASET, "rig.toml").items()} == dict(leaves(Rig))
+def test_every_key_of_the_rig_and_of_the_configuration_is_on_its_page() -> None:
+    keys = {name: default_text(default) for name, default in leaves(Rig)}
+    assert {name: cells[1] for name, cells in rows_of(DATASET, "rig.toml").items()} == keys
+    described = [key for key, _, _ in launcher_keys()]
+    wanted = {key for key, _ in leaves(Config) if not f"{key}.".startswith(ELSEWHERE)}
+    assert len(described) == len(set(described)) and set(described) == wanted
 
 
 def test_architecture_lists_every_public_name_and_its_file() -> None:
@@ -83,3 +96,12 @@ def test_architecture_lists_every_public_name_and_its_file() -> None:
         module = import_module("truearc." + path.removeprefix("truearc/").removesuffix(".py").replace("/", "."))
         value = getattr(truearc, name)
         assert value is module or (value.__module__, getattr(module, name)) == (module.__name__, value), name
+
+
+def test_documents_pass_their_schema_and_have_no_key_beside_it() -> None:
+    assert GOLDEN
+    for path in GOLDEN:
+        document, schema = (json.loads(one.read_text("utf-8")) for one in (path, SCHEMAS / f"{path.stem}.json"))
+        jsonschema.Draft202012Validator(schema).validate(document)
+        kind = DOCUMENTS[path.stem][0]
+        assert set(document) <= {field.encode_name for field in msgspec.structs.fields(kind)}, path
