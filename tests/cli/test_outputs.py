@@ -40,8 +40,8 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize("words", [
     "predict week --cd 0.5 --cl 0.1 -o old", "fit week -o old", "discover week --report old",
-    "discover week --json old",
-    "discover week --adopt old", "design week --json old", "identifiability week --report old", "export w -o old",
+    "discover week --json old", "discover week --adopt old", "design week --json old",
+    "identifiability week --report old", "export w -o old",
     "paper fit week -o old", "paper fit week --map old", "session convert s --to csv -o old", "sysid s -o old",
     "sysid s --report old", "vision-calibrate --distances t.csv -o old", "train --real week --coefficients c -o w "
     "--reliability old", "vision-tune week -o old", "init --robot old"])
@@ -73,8 +73,7 @@ def test_a_device_is_written_to_and_stays(force: list[str], here: Path) -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="named pipes: POSIX only")
 @pytest.mark.parametrize("words", [
-    "predict week --cd 0.5 --cl 0.1 -o", "export w -o", "aim b --rig week/rig.toml --robot", "init --robot",
-    "vision-tune week -o", "fit week -o"])
+    "predict week --cd 0.5 --cl 0.1 -o", "aim b --rig week/rig.toml --robot", "init --robot"])
 @pytest.mark.parametrize("force", [[], ["--force"]])
 def test_what_is_no_file_is_refused_and_stays(words: str, force: list[str], here: Path,
                                               capsys: pytest.CaptureFixture[str]) -> None:

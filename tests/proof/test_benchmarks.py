@@ -33,16 +33,6 @@ def test_gravity_as_the_tracker_has_it(fault: str, gravity: float) -> None:
     assert pulled(FAULTS[fault](thrown())) == pytest.approx(gravity, rel=1e-9)
 
 
-def test_lost_frames_leave_a_jump_that_no_stamp_shows() -> None:
-    seen = FAULTS["2 frames lost"](thrown())
-    first = seen.shot == 0
-    assert first.sum() == 18
-    np.testing.assert_allclose(np.diff(seen.t_s[first]), 1.0 / RATE_HZ, rtol=1e-9)
-    steps = np.diff(seen.x_m[first]) * RATE_HZ
-    np.testing.assert_allclose(np.delete(steps, 9), SPEED)
-    assert steps[9] == pytest.approx(3.0 * SPEED)
-
-
 # --- launcher
 
 @pytest.mark.parametrize("change", CHANGES, ids=lambda change: change.name)

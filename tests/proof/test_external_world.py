@@ -66,17 +66,6 @@ def test_reserved_names_too_few_shots_and_nothing_to_believe_are_refused(tmp_pat
         seal(tmp_path, WIND, tmp_path / "blank")
 
 
-def test_sealing_that_a_kill_cut_short_can_be_repeated(tmp_path: Path, shots: Path) -> None:
-    room = Room(tmp_path / "round")
-    shutil.copytree(shots, room.data("challenge"))
-    next(room.data("challenge").glob("shots.*")).write_bytes(b"torn")
-    (room.data("challenge") / "left over").touch()
-    told = seal(tmp_path, WIND, shots)
-    assert room.steps() == {"challenge": {"sealed": told}}
-    assert sorted(path.name for path in room.data("challenge").iterdir()) == sorted(
-        path.name for path in shots.iterdir())
-
-
 def test_a_kill_between_the_ledger_and_the_data_is_made_good_with_the_sealed_data_alone(tmp_path: Path,
                                                                                          shots: Path) -> None:
     room = Room(tmp_path / "round")

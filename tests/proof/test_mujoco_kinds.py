@@ -152,19 +152,6 @@ def test_bad_sensors_change_no_shot(dirt: str) -> None:
 
 
 @pytest.mark.slow
-def test_more_scatter_moves_the_mean_by_less_than_its_standard_error() -> None:
-    """Luck of SCATTER_SCALE times the size, of the very same balls: what is linear in it averages out over all luck
-    there is, what is left grows with its square."""
-    settings = plan_season(5, 120)
-    scale = worlds.SCATTER_SCALE
-    still, usual, more = (heights_m(played({"scatter_scale": one}, settings)) for one in (0.0, 1.0, scale))
-    bent = (more - still) - scale * (usual - still)
-    shift_m = float(np.nanmean(bent)) * (scale**2 - 1.0) / (scale**2 - scale)
-    assert abs(shift_m) < float(np.nanstd(more - still)) / 300**0.5
-    assert np.nanstd(more - still) == pytest.approx(scale * np.nanstd(usual - still), rel=0.1)
-
-
-@pytest.mark.slow
 def test_a_decoys_battery_falls_and_does_nothing() -> None:
     """Beside worn balls, which lower the shots by a centimetre already: the same shots with and without its fall."""
     settings, (worn,) = plan_season(9, 60), changes_of(worlds.WORN_CHANGE)

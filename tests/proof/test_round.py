@@ -10,11 +10,11 @@ from typing import Any
 import msgspec
 import pytest
 
-from tests.proof.playing import ask, chain_anew, enter_otherwise, leave_world_out, make_mark_kinder, prove, quiet
+from tests.proof.playing import ask, chain_anew, leave_world_out, make_mark_kinder, prove, quiet
 from truearc.errors import InputError
 from truearc.sim.data.files import load_dataset
 from truearc_proof.parallel import append_line
-from truearc_proof.rounds import Room, digest, load_seal, read_ledger
+from truearc_proof.rounds import Room, load_seal, read_ledger
 from truearc_proof.rounds.committer import RoundPlan, answer_round, load_plan, seal_own, seal_round
 from truearc_proof.rounds.grader import grade_round, graded_of
 
@@ -300,12 +300,3 @@ def test_where_second_claims_are_withheld_the_first_are_marked(room: Room) -> No
     shutil.copy(room.claims("w0002"), room.again("w0002"))       # lies there, but nobody has entered it
     marks = {one.world: one for one in grade_round(room, quiet, 1)}
     assert list(marks) == ["w0001", "w0002", "w0003"] and marks["w0002"].again is None
-
-
-@pytest.mark.parametrize(("claims", "key"), [(b"no json", "malformed"), (b'{"finding": {}}', "data"),
-                                             (b'{"data": {}, "finding": {"verdict": "none"}}', "mismatch")])
-def test_claims_that_cannot_be_read_are_refused_by_file_and_key(room: Room, claims: bytes, key: str) -> None:
-    room.claims("w0003").write_bytes(claims)
-    enter_otherwise(room, "w0003", {"claimed": digest(claims)})
-    with pytest.raises(InputError, match=rf"w0003\.json: .*{key}"):
-        grade_round(room, quiet, 1)

@@ -60,18 +60,6 @@ def test_flights_agree_with_dop853(hidden):
         np.testing.assert_allclose(midway, solution(0.37 * time)[:3], atol=3e-6)
 
 
-def test_a_ball_in_a_vacuum_flies_a_parabola():
-    world = replace(make_world(shots=10), cd=0.0, lift_slope=0.0)
-    plan = plan_shots(world)
-    speed, up = np.linspace(6.0, 15.0, 10), np.linspace(40.0, 65.0, 10)
-    position, velocity, spin = start_of(Launch(speed, up, np.zeros(10), np.full(10, 30.0), np.full(10, 0.75)))
-    distance = np.full(10, 2.5)
-    arrival = arrive(fly(make_law(world, plan, spin, np.full(10, np.inf)), position, velocity, distance), distance)
-    time = 2.5 / velocity[0]
-    np.testing.assert_allclose(arrival.time_s, time, atol=1e-12)
-    np.testing.assert_allclose(arrival.height_m, 0.75 + velocity[2] * time - 0.5 * 9.81 * time**2, atol=1e-12)
-
-
 def test_the_late_gust_blows_in_the_last_third_only():
     world = make_world({"late_gust": 3.0}, shots=10)
     plan, calm = plan_shots(world), make_world(shots=10)
@@ -162,8 +150,6 @@ def test_the_dip_is_the_energy_that_the_ball_takes():
     speed, spin = world.efficiency * (UP + LOW) / 2.0, (LOW - UP) / (2.0 * 0.0889)
     flying_j = 0.5 * 0.14 * speed**2 + 0.5 * (0.4 * 0.14 * 0.0889**2) * spin**2
     np.testing.assert_allclose(given_j, flying_j * plan.squeeze, rtol=1e-9)
-
-
 
 
 @pytest.mark.parametrize(("effects", "centre", "more"), [({}, 2.44, 0.0), ({"target_height": 0.05}, 2.49, 0.0),

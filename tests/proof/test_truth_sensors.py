@@ -87,21 +87,6 @@ def test_track_noise_is_white_and_gaussian_unless_dirty():
     assert stats.kstest(noise.ravel() / 0.015, stats.t(3).cdf).pvalue > 1e-3
 
 
-def test_tracks_are_samples_of_the_flight_from_soon_after_release():
-    season = play(quiet(make_world(level="L2", shots=40, seed=13)))
-    tracks, flown = season.dataset.tracks, season.flown
-    for k in range(40):
-        rows = tracks.shot == k
-        velocity_x = flown.path.velocity_m_s[0, 0, k]
-        release_s = tracks.x_m[rows][0] / velocity_x
-        assert tracks.t_s[rows][0] == 0.0 and 0.0 <= release_s < 1.05 / 60.0
-        assert np.allclose(np.diff(tracks.t_s[rows]), 1.0 / 60.0)
-        assert tracks.x_m[rows].max() <= season.plan.distance_m[k]
-        assert tracks.t_s[rows][-1] <= 0.75 + 1e-9
-
-
-
-
 def test_frames_are_lost_and_views_clipped():
     whole, holes, cut = (play(make_world(level="L2", shots=200, seed=15, dirt=dirt)).dataset.tracks
                          for dirt in ((), ("missing_frames",), ("clipped",)))

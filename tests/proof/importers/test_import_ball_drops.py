@@ -11,14 +11,11 @@ import openpyxl
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import spearmanr
 
 import truearc as ta
 import truearc.cli.main as truearc
 from tests.sim.same_dataset import assert_same
 from truearc.errors import InputError
-from truearc.sim.check.check import check_plausible
-from truearc.sim.data.log import load_importers
 from truearc.sim.physics.catalogue import BUILT_IN, terms_of_file
 from truearc_proof.importers.ball_drops import import_ball_drops, import_sepia_drops
 
@@ -142,31 +139,6 @@ def test_every_sample_arrives_under_its_drop(tmp_path_factory: pytest.TempPathFa
         here = dataset.tracks.shot == shot
         assert dataset.tracks.z_m[here].tolist() == column
         assert dataset.tracks.t_s[here] == pytest.approx(FRAME_S * np.arange(len(column)), abs=1e-9)
-
-
-@pytest.mark.data
-def test_the_real_drops_are_all_there_and_fall_as_their_mass_and_size_say(data_dir: Path) -> None:
-    dataset = import_ball_drops(data_dir / "real/ball_drops.csv")
-    shots, tracks = dataset.shots, dataset.tracks
-    assert tracks is not None
-    assert (len(shots), len(set(shots.text("ball_id"))), len(tracks.t_s)) == (22, 11, 1064)
-    assert dataset.left_out == ()
-    golf, bowling = shots.shot_id.index("golfball-1"), shots.shot_id.index("bowlingball-2")
-    # 1.62 ounces and 13.8 cm around; 81 ounces
-    assert shots.number("mass_kg")[golf] == pytest.approx(1.62 * 0.0283495, rel=1e-3)
-    assert 200.0 * math.pi * shots.number("radius_m")[golf] == pytest.approx(13.8, rel=1e-3)
-    assert shots.number("mass_kg")[bowling] == pytest.approx(81.0 * 0.0283495, rel=1e-3)
-    late_m_s2 = np.array([late_acceleration(tracks.t_s[tracks.shot == shot], tracks.z_m[tracks.shot == shot])
-                          for shot in range(22)])
-    assert -11.0 < late_m_s2[bowling] < -8.5
-    known = np.isfinite(shots.number("mass_kg"))
-    # what of gravity is left over in the second half of the fall goes with area per mass, without any model of drag
-    assert spearmanr(shots.number("area_per_mass_m2_kg")[known], late_m_s2[known]).statistic > 0.8
-
-
-def late_acceleration(t_s: np.ndarray, z_m: np.ndarray) -> float:
-    late = t_s > 0.5 * t_s[-1]
-    return float(2.0 * np.polynomial.polynomial.polyfit(t_s[late], z_m[late], 2)[2])
 
 
 def sheets() -> Sheets:
@@ -321,18 +293,6 @@ def test_a_bad_table_is_named(tmp_path: Path, text: str, said: str) -> None:
     (tmp_path / "drops.txt").write_text(text, encoding="utf-8")
     with pytest.raises(ta.InputError, match=said):
         import_sepia_drops(tmp_path / "drops.txt")
-
-
-@pytest.mark.data
-def test_the_real_files_are_read_by_the_command_that_is_registered(data_dir: Path) -> None:
-    importer, = (one for one in load_importers() if one.name == "sepia-drops")
-    folder = data_dir / "real" / "sepia_ball_drop"
-    tutorial_files = [str(folder / f"1_field.{end}") for end in ("dat", "height", "radii")]
-    for files, drops in ((tutorial_files, 12), ([str(folder / "2_fieldDat12x6gparam.txt")], 12),
-                         ([str(folder / "2_fieldDat15x6gparam.txt")], 15)):
-        assert importer.takes(files)
-        dataset = check_plausible(importer.load(*files))
-        assert len(dataset.shots) == drops and dataset.times is not None
 
 
 @pytest.mark.data

@@ -167,17 +167,6 @@ def test_3476s_own_file_is_one_version_without_a_date(tmp_path: Path) -> None:
             import_3476(path)
 
 
-@pytest.mark.data
-def test_the_real_tables(data_dir: Path, tmp_path: Path) -> None:
-    out = tmp_path / "d"
-    assert truearc.main(["import", "frc-254", str(data_dir / "real/frc_shot_tables.csv"), "-o", str(out)]) == 0
-    shots = load_dataset(out).shots
-    assert shots.text("ball_quality") == ("old",) * 6 + ("new",) * 10
-    assert len(import_2910(data_dir / "real/frc_shot_tables.csv").shots) == 8
-    # the last of 14 versions only formats the file
-    assert len(set(import_3476(data_dir / "real/frc3476_tuning_history.csv").shots.text("version"))) == 13
-
-
 def git(clone: Path, *words: str, when: str = "2021-11-01T00:00:00+00:00") -> str:
     somebody = {"GIT_AUTHOR_NAME": "a", "GIT_AUTHOR_EMAIL": "a@b.c", "GIT_COMMITTER_NAME": "a", "GIT_COMMITTER_EMAIL":
                 "a@b.c", "GIT_COMMITTER_DATE": when, "GIT_AUTHOR_DATE": when, "GIT_CONFIG_GLOBAL": os.devnull}
@@ -339,20 +328,6 @@ def test_what_lifts_the_ball_is_backspin(tmp_path: Path) -> None:
     assert dataset.shots.number("hood_deg").tolist() == [46.0, 46.0]
     assert (dataset.facts.ball.mass_kg, dataset.facts.ball.radius_m) == (0.215, 0.075)
     assert dataset.facts.launcher.wheel == ()
-
-
-@pytest.mark.data
-def test_the_real_speeds(data_dir: Path) -> None:
-    shots = import_971(data_dir / "real/frc971_wheel_to_ball_speed.csv").shots
-    with (data_dir / "real/frc971_wheel_to_ball_speed.csv").open(newline="") as file:
-        stated = [float(row["ball_over_surface"]) for row in csv.DictReader(file)]
-    share = shots.number("exit_speed_m_s") / (shots.number("wheel_left_rad_s") * 0.0508)
-    assert share == pytest.approx(stated, abs=1e-3)
-    # the share falls from its highest on, at wheel speeds that the team stepped by 25 rad/s
-    assert np.all(np.diff(share[2:]) < 0.0)
-    fuel = import_fuel(data_dir / "real/fuel_exit_speed_spin_46deg.csv").shots
-    assert len(fuel) == 4
-    assert np.all(np.diff(fuel.number("exit_spin_rev_s")) > 0.0)
 
 
 # --- parts that importers share

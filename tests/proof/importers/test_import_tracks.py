@@ -17,9 +17,8 @@ from scipy.integrate import solve_ivp
 import truearc.cli.main as truearc
 from tests.sim.same_dataset import assert_same
 from truearc.errors import InputError
-from truearc.sim.check.check import check_plausible
 from truearc.sim.data.files import load_dataset
-from truearc_proof.importers.ball_butler import RIG, import_ball_butler
+from truearc_proof.importers.ball_butler import import_ball_butler
 from truearc_proof.importers.mpi import BALL_NAMES, LAUNCH_COLUMNS, ROBOT_NAMES, TRACK_COLUMNS, import_mpi
 
 # --- import mpi
@@ -98,14 +97,6 @@ def test_a_bad_cell_is_named(tmp_path: Path, table: int, line: int, column: str,
     assert says in str(caught.value)
 
 
-def test_a_flight_too_short_to_use_is_left_out_and_named(tmp_path: Path) -> None:
-    launches, tracks = good()
-    short = [["spin", 6, *row[2:]] for row in tracks[:5]]
-    dataset = import_mpi(*write(tmp_path, [*launches, ["spin", 6, 0.5, 0.5, 1.0, 1.0, 1.0, 5]], tracks + short))
-    assert dataset.shots.shot_id == ("spin-4",)
-    assert dataset.left_out == ("spin-6: fewer than 8 samples before the bounce",)
-
-
 def test_the_door_writes_a_dataset_and_refuses_too_few_files(tmp_path: Path,
                                                              capsys: pytest.CaptureFixture[str]) -> None:
     launches, tracks = write(tmp_path, *good())
@@ -114,21 +105,6 @@ def test_the_door_writes_a_dataset_and_refuses_too_few_files(tmp_path: Path,
     assert load_dataset(tmp_path / "out").shots.shot_id == ("spin-4",)
     assert truearc.main(["import", "mpi", str(launches), "-o", str(tmp_path / "no")]) == 2
     assert "mpi takes RECORDING.hdf5 ..., or LAUNCHES.csv TRACKS.csv; not" in capsys.readouterr().err
-
-
-@pytest.mark.data
-def test_the_real_flights_end_above_the_table_and_still_falling(data_dir: Path) -> None:
-    dataset = import_mpi(data_dir / "real/mpi_launches.csv", data_dir / "real/mpi_tracks.csv")
-    assert len(dataset.shots) == 37
-    assert dataset.left_out == ()
-    tracks = dataset.tracks
-    assert tracks is not None
-    for shot in range(37):
-        z_m, t_s = tracks.z_m[tracks.shot == shot], tracks.t_s[tracks.shot == shot]
-        assert t_s[0] == 0.0
-        assert z_m[-1] > TABLE_M
-        # the last three samples fall at 1 to 5 m/s, as a ball from that height does
-        assert 1.0 < (z_m[-3] - z_m[-1]) / (t_s[-1] - t_s[-3]) < 5.0
 
 
 def record(path: Path, launches: Iterable[tuple[str, np.ndarray, np.ndarray]], names: tuple[str, str, str] = BALL_NAMES,
@@ -353,14 +329,3 @@ def test_a_recording_that_is_none_is_refused(tmp_path: Path, change: dict[str, o
     path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
     with pytest.raises(InputError, match=told):
         import_ball_butler(path)
-
-
-@pytest.mark.data
-def test_the_recorded_session_is_read_and_is_plausible(data_dir: Path, tmp_path: Path) -> None:
-    out = tmp_path / "session-3"
-    session = data_dir / "real" / "ball_butler_tracks.csv"
-    assert truearc.main(["import", "ball-butler", str(session), "-o", str(out)]) == 0
-    dataset = load_dataset(out)
-    assert len(dataset.shots) == 20 and dataset.tracks is not None and len(dataset.tracks.t_s) == 3885
-    assert dataset.rig == RIG
-    assert check_plausible(dataset).accepted == ()

@@ -112,11 +112,6 @@ def test_the_same_number_draws_alike_another_draws_otherwise():
     assert not np.array_equal(first.test, other.test) and not np.array_equal(first.transfer, other.transfer)
 
 
-def test_what_was_launched_changes_nothing_in_what_was_drawn_of_the_recorded():
-    with_it, without = collect.draw(REAL, LAUNCHED, SETTINGS, 1), collect.draw(REAL, None, SETTINGS, 1)
-    assert np.array_equal(with_it.train, without.train) and len(without.transfer) == 0
-
-
 @settings(deadline=None)
 @given(st.integers(0, 30), st.integers(0, 30), st.integers(0, 30), st.integers(0, 60))
 def test_a_rare_outcome_is_made_up_for_by_the_others(miss, two, three, count):

@@ -30,12 +30,6 @@ FINDING = {"mismatch": {"found": True, "p_value": 0.001}, "verdict": "set",
 N = 200
 
 
-def test_a_finding_is_a_claim() -> None:
-    told = claim_of(FINDING)
-    assert (told.says_something, told.names) == (True, ("spin_decay", "wind_x"))
-    assert (told.before_m, told.after_m) == (0.05, 0.04)
-
-
 def test_an_unknown_effect_has_no_names_and_no_better_forecast() -> None:
     told = claim_of({**FINDING, "verdict": "unknown", "fit": {"height_rmse_before_m": 0.05,
                                                                "height_rmse_after_m": None}})
@@ -208,12 +202,3 @@ def test_what_a_wrong_simulator_lacks_is_forecast_between_the_data(emulator: res
     off = [np.abs(each.mean - truth[1]).max() for each in both]
     assert off[0] < 0.1 < 0.5 < off[1]
     assert (both[0].low90 < truth[1]).all() and (truth[1] < both[0].high90).all()
-
-
-def test_the_chain_samples_a_normal_distribution() -> None:
-    covariance = np.array([[4.0, 1.5], [1.5, 1.0]])
-    inverse = np.linalg.inv(covariance)
-    drawn = residual.sample(lambda at: float(-0.5 * at @ inverse @ at), np.array([3.0, 3.0]), np.random.default_rng(0),
-                            40_000)
-    np.testing.assert_allclose(drawn.mean(0), 0.0, atol=0.2)
-    np.testing.assert_allclose(np.cov(drawn.T), covariance, rtol=0.2)
