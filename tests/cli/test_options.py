@@ -1,6 +1,5 @@
 """Every option of every command is used by the command's code or refused by name; none is ignored."""
 
-import argparse
 import inspect
 import re
 from importlib import import_module
@@ -75,9 +74,3 @@ def test_an_option_of_another_mode_or_command_is_refused_by_name(words, option, 
     assert main(words.split()) == 2
     assert f": {option}" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
-
-
-def test_every_option_has_a_help_text() -> None:
-    for command in list_commands():
-        for action in make_parser(command)._actions:
-            assert action.help and action.help is not argparse.SUPPRESS, f"{command.name}: {action.dest}"

@@ -5,7 +5,6 @@ import struct
 import time
 from collections.abc import Mapping
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,18 +14,14 @@ from hypothesis import strategies as some
 from msgspec.structs import replace
 
 from tests.frc.nt_server import Table
-from tests.frc.test_advice import GATE, HZ, MAP, NS, Clock, Robot
+from tests.frc.test_advice import GATE, HZ, MAP, NS, Clock, Nothing, Robot
 from truearc.cli.common import SHIPPED
-from truearc.cli.main import main
 from truearc.hw.protocols import LinkLost
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import AprilTag, Config, load_config
 from truearc.robot.gate import load_gate
-from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.session import make_header
-from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.runtime import run
-from truearc.robot.tick import ADVICE, advise_step
+from truearc.robot.tick import advise_step
 from truearc.robot.types import Sighting
 from truearc_frc.advice import AdviceIo, Adviser, advised_columns
 from truearc_frc.inputs import NtCamera, OwnNtCamera, keys_of_camera
@@ -191,34 +186,15 @@ class Seeing(Robot):
         return found | keys(self.kind, seen_by(self.kind, lens_m, 0.0, 24.0, 0.6), t_ns)
 
 
-def advised(robot: Seeing, seconds: float, recorder: object = None) -> list[str]:
-    from tests.frc.test_advice import Nothing
-    clock, facts, gate = Clock(), config(robot.kind), load_gate(GATE)
-    end_ns = clock.t_ns + round(seconds * NS)
-    io = AdviceIo(facts, MAP, robot, clock, lambda: clock.t_ns >= end_ns, 0.02, NtCamera(facts, robot, clock))
-    run(io, facts, gate, Adviser(recorder or Nothing(), robot, facts, gate), advise_step)      # type: ignore[arg-type]
-    return [str(said["verdict"]) for said in robot.said]
-
-
-def test_advice_by_a_camera_records_and_replays_to_the_bit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    robot, facts, gate = Seeing("limelight"), config("limelight"), load_gate(GATE)
-    assert "distance_m" not in advised_columns(MAP, facts)
-    recorder = SessionWriter(tmp_path / "s", replace(make_header(facts, gate, None), policy=ADVICE), facts,
-                             GATE.read_bytes(), lossless=True)
-    verdicts = advised(robot, 3.0, recorder)
-    recorder.close()
-    assert verdicts.count("FIRE") > 0.8 * len(verdicts)
-    ticks = [tick for tick, _ in TickReader(tmp_path / "s")]
-    assert ticks[-1].estimate.distance_m == pytest.approx(2.2488, abs=0.01)
-    assert ticks[-1].estimate.distance_sigma_m == pytest.approx(math.hypot(0.03, 0.03, 0.04))
-    assert main(["session", "replay", str(tmp_path / "s"), "--check"]) == 0
-    assert "150 ticks" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("trouble", "patience_s"), [("freezes", 0.6), ("jumps", 0.05), ("disappears", 0.02)])
 def test_no_advice_to_fire_by_a_camera_in_trouble(kind: str, trouble: str, patience_s: float) -> None:
-    verdicts = advised(Seeing(kind, trouble), 5.0)
+    robot, clock, facts, gate = Seeing(kind, trouble), Clock(), config(kind), load_gate(GATE)
+    assert "distance_m" not in advised_columns(MAP, facts)
+    end_ns = clock.t_ns + 5 * NS
+    io = AdviceIo(facts, MAP, robot, clock, lambda: clock.t_ns >= end_ns, 0.02, NtCamera(facts, robot, clock))
+    run(io, facts, gate, Adviser(Nothing(), robot, facts, gate), advise_step)           # type: ignore[arg-type]
+    verdicts = [str(said["verdict"]) for said in robot.said]
     assert "FIRE" in verdicts[:2 * HZ] and "FIRE" not in verdicts[round((2.0 + patience_s) * HZ) + 1:]
 
 

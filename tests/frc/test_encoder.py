@@ -2,6 +2,7 @@
 
 import math
 import time
+from typing import Any
 
 import ntcore
 import pytest
@@ -65,13 +66,12 @@ def test_a_key_that_freezes_or_jumps_is_a_hold(age_s: float, off_deg: float, cod
     assert code is None or code.name in codes(tick.verdict.reasons)
 
 
-def test_a_real_server_is_read_without_waiting_and_the_doctor_sees_what_it_publishes() -> None:
-    port = free_port()
-    table, around = TABLE, Around(0.1, {"nt4": {"server": f"127.0.0.1:{port}"}})
-    finding, = examine(table, around, None)       # no server yet
+def test_a_real_server_is_read_without_waiting_and_the_doctor_sees_what_it_publishes(
+        nt_server: tuple[Any, str]) -> None:
+    finding, = examine(TABLE, Around(0.1, {"nt4": {"server": f"127.0.0.1:{free_port()}"}}), None)
     assert finding.level == FAILURE and "no connection" in finding.says
-    server = ntcore.NetworkTableInstance.create()
-    server.startServer(persist_filename="", listen_address="127.0.0.1", port3=0, port4=port)
+    server, address = nt_server
+    table, around = TABLE, Around(0.1, {"nt4": {"server": address}})
     options = ntcore.PubSubOptions(keepDuplicates=True, sendAll=True, periodic=0.01)
     topic = server.getDoubleTopic(TABLE.key).publish(options)
     encoder = encoder_family_of(table).make(table, around)
@@ -92,4 +92,3 @@ def test_a_real_server_is_read_without_waiting_and_the_doctor_sees_what_it_publi
         assert finding.level == FAILURE and "stands still" in finding.says
     finally:
         encoder._keys.close()
-        server.stopServer()

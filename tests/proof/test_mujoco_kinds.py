@@ -13,6 +13,7 @@ from truearc import robot
 from truearc.robot.config.schema import load_config
 from truearc.sim.data.files import load_dataset
 from truearc.sim.infer.belief import as_table
+from truearc.sim.physics.catalogue import TERMS
 from truearc.sim.physics.term import STAGES
 from truearc.sim.world.options import Options
 from truearc.sim.world.world import Season, ShotSetting
@@ -110,6 +111,17 @@ def test_what_is_in_no_catalogue_is_none_of_the_changes_that_have_a_name(level: 
         assert dict(change.beside).items() <= one.effects.items()
     signs = {np.sign(one.effects["hood_flex_deg"]) for one in made if one.change == "hood_flex"}
     assert signs == {-1.0, 1.0}
+
+
+@pytest.mark.parametrize("change", worlds.CHANGES, ids=lambda change: change.name)
+def test_a_change_is_one_of_the_world_and_its_names_are_of_the_catalogue(change: Change) -> None:
+    changed = Options(**change.options)
+    assert (changed == Options()) == (change.name == "nothing")
+    assert set(change.names) <= {term.name for term in TERMS}
+    assert set(change.stages) <= set(STAGES)
+    assert bool(change.names) == bool(change.stages) == bool(change.options)
+    at = [level for level in LEVELS if change in worlds.seen_at(level)]
+    assert at == (["L2"] if change.name == "cross_wind" else [*LEVELS])      # which tracks alone show
 
 
 def test_what_has_a_name_of_the_other_engine_is_of_its_stage() -> None:

@@ -118,15 +118,6 @@ def test_the_true_term_is_off_by_luck_alone(name: str, amount: float, term: dict
     assert off_m(truth(one, {}), unseen) > 1.3 * best
 
 
-def test_a_ball_that_is_said_to_fall_short_comes_in_at_the_floor() -> None:
-    unseen = shoot_unseen(drawn({}))
-    assert unseen is not None
-    heavy = truth(drawn({}), {"drag": {"cd": 50.0}})
-    centre_m = 2.44
-    floor = float(np.sqrt(np.nanmean((unseen.above_m + centre_m)**2)))
-    assert off_m(heavy, unseen) == pytest.approx(floor, rel=1e-9)
-
-
 @pytest.mark.slow
 def test_mujoco_s_robot_is_shot_again_with_what_is_hidden_in_it() -> None:
     """A launcher that stands higher than stated throws as much higher."""

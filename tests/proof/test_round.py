@@ -15,7 +15,7 @@ from truearc.errors import InputError
 from truearc.sim.data.files import load_dataset
 from truearc_proof.parallel import append_line
 from truearc_proof.rounds import Room, load_seal, read_ledger
-from truearc_proof.rounds.committer import RoundPlan, answer_round, load_plan, seal_own, seal_round
+from truearc_proof.rounds.committer import RoundPlan, answer_round, load_plan, seal_round
 from truearc_proof.rounds.grader import grade_round, graded_of
 
 # --- round
@@ -79,22 +79,6 @@ def test_what_was_cut_short_goes_on(room: Room) -> None:
     assert {path: path.read_bytes() for path in room.data("w0003").iterdir()} == data
     assert {path: path.read_bytes() for path in room.data("w0001").iterdir()} == given
     assert room.claims("w0001").read_bytes() == claims
-
-
-def test_somebody_elses_world_is_sealed_with_their_data(room: Room, tmp_path: Path) -> None:
-    data, truth = tmp_path / "challenge", tmp_path / "truth.json"
-    shutil.copytree(room.data("w0001"), data)
-    truth.write_text('{"kind": "one", "effects": {"wind_x": 2.0}, "note": "a fan"}')
-    done = prove(room.root, "seal", "--world", str(truth), "--data", str(data))
-    assert done.returncode == 0, done.stderr
-    seal = load_seal(room.seal("challenge"))
-    assert seal.commitment in done.stdout and seal.world["note"] == "a fan"
-    assert room.steps()["challenge"] == {"sealed": seal.commitment}
-    with pytest.raises(InputError, match="sealed already"):
-        seal_own(room, truth, data)
-    truth.write_text('{"kind": "storm"}')
-    with pytest.raises(InputError, match=r"truth\.json: kind: there is no 'storm'"):
-        seal_own(Room(tmp_path / "other"), truth, data)
 
 
 def test_more_shots_are_given_and_a_second_claim_is_marked_beside_the_first(room: Room) -> None:
@@ -262,12 +246,9 @@ def test_a_marked_round_cannot_be_changed_afterwards(done: Room, cheat: Callable
     expected = cheat(done)
     with pytest.raises(InputError, match=expected):
         grade_round(done, quiet, 1)
-
-
-def test_tables_are_not_made_of_forged_marks(done: Room) -> None:
-    expected = forge_marks(done)
-    with pytest.raises(InputError, match=expected):
-        graded_of(done)
+    if cheat is forge_marks:
+        with pytest.raises(InputError, match=expected):
+            graded_of(done)
 
 
 def test_marks_laid_down_before_the_grading_are_refused(room: Room, marked: Room) -> None:

@@ -41,13 +41,6 @@ def test_the_same_world_gives_the_same_bits_and_another_seed_another():
         assert first == again != other
 
 
-def test_worlds_that_differ_in_an_effect_share_their_luck():
-    plain, windy = (play(make_world(effects, "L2", 50, 4)) for effects in ({}, {"wind_y": 1.0}))
-    assert np.array_equal(plain.plan.distance_m, windy.plan.distance_m)
-    for name in ("battery_v", "distance_m", "hood_deg"):
-        assert np.array_equal(plain.dataset.shots.number(name), windy.dataset.shots.number(name))
-
-
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
 def test_every_effect_changes_what_is_seen_and_amplitude_zero_does_not(effect):
     worlds = [make_world(effects, "L2", 60, 6) for effects in ({}, {effect.name: 0.0}, {effect.name: effect.typical})]
