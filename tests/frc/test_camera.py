@@ -18,10 +18,10 @@ from tests.frc.test_advice import GATE, HZ, MAP, NS, Clock, Nothing, Robot
 from truearc.cli.common import SHIPPED
 from truearc.hw.protocols import LinkLost
 from truearc.hw.real.clock import MonotonicClock
+from truearc.robot.advice import advise_step
 from truearc.robot.config.schema import AprilTag, Config, load_config
 from truearc.robot.gate import load_gate
 from truearc.robot.runtime import run
-from truearc.robot.tick import advise_step
 from truearc.robot.types import Sighting
 from truearc_frc.advice import AdviceIo, Adviser, advised_columns
 from truearc_frc.inputs import NtCamera, OwnNtCamera, keys_of_camera

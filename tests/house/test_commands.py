@@ -111,7 +111,7 @@ class Workspace(NamedTuple):
                     code, _, err = run_module(_words(part)[2], _words(part)[3:], patch)
             else:
                 path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-                done = subprocess.run(["bash", "-c", part], cwd=self.folder, capture_output=True, text=True, check=False,
+                done = subprocess.run(["bash", "-c", part], cwd=self.folder, capture_output=True, text=True,
                                       env={**os.environ, "PATH": path, "PYTHONPATH": str(ROOT)})
                 code, err = done.returncode, done.stderr
             assert code == wanted, f"{part}: exit code {code}\n{err[-1500:]}"
