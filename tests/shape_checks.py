@@ -51,12 +51,8 @@ def _first_ones(jaxtyped: Any, *args: Any, **kwargs: Any) -> Any:
 def check(stand_in: Any) -> Any:
     """beartype for one of jaxtyping's stand-ins of a function: counts its calls, and ends its checks after some."""
     from beartype import beartype
-    from beartype.roar import BeartypeDecorHintPep673Exception
 
-    try:
-        checked, name = beartype(stand_in), (stand_in.__module__, stand_in.__qualname__)
-    except BeartypeDecorHintPep673Exception:        # a method that returns Self: its class is not known to a stand-in
-        return stand_in
+    checked, name = beartype(stand_in), (stand_in.__module__, stand_in.__qualname__)
 
     @functools.wraps(checked)
     def counted(*args: Any, **kwargs: Any) -> Any:

@@ -1,18 +1,29 @@
-"""Marks of claims made up so that the right mark is plain."""
+"""Marks of claims made up so that the right mark is plain; tables, targets and the page that are made of them."""
 
+import math
+from collections.abc import Sequence
+from itertools import groupby
+from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
+from benchmarks.proof import BEGIN, END, load, tell_posterior
 from benchmarks.worlds import KINDS, Job, amount_of, mark_job, plan_jobs
+from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.sim.physics.catalogue import TERMS
-from truearc_proof.rounds import TOOLS, Entry
+from truearc_proof.cli import prove_roles
+from truearc_proof.cli.prove_roles import Driven, driven_of, room_of
+from truearc_proof.rounds import TOOLS, Entry, Room, append
+from truearc_proof.rounds.grader import save_mark
 from truearc_proof.rounds.marks import Mark, Measured, is_alias, mark, named_decoy, said_set, up_to_alias
-from truearc_proof.rounds.page import make_proof_page, verdict
-from truearc_proof.rounds.tables import make_tables
-from truearc_proof.rounds.worlds import ALIKE, DIRTS, PARAMETER, Drawn, names_at, read_off
+from truearc_proof.rounds.page import claimed_bins, make_proof_page, verdict
+from truearc_proof.rounds.tables import kept_in_test, make_tables, posterior_rows
+from truearc_proof.rounds.worlds import ALIKE, DECOY, DIRTS, PARAMETER, Drawn, names_at, read_off
 
 # --- score world
 
@@ -264,3 +275,130 @@ def test_readings_scatter_about_the_truth_by_their_stated_error(tool: str) -> No
         assert values.std() == pytest.approx(sd, rel=0.15)
         assert {one[term]["sd"] for one in readings} == {sd}
     assert readings[3] == read_off(tool, {name: amount}, 3)
+
+
+# --- tables
+
+# --- report
+
+ALLOWED = Measured((0.28, 0.2, 0.25, 0.26), (DECOY,), 0.4)
+SLIP, WIND = ["wheel_slip"], ["wind_x"]
+PLAIN = Mark("a", "numpy", "one", "L1", 300, ("wind_x",), 9.0, True, 0.001, "named", ("wind_x",), said=0.9, alias=True,
+             right=("wind_x",), unexplained=0.05)
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs/measured/sealed.md"
+
+
+def world(kind: str, effects: Sequence[str], names: Sequence[str], level: str = "L1", said: str = "", gain: float = 0.1,
+          engine: str = "numpy", change: str = "") -> Mark:
+    """A world of that kind, and these names said of it, likeliest first; none: nothing was found."""
+    drawn = Drawn("w1", engine, kind, level, 300, 1, dict.fromkeys(effects, 1.0), (), change)
+    told = finding(*((name, 1.0 / (2 + k)) for k, name in enumerate(names)), found=bool(names or said),
+                   verdict=said or ("none", "named", "set")[min(len(names), 2)])
+    told["fit"] = {"gain_per_shot": gain}
+    for one in told["what"]:
+        one["parameters"] = {}
+    return mark(drawn, told, ALLOWED if kind in ("one", "decoy") else Measured())
+
+
+def decoys(level: str) -> list[Mark]:
+    return [world("decoy", ["ball_wear"], said, level) for said in (
+        [DECOY], [DECOY, "ball_wear"], ["ball_wear", DECOY], ["drag_wear"], [])]
+
+
+def test_a_decoy_s_name_is_false_where_it_is_the_first_of_a_set_and_is_nobody_s_alias() -> None:
+    assert by_name(decoys("L1"))["single names wrong, whatever was hidden"][0].startswith("2/2")
+    (table,) = [one for one in make_tables(decoys("L1")) if one.title.startswith("Worlds in which something is hidden")]
+    assert dict(zip(table.header, table.rows[0], strict=True))["up to alias"].startswith("1/4 ")
+    assert "first in 1 of 4 worlds" in verdict(decoys("L1"))
+
+
+def test_what_was_missed_most_of_what_could_be_found_comes_first() -> None:
+    marks = [world("one", ["wind_x"], ["wind_x"]), *[world("one", ["wheel_slip"], [])] * 3]
+    (table,) = [one for one in make_tables(marks) if one.title.endswith("by name")]
+    assert table.rows == [["wheel_slip", "0/3", "0.8"], ["wind_x", "1/1", "0.3"]]
+
+
+def test_of_the_sealed_gain_no_single_world_speaks_for_all() -> None:
+    half = replace(world("one", ["wind_x"], ["wind_x"]), off_m=(0.5, math.sqrt(0.17), 0.3))    # 0.08 of 0.16 m2
+    whole, short = replace(half, off_m=(0.5, 0.3, 0.3)), replace(half, off_m=(5.0, 0.1, 4.0))
+    nothing, own = replace(half, off_m=(0.5, 0.5, 0.4999)), replace(half, off_m=(0.5, 0.4))
+    assert kept_in_test([half, half, whole, short, nothing, own]) == "0.75 (median of 4)"
+
+
+def by_name(marks: list[Mark]) -> dict[str, list[str]]:
+    return {row[0]: row[1:] for row in posterior_rows(marks)}
+
+
+def test_each_row_counts_its_own_worlds() -> None:
+    rows = by_name([
+        world("clean", [], []), world("clean", [], SLIP), world("dirty", [], []),
+        *(world(kind, [], [], engine="mujoco", change="nothing") for kind in ("clean", "dirty")),
+        world("one", WIND, WIND), world("one", WIND, ["hood_offset"]), world("one", WIND, []),
+        world("one", WIND, ["hood_offset", "wind_x", "rim_catch"]), world("one", WIND, [], said="unknown"),
+        world("two", [*WIND, *SLIP], WIND), world("off", ["late_gust"], ["wind_z", "hood_offset"]),
+        world("off", ["late_gust"], ["wind_z"])])
+    assert rows["false alarms, clean"][0].startswith("1/2 = 0.50")
+    assert rows["false alarms, dirty"][0].startswith("0/1")
+    assert rows["false alarms, MuJoCo unchanged"][0].startswith("0/2")
+    # named: slip where nothing was, hood offset for wind, and wind_z for what no term has; not the two right ones
+    assert rows["single names wrong, whatever was hidden"][0].startswith("3/5 = 0.60")
+    assert rows["set holds the truth"][0].startswith("3/5")
+    assert rows["in no catalogue: unknown or a set"][0].startswith("1/2")
+    assert rows["mean size of a set"][0] == "1.50 of 4"
+    assert rows["power, share of what the data allow"][0].endswith("4/5 of 0.28")
+
+
+def test_a_target_that_chance_may_have_missed_is_told_from_one_that_it_has_not() -> None:
+    few, many = (([world("one", WIND, WIND)] * 3 + [world("one", WIND, ["hood_offset"])]) * count for count in (1, 40))
+    assert by_name(few)["set holds the truth"][2] == "NOT REACHED, may be chance"
+    assert by_name(many)["set holds the truth"][2] == "NOT REACHED"
+    assert by_name([world("one", WIND, WIND)] * 40)["set holds the truth"][1:] == [">= 0.9", "reached"]
+
+
+def test_worse_on_the_sealed_season_means_by_over_one_percent() -> None:
+    found = world("one", WIND, WIND)
+    rows = by_name([replace(found, off_m=(1.0, after)) for after in (1.0, 1.005, 1.02, 0.8)])
+    assert rows["adopted worse on the sealed season by over 1 %"][0].startswith("1/3")     # one changed nothing
+
+
+def test_bins_count_what_was_right_of_what_was_claimed() -> None:
+    pairs = [(0.1, False), (0.19, True), (0.97, True), (1.0, True), (1.0, False)]
+    assert claimed_bins(pairs) == [(pytest.approx(0.145), 1, 2), (pytest.approx(0.99), 2, 3)]
+    assert claimed_bins([]) == []
+
+
+def test_the_page_is_what_the_archives_say() -> None:
+    rounds = sorted(map(load, sorted((PAGE.parent / "sealed").glob("*.tar.xz"))), key=lambda one: one.setting)
+    told = [tell_posterior(list(group)) for _, group in groupby(rounds, key=lambda one: one.setting)]
+    page = PAGE.read_text(encoding="utf-8")
+    assert rounds and page.split(BEGIN)[1].split(END)[0] == "\n".join(told)
+
+
+# --- drive report
+
+def make_driven(root: Path) -> Room:
+    """One world, as if it had been driven in."""
+    room = room_of(root)
+    room.root.mkdir(parents=True)
+    append(room.ledger, "sealed", "r0001", "0" * 64)
+    scored = {"no gate": (3, 10), "before": (5, 10), "after": (7, 10)}
+    save_mark(room, "r0001", Driven("r0001", "tail_wind", "named", ("wind_x",), scored), {})
+    return room
+
+
+def test_a_round_that_was_only_driven_has_a_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(prove_roles, "play_driven", lambda root, *rest: driven_of(make_driven(root)))
+    assert main(["prove", "drive", "--shots", "120", "--seed", "1", "--quiet", "--out", str(tmp_path / "round")]) == 0
+    page = (tmp_path / "round" / "report.html").read_text(encoding="utf-8")
+    assert "r0001" in page and "tail_wind" in page and "7 of 10" in page
+
+
+def test_driven_marks_that_the_ledger_does_not_have_are_refused(tmp_path: Path) -> None:
+    room = make_driven(tmp_path / "round")
+    assert driven_of(room)[0].scored["after"] == (7, 10)
+    line = msgspec.json.decode(room.grades.read_bytes())
+    line["scored"]["after"] = [10, 10]
+    room.grades.write_bytes(msgspec.json.encode(line) + b"\n")
+    with pytest.raises(InputError, match="r0001 is not marked as the ledger has it"):
+        driven_of(room)

@@ -1,6 +1,8 @@
-"""MuJoCo's worlds of a round, and what its unmodified robot leaves to be believed."""
+"""A round's worlds of either engine: the shares, the ladder, what each kind hides, and that each can be made."""
 
+from collections import Counter
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 import msgspec
@@ -10,6 +12,7 @@ import pytest
 import truearc as ta
 from benchmarks.launcher_world import heights_m
 from truearc import robot
+from truearc.errors import InputError
 from truearc.robot.config.schema import load_config
 from truearc.sim.data.files import load_dataset
 from truearc.sim.infer.belief import as_table
@@ -19,18 +22,88 @@ from truearc.sim.world.options import Options
 from truearc.sim.world.world import Season, ShotSetting
 from truearc_proof.rounds import Room, solver, worlds
 from truearc_proof.rounds.marks import GOES_WITH
-from truearc_proof.rounds.worlds import MUJOCO, SHARES, Change, Drawn, changes_of, dirty_options, dirty_plan
-from truearc_proof.truth.generate import Asked
-from truearc_proof.truth.world import find_effect
+from truearc_proof.rounds.worlds import MUJOCO, NUMPY, SHARES, Change, Drawn, changes_of, dirty_options, dirty_plan
+from truearc_proof.truth.generate import Asked, shoot
+from truearc_proof.truth.world import UNCATALOGUED, find_effect, make_world
 from truearc_proof.world.season import ORDINARY, Sensors, plan_season, play_season
+
+LEVELS = ("L0", "L1", "L2")
+OFF = {effect.name for effect in UNCATALOGUED}
+
+
+def drawn(level: str, count: int = 400, engines: tuple[str, ...] = (NUMPY, MUJOCO)) -> tuple[Drawn, ...]:
+    return worlds.draw_round(11, count, level, 300, engines)
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_kinds_come_in_their_shares_and_in_no_order(level: str) -> None:
+    kinds = [one.kind for one in drawn(level)]
+    assert Counter(kinds) == {kind: round(share * 400) for kind, share in SHARES.items()}
+    changes = sum(a != b for a, b in pairwise(kinds))
+    assert changes > 250                              # sorted they would change six times
+
+
+def test_a_small_round_has_as_many_worlds_as_it_was_asked_for() -> None:
+    assert drawn("L1") == drawn("L1") != worlds.draw_round(12, 400, "L1", 300)
+    for count in range(1, 30):
+        round_ = drawn("L1", count)
+        assert [one.name for one in round_] == [f"w{number:04d}" for number in range(1, count + 1)]
+        assert len({one.seed for one in round_}) == count
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_sizes_are_on_the_ladder_or_as_large_as_is_credible(level: str) -> None:
+    for one in drawn(level):
+        for name, size in one.strength.items():
+            factor = abs(one.effects[name]) / abs(find_effect(name).typical)
+            assert factor <= worlds.LARGEST + 1e-12
+            on_ladder = min(abs(size / step - 1.0) for step in worlds.LADDER) < 1e-9
+            assert on_ladder or factor in (1.0, 2.0, 2.5, 3.0, worlds.LARGEST)
+
+
+def test_more_shots_show_smaller_effects() -> None:
+    few, many = (np.median([abs(one.effects[name] / find_effect(name).typical)
+                            for one in worlds.draw_round(5, 300, "L1", shots) for name in one.strength])
+                 for shots in (100, 1000))
+    assert many < 0.7 * few
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_what_is_hidden_is_of_its_kind(level: str) -> None:
+    for one in drawn(level):
+        if one.engine == MUJOCO:
+            continue
+        assert len(one.effects) == {"clean": 0, "dirty": 0, "two": 2}.get(one.kind, 1)
+        assert bool(OFF & set(one.effects)) == (one.kind == "off")
+        assert bool(one.dirt) or one.kind != "dirty"
+        make_world(one.effects, level, 20, 1, one.dirt)
+
+
+def test_engines_can_be_chosen() -> None:
+    assert {one.engine for one in drawn("L1", 100, (NUMPY,))} == {NUMPY}
+    assert {one.engine for one in drawn("L1", 100, (MUJOCO,))} == {MUJOCO}
+    both = drawn("L1", 400)
+    assert {one.kind for one in both if one.engine == MUJOCO} == set(SHARES)
+    assert 0.15 < sum(one.engine == MUJOCO for one in both) / 400 < 0.25
+    with pytest.raises(InputError, match="engines"):
+        drawn("L1", 10, ("pybullet",))
+    with pytest.raises(InputError, match="level"):
+        worlds.draw_round(1, 10, "L3", 300)
+
+
+def test_a_decoys_battery_falls_as_its_balls_wear() -> None:
+    decoy = shoot(make_world({}, "L1", 300, 9, ("battery_with_wear",))).shots
+    assert np.corrcoef(np.arange(300), decoy.number("battery_v"))[0, 1] < -0.8
+
+
+# --- MuJoCo's kinds
 
 # --- mujoco kinds
 
-LEVELS = ("L0", "L1", "L2")
 FACTS = load_config(Path(robot.__file__).parent / "launcher.toml").rig
 
 
-def drawn(level: str, kind: str) -> list[Drawn]:
+def of_kind(level: str, kind: str) -> list[Drawn]:
     return [one for one in worlds.draw_round(21, 400, level, 300, (MUJOCO,)) if one.kind == kind]
 
 
@@ -43,8 +116,8 @@ def sizes(one: Drawn, changes: tuple[Change, ...]) -> set[float]:
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("kind", SHARES)
 def test_options_are_such_as_a_world_can_have_and_the_same_seed_draws_the_same(level: str, kind: str) -> None:
-    made = drawn(level, kind)
-    assert len(made) == round(400 * SHARES[kind]) and made == drawn(level, kind)
+    made = of_kind(level, kind)
+    assert len(made) == round(400 * SHARES[kind]) and made == of_kind(level, kind)
     for one in made:
         told: dict[str, float | bool] = {**one.effects, **dirty_options(one.dirt, one.shots)}
         if "release_arc" in told:
@@ -56,8 +129,8 @@ def test_options_are_such_as_a_world_can_have_and_the_same_seed_draws_the_same(l
 
 @pytest.mark.parametrize("level", LEVELS)
 def test_in_nulls_nothing_is_changed_and_dirty_ones_are_dirty_in_one_way_or_another(level: str) -> None:
-    assert all((one.change, one.effects, one.dirt) == ("nothing", {}, ()) for one in drawn(level, "clean"))
-    dirty = drawn(level, "dirty")
+    assert all((one.change, one.effects, one.dirt) == ("nothing", {}, ()) for one in of_kind(level, "clean"))
+    dirty = of_kind(level, "dirty")
     assert all((one.change, one.effects, len(one.dirt)) == ("nothing", {}, 1) for one in dirty)
     assert {one.dirt[0] for one in dirty} == set(worlds.dirt_at(level))
     assert ("missing_frames" in worlds.dirt_at(level)) == (level == "L2")
@@ -65,14 +138,14 @@ def test_in_nulls_nothing_is_changed_and_dirty_ones_are_dirty_in_one_way_or_anot
 
 @pytest.mark.parametrize("level", LEVELS)
 def test_one_is_one_change_of_the_list_that_benchmarks_have(level: str) -> None:
-    for one in drawn(level, "one"):
+    for one in of_kind(level, "one"):
         (change,) = changes_of(one.change)
         assert change in worlds.seen_at(level)[1:] and set(one.effects) == set(change.options) and one.dirt == ()
 
 
 @pytest.mark.parametrize("level", LEVELS)
 def test_two_are_two_that_share_neither_option_nor_name_and_are_plain(level: str) -> None:
-    for one in drawn(level, "two"):
+    for one in of_kind(level, "two"):
         first, second = changes = changes_of(one.change)
         assert changes in worlds.pairs_at(level) and one.change == f"{first.name}{worlds.AND}{second.name}"
         assert not set(first.options) & set(second.options) and not set(first.names) & set(second.names)
@@ -83,7 +156,7 @@ def test_two_are_two_that_share_neither_option_nor_name_and_are_plain(level: str
 
 @pytest.mark.parametrize("level", LEVELS)
 def test_an_alias_is_a_change_that_only_a_class_of_names_is_right_of_and_turns_either_way(level: str) -> None:
-    made = drawn(level, "alias")
+    made = of_kind(level, "alias")
     assert {one.change for one in made} == set(worlds.ALIKE_CHANGES[level])
     told = {round(size, 9) for one in made for size in sizes(one, changes_of(one.change))}
     assert {abs(one) for one in told} <= set(worlds.PLAIN_FACTORS) and min(told) < 0.0 < max(told)
@@ -92,7 +165,7 @@ def test_an_alias_is_a_change_that_only_a_class_of_names_is_right_of_and_turns_e
 @pytest.mark.parametrize("level", LEVELS)
 def test_a_decoy_is_a_battery_beside_worn_balls(level: str) -> None:
     (change,) = changes_of(worlds.WORN_CHANGE)
-    for one in drawn(level, "decoy"):
+    for one in of_kind(level, "decoy"):
         assert (one.change, one.dirt) == (worlds.WORN_CHANGE, (worlds.DECOY_DIRT,))
         assert set(one.effects) == set(change.options)
         assert {round(size, 9) for size in sizes(one, (change,))} <= set(worlds.PLAIN_FACTORS)
@@ -100,7 +173,7 @@ def test_a_decoy_is_a_battery_beside_worn_balls(level: str) -> None:
 
 @pytest.mark.parametrize("level", LEVELS)
 def test_what_is_in_no_catalogue_is_none_of_the_changes_that_have_a_name(level: str) -> None:
-    made = drawn(level, "off")
+    made = of_kind(level, "off")
     assert {one.change for one in made} == {change.name for change in worlds.UNCATALOGUED}
     assert not {change.name for change in worlds.UNCATALOGUED} & {change.name for change in worlds.CHANGES}
     for one in made:
@@ -148,7 +221,7 @@ def played(options: dict[str, float], settings: list[ShotSetting], sensors: Sens
 
 @cache
 def unchanged(shots: int, calm: bool, level: str = "L0") -> Season:
-    """A season of the robot as drawn, without luck if calm, which tests compare with and none changes."""
+    """A season of the robot as of_kind, without luck if calm, which tests compare with and none changes."""
     return played({"scatter_scale": 0.0, "pose_scale": 0.0} if calm else {}, plan_season(5, shots), level=level)
 
 
@@ -195,7 +268,7 @@ def test_what_is_in_no_catalogue_moves_heights_by_5_to_30_cm(change: Change) -> 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["dirty", "two", "decoy", "off"])
 def test_every_kind_becomes_data_and_can_be_shot_again(kind: str, tmp_path: Path) -> None:
-    one = msgspec.structs.replace(drawn("L2", kind)[0], shots=12)
+    one = msgspec.structs.replace(of_kind("L2", kind)[0], shots=12)
     worlds.make_data(one, tmp_path / "w1")
     worlds.make_more(one, [Asked(4.0, 50.0, 0.6, 3)], tmp_path / "more")
     first, more = load_dataset(tmp_path / "w1"), load_dataset(tmp_path / "more")
