@@ -1,7 +1,7 @@
 """NetworkTables for tests: a free port, and keys that are simply there."""
 
 import socket
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from truearc_frc.keys import Reading
 
@@ -14,12 +14,18 @@ def free_port() -> int:
 
 
 class Table:
-    """Keys with these readings; nothing is published."""
+    """Keys with these readings; what is published is kept."""
 
-    def __init__(self, found: Mapping[str, Reading]) -> None:
-        self.found, self.connected = found, True
+    def __init__(self, found: Mapping[str, Reading] | None = None, connected: bool = True) -> None:
+        self.found, self.connected = found or {}, connected
+        self.said: list[dict[str, float | str | Sequence[str]]] = []
+        self.closed = False
 
     def read(self, now_ns: int) -> Mapping[str, Reading]:
         return self.found
 
-    def publish(self, values: object) -> None: ...
+    def publish(self, values: Mapping[str, float | str | Sequence[str]]) -> None:
+        self.said.append(dict(values))
+
+    def close(self) -> None:
+        self.closed = True

@@ -43,36 +43,29 @@ from truearc_frc.table import Nt4, Nt4Velocity, with_nt4
 TABLE = NT4.hood_encoder
 
 
-class Said:
-    """A server that has one key, or none."""
-
-    def __init__(self, value: float | str | None, t_ns: int = NOW_NS, connected: bool = True) -> None:
-        self.connected = connected
-        self._found = {} if value is None else {TABLE.key: Reading(t_ns, value)}
-
-    def read(self, now_ns: int) -> dict[str, Reading]:
-        return self._found
+def said(value: float | str, t_ns: int = NOW_NS) -> Table:
+    return Table({TABLE.key: Reading(t_ns, value)})
 
 
 def test_a_key_in_turns_is_an_angle_with_the_stamp_of_its_publication() -> None:
-    encoder = NtEncoder(TABLE, Said(0.125, 17))
+    encoder = NtEncoder(TABLE, said(0.125, 17))
     reading = encoder.read(NOW_NS)
     assert (reading.t_ns, reading.angle_rad, reading.magnet_ok) == (17, pytest.approx(math.radians(45.0)), True)
     assert encoder.faults(NOW_NS) == () and encoder.ids() == () and encoder.frames(NOW_NS) == ()
-    degrees = NtEncoder(replace(TABLE, unit="deg"), Said(-30.0))
+    degrees = NtEncoder(replace(TABLE, unit="deg"), said(-30.0))
     assert degrees.read(NOW_NS).angle_rad == pytest.approx(math.radians(330.0))
-    assert NtEncoder(replace(TABLE, unit="rad"), Said(1.0)).read(NOW_NS).angle_rad == pytest.approx(1.0)
+    assert NtEncoder(replace(TABLE, unit="rad"), said(1.0)).read(NOW_NS).angle_rad == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, 1.01, -2.0, "0.125"])
 def test_what_is_not_an_angle_is_a_fault_and_no_reading(value: float | str) -> None:
-    encoder = NtEncoder(TABLE, Said(value))
+    encoder = NtEncoder(TABLE, said(value))
     assert encoder.read(NOW_NS) is None
     assert codes(encoder.faults(NOW_NS)) == [because.KEY_IMPLAUSIBLE.name]
 
 
 def test_a_key_that_is_gone_and_a_server_that_is_gone_are_named() -> None:
-    encoder = NtEncoder(TABLE, Said(None, connected=False))
+    encoder = NtEncoder(TABLE, Table(connected=False))
     assert encoder.read(NOW_NS) is None
     assert encoder.faults(NOW_NS) == (because.NT_LOST(), because.KEY_MISSING(key="/Hood/Rot"))
 
@@ -81,7 +74,7 @@ def test_a_key_that_is_gone_and_a_server_that_is_gone_are_named() -> None:
     (0.02, 0.0, None), (0.2, 0.0, because.DEVICE_STALE), (0.02, 4.0, because.HOOD_ENCODERS_DISAGREE)])
 def test_a_key_that_freezes_or_jumps_is_a_hold(age_s: float, off_deg: float, code) -> None:
     truth_deg = good_memory().aim.hood_deg + off_deg
-    encoder = NtEncoder(TABLE, Said((90.0 - truth_deg) / 360.0, NOW_NS - int(age_s * 1e9)))
+    encoder = NtEncoder(TABLE, said((90.0 - truth_deg) / 360.0, NOW_NS - int(age_s * 1e9)))
     tick = step(replace(good_inputs(), hood_angle=encoder.read(NOW_NS)), good_memory(), NT4, None)
     assert tick.verdict.fire is (code is None)
     assert code is None or code.name in codes(tick.verdict.reasons)

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
+from tests.frc.nt_server import Table
 from tests.robot.good_tick import good_inputs, good_memory
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
@@ -27,22 +28,6 @@ GATE = Path(__file__).parents[1] / "golden" / "reference" / "export-physics" / "
 CONFIG = load_config(SHIPPED)
 FIRED = step(good_inputs(), good_memory(), CONFIG, None)
 HELD = replace(FIRED, verdict=Verdict(False, ()))
-
-
-class Table:
-    """A server that keeps what is published."""
-
-    connected = True
-
-    def __init__(self) -> None:
-        self.said: list[dict[str, float | str | Sequence[str]]] = []
-        self.closed = False
-
-    def publish(self, values: dict[str, float | str | Sequence[str]]) -> None:
-        self.said.append(dict(values))
-
-    def close(self) -> None:
-        self.closed = True
 
 
 class Still:
@@ -111,8 +96,7 @@ def test_topics_reach_a_server_and_go_with_the_robot(nt_server: tuple[Any, str],
 def test_a_server_that_is_not_there_is_said_once(monkeypatch: pytest.MonkeyPatch,
                                                  capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr("truearc_frc.advice.PATIENCE_S", 0.05)
-    table = Table()
-    table.connected = False
+    table = Table(connected=False)
     screen = NtPublisher(with_nt4(CONFIG, Nt4("254")), table, None, None)
     time.sleep(0.3)
     screen.close()

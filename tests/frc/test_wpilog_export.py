@@ -1,4 +1,4 @@
-"""WPILOG of a session: read back by WPILib's own reader, which is behind AdvantageScope and SysId."""
+"""WPILOG of a session by WPILib's own reader, as AdvantageScope and SysId have it; layouts of dashboards."""
 
 import io
 import json
@@ -12,12 +12,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from wpiutil import log as wpilog
 
-from tests.frc.test_dashboards import DASHBOARDS
 from tests.robot.recording.test_convert import convert, ticks
 from truearc.robot.recording.session import load_trials
 from truearc.robot.recording.tabular import TEXTS
+from truearc_frc.keys import OURS
 from truearc_frc.wpilog import WpilogWriter, make_payload
 
+DASHBOARDS = Path(__file__).parents[2] / "examples" / "dashboards"
+LAYOUT = DASHBOARDS / "elastic.json"
+PUBLISHED = {"p_two", "p_three", "verdict", "reasons", "novelty", "hood_deg", "wheel_rad_s", "correction", "age_s",
+             "lead_deg"}
 GETTERS = {"double": "getDouble", "int64": "getInteger", "boolean": "getBoolean", "string": "getString",
            "json": "getString", "string[]": "getStringArray", "double[]": "getDoubleArray"}
 
@@ -119,3 +123,24 @@ def test_the_advantagescope_layout_shows_signals_that_are_there(log: Log) -> Non
                for sources in tab["controller"].values() if isinstance(sources, list) for source in sources]
     assert len(sources) > 15
     assert all(kinds[log.signals[source["logKey"]][0]] == source["logType"] for source in sources)
+
+
+# --- layouts show topics that are published
+
+def test_elastic_shows_every_topic_once_without_overlap() -> None:
+    (tab,) = json.loads(LAYOUT.read_text(encoding="utf-8"))["tabs"]
+    boxes = tab["grid_layout"]["containers"]
+    assert sorted(box["properties"]["topic"] for box in boxes) == sorted(OURS + name for name in PUBLISHED)
+    cells = [(x, y) for box in boxes for x in range(int(box["x"]), int(box["x"] + box["width"]), 128)
+             for y in range(int(box["y"]), int(box["y"] + box["height"]), 128)]
+    assert len(cells) == len(set(cells))
+
+
+def test_advantagescope_draws_every_topic_once_by_its_type() -> None:
+    layout = json.loads((DASHBOARDS / "advantagescope-live.json").read_text(encoding="utf-8"))
+    (hub,) = layout["hubs"]
+    drawn = [one for tab in hub["state"]["tabs"]["tabs"] if tab["type"] == 1             # line graphs
+             for side in ("leftSources", "rightSources", "discreteSources") for one in tab["controller"][side]]
+    assert sorted(one["logKey"] for one in drawn) == sorted(f"NT:{OURS}{name}" for name in PUBLISHED)
+    types = {"verdict": "String", "reasons": "StringArray"}
+    assert all(one["logType"] == types.get(one["logKey"].removeprefix(f"NT:{OURS}"), "Number") for one in drawn)

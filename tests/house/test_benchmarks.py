@@ -67,9 +67,3 @@ def test_benchmark_runs(name: str, tmp_path: Path, data_dir: Path, monkeypatch: 
         code, out, err = run_module(f"benchmarks.{name}", options.split(), monkeypatch)
     assert code in ((0, 1) if name in JUDGES else (0,)), err[-2000:]
     assert out.strip() and "Traceback" not in err
-
-
-@pytest.mark.slow
-def test_lateness_is_measured(tmp_path: Path, data_dir: Path) -> None:
-    done = run("loop --lateness --seconds 1 --rates 100 --loads idle --layouts one", tmp_path, data_dir)
-    assert done.returncode == 0 and "Traceback" not in done.stderr, done.stderr[-2000:]

@@ -134,17 +134,6 @@ def test_a_dirty_robot_is_a_null_and_has_a_row_of_its_own() -> None:
         "dirty": "0/1", "MuJoCo, unchanged": "0/2", "MuJoCo, unchanged, dirty": "1/1", "together": "1/4"}
 
 
-def test_every_kind_of_a_changed_robot_has_a_row() -> None:
-    marks = [mark(robot(kind, change), finding(("wind_x", 0.95)), Measured()) for kind, change in (
-        ("one", "tail_wind"), ("two", "tail_wind+soft_ball"), ("alias", "release_height"), ("decoy", "worn_ball"),
-        ("off", "wind_aloft"))]
-    (table,) = [one for one in make_tables(marks) if one.title.startswith("Worlds in which something is hidden")]
-    assert [(row[0], row[1][:3], row[3][:3]) for row in table.rows] == [
-        ("MuJoCo, one thing changed", "1/1", "1/1"), ("MuJoCo, two things", "1/1", "1/1"),
-        ("MuJoCo, aliases", "1/1", "0/1"), ("MuJoCo, with a decoy", "1/1", "0/1"),
-        ("MuJoCo, in no catalogue", "1/1", "-")]
-
-
 def test_tables_count_every_world_once() -> None:
     clean = Drawn("w6", "numpy", "clean", "L1", 300, 1)
     marks: list[Mark] = [mark(clean, finding(found=False, verdict="none"), Measured())] * 19

@@ -53,12 +53,6 @@ def test_terms_at_right_angles_are_told_apart_and_the_threshold_knows_their_numb
     assert 0.9 * found.detected < found.top < found.stage <= found.detected and found.alike == ()
 
 
-def test_what_nothing_depends_on_is_found_by_chance_alone() -> None:
-    found = ceiling_of(evidence_of(("wind_x", "wind_y"), straight(1) * [[1.0, 0.0]]), "L2", "wind_y.amplitude", 1.0, 0)
-    assert found == (0.05, 0.0, 0.0, 0.0, ())
-    assert ceiling_of(evidence_of(("wind_x",), straight(1)), "L2", "magnus.amplitude", 1.0, 0) is None
-
-
 def test_what_moves_heights_as_a_term_does_is_as_plain_as_the_term() -> None:
     rng = np.random.default_rng(4)
     by = rng.normal(0.0, 0.1, (N, 3))

@@ -114,9 +114,6 @@ def test_254s_own_file_is_read_without_what_is_no_shot(tmp_path: Path) -> None:
     path.write_text(JAVA + "kLaserRPMMap.put(new InterpolatingDouble(9.0), new InterpolatingDouble(5000.0));")
     with pytest.raises(InputError, match="several speeds"):
         import_254(path)
-    path.write_text("// nothing")
-    with pytest.raises(InputError, match="holds no numbers"):
-        import_254(path)
 
 
 TUNING = """
@@ -141,9 +138,6 @@ def test_2910s_own_file_is_read(tmp_path: Path) -> None:
         import_2910(path)
     assert "Command.java:3: hood_raw: 'STEEP' is not a finite number" in str(caught.value)
     assert "Command.java:4: distance_m: '6.0 * FOOT' is not a finite number" in str(caught.value)
-    path.write_text("TARGET_ANGLE = 45;")
-    with pytest.raises(InputError, match="holds no numbers"):
-        import_2910(path)
 
 
 def config(angle: object, speed: float, distance: float) -> dict[str, object]:
@@ -227,10 +221,6 @@ def test_what_is_no_history_is_refused(tmp_path: Path, monkeypatch: pytest.Monke
     name = git(clone, "log", "-1", "--abbrev=7", "--format=%h").strip()
     with pytest.raises(InputError, match=rf"json of {name}:2: hood_eject_angle_deg: 'steep' is not a finite number"):
         import_3476(clone)
-    (tmp_path / "none").mkdir()
-    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path))
-    with pytest.raises(InputError, match="not a git repository"):
-        import_3476(tmp_path / "none")
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(InputError, match="needs git"):
         import_3476(clone)
@@ -267,8 +257,6 @@ def test_the_teams_own_file_says_the_same_as_the_table(tmp_path: Path) -> None:
     shots = import_971(original).shots
     assert shots.number("exit_speed_m_s").tolist() == [10.6, 17.0]
     assert shots.number("wheel_left_rad_s").tolist() == [250.0, 500.0]
-    original.write_text(CONSTANTS.replace("kVelocityFinisher}", "340.0}"))        # a finisher of its own in each row
-    assert import_971(original).shots.number("exit_speed_m_s").tolist() == [10.6, 17.0]
     original.write_text(CONSTANTS.replace("17.0", "kFast"))
     with pytest.raises(InputError, match=r"constants\.cc:6: ball_speed_mps: 'kFast' is not a finite number"):
         import_971(original)
@@ -302,8 +290,7 @@ def test_the_simulations_own_file_says_the_same_as_the_table(tmp_path: Path) -> 
     assert dataset.left_out == left_out
     assert_same(dataset, import_fuel(write(tmp_path / "f.csv", FUEL, rows)), 1e-12)
     original.write_text(SHOOTER.replace(", 3000.0, 4000.0", ", 5000.0, 6000.0"))
-    assert len(import_fuel(original).shots) == 4
-    assert import_fuel(original).left_out == ()
+    assert len(import_fuel(original).shots) == 4 and import_fuel(original).left_out == ()
 
 
 @pytest.mark.parametrize(("was", "becomes", "says"), [
