@@ -1,7 +1,11 @@
-"""NetworkTables for tests: a free port, and keys that are simply there."""
+"""NetworkTables for tests: a free port, a real server on it, and keys that are simply there."""
 
 import socket
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import ntcore
+import pytest
 
 from truearc_frc.keys import Reading
 
@@ -11,6 +15,15 @@ def free_port() -> int:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         return int(free.getsockname()[1])
+
+
+@pytest.fixture
+def nt_server() -> Iterator[tuple[Any, str]]:
+    """(ntcore's instance, "127.0.0.1:port") of a server that runs meanwhile."""
+    port, server = free_port(), ntcore.NetworkTableInstance.create()
+    server.startServer("", "127.0.0.1", 0, port)
+    yield server, f"127.0.0.1:{port}"
+    server.stopServer()
 
 
 class Table:

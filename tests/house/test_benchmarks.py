@@ -1,15 +1,19 @@
 """Each command of benchmarks/ runs, in a quick form."""
 
+import contextlib
+import io
 import os
+import runpy
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
-from tests.house.here import ROOT, run_module
 from truearc.sim.gate import train
 
+ROOT = Path(__file__).parents[2]
 GATE = ROOT / "tests" / "golden" / "reference" / "export-physics" / "gate.onnx"
 
 # benchmark -> options that make it quick; DATA: the folder of shared recordings
@@ -42,6 +46,20 @@ JUDGES = ("gate", "start_up")   # exit code 1 where a busy machine is too slow: 
 # Processes of their own: what they do to one (ends, pauses and hurries it, empties JAX's caches), and one as any other.
 # The others run in this one, which has imported and compiled most of what they need: a tenth of the time.
 APART = ("aim", "discovery", "fault_matrix", "fuzz", "kill", "loop", "start_up")
+
+
+def run_module(name: str, words: Sequence[str], monkeypatch: pytest.MonkeyPatch) -> tuple[int, str, str]:
+    """Run `python -m NAME WORDS`; exit code and what it printed."""
+    monkeypatch.syspath_prepend(str(ROOT))
+    monkeypatch.delitem(sys.modules, name, raising=False)
+    monkeypatch.setattr(sys, "argv", [name, *words])
+    code, out, err = 0, io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            runpy.run_module(name, run_name="__main__", alter_sys=True)
+        except SystemExit as left:
+            code = left.code if isinstance(left.code, int) else int(left.code is not None)
+    return code, out.getvalue(), err.getvalue()
 
 
 def run(words: str, folder: Path, data: Path) -> subprocess.CompletedProcess[str]:

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import pytest
 
-from tests.house.here import ROOT, run_module
+from tests.house.test_benchmarks import ROOT, run_module
 from tests.sim.data.stranger_log import write_stranger_log
 from truearc.cli.main import find_command, main, make_parser
 from truearc.errors import InputError

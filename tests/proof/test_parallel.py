@@ -83,7 +83,7 @@ def test_an_exception_of_a_job_is_raised_as_it_is_and_what_is_there_is_kept():
         fan_out(fail_late, JOBS, workers=2)
 
 
-def test_a_scheduler_that_is_not_there_is_told_within_seconds():
+def test_a_scheduler_that_is_not_there_is_told_within_seconds(monkeypatch):
     pytest.importorskip("distributed")
     began = time.monotonic()
     with pytest.raises(InputError, match="no scheduler answers"):
@@ -91,9 +91,6 @@ def test_a_scheduler_that_is_not_there_is_told_within_seconds():
     assert time.monotonic() - began < 10.0
     with pytest.raises(InputError, match="--scheduler"):
         fan_out(draw, JOBS, scheduler="nonsense://x", patience_s=1.0)
-
-
-def test_without_distributed_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(InputError, match=r"\./proof\[cluster\]"):
         fan_out(draw, JOBS, scheduler="tcp://127.0.0.1:8786")

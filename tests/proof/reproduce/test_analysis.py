@@ -15,7 +15,7 @@ from truearc.sim.paper.grid_fit import fit_grid
 from truearc.sim.paper.network import LABELS
 from truearc_proof.cli import reproduce as command
 from truearc_proof.parallel import fan_out
-from truearc_proof.reproduce import EVERYTHING, WHERE, Settings, models
+from truearc_proof.reproduce import EVERYTHING, WHERE, models
 from truearc_proof.reproduce import collect as door
 from truearc_proof.reproduce.page import OURS_NOT_THEIRS, make_tables, save_figures, save_page
 
@@ -139,12 +139,6 @@ def test_best_by_test_is_the_setting_with_the_best_mean_either_way_round():
     assert models.best_by_test(analysis, settings, EVERYTHING, "brier") == models.SweepSetting(900, 0.01)
     found = next(one for one in models._differences(analysis, settings) if one.metric == "brier")
     assert found.difference.mean < 0.0
-
-
-def test_every_setting_of_the_paper_is_trained_once():
-    wanted = models.settings_of(Settings())
-    assert len(wanted) == len(set(wanted)) == 15
-    assert {setting.size for setting in wanted if setting.weight == 0.01} == {0, 500, 600, 750, 900, 1000, 1250}
 
 
 # --- metrics

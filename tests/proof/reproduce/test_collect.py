@@ -124,12 +124,6 @@ def test_a_rare_outcome_is_made_up_for_by_the_others(miss, two, three, count):
         assert counts[kind] == there or counts[kind] >= max(counts.values()) - 1
 
 
-@pytest.mark.parametrize("change", [{"base_seed": -1}, {"draws": 1}])
-def test_settings_that_cannot_be_are_told(change):
-    with pytest.raises(InputError, match="--seed"):
-        Settings(**change)
-
-
 # --- record
 
 PLAN = with_plan(CONFIG, (Prescribed(4.0, 0.5, 47.0),), 1)
