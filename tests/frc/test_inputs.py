@@ -111,7 +111,7 @@ def test_a_real_server_is_read_without_waiting_and_the_doctor_sees_what_it_publi
 # --- velocity: into the robot's axes, none in doubt, through another process's memory
 
 SHIPPED_CONFIG = load_config(SHIPPED)
-NOW_NS = 50 * NS
+AT_NS = 50 * NS
 ROBOT = Nt4Velocity("/Drive/Speeds", 2.0, 2.0)
 FIELD = Nt4Velocity("/Drive/Speeds", 2.0, 2.0, frame="field", heading="/Drive/Heading", heading_unit="deg",
                     alive="/Time")
@@ -122,10 +122,10 @@ def config(velocity: Nt4Velocity, server: str = "254") -> Config:
     return with_nt4(SHIPPED_CONFIG, Nt4(server, velocity=velocity))
 
 
-def keys(forward: float, left: float, t_ns: int = NOW_NS, **other: float) -> dict[str, Reading]:
+def keys(forward: float, left: float, t_ns: int = AT_NS, **other: float) -> dict[str, Reading]:
     numbers = {"/Drive/Speeds/0": forward, "/Drive/Speeds/1": left, **{f"/Drive/{name}": value
                                                                        for name, value in other.items()}}
-    return {key: Reading(t_ns, value) for key, value in numbers.items()} | {"/Time": Reading(NOW_NS + 7, 1.0)}
+    return {key: Reading(t_ns, value) for key, value in numbers.items()} | {"/Time": Reading(AT_NS + 7, 1.0)}
 
 
 @given(speeds, speeds, some.floats(-720.0, 720.0))
@@ -135,9 +135,9 @@ def test_a_velocity_of_the_field_is_turned_into_the_robots_axes(ahead: float, si
     table = Table(keys(field.real, field.imag, Heading=heading_deg))
     read = NtVelocity(config(FIELD), table, Clock()).read()
     assert read is not None and (read.forward_m_s, read.left_m_s) == pytest.approx((ahead, side), abs=1e-9)
-    assert read.t_ns == NOW_NS + 7                       # that of `alive`: a robot may stand still
+    assert read.t_ns == AT_NS + 7                       # that of `alive`: a robot may stand still
     table.found = keys(ahead, side)
-    assert NtVelocity(config(ROBOT), table, Clock()).read() == RobotVelocity(NOW_NS, ahead, side)
+    assert NtVelocity(config(ROBOT), table, Clock()).read() == RobotVelocity(AT_NS, ahead, side)
 
 
 @pytest.mark.parametrize("key", keys_of_velocity(FIELD))
@@ -147,16 +147,16 @@ def test_a_key_that_is_missing_or_no_number_is_no_velocity(key: str, value: floa
     if value is None:
         del found[key]
     else:
-        found[key] = Reading(NOW_NS, value)
+        found[key] = Reading(AT_NS, value)
     assert NtVelocity(config(FIELD), Table(found), Clock()).read() is None
 
 
 def test_a_velocity_of_the_field_is_as_old_as_its_heading_and_with_alive_as_that() -> None:
-    found = keys(1.0, 0.0, Heading=0.0) | {"/Drive/Heading": Reading(NOW_NS - NS, 0.0)}
+    found = keys(1.0, 0.0, Heading=0.0) | {"/Drive/Heading": Reading(AT_NS - NS, 0.0)}
     alone = NtVelocity(config(replace(FIELD, alive="")), Table(found), Clock()).read()
-    assert alone is not None and alone.t_ns == NOW_NS - NS
+    assert alone is not None and alone.t_ns == AT_NS - NS
     standing = NtVelocity(config(FIELD), Table(found), Clock()).read()
-    assert standing is not None and standing.t_ns == NOW_NS + 7
+    assert standing is not None and standing.t_ns == AT_NS + 7
 
 
 @pytest.mark.parametrize("alive", ["", "/Time"])
@@ -165,7 +165,7 @@ def test_a_heading_that_jumps_silences_it_and_one_that_turns_once_round_does_not
     velocity = NtVelocity(config(replace(FIELD, alive=alive)), table, Clock())
     known = []
     for number in range(100):
-        t_ns = NOW_NS + number * 20_000_000
+        t_ns = AT_NS + number * 20_000_000
         heading = 170.0 + 5.0 * number - 360.0 * (number > 20) + 90.0 * (number >= 40)
         table.found = keys(0.0, 0.0, t_ns, Heading=heading) | {"/Time": Reading(t_ns, 1.0)}
         known.append(velocity.read() is not None)
@@ -177,7 +177,7 @@ def test_a_jump_silences_it_for_half_a_second_and_a_lost_server_at_once() -> Non
     velocity = NtVelocity(config(ROBOT), table, Clock())
     known = []
     for number in range(60):
-        table.found = keys(3.5 if number == 20 else 1.0 + 0.01 * number, 0.0, NOW_NS + number * 20_000_000)
+        table.found = keys(3.5 if number == 20 else 1.0 + 0.01 * number, 0.0, AT_NS + number * 20_000_000)
         known.append(velocity.read() is not None)
     assert all(known[:20]) and not any(known[20:46]) and all(known[48:])
     table.connected = False
