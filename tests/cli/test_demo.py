@@ -11,17 +11,9 @@ from scipy.stats import chi2_contingency
 import truearc as ta
 from benchmarks.demo_seeds import holm, two_proportions
 from tests.portability.elsewhere import run_elsewhere
+from truearc.cli import demo_acts
 from truearc.cli.common import SHIPPED
-from truearc.cli.demo_acts import (
-    EFFECTS,
-    FALLS_AT_M,
-    HOOD_DEG,
-    RATIO,
-    Sizes,
-    draw_effect,
-    fire,
-    marked_settings,
-)
+from truearc.cli.demo_acts import EFFECTS, HOOD_DEG, RATIO, Sizes, draw_effect, fire, marked_settings
 from truearc.robot.config.schema import load_config
 from truearc.sim.infer.belief import point_belief
 from truearc.sim.world.options import Options
@@ -56,7 +48,7 @@ def test_a_seed_repeats_the_draw_and_the_seal_is_of_the_text() -> None:
 def test_practice_knows_where_balls_of_the_world_fall() -> None:
     rows = np.flatnonzero(np.isin(HOODS_DEG, HOOD_DEG))
     assert np.allclose(RATIO, RATIOS) and len(rows) == len(HOOD_DEG)
-    np.testing.assert_allclose(FALLS_AT_M, reach_table()[rows], atol=0.011)
+    np.testing.assert_allclose(demo_acts.FALLS_AT_M, reach_table()[rows], atol=0.011)
 
 
 def test_marked_shots_score_by_the_belief_and_are_spread_in_hood() -> None:

@@ -132,8 +132,7 @@ def test_readings_are_recorded_and_judged(launched: Path) -> None:
     assert ROBOT_TOO_FAST.name in {reason.code for reason in tick.verdict.reasons}
 
 
-@pytest.mark.parametrize("listed", ["no", "yes"])
-@pytest.mark.parametrize("session", ["launched", "beside"])
+@pytest.mark.parametrize(("session", "listed"), [("launched", "no"), ("beside", "yes")])
 def test_a_recording_replays_to_the_bit(session: str, listed: str, request: pytest.FixtureRequest) -> None:
     folder = request.getfixturevalue(session)
     done = without("session", "replay", folder, "--check", listed=listed)

@@ -1,15 +1,19 @@
 """Each command of benchmarks/ runs, in a quick form."""
 
+import contextlib
+import io
 import os
+import runpy
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
-from tests.house.here import ROOT, run_module
 from truearc.sim.gate import train
 
+ROOT = Path(__file__).parents[2]
 GATE = ROOT / "tests" / "golden" / "reference" / "export-physics" / "gate.onnx"
 
 # benchmark -> options that make it quick; DATA: the folder of shared recordings
@@ -44,6 +48,20 @@ JUDGES = ("gate", "start_up")   # exit code 1 where a busy machine is too slow: 
 APART = ("aim", "discovery", "fault_matrix", "fuzz", "kill", "loop", "start_up")
 
 
+def run_module(name: str, words: Sequence[str], monkeypatch: pytest.MonkeyPatch) -> tuple[int, str, str]:
+    """Run `python -m NAME WORDS`; exit code and what it printed."""
+    monkeypatch.syspath_prepend(str(ROOT))
+    monkeypatch.delitem(sys.modules, name, raising=False)
+    monkeypatch.setattr(sys, "argv", [name, *words])
+    code, out, err = 0, io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            runpy.run_module(name, run_name="__main__", alter_sys=True)
+        except SystemExit as left:
+            code = left.code if isinstance(left.code, int) else int(left.code is not None)
+    return code, out.getvalue(), err.getvalue()
+
+
 def run(words: str, folder: Path, data: Path) -> subprocess.CompletedProcess[str]:
     """Run `python -m benchmarks.WORDS` in a folder."""
     return subprocess.run([sys.executable, "-m", *f"benchmarks.{words}".split()], cwd=folder,
@@ -67,9 +85,3 @@ def test_benchmark_runs(name: str, tmp_path: Path, data_dir: Path, monkeypatch: 
         code, out, err = run_module(f"benchmarks.{name}", options.split(), monkeypatch)
     assert code in ((0, 1) if name in JUDGES else (0,)), err[-2000:]
     assert out.strip() and "Traceback" not in err
-
-
-@pytest.mark.slow
-def test_lateness_is_measured(tmp_path: Path, data_dir: Path) -> None:
-    done = run("loop --lateness --seconds 1 --rates 100 --loads idle --layouts one", tmp_path, data_dir)
-    assert done.returncode == 0 and "Traceback" not in done.stderr, done.stderr[-2000:]

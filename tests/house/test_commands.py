@@ -18,10 +18,11 @@ import sys
 import time
 from pathlib import Path
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import pytest
 
-from tests.house.here import ROOT, run_module
+from tests.house.test_benchmarks import ROOT, run_module
 from tests.sim.data.stranger_log import write_stranger_log
 from truearc.cli.main import find_command, main, make_parser
 from truearc.errors import InputError
@@ -81,8 +82,7 @@ ELSEWHERE = {
     r"^truearc (discover (mpi|drops|falls|bb|two-weeks|new-and-old)|fit (mpi|bb))":
         "takes long; test_real.py, test_misfit.py, test_import_ball_drops.py ask it",
 }
-# Exit codes that are documented: no launcher is there, six shots are too few
-EXIT = {r"^truearc doctor": 1, r"^truearc discover old --belief": 2}
+EXIT = {r"^truearc doctor": 1}        # exit codes that are documented: no launcher is there
 
 
 # commands of several pages on which nothing else depends: the first page that has one runs it
@@ -91,54 +91,30 @@ ONCE = ("truearc discover examples/spreadsheet ", "pytest ", "truearc train --re
 _done: set[str] = set()
 
 
-class Workspace:
-    """A folder in which printed commands are run: shell variables last, and `truearc` and what is readily run by
-    `python -m` are called in this process."""
+class Workspace(NamedTuple):
+    """A folder in which printed commands are run; `truearc` and what is readily run by `python -m` are called in this
+    process."""
 
-    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.folder, self._monkeypatch = folder, monkeypatch
-        self.variables: dict[str, str] = {}
-        self.fitted: set[str] = set()
+    folder: Path
+    monkeypatch: pytest.MonkeyPatch
 
     def run(self, line: str) -> None:
         """Run one printed line; AssertionError with the output where its exit code is not the documented one."""
-        loop = re.fullmatch(r"for (\w+) in ([^;]+); do (.*); done", line)
-        if loop is not None:
-            for value in loop[2].split():
-                self.run(loop[3].replace(f"${loop[1]}", value))
-            return
         for part in _parts(line):
-            if assigned := re.fullmatch(r"([A-Z]+)=(\S+)", part):
-                self.variables[assigned[1]] = assigned[2]
-            elif part.startswith("truearc ") and part not in self.fitted:
-                self._call(part)
+            wanted = next((code for pattern, code in EXIT.items() if re.search(pattern, part)), 0)
+            if part.startswith("truearc "):
+                said = io.StringIO()
+                with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+                    code, err = main(_words(part)[1:]), said.getvalue()
             elif re.fullmatch(r"python -m [\w.]+[^<>|$()]*", part):
-                self._module(part)
+                with self.monkeypatch.context() as patch:
+                    code, _, err = run_module(_words(part)[2], _words(part)[3:], patch)
             else:
-                self._shell(part)
-
-    def _call(self, command: str) -> None:
-        for name, value in self.variables.items():
-            command = command.replace(f"${name}", value)
-        words = _words(command)[1:]
-        said = io.StringIO()
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-            code = main(words)
-        if words[0] == "fit":
-            self.fitted.add(command)  # the loop over datasets on docs/measured/real-data.md fits two a second time
-        wanted = next((code for pattern, code in EXIT.items() if re.search(pattern, command)), 0)
-        assert code == wanted, f"{command}: exit code {code}\n{said.getvalue()[-1500:]}"
-
-    def _module(self, command: str) -> None:
-        with self._monkeypatch.context() as patch:
-            code, _, err = run_module(_words(command)[2], _words(command)[3:], patch)
-        assert code == 0, f"{command}: exit code {code}\n{err[-1500:]}"
-
-    def _shell(self, command: str) -> None:
-        path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-        done = subprocess.run(["bash", "-c", command], cwd=self.folder, capture_output=True, text=True, check=False,
-                              env={**os.environ, **self.variables, "PATH": path, "PYTHONPATH": str(ROOT)})
-        assert done.returncode == 0, f"{command}: exit code {done.returncode}\n{done.stderr[-1500:]}"
+                path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+                done = subprocess.run(["bash", "-c", part], cwd=self.folder, capture_output=True, text=True,
+                                      env={**os.environ, "PATH": path, "PYTHONPATH": str(ROOT)})
+                code, err = done.returncode, done.stderr
+            assert code == wanted, f"{part}: exit code {code}\n{err[-1500:]}"
 
 
 def run_here(argv: list[str], check: bool) -> subprocess.CompletedProcess[str]:

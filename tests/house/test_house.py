@@ -11,13 +11,10 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import LONG
-from tools.measure import WHEEL, code, python_files
 
 ROOT = Path(__file__).parents[2]
 TOPS = ("hw", "robot", "sim", "model_export", "truearc", "proof", "frc")
 FILES = sorted(path for top in TOPS for path in (ROOT / top).rglob("*.py"))
-LONGEST_FILE, LONGEST_FUNCTION = 600, 60
-MOST_LINES = 36800                   # of code in the wheel
 BARE = ("hw", "robot", "sim", "model_export")
 HEAVY = ("jax", "mujoco", "onnx", "scipy", "matplotlib", "pyarrow", "joblib", "rich")
 
@@ -40,19 +37,6 @@ def test_mypy():
 def trees():
     """(path from the root, syntax tree) of every file of the product."""
     return [(path.relative_to(ROOT).as_posix(), ast.parse(path.read_text(encoding="utf-8"))) for path in FILES]
-
-
-def test_files_and_functions_are_short():
-    long = [f"{path.relative_to(ROOT)}: {count} lines" for path in FILES
-            if (count := len(path.read_text(encoding="utf-8").splitlines())) > LONGEST_FILE]
-    long += [f"{name}: {node.name}" for name, tree in trees() for node in ast.walk(tree)
-             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
-             and node.end_lineno - node.lineno >= LONGEST_FUNCTION]
-    assert long == []
-
-
-def test_wheel_stays_within_its_lines():
-    assert code(python_files(*WHEEL)) <= MOST_LINES
 
 
 def test_every_test_is_run_by_one_of_two_commands():

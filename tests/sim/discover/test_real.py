@@ -1,6 +1,6 @@
 """Real recordings: what docs/measured/real-data.md says of them, verdicts where they are cheap to ask for.
 
-tests/cli/test_notebooks.py has the table-tennis launcher's.
+tests/api/test_examples.py has the table-tennis launcher's.
 """
 
 from dataclasses import replace
