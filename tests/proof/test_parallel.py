@@ -1,12 +1,8 @@
-"""Jobs over processes and clusters, and lines that survive what a kill can do to a file."""
+"""Jobs over processes, and lines that survive what a kill can do to a file."""
 
 import io
-import json
 import lzma
 import os
-import signal
-import subprocess
-import sys
 import tarfile
 import time
 from functools import partial
@@ -105,117 +101,6 @@ def test_only_what_was_lost_with_a_process_is_run_again(tmp_path):
 def test_a_job_that_always_kills_its_process_is_told_not_tried_for_ever():
     with pytest.raises(InputError, match="killed 3 processes"):
         fan_out(die, [1, 2], workers=2)
-
-
-def test_a_scheduler_that_is_not_there_is_told_within_seconds():
-    pytest.importorskip("distributed")
-    began = time.monotonic()
-    with pytest.raises(InputError, match="no scheduler answers"):
-        fan_out(draw, JOBS, scheduler="tcp://127.0.0.1:9", patience_s=1.0)
-    assert time.monotonic() - began < 10.0
-
-
-@pytest.mark.parametrize("address", ["nonsense://x", "tcp://127.0.0.1:none"])
-def test_an_address_that_is_none_is_told(address):
-    pytest.importorskip("distributed")
-    with pytest.raises(InputError, match="--scheduler"):
-        fan_out(draw, JOBS, scheduler=address, patience_s=1.0)
-
-
-def test_without_distributed_the_extra_is_named(monkeypatch):
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InputError, match=r"\./proof\[cluster\]"):
-        fan_out(draw, JOBS, scheduler="tcp://127.0.0.1:8786")
-
-
-class Cluster:
-    """A scheduler and workers as processes of their own."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.processes: list[subprocess.Popen] = []
-        self.file = folder / "scheduler.json"
-        self._start("distributed.cli.dask_scheduler", "--port", "0", "--host", "127.0.0.1", "--no-dashboard",
-                    "--scheduler-file", str(self.file))
-        self._await(self.file.exists)
-        self.address = json.loads(self.file.read_text(encoding="utf-8"))["address"]
-
-    def add_worker(self) -> subprocess.Popen:
-        name = f"w{len(self.processes)}"
-        worker = self._start("distributed.cli.dask_worker", self.address, "--nthreads", "1", "--no-nanny",
-                             "--no-dashboard", "--name", name, "--local-directory", str(self.folder / name))
-        return worker
-
-    def _start(self, module: str, *words: str) -> subprocess.Popen:
-        log = (self.folder / f"{len(self.processes)}.log").open("wb")
-        process = subprocess.Popen([sys.executable, "-m", module, *words], stdout=log, stderr=log, cwd=self.folder)
-        self.processes.append(process)
-        return process
-
-    def _await(self, there) -> None:
-        deadline = time.monotonic() + 60.0
-        while not there():
-            assert time.monotonic() < deadline, (self.folder / "0.log").read_text(encoding="utf-8")
-            time.sleep(0.1)
-
-    def close(self) -> None:
-        for process in reversed(self.processes):
-            process.kill()
-            process.wait()
-
-
-@pytest.fixture
-def cluster(tmp_path):
-    pytest.importorskip("distributed")
-    cluster = Cluster(tmp_path)
-    yield cluster
-    cluster.close()
-
-
-# A user's run is a fresh process; in one that holds a whole test session, distributed's own thread may starve.
-OVER_DASK = """
-import json, os, signal, sys
-from distributed import Client
-from truearc_proof.parallel import fan_out
-
-address, worker, jobs = sys.argv[1], int(sys.argv[2]), json.loads(sys.argv[3])
-
-def draw(seed):
-    import time, numpy
-    time.sleep(0.3)
-    return numpy.random.default_rng(seed).normal(size=3)
-
-with Client(address, timeout=30) as client:
-    client.wait_for_workers(2, timeout=60)
-killed = []
-
-def kill_one(done, note):
-    if done >= 0.25 and not killed:
-        killed.append(done)
-        os.kill(worker, signal.SIGKILL)
-
-results = fan_out(draw, jobs, scheduler=address, progress=kill_one)
-print(json.dumps({"killed_at": killed, "results": [list(each) for each in results]}))
-"""
-
-
-@pytest.mark.slow
-def test_a_cluster_one_of_whose_workers_is_killed_gives_everything_and_the_same(cluster):
-    workers = [cluster.add_worker(), cluster.add_worker()]
-    said = subprocess.run([sys.executable, "-c", OVER_DASK, cluster.address, str(workers[0].pid), json.dumps(JOBS)],
-                          capture_output=True, text=True, timeout=120)
-    assert said.returncode == 0, said.stderr
-    answer = json.loads(said.stdout)
-    assert answer["killed_at"] and answer["killed_at"][0] < 0.6
-    assert workers[0].wait(timeout=10) == -signal.SIGKILL
-    assert same([np.array(each) for each in answer["results"]])
-    assert same(fan_out(draw, JOBS, workers=2))
-
-
-@pytest.mark.slow
-def test_a_cluster_without_workers_is_told(cluster):
-    with pytest.raises(InputError, match="no workers"):
-        fan_out(draw, JOBS, scheduler=cluster.address, patience_s=2.0)
 
 
 # --- jsonl store
