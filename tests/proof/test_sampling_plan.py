@@ -16,7 +16,7 @@ from truearc_proof.rounds.worlds import (
     NUMPY,
     SHARES,
     Drawn,
-    change_one,
+    change_robot,
     draw_round,
     make_data,
     make_more,
@@ -99,7 +99,7 @@ def test_a_decoys_battery_falls_as_its_balls_wear() -> None:
 
 @pytest.mark.slow
 def test_mujoco_s_worlds_become_data_that_do_not_say_what_is_to_be_believed(tmp_path: Path) -> None:
-    drawn = change_one(np.random.default_rng(1), Drawn("w1", MUJOCO, "one", "L1", 12, 5))
+    drawn = change_robot(np.random.default_rng(1), Drawn("w1", MUJOCO, "one", "L1", 12, 5))
     assert make_data(drawn, tmp_path / "w1").startswith("mujoco ")
     make_more(drawn, [Asked(4.0, 50.0, 0.6, 3)], tmp_path / "more")
     first, more = load_dataset(tmp_path / "w1"), load_dataset(tmp_path / "more")

@@ -269,13 +269,6 @@ def test_a_file_that_is_cut_short_or_stands_twice_is_refused(tmp_path: Path) -> 
         import_mpi(tmp_path / "missing.hdf5")
 
 
-def test_without_the_package_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = record(tmp_path / "spin.hdf5", [("4", *flight())])
-    monkeypatch.setitem(__import__("sys").modules, "h5py", None)
-    with pytest.raises(InputError, match=r"needs h5py: pip install ./proof"):
-        import_mpi(path)
-
-
 @pytest.mark.data
 def test_the_real_launches_are_the_same_out_of_recordings(tmp_path: Path, data_dir: Path) -> None:
     tables = [data_dir / f"real/mpi_{name}.csv" for name in ("launches", "tracks")]
