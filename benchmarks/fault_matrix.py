@@ -15,14 +15,16 @@ import re
 import shutil
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
 
 from benchmarks.matrix.fault import Row
-from benchmarks.matrix.judge import Result, judge, make_table
+from benchmarks.matrix.judge import Result, judge
 from benchmarks.matrix.play import play
 from benchmarks.matrix.rows import ROWS
+from truearc_proof.table import make_markdown
 
 BUSES = ("virtual", "slcan", "socketcan")
 VCAN = Path("/sys/class/net/vcan0")
@@ -57,6 +59,22 @@ def main() -> int:
             results = _run_all(args, Path(args.folder or folder))
     print(make_table(results))
     return int(any(result.wrong for result in results))
+
+
+def make_table(results: Sequence[Result]) -> str:
+    """What went wrong, how many were played, and in Markdown how soon the slowest fault of each kind is a HOLD."""
+    kinds: dict[str, list[Result]] = {}
+    for result in results:
+        kinds.setdefault(result.family, []).append(result)
+    rows = []
+    for kind, mine in kinds.items():
+        held = [one.hold_s for one in mine if one.outcome == "HOLD" and one.hold_s is not None]
+        rows.append((kind, str(len({one.fault for one in mine})), f"{max(held):.2f}" if held else "-"))
+    wrong = [f"WRONG on {one.bus}: {one.fault}: {'; '.join(one.wrong)}" for one in results if one.wrong]
+    fires, stale = (sum(getattr(one, name) for one in results) for name in ("fires", "stale"))
+    told = (f"{len({one.fault for one in results})} faults, {len(results)} runs, {len(wrong)} of them not as stated; "
+            f"{fires} ticks fired, {stale} of these on a reading that was too old.")
+    return "\n".join([*wrong, told, "", make_markdown(("kind", "faults", "slowest HOLD, s"), rows)])
 
 
 def load(path: Path) -> list[Result]:

@@ -1,8 +1,7 @@
 """How fast the emulated robot and its replay run, against real time; and what one tick costs.
 
     python -m benchmarks.loop [--trials 50]
-    python -m benchmarks.loop --lateness [--seconds 20] [--rates 100,200,500] [--loads idle,busy]
-                              [--layouts one,three] [--priority 50] [--core N]
+    python -m benchmarks.loop --lateness [--seconds 20] [--rates 100,200,500] [--loads idle,busy] [--layouts one,three]
 
 `--lateness`: how late the ticks of `truearc run` come, idle and with all cores busy, in one process and in three.
 """
@@ -32,14 +31,12 @@ def main() -> None:
     parser.add_argument("--rates", default="100,200,500", help="ticks a second")
     parser.add_argument("--loads", default="idle,busy")
     parser.add_argument("--layouts", default="one,three")
-    parser.add_argument("--priority", default="50", help="as `truearc run` has it")
-    parser.add_argument("--core", help="as `truearc run` has it")
     args = parser.parse_args()
     if args.lateness:
-        options = ("--priority", args.priority, *(("--core", args.core) if args.core else ()))
-        return loop_lateness.report([int(rate) for rate in args.rates.split(",")], args.seconds, options,
-                                    args.loads.split(","), args.layouts.split(","))
-    return time_stepped(args.trials)
+        loop_lateness.report([*map(int, args.rates.split(","))], args.seconds, args.loads.split(","),
+                             args.layouts.split(","))
+    else:
+        time_stepped(args.trials)
 
 
 def time_stepped(trials: int) -> None:

@@ -42,7 +42,7 @@ class Late(NamedTuple):
     stalls_us: np.ndarray             # how late the loops that only sleep were, where they were
 
 
-def measure(tick_hz: int, layout: str, seconds: float, options: tuple[str, ...]) -> Late:
+def measure(tick_hz: int, layout: str, seconds: float) -> Late:
     """One run of the robot, beside a loop on each core that only sleeps."""
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = int(free.getsockname()[1])
@@ -50,7 +50,7 @@ def measure(tick_hz: int, layout: str, seconds: float, options: tuple[str, ...])
         folder = Path(name)
         config = save_config(folder / "launcher.toml", PATIENT | {"tick_hz = 200": f"tick_hz = {tick_hz}"})
         notes = folder / "notes"
-        robot = RealRobot(config, folder / "out", ("--layout", layout, "--page", str(port), *options),
+        robot = RealRobot(config, folder / "out", ("--layout", layout, "--page", str(port), "--priority", "50"),
                           run=(TIMED, str(notes)))
         try:
             robot.rest(seconds + WARM_S)
@@ -112,7 +112,7 @@ def sleep_only(file: Path, core: int) -> None:
     file.write_bytes(late.tobytes())
 
 
-def report(rates: list[int], seconds: float, options: tuple[str, ...], loads: list[str], layouts: list[str]) -> None:
+def report(rates: list[int], seconds: float, loads: list[str], layouts: list[str]) -> None:
     """The table; ratios are to the first row at the same rate and load."""
     print(f"ticks of truearc run on {os.cpu_count()} cores, {seconds:g} s each after {WARM_S:g} s; devices in another "
           "process, slcan on a pseudo-terminal, 20 images/s")
@@ -128,7 +128,7 @@ def report(rates: list[int], seconds: float, options: tuple[str, ...], loads: li
             base = 0.0
             for layout in layouts:
                 with busy(load == "busy"):
-                    late = measure(tick_hz, layout, seconds, options)
+                    late = measure(tick_hz, layout, seconds)
                 p99 = float(np.percentile(late.late_us, 99))
                 base = base or p99
                 print(_row(tick_hz, LOADS[load], layout, late, p99 / base), flush=True)

@@ -28,7 +28,6 @@ from typing import Any
 
 import truearc
 from benchmarks import demo_seeds, fault_matrix
-from benchmarks.matrix.judge import Result
 from benchmarks.proof import load
 from tools import formats
 from truearc.cli.main import COMMANDS, GROUPS, Command, load_plugins, make_parser
@@ -262,20 +261,9 @@ def rivals() -> str:
 
 def fault_kinds() -> str:
     """Faults by kind: how soon the slowest of each kind is a HOLD."""
-    kinds: dict[str, list[Result]] = {}
-    for result in fault_matrix.load(KEPT / "fault_matrix.jsonl.xz"):
-        kinds.setdefault(result.family, []).append(result)
-    rows = []
-    for kind, mine in kinds.items():
-        held = [one.hold_s for one in mine if one.outcome == "HOLD" and one.hold_s is not None]
-        rows.append((kind, str(len({one.fault for one in mine})), f"{max(held):.2f}" if held else "-"))
-    every = [one for mine in kinds.values() for one in mine]
-    wrong = sum(bool(one.wrong) for one in every)
-    fires, stale = (sum(getattr(one, name) for one in every) for name in ("fires", "stale"))
-    return ("\n`python -m benchmarks.fault_matrix --bus virtual,slcan --out FILE`, commit 2b58f989, 2026-11-28:\n\n"
-            f"{len({one.fault for one in every})} faults, {len(every)} runs, {wrong} of them not as stated; "
-            f"{fires} ticks fired, {stale} of these on a reading that was too old.\n\n"
-            + make_markdown(("kind", "faults", "slowest HOLD, s"), rows) + "\n")
+    told = fault_matrix.make_table(fault_matrix.load(KEPT / "fault_matrix.jsonl.xz"))
+    command = "python -m benchmarks.fault_matrix --bus virtual,slcan --out FILE"
+    return f"\n`{command}`, commit 2b58f989, 2026-11-28:\n\n{told}\n"
 
 
 RESULTS: dict[str, Callable[[], str]] = {"demo": demo, "faults": fault_kinds, "rivals": rivals, "sealed": sealed}

@@ -337,5 +337,3 @@ class AdvisedPlant(SmallPlant):
     def advance(self, t_ns: int, torque_nm: Mapping[str, float]) -> None:
         wheel_nm, hood_nm, feeder_nm = self._advice()
         super().advance(t_ns, dict(zip(self.motors, (wheel_nm, wheel_nm, hood_nm, feeder_nm), strict=True)))
-
-

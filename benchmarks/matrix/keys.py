@@ -168,4 +168,3 @@ def _judge_replay(trouble: Key, folder: Path, result: Any) -> None:
         run(ReplayRig(rows), make_config(trouble), AGREES, Comparer(rows), partial(advise_step, aims={}))
     except Difference as difference:
         result.wrong.append(f"replays otherwise: {difference}")
-

@@ -548,5 +548,3 @@ def torque_frame_id(config: Config, name: str) -> int:
     """Arbitration id of the frame that asks a motor for torque."""
     axis = (*config.axes.flywheels, config.axes.hood)[NAMES.index(name)]
     return frame_id(axis, "Set_Input_Torque" if is_odrive(axis) else "DUTY_CYCLE_SETPOINT")
-
-

@@ -381,5 +381,3 @@ def _make(last: str) -> bytes:
     weights = {"w": np.array([[0.1, 0.1], [-9.0, -9.0], [0.0, 0.0]]), "b": np.zeros(2), "n": np.zeros((3, 1)),
                "m": np.array([0.2])}
     return make_model([Part(nodes, weights)], BOX, {"k": 3}, {"seed": 3})
-
-

@@ -66,9 +66,6 @@ class Span:
         return bool(ADVICE.unpack_from(self._words, WORDS.size)[0])
 
 
-
-
-
 WHEEL = SparkConfig(device=11, direction=1, has_endstop=False, stall_torque_nm=2.6, free_speed_rad_s=594.0,
                     rated_v=12.0)
 SPARKS = Axes((WHEEL, replace(WHEEL, device=12, direction=-1)), replace(WHEEL, device=3, has_endstop=True),
@@ -137,5 +134,3 @@ def in_a_hurry() -> Iterator[None]:
         yield
     finally:
         os.sched_setscheduler(0, before, param)
-
-
