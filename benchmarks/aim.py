@@ -168,19 +168,6 @@ def shortfalls(case: Case) -> list[float]:
     return [one.short for one in judge(case) if one.best >= SCORES]
 
 
-def report(judged: list[list[Judged]]) -> list[str]:
-    """Lines of the result; judged: of each rig."""
-    every = [one for ones in judged for one in ones if one.best >= SCORES]
-    short = np.array([one.short for one in every])
-    lines = [f"{len(judged)} rigs, {len(every)} distances that score by search; "
-             f"{sum(one.got is None for one in every)} of them refused by aim"]
-    if every:
-        told = ", ".join(f"{q:.1%} {np.quantile(short, q):.3%}" for q in QUANTILES)
-        lines.append(f"points short of the best, quantiles: {told}, worst {short.max():.3%}; "
-                     f"over 1 %: {(short > 0.01).sum()}")
-    return lines
-
-
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rigs", type=int, default=1000)
@@ -191,7 +178,13 @@ def main() -> int:
         judged.append(judge(make_case(seed)))
         jax.clear_caches()                                # each rig is compiled for
         show(len(judged) / args.rigs, f"{len(judged)} rigs")
-    print("\n".join(report(judged)))
+    every = [one for ones in judged for one in ones if one.best >= SCORES]
+    print(f"{len(judged)} rigs, {len(every)} distances that score by search; "
+          f"{sum(one.got is None for one in every)} of them refused by aim")
+    if every:
+        short = np.array([one.short for one in every])
+        told = ", ".join(f"{q:.1%} {np.quantile(short, q):.3%}" for q in QUANTILES)
+        print(f"points short of the best, quantiles: {told}, worst {short.max():.3%}; over 1 %: {(short > 0.01).sum()}")
     return 0
 
 

@@ -16,7 +16,6 @@ from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
 
-import truearc as ta
 from benchmarks.worlds import Line, fill_and_tell, parser_of
 from truearc.cli.common import SHIPPED
 from truearc.cli.demo_acts import EFFECTS, NOTHING, Act, Sizes, WorldChange, play_event, practise
@@ -41,11 +40,6 @@ class Row(NamedTuple):
     terms: tuple[str, ...]            # right ones
     verdict: str
 
-    @property
-    def p(self) -> float:
-        """Of a difference as large by chance."""
-        return two_proportions(self.threes, self.balls)
-
 
 def run(rig: Rig, sizes: Sizes, events: Sequence[WorldChange], seed: int) -> Line:
     """Practice and these events of a seed."""
@@ -61,15 +55,11 @@ def run(rig: Rig, sizes: Sizes, events: Sequence[WorldChange], seed: int) -> Lin
 def _said(effect: WorldChange, act: Act) -> Line:
     record = act.finding.record
     return {"act": effect.name, "terms": effect.terms, "verdict": record.verdict, "p_value": record.mismatch.p_value,
-            "names": names_of(act.finding), "sentence": record.sentence, "shots": len(act.shots.shots),
+            "names": [one.term for one in (act.finding.best, *act.finding.alternatives) if one],
+            "sentence": record.sentence, "shots": len(act.shots.shots),
             "adopted": act.adopted.provenance.get("adopted"), "refused": act.adopted.provenance.get("refused"),
             "coefficients": act.adopted.coefficients, "scatter": act.adopted.scatter,
             "volleys": [one._asdict() for one in act.volleys]}
-
-
-def names_of(finding: ta.Finding) -> tuple[str, ...]:
-    """Terms that the finding names: one, or several that the data cannot tell apart, the likeliest first."""
-    return () if finding.best is None else (finding.best.term, *(one.term for one in finding.alternatives))
 
 
 def two_proportions(hits: tuple[int, int], tries: int) -> float:
@@ -92,7 +82,8 @@ def make_table(lines: Sequence[Line]) -> str:
     rows = [Row(line["seed"], act["act"], (act["volleys"][0]["threes"], act["volleys"][1]["threes"]),
                 act["volleys"][0]["balls"], tuple(act["names"]), tuple(act["terms"]), act["verdict"])
             for line in sorted(lines, key=lambda line: line["seed"]) for act in line["acts"]]
-    adjusted = dict(zip([(row.seed, row.act) for row in rows], holm([row.p for row in rows]), strict=True))
+    p = holm([two_proportions(row.threes, row.balls) for row in rows])
+    adjusted = dict(zip([(row.seed, row.act) for row in rows], p, strict=True))
     groups = {act: [row for row in rows if row.act == act] for act in dict.fromkeys(row.act for row in rows)}
     changed = [row for row in rows if row.act in {effect.name for effect in EVENTS if effect is not NOTHING}]
     groups = {**{act: kept for act, kept in groups.items() if act != NOTHING.name}, TOGETHER: changed,

@@ -49,7 +49,13 @@ def run_row(row: Row, bus: str, folder: Path) -> Result:
 
 
 def main() -> int:
-    args = _arguments()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--bus", default=",".join(BUSES), help="comma-separated (default: all that there are)")
+    parser.add_argument("--only", default="", metavar="PATTERN", help="faults whose names match")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="a line a cell; goes on where it ended")
+    parser.add_argument("--folder", type=Path, metavar="DIR", help="keep what went wrong here")
+    parser.add_argument("--table", type=Path, metavar="FILE", help="print what is there, play nothing")
+    args = parser.parse_args()
     if args.table:
         results = load(args.table)
     else:
@@ -100,16 +106,6 @@ def _run_all(args: argparse.Namespace, folder: Path) -> list[Result]:
                 with args.out.open("ab") as file:
                     file.write(msgspec.json.encode(result) + b"\n")
     return there
-
-
-def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--bus", default=",".join(BUSES), help="comma-separated (default: all that there are)")
-    parser.add_argument("--only", default="", metavar="PATTERN", help="faults whose names match")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="a line a cell; goes on where it ended")
-    parser.add_argument("--folder", type=Path, metavar="DIR", help="keep what went wrong here")
-    parser.add_argument("--table", type=Path, metavar="FILE", help="print what is there, play nothing")
-    return parser.parse_args()
 
 
 if __name__ == "__main__":

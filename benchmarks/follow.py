@@ -18,7 +18,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from scipy.stats import beta
+from scipy.stats import binomtest
 
 import truearc as ta
 from benchmarks.worlds import Line, fill_and_tell, parser_of
@@ -125,7 +125,8 @@ def make_table(lines: Sequence[Line]) -> str:
         same = [session for one in mine for session in one[SAME]]
         rates.append([name, f"{len(mine)}, {len(same)}", *(said for alarms in (
             sum(_first(one) is not None for one in same), _naive(same)) for said in (
-                f"{alarms}", _share(alarms, len(same))))])
+                f"{alarms}", "{:.1%} ({:.1%} to {:.1%})".format(alarms / len(same), *binomtest(
+                    alarms, len(same)).proportion_ci())))])
         for change in dict.fromkeys(key for one in mine for key in one if key != SAME):
             first = [_first(session) for one in mine for session in one[change]]
             shots = sorted(SHOTS + 1 if one is None else one for one in first)
@@ -152,13 +153,6 @@ def _naive(same: Sequence[Sequence[float]]) -> int:
     logs = np.array([one[:shots] for one in same])
     rank = (logs[None] >= logs[:, None]).mean(1) if len(same) <= 2000 else np.ones_like(logs)
     return int((rank <= ALARM).any(1).sum())
-
-
-def _share(count: int, of: int) -> str:
-    """A share with its exact interval (Clopper and Pearson)."""
-    low = 0.0 if count == 0 else float(beta.ppf(0.025, count, of - count + 1))
-    high = 1.0 if count == of else float(beta.ppf(0.975, count + 1, of - count))
-    return f"{count / of:.1%} ({low:.1%} to {high:.1%})"
 
 
 def main() -> int:

@@ -15,6 +15,7 @@ import contextlib
 import faulthandler
 import io
 import json
+import multiprocessing
 import os
 import resource
 import select
@@ -30,8 +31,8 @@ from random import Random
 
 import msgspec
 
-from benchmarks import fuzz_mutators, fuzz_readers
-from benchmarks.fuzz_readers import READERS, Reader
+from benchmarks import fuzz_mutators
+from benchmarks.fuzz_readers import READERS, Reader, make_originals
 from truearc.errors import InputError
 from truearc.sim.printed import make_text
 
@@ -143,7 +144,9 @@ def main() -> int:
     args = parser.parse_args()
     name, _, number = args.case.partition(":")
     with tempfile.TemporaryDirectory(prefix="originals") as folder:
-        fuzz_readers.make_originals(Path(folder))
+        maker = multiprocessing.get_context("spawn").Process(target=make_originals, args=(Path(folder),))
+        maker.start()
+        maker.join()
         fuzz = Fuzz(Path(folder), args.seed, name or args.only)
         if not args.case:
             return _run_all(fuzz, args.minutes, args.out or Path(os.devnull))

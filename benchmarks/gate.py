@@ -92,16 +92,12 @@ def main() -> int:
     print(f"{args.rounds} rounds of {args.calls} decisions, trained on {args.shots} shots; us, p50 / p99 / p99.9")
     slow = False
     for name, rounds in took.items():
-        middle = np.median(rounds, axis=0)
         best = min(rounds, key=lambda one: one[1])
-        print(f"{name:34s} median round {_cells(middle)}   quickest {_cells(best)}")
+        middle, quickest = (" /".join(f"{value:7.1f}" for value in one) for one in (np.median(rounds, axis=0), best))
+        print(f"{name:34s} median round {middle}   quickest {quickest}")
         slow |= best[1] > LIMIT_US
     print(f"p99 under {LIMIT_US:.0f} us in the quickest round: {'no' if slow else 'yes'}")
     return int(slow)
-
-
-def _cells(values: np.ndarray) -> str:
-    return " /".join(f"{value:7.1f}" for value in values)
 
 
 if __name__ == "__main__":

@@ -153,12 +153,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder) / "source"
         emulate(load_config(SHIPPED), source, trials=1, seed=args.seed)
-        report([kill_once(source, Path(folder) / f"{number}", args.seed + number, "robot", "three")
-                for number in range(args.kills)])
-
-
-def report(kills: list[Killed]) -> None:
-    """The table."""
+        kills = [kill_once(source, Path(folder) / f"{number}", args.seed + number, "robot", "three")
+                 for number in range(args.kills)]
     lost = sorted(kill.lost_s for kill in kills)
     print(f"{len(kills)} kills at the robot's pace, recorder in a process of its own, after "
           f"{sum(kill.said_s for kill in kills):.0f} s of ticks")

@@ -1,14 +1,9 @@
-"""No false release: the emulated robot shoots, steps and waits under whatever is ugly but not wrong.
+"""No false release: the emulated robot shoots, steps and waits under whatever is ugly but not wrong, for tests.
 
-    python -m benchmarks.motion_soak [--only PATTERN] [--seconds 800] [--launcher spark]
-
-Each case takes so many emulated seconds: the nine of them two hours. Wrong is a motion interlock among a verdict's
-reasons, and on the plant an axis without torque for as long as a release lasts while it is not at its set point.
+Wrong is a motion interlock among a verdict's reasons, and on the plant an axis without torque for as long as a release
+lasts while it is not at its set point.
 """
 
-import argparse
-import re
-import sys
 from collections.abc import Iterator
 
 import msgspec
@@ -16,7 +11,6 @@ from msgspec.structs import replace
 
 from benchmarks.matrix.motion import FREE_RAD_S, GOOD_S, PLACE_M, SET_RAD_S, MovingWorld, ToldEyes, make_sick_nodes
 from benchmarks.matrix.rows import INTERLOCKS
-from benchmarks.matrix.run import with_launcher
 from truearc.cli.common import SHIPPED
 from truearc.hw.devices.button_box import open_button_box
 from truearc.hw.emulated.nodes import StepClock
@@ -59,8 +53,6 @@ CASES = {
 class Soaked(msgspec.Struct):
     """One case. `gaps_s`: longest time without torque of wheels and hood while they were to be driven."""
 
-    case: str
-    launcher: str
     emulated_s: float = 0.0
     fires: int = 0
     gaps_s: tuple[float, float] = (0.0, 0.0)
@@ -103,10 +95,10 @@ def _is_set_up(reason: Reason) -> bool:
         "spark_firmware_unknown", "spark_status_off", "spark_settings_unconfirmed")
 
 
-def soak(name: str, case: Case, launcher: str, seconds: float, seed: int = 1) -> Soaked:
+def soak(case: Case, seconds: float) -> Soaked:
     """Run one case for so many emulated seconds."""
-    config, result = _configured(case, launcher), Soaked(name, launcher)
-    world, box = MovingWorld(seed, case.options), open_button_box()
+    config, result = _configured(case), Soaked()
+    world, box = MovingWorld(1, case.options), open_button_box()
     nodes = make_sick_nodes(config, world)
     world.suffer(case.world)
     for node in nodes.values():
@@ -139,10 +131,10 @@ def _presses() -> Iterator[tuple[float, str]]:
         yield t_s + MARK_S, "two"
 
 
-def _configured(case: Case, launcher: str) -> Config:
+def _configured(case: Case) -> Config:
     config = load_config(SHIPPED)
     rows = tuple(Prescribed(PLACE_M, rad_s / FREE_RAD_S, hood_deg) for rad_s, hood_deg in case.points)
-    return with_launcher(replace(config, collect=replace(config.collect, prescribed=rows * 10_000)), launcher)
+    return replace(config, collect=replace(config.collect, prescribed=rows * 10_000))
 
 
 def _judge(case: Case, result: Soaked) -> None:
@@ -153,22 +145,3 @@ def _judge(case: Case, result: Soaked) -> None:
             result.wrong.append(f"{axis} without torque for {gap_s:.2f} s off their set point")
     if case.is_shot and result.fires * 4 * FIRE_S < result.emulated_s:
         result.wrong.append(f"only {result.fires} balls")
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", default="", metavar="PATTERN", help="cases whose names match")
-    parser.add_argument("--seconds", type=float, default=800.0, help="emulated, of each case (default 800)")
-    parser.add_argument("--launcher", default="odrive", choices=("odrive", "spark"))
-    args = parser.parse_args()
-    results = []
-    for name, case in CASES.items():
-        if re.search(args.only, name):
-            results.append(result := soak(name, case, args.launcher, args.seconds))
-            print(f"{name}: {result.emulated_s:.0f} s, {result.fires} balls, gaps {result.gaps_s[0]:.2f} and "
-                  f"{result.gaps_s[1]:.2f} s; {'; '.join(result.wrong) or 'as it should be'}", flush=True)
-    return int(any(result.wrong for result in results))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -59,7 +59,6 @@ class Shot:
     frame: CameraFrame
     camera: CameraConfig
     distance_m: float
-    facing_deg: float
     corners_px: np.ndarray | None     # (4, 2) of the target, before the shake; None when it is not there
     kind: str = ""
     other_px: np.ndarray | None = None    # (n, 2) of a second goal
@@ -91,7 +90,7 @@ def shoot(config: Config, rng: np.random.Generator, distance_m: float, look: Loo
     patches = {kind: kind(lens, corners, rng) for kind in kinds}
     camera.clutter(tuple(patch for some in patches.values() for patch in some))
     other = [patch.corners_px for patch in patches.get(second_goal, ())]
-    return Shot(camera.expose(0), believed, distance_m, facing_deg, None if absent else corners[:4],
+    return Shot(camera.expose(0), believed, distance_m, None if absent else corners[:4],
                 " + ".join(kind.__name__ for kind in kinds), np.concatenate(other) if other else None)
 
 

@@ -48,7 +48,6 @@ class Result(Struct):
     after: str = ""
     recovery_s: float | None = None   # from the fault's end, or from arming again, to the next FIRE
     fires: int = 0                    # verdicts, in all
-    ticks: int = 0
     stale: int = 0                    # FIRE with a required reading that was too old, by the raw frames
     wrong: list[str] = []
     tries: int = 1
@@ -77,7 +76,7 @@ def judge(row: Row, bus: str, stepped: bool, folder: Path, said: str) -> Result:
     except (InputError, OSError, msgspec.DecodeError) as error:
         result.wrong.append(str(error))
         return result
-    result.ticks, result.fires = len(ticks), sum(tick.verdict.fire for tick in ticks)
+    result.fires = sum(tick.verdict.fire for tick in ticks)
     if not span.begin_ns:
         result.wrong.append(f"was never ready to fire: {texts(ticks[-1].verdict.reasons) if ticks else ''}")
         return result

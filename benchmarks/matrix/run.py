@@ -6,6 +6,7 @@ import os
 import struct
 import sys
 from collections.abc import Iterator
+from functools import partialmethod
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -38,17 +39,9 @@ class Span:
         with path.open("r+b") as file:
             self._words = mmap.mmap(file.fileno(), WORDS.size + ADVICE.size)
 
-    def begin(self, t_ns: int) -> None:
-        struct.pack_into("<q", self._words, 0, t_ns)
-
-    def end(self, t_ns: int) -> None:
-        struct.pack_into("<q", self._words, 8, t_ns)
-
-    def rearm(self, t_ns: int) -> None:
-        struct.pack_into("<q", self._words, 16, t_ns)
-
-    def finish(self, t_ns: int) -> None:
-        struct.pack_into("<q", self._words, 24, t_ns)
+    begin, end, rearm, finish = (
+        partialmethod(lambda self, at, t_ns: struct.pack_into("<q", self._words, at, t_ns), at)
+        for at in range(0, 32, 8))
 
     def stands(self) -> bool:
         return self.begin_ns > 0 and self.end_ns == 0

@@ -29,7 +29,6 @@ QUICK = {
     "loop": "--trials 3",
     "power": "--level L0 --worlds 1 --shots 60 --seed 3 --processes 1 --out worlds.jsonl",
     "real_sets": "DATA/real --only speeds",
-    "motion_soak": "--only slip --seconds 5",
     "vision": "--frames 1 --clutter 5 --files 5",
     "vision_tag": "--frames 4 --distractors 4",
 }

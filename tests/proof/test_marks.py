@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.worlds import KINDS, Job, amount_of, mark_job, plan_jobs, true_parameter, world_of
+from benchmarks.worlds import KINDS, Job, amount_of, mark_job, plan_jobs, world_of
 from truearc.errors import InputError
 from truearc.sim.physics.catalogue import TERMS
 from truearc_proof.rounds import TOOLS, Entry
-from truearc_proof.rounds.marks import Mark, Measured, is_alias, mark, named_decoy, said_set, up_to_alias
+from truearc_proof.rounds.marks import Mark, Measured, in_catalogue, is_alias, mark, named_decoy, said_set, up_to_alias
 from truearc_proof.rounds.page import make_proof_page, verdict
 from truearc_proof.rounds.tables import make_tables
 from truearc_proof.rounds.worlds import ALIKE, DIRTS, PARAMETER, Drawn, names_at, read_off
@@ -257,11 +257,12 @@ def test_a_set_that_is_not_said_is_the_likeliest_ninety_percent():
 
 
 def test_true_parameters_in_the_catalogues_words():
-    assert true_parameter(JOB) == ("angle_deg", 0.8)
+    assert in_catalogue(JOB.name, amount_of(JOB)) == ("angle_deg", 0.8)
     odd = Job("effects", "hood_offset", "L1", 300, 0.5, 7, 1)
-    assert true_parameter(odd) == ("angle_deg", -0.4)
-    assert true_parameter(Job("effects", "hood_backlash", "L1", 300, 1.0, 7, 0)) == ("angle_deg", -0.6)
-    assert true_parameter(Job("off", "late_gust", "L1", 300, 1.0, 7, 0)) is None
+    assert in_catalogue(odd.name, amount_of(odd)) == ("angle_deg", -0.4)
+    back = Job("effects", "hood_backlash", "L1", 300, 1.0, 7, 0)
+    assert in_catalogue(back.name, amount_of(back)) == ("angle_deg", -0.6)
+    assert in_catalogue("late_gust", 2.5) is None
 
 
 def test_jobs_are_different_worlds_and_the_same_again():

@@ -2,14 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from itertools import groupby
-from pathlib import Path
 
 import pytest
 from msgspec import structs
 from msgspec.structs import replace
 
-from benchmarks.proof import BEGIN, END, load, tell_posterior
 from tests.proof.test_marks import finding
 from truearc_proof.rounds.marks import Mark, Measured, mark
 from truearc_proof.rounds.page import claimed_bins, reliability_png, verdict
@@ -22,8 +19,6 @@ ALLOWED = Measured((0.28, 0.2, 0.25, 0.26), (DECOY,), 0.4)
 SLIP, WIND = ["wheel_slip"], ["wind_x"]
 PLAIN = Mark("a", "numpy", "one", "L1", 300, ("wind_x",), 9.0, True, 0.001, "named", ("wind_x",), said=0.9, alias=True,
              right=("wind_x",), unexplained=0.05)
-ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "docs/measured/sealed.md"
 
 
 def world(kind: str, effects: Sequence[str], names: Sequence[str], level: str = "L1", said: str = "", gain: float = 0.1,
@@ -117,10 +112,3 @@ def test_there_is_a_picture_where_probabilities_were_claimed() -> None:
     marks = [PLAIN, structs.replace(PLAIN, level="L0", alias=False), structs.replace(
         PLAIN, verdict="unknown", right=(), alias=None, unexplained=0.8)]
     assert (reliability_png(marks) or b"").startswith(b"\x89PNG")
-
-
-def test_the_page_is_what_the_archives_say() -> None:
-    rounds = sorted(map(load, sorted((PAGE.parent / "sealed").glob("*.tar.xz"))), key=lambda one: one.setting)
-    told = [tell_posterior(list(group)) for _, group in groupby(rounds, key=lambda one: one.setting)]
-    page = PAGE.read_text(encoding="utf-8")
-    assert rounds and page.split(BEGIN)[1].split(END)[0] == "\n".join(told)
