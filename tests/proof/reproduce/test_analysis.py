@@ -29,7 +29,6 @@ from truearc_proof.reproduce.models import (
     SweepSetting,
     analyse,
     best_by_test,
-    calibration_error,
     interval,
     measure,
     network_name,
@@ -245,8 +244,8 @@ def test_what_is_not_there_is_nan_not_zero():
 
 def test_an_honest_coin_is_calibrated_and_a_boaster_is_off_by_what_he_boasts():
     labels = np.tile([[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]], (50, 1))
-    assert calibration_error(np.full(labels.shape, 0.5), labels) == pytest.approx(0.0)
-    assert calibration_error(np.full(labels.shape, 0.9), labels) == pytest.approx(0.4)
+    assert measure(np.full(labels.shape, 0.5), labels).ece == pytest.approx(0.0)
+    assert measure(np.full(labels.shape, 0.9), labels).ece == pytest.approx(0.4)
 
 
 @settings(deadline=None)
@@ -254,7 +253,7 @@ def test_an_honest_coin_is_calibrated_and_a_boaster_is_off_by_what_he_boasts():
 def test_calibration_error_is_at_most_the_mean_absolute_error(values, seed):
     p = np.column_stack([values, values])
     labels = np.random.default_rng(seed).integers(0, 2, p.shape).astype(float)
-    assert 0.0 <= calibration_error(p, labels) <= np.abs(p - labels).mean() + 1e-12
+    assert 0.0 <= measure(p, labels).ece <= np.abs(p - labels).mean() + 1e-12
 
 
 def test_the_interval_is_students_and_the_bootstrap_agrees():
