@@ -17,14 +17,13 @@ from benchmarks.worlds import KINDS, Job, Line, fill_and_tell, mark_job, parser_
 from truearc.sim.compute import keep_compiled
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.investigate import discover
-from truearc_proof.rounds.marks import NULLS, Mark, strength_of
+from truearc_proof.rounds.marks import NULLS, strength_of
 from truearc_proof.rounds.tables import said, share
 from truearc_proof.table import make_markdown
 from truearc_proof.truth.generate import shift_m, shoot
 
 SCALES = {"L0": 1.0, "L1": 1.0, "L2": 0.25}
 FALSE_ALARM = 0.05
-Marked = tuple[Job, Mark]
 
 
 def run(job: Job) -> Line:
@@ -45,15 +44,10 @@ def run(job: Job) -> Line:
     return {"job": job, "seconds": took, "finding": finding, "error": error}
 
 
-def marks_of(lines: Sequence[Line]) -> list[Marked]:
-    """Marks with their jobs, of worlds in which the solver did not break."""
-    jobs = [(msgspec.convert(line["job"], Job), line["finding"]) for line in lines if line["finding"] is not None]
-    return [(job, mark_job(job, finding)) for job, finding in jobs]
-
-
 def make_table(lines: Sequence[Line]) -> str:
     """Alarms where nothing is hidden; hidden effects together by level and shots; each that is in no catalogue."""
-    every = marks_of(lines)
+    jobs = [(msgspec.convert(line["job"], Job), line["finding"]) for line in lines if line["finding"] is not None]
+    every = [(job, mark_job(job, finding)) for job, finding in jobs]      # without those in which the solver broke
     rows = []
     for setting in sorted({(job.level, job.shots, job.name) for job, one in every if one.kind in NULLS}):
         mine = [one for job, one in every if one.kind in NULLS and (job.level, job.shots, job.name) == setting]

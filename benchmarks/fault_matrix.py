@@ -15,14 +15,16 @@ import re
 import shutil
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
 
 from benchmarks.matrix.fault import Row
-from benchmarks.matrix.judge import Result, judge, make_table
+from benchmarks.matrix.judge import Result, judge
 from benchmarks.matrix.play import play
 from benchmarks.matrix.rows import ROWS
+from truearc_proof.table import make_markdown
 
 BUSES = ("virtual", "slcan", "socketcan")
 VCAN = Path("/sys/class/net/vcan0")
@@ -47,7 +49,13 @@ def run_row(row: Row, bus: str, folder: Path) -> Result:
 
 
 def main() -> int:
-    args = _arguments()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--bus", default=",".join(BUSES), help="comma-separated (default: all that there are)")
+    parser.add_argument("--only", default="", metavar="PATTERN", help="faults whose names match")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="a line a cell; goes on where it ended")
+    parser.add_argument("--folder", type=Path, metavar="DIR", help="keep what went wrong here")
+    parser.add_argument("--table", type=Path, metavar="FILE", help="print what is there, play nothing")
+    args = parser.parse_args()
     if args.table:
         results = load(args.table)
     else:
@@ -57,6 +65,22 @@ def main() -> int:
             results = _run_all(args, Path(args.folder or folder))
     print(make_table(results))
     return int(any(result.wrong for result in results))
+
+
+def make_table(results: Sequence[Result]) -> str:
+    """What went wrong, how many were played, and in Markdown how soon the slowest fault of each kind is a HOLD."""
+    kinds: dict[str, list[Result]] = {}
+    for result in results:
+        kinds.setdefault(result.family, []).append(result)
+    rows = []
+    for kind, mine in kinds.items():
+        held = [one.hold_s for one in mine if one.outcome == "HOLD" and one.hold_s is not None]
+        rows.append((kind, str(len({one.fault for one in mine})), f"{max(held):.2f}" if held else "-"))
+    wrong = [f"WRONG on {one.bus}: {one.fault}: {'; '.join(one.wrong)}" for one in results if one.wrong]
+    fires, stale = (sum(getattr(one, name) for one in results) for name in ("fires", "stale"))
+    told = (f"{len({one.fault for one in results})} faults, {len(results)} runs, {len(wrong)} of them not as stated; "
+            f"{fires} ticks fired, {stale} of these on a reading that was too old.")
+    return "\n".join([*wrong, told, "", make_markdown(("kind", "faults", "slowest HOLD, s"), rows)])
 
 
 def load(path: Path) -> list[Result]:
@@ -82,16 +106,6 @@ def _run_all(args: argparse.Namespace, folder: Path) -> list[Result]:
                 with args.out.open("ab") as file:
                     file.write(msgspec.json.encode(result) + b"\n")
     return there
-
-
-def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--bus", default=",".join(BUSES), help="comma-separated (default: all that there are)")
-    parser.add_argument("--only", default="", metavar="PATTERN", help="faults whose names match")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="a line a cell; goes on where it ended")
-    parser.add_argument("--folder", type=Path, metavar="DIR", help="keep what went wrong here")
-    parser.add_argument("--table", type=Path, metavar="FILE", help="print what is there, play nothing")
-    return parser.parse_args()
 
 
 if __name__ == "__main__":

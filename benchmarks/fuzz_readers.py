@@ -1,11 +1,9 @@
 """What `fuzz` damages: the files, and how each of them is read.
 
-Nothing here imports JAX; `make_originals` runs what does in a process of its own."""
+Nothing here imports JAX, but `make_originals`."""
 
 import io
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -159,15 +157,10 @@ READERS = (
 
 
 def make_originals(home: Path) -> None:
-    """Small files of each kind, the same on every run; in a process of its own, which imports what this may not."""
-    subprocess.run([sys.executable, "-c", "import sys; from pathlib import Path; "
-                    "from benchmarks.fuzz_readers import make; make(Path(sys.argv[1]))", str(home)],
-                   cwd=ROOT, check=True)
-
-
-def make(home: Path) -> None:
-    """As make_originals, here."""
+    """Small files of each kind, the same on every run; for a process of its own, as it imports what the fuzzer may not.
+    """
     from tests.sim.data.stranger_log import write_stranger_log
+    from truearc.sim.data.files import save_rig
     from truearc.sim.world.emulated_robot import emulate
 
     launcher = Path(robot.__file__).parent / "launcher.toml"
@@ -176,8 +169,6 @@ def make(home: Path) -> None:
     logs, tables, dataset, parquet, toml = (home / name for name in ("logs", "tables", "dataset", "parquet", "toml"))
     for folder in (logs, tables, dataset, parquet, toml):
         folder.mkdir()
-    from truearc.sim.data.files import save_rig
-    for folder in (logs, tables, dataset, parquet, toml):
         save_rig(folder / "rig.toml", config.rig)
     with (logs / "log.wpilog").open("wb") as file:
         write_wpilog(ExportRows(home / "session", lambda done, note: None), file)

@@ -4,7 +4,6 @@ Clean and dirty nulls, one hidden effect each, effects of no catalogue.
 """
 
 import argparse
-import math
 import sys
 import zlib
 from collections.abc import Callable, Mapping, Sequence
@@ -16,7 +15,7 @@ from msgspec import Struct
 from truearc.cli.common import make_progress
 from truearc.errors import InputError
 from truearc_proof.parallel import fill, lines_of
-from truearc_proof.rounds.marks import Mark, Measured, in_catalogue, mark
+from truearc_proof.rounds.marks import Mark, Measured, mark
 from truearc_proof.rounds.worlds import DIRTS, NUMPY, Drawn, names_at
 from truearc_proof.truth.world import World, find_effect, make_world
 
@@ -90,12 +89,6 @@ def drawn_of(job: Job) -> Drawn:
     kind = "clean" if job.name == "clean" else KINDS[job.kind]
     world = world_of(job)
     return Drawn(job.key, NUMPY, kind, job.level, job.shots, job.seed, dict(world.effects), tuple(world.dirt))
-
-
-def true_parameter(job: Job) -> tuple[str, float] | None:
-    """(parameter, value) of the true term in the catalogue's units; None where nothing of the catalogue is hidden."""
-    return next((in_catalogue(name, amount) for name, amount in drawn_of(job).effects.items()
-                 if not math.isclose(amount, 0.0)), None)
 
 
 def mark_job(job: Job, finding: dict[str, Any]) -> Mark:

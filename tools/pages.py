@@ -7,8 +7,7 @@ reference: commands and Python API. formats: file formats, from the structs and 
 truearc/schemas. reasons: codes and messages. terms: between two marks of docs/reference/terms.md. measured: between
 `<!-- result: NAME -->` and `<!-- end -->` on every page, a table of RESULTS or an entry of
 docs/measured/results/printed.txt, which --run writes: command, commit and date, then what was printed; `<!-- result:
-NAME: PATTERN -->` shows the lines alone that match. `benchmarks.proof --write` fills docs/measured/sealed.md in the
-same way.
+NAME: PATTERN -->` shows the lines alone that match.
 """
 
 import argparse
@@ -22,14 +21,14 @@ import sys
 from argparse import SUPPRESS, Action
 from collections.abc import Callable, Iterable, Iterator
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from string import Formatter
 from typing import Any
 
 import truearc
 from benchmarks import demo_seeds, fault_matrix
-from benchmarks.matrix.judge import Result
-from benchmarks.proof import load
+from benchmarks.proof import Packed, load, tell_posteriors
 from tools import formats
 from truearc.cli.main import COMMANDS, GROUPS, Command, load_plugins, make_parser
 from truearc.errors import INSTALL_HINTS
@@ -239,9 +238,15 @@ def demo() -> str:
     return f"\n```text\n{said.partition(chr(10) + 'threes before -> after')[0]}\n```\n"
 
 
+@cache
+def load_sealed() -> list[Packed]:
+    """All sealed rounds, by level."""
+    return sorted(map(load, sorted((MEASURED / "sealed").glob("*.tar.xz"))), key=lambda one: one.setting)
+
+
 def sealed() -> str:
     """Targets of the posterior at each level of data, side by side; bold where a target is missed."""
-    rounds = sorted(map(load, sorted((MEASURED / "sealed").glob("*.tar.xz"))), key=lambda one: one.setting)
+    rounds = load_sealed()
     levels = {setting[0]: posterior_rows([one.first for packed in group for one in packed.graded])
               for setting, group in itertools.groupby(rounds, key=lambda one: one.setting)}
     rows: dict[str, list[str]] = {}
@@ -262,23 +267,13 @@ def rivals() -> str:
 
 def fault_kinds() -> str:
     """Faults by kind: how soon the slowest of each kind is a HOLD."""
-    kinds: dict[str, list[Result]] = {}
-    for result in fault_matrix.load(KEPT / "fault_matrix.jsonl.xz"):
-        kinds.setdefault(result.family, []).append(result)
-    rows = []
-    for kind, mine in kinds.items():
-        held = [one.hold_s for one in mine if one.outcome == "HOLD" and one.hold_s is not None]
-        rows.append((kind, str(len({one.fault for one in mine})), f"{max(held):.2f}" if held else "-"))
-    every = [one for mine in kinds.values() for one in mine]
-    wrong = sum(bool(one.wrong) for one in every)
-    fires, stale = (sum(getattr(one, name) for one in every) for name in ("fires", "stale"))
-    return ("\n`python -m benchmarks.fault_matrix --bus virtual,slcan --out FILE`, commit 2b58f989, 2026-11-28:\n\n"
-            f"{len({one.fault for one in every})} faults, {len(every)} runs, {wrong} of them not as stated; "
-            f"{fires} ticks fired, {stale} of these on a reading that was too old.\n\n"
-            + make_markdown(("kind", "faults", "slowest HOLD, s"), rows) + "\n")
+    told = fault_matrix.make_table(fault_matrix.load(KEPT / "fault_matrix.jsonl.xz"))
+    command = "python -m benchmarks.fault_matrix --bus virtual,slcan --out FILE"
+    return f"\n`{command}`, commit 2b58f989, 2026-11-28:\n\n{told}\n"
 
 
-RESULTS: dict[str, Callable[[], str]] = {"demo": demo, "faults": fault_kinds, "rivals": rivals, "sealed": sealed}
+RESULTS: dict[str, Callable[[], str]] = {"demo": demo, "faults": fault_kinds, "rivals": rivals, "sealed": sealed,
+                                          "rounds": lambda: tell_posteriors(load_sealed())}
 
 
 def fill(page: str) -> str:

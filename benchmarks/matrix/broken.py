@@ -30,7 +30,6 @@ class CrookedCable:
     """A cable that may carry less than it is given, or more."""
 
     def __init__(self, cable: Cable) -> None:
-        self.port = cable.port
         self.what = ""
         self._cable = cable
 
@@ -40,11 +39,8 @@ class CrookedCable:
         lines = {"all twice": data + data, "half lines": data[:7]}
         return self._cable.write(lines.get(self.what, data))
 
-    def read(self) -> bytes:
-        return self._cable.read()
-
-    def close(self) -> None:
-        self._cable.close()
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._cable, name)
 
 
 class BrokenBox:

@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
@@ -54,16 +55,8 @@ JUMP = 1.5                            # times as large, or m/s or rad more, is a
 JUMPS = {"/Battery": 0.5}             # no battery has 1.5 times as much
 
 
-class Agrees:
-    """A gate that agrees with everything."""
-
-    sha256 = "0" * 64
-
-    def rate(self, distance_m: float, motor_ratio: float, hood_deg: float) -> Rating:
-        return Rating(0.9, 0.9, True, 0.0)
-
-
-AGREES: Any = Agrees()
+# A gate that agrees with everything
+AGREES: Any = SimpleNamespace(sha256="0" * 64, rate=lambda *settings: Rating(0.9, 0.9, True, 0.0))
 
 
 class Robot:
@@ -143,7 +136,7 @@ def judge_keys(row: Row, trouble: Key, folder: Path, result: Any) -> None:
     ticks = [tick for tick, _ in TickReader(folder / "session")]
     begin_ns, end_ns = msgspec.json.decode((folder / "keys.json").read_bytes(), type=tuple[int, int])
     fires = [tick.inputs.t_ns for tick in ticks if tick.verdict.fire]
-    result.ticks, result.fires, result.outcome = len(ticks), len(fires), "HOLD"
+    result.fires, result.outcome = len(fires), "HOLD"
     if not any(t_ns < begin_ns for t_ns in fires):
         result.wrong.append("had not fired before")
     result.stale = sum(begin_ns + round(row.within_s * NS) < t_ns < end_ns for t_ns in fires)
@@ -159,13 +152,8 @@ def judge_keys(row: Row, trouble: Key, folder: Path, result: Any) -> None:
     result.recovery_s = None if again is None else (again - end_ns) / NS
     if again is None:
         result.wrong.append("never fired again")
-    _judge_replay(trouble, folder, result)
-
-
-def _judge_replay(trouble: Key, folder: Path, result: Any) -> None:
     rows = RecordedRows(TickReader(folder / "session"))
     try:
         run(ReplayRig(rows), make_config(trouble), AGREES, Comparer(rows), partial(advise_step, aims={}))
     except Difference as difference:
         result.wrong.append(f"replays otherwise: {difference}")
-

@@ -201,8 +201,8 @@ def test_an_option_that_does_not_apply_is_refused_even_if_it_is_zero(words: str,
     ("emulate --trials 1 --bus slcan:auto --page 0", "--page"),
     ("session replay s --from frames --gate g", "--gate"),
     ("discover d --since e", "--since"), ("discover d --belief b --believe drag", "--belief"),
-    ("prove grade --worlds 3", "--worlds"), ("prove solve --packed p", "--packed"), ("prove --trials 40", "--trials"),
-    ("prove pack --packed p --so-far", "--so-far"), ("prove drive --scheduler tcp://a:1", "--scheduler"),
+    ("prove grade --worlds 3", "--worlds"), ("prove solve --packed p", "--packed"),
+    ("prove pack --packed p --so-far", "--so-far"),
 ], ids=str)
 def test_an_option_of_another_mode_or_command_is_refused_by_name(words, option, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

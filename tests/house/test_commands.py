@@ -74,7 +74,6 @@ ELSEWHERE = {
     r"^truearc vision": "needs photographs, a board or a person; tests/robot/test_vision*.py run it on drawn ones",
     r"^python -m benchmarks\.(?!proof)": "test_benchmarks.py runs every benchmark",
     r"^python -m truearc_proof.world.season": "plays hundreds of worlds",
-    r"^truearc prove drive": "tests/loops/test_prove_drive.py plays a world of it",
     r"^truearc reproduce": "tests/proof/reproduce runs it in a small form",
     r"^(mkdir away|truearc prove solve --out away|cp -r away)": "the page's round is solved by then; tests/proof/"
                                                                 "test_round.py solves one without its keeper",

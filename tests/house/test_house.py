@@ -75,12 +75,10 @@ def test_everything_is_imported_through_truearc():
 
 
 def test_only_one_file_reads_a_clock():
-    """Commands may time themselves, and so may the world's survey, which prints what the world costs; an importer of
-    dated tables reads dates, no clock."""
+    """Commands may time themselves; an importer of dated tables reads dates, no clock."""
     readers = {path for path, tree in trees()
                if "/cli/" not in path and {"time", "datetime"} & set(imported_modules(tree))}
-    assert readers == {"hw/real/clock.py", "proof/truearc_proof/world/season.py",
-                       "proof/truearc_proof/importers/set_points.py"}
+    assert readers == {"hw/real/clock.py", "proof/truearc_proof/importers/set_points.py"}
 
 
 @pytest.mark.parametrize("module", ["main", "robot", "run_robot", "doctor_checks", "deploy", "session", "session_work",

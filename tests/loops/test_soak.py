@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from benchmarks.loop_lateness import judge
+from benchmarks.loop import judge
 from benchmarks.soak import Sample, growth_mb, judge_memory, judge_recording, soak
 from tests.robot.good_tick import CONFIG
 from tests.robot.recording.test_writer import ticks
@@ -57,7 +57,7 @@ def test_a_recording_that_lacks_ticks_or_drifts_is_told(skip, slow, words, tmp_p
 def test_a_late_tick_is_excused_when_a_bare_loop_was_late_for_half_of_its_time():
     came, late = np.array([5, 10, 22, 25, 30, 47]) * MS, np.array([0, 0, 7, 5, 0, 12]) * MS
     stalls = np.array([[16, 21], [46, 51], [90, 99]]) * MS     # the third came after the last tick
-    told = judge(came, late, TICK_NS, stalls, 30.0, [])
+    told = judge(came, late, TICK_NS, stalls, 30.0)
     assert (told.missed, told.excused, sorted(told.stalls_us)) == (3, 1, [5000.0, 5000.0])
 
 

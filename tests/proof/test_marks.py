@@ -2,24 +2,17 @@
 
 import math
 from collections.abc import Sequence
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from benchmarks.proof import BEGIN, END, load, tell_posterior
 from benchmarks.worlds import KINDS, Job, amount_of, mark_job, plan_jobs
-from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.sim.physics.catalogue import TERMS
-from truearc_proof.cli import prove_roles
-from truearc_proof.cli.prove_roles import Driven, driven_of, room_of
-from truearc_proof.rounds import TOOLS, Entry, Room, append
-from truearc_proof.rounds.grader import save_mark
+from truearc_proof.rounds import TOOLS, Entry
 from truearc_proof.rounds.marks import Mark, Measured, is_alias, mark, named_decoy, said_set, up_to_alias
 from truearc_proof.rounds.page import claimed_bins, make_proof_page, verdict
 from truearc_proof.rounds.tables import kept_in_test, make_tables, posterior_rows
@@ -355,39 +348,3 @@ def test_bins_count_what_was_right_of_what_was_claimed() -> None:
     pairs = [(0.1, False), (0.19, True), (0.97, True), (1.0, True), (1.0, False)]
     assert claimed_bins(pairs) == [(pytest.approx(0.145), 1, 2), (pytest.approx(0.99), 2, 3)]
     assert claimed_bins([]) == []
-
-
-def test_the_page_is_what_the_archives_say() -> None:
-    rounds = sorted(map(load, sorted((PAGE.parent / "sealed").glob("*.tar.xz"))), key=lambda one: one.setting)
-    told = [tell_posterior(list(group)) for _, group in groupby(rounds, key=lambda one: one.setting)]
-    page = PAGE.read_text(encoding="utf-8")
-    assert rounds and page.split(BEGIN)[1].split(END)[0] == "\n".join(told)
-
-
-# --- drive report
-
-def make_driven(root: Path) -> Room:
-    """One world, as if it had been driven in."""
-    room = room_of(root)
-    room.root.mkdir(parents=True)
-    append(room.ledger, "sealed", "r0001", "0" * 64)
-    scored = {"no gate": (3, 10), "before": (5, 10), "after": (7, 10)}
-    save_mark(room, "r0001", Driven("r0001", "tail_wind", "named", ("wind_x",), scored), {})
-    return room
-
-
-def test_a_round_that_was_only_driven_has_a_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(prove_roles, "play_driven", lambda root, *rest: driven_of(make_driven(root)))
-    assert main(["prove", "drive", "--shots", "120", "--seed", "1", "--quiet", "--out", str(tmp_path / "round")]) == 0
-    page = (tmp_path / "round" / "report.html").read_text(encoding="utf-8")
-    assert "r0001" in page and "tail_wind" in page and "7 of 10" in page
-
-
-def test_driven_marks_that_the_ledger_does_not_have_are_refused(tmp_path: Path) -> None:
-    room = make_driven(tmp_path / "round")
-    assert driven_of(room)[0].scored["after"] == (7, 10)
-    line = msgspec.json.decode(room.grades.read_bytes())
-    line["scored"]["after"] = [10, 10]
-    room.grades.write_bytes(msgspec.json.encode(line) + b"\n")
-    with pytest.raises(InputError, match="r0001 is not marked as the ledger has it"):
-        driven_of(room)

@@ -1,9 +1,8 @@
-"""Jobs over processes and clusters, and lines that survive what a kill can do to a file."""
+"""Jobs over processes, and lines that survive what a kill can do to a file."""
 
 import io
 import lzma
 import os
-import sys
 import tarfile
 import time
 from functools import partial
@@ -81,19 +80,6 @@ def test_an_exception_of_a_job_is_raised_as_it_is_and_what_is_there_is_kept():
     assert kept == JOBS[:-1]
     with pytest.raises(ValueError, match="job 11 is wrong"):
         fan_out(fail_late, JOBS, workers=2)
-
-
-def test_a_scheduler_that_is_not_there_is_told_within_seconds(monkeypatch):
-    pytest.importorskip("distributed")
-    began = time.monotonic()
-    with pytest.raises(InputError, match="no scheduler answers"):
-        fan_out(draw, JOBS, scheduler="tcp://127.0.0.1:9", patience_s=1.0)
-    assert time.monotonic() - began < 10.0
-    with pytest.raises(InputError, match="--scheduler"):
-        fan_out(draw, JOBS, scheduler="nonsense://x", patience_s=1.0)
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InputError, match=r"\./proof\[cluster\]"):
-        fan_out(draw, JOBS, scheduler="tcp://127.0.0.1:8786")
 
 
 # --- jsonl store

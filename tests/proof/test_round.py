@@ -3,7 +3,7 @@
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import pytest
 from tests.proof.playing import ask, chain_anew, leave_world_out, make_mark_kinder, prove, prove_apart, quiet
 from truearc.errors import InputError
 from truearc.sim.data.files import load_dataset
-from truearc_proof.parallel import append_line, fan_out
+from truearc_proof.parallel import append_line
 from truearc_proof.rounds import Room, load_seal, read_ledger
 from truearc_proof.rounds.committer import RoundPlan, answer_round, load_plan, seal_round
 from truearc_proof.rounds.grader import grade_round, graded_of
@@ -320,50 +320,19 @@ def test_a_stranger_makes_data_claims_and_marks_again(both: Room, tmp_path: Path
     assert done.returncode == 0 and "solved again from the data alone, and the same claimed" in done.stdout, done.stderr
 
 
-# --- cluster
+# --- one world
 
 ONE_WORLD = ["--worlds", "1", "--level", "L0", "--shots", "40", "--engines", "numpy", "--seed", "3"]
-# In a process of its own: in one that holds a whole test session, distributed's own thread may starve.
-CLUSTER = """
-import sys
-from distributed import LocalCluster
-with LocalCluster(n_workers=int(sys.argv[1]), threads_per_worker=1, dashboard_address=None) as cluster:
-    print(cluster.scheduler_address, flush=True)
-    input()
-"""
 
 
-@pytest.fixture
-def address(request: pytest.FixtureRequest) -> Iterator[str]:
-    pytest.importorskip("distributed")
-    cluster = subprocess.Popen([sys.executable, "-c", CLUSTER, str(getattr(request, "param", 1))], text=True,
-                               stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-    assert cluster.stdout is not None
-    try:
-        yield cluster.stdout.readline().strip()
-    finally:
-        cluster.communicate("\n", timeout=60)
-
-
-def test_a_round_is_played_to_its_end_by_a_worker_that_is_refused_the_seals(address: str, tmp_path: Path) -> None:
-    room, by_cluster = Room(tmp_path / "round"), ("--scheduler", address, "--quiet")
-    for words in (["seal", *ONE_WORLD], ["solve", *by_cluster]):
+def test_a_round_that_was_begun_is_played_to_its_end(tmp_path: Path) -> None:
+    room = Room(tmp_path / "round")
+    for words in (["seal", *ONE_WORLD], ["solve", "--quiet"]):
         done = prove(room.root, *words)
         assert done.returncode == 0, done.stderr
     ask(room, "w0001", SHOTS)
-    done = prove(room.root, *ONE_WORLD, "--follow-up", *by_cluster)
+    done = prove(room.root, *ONE_WORLD, "--follow-up", "--quiet")
     assert done.returncode == 0, done.stderr
     assert [one.what for one in read_ledger(room.ledger)] == [
         "sealed", "claimed", "asked", "answered", "claimed again", "opened", "graded"]
     assert len(room.grades.read_bytes().splitlines()) == 1
-
-
-@pytest.mark.parametrize("address", [0], indirect=True)
-def test_a_cluster_without_workers_is_told(address: str) -> None:
-    with pytest.raises(InputError, match="no workers"):
-        fan_out(abs, [1, 2], scheduler=address, patience_s=2.0)
-
-
-def test_a_cluster_is_refused_where_none_is_used(tmp_path: Path) -> None:
-    done = prove(tmp_path / "round", "drive", "--shots", "60", "--seed", "1", "--scheduler", "tcp://127.0.0.1:9")
-    assert done.returncode == 2 and "--scheduler: drive" in done.stderr

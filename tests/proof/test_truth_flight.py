@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.worlds import Job, amount_of, true_parameter
+from benchmarks.worlds import Job, amount_of
 from tests.proof.law import fly_to
 from tests.sim.physics.tracker import watch
 from truearc.robot.config.rig_spec import Noise
 from truearc.sim.data.dataset import Circumstances, circumstances_of
 from truearc.sim.physics.simulate import opening_of, predict
 from truearc.sim.physics.term import Vec
+from truearc_proof.rounds.marks import in_catalogue
 from truearc_proof.rounds.worlds import PARAMETER
 from truearc_proof.truth import flight
 from truearc_proof.truth.generate import play
@@ -186,7 +187,7 @@ def play_quietly(name):
     """(season, coefficients of its believed terms and the hidden one, world)."""
     job = Job("effects", name, "L2", 40, 1.0, 31, 0)
     world = quiet(make_world({name: amount_of(job)}, "L2", 40, 31))
-    parameter, value = true_parameter(job)
+    parameter, value = in_catalogue(job.name, amount_of(job))
     hidden = {parameter: value} | ({"time_constant_s": flight.RAPID_FIRE_S} if name == "rapid_fire" else {})
     return play(world), {"drag": {"cd": world.cd}, "magnus": {"cl": world.lift_slope * 3.0 / 32.0},
                          "exit_efficiency": {"loss": 1.0 - world.efficiency}, name: hidden}, world

@@ -30,8 +30,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         "there, but from too little data to conclude anything")
     parser.add_argument("--recordings", type=Path, metavar="DIR", help="recordings to use and to add to (default: "
                         "recordings/ in the output folder)")
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="a running Dask cluster, tcp://host:port, whose workers "
-                        "see the recordings' folder (default: this machine's cores)")
     parser.add_argument("--workers", type=int, metavar="N", help="processes on this machine (default: one a core)")
 
 
@@ -50,12 +48,12 @@ def main(args: argparse.Namespace) -> int:
 
     if not args.quiet:
         print(page.OURS_NOT_THEIRS, flush=True)
-    record = make_record(args.recordings or folder / "recordings", args.scheduler, args.workers, progress)
+    record = make_record(args.recordings or folder / "recordings", args.workers, progress)
     pool = collect(load_config(SHIPPED), settings, record, progress("fit what to launch"))
     shutil.rmtree(folder / "data", ignore_errors=True)    # it follows from the recordings
     for name, part in (("real", pool.real), ("launched", pool.launched)):
         save_dataset(folder / "data" / name, part)
-    repetitions = fan_out(models.run_repetition, models.tasks_of(pool, settings), args.scheduler,
+    repetitions = fan_out(models.run_repetition, models.tasks_of(pool, settings),
                           progress("fit and predict"), args.workers)
     answers = models.train_networks(repetitions, settings, progress("train networks"))
     analysis = models.analyse(repetitions, answers, settings)

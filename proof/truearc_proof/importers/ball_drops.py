@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import openpyxl
 
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig
@@ -26,7 +27,7 @@ from truearc.sim.data.table import (
     text_column,
     text_of,
 )
-from truearc_proof.importers.originals import group_rows, needed, part, tracks_of
+from truearc_proof.importers.originals import group_rows, part, tracks_of
 
 COLUMNS = ("ball", "drop", "t_s", "height_m", "mass_kg", "diameter_m")
 BODY = ("mass_kg", "diameter_m")      # of a ball: the same in each of its rows, empty if not measured
@@ -150,7 +151,6 @@ def load_sheets(workbook: Path, balls: Path, problems: Problems) -> list[RawTabl
 
 def _opened(workbook: Path) -> Any:
     """The public file is named .xls and holds a workbook of the newer kind: its content decides, not its name."""
-    openpyxl = needed("openpyxl", workbook)
     try:
         return openpyxl.load_workbook(io.BytesIO(workbook.read_bytes()), data_only=True)
     except OSError as error:

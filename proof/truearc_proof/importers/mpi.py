@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 
 from truearc.errors import InputError
@@ -27,7 +28,7 @@ from truearc.sim.data.table import (
     number_column,
     text_column,
 )
-from truearc_proof.importers.originals import needed, part, tracks_of
+from truearc_proof.importers.originals import part, tracks_of
 
 LAUNCH_COLUMNS = ("set", "launch", "phi_cmd", "theta_cmd", "motor_top_left_rpm", "motor_top_right_rpm",
                   "motor_bottom_rpm", "n_samples")
@@ -175,7 +176,6 @@ def load_recording(path: Path, problems: Problems) -> list[tuple[RawTable, RawTa
 
     InputError where the file cannot be read or a group has not what it needs.
     """
-    h5py = needed("h5py", path)
     try:
         with h5py.File(path, "r") as file:
             originals = file.get("originals")

@@ -385,24 +385,19 @@ class _Job(NamedTuple):
     recording: Recording
 
 
-def make_record(folder: Path, scheduler: str | None, workers: int | None,
+def make_record(folder: Path, workers: int | None,
                 make_progress: Callable[[str], Progress]) -> Record:
     """Return a function that records sessions in `folder`, unless they are there already, and returns their folders.
 
     The folders are in the order of the sessions. The function raises InputError when a session was recorded with other
-    settings, or when a cluster's workers write to another disk.
+    settings.
     """
     def record(recordings: Sequence[Recording], what: str) -> list[Path]:
-        # a worker elsewhere has another working directory
         jobs = [_Job(folder.resolve() / recording.name, recording) for recording in recordings]
         missing = [job for job in jobs if not _is_there(job)]
         if missing:
             folder.mkdir(parents=True, exist_ok=True)
-            fan_out(_record, missing, scheduler, make_progress(f"record {what}"), workers)
-        for job in missing:
-            if not _is_there(job):
-                raise InputError(f"{job.folder}: not here after it was recorded: the cluster's workers need this "
-                                 f"folder")
+            fan_out(_record, missing, make_progress(f"record {what}"), workers)
         return [job.folder for job in jobs]
 
     return record

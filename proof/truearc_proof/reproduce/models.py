@@ -264,24 +264,16 @@ def measure(p: np.ndarray, labels: np.ndarray) -> Metrics:
     """
     said, was = p >= CUT, labels >= 0.5
     three, two = (_of_class(said, was, outcome) for outcome in ("three", "two"))
-    return Metrics(figures.accuracy(p, was), three[0], two[0], three[1], two[1],
-                   float(np.mean((p - labels)**2)) if len(p) else float("nan"), calibration_error(p, labels))
+    brier, ece = ((float(np.mean((p - labels)**2)), figures.calibration_error(p.ravel(), labels.ravel())) if len(p)
+                  else (float("nan"), float("nan")))
+    return Metrics(figures.accuracy(p, was), three[0], two[0], three[1], two[1], brier, ece)
 
 
 def _of_class(said: np.ndarray, was: np.ndarray, outcome: str) -> tuple[float, float]:
     """(share of that outcome called so, F1); F1 is 0 where it is never called rightly, NaN where there is none."""
     called = (said == np.array(CLASSES[outcome])).all(axis=1)
     there = (was == np.array(CLASSES[outcome])).all(axis=1)
-    return _share(called[there]), figures.f1(called, there)
-
-
-def calibration_error(p: np.ndarray, labels: np.ndarray) -> float:
-    """Expected calibration error of truearc.sim.statistics, both outputs together; NaN of nothing."""
-    return figures.calibration_error(p.ravel(), labels.ravel()) if len(p) else float("nan")
-
-
-def _share(right: np.ndarray) -> float:
-    return float(np.mean(right)) if right.size else float("nan")
+    return float(np.mean(called[there])) if there.any() else float("nan"), figures.f1(called, there)
 
 
 class Interval(NamedTuple):

@@ -51,18 +51,17 @@ SOURCES = {
 _forbidden: list[str] = []
 
 
-def solve_round(room: Room, progress: Progress, workers: int | None = None, scheduler: str | None = None,
+def solve_round(room: Room, progress: Progress, workers: int | None = None,
                 rivals: tuple[str, ...] = ()) -> None:
     """Claims for every sealed world that has none in the ledger, and second ones where more shots were given; rivals:
     others (truearc_proof.rivals) that are put to the same tracks. Call it in a process of its own: afterwards this
     one can open nothing of the keeper's any more. InputError for rivals where no world has tracks."""
     forbid(room.keeper)
     with alone(room.root):
-        _solve_sealed(room, progress, workers, scheduler, rivals)
+        _solve_sealed(room, progress, workers, rivals)
 
 
-def _solve_sealed(room: Room, progress: Progress, workers: int | None, scheduler: str | None,
-                  rivals: tuple[str, ...]) -> None:
+def _solve_sealed(room: Room, progress: Progress, workers: int | None, rivals: tuple[str, ...]) -> None:
     steps = room.steps()
     names = [name for name, done in steps.items() if Step.SEALED in done and Step.OPENED not in done and name != HOME]
     if rivals and names and not any(any(room.data(name).glob("tracks.*")) for name in names):
@@ -74,7 +73,7 @@ def _solve_sealed(room: Room, progress: Progress, workers: int | None, scheduler
         _keep_home(room)
     for todo, work, step, path in ((first, partial(solve, room.root.resolve(), rivals), Step.CLAIMED, room.claims),
                                    (again, partial(solve_again, room.root.resolve()), Step.CLAIMED_AGAIN, room.again)):
-        fan_out(work, todo, scheduler, partial(_tell, progress, f"worlds are discovered in ({step})"), workers,
+        fan_out(work, todo, partial(_tell, progress, f"worlds are discovered in ({step})"), workers,
                 partial(_claim, room, step, path))
     progress(1.0, f"{len(names)} worlds claimed")
 

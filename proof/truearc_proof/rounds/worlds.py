@@ -332,30 +332,21 @@ def _dirt(rng: np.random.Generator, kind: str, level: str) -> tuple[str, ...]:
 def change_robot(rng: np.random.Generator, drawn: Drawn) -> Drawn:
     """A MuJoCo world of its kind."""
     kind, level = drawn.kind, drawn.level
-    if kind == "one":
-        return change_one(rng, drawn)
     if kind in ("clean", "dirty"):
         dirt = (str(rng.choice(dirt_at(level))),) if kind == "dirty" else ()
         return structs.replace(drawn, change=CHANGES[0].name, dirt=dirt)
-    among = {"two": pairs_at(level), "off": tuple((one,) for one in UNCATALOGUED),
+    among = {"one": tuple((one,) for one in seen_at(level)[1:]), "two": pairs_at(level),
+             "off": tuple((one,) for one in UNCATALOGUED),
              "alias": tuple(changes_of(name) for name in ALIKE_CHANGES[level]), "decoy": (changes_of(WORN_CHANGE),)}
     changes = among[kind][int(rng.integers(len(among[kind])))]
-    either = [one.signed or kind == "alias" for one in changes]
-    options = [_sized(rng, one, PLAIN_FACTORS, signed) for one, signed in zip(changes, either, strict=True)]
+    options = [_sized(rng, one, FACTORS if kind == "one" else PLAIN_FACTORS, one.signed or kind == "alias")
+               for one in changes]
     return structs.replace(drawn, effects={name: value for each in options for name, value in each.items()},
                            change=AND.join(one.name for one in changes),
                            dirt=(DECOY_DIRT,) if kind == "decoy" else ())
 
 
-def change_one(rng: np.random.Generator, drawn: Drawn) -> Drawn:
-    """A MuJoCo world with nothing changed, or one thing, by so much."""
-    if drawn.kind == "clean":
-        return structs.replace(drawn, change=CHANGES[0].name)
-    change = seen_at(drawn.level)[1:][int(rng.integers(len(seen_at(drawn.level)) - 1))]
-    return structs.replace(drawn, effects=_sized(rng, change, FACTORS), change=change.name)
-
-
-def _sized(rng: np.random.Generator, change: Change, factors: tuple[float, ...], signed: bool = False
+def _sized(rng: np.random.Generator, change: Change, factors: tuple[float, ...], signed: bool
            ) -> dict[str, float]:
     """{option: value} of a change that is one of the factors larger than usual."""
     factor = float(rng.choice(factors)) * (-1.0 if signed and rng.random() < 0.5 else 1.0)

@@ -5,7 +5,6 @@
 
 import math
 import statistics
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -19,7 +18,7 @@ from truearc.sim.data.dataset import Tracks
 from truearc.sim.printed import Progress
 from truearc.sim.world import world
 from truearc.sim.world.drive import UPPER_GEAR
-from truearc.sim.world.field import CENTRE_HEIGHT_M, BallResult, Pose
+from truearc.sim.world.field import CENTRE_HEIGHT_M, Pose
 from truearc.sim.world.options import Options
 from truearc.sim.world.scene import LOWER_RADIUS_M, UPPER_RADIUS_M
 from truearc.sim.world.world import Ball, Bench, Season, ShotSetting, Trial, World
@@ -186,27 +185,16 @@ def no_slip_spin_rev_s(wheel_rad_s: float, radius_m: float = 0.0889) -> float:
     return surface_m_s / (2.0 * radius_m) / (2.0 * math.pi)
 
 
-def recovery_s(bench: Bench, result: BallResult, within_rad_s: float = 3.0) -> float:
-    """From the ball leaving until the wheels are back within this of their speed before it."""
-    exit_s = result.exit_t_ns * 1e-9
-    off = [s.t_s for s in bench.samples
-           if s.t_s > exit_s and abs(s.wheel_rad_s - result.wheel_before_rad_s) > within_rad_s]
-    return max(off) - exit_s if off else 0.0
-
-
 def _launches() -> None:
-    print("ratio  speed/ideal  droop  spin/no-slip  exit-hood deg  exit m/s  contact ms  recovery s")
+    print("ratio  speed/ideal  droop  spin/no-slip  exit-hood deg  exit m/s  contact ms")
     for ratio in SURVEYED:
         bench = Bench(World(0, Options(scatter_scale=0.0)))
         shot = bench.fire(ratio * FREE_RAD_S, 45.0, 1)[0]
-        for _ in range(300):
-            bench.tick(ratio * FREE_RAD_S, 45.0)
         before = shot.wheel_before_rad_s
         print(f"{ratio:5.2f}  {shot.exit_speed_m_s / ideal_speed_m_s(before):11.3f}"
               f"  {1.0 - shot.wheel_after_rad_s / before:5.3f}"
               f"  {shot.exit_spin_rev_s / no_slip_spin_rev_s(before):12.3f}  {shot.exit_deg - shot.hood_deg:13.2f}"
-              f"  {shot.exit_speed_m_s:8.2f}  {(shot.exit_t_ns - shot.fed_t_ns) * 1e-6:10.1f}"
-              f"  {recovery_s(bench, shot):10.2f}")
+              f"  {shot.exit_speed_m_s:8.2f}  {(shot.exit_t_ns - shot.fed_t_ns) * 1e-6:10.1f}")
 
 
 def _scatter() -> None:
@@ -220,22 +208,6 @@ def _scatter() -> None:
               f"  {statistics.stdev(heights):11.3f}  {statistics.stdev(sides):13.3f}")
 
 
-def _cost() -> None:
-    world, torques = World(0), {"flywheel_a": 0.3, "flywheel_b": 0.3, "hood": 0.05, "feeder": 0.0}
-    began_s = time.process_time()
-    for tick in range(1, 4001):
-        world.advance(tick * 5_000_000, torques)
-    idle_us = (time.process_time() - began_s) / 4000 * 1e6
-    bench = Bench(World(0, distance_m=5.0))
-    began_s = time.process_time()
-    bench.fire(345.0, 40.0, 24)
-    busy_us = (time.process_time() - began_s) / len(bench.samples) * 1e6
-    share = 24.0 / (bench.t_ns * 1e-9)
-    print(f"\nCPU per 5 ms tick: {idle_us:.1f} us with no ball; {busy_us:.1f} us on average at {share:.2f} shots a"
-          " second, the bench's own control included")
-
-
 if __name__ == "__main__":
     _launches()
     _scatter()
-    _cost()

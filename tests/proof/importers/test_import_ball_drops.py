@@ -3,7 +3,6 @@
 import csv
 import io
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -240,13 +239,6 @@ def test_a_workbook_that_is_none_or_cut_short_is_refused(tmp_path: Path, capsys:
     book.unlink()
     with pytest.raises(InputError, match=r"xls: No such file"):
         import_ball_drops(book, balls)
-
-
-def test_without_the_package_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    paths = files(tmp_path, sheets())
-    monkeypatch.setitem(sys.modules, "openpyxl", None)
-    with pytest.raises(InputError, match=r"needs openpyxl: pip install \./proof"):
-        import_ball_drops(*paths)
 
 
 def tutorial(folder: Path, times: str = TIMES, heights: str = "5\n10\n", radii: str = "0.1\n0.2\n") -> tuple[str, ...]:

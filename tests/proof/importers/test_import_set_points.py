@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import truearc.cli.main as truearc
-from tests.sim.same_dataset import assert_same
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import load_dataset
@@ -20,7 +19,7 @@ from truearc.sim.data.import_shots import doubts_of
 from truearc.sim.physics.simulate import launch_of
 from truearc.sim.physics.term import Exit
 from truearc_proof.importers import set_points
-from truearc_proof.importers.set_points import import_254, import_971, import_2910, import_3476, import_fuel
+from truearc_proof.importers.set_points import import_254, import_971, import_2910, import_3476
 
 # --- import set points
 
@@ -229,7 +228,6 @@ def test_what_is_no_history_is_refused(tmp_path: Path, monkeypatch: pytest.Monke
 # --- import exit speeds
 
 SPEEDS = ("ball_speed_mps", "accelerator_rad_s", "finisher_rad_s")
-FUEL = ("hood_elevation_deg", "motor_rpm", "exit_speed_mps", "spin_rev_s", "ball_mass_kg", "ball_radius_m")
 CONSTANTS = """
   // {{9.9, {200.0, kVelocityFinisher}}
   constexpr double kVelocityFinisher = 350.0;
@@ -263,58 +261,6 @@ def test_the_teams_own_file_says_the_same_as_the_table(tmp_path: Path) -> None:
     original.write_text("int main() {}")
     with pytest.raises(InputError, match=r"constants\.cc: holds no numbers"):
         import_971(original)
-
-
-SHOOTER = """
-# m = 9.0
-m = 0.215 # Mass of the ball (kg)
-R = 0.075 # Radius
-A = np.pi * R**2
-angle_min = 46.0 # Minimum
-test_rpm = np.array([3000.0, 4000.0, 3000.0, 4000.0]) # RPM
-test_speed = np.array([5.5, 7.0, 5.25, 7.25,]) # m/s
-test_spin = np.array([-20.0, -25.0,
-                      -21.0, -26.0])
-def m():
-    R = 1
-"""
-
-
-def test_the_simulations_own_file_says_the_same_as_the_table(tmp_path: Path) -> None:
-    original = tmp_path / "shooter.py"
-    original.write_text(SHOOTER)
-    dataset = import_fuel(original)
-    rows = [(46, rpm, speed, spin / (2.0 * np.pi), 0.215, 0.075) for rpm, speed, spin in
-            ((3000, 5.5, -20.0), (4000, 7.0, -25.0))]
-    left_out = (f"{original}:7: 2 more, where motor speeds start again: at another elevation, which is not stated",)
-    assert dataset.left_out == left_out
-    assert_same(dataset, import_fuel(write(tmp_path / "f.csv", FUEL, rows)), 1e-12)
-    original.write_text(SHOOTER.replace(", 3000.0, 4000.0", ", 5000.0, 6000.0"))
-    assert len(import_fuel(original).shots) == 4 and import_fuel(original).left_out == ()
-
-
-@pytest.mark.parametrize(("was", "becomes", "says"), [
-    ("-25.0", "", "shooter.py:7: spin_rev_s: is missing"),
-    ("5.25, ", "", "shooter.py: test_rpm, test_speed and test_spin have 4, 3 and 4 numbers"),
-    ("= 0.215", "= -0.215", "shooter.py:7: ball_mass_kg: -0.215 must be above 0"),
-    ("R = 0.075", "R = 0.075\nR = 0.08", "shooter.py:5: stands in line 4 already"),
-    ("test_rpm", "rpm", "shooter.py: holds no numbers where expected"),
-])
-def test_what_is_wrong_with_it_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str], was: str, becomes: str,
-                                        says: str) -> None:
-    path = tmp_path / "shooter.py"
-    path.write_text(SHOOTER.replace(was, becomes))
-    assert truearc.main(["import", "fuel", str(path), "-o", str(tmp_path / "d")]) == 2
-    assert says in capsys.readouterr().err
-
-
-def test_what_lifts_the_ball_is_backspin(tmp_path: Path) -> None:
-    path = write(tmp_path / "f.csv", FUEL, [(46, 3000, 5.6, -3.2, 0.215, 0.075), (46, 6000, 8.1, -6.7, 0.215, 0.075)])
-    dataset = import_fuel(path)
-    assert dataset.shots.number("exit_spin_rev_s").tolist() == [3.2, 6.7]
-    assert dataset.shots.number("hood_deg").tolist() == [46.0, 46.0]
-    assert (dataset.facts.ball.mass_kg, dataset.facts.ball.radius_m) == (0.215, 0.075)
-    assert dataset.facts.launcher.wheel == ()
 
 
 # --- parts that importers share

@@ -179,8 +179,8 @@ def test_what_is_not_there_is_nan_not_zero():
 
 def test_an_honest_coin_is_calibrated_and_a_boaster_is_off_by_what_he_boasts():
     labels = np.tile([[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]], (50, 1))
-    assert models.calibration_error(np.full(labels.shape, 0.5), labels) == pytest.approx(0.0)
-    assert models.calibration_error(np.full(labels.shape, 0.9), labels) == pytest.approx(0.4)
+    assert models.measure(np.full(labels.shape, 0.5), labels).ece == pytest.approx(0.0)
+    assert models.measure(np.full(labels.shape, 0.9), labels).ece == pytest.approx(0.4)
 
 
 def test_the_interval_is_students_and_the_bootstrap_agrees():

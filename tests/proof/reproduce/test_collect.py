@@ -16,10 +16,8 @@ from truearc.robot.recording.replay import replay
 from truearc.robot.recording.session import load_trials
 from truearc.sim.data.dataset import Shots
 from truearc.sim.paper.synthetic import AXES
-from truearc.sim.physics.simulate import classify
-from truearc.sim.physics.simulate import predict
-from truearc_proof.reproduce import Settings
-from truearc_proof.reproduce import collect
+from truearc.sim.physics.simulate import classify, predict
+from truearc_proof.reproduce import Settings, collect
 from truearc_proof.reproduce.collect import Recording
 
 # --- aiming

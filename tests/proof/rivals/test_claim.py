@@ -32,8 +32,6 @@ def test_an_unknown_effect_has_no_names_and_no_better_forecast() -> None:
 def test_who_cannot_enter_is_told_why() -> None:
     with pytest.raises(InputError, match="no rival 'nobody'"):
         check_rivals(["argmax", "nobody"])
-    with pytest.raises(InputError, match="needs pysindy"):
-        check_rivals(["pysindy-weak"], lambda name: None)
     assert check_rivals(["argmax", "argmax"]) == ("argmax",)
 
 

@@ -306,8 +306,7 @@ def test_real_recordings_pass(data_dir: Path, tmp_path: Path) -> None:
     real = data_dir / "real"
     for source, *files in (("mpi", "mpi_launches.csv", "mpi_tracks.csv"), ("ball-drops", "ball_drops.csv"),
                            ("frc-971", "frc971_wheel_to_ball_speed.csv"), ("frc-254", "frc_shot_tables.csv"),
-                           ("frc-2910", "frc_shot_tables.csv"), ("frc-3476", "frc3476_tuning_history.csv"),
-                           ("fuel", "fuel_exit_speed_spin_46deg.csv")):
+                           ("frc-2910", "frc_shot_tables.csv"), ("frc-3476", "frc3476_tuning_history.csv")):
         home = tmp_path / source
         assert main(["import", source, *(str(real / name) for name in files), "-o", str(home)]) == 0
         said = check_plausible(load_dataset(home)).accepted
