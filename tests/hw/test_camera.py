@@ -1,14 +1,13 @@
 """The emulated camera against OpenCV's own projection and polygon filling; one that repeats its image is lost."""
 
 import threading
-from itertools import pairwise
 
 import cv2
 import numpy as np
 import pytest
 
 from tests.hw.conftest import SetClock
-from truearc.hw.emulated.camera import TAPE_BGR, Lens, TapeSize, distort, outline_m
+from truearc.hw.emulated.camera import Lens, TapeSize, distort, outline_m
 from truearc.hw.emulated.nodes import View
 from truearc.hw.protocols import LinkLost
 from truearc.hw.real.wires import SILENT_NS, CameraThread
@@ -76,68 +75,6 @@ def test_distortion_is_opencv_s(lens):
         project_by_opencv(points, view, lens), abs=1e-9)
 
 
-@pytest.mark.parametrize(("lens", "rvec", "tvec_m", "focal_scale"), [
-    (PINHOLE, (0.4, 0.0, 0.0), (0.1, -0.2, 3.0), 1.0),
-    (PINHOLE, (0.3, 0.5, 0.05), (-0.8, 0.4, 5.0), 1.04),
-    (PINHOLE, (0.2, -0.5, 0.0), (0.5, 0.3, 8.5), 1.0),
-    (WIDE, (0.3, 0.3, -0.1), (0.9, -0.7, 2.6), 1.0),
-])
-def test_picture_is_the_projected_tape(lens, rvec, tvec_m, focal_scale):
-    """Centroid, spread and pixels of the tape agree with a polygon filled at sixteen times the resolution."""
-    view = make_view(rvec, tvec_m, focal_scale)
-    fine = 16
-    sides = outline_m(TAPE)[[0, 1, 2, 6, 5, 4, 7, 3, 0]]
-    dense = np.vstack([np.linspace(a, b, 60, endpoint=False) for a, b in pairwise(sides)])
-    seen = project_by_opencv(dense, view, lens)
-    x0, y0 = np.floor(seen.min(axis=0)).astype(int) - 14
-    x1, y1 = np.ceil(seen.max(axis=0)).astype(int) + 14
-    canvas = np.zeros(((y1 - y0) * fine, (x1 - x0) * fine), np.uint8)
-    cv2.fillPoly(canvas, [np.rint((seen - (x0, y0) + 0.5) * fine - 0.5).astype(np.int32)], 255)
-    wanted = cv2.resize(canvas, (x1 - x0, y1 - y0), interpolation=cv2.INTER_AREA).astype(float) / 255
-    camera = StagedCamera(Still(view), lens, TAPE, 20.0, 0.0, 1, look=Look(shake_px=0.0))
-    pictures = []
-    for k in range(7):
-        camera.step(k * FRAME_NS)
-        frame = camera.read()
-        assert frame is not None
-        pictures.append(frame.image[y0:y1, x0:x1, 1])
-    green = np.median(pictures, axis=0)                                  # without glints and noise
-    green = (green - np.median(green)) / TAPE_BGR[1]
-    near = cv2.dilate(wanted, np.ones((5, 5))) > 0
-    got = np.where(near, green, 0.0)
-    lit = wanted * np.linspace(1.0, 0.9, x1 - x0)                                         # the ring light's unevenness
-    expected = np.where(near, cv2.GaussianBlur(lit, (0, 0), 0.6) + 0.1 * cv2.GaussianBlur(lit, (0, 0), 6.0), 0.0)
-    for axis in np.mgrid[y0:y1, x0:x1]:
-        centre_px, expected_px = (np.average(axis, weights=part) for part in (got, expected))
-        assert centre_px == pytest.approx(expected_px, abs=0.2)
-        spread_px, expected_spread_px = (np.sqrt(np.average((axis - expected_px) ** 2, weights=part))
-                                         for part in (got, expected))
-        assert spread_px == pytest.approx(expected_spread_px, abs=0.15)
-    assert np.abs(got / got.max() - expected / expected.max())[near].mean() < 0.04
-    assert np.corrcoef(got.ravel(), expected.ravel())[0, 1] > 0.995
-
-
-def test_deterministic_by_seed():
-    view = make_view((0.3, 0.1, 0.0), (0.0, 0.0, 4.0))
-    one, same, other = (picture(view, seed=seed, shake_px=0.3) for seed in (5, 5, 6))
-    assert np.array_equal(one, same) and not np.array_equal(one, other)
-
-
-def test_brightness_dims_and_saturates():
-    views = [make_view((0, 0, 0), (0, 0, 2.0), brightness=brightness) for brightness in (0.3, 1.0, 3.0)]
-    levels = [picture(view)[300:318, 300:340, 1].max() for view in views]
-    assert levels[0] < 100 < levels[1] < 255 == levels[2]
-
-
-def test_halo_surrounds_the_tape_and_fades():
-    view = make_view((0.0, 0.0, 0.0), (0.0, 0.0, 2.0))
-    image = picture(view)[..., 1].astype(float)
-    low = project_by_opencv(outline_m(TAPE)[:2], view, PINHOLE)[:, 1].mean()
-    columns = slice(290, 360)
-    near, far = (image[int(low) + k:int(low) + k + 3, columns].mean() for k in (3, 30))
-    assert near > far + 3.0
-
-
 @pytest.mark.parametrize("tvec_m", [(0.0, 0.0, -4.0), (9.0, 0.0, 3.0), (0.0, 0.0, 0.1), (0.0, 0.0, 1e9)])
 def test_a_target_out_of_sight_is_not_drawn(tvec_m):
     without = picture(make_view((0, 0, 0), (0.0, 0.0, -4.0)))
@@ -168,22 +105,6 @@ def test_late_steps_do_not_make_up_for_missed_frames():
         camera.step(t_ns)
         got += camera.read() is not None
     assert got == 3
-
-
-def test_freeze_and_black():
-    camera = StagedCamera(Still(make_view((0, 0, 0), (0, 0, 4.0))), PINHOLE, TAPE, 20.0, 0.0, 1)
-    camera.freeze()
-    camera.step(0)
-    assert camera.read() is None
-    camera.freeze(False)
-    camera.black()
-    camera.step(FRAME_NS)
-    frame = camera.read()
-    assert frame is not None and frame.image.max() < 30
-    camera.black(False)
-    camera.step(2 * FRAME_NS)
-    frame = camera.read()
-    assert frame is not None and frame.image.max() > 200
 
 
 class Capture:

@@ -84,15 +84,6 @@ def test_socketcan_round_trip() -> None:
     far.close()
 
 
-def test_a_receiver_may_not_change_what_another_receives(clock) -> None:
-    near, far, other = (open_can("virtual", "three", 1_000_000, clock) for _ in range(3))
-    near.write(Frame(0, 1, b"\x01\x02"))
-    far._bus.recv(0).data[0] = 99
-    assert other.read()[0].data == b"\x01\x02"
-    for bus in (near, far, other):
-        bus.close()
-
-
 def test_error_frames_are_counted_and_are_not_data(clock) -> None:
     raw = can.Bus(interface="virtual", channel="errors", ignore_config=True)
     bus = open_can("virtual", "errors", 1_000_000, clock)
@@ -223,17 +214,6 @@ def test_slcan_speaks_the_adapters_lines(adapter, clock) -> None:
     bus.close()
 
 
-def test_an_unplugged_slcan_adapter_is_a_lost_link(adapter, clock) -> None:
-    far, port = adapter
-    bus = open_can("slcan", port, 1_000_000, clock)
-    os.close(far)
-    with pytest.raises(LinkLost, match=port):
-        bus.read()
-    with pytest.raises(LinkLost, match=port):
-        bus.write(Frame(0, 1, b""))
-    bus.close()
-
-
 def receive_until(bus, data: bytes) -> list[Frame]:
     """Frames as they come, until one says `data`."""
     frames: list[Frame] = []
@@ -253,18 +233,11 @@ def test_an_adapters_answers_are_waited_out(adapter, clock) -> None:
     bus.close()
 
 
-def test_a_garbled_line_is_counted_and_the_next_one_heard(adapter, clock) -> None:
-    far, port = adapter
-    bus = open_can("slcan", port, 1_000_000, clock, wait_s=0.02)
-    os.write(far, b"t1\rtXYZ0\rt0291\rt02918\rt02911\rt029199\r")   # cut short, no number, half a byte, and one whole
-    assert receive_until(bus, b"\x99")[-1] == Frame(0, 0x29, b"\x99") and bus.tally["garbled lines"] >= 3
-    bus.close()
-
-
 @pytest.mark.parametrize("line", [b"r1239", b"R000001239", b"t-0121122", b"TFFFFFFFF0", b"tFFF0",
-                                  b"t1239112233445566778899", b"d1239112233445566778899aabb"])
-def test_a_line_of_a_frame_that_no_wire_carries_is_garbled(line, adapter, clock) -> None:
-    """The library makes a message of them; a recording of it could not be read back."""
+                                  b"t1239112233445566778899", b"d1239112233445566778899aabb", b"t1", b"tXYZ0",
+                                  b"t0291", b"t02918"])
+def test_a_line_that_is_none_or_of_a_frame_that_no_wire_carries_is_garbled(line, adapter, clock) -> None:
+    """The library makes a message of some of them; a recording of it could not be read back."""
     far, port = adapter
     bus = open_can("slcan", port, 1_000_000, clock, wait_s=0.02)
     os.write(far, line + b"\rt029199\r")
@@ -444,21 +417,6 @@ def test_a_bus_with_a_name_may_come_later(benches) -> None:
         benches(lost("not plugged in"))
     with pytest.raises(NeverOpens):
         benches(NeverOpens(lost("no driver").reason), name="CAN slcan 0")
-
-
-def test_frames_come_in_order_with_the_stamps_of_their_arrival(benches) -> None:
-    adapter = Adapter()
-    bench = benches(adapter)
-    sent = [HELLO._replace(t_ns=t_ns) for t_ns in range(100)]
-    for frame in sent:
-        adapter.coming.put(frame)
-    assert gather(bench.bus, 100) == sent and bench.bus.read() == []
-    assert bench.bus.write(HELLO) and adapter.sent == [HELLO] and bench.bus.faults() == [] and not bench.tally
-
-
-def test_a_bus_that_cannot_be_opened_at_first_is_an_error_at_once(clock) -> None:
-    with pytest.raises(LinkLost, match="no such device"):
-        Bench(clock)
 
 
 @pytest.mark.parametrize(("trouble", "words"), [

@@ -18,24 +18,11 @@ ODRIVE, CANANDMAG, SPARK = load_codec("odrive"), load_codec("canandmag"), load_c
 MESSAGES = [(codec, name) for codec in (ODRIVE, CANANDMAG, SPARK) for name in messages(codec)]
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e30])
-def test_impossible_values_are_refused_both_ways(value: float) -> None:
-    with pytest.raises(BadFrame, match="torque_nm"):
-        ODRIVE.make("Set_Input_Torque", {"torque_nm": value})
-    with pytest.raises(BadFrame, match=r"odrive Get_Iq.*measured_a"):
-        ODRIVE.parse("Get_Iq", struct.pack("<ff", 0.0, value))
-
-
 def test_missing_and_unknown_signals_are_named() -> None:
     with pytest.raises(BadFrame, match="velocity_rev_s"):
         ODRIVE.make("Set_Limits", {"current_a": 1.0})
     with pytest.raises(BadFrame, match="torque"):
         ODRIVE.make("Set_Input_Torque", {"torque_nm": 1.0, "torque": 1.0})
-
-
-def test_integers_that_do_not_fit_are_refused() -> None:
-    with pytest.raises(BadFrame, match="value"):
-        CANANDMAG.make("SET_SETTING", {"setting": 253, "value": 1 << 48, "ephemeral": 1})
 
 
 @pytest.mark.parametrize(("codec", "name"), MESSAGES)

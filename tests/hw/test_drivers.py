@@ -209,9 +209,6 @@ def test_the_ends_of_the_data_sheet() -> None:
     assert torque_of(MOTOR, 1.0, 594.0, 12.0) == pytest.approx(0.0)     # free
     assert torque_of(MOTOR, 0.5, 0.0, 12.0) == pytest.approx(1.3)
     assert duty_for(MOTOR, 0.0, 297.0, 12.0) == pytest.approx(0.5)      # coasting: only the back-EMF is met
-
-
-def test_a_flat_battery_needs_more_duty() -> None:
     assert duty_for(MOTOR, 0.65, 0.0, 6.0) == pytest.approx(2.0 * duty_for(MOTOR, 0.65, 0.0, 12.0))
 
 

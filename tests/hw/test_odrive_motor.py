@@ -12,19 +12,6 @@ from truearc.hw.protocols import Frame
 MS = 1_000_000
 
 
-def feed(motor: OdriveMotor, t_ns: int, position_rev: float, velocity_rev_s: float) -> None:
-    motor.take(Frame(t_ns, 0x29, struct.pack("<ff", position_rev, velocity_rev_s)))
-
-
-@pytest.fixture
-def motor() -> OdriveMotor:
-    motor = OdriveMotor(OdriveAxis(1, 1))
-    motor.faults(1)
-    motor.order(None, 1)                                  # asks, and is answered at once
-    motor.take(Frame(1, 0x20, bytes(8)))
-    return motor
-
-
 # --- letting go
 
 AXIS = OdriveAxis(1, 1)

@@ -202,17 +202,6 @@ def test_a_hood_brakes_and_wheels_coast_when_they_are_let_go(make, plant, brakes
     assert left < 0.2 if brakes else left == pytest.approx(1.0, abs=0.02)
 
 
-def test_release_ends_it_whatever_stood_before(make) -> None:
-    bench = make()
-    armed(bench, 0.1)
-    frames = bench.motor.release()
-    assert [frame[1:3] for frame in frames] == [(0x02050083, bytes(8)), (HEARTBEAT, bytes(8))]
-    for frame in frames:
-        bench.near.write(frame)
-    bench.twin.advance(bench.clock.t_ns + MS)
-    assert bench.node.output == 0.0
-
-
 def test_an_old_setpoint_is_replaced_before_the_heartbeat(make) -> None:
     bench = make()
     bench.run(60)
@@ -385,11 +374,3 @@ def test_one_heartbeat_names_all_that_may_drive_and_only_those(make, plant) -> N
     assert bench.enabled()[-1] == 1 << 40 and bench.nodes[0].output == 0.0 and bench.nodes[1].output > 0.0
     beats = [frame.t_ns for frame in bench.sent if frame.arbitration_id == HEARTBEAT][-10:]
     assert len(beats) == len(set(beats))                   # never one a motor
-
-
-def test_malformed_readings_are_refused_and_the_last_good_one_grows_old(make) -> None:
-    bench = make(faults=(Fault(OVERWRITTEN, 1000 * MS, FOREVER, frame_id=0x0205B883, data=b"\x00\x00\xc0\x7f"),))
-    armed(bench)
-    bench.run(120, 0.0)
-    assert bench.bad and "STATUS_2" in bench.bad[0]
-    assert bench.clock.t_ns - bench.motor.reading.t_ns > 100 * MS and bench.enabled()[-1] == 0

@@ -120,14 +120,6 @@ def test_the_output_is_zero_100_ms_after_the_last_heartbeat(bench, plant, last_m
     assert bench.node.output == 0.5                       # the setpoint stood all the while
 
 
-def test_a_heartbeat_without_its_bit_disables_at_once(bench) -> None:
-    bench.duty(0.5)
-    bench.run(30, beating=True)
-    bench.beat(0)
-    bench.run(1)
-    assert bench.node.output == 0.0
-
-
 def test_torque_is_that_of_a_motor_at_a_share_of_the_bus_voltage(bench, plant) -> None:
     """dw/dt = kt (d V - kt w) / (R J): the closed form, against the device's 1 ms loop."""
     bench.duty(0.25)
@@ -267,17 +259,3 @@ def test_a_fault_that_has_gone_is_sticky_until_it_is_told_to_forget(make) -> Non
     bench.send(0x1B80, b"")
     bench.run(300)
     assert bench.heard(STATUS_1)[-1][3] == 0
-
-
-def test_other_firmware_is_another_device(make) -> None:
-    bench = make()
-    bench.run(30)
-    bench.node.settings = SparkSettings(firmware=(24, 0, 1))
-    bench.node.restart(bench.clock.t_ns)
-    bench.log.clear()
-    bench.run(300)
-    assert bench.log == []
-    bench.node.settings = SparkSettings()
-    bench.node.restart(bench.clock.t_ns)
-    bench.run(30)
-    assert bench.heard(STATUS_0)

@@ -5,39 +5,24 @@ import os
 import re
 import signal
 import threading
-from collections import Counter
 from pathlib import Path
 
 import msgspec
 import pytest
 from msgspec.structs import replace
 
-from benchmarks.matrix.fault import find, says
 from benchmarks.real_robot import PATIENT, SHIPPED, WATCHDOG_MS, begin, save_config
 from tests.hw.host_speed import excuse_stalls
-from tests.hw.spinning_plant import SpinningPlant
 from truearc.cli.main import main
 from truearc.errors import InputError
-from truearc.hw.emulated.nodes import Twin
-from truearc.hw.emulated.serial_link import PtyCable, SlcanAdapter
-from truearc.hw.fault_codes import CAN_REOPENED
-from truearc.hw.real.can_bus import WAIT_S, SupervisedBus, open_can
 from truearc.hw.real.clock import MonotonicClock
-from truearc.hw.reason import Reason
 from truearc.robot.config.schema import load_config, split_bus, with_ports
-from truearc.robot.eyes import InlineEyes
-from truearc.robot.motors import guard
-from truearc.robot.reasons import CAN_LOST, DEVICE_NEVER_RECEIVED, DEVICE_STALE, IMAGE_DARK, text
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import Trial
-from truearc.robot.rig import HardwareRig
-from truearc.robot.tick import step
-from truearc.robot.types import Memory, Sighting
-from truearc.sim.world.emulated_robot import keep_time, make_nodes, open_device_bus
+from truearc.sim.world.emulated_robot import keep_time, open_device_bus
 
 LIMIT_S = 240.0
 
-NO_CAN = says(CAN_LOST, CAN_REOPENED, DEVICE_NEVER_RECEIVED, DEVICE_STALE)
 posix = pytest.mark.skipif(os.name != "posix", reason="ends the robot with a signal")
 FAST_VCAN = (pytest.mark.socketcan, pytest.mark.fast_bus)
 BUSES = ["virtual", pytest.param("slcan:auto", marks=[posix, pytest.mark.slow]),
@@ -122,70 +107,8 @@ def check_session(session: Path, said: str, recorded: str, reference: Trial) -> 
     assert fired.memory.armed and fired.memory.homed and not fired.inputs.faults
 
 
-class Silent:
-    """A camera and a button box that have nothing to say."""
-
-    def read(self) -> bytes | None:
-        return b""
-
-    def close(self) -> None: ...
-
-
-class Devices(threading.Thread):
-    """The launcher's devices behind a serial adapter, until it is pulled out."""
-
-    def __init__(self, plug: Path) -> None:
-        super().__init__(daemon=True)
-        self.adapter = SlcanAdapter(PtyCable(prompt=False))
-        self.plug = plug
-        plug.symlink_to(self.adapter.port)
-        plant = SpinningPlant()
-        self.twin = Twin(plant, self.adapter, tuple(make_nodes(CONFIG, plant).values()))
-        self.over = threading.Event()
-        self.start()
-
-    def run(self) -> None:
-        keep_time(MonotonicClock(), self.twin.advance, self.over.is_set)
-
-    def pull_out(self) -> None:
-        self.over.set()
-        self.join()
-        self.plug.unlink()            # first, as the system does: a test beside this one may be given the terminal next
-        self.adapter.close()
-
-
 CONFIG = load_config(SHIPPED)
 CONFIG = replace(CONFIG, gate=replace(CONFIG.gate, reading_age_s=1.0))
-
-
-@posix
-def test_an_adapter_pulled_out_is_a_hold_that_says_so_and_back_in_needs_no_restart(tmp_path: Path) -> None:
-    plug, clock, tally = tmp_path / "adapter", MonotonicClock(), Counter[str]()
-    devices = Devices(plug)
-    bus = SupervisedBus(lambda: open_can("slcan", str(plug), 1_000_000, clock, WAIT_S, tally), clock, tally)
-    rig = HardwareRig(CONFIG, guard(bus, CONFIG, clock, tally), Silent(),
-                      InlineEyes(Silent(), lambda frame: Sighting(0, False, IMAGE_DARK())), clock, lambda: False)
-
-    def reasons_once(true) -> list[Reason]:
-        """The verdict's reasons at the first tick whose reasons are as asked."""
-        for _ in range(20_000):
-            tick = step(rig.read(), Memory(), CONFIG, None)
-            rig.write(tick.command)
-            assert not tick.verdict.fire
-            if true(tick.verdict.reasons):
-                return list(tick.verdict.reasons)
-        raise AssertionError("it never came")
-
-    for _ in range(2):
-        reasons_once(lambda held: not find(NO_CAN, held))
-        devices.pull_out()
-        assert any(str(plug) in text(reason) for reason in reasons_once(lambda held: find(says(CAN_LOST), held)))
-        reasons_once(lambda held: find(says(DEVICE_STALE, device="flywheel motor 1"), held))
-        devices = Devices(plug)
-    assert tally["times lost"] >= 2            # a machine that stands still for a second adds its own
-    rig.release()
-    bus.close()
-    devices.pull_out()
 
 
 def test_ports_on_the_command_line_take_the_place_of_the_configurations() -> None:

@@ -4,10 +4,8 @@ import math
 from pathlib import Path
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
 
 from truearc import robot
 from truearc.robot.aim import plan, step_walk, vacuum_speed_m_s, walked
@@ -26,13 +24,6 @@ def test_the_vacuum_speed_hits_the_target(distance_m, rise_m, elevation_deg):
         return
     flight = distance_m / (speed * math.cos(angle))
     assert math.isclose(speed * math.sin(angle) * flight - 9.81 * flight**2 / 2, rise_m, abs_tol=1e-6)
-
-
-def test_the_vacuum_speed_agrees_with_an_integrator():
-    speed = vacuum_speed_m_s(5.0, 1.7, 45.0, 9.81)
-    v = speed * math.sqrt(0.5)
-    path = solve_ivp(lambda t, s: [s[2], s[3], 0.0, -9.81], (0, 5.0 / v), [0, 0, v, v], method="DOP853", rtol=1e-11)
-    assert path.y[1, -1] == pytest.approx(1.7, abs=1e-9)
 
 
 def test_the_plan_fills_hood_range_and_speeds_evenly_and_repeats_what_it_should():

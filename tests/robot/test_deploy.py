@@ -6,7 +6,6 @@ import shutil
 import stat
 import subprocess
 import sys
-import zipfile
 from pathlib import Path
 
 import pytest
@@ -18,7 +17,6 @@ from tests.robot.gate.test_model import build
 from tests.robot.good_tick import CONFIG
 from truearc import robot
 from truearc.cli.common import SHIPPED
-from truearc.cli.deploy import make_commands
 from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.hw.devices.family import Axis
@@ -32,7 +30,6 @@ from truearc.robot.deploy import (
     RULES,
     UNIT,
     Parts,
-    copy_folder,
     make_config,
     make_files,
     make_parts,
@@ -251,14 +248,6 @@ def test_a_plugin_is_built_without_what_was_built_before_and_a_wheel_taken_as_it
     wheels = [command for command in ran if "wheel" in command]
     assert [Path(command[-1]).name for command in wheels] == ["source", "plugin-0", "other-1-py3-none-any.whl"]
     assert [Path(command[-2]).name for command in wheels] == ["wheels", "plugins", "plugins"]
-
-
-def test_the_built_plugin_holds_its_driver(tmp_path):
-    source = copy_folder(PLUGIN, tmp_path / "plugin-0")
-    _, build_plugin, *_ = make_commands("launcher", str(tmp_path), "", [source])
-    subprocess.run([*build_plugin[:5], "--no-build-isolation", "--no-index", *build_plugin[5:]], check=True)
-    wheel, = (tmp_path / "plugins").iterdir()
-    assert "truearc_samplemotor/samplemotor.dbc" in zipfile.ZipFile(wheel).namelist()
 
 
 def test_a_driver_of_another_distribution_needs_a_plugin():

@@ -23,7 +23,6 @@ from truearc.cli.common import SHIPPED
 from truearc.errors import InputError
 from truearc.hw.devices import registry
 from truearc.hw.devices.family import Bounds
-from truearc.hw.fault_codes import FRAME_NOT_ALLOWED
 from truearc.hw.protocols import Frame
 from truearc.hw.reason import FAULT, Reason
 from truearc.robot.config.schema import Config, config_hash, load_config
@@ -102,18 +101,6 @@ def test_the_robot_shoots_with_it_and_replays_the_recording(config: Config, tmp_
     assert replay(tmp_path / "session").ticks > 200
 
 
-@pytest.mark.parametrize(("frame", "allowed"), [
-    (Frame(0, DUTY, bytes(4)), True), (Frame(0, CLEAR, b""), True), (Frame(0, HEALTH, bytes(7), is_remote=True), True),
-    (Frame(0, DUTY, bytes(8)), False), (Frame(0, DUTY + 1, bytes(4)), False), (Frame(0, HEALTH, bytes(7)), False),
-    (Frame(0, DUTY, bytes(4), is_extended=True), False), (Frame(0, MOTION, bytes(8)), False),
-    (Frame(0, 4 << 5 | 0x0E, bytes(8)), False)])        # of the ODrive that the feeder was
-def test_only_what_it_declares_is_sent(frame: Frame, allowed: bool, config: Config) -> None:
-    wire = Wire()
-    bus = guard(wire, config, Time(), Counter())
-    assert bus.write(frame) is allowed and wire.sent == [frame] * allowed
-    assert [fault.code for fault in bus.faults()] == [FRAME_NOT_ALLOWED.name] * (not allowed)
-
-
 def test_ticks_look_for_no_plugins(config: Config, monkeypatch: pytest.MonkeyPatch) -> None:
     eyes = InlineEyes(Blind(), lambda frame: Sighting(frame.t_ns, False, IMAGE_DARK()))
     wire, clock = Wire(), Time()
@@ -141,12 +128,6 @@ def test_its_own_reason_has_its_text_wherever_reasons_are_shown(config: Config) 
     assert msgspec.json.decode(row, type=Reason) == fault
     page = reasons_page(["samplemotor"])
     assert page.count("`samplemotor.wrong_firmware`") == 2 and "`samplemotor" not in reasons_page()
-
-
-def test_without_it_its_reason_is_shown_by_name() -> None:
-    fault = Reason("samplemotor.wrong_firmware", {"motor": "feeder motor", "firmware": 7})
-    shown = "samplemotor.wrong_firmware (motor feeder motor, firmware 7)"
-    assert text(fault) == shown and tell([fault]) == (Told(FAULT, shown, "", (shown,)),)
 
 
 def test_a_reason_that_is_not_named_after_its_driver_is_refused(installed: Path, tmp_path: Path, toml: Path,

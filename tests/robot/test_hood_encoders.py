@@ -11,19 +11,18 @@ from msgspec.structs import replace
 
 from tests.hw.spinning_plant import SpinningPlant
 from tests.robot.alike import codes
-from tests.robot.encoders import COUNTING, NONE, NT4, ODRIVE, SPARK, SPARK_OWN, with_encoder
-from tests.robot.good_tick import CONFIG, HOOD_DEG, NOW_NS, good_inputs, good_memory, seconds
+from tests.robot.encoders import COUNTING, NONE, NT4, ODRIVE, SPARK, SPARK_OWN
+from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs, good_memory, seconds
 from truearc.cli.doctor_checks import look_at_bus
 from truearc.errors import InputError
 from truearc.hw.devices.family import FAILURE, OK
 from truearc.hw.devices.odrive import frames as odrive
-from truearc.hw.devices.odrive.family import OdriveConfig
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.emulated.nodes import StepClock, Twin
 from truearc.hw.protocols import MotorReading
 from truearc.hw.real.can_bus import open_can
 from truearc.robot import reasons as because
-from truearc.robot.config.named_tables import FAMILIES, encoder_family_of
+from truearc.robot.config.named_tables import encoder_family_of
 from truearc.robot.config.schema import Config, config_hash, load_config, read_axis
 from truearc.robot.motion import BLIND
 from truearc.robot.motors import around_encoder, guard
@@ -83,12 +82,6 @@ def test_a_table_is_read_and_recorded(tmp_path: Path, table: str, config: Config
 def test_a_wrong_table_is_refused_by_key(tmp_path: Path, table: str, sigma_deg: float, message: str) -> None:
     with pytest.raises(InputError, match=message):
         load(tmp_path, table, sigma_deg)
-
-
-def test_every_family_has_an_example_of_its_own_and_none_knows_least() -> None:
-    for family in FAMILIES:
-        assert isinstance(family.example, family.table) and encoder_family_of(family.example) is family
-    assert max(FAMILIES, key=lambda family: family.least_sigma_deg).driver == "none"
 
 
 class Bench:
@@ -219,12 +212,6 @@ def test_a_motor_that_is_silent_has_lost_its_count_and_is_not_driven_home() -> N
     assert tick.command.hood_torque_nm == 0.0
 
 
-@pytest.mark.parametrize("config", [NONE, CONFIG], ids=["none", "canandmag"])
-def test_only_without_an_encoder_is_the_count_kept(config: Config) -> None:
-    tick = step(good_inputs(), replace(good_memory(), count=Memory().count), config, None)
-    assert ("count" in msgspec.to_builtins(tick.memory)) is (config is NONE)
-
-
 # --- an encoder that homing zeroes
 
 def test_a_counting_encoder_is_zeroed_at_the_switch_and_then_checked() -> None:
@@ -262,10 +249,3 @@ def test_a_sparks_reset_and_lock_are_about_driving_and_its_faults_about_the_angl
     encoder = encoder_family_of(table).make(table, around_encoder(CONFIG))
     encoder._motor.reading = MotorReading(t_ns=5, axis_error=bits)
     assert encoder.read(9).magnet_ok is not bool(bits & spark.FAULTS)
-
-
-def test_an_encoder_gear_is_turns_of_it_per_turn_of_the_hood() -> None:
-    table = with_encoder(replace(ODRIVE.hood_encoder, gear=4.0, controller=OdriveConfig(6, 1, 0))).hood_encoder
-    encoder = encoder_family_of(table).make(table, around_encoder(CONFIG))
-    encoder._motor.reading = replace(encoder._motor.reading, t_ns=5, position_rad=4.0 * math.radians(HOOD_DEG))
-    assert encoder.read(9).angle_rad == pytest.approx(math.radians(HOOD_DEG))

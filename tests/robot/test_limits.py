@@ -196,14 +196,6 @@ def test_every_number_that_moves_or_times_something_has_a_row() -> None:
     assert len(own) == len(LIMITS)
 
 
-def test_bounds_name_only_rows_above_and_keys_that_there_are() -> None:
-    rows = [limit.key for limit in LIMITS]
-    known = {key for tables in BASES for key in leaves(tables)}
-    for limit in LIMITS:
-        for key in keys_in(limit):
-            assert key in known and (key not in rows or rows.index(key) < rows.index(limit.key)), (limit.key, key)
-
-
 def test_wheels_of_one_belt_have_one_master(place: Path) -> None:
     tables = make_tables(False)
     theirs = {"driver": "advisory", "listens_to": "odrive", "device": 1, "direction": 1, "has_endstop": False}

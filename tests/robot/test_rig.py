@@ -1,6 +1,5 @@
 """HardwareRig on hand-made wires: what it reads, what it sends, what it says of wires that fail."""
 
-import struct
 
 import pytest
 from hypothesis import given
@@ -11,11 +10,9 @@ from tests.robot.good_tick import CONFIG
 from truearc.hw.devices import button_box as buttons
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.fault_codes import (
-    BOX_PRESSES_LOST,
     BOX_PRESSES_REPEATED,
     BOX_RESTARTED,
     CAN_ADAPTER_ERROR,
-    FOREIGN_HOST,
 )
 from truearc.hw.protocols import Frame, LinkLost
 from truearc.robot import reasons as because
@@ -52,10 +49,6 @@ class Wire:
         return []
 
     def close(self): ...
-
-
-def odrive_torque(frame):
-    return struct.unpack("<f", frame.data[:4])[0]
 
 
 def answers_to(frame):
@@ -148,30 +141,6 @@ def test_what_is_sent_is_within_limits(bench):
     assert sent.feeder_torque_nm == CONFIG.feeder.torque_nm
 
 
-def test_disarmed_sends_no_torque_and_asks_for_idle(bench):
-    bus, _, _, rig = bench
-    for _ in range(20):
-        rig.read()
-        rig.write(Command(False, False, False, 0.0, 0.0, 0.0))
-    assert {odrive_torque(frame) for frame in commands(bus.sent, 0x0E)} == {0.0}
-    assert {frame.data[0] for frame in commands(bus.sent, 0x07)} == {odrive.IDLE}
-
-
-def test_release_leaves_every_motor_idle(bench):
-    bus, _, _, rig = bench
-    rig.release()
-    assert [frame.arbitration_id >> 5 for frame in commands(bus.sent, 0x07)] == [1, 2, 3, 4]
-
-
-def test_lost_wires_are_faults_in_words_and_nothing_raises(bench):
-    bus, box, _, rig = bench
-    bus.lost = box.lost = True
-    inputs = rig.read()
-    rig.write(ASKED)
-    assert because.CAN_LOST(cause=UNPLUGGED) in inputs.faults
-    assert because.BOX_LOST(cause=UNPLUGGED) in inputs.faults
-
-
 def test_the_encoder_is_set_up_as_soon_as_there_is_a_bus():
     bus, clock = Wire(), Time()
     eyes = InlineEyes(Blind(), lambda frame: Sighting(frame.t_ns, False, IMAGE_DARK()))
@@ -185,44 +154,6 @@ def test_the_encoder_is_set_up_as_soon_as_there_is_a_bus():
         rig.read()
         rig.write(ASKED)
     assert [frame.arbitration_id for frame in bus.sent if frame.is_extended] == [0x070E00C5, 0x070E0085]
-
-
-def test_what_comes_in_while_a_tick_gathers_is_not_from_its_future(bench):
-    bus, _, clock, rig = bench
-
-    def read():
-        clock.t_ns += 1_000_000                           # a real clock goes on
-        return [Frame(clock.t_ns, 0x29, bytes(8))]
-
-    bus.read = read
-    inputs = rig.read()
-    assert inputs.t_ns >= inputs.flywheels[0].t_ns > 0
-
-
-def test_what_the_bus_says_is_wrong_is_a_fault(bench):
-    bus, _, _, rig = bench
-    bus.faults = lambda: [FOREIGN_HOST(frame="0x02e")]
-    assert FOREIGN_HOST(frame="0x02e") in rig.read().faults
-
-
-def test_a_short_frame_is_named_and_changes_nothing(bench):
-    bus, _, _, rig = bench
-    bus.frames = [Frame(1, 0x29, bytes(4))]
-    inputs = rig.read()
-    assert any(fault.code == because.BAD_FRAME.name and fault.params["cause"].params["frame"] == "0x029"
-               for fault in inputs.faults)
-    assert inputs.flywheels[0].t_ns == 0
-
-
-def test_lost_presses_are_reported(bench):
-    _, box, _, rig = bench
-    box.data = buttons.make_heartbeat(7) + buttons.make_press(8, "arm")
-    inputs = rig.read()
-    assert [event.button for event in inputs.buttons] == ["arm"] and not inputs.faults
-    box.data = buttons.make_press(11, "fire")
-    assert BOX_PRESSES_LOST(presses=2) in rig.read().faults
-    box.data = buttons.make_heartbeat(12)
-    assert BOX_PRESSES_LOST(presses=1) in rig.read().faults
 
 
 def test_no_reading_is_younger_than_its_tick(bench, monkeypatch):

@@ -14,9 +14,7 @@ from truearc.robot.aim import aim, config_id, step_walk
 from truearc.robot.aim_file import load_plan, with_plan
 from truearc.robot.config.schema import Prescribed
 from truearc.robot.estimate import estimate
-from truearc.robot.reasons import NOT_AT_PLACE
 from truearc.robot.types import Shot
-from truearc.robot.verdict import judge
 
 ROWS = (Prescribed(DISTANCE_M, 0.5, HOOD_DEG), Prescribed(7.0, 0.625, 33.0))
 
@@ -97,14 +95,6 @@ def test_each_row_is_shot_as_often_as_asked_and_then_there_is_nothing_more():
     assert (aim_at(2).motor_ratio, aim_at(2).hood_deg) == (0.625, 33.0)
     assert aim_at(4).source == "idle"
     assert [config_id(trial, PLANNED.collect) for trial in range(4)] == ["c0000", "c0000", "c0001", "c0001"]
-
-
-def test_from_another_place_it_holds_and_says_where_to_stand():
-    elsewhere = aim_at(2)
-    memory = replace(good_memory(), aim=elsewhere)
-    inputs = good_inputs(elsewhere.motor_ratio * CONFIG.rig.launcher.free_speed_rad_s, elsewhere.hood_deg)
-    verdict = judge(inputs, estimate(inputs, memory, PLANNED), elsewhere, memory, PLANNED, None)
-    assert verdict.reasons == (NOT_AT_PLACE(place_m=7.0),)
 
 
 def test_marks_of_prescribed_shots_walk_nothing():

@@ -2,7 +2,6 @@
 
 import csv
 import math
-from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -18,7 +17,6 @@ from truearc.hw.protocols import CameraFrame
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import CameraConfig, CameraFile, load_config, load_toml
 from truearc.robot.vision import detect
-from truearc.robot.vision.marks import mask_colour
 from truearc_proof.world.camera_damage import KINDS, USUAL, Look, StagedCamera, place, second_goal
 
 pytestmark = pytest.mark.usefixtures("noise_drawn_once")
@@ -93,15 +91,6 @@ def test_distance_and_sigma_over_the_field():
     assert np.std(bearings) < 0.1
 
 
-def test_sigma_grows_with_distance():
-    scene = Scene()
-    sigmas = []
-    for distance_m in (2.5, 4.0, 6.0, 9.0, 12.0):
-        scene.place(distance_m)
-        sigmas.append(scene.look().sigma_m)
-    assert all(b > 1.3 * a for a, b in pairwise(sigmas))
-
-
 @pytest.mark.parametrize("look", [Look(noise=8.0), Look(blur_px=1.5), Look(smear_px=(3.5, 2.0)), Look(halo_share=0.4)],
                          ids=["noise", "blur", "smear", "bloom"])
 def test_what_spoils_a_picture_moves_no_edge(look):
@@ -153,12 +142,6 @@ def test_a_wrong_pitch_hardly_matters(pitch_error_deg):
         scene.place(distance_m, pitch_deg=scene.camera.pitch_deg + pitch_error_deg)
         sighting = scene.look()
         assert sighting.found and sighting.distance_m == pytest.approx(distance_m, rel=0.015)
-
-
-def test_a_wrong_focal_length_scales_the_distance():
-    scene = Scene()
-    scene.place(5.0, focal_scale=1.05)
-    assert scene.look().distance_m == pytest.approx(5.0 / 1.05, rel=0.012)
 
 
 @pytest.mark.parametrize(("width_px", "height_px"), [(1280, 720), (320, 240), (1280, 960), (640, 360)])
@@ -273,15 +256,6 @@ def test_upside_down_reflection_is_doubted():
     turned = CameraFrame(0, np.ascontiguousarray(frame.image[::-1, ::-1]))
     sighting = detect(turned, scene.camera, TAPE, VISION)
     assert not sighting.found and sighting.reason.code == because.POSE_OFF_MOUNTING.name
-
-
-def test_hue_wraps_around():
-    red = np.zeros((40, 40, 3), np.uint8)
-    red[5:15], red[20:30] = (0, 0, 220), (40, 0, 220)             # hues 0 and about 175
-    wrapped, _ = mask_colour(red, replace(VISION, hue_low=170, hue_high=5))
-    assert wrapped[5:15].all() and wrapped[20:30].all() and not wrapped[16:19].any()
-    plain, _ = mask_colour(red, replace(VISION, hue_low=5, hue_high=170))
-    assert not plain.any()
 
 
 def test_a_red_target_is_found_with_wrapped_hues():

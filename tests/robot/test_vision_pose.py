@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from truearc import robot
 from truearc.robot.config.schema import load_config
-from truearc.robot.vision.pose import _beliefs, _rotation, horizontal, make_optics, make_shape, solve_pose
+from truearc.robot.vision.pose import make_optics, make_shape, solve_pose
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 CAMERA, TAPE = CONFIG.camera, CONFIG.tape
@@ -58,33 +58,6 @@ def test_without_noise_the_pose_is_exact():
         pose = solve_pose(seen.reshape(-1, 2), 0.25**2 * np.eye(8), OPTICS, CAMERA, TAPE)
         assert pose is not None and pose.distance_m == pytest.approx(distance_m, abs=1e-4)
         assert pose.reprojection_px < 1e-3 and abs(pose.bearing_rad) < 1e-5
-
-
-def test_derivatives_are_the_numerical_ones():
-    rvec, tvec = true_pose(4.0, 20.0, 0.7, 22.0, 3.0)
-    state = np.concatenate([rvec, tvec])
-
-    def values(state):
-        rotation, turning = _rotation(state[:3])
-        return np.append(_beliefs(rotation, turning, state[3:], CAMERA, TAPE)[0],
-                         horizontal(rotation, turning, state[3:])[0])
-
-    rotation, turning = _rotation(state[:3])
-    slope = np.vstack([_beliefs(rotation, turning, state[3:], CAMERA, TAPE)[1],
-                       horizontal(rotation, turning, state[3:])[1]])
-    for k in range(6):
-        step = np.zeros(6)
-        step[k] = 1e-6
-        assert slope[:, k] == pytest.approx((values(state + step) - values(state - step)) / 2e-6, rel=1e-5, abs=1e-5)
-
-
-def test_beliefs_are_height_pitch_and_roll():
-    rvec, tvec = true_pose(4.0, 20.0, 0.7, 22.0, 3.0)
-    rotation, turning = _rotation(rvec)
-    height, pitch, roll = _beliefs(rotation, turning, tvec, CAMERA, TAPE)[0]
-    assert height == pytest.approx((0.7 - CAMERA.height_m) / CAMERA.height_sigma_m)
-    assert pitch == pytest.approx((22.0 - CAMERA.pitch_deg) / CAMERA.pitch_sigma_deg)
-    assert abs(roll) == pytest.approx(3.0 / CAMERA.pitch_sigma_deg, rel=0.01)
 
 
 def test_a_mounting_far_from_its_belief_is_doubted():

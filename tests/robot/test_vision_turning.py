@@ -8,7 +8,7 @@ import pytest
 from msgspec.structs import replace
 
 from truearc import robot
-from truearc.hw.emulated.camera import NOTHING, Stage, project
+from truearc.hw.emulated.camera import Stage, project
 from truearc.robot.config.schema import load_config
 from truearc.robot.vision import detect
 from truearc.robot.vision.pose import make_optics
@@ -52,12 +52,6 @@ def test_rows_are_seen_from_where_the_camera_then_points():
     assert turned[1, 0] - turned[0, 0] == pytest.approx(-moved_px, rel=0.02)    # it turned right: things move left
     assert np.ptp(nodded[:, 1]) - np.ptp(still[:, 1]) == pytest.approx(moved_px, rel=0.05)      # and up: they move down
     assert project_turning(tall, straight_on, LENS, 1.0, (30.0, 9.0), 0.0)[0] == pytest.approx(still)
-
-
-def test_what_is_not_before_a_camera_that_turns_is_not_drawn():
-    eye = StagedCamera(Stage(NOTHING), LENS, make_tape(CONFIG.tape), 20.0, 0.0, 1,
-                         look=Look(turn_deg_s=(30.0, 6.0), readout_s=READOUT_S))
-    assert not detect(eye.expose(0), CONFIG.camera, CONFIG.tape, CONFIG.vision).found
 
 
 def test_errors_are_as_large_as_sigma_says_when_it_is_told_of_turning():

@@ -13,11 +13,11 @@ from tests.robot.good_tick import CONFIG
 from truearc.cli.doctor_checks import look_at_bus
 from truearc.errors import InputError
 from truearc.hw.devices.canandmag import CanandmagNode
-from truearc.hw.devices.family import FAILURE, OK, WARNING, listen
+from truearc.hw.devices.family import FAILURE, OK, WARNING
 from truearc.hw.devices.odrive.emulator import SETTINGS, OdriveNode, OdriveSettings
-from truearc.hw.devices.spark.frames import CONTROLLER_HEARTBEAT, locked_spark
+from truearc.hw.devices.spark.frames import locked_spark
 from truearc.hw.emulated.nodes import StepClock, Twin
-from truearc.hw.protocols import Frame, LinkLost
+from truearc.hw.protocols import Frame
 from truearc.hw.real.can_bus import open_can
 from truearc.robot.doctor import load_endpoints
 from truearc_proof.world.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
@@ -315,13 +315,6 @@ def test_a_table_that_is_none_is_named(tmp_path, text):
         load_endpoints(path)
 
 
-def test_a_robot_controller_on_the_bus_is_a_failure():
-    bench = Bench()
-    bench.more = [Frame(0, CONTROLLER_HEARTBEAT, bytes(8), is_extended=True)]
-    finding = bench.findings()["heartbeat lock"]
-    assert finding.level == FAILURE and "robot controller is on this bus" in finding.says
-
-
 @pytest.mark.data
 def test_a_locked_spark_is_told_by_the_makers_own_table(data_dir):
     """Against REV's published table of frames, not ours."""
@@ -337,11 +330,3 @@ def test_a_locked_spark_is_told_by_the_makers_own_table(data_dir):
     bench.more = [frame]
     finding = bench.findings()["heartbeat lock"]
     assert finding.level == FAILURE and "SPARK 7" in finding.says and "power off" in finding.do
-
-
-def test_an_adapter_that_goes_away_is_a_lost_link():
-    bench = Bench()
-    bench.near.close()
-    with pytest.raises(LinkLost):
-        listen(bench.near, bench.clock, [], 1.0)
-    bench.far.close()

@@ -4,7 +4,6 @@ import errno
 import os
 
 import msgspec
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -16,7 +15,7 @@ from tests.robot.samples import check, sample
 from truearc.hw import fault_codes as hw
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.spark import frames as spark
-from truearc.hw.protocols import AngleReading, CameraFrame, MotorReading
+from truearc.hw.protocols import AngleReading, MotorReading
 from truearc.hw.reason import FAULT, YOU, Reason
 from truearc.robot import reasons as bot
 from truearc.robot.aim import IDLE
@@ -26,7 +25,6 @@ from truearc.robot.operator_ui.view import MESSAGES, find_message, tell
 from truearc.robot.recording.writer import disk_trouble
 from truearc.robot.types import Aim, Memory
 from truearc.robot.verdict import judge
-from truearc.robot.vision import detect
 
 MODEL = replace(CONFIG, gate=replace(CONFIG.gate, policy="model"))
 MOTOR = "flywheel motor 1"
@@ -115,17 +113,6 @@ def test_what_the_driver_can_fix_comes_first():
         "CAN adapter pulled out?", "Hood motor: no frames for 0.31 s", "Not armed", "Target out of sight for 2.1 s",
         "Wheels are not at speed: 312 of 358 rad/s"]
     assert [one.do for one in told][2:4] == ["press ARM", "turn towards the target"]
-
-
-@pytest.mark.parametrize(("value", "reason"), [(250, bot.IMAGE_BRIGHT()), (0, bot.IMAGE_DARK())])
-def test_what_vision_says_of_an_image_has_a_message_of_its_own(value, reason):
-    image = np.full((480, 640, 3), value, np.uint8)
-    seen = detect(CameraFrame(0, image), CONFIG.camera, CONFIG.tape, CONFIG.vision)
-    assert seen.reason == reason
-    inputs, memory = replace(good_inputs(), unseen=seen.reason), replace(good_memory(), last_sighting=None)
-    verdict = judge(inputs, estimate(inputs, memory, CONFIG), good_memory().aim, memory, CONFIG, None)
-    (held,) = (one for one in verdict.reasons if one.code == bot.TARGET_NEVER_SEEN.name)
-    assert find_message(held).case == reason.code
 
 
 def test_motors_in_the_same_trouble_are_told_as_one():

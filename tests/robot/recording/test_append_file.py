@@ -9,7 +9,6 @@ from truearc.robot.recording.files import Appender, NotKept, claim
 from truearc.robot.recording.writer import disk_trouble
 
 resource = pytest.importorskip("resource")        # POSIX
-fcntl = pytest.importorskip("fcntl")
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ import csv
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
@@ -16,8 +15,6 @@ from truearc.robot.reasons import texts
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials
 from truearc.robot.recording.tabular import FLOAT, INT, FlatTicks
-
-HERE = Path(__file__).parent
 
 
 def convert(session, to, out):

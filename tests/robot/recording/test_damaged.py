@@ -16,7 +16,7 @@ from mcap.writer import CompressionType, Writer
 
 from truearc.cli.main import main
 from truearc.errors import InputError
-from truearc.robot.recording.files import MOST_PIXELS, load_image, load_pictures, parse_candump
+from truearc.robot.recording.files import MOST_PIXELS, load_image, load_pictures
 from truearc.robot.recording.reader import LARGEST, TickReader
 from truearc.robot.recording.session import FRAMES, INDEX, TELEMETRY, TRIALS, Picture, load_trials
 from truearc.robot.recording.upkeep import recover
@@ -147,10 +147,6 @@ def test_lines_that_are_no_text_are_named_or_left_out(session: Path) -> None:
     pictures = load_pictures(session)
     recover(session)
     assert len(load_pictures(session)) == len(pictures) and len(load_trials(session)) == 2
-
-
-def test_a_line_of_can_with_a_byte_of_no_text_is_none() -> None:
-    assert parse_candump("(1.000000) can0 123#00 R\n") and parse_candump("(1.000000) can\ufffd 123#00 R\n") is None
 
 
 def test_an_image_larger_than_any_cameras_is_none(session: Path) -> None:

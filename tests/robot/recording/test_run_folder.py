@@ -56,9 +56,3 @@ def test_a_folder_that_finds_no_room_is_made_later_whole(tmp_path, monkeypatch, 
     recorder.close()
     assert recorder.failed is None and kept_cycles(tmp_path / "s") == list(range(1, 601))
     assert len(load_trials(tmp_path / "s")) == 1
-
-
-def test_a_place_that_cannot_be_written_is_an_error_of_the_system(tmp_path):
-    (tmp_path / "a_file").touch()
-    with pytest.raises(OSError):
-        make_room(tmp_path / "a_file" / "sessions", "2026-01-01T10:00:00+00:00")

@@ -5,24 +5,20 @@ import threading
 
 import numpy as np
 import pytest
-from mcap.reader import make_reader
 from msgspec.structs import replace
 
 from benchmarks.kill import kill_once
-from tests.robot.good_tick import CONFIG, good_inputs, good_memory
+from tests.robot.good_tick import CONFIG, good_inputs
 from truearc.errors import InputError
 from truearc.hw.protocols import CameraFrame
-from truearc.robot.reasons import DISK_ERROR, DISK_FULL, DISK_UNRESPONSIVE, IMAGE_NOT_ENCODED, NOT_RECORDING
+from truearc.robot.reasons import DISK_ERROR, DISK_UNRESPONSIVE, IMAGE_NOT_ENCODED
 from truearc.robot.recording import files
 from truearc.robot.recording.files import Appender
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials, make_header
 from truearc.robot.recording.writer import LaneKeeper, SessionWriter, disk_trouble
-from truearc.robot.rig import RecordingRig, ReplayRig
 from truearc.robot.tick import step
 from truearc.robot.types import Memory, Outcome
-
-TOO_LARGE = NOT_RECORDING(cause=DISK_ERROR(detail="File too large"))
 
 resource = pytest.importorskip("resource")        # POSIX
 MS = 1_000_000
@@ -48,59 +44,6 @@ def play(recorder, some_ticks):
 
 def kept_cycles(folder):
     return [tick.inputs.cycle for tick, _ in TickReader(folder)]
-
-
-def test_a_session_has_a_summary_and_all_its_ticks_and_trials(tmp_path):
-    recorder = open_writer(tmp_path / "s")
-    play(recorder, ticks(500, marks=(100, 300)))
-    recorder.close()
-    assert recorder.failed is None and recorder.dropped == 0
-    with (tmp_path / "s" / "telemetry.mcap").open("rb") as file:
-        assert list(make_reader(file).get_summary().statistics.channel_message_counts.values()) == [500, 2]
-    assert kept_cycles(tmp_path / "s") == list(range(1, 501))
-    assert [trial.outcome.trial for trial in load_trials(tmp_path / "s")] == [0, 1]
-
-
-def test_a_marked_trial_is_on_disk_when_the_twins_record_returns(tmp_path):
-    recorder = open_writer(tmp_path / "s")
-    for tick in ticks(50, marks=(10, 20)):
-        recorder.record(tick, None)
-        marked = (tick.inputs.cycle > 10) + (tick.inputs.cycle > 20)
-        assert len(load_trials(tmp_path / "s")) == marked
-    recorder.close()
-
-
-def test_ticks_of_the_last_quarter_second_at_most_are_not_on_disk(tmp_path):
-    recorder = open_writer(tmp_path / "s")
-    for tick in ticks(200):
-        recorder.record(tick, None)
-        if tick.inputs.cycle % 7 == 0:
-            on_disk = kept_cycles(tmp_path / "s")
-            assert tick.inputs.cycle - len(on_disk) <= 0.25 * 200
-    recorder.close()
-
-
-def test_a_full_disk_is_a_hold_and_space_made_in_time_loses_nothing(tmp_path):
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    recorder = open_writer(tmp_path / "s")
-    all_ticks = list(ticks(1000, marks=(100, 500, 900)))
-    try:
-        play(recorder, all_ticks[:200])
-        assert recorder.trouble() is None
-        resource.setrlimit(resource.RLIMIT_FSIZE, (2500, hard))
-        play(recorder, all_ticks[200:600])
-        rig = RecordingRig(ReplayRig([all_ticks[0]]), recorder.trouble)
-        inputs = rig.read()
-        assert inputs.faults == (TOO_LARGE,)
-        assert TOO_LARGE in step(inputs, good_memory(), CONFIG, None).verdict.reasons
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    play(recorder, all_ticks[600:])
-    assert recorder.trouble() is None
-    recorder.close()
-    assert recorder.failed is None
-    assert kept_cycles(tmp_path / "s") == list(range(1, 1001))
-    assert [trial.outcome.t_ns for trial in load_trials(tmp_path / "s")] == [500 * MS, 2500 * MS, 4500 * MS]
 
 
 def test_a_disk_that_turned_read_only_is_told_and_leaves_what_was_there(tmp_path, monkeypatch):
@@ -175,9 +118,3 @@ def test_a_recorder_killed_at_a_random_moment_loses_no_mark_and_little_else(plai
     assert killed.faults == []
     assert killed.marks_lost == 0
     assert killed.lost_s <= 0.25
-
-
-def test_a_tick_that_would_fire_holds_while_the_recording_is_in_trouble():
-    assert step(good_inputs(), good_memory(), CONFIG, None).verdict.fire
-    troubled = replace(good_inputs(), faults=(NOT_RECORDING(cause=DISK_FULL()),))
-    assert not step(troubled, good_memory(), CONFIG, None).verdict.fire
