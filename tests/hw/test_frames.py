@@ -76,15 +76,14 @@ def test_garbage_never_raises_or_grows(garbage) -> None:
     hear(garbage)
 
 
-def test_an_endless_line_is_reported_and_forgotten() -> None:
+def test_what_is_no_line_is_a_fault_and_costs_no_other() -> None:
     heard, faults = hear([b"x" * 100_000, b"\n", make_press(9, "two")])
     assert heard == [ButtonEvent(5, 9, "two")]
     assert len(faults) == 2 and all(len(fault.params["first"]) <= LONGEST for fault in faults)
-
-
-def test_garbage_before_a_line_costs_nothing_but_a_fault() -> None:
     heard, faults = hear([b"\xff\x00" + make_press(9, "two")])
     assert heard == [ButtonEvent(5, 9, "two")] and len(faults) == 1
+    heard, faults = hear([make_press(1, "arm")[1:]])
+    assert not heard and len(faults) == 1
 
 
 @pytest.mark.parametrize("body", [b"B,1,launch", b"B,01,arm", b"B,65536,arm", b"B,-1,arm", b"B,1,ARM", b"H,",
@@ -94,15 +93,7 @@ def test_a_right_checksum_does_not_make_a_wrong_line_right(body: bytes) -> None:
     assert not heard and len(faults) == 1
 
 
-def test_a_line_without_its_beginning_is_no_line() -> None:
-    heard, faults = hear([make_press(1, "arm")[1:]])
-    assert not heard and len(faults) == 1
-
-
-def test_unknown_buttons_cannot_be_said() -> None:
+def test_unknown_buttons_cannot_be_said_and_gaps_are_counted() -> None:
     with pytest.raises(ValueError, match="launch"):
         make_press(1, "launch")
-
-
-def test_gaps_are_counted_across_the_wrap() -> None:
     assert lost_presses(65535, 0) == 0 and lost_presses(65534, 1) == 2 and lost_presses(3, 4) == 0

@@ -52,12 +52,9 @@ def bench(clock) -> Bench:
     return Bench(clock)
 
 
-def test_what_belongs_here_is_passed_on_without_a_word(bench) -> None:
+def test_what_belongs_here_is_passed_on_and_unknown_frames_counted(bench) -> None:
     assert bench.hear(PULSE, KNOWN, KNOWN) == [] and not bench.tally
     assert bench.bus.write(OURS) and bench.wire.sent == [OURS] and bench.bus.faults() == []
-
-
-def test_unknown_frames_are_counted_by_id_and_are_no_fault(bench) -> None:
     stranger = Frame(0, 0x123, b"")
     assert bench.hear(stranger, stranger, KNOWN._replace(is_extended=True), KNOWN._replace(is_remote=True)) == []
     assert bench.tally == {"unknown frames 0x123": 2, "unknown frames 0x00000029": 1, "unknown frames 0x029": 1}

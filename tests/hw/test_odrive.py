@@ -63,21 +63,23 @@ def test_each_group_has_its_own_stamp_and_leaves_the_others_alone() -> None:
     assert odrive.errors_of(reading.axis_error) == (hw.ERROR_WATCHDOG_EXPIRED(),)
 
 
-def test_a_limit_switch_answer_may_be_one_byte_and_is_only_ours() -> None:
+def test_answers_of_a_limit_switch_errors_and_version() -> None:
     axis, closed = OdriveAxis(2, 1, 596), MotorReading(endstop_t_ns=1, endstop=True)
     assert not odrive.parse(axis, frame(axis, 0x05, bytes([0, 0x54, 0x02, 0, 0])), closed).endstop
     assert odrive.parse(axis, frame(axis, 0x05, bytes([0, 0x55, 0x02, 0, 0])), closed) == closed
     with pytest.raises(BadFrame, match="limit switch"):
         odrive.parse(axis, frame(axis, 0x05, bytes([0, 0x54, 0x02, 0, 2])), closed)
-
-
-def test_errors_come_from_the_error_frame_too() -> None:
     axis = OdriveAxis(2, 1)
     reading = odrive.parse(axis, frame(axis, 0x03, struct.pack("<II", 0x200, 0x02000000)), MotorReading())
     assert odrive.errors_of(reading.axis_error) == (hw.ERROR_DC_BUS_UNDER_VOLTAGE(),
                                                      hw.ERROR_ESTOP_REQUESTED())
     assert odrive.errors_of(0x80000000) == (hw.ERROR_BITS(bits=0x80000000),)
     assert odrive.errors_of(0) == ()
+    axis = OdriveAxis(2, 1)
+    version = odrive.parse_version(axis, frame(axis, 0x00, bytes([2, 5, 2, 0, 0, 6, 10, 0])))
+    assert version == (0, 6, 10)
+    with pytest.raises(BadFrame):
+        odrive.parse_version(axis, frame(axis, 0x01, bytes(8)))
 
 
 @pytest.mark.parametrize("data", [b"", bytes(7), bytes(9), struct.pack("<ff", math.nan, 0.0),
@@ -95,14 +97,6 @@ def test_foreign_frames_are_refused_and_questions_ignored() -> None:
     with pytest.raises(BadFrame, match="0x069"):
         odrive.parse(axis, Frame(1, 0x69, bytes(8)), reading)
     assert odrive.parse(axis, Frame(1, 0x49, b"", is_remote=True), reading) == reading
-
-
-def test_version() -> None:
-    axis = OdriveAxis(2, 1)
-    version = odrive.parse_version(axis, frame(axis, 0x00, bytes([2, 5, 2, 0, 0, 6, 10, 0])))
-    assert version == (0, 6, 10)
-    with pytest.raises(BadFrame):
-        odrive.parse_version(axis, frame(axis, 0x01, bytes(8)))
 
 
 # Ours -> theirs (0.6.10), signal by signal

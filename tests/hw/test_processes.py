@@ -67,15 +67,12 @@ def test_it_works_until_it_is_closed():
     assert child.trouble == PROCESS_ENDED(process="test", exit_code=0)
 
 
-def test_why_it_cannot_start_is_told():
+def test_why_it_cannot_start_or_fell_before_its_first_word_is_told():
     child = Child("test", refuse, (NO_CAMERA,), restarts=False, mortal=False)
     with pytest.raises(LinkLost, match=r"^camera 0: cannot be opened$") as lost:
         child.wait()
     assert lost.value.reason == NO_CAMERA
     child.close(10.0)
-
-
-def test_one_that_falls_before_its_first_word_is_told():
     child = Child("test", fall, (), restarts=False, mortal=False)
     with pytest.raises(LinkLost, match=r"the test process ended \(exit code 3\)"):
         child.wait()
@@ -181,13 +178,18 @@ def image(value):
     return np.full((4, 5, 3), value, np.uint8)
 
 
-def test_only_the_newest_is_read_and_once():
+def test_only_the_newest_is_read_once_whoever_writes_it():
     writer, reader, _ = pair()
     assert reader.read() is None and reader.image() is None
     for number in range(10):
         writer.put(b"%d" % number, image(number))
     assert reader.read() == b"9" and (reader.image() == 9).all()
     assert reader.read() is None and (reader.image() == 9).all()          # still there to be asked for
+    writer, reader, memory = pair()
+    writer.put(b"one")
+    assert reader.read() == b"one"
+    Slots(memory, ROOM).put(b"two")
+    assert reader.read() == b"two"
 
 
 def test_an_image_that_was_written_over_is_none_and_never_another():
@@ -201,14 +203,6 @@ def test_an_image_that_was_written_over_is_none_and_never_another():
     assert reader.read() == b"later" and (reader.image() == 4).all()
     writer.put(b"no image")
     assert reader.read() == b"no image" and reader.image() is None
-
-
-def test_who_takes_over_goes_on_counting():
-    writer, reader, memory = pair()
-    writer.put(b"one")
-    assert reader.read() == b"one"
-    Slots(memory, ROOM).put(b"two")
-    assert reader.read() == b"two"
 
 
 @pytest.mark.parametrize(("text", "picture"), [(b"x" * 101, None), (b"", np.zeros((5, 5, 3), np.uint8))])

@@ -122,20 +122,14 @@ def hurried(*lenses):
     return camera, stop
 
 
-def test_an_image_that_it_was_lost_with_is_none_when_it_comes_again():
+def test_a_camera_is_opened_again_after_pauses_and_its_last_image_is_none():
     camera, stop = hurried(*(Lens([picture(t_ns, 7)]) for t_ns in (1, 2, 3, 4)), Lens([picture(6, 8), picture(5, 7)]))
     assert camera.read().t_ns == 1
     assert wait_for(camera.read).t_ns == 6
     assert stop.waits_s == [0.5, 1.0, 2.0, 4.0]
-
-
-def test_a_camera_that_answers_is_opened_again_soon_and_one_that_is_not_there_is_tried_often():
     camera, stop = hurried(Lens([]), Lens([]), None, None, Lens([picture(1)]), Lens([picture(2)]))
     assert [wait_for(camera.read).t_ns for _ in range(2)] == [1, 2]
     assert stop.waits_s == [0.5, 1.0, 0.5, 0.5, 0.5]
-
-
-def test_pauses_grow_up_to_a_longest():
     camera, stop = hurried(*(Lens([]) for _ in range(6)), Lens([picture(1)]))
     wait_for(camera.read)
     assert stop.waits_s == [0.5, 1.0, 2.0, LONGEST_S, LONGEST_S, LONGEST_S]

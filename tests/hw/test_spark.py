@@ -120,7 +120,7 @@ def test_an_angle_that_is_not_a_share_of_a_turn_is_refused(turns: float) -> None
         spark.parse_angle(axis, frame(0x0205B940, axis, struct.pack("<ff", 0.0, turns)), None)
 
 
-def test_answers() -> None:
+def test_answers_and_foreign_frames() -> None:
     axis = SparkAxis(5, 1)
     assert spark.parse_version(axis, frame(0x02052600, axis, bytes([25, 1, 0x01, 0x02, 0, 0, 0, 0]))) == (25, 1, 258)
     assert spark.parse_statuses(axis, frame(0x02050440, axis, bytes([0, 7, 0, 7, 0]))) == 7
@@ -131,6 +131,12 @@ def test_answers() -> None:
     assert spark.parse_setting(axis, frame(0x02053840, axis, bytes([200, 2, 16, 0, 0, 0, 0]))) is None
     with pytest.raises(BadFrame, match="parameter 136"):
         spark.parse_setting(axis, frame(0x02053840, axis, bytes([136, 3]) + struct.pack("<f", math.nan) + b"\0"))
+    axis, reading = SparkAxis(5, 1), MotorReading(t_ns=3)
+    with pytest.raises(BadFrame, match="0x0205b886"):
+        spark.parse(axis, Frame(1, 0x0205B886, bytes(8), True), reading)
+    assert spark.parse(axis, Frame(1, 0x0205B885, b"", True, is_remote=True), reading) == reading
+    with pytest.raises(BadFrame, match="GET_FIRMWARE_VERSION"):
+        spark.parse_version(axis, Frame(1, 0x0205B885, bytes(8), True))
 
 
 @pytest.mark.parametrize("data", [b"", bytes(7), bytes(9), struct.pack("<ff", math.nan, 0.0),
@@ -141,15 +147,6 @@ def test_malformed_readings_are_refused_by_name(data: bytes) -> None:
         spark.parse(axis, frame(0x0205B880, axis, data), MotorReading())
     assert refused.value.reason.code == ("frame_length" if len(data) != 8 else "frame_value")
     assert refused.value.reason.params["bytes"] == len(data)
-
-
-def test_foreign_frames_are_refused_and_questions_ignored() -> None:
-    axis, reading = SparkAxis(5, 1), MotorReading(t_ns=3)
-    with pytest.raises(BadFrame, match="0x0205b886"):
-        spark.parse(axis, Frame(1, 0x0205B886, bytes(8), True), reading)
-    assert spark.parse(axis, Frame(1, 0x0205B885, b"", True, is_remote=True), reading) == reading
-    with pytest.raises(BadFrame, match="GET_FIRMWARE_VERSION"):
-        spark.parse_version(axis, Frame(1, 0x0205B885, bytes(8), True))
 
 
 # Ours -> theirs (2.1.0), signal by signal; of STATUS_1 theirs has a signal for every bit of ours

@@ -231,14 +231,11 @@ def test_idle_on_request_is_no_error(bench, plant) -> None:
     assert bench.nodes[0].state == IDLE and bench.readings[LEFT].axis_error == 0
 
 
-def test_current_limit_bounds_the_torque(bench, plant) -> None:
+def test_current_and_velocity_limits_bound_torque_and_speed(bench, plant) -> None:
     bench.arm()
     bench.send(limits(1000.0, 10.0))      # 10 A x 0.02 Nm/A
     bench.run(20, odrive.make_torque(LEFT, 5.0))
     assert plant.velocity_rad_s["flywheel_a"] == pytest.approx(0.2 / 0.001 * 0.1)
-
-
-def test_velocity_limit_is_approached_and_not_passed(bench, plant) -> None:
     bench.arm()
     bench.send(limits(50.0, 100.0))
     bench.run(400, odrive.make_torque(LEFT, 0.5))

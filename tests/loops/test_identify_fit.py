@@ -45,25 +45,18 @@ def fits(session):
     return {joint: fit_motion(record) for joint, record in driven.records.items()}
 
 
-def test_the_flywheels_friction_and_inertia_are_the_worlds(fits):
+def test_friction_inertia_and_delay_are_the_worlds(fits):
     fit = fits["flywheel"]
     assert fit.r2 > 0.9999
     assert fit.value("ka") * MOTORS == pytest.approx(drive.INERTIA_KG_M2, rel=0.005)
     assert fit.value("ks") * MOTORS == pytest.approx(drive.COULOMB_NM, rel=0.02)
     assert fit.value("kv") * MOTORS == pytest.approx(drive.VISCOUS_NM_S, rel=0.02)
     assert fit.value("kq") * MOTORS == pytest.approx(drive.WINDAGE_NM_S2, rel=0.02)
-
-
-def test_the_hoods_friction_and_inertia_are_the_worlds(fits):
     fit = fits["hood"]
     assert fit.r2 > 0.9999
     for name, truth in (("ka", drive.SCREW_INERTIA_KG_M2), ("ks", drive.HOOD_COULOMB_NM),
                         ("ks_back", drive.HOOD_COULOMB_NM), ("kv", drive.SCREW_VISCOUS_NM_S)):
         assert fit.value(name) == pytest.approx(truth, rel=0.02), name
-
-
-def test_the_delay_is_that_of_the_devices_reports(fits):
-    """They report at 3, 13, 23... ms, which the robot reads at 5, 15, 25... ms, less the round trip of 5 ms."""
     for fit in fits.values():
         assert fit.value("delay_s") == pytest.approx(0.002 - 0.005, abs=0.0005)
 

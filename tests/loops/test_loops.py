@@ -32,19 +32,18 @@ def session(tmp_path_factory):
     return folder, results
 
 
-def test_every_ball_is_marked_with_what_the_world_saw(session):
+def test_balls_are_marked_as_the_world_saw_them_from_where_it_was(session):
     folder, results = session
     marks = [trial.outcome.outcome for trial in load_trials(folder)]
     assert len(results) == 4
     for mark, result in zip(marks, results, strict=True):
         assert mark in (result.outcome, "rejected")
-
-
-def test_the_robot_knew_where_it_was(session):
     folder, results = session
     for trial, result in zip(load_trials(folder), results, strict=True):
         assert trial.shot.distance_m == pytest.approx(result.distance_m, abs=0.06)
         assert trial.shot.hood_deg == pytest.approx(result.hood_deg, abs=0.15)
+    with pytest.raises(InputError, match="already exists"):
+        emulate(CONFIGURATION, session[0], trials=1, seed=0)
 
 
 def test_the_same_seed_gives_the_same_files_and_another_seed_does_not(session, tmp_path):
@@ -82,11 +81,6 @@ def test_a_truncated_recording_gives_its_whole_chunks_and_says_so(session, tmp_p
     assert main(["session", "replay", str(folder), "--check"]) == 1
     dataset = shots_from_sessions([folder], "cut")
     assert any("cut short" in line for line in dataset.left_out)
-
-
-def test_a_recording_is_never_written_over(session):
-    with pytest.raises(InputError, match="already exists"):
-        emulate(CONFIGURATION, session[0], trials=1, seed=0)
 
 
 def test_a_disk_that_fills_up_is_a_hold_and_the_session_can_be_recovered(tmp_path, capsys):

@@ -38,7 +38,7 @@ def shot(distance_m, trial, hood_deg=45.0):
     return Shot(trial, 0, "c", distance_m, 0.02, hood_deg, 0.5, 300.0, 12.0, None, None, None)
 
 
-def test_marks_walk_the_speed_the_right_way():
+def test_marks_walk_the_speed_but_for_what_the_trim_explains():
     collect = CONFIG.collect
     small = next(trial for trial in range(100) if abs(plan(trial, collect)[1]) < 0.1 * collect.spread)
     walk = (0.0, 0.0, 0.0)
@@ -46,9 +46,6 @@ def test_marks_walk_the_speed_the_right_way():
         walk = step_walk(walk, -1, shot(8.0, small), CONFIG)
     assert walked(walk, 8.0, 45.0) > walked(walk, 5.0, 45.0) > 0.0
     assert step_walk(walk, 0, shot(8.0, small), CONFIG) == walk
-
-
-def test_a_mark_that_the_deliberate_trim_explains_moves_nothing():
     collect = CONFIG.collect
     fast = next(trial for trial in range(100) if plan(trial, collect)[1] > 0.5 * collect.spread)
     assert step_walk((0.0, 0.0, 0.0), 1, shot(5.0, fast), CONFIG) == (0.0, 0.0, 0.0)

@@ -266,12 +266,9 @@ def test_the_age_of_a_sighting_is_made_up_for_at_a_constant_speed(rate_m_s):
     assert np.abs(believed_m - true_m).max() < 0.002      # unfiltered and uncorrected: up to 0.13 s late, 0.39 m
 
 
-def test_a_standing_robot_knows_its_distance_better_than_one_sighting_says():
+def test_standing_still_averages_and_a_jump_starts_anew():
     believed_m, true_m = drive(0.0, noise_m=0.05)
     assert np.sqrt(np.mean((believed_m - true_m)**2)) < 0.05
-
-
-def test_a_jump_of_the_distance_starts_the_filter_anew():
     memory = good_memory()
     for number, distance_m in enumerate((5.0, 5.0, 3.0)):
         seen = Sighting(NOW_NS + number * seconds(0.05), True, None, distance_m, 0.03, 0.0)

@@ -82,20 +82,14 @@ def test_the_unit_restarts_watches_and_is_real_time():
     assert " --core" not in make_files(CONFIG, replace(PARTS, core=None))[UNIT]
 
 
-def test_can_comes_up_as_configured():
+def test_can_comes_up_as_configured_by_name_and_serial_number():
     files = make_files(with_can(bitrate=500_000), PARTS)
     network, link = sections(files[NETWORK]), sections(files[LINK])
     assert network["Match"]["Name"] == "can0" and dict(network["CAN"]) == {"BitRate": "500000", "RestartSec": "100ms"}
     assert link["Link"]["TransmitQueueLength"] == "64" and link["Match"]["OriginalName"] == "can0"
-
-
-def test_an_adapter_with_a_serial_number_gets_the_configured_name():
     config = with_can(channel="canlaunch")
     link = sections(make_files(config, make_parts(config, replace(PARTS, can_serial="00350042")))[LINK])
     assert link["Match"]["Property"] == "ID_SERIAL_SHORT=00350042" and link["Link"]["Name"] == "canlaunch"
-
-
-def test_a_serial_adapter_needs_no_network_files():
     files = make_files(with_can(interface="slcan", channel="/dev/ttyACM0"), PARTS)
     assert set(files) == {UNIT, RULES, INSTALL} and "networkd" not in files[INSTALL]
 

@@ -15,13 +15,10 @@ def lost_count():
     return replace(inputs, hood_motor=replace(inputs.hood_motor, position_rad=0.0))
 
 
-def test_while_armed_it_is_a_hold_and_the_zero_is_kept():
+def test_a_lost_count_keeps_its_zero_while_armed_and_homes_after():
     tick = step(lost_count(), good_memory(), CONFIG, None)
     assert not tick.verdict.fire and tick.memory.homed
     assert HOOD_ENCODERS_DISAGREE.name in codes(tick.verdict.reasons)
-
-
-def test_disarmed_the_zero_goes_and_arming_homes_again():
     disarmed = replace(good_memory(), armed=False)
     memory = remember(lost_count(), disarmed, CONFIG)
     assert not memory.homed

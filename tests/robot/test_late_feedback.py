@@ -208,7 +208,7 @@ def test_one_that_no_longer_answers_is_named() -> None:
     assert trip.fault() is None
 
 
-def test_an_answer_that_waited_for_ticks_that_stood_still_measures_nothing() -> None:
+def test_answers_that_waited_or_were_not_asked_for_measure_nothing() -> None:
     trip = RoundTrip("it")
     trip.tick(MS)
     trip.asked()
@@ -218,6 +218,8 @@ def test_an_answer_that_waited_for_ticks_that_stood_still_measures_nothing() -> 
     assert trip.answered(1300 * MS) == 0 and trip.fault() is None and trip.late_ns == 5 * MS
     trip.tick(1700 * MS)
     assert trip.is_due                                     # asked again without waiting a second
+    trip = RoundTrip("it")
+    assert trip.answered(1) == 0 and trip.fault() == hw.FEEDBACK_UNMEASURED(controller="it")
 
 
 def test_what_was_held_up_once_is_asked_again_and_does_not_count() -> None:
@@ -236,11 +238,6 @@ def test_what_was_held_up_once_is_asked_again_and_does_not_count() -> None:
     trip.asked()
     trip.answered(2279 * MS)
     assert trip.late_ns == 5 * MS and trip.fault() is None
-
-
-def test_an_answer_before_any_question_is_someone_elses_and_measures_nothing() -> None:
-    trip = RoundTrip("it")
-    assert trip.answered(1) == 0 and trip.fault() == hw.FEEDBACK_UNMEASURED(controller="it")
 
 
 # --- letting go

@@ -174,18 +174,20 @@ def test_what_was_accepted_once(key: str, value: float, said: str, place: Path) 
     assert named == key and what.startswith(said)
 
 
-def test_a_motor_that_states_its_torque_bounds_what_is_asked_of_it(place: Path) -> None:
+def test_torque_inertia_and_one_master_bound_what_is_asked(place: Path) -> None:
     for key, value in (("flywheel.pid.output_high", 2.7), ("hood.pid.output_low", -2.7), ("feeder.torque_nm", 2.7)):
         tables = with_value(BASES[1], "hood.screw_lead_m", 0.02)
         _, named, said = refusal(with_value(tables, key, value), place)
         assert named == key and "axes." in said and "stall_torque_nm" in said
-
-
-def test_a_known_inertia_bounds_the_gain_and_an_unknown_one_does_not(place: Path) -> None:
     assert refusal(with_value(BASES[0], "flywheel.pid.kp", 0.5), place)[1] == ""
     known = with_value(BASES[0], "flywheel.ka_nm_s2", 1.3e-3)
     _, key, said = refusal(with_value(known, "flywheel.pid.kp", 0.5), place)
     assert key == "flywheel.pid.kp" and "0.26 = flywheel.ka_nm_s2 * tick_hz" in said
+    tables = make_tables(False)
+    theirs = {"driver": "advisory", "listens_to": "odrive", "device": 1, "direction": 1, "has_endstop": False}
+    tables["axes"]["flywheels"] = [theirs, tables["axes"]["flywheels"][1]]
+    _, key, said = refusal(tables, place)
+    assert key == "axes.flywheels" and "advisory" in said and "one master" in said
 
 
 def test_every_number_that_moves_or_times_something_has_a_row() -> None:
@@ -194,11 +196,3 @@ def test_every_number_that_moves_or_times_something_has_a_row() -> None:
     assert {key for key in keys - own if key.rpartition(".")[2] not in IDENTITIES} <= {
         f"hood_encoder.controller.{name}" for name in SPARK}       # a motor of which only the position is read
     assert len(own) == len(LIMITS)
-
-
-def test_wheels_of_one_belt_have_one_master(place: Path) -> None:
-    tables = make_tables(False)
-    theirs = {"driver": "advisory", "listens_to": "odrive", "device": 1, "direction": 1, "has_endstop": False}
-    tables["axes"]["flywheels"] = [theirs, tables["axes"]["flywheels"][1]]
-    _, key, said = refusal(tables, place)
-    assert key == "axes.flywheels" and "advisory" in said and "one master" in said

@@ -19,21 +19,6 @@ IDLE = Command(False, False, False, 0.0, 0.0, 0.0)
 SEEN = Sighting(NOW_NS - 50_000_000, False, IMAGE_DARK())
 
 
-def test_each_second_is_a_row_of_its_own_and_all_are_told_at_the_end():
-    seconds = []
-    lateness = Lateness(seconds.append, PERIOD_NS)
-    for tick in range(400):
-        lateness.note(tick * PERIOD_NS, {150: 7_000_000, 250: 60_000}.get(tick, 20_000))
-    lateness.close()
-    lateness.close()                                      # nothing new: nothing more
-    assert [sum(second.counts) for second in seconds] == [200, 200]
-    assert [second.worst_us for second in seconds] == [7000.0, 60.0]
-    assert seconds[0].counts == (199, 0, 0, 0, 0, 0, 0, 1, 0, 0) and seconds[1].counts[:2] == (199, 1)
-    assert lateness.lines()[0] == ("ticks came late by at most 0.05 ms (half of them), 0.05 ms (99 of 100), 7.00 ms "
-                                   "(all); 1 of 400 by a whole tick or more")
-    assert [line.split()[2:4] for line in lateness.lines()[1:]] == [["ms", "398"], ["ms", "1"], ["ms", "1"]]
-
-
 @given(late_ns=st.lists(st.integers(0, 10**11), min_size=1))
 def test_every_tick_is_counted_once_where_it_belongs(late_ns):
     seconds = []
@@ -47,10 +32,22 @@ def test_every_tick_is_counted_once_where_it_belongs(late_ns):
     assert max(second.worst_us for second in seconds) == max(late_ns) / 1000
 
 
-def test_nothing_is_told_of_no_ticks():
+def test_each_second_is_a_row_of_its_own_and_all_are_told_at_the_end():
     lateness = Lateness([].append, PERIOD_NS)
     lateness.close()
     assert lateness.lines() == []
+    seconds = []
+    lateness = Lateness(seconds.append, PERIOD_NS)
+    for tick in range(400):
+        lateness.note(tick * PERIOD_NS, {150: 7_000_000, 250: 60_000}.get(tick, 20_000))
+    lateness.close()
+    lateness.close()                                      # nothing new: nothing more
+    assert [sum(second.counts) for second in seconds] == [200, 200]
+    assert [second.worst_us for second in seconds] == [7000.0, 60.0]
+    assert seconds[0].counts == (199, 0, 0, 0, 0, 0, 0, 1, 0, 0) and seconds[1].counts[:2] == (199, 1)
+    assert lateness.lines()[0] == ("ticks came late by at most 0.05 ms (half of them), 0.05 ms (99 of 100), 7.00 ms "
+                                   "(all); 1 of 400 by a whole tick or more")
+    assert [line.split()[2:4] for line in lateness.lines()[1:]] == [["ms", "398"], ["ms", "1"], ["ms", "1"]]
 
 
 def test_the_rig_knows_how_late_a_tick_came(bench):  # noqa: F811
@@ -107,16 +104,13 @@ def later(inputs, tick, **changes):
                    hood_angle=angle, **changes)
 
 
-def test_ready_once_and_then_alive_ten_times_a_second():
+def test_ready_once_then_alive_and_silent_where_it_does_not_write():
     said = []
     rig = WatchedRig(Given(*(later(good_inputs(), tick, sighting=SEEN) for tick in range(41))), CONFIG, said.append)
     while rig.read() is not None:
         rig.write(IDLE)
     assert said[0] == "READY=1\nSTATUS=running"
     assert said[1:] == ["WATCHDOG=1"] * 3                 # 0, 0.1 and 0.2 s: 41 ticks of 5 ms
-
-
-def test_a_loop_that_reads_but_does_not_get_to_write_falls_silent():
     said = []
     rig = WatchedRig(Given(*(later(good_inputs(), tick, sighting=SEEN) for tick in range(100))), CONFIG, said.append)
     while rig.read() is not None:

@@ -199,22 +199,16 @@ def test_limits_that_no_frame_can_say_are_none_and_no_error(torque_nm_a: float) 
     assert len(make_motors(replace(SPARK_WHEELS, axes=replace(SPARK_WHEELS.axes, flywheels=wheels)))) == 4
 
 
-def test_screw_and_elevation_are_inverse_over_the_travel():
+def test_screw_and_elevation_are_inverse_by_the_pivots_distance():
     hood = CONFIG.hood
     for elevation in np.linspace(hood.low_deg, hood.high_deg, 25):
         travel = screw_length_m(elevation, hood) - screw_length_m(hood.low_deg, hood)
         turned = travel / hood.screw_lead_m * 2 * math.pi / hood.screw_gear
         assert elevation_from_screw_deg(turned, hood) == pytest.approx(elevation, abs=1e-9)
-
-
-def test_the_screw_length_is_the_distance_between_the_pivots():
     hood = CONFIG.hood
     angle = math.radians(hood.included_deg + 40.0)
     nut = hood.pivot_to_nut_m * np.array([math.cos(angle), math.sin(angle)])
     assert screw_length_m(40.0, hood) == pytest.approx(np.hypot(*(nut - [hood.pivot_to_motor_m, 0.0])), rel=1e-12)
-
-
-def test_a_screw_beyond_its_linkage_is_unknown_not_wrong():
     assert elevation_from_screw_deg(1e4, CONFIG.hood) is None
 
 
@@ -246,8 +240,7 @@ def bench():
     return wire, clock, tally, guard(wire, CONFIG, clock, tally)
 
 
-def test_each_by_its_length_and_how_often() -> None:
-    """A set point 31 times in 0.1 s: at 200 Hz 20 are due, half as many again may come early, and one begins."""
+def test_frames_by_length_and_how_often_at_every_tick_rate() -> None:
     commands = {ESTOP: (0, 5), AXIS_STATE: (8, 31), CONTROLLER_MODE: (8, 5), TORQUE: (8, 31), CLEAR_ERRORS: (1, 5)}
     expected = {(node << 5 | command, False, False, length): most for node in (1, 2, 3, 4)
                 for command, (length, most) in commands.items()}
@@ -255,11 +248,13 @@ def test_each_by_its_length_and_how_often() -> None:
     expected |= {(node << 5 | LIMITS, False, False, 8): 5 for node in (1, 2, 3)}
     assert limits_of(CONFIG) == expected | {(3 << 5 | 0x04, False, False, 8): 5, (ENCODER_SETTING, True, False, 8): 5,
                                             (ENCODER_ASKED, True, False, 8): 5}
-
-
-def test_another_tick_rate_gives_another_limit() -> None:
     fast = allowed_of(replace(CONFIG, tick_hz=2 * CONFIG.tick_hz))
     assert max(kind.most for kind in fast) > 1.8 * max(kind.most for kind in allowed_of(CONFIG))
+    limits = limits_of(SPARK_HOOD)
+    assert {key: most for key, most in limits.items() if key[0] >> 16 == 0x0205} == {
+        (0x02050083, True, False, 8): 31, (0x02052C80, True, False, 8): 31, (0x02053803, True, False, 5): 22,
+        (0x02050403, True, False, 4): 5, (0x02051B83, True, False, 0): 5, (0x02052603, True, True, 8): 5}
+    assert limits_of(SPARK_WHEELS)[0x0205380B, True, False, 5] == 22
 
 
 def test_what_a_rig_sends_is_allowed_whatever_it_is_asked(bench) -> None:
@@ -289,15 +284,6 @@ def test_another_host_is_a_fault_of_the_very_tick_that_hears_it(bench) -> None:
                       lambda: False)
     wire.frames = [Frame(clock.t_ns, 0x2E, bytes(8))]
     assert FOREIGN_HOST.name in codes(rig.read().faults)
-
-
-def test_a_spark_by_length_and_how_often() -> None:
-    """Each setting that there is may be said twice."""
-    limits = limits_of(SPARK_HOOD)
-    assert {key: most for key, most in limits.items() if key[0] >> 16 == 0x0205} == {
-        (0x02050083, True, False, 8): 31, (0x02052C80, True, False, 8): 31, (0x02053803, True, False, 5): 22,
-        (0x02050403, True, False, 4): 5, (0x02051B83, True, False, 0): 5, (0x02052603, True, True, 8): 5}
-    assert limits_of(SPARK_WHEELS)[0x0205380B, True, False, 5] == 22
 
 
 SPARK_SENDS = (0x0205BC03, 0x0205B803, 0x0205B843, 0x0205B883, 0x0205B943, 0x0205B983, 0x02050443, 0x02052603,

@@ -16,16 +16,13 @@ def gains(kp=0.0, ki=0.0, kd=0.0, tau=0.0, limit=10.0):
     return PidGains(kp=kp, ki=ki, kd=kd, derivative_tau_s=tau, integral_limit=limit, output_low=-1.0, output_high=1.0)
 
 
-def test_proportional_control_of_a_first_order_plant_settles_where_algebra_says():
+def test_first_order_plants_settle_where_algebra_says():
     # dx/dt = u - x with u = kp (r - x): x -> kp/(1+kp) r
     pid, x = Pid(), 0.0
     for _ in range(4000):
         u, pid = step_pid(gains(kp=4.0), pid, 0.5, x, 0.0, -10.0, 10.0, DT)
         x += DT * (u - x)
     assert math.isclose(x, 0.5 * 4.0 / 5.0, rel_tol=1e-6)
-
-
-def test_integral_action_removes_the_offset():
     pid, x = Pid(), 0.0
     for _ in range(8000):
         u, pid = step_pid(gains(kp=2.0, ki=1.0), pid, 0.5, x, 0.0, -10.0, 10.0, DT)
@@ -33,13 +30,10 @@ def test_integral_action_removes_the_offset():
     assert math.isclose(x, 0.5, abs_tol=1e-6)
 
 
-def test_a_step_of_the_set_point_gives_no_derivative_kick():
+def test_the_derivative_is_filtered_and_has_no_kick():
     _, pid = step_pid(gains(kd=1.0), Pid(), 0.0, 1.0, 0.0, -10.0, 10.0, DT)
     output, _ = step_pid(gains(kd=1.0), pid, 100.0, 1.0, 0.0, -10.0, 10.0, DT)
     assert output == 0.0
-
-
-def test_the_filtered_derivative_reaches_the_ramp_rate_in_its_time_constant():
     pid, tau, x = Pid(), 0.05, 0.0
     _, pid = step_pid(gains(tau=tau), pid, 0.0, x, 0.0, -1.0, 1.0, DT)
     for _ in range(round(tau / DT)):

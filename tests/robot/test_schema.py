@@ -81,18 +81,11 @@ def test_the_hash_follows_what_the_file_says_not_how_it_is_written():
     config = parse_toml(TEXT, Config, "a")
     assert config_hash(parse_toml("# a comment\n" + TEXT, Config, "b")) == config_hash(config)
     assert config_hash(parse_toml(TEXT.replace("spread = 0.06", "spread = 0.13"), Config, "c")) != config_hash(config)
-
-
-def test_the_hash_survives_pickling_and_stated_defaults():
-    """A worker of a pool gets the configuration pickled: equal, but made of other objects."""
     config = parse_toml(TEXT, Config, "a")
     assert config_hash(pickle.loads(pickle.dumps(config))) == config_hash(config)
     again = msgspec.json.decode(msgspec.json.encode(config), type=Config, dec_hook=read_axis)
     assert config_hash(again) == config_hash(config)
     assert config_hash(replace(config, collect=replace(config.collect, prescribed=tuple([])))) == config_hash(config)
-
-
-def test_a_recording_that_hashes_the_encoded_text_is_still_known():
     config = parse_toml(TEXT, Config, "a")
     encoded = hashlib.sha256(msgspec.json.encode(config, order="deterministic")).hexdigest()
     assert is_hash_of(encoded, config) and is_hash_of(config_hash(config), config)

@@ -24,12 +24,9 @@ def write(path, text):
     return path
 
 
-def test_columns_may_stand_in_any_order_and_others_are_ignored(tmp_path):
+def test_columns_may_stand_in_any_order_and_a_dataset_is_a_plan(tmp_path):
     file = write(tmp_path / "p.csv", "hood_deg,name,distance_m,motor_ratio\n50,a,5,0.5\n33,b,7.0,0.625\n")
     assert load_plan(file, CONFIG) == ROWS
-
-
-def test_a_dataset_directory_is_a_plan(tmp_path):
     write(tmp_path / "shots.csv", "shot_id,distance_m,hood_deg,motor_ratio,outcome\ns1,7.0,33.0,0.625,two\n")
     assert load_plan(tmp_path, CONFIG) == ROWS[1:]
 

@@ -163,17 +163,23 @@ def test_lights_glints_and_noise_are_not_the_target():
         assert not sighting.found and sighting.reason and sighting.distance_m is None and sighting.sigma_m is None
 
 
-def test_black():
+def test_dark_plain_cut_off_and_turned_pictures_show_no_target():
     scene = Scene()
     scene.place(4.0)
     scene.eye.black()
     sighting = scene.look()
     assert not sighting.found and sighting.reason == because.IMAGE_DARK()
-
-
-def test_a_room_without_tape_is_not_called_dark():
     grey = CameraFrame(0, np.full((480, 640, 3), 100, np.uint8))
     assert detect(grey, CONFIG.camera, TAPE, VISION).reason == because.NO_TAPE_COLOUR()
+    scene = Scene()
+    scene.place(3.0, bearing_deg=21.0)
+    assert scene.look().reason == because.TAPE_CUT_OFF()
+    scene = Scene()
+    scene.place(5.0)
+    frame = scene.frame()
+    turned = CameraFrame(0, np.ascontiguousarray(frame.image[::-1, ::-1]))
+    sighting = detect(turned, scene.camera, TAPE, VISION)
+    assert not sighting.found and sighting.reason.code == because.POSE_OFF_MOUNTING.name
 
 
 @pytest.mark.parametrize("share", [0.05, 0.08, 0.15, 0.3, 0.5, 0.7, 0.9])
@@ -241,21 +247,6 @@ def test_distractors_are_not_taken_for_the_target(kind):
             continue
         assert there or not sighting.found, seed
         assert not sighting.found or abs(sighting.distance_m - distance_m) < 4 * sighting.sigma_m, seed
-
-
-def test_cut_off_by_the_edge():
-    scene = Scene()
-    scene.place(3.0, bearing_deg=21.0)
-    assert scene.look().reason == because.TAPE_CUT_OFF()
-
-
-def test_upside_down_reflection_is_doubted():
-    scene = Scene()
-    scene.place(5.0)
-    frame = scene.frame()
-    turned = CameraFrame(0, np.ascontiguousarray(frame.image[::-1, ::-1]))
-    sighting = detect(turned, scene.camera, TAPE, VISION)
-    assert not sighting.found and sighting.reason.code == because.POSE_OFF_MOUNTING.name
 
 
 def test_a_red_target_is_found_with_wrapped_hues():

@@ -67,10 +67,12 @@ def test_distances_that_do_not_agree_widen_the_sigmas():
     assert wrong.inflated > 3.0 and wrong.camera.focal_sigma > 3 * honest.camera.focal_sigma
 
 
-def test_too_few_pictures_with_a_target():
+def test_pictures_without_target_or_board_calibrate_nothing():
     black = CameraFrame(0, np.zeros((480, 640, 3), np.uint8))
     assert fit_taped([black, picture(4.0, 1)], [3.0, 4.0], WRONG, TAPE, VISION, tape_sigma_m=0.01,
                      bias_sigma_m=0.02) is None
+    assert find_board(np.zeros((480, 640, 3), np.uint8), CHESS) is None
+    assert find_board(board_picture(CHESS, (0, 0), 0, (0, 0, .42), 0), CHARUCO) is None
 
 
 @pytest.mark.data
@@ -157,11 +159,6 @@ def test_a_board_finds_the_lens(board):
     assert camera.cy_px == pytest.approx(228.0, abs=4 * camera.centre_sigma_px) and camera.centre_sigma_px < 5
     assert camera.distortion[0] == pytest.approx(0.09, abs=0.05)
     assert "centre_sigma_px" in make_toml({"camera": msgspec.to_builtins(camera)})      # plain numbers, none of NumPy's
-
-
-def test_no_board_in_view():
-    assert find_board(np.zeros((480, 640, 3), np.uint8), CHESS) is None
-    assert find_board(board_picture(CHESS, (0, 0), 0, (0, 0, .42), 0), CHARUCO) is None
 
 
 def run(capsys, *arguments):

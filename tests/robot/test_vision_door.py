@@ -54,12 +54,14 @@ def test_a_found_target(capsys, good):
     assert len(corners) == 4 and f'"{row["corners"]}"' in out.out
 
 
-def test_no_target_is_an_answer_with_a_reason(capsys, tmp_path):
+def test_no_target_is_an_answer_and_no_camera_file_an_error(capsys, tmp_path, good):
     path = tmp_path / "dark.png"
     cv2.imwrite(str(path), np.full((480, 640, 3), 5, np.uint8))
     code, rows, out = run(capsys, str(path))
     assert code == 0 and rows == [{"file": str(path), "found": "false", "distance_m": "", "sigma_m": "", "corners": ""}]
     assert str(path) in out.err and "dark all over" in out.err
+    code, _, out = run(capsys, good, "--camera", "nowhere.toml")
+    assert code == 2 and "nowhere.toml" in out.err
 
 
 def test_bad_files_are_named_and_the_others_answered(capsys, tmp_path, picture, good):
@@ -87,14 +89,11 @@ def test_bad_files_are_named_and_the_others_answered(capsys, tmp_path, picture, 
     assert "greyscale" in out.err and "16-bit" in out.err and "is empty" in out.err and "Traceback" not in out.err
 
 
-def test_alpha_is_ignored(capsys, tmp_path, picture, good):
+def test_alpha_is_ignored_and_other_sizes_are_said_once(capsys, tmp_path, picture, good):
     path = tmp_path / "alpha.png"
     cv2.imwrite(str(path), np.dstack([picture, np.full(picture.shape[:2], 255, np.uint8)]))
     _, rows, _ = run(capsys, str(path), good)
     assert rows[0]["distance_m"] == rows[1]["distance_m"] != ""
-
-
-def test_other_sizes_are_said_once(capsys, tmp_path, picture, good):
     cv2.imwrite(str(tmp_path / "crop.png"), picture[:400])
     code, rows, out = run(capsys, good, str(tmp_path / "crop.png"), str(tmp_path / "crop.png"))
     assert code == 0 and len(rows) == 3 and out.err.count("640 x 400: treated as modes that show the full height") == 1
@@ -154,8 +153,3 @@ def test_bad_camera_files_name_the_key(capsys, tmp_path, good, change, named):
     path.write_text(text.replace(*change))
     code, rows, out = run(capsys, good, "--camera", str(path))
     assert code == 2 and rows == [] and str(path) in out.err and named in out.err
-
-
-def test_missing_camera_file(capsys, good):
-    code, _, out = run(capsys, good, "--camera", "nowhere.toml")
-    assert code == 2 and "nowhere.toml" in out.err

@@ -57,9 +57,14 @@ def test_what_is_wrong_is_said(data, named):
         decode_image(data)
 
 
-def test_grey_is_enough_for_a_board():
+def test_grey_is_enough_for_a_board_and_files_have_a_limit(monkeypatch, tmp_path):
     assert decode_image(cv2.imencode(".png", PICTURE[:, :, 0])[1].tobytes(), colour=False).shape == (60, 80)
     assert decode_image(png_of(80, 60, *GREY_ALPHA), colour=False).tolist() == [list(range(0, 160, 2))] * 60
+    path = tmp_path / "large.bmp"
+    path.write_bytes(WHOLE[".bmp"])
+    monkeypatch.setattr(images, "MAX_BYTES", 1000)
+    with pytest.raises(InputError, match=r"large.bmp: is longer than 1000 bytes"):
+        load_image(str(path))
 
 
 @settings(max_examples=500, deadline=None)
@@ -79,14 +84,6 @@ def test_any_damage_is_an_image_or_told(end, changes, length):
         assert str(error)
     else:
         assert image.dtype == np.uint8 and image.ndim == 3 and image.shape[2] == 3
-
-
-def test_a_file_is_read_no_further_than_its_limit(monkeypatch, tmp_path):
-    path = tmp_path / "large.bmp"
-    path.write_bytes(WHOLE[".bmp"])
-    monkeypatch.setattr(images, "MAX_BYTES", 1000)
-    with pytest.raises(InputError, match=r"large.bmp: is longer than 1000 bytes"):
-        load_image(str(path))
 
 
 @pytest.mark.parametrize("end", WHOLE)

@@ -60,31 +60,11 @@ def test_without_noise_the_pose_is_exact():
         assert pose.reprojection_px < 1e-3 and abs(pose.bearing_rad) < 1e-5
 
 
-def test_a_mounting_far_from_its_belief_is_doubted():
+def test_what_no_mounting_explains_is_doubted():
     rvec, tvec = true_pose(4.0, 0.0, CAMERA.height_m + 1.5, CAMERA.pitch_deg, 0.0)
     seen, _ = cv2.projectPoints(make_shape(TAPE).marks_m, rvec, tvec, OPTICS.matrix, None)
     pose = solve_pose(seen.reshape(-1, 2), 0.25**2 * np.eye(8), OPTICS, CAMERA, TAPE)
     assert pose is None or pose.doubt
-
-
-def test_a_4_to_3_calibration_keeps_the_sensor_s_full_height_in_16_to_9():
-    camera = replace(CAMERA, cx_px=345.6, cy_px=207.1, fx_px=700.0, fy_px=690.0)
-    wide = make_optics(camera, 1280, 720)
-    assert wide.scale == 1.5 and (wide.matrix[0, 0], wide.matrix[1, 1]) == pytest.approx((1050.0, 1035.0))
-    assert wide.matrix[0, 2] == pytest.approx(640 + (345.6 + 0.5 - 320) * 1.5 - 0.5)
-    assert wide.matrix[1, 2] == pytest.approx((207.1 + 0.5) * 1.5 - 0.5)
-
-
-@settings(max_examples=300, deadline=None)
-@given(st.lists(st.tuples(st.floats(-50, 700), st.floats(-50, 550)), min_size=4, max_size=4), st.floats(0.01, 30.0))
-def test_any_four_marks_give_a_pose_or_none(marks, sigma_px):
-    """Crossed, on one line, at one place: an answer is finite, or there is none."""
-    pose = solve_pose(np.array(marks), sigma_px**2 * np.eye(8), OPTICS, CAMERA, TAPE)
-    assert pose is None or (0 < pose.sigma_m < math.inf and math.isfinite(pose.distance_m) and pose.cost >= 0)
-
-
-def test_marks_that_no_mounting_explains_are_doubted():
-    """One cut end moved along the tape, as by glare."""
     rvec, tvec = true_pose(6.0, 10.0, CAMERA.height_m, CAMERA.pitch_deg, 0.0)
     seen, _ = cv2.projectPoints(make_shape(TAPE).marks_m, rvec, tvec, OPTICS.matrix, None)
     marks = seen.reshape(-1, 2)
@@ -93,7 +73,20 @@ def test_marks_that_no_mounting_explains_are_doubted():
     assert clean is not None and clean.doubt is None and (covered is None or covered.doubt)
 
 
-def test_undistort_inverts_distort():
+def test_optics_keep_the_full_height_and_invert_distortion():
+    camera = replace(CAMERA, cx_px=345.6, cy_px=207.1, fx_px=700.0, fy_px=690.0)
+    wide = make_optics(camera, 1280, 720)
+    assert wide.scale == 1.5 and (wide.matrix[0, 0], wide.matrix[1, 1]) == pytest.approx((1050.0, 1035.0))
+    assert wide.matrix[0, 2] == pytest.approx(640 + (345.6 + 0.5 - 320) * 1.5 - 0.5)
+    assert wide.matrix[1, 2] == pytest.approx((207.1 + 0.5) * 1.5 - 0.5)
     optics = make_optics(replace(CAMERA, distortion=(-0.2, 0.05, 0.001, -0.002, 0.0)), 640, 480)
     points = np.random.default_rng(1).uniform((40, 40), (600, 440), (50, 2))
     assert optics.undistort(optics.distort(points)) == pytest.approx(points, abs=0.02)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(st.tuples(st.floats(-50, 700), st.floats(-50, 550)), min_size=4, max_size=4), st.floats(0.01, 30.0))
+def test_any_four_marks_give_a_pose_or_none(marks, sigma_px):
+    """Crossed, on one line, at one place: an answer is finite, or there is none."""
+    pose = solve_pose(np.array(marks), sigma_px**2 * np.eye(8), OPTICS, CAMERA, TAPE)
+    assert pose is None or (0 < pose.sigma_m < math.inf and math.isfinite(pose.distance_m) and pose.cost >= 0)

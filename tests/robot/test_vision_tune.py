@@ -71,18 +71,20 @@ def ask(server, path, said=None, token=None, **headers):
     return status, kind, body
 
 
-def test_the_page_loads_nothing_from_elsewhere(server):
+def test_page_state_and_views_are_of_the_pictures_and_settings(server, image):
     status, kind, body = ask(server, "/")
     text = body.decode()
     assert status == 200 and kind.startswith("text/html") and "http://" not in text and "https://" not in text
     for key in SETTINGS:
         assert f'"{key}"' in text
-
-
-def test_state_names_pictures_and_settings(server):
     state = json.loads(ask(server, "/state")[2])
     assert [Path(name).name for name in state["names"]] == ["1.png", "2.png", "3.png"]
     assert state["settings"] == SETTINGS and not state["live"]
+    assert np.abs(view_of(server, "image", SETTINGS).astype(int) - image).mean() < 2
+    assert 0.001 < (view_of(server, "mask", SETTINGS) > 200).mean() < 0.1
+    assert (view_of(server, "mask", BLIND) > 200).mean() < 0.001
+    drawn = view_of(server, "regions", SETTINGS)
+    assert (drawn[..., 1] > 200).sum() > 100
 
 
 def view_of(server, view, settings, index=0):
@@ -92,22 +94,11 @@ def view_of(server, view, settings, index=0):
     return cv2.imdecode(np.frombuffer(body, np.uint8), cv2.IMREAD_COLOR)
 
 
-def test_the_views_are_the_image_its_mask_and_its_regions(server, image):
-    assert np.abs(view_of(server, "image", SETTINGS).astype(int) - image).mean() < 2
-    assert 0.001 < (view_of(server, "mask", SETTINGS) > 200).mean() < 0.1
-    assert (view_of(server, "mask", BLIND) > 200).mean() < 0.001
-    drawn = view_of(server, "regions", SETTINGS)
-    assert (drawn[..., 1] > 200).sum() > 100
-
-
-def test_look_says_what_each_region_is(server):
+def test_look_says_what_each_region_is_and_replay_compares(server):
     seen = json.loads(ask(server, "/look", {"index": 0, "settings": SETTINGS})[2])
     assert seen["found"] and seen["said"].startswith(("3.9", "4.0")) and "the target at" in " ".join(seen["regions"])
     strict = json.loads(ask(server, "/look", {"index": 0, "settings": {**SETTINGS, "max_reprojection_px": 1e-6}})[2])
     assert not strict["found"] and "miss the tape's shape" in strict["said"]
-
-
-def test_replay_runs_all_pictures_through_both_settings(server):
     rows = json.loads(ask(server, "/replay", {"settings": BLIND})[2])
     assert len(rows) == 3 and " m ± " in rows[0]["before"] and "colour" in rows[0]["after"]
     assert rows[1]["before"] == rows[1]["after"] and "3.png" in rows[2]["before"]
@@ -120,11 +111,15 @@ def test_replay_goes_on_where_it_is_asked_to(server):
     assert ask(server, "/replay", {"settings": BLIND, "begin": -1})[0] == 400
 
 
-def test_endless_brackets_are_told(server):
+def test_endless_brackets_and_requests_without_token_are_refused(server, tmp_path):
     line = HTTPConnection("127.0.0.1", server.server_port, timeout=20)
     line.request("POST", f"/look?token={server.token}", b"[" * 9000)
     assert line.getresponse().status == 400
     line.close()
+    for token in ("", "guess", "%C3%A9"):
+        assert ask(server, "/", token=token)[0] == ask(server, "/state", token=token)[0] == 403
+        assert ask(server, "/save", {"settings": SETTINGS}, token=token)[0] == 403
+    assert not (tmp_path / "tuned.toml").exists()
 
 
 def test_save_writes_what_can_be_read_and_is_then_before(server, tmp_path):
@@ -154,13 +149,6 @@ def test_other_sites_may_not(server, tmp_path, headers):
     assert not (tmp_path / "tuned.toml").exists()
     if "Host" in headers:
         assert ask(server, "/state", **headers)[0] == 403
-
-
-def test_without_the_token_nobody_may(server, tmp_path):
-    for token in ("", "guess", "%C3%A9"):
-        assert ask(server, "/", token=token)[0] == ask(server, "/state", token=token)[0] == 403
-        assert ask(server, "/save", {"settings": SETTINGS}, token=token)[0] == 403
-    assert not (tmp_path / "tuned.toml").exists()
 
 
 @pytest.mark.browser

@@ -103,10 +103,12 @@ def test_listening_moves_and_changes_nothing(endpoints):
     assert all(node.bad_frames == 0 for node in bench.nodes.values())
 
 
-def test_without_a_table_what_it_could_not_ask_is_one_warning():
+def test_without_a_table_or_without_anybody_it_says_so():
     findings = Bench().findings()
     assert levels(findings, FAILURE) == set()
     assert levels(findings, WARNING) == {"settings of flywheel motor 1, flywheel motor 2, hood motor, feeder motor"}
+    findings = Bench(faults={name: fault(UNPLUGGED) for name in (*NAMES, "hood_encoder")}).findings()
+    assert findings["bitrate"].level == FAILURE and "nothing at all" in findings["bitrate"].says
 
 
 @pytest.mark.parametrize(("device", "name"), [("flywheel_b", "flywheel motor 2"), ("hood", "hood motor"),
@@ -117,21 +119,16 @@ def test_a_silent_axis_is_named_and_no_other(endpoints, device, name):
     assert "silent" in findings[f"{name}, status rates"].says and "power" in findings[f"{name}, status rates"].do
 
 
-def test_a_silent_hood_encoder_is_a_failure(endpoints):
+def test_what_is_wrong_with_the_hood_encoder_is_named(endpoints):
     findings = Bench(faults={"hood_encoder": fault(SILENT)}).findings(endpoints)
     assert levels(findings, FAILURE) == {"hood encoder"} and "device 5 is silent" in findings["hood encoder"].says
-
-
-def test_a_lost_magnet_is_a_failure(endpoints):
     bench = Bench()
     bench.nodes["hood_encoder"].magnet_ok = False
     findings = bench.findings(endpoints)
     assert levels(findings, FAILURE) == {"hood encoder"} and "magnet" in findings["hood encoder"].says
-
-
-def test_a_bus_without_anybody_says_so():
-    findings = Bench(faults={name: fault(UNPLUGGED) for name in (*NAMES, "hood_encoder")}).findings()
-    assert findings["bitrate"].level == FAILURE and "nothing at all" in findings["bitrate"].says
+    bench = Bench(more=(CanandmagNode(CONFIG.hood_encoder.device, SpinningPlant(), 40.0, 1),))
+    finding = bench.findings()["hood encoder"]
+    assert finding.level == FAILURE and "two devices have number 5" in finding.says
 
 
 @pytest.mark.parametrize(("firmware", "level"), [((0, 5, 6), FAILURE), ((0, 7, 0), FAILURE), ((0, 6, 11), WARNING)])
@@ -160,16 +157,17 @@ def test_status_rates(changes, level, words):
     assert (finding.do == "") == (level == OK)
 
 
-def test_frames_that_cannot_be_are_a_failure():
+def test_torn_frames_standing_errors_and_a_mute_switch_are_told():
     finding = Bench(faults={"flywheel_a": fault(TRUNCATED, 0x29, 4)}).findings()["flywheel motor 1, errors"]
     assert finding.level == FAILURE and "0x029" in finding.says
-
-
-def test_a_standing_error_is_told_in_words():
     bench = Bench()
     bench.nodes["feeder"].errors = 0x2000
     finding = bench.findings()["feeder motor, errors"]
     assert finding.level == WARNING and "motor too hot" in finding.says
+    bench = Bench(wrap=lambda name, node: Spoilt(node, lambda frame: frame._replace(arbitration_id=0x7FE)
+                                                 if frame.arbitration_id == 0x65 else frame))
+    finding = bench.findings()["hood motor, limit switch"]
+    assert finding.level == FAILURE and "596" in finding.says
 
 
 def test_two_devices_with_one_number():
@@ -180,12 +178,6 @@ def test_two_devices_with_one_number():
     assert "000000000ABC, 385F324D3037" in finding.says
     assert levels(findings, FAILURE) == {"feeder motor, firmware", "device numbers"}
     assert "0x081 20/s instead of 10/s" in findings["device numbers"].says
-
-
-def test_two_encoders_with_one_number():
-    bench = Bench(more=(CanandmagNode(CONFIG.hood_encoder.device, SpinningPlant(), 40.0, 1),))
-    finding = bench.findings()["hood encoder"]
-    assert finding.level == FAILURE and "two devices have number 5" in finding.says
 
 
 class Spoilt:
@@ -257,13 +249,6 @@ def test_feedback_that_comes_late_is_a_failure(late_ms, level):
         assert late_ms <= told_ms <= late_ms + 15
 
 
-def test_a_limit_switch_that_is_not_told_is_a_failure():
-    bench = Bench(wrap=lambda name, node: Spoilt(node, lambda frame: frame._replace(arbitration_id=0x7FE)
-                                                 if frame.arbitration_id == 0x65 else frame))
-    finding = bench.findings()["hood motor, limit switch"]
-    assert finding.level == FAILURE and "596" in finding.says
-
-
 @pytest.mark.parametrize(("hood_deg", "closed", "level", "words"), [
     (40.0, True, FAILURE, "40.0 deg, the limit switch at 15 deg is closed"), (15.2, True, OK, "closed"),
     (10.0, False, FAILURE, "travel is 15 to 75"), (80.0, False, FAILURE, "travel"), (74.0, False, OK, "open"),
@@ -289,17 +274,11 @@ def test_settings_inside_an_axis(endpoints, changes, check, level, words):
     assert finding.level == level and words in finding.says and finding.do
 
 
-def test_an_axis_that_does_not_know_a_parameter(endpoints):
+def test_tables_of_another_firmware_or_axis_are_told(endpoints):
     findings = Bench({"flywheel_b": OdriveSettings()}).findings(endpoints)
     assert levels(findings, WARNING) == {"flywheel motor 2, watchdog", "flywheel motor 2, encoder filter"}
-
-
-def test_the_table_of_another_firmware(endpoints):
     findings = Bench().findings(replace(endpoints, firmware="0.6.9"))
     assert "hood motor, parameter numbers" in levels(findings, FAILURE)
-
-
-def test_a_limit_switch_that_the_table_knows_as_something_else(endpoints):
     ids = dict(endpoints.ids) | {"axis0.min_endstop.endstop_state": 600, "vbus_voltage": 596}
     finding = Bench().findings(replace(endpoints, ids=ids))["hood motor, parameter numbers"]
     assert finding.level == FAILURE and "596 is vbus_voltage" in finding.says

@@ -45,9 +45,11 @@ WELL = CanLink(True, 64, "ERROR-ACTIVE", 1_000_000, 100)
 HEARD = Heard((None,) * 50, 1.0)
 
 
-def test_an_interface_is_read_as_ip_prints_it():
+def test_an_interface_is_read_as_ip_prints_it_or_is_none(monkeypatch):
     assert parse_link(CAN0) == WELL
     assert parse_link(VCAN0) == CanLink(True, 1000, None, None, None)
+    monkeypatch.setenv("PATH", "")
+    assert truearc.hw.real.system.read_link("can0") is None and truearc.hw.real.system.is_clock_synchronised() is None
 
 
 @given(st.recursive(st.none() | st.booleans() | st.floats(allow_nan=False) | st.text(),
@@ -135,11 +137,6 @@ def test_a_cameras_controls_are_asked_as_the_kernel_defines_them(monkeypatch, tm
     (tmp_path / "video").touch()
     assert read_exposure(str(tmp_path / "video")) == exposure
     assert read_exposure(str(tmp_path / "none")) is None
-
-
-def test_what_a_tool_does_not_say_is_none(monkeypatch):
-    monkeypatch.setenv("PATH", "")
-    assert truearc.hw.real.system.read_link("can0") is None and truearc.hw.real.system.is_clock_synchronised() is None
 
 
 class Showing:

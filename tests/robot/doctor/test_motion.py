@@ -219,9 +219,11 @@ def test_frames_unsent_once_are_no_doubt(lost, over, monkeypatch):
     assert ("could not be sent" in findings["motion"].says) == over
 
 
-def test_what_is_not_ours_is_not_moved():
+def test_what_is_not_ours_or_fails_at_rest_is_not_moved():
     with pytest.raises(InputError, match="another controller"):
         plan(only_advice("odrive"), None)
+    findings = doctor_checks.move_robot(CONFIG, MonotonicClock(), [failure("bitrate", "none", "x")], True)
+    assert [finding.level for finding in findings] == [WARNING] and "not tried" in findings[0].says
 
 
 @pytest.mark.parametrize(("words", "says"), [
@@ -231,11 +233,6 @@ def test_what_is_not_ours_is_not_moved():
 def test_move_without_a_yes_is_refused_before_anything_is_opened(words, says, capsys):
     assert main(["doctor", "--config", str(SHIPPED), *words]) == 2
     assert says in capsys.readouterr().err
-
-
-def test_nothing_moves_while_something_fails_at_rest():
-    findings = doctor_checks.move_robot(CONFIG, MonotonicClock(), [failure("bitrate", "none", "x")], True)
-    assert [finding.level for finding in findings] == [WARNING] and "not tried" in findings[0].says
 
 
 def serve(wrap_name: str, far: Connection) -> None:

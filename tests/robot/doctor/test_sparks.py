@@ -65,14 +65,11 @@ def test_what_is_wrong_with_a_spark_is_said(fault, settings, check, level, words
     assert finding.level == level and words in finding.says and finding.do
 
 
-def test_a_standing_fault_is_told_in_words():
+def test_standing_faults_and_doubled_numbers_are_told():
     (node,) = sparks(SPARK_HOOD, settings=SparkSettings(faults=0x10))
     node.receive(spark.make_statuses(SPARK_HOOD.axes.hood, spark.STATUSES), 0)      # as a run leaves it
     finding = hear([node], SPARK_HOOD)["hood motor, status"]
     assert finding.level == WARNING and "too hot" in finding.says
-
-
-def test_two_devices_with_one_number():
     both = sparks(SPARK_HOOD) + sparks(SPARK_HOOD)
     findings = hear(both, SPARK_HOOD)
     assert "2 devices answer as 3" in findings["hood motor, firmware"].says

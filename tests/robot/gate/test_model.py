@@ -81,13 +81,10 @@ def test_rates_as_numpy_does_alone_and_together(gate: Gate) -> None:
         assert one == gate.rate(*row.tolist())
 
 
-def test_says_where_it_came_from(gate: Gate, path: Path) -> None:
+def test_says_where_it_came_from_and_has_its_faces(gate: Gate, path: Path) -> None:
     assert gate.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
     assert gate.provenance == {"seed": 3}
     assert gate.domain == ((2.0, 8.0), (0.3, 0.9), (20.0, 60.0))
-
-
-def test_the_faces_of_the_domain_belong_to_it(gate: Gate) -> None:
     assert gate.rate(2.0, 0.9, 20.0).in_domain
     assert not gate.rate(np.nextafter(2.0, 0.0), 0.9, 20.0).in_domain
     assert not gate.rate(2.0, np.nextafter(0.9, 1.0), 20.0).in_domain
@@ -180,13 +177,10 @@ def test_refuses(tmp_path: Path, what: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_refuses_a_file_that_is_not_there_and_a_directory(tmp_path: Path) -> None:
+def test_refuses_no_file_a_directory_and_one_cut_short_anywhere(tmp_path: Path) -> None:
     for path in (tmp_path / "none.onnx", tmp_path):
         with pytest.raises(InputError, match=str(path)):
             load_gate(path)
-
-
-def test_refuses_a_file_cut_short_anywhere(tmp_path: Path) -> None:
     data = build()
     path = tmp_path / "cut.onnx"
     for length in range(len(data)):

@@ -75,23 +75,20 @@ def test_an_aim_that_is_not_met_holds(change, reasons):
     assert_alike(verdict(memory=replace(memory, aim=replace(memory.aim, **change))).reasons, reasons)
 
 
-def test_a_launcher_whose_free_speed_nobody_knows_has_no_aim():
+def test_an_aim_needs_a_free_speed_and_may_be_slow():
     rig = replace(CONFIG.rig, launcher=replace(CONFIG.rig.launcher, free_speed_rad_s=None))
     assert verdict(good_inputs(0.0, HOOD_DEG), config=replace(CONFIG, rig=rig)).reasons == (because.NO_AIM(),)
-
-
-def test_an_aim_however_slow_is_one():
     memory = replace(good_memory(), aim=replace(good_memory().aim, motor_ratio=0.5 / 594.0))
     assert verdict(good_inputs(0.5, good_memory().aim.hood_deg), memory).reasons == ()
 
 
-def test_a_sighting_is_young_enough_to_the_last_nanosecond():
-    """A quarter of a second, which is exact as a float."""
+def test_a_young_sighting_outlasts_an_image_without_a_target():
     memory = good_memory()
     config = replace(CONFIG, gate=replace(CONFIG.gate, sighting_age_s=0.25))
     for age_ns, fires in ((250_000_000, True), (250_000_001, False)):
         seen = replace(memory.last_sighting, t_ns=NOW_NS - age_ns)
         assert verdict(memory=replace(memory, last_sighting=seen), config=config).fire is fires
+    assert verdict(replace(good_inputs(), unseen=UNSEEN)).fire
 
 
 def test_what_the_launcher_is_not_steady_at_is_not_said_to_be_new():
@@ -157,12 +154,6 @@ OUTSIDE = because.MODEL_OUTSIDE_DOMAIN()
 ])
 def test_the_model_can_hold(rating, reason, said):
     assert verdict(config=MODEL, gate=Says(*rating)) == Verdict(False, (reason,), *said)
-
-
-def test_what_the_model_thinks_is_kept_where_it_is_not_asked_and_where_it_agrees():
-    assert verdict(gate=Says(0.9, 0.1, False)) == Verdict(True, (), 0.9, 0.1)
-    assert verdict(config=MODEL, gate=Says(0.9, 0.8, True)) == Verdict(True, (), 0.9, 0.8)
-    assert verdict(config=MODEL, gate=Says(0.9, 0.3, True)).fire           # exactly at the threshold
 
 
 def test_a_model_is_told_what_was_measured():
@@ -246,10 +237,6 @@ def test_a_target_out_of_sight_holds_with_what_the_newest_image_showed(sighting,
     assert_alike([one for one in held if one.code == reason.code], [reason])
 
 
-def test_an_image_without_a_target_alone_is_no_reason_while_the_last_sighting_is_young():
-    assert verdict(replace(good_inputs(), unseen=UNSEEN)).fire
-
-
 def test_what_a_recording_does_not_say_is_not_asked():
     """Recordings from before errors and faults had stamps of their own give the verdicts that they gave."""
     assert verdict(spoil_motor(errors_t_ns=UNSET)).fire and verdict(spoil_angle(faults_t_ns=UNSET)).fire
@@ -259,8 +246,11 @@ def test_what_a_recording_does_not_say_is_not_asked():
     assert msgspec.json.decode(row, type=Inputs) == inputs
 
 
-def test_a_missing_model_holds():
+def test_a_model_is_needed_and_what_it_thinks_is_kept():
     assert verdict(config=MODEL).reasons == (because.MODEL_MISSING(),)
+    assert verdict(gate=Says(0.9, 0.1, False)) == Verdict(True, (), 0.9, 0.1)
+    assert verdict(config=MODEL, gate=Says(0.9, 0.8, True)) == Verdict(True, (), 0.9, 0.8)
+    assert verdict(config=MODEL, gate=Says(0.9, 0.3, True)).fire           # exactly at the threshold
 
 
 def test_what_is_exactly_at_a_limit_of_the_launcher_may_fire():

@@ -41,9 +41,13 @@ def test_every_error_of_a_motor_has_a_message(code):
     assert code.text in " ".join(tell([error(MOTOR, code)])[0].reasons)
 
 
-def test_bits_that_are_no_known_error_are_shown_as_a_number():
+def test_unknown_bits_and_codes_without_a_message_are_shown():
     (told,) = tell([bot.MOTOR_ERROR(motor=MOTOR, errors=odrive.errors_of(0x81000000))])
     assert told.reasons == (f"{MOTOR}: watchdog expired, error 0x80000000",)
+    moon, sun = bot.IMAGE_DARK(), Reason("the_sun_is_up", {"height_deg": 12.0})
+    told = tell([bot.NOT_ARMED(), moon, sun])
+    assert [one.means for one in told] == [bot.text(moon), "the_sun_is_up (height_deg 12)", "Not armed"]
+    assert told[0].kind == FAULT and tell(()) == ()
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EIO, errno.EDQUOT])
@@ -104,7 +108,7 @@ def test_a_message_is_met_by_its_own_reason(message):
     assert message.do or message.kind == "wait"
 
 
-def test_what_the_driver_can_fix_comes_first():
+def test_what_the_driver_can_fix_comes_first_and_motors_as_one():
     told = tell([bot.NOT_ARMED(), bot.WHEELS_OFF_SPEED(speed_rad_s=312.2, wanted_rad_s=358.0),
                  bot.DEVICE_STALE(device="hood motor", age_s=0.31),
                  bot.CAN_LOST(cause=hw.CAN_ADAPTER_ERROR(bus="CAN slcan /dev/ttyACM0", detail="gone")),
@@ -113,9 +117,6 @@ def test_what_the_driver_can_fix_comes_first():
         "CAN adapter pulled out?", "Hood motor: no frames for 0.31 s", "Not armed", "Target out of sight for 2.1 s",
         "Wheels are not at speed: 312 of 358 rad/s"]
     assert [one.do for one in told][2:4] == ["press ARM", "turn towards the target"]
-
-
-def test_motors_in_the_same_trouble_are_told_as_one():
     told = tell([bot.DEVICE_STALE(device=MOTOR, age_s=0.31), bot.DEVICE_STALE(device="hood encoder", age_s=0.30),
                  error(MOTOR, hw.ERROR_WATCHDOG_EXPIRED), error("hood motor", hw.ERROR_MOTOR_OVER_TEMPERATURE),
                  error("feeder motor", hw.ERROR_SPINOUT)])
@@ -124,10 +125,3 @@ def test_motors_in_the_same_trouble_are_told_as_one():
         "Flywheel motor 1: stopped by its watchdog (no commands received)",
         "Hood motor: motor too hot", "Feeder motor: its controller reports spinout"]
     assert told[0].reasons == ("flywheel motor 1: no frames for 0.31 s", "hood encoder: no frames for 0.30 s")
-
-
-def test_a_code_without_a_message_is_shown_as_its_text_and_first():
-    moon, sun = bot.IMAGE_DARK(), Reason("the_sun_is_up", {"height_deg": 12.0})
-    told = tell([bot.NOT_ARMED(), moon, sun])
-    assert [one.means for one in told] == [bot.text(moon), "the_sun_is_up (height_deg 12)", "Not armed"]
-    assert told[0].kind == FAULT and tell(()) == ()

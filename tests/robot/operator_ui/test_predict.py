@@ -44,16 +44,13 @@ def ask(server, body, path="/predict", method="POST", headers=JSON):
     return result
 
 
-def test_answer_is_the_gates(server):
+def test_answer_is_the_gates_and_compressed_where_it_is_long(server):
     status, headers, said = ask(server, json.dumps(GOOD))
     rating = GATE.rate(*GOOD.values())
     assert status == 200 and headers["Content-Type"] == "application/json" and headers["Cache-Control"] == "no-store"
     assert (said["p_two"], said["p_three"], said["novelty"]) == (rating.p_two, rating.p_three, rating.novelty)
     assert said["verdict"] == "hold" and said["reasons"] == ["model_below_threshold"]
     assert ask(server, json.dumps(GOOD), headers={"Content-Type": "application/json; charset=utf-8"})[0] == 200
-
-
-def test_long_answers_are_compressed_for_who_can_read_that(server):
     asked = json.dumps({**GOOD, "distance_m": [2.0 + 0.01 * k for k in range(200)]})
     plain = ask(server, asked)[2]
     line = HTTPConnection("127.0.0.1", server.server_port, timeout=20)

@@ -81,7 +81,7 @@ class Events:
         self.line.close()
 
 
-def test_the_page_loads_nothing_from_elsewhere_and_takes_no_orders(page):
+def test_the_page_loads_nothing_from_elsewhere_and_takes_no_orders(page, capfd):
     status, headers, body = ask(page)
     text = body.decode()
     assert status == 200 and headers["Content-Type"].startswith("text/html")
@@ -90,6 +90,15 @@ def test_the_page_loads_nothing_from_elsewhere_and_takes_no_orders(page):
     assert ask(page, "/else")[0] == 404
     for method in ("POST", "PUT", "DELETE", "OPTIONS"):
         assert ask(page, "/", method)[0] == 405
+    with pytest.raises(OSError):
+        OperatorPage(CONFIG, "monday", "127.0.0.1", port(page), MonotonicClock())
+    assert ask(page, Host="[")[0] == ask(page, Origin="http://[")[0] == 403
+    assert ask(page, "/[")[0] == 404 and ask(page, "/?token=%ff[")[0] == 200
+    for method, status in (("GET", b"404"), ("POST", b"405")):
+        with socket.create_connection(("127.0.0.1", port(page)), timeout=10) as line:
+            line.sendall(method.encode() + b" http://[ HTTP/1.0\r\nHost: localhost\r\n\r\n")
+            assert line.recv(12).endswith(status)
+    assert capfd.readouterr().err == ""
 
 
 @pytest.mark.parametrize(("host", "ours", "others"), [
@@ -112,31 +121,13 @@ def test_get_is_answered_under_own_names_alone(host, ours, others):
         page.close()
 
 
-def test_malformed_addresses_are_refused_without_a_traceback(page, capfd):
-    assert ask(page, Host="[")[0] == ask(page, Origin="http://[")[0] == 403
-    assert ask(page, "/[")[0] == 404 and ask(page, "/?token=%ff[")[0] == 200
-    for method, status in (("GET", b"404"), ("POST", b"405")):
-        with socket.create_connection(("127.0.0.1", port(page)), timeout=10) as line:
-            line.sendall(method.encode() + b" http://[ HTTP/1.0\r\nHost: localhost\r\n\r\n")
-            assert line.recv(12).endswith(status)
-    assert capfd.readouterr().err == ""
-
-
-def test_a_port_that_is_taken_is_an_error(page):
-    with pytest.raises(OSError):
-        OperatorPage(CONFIG, "monday", "127.0.0.1", port(page), MonotonicClock())
-
-
-def test_events_carry_the_newest_tick_with_its_number_and_time(shown):
+def test_events_carry_the_newest_tick_twenty_times_a_second_at_most(shown):
     events = Events(shown)
     first, second = events.next(), events.next()
     assert events.answer.headers["Content-Type"] == "text/event-stream"
     assert second["view"]["seq"] > first["view"]["seq"] > 0 and second["t_sent_s"] > first["t_sent_s"]
     assert first["view"]["state"] == "FIRE" and first["view"]["t_robot_s"] == GOOD.inputs.t_ns * 1e-9
     events.close()
-
-
-def test_twenty_a_second_at_most(shown):
     events, began = Events(shown), time.monotonic()
     for _ in range(11):
         events.next()

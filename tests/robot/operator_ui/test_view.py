@@ -91,7 +91,7 @@ def test_numbers_have_their_units_and_what_stands_in_the_way_is_marked():
     assert (line(seen(rated), "Aim", "p(three)").value, line(seen(rated), "Aim", "p(two)").value) == ("81%", "12%")
 
 
-def test_each_link_has_its_age():
+def test_each_link_has_its_age_and_the_newest_sighting_is_kept():
     old = replace(good_inputs(), hood_motor=replace(good_inputs().hood_motor, t_ns=NOW_NS - seconds(2.5)),
                   feeder=replace(good_inputs().feeder, heartbeat_t_ns=0), hood_angle=None,
                   sighting=Sighting(NOW_NS - seconds(0.02), False, IMAGE_BRIGHT()), faults=(BOX_SILENT(),))
@@ -101,9 +101,6 @@ def test_each_link_has_its_age():
                      "hood motor": ("2.5 s / 4 ms", False), "feeder motor": ("4 ms / never", False),
                      "hood encoder": ("never", False), "camera": ("20 ms", True), "button box": ("gone", False)}
     assert line(view, "Aim", "target").value == "never seen: " + text(IMAGE_BRIGHT())
-
-
-def test_the_newest_sighting_is_kept_from_tick_to_tick():
     blind = step(replace(good_inputs(), sighting=Sighting(NOW_NS, False, IMAGE_DARK())),
                  replace(good_memory(), last_sighting=None), CONFIG, None)
     after = step(good_inputs(), replace(good_memory(), last_sighting=None), CONFIG, None)
@@ -133,15 +130,9 @@ def test_shots_and_marks_of_the_session_newest_first():
     lines = [(one.name, one.value) for block in view.blocks if block.title == "Shots" for one in block.lines]
     assert lines == [("this session", "3 fired: 1 held, 1 three, 1 two"), ("3 from 5.00 m", "not marked yet"),
                      ("2", "held: Target not seen yet"), ("1 from 5.00 m", "two"), ("0 from 5.00 m", "three")]
-
-
-def test_a_mark_that_is_taken_back_no_longer_counts():
     view = seen(fired(0), marked(0, "three"), marked(0, "rejected"))
     assert line(view, "Shots", "this session").value == "1 fired: 1 rejected"
     assert line(view, "Shots", "0 from 5.00 m").value == "rejected"
-
-
-def test_a_long_session_takes_no_more_room_than_a_short_one():
     glance = Glance()
     for trial in range(300):
         glance = look(look(glance, fired(trial)), marked(trial, "two"))

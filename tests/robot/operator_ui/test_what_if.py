@@ -111,7 +111,7 @@ def test_lists_are_answered_in_order_as_the_gate_does(distances, ratios, thresho
         assert said["verdict"][k] == ("hold" if said["reasons"][k] else "fire")
 
 
-def test_single_question_has_single_answers():
+def test_single_question_has_single_answers_and_facts_state_limits():
     said = ask(what_if(0.004), json.dumps(GOOD).encode())
     rating = GATE.rate(*GOOD.values())
     assert said == {"p_two": rating.p_two, "p_three": rating.p_three, "novelty": rating.novelty, "verdict": "fire",
@@ -119,6 +119,10 @@ def test_single_question_has_single_answers():
     assert ask(what_if(1.0), json.dumps(GOOD).encode())["reasons"] == ["model_below_threshold"]
     far = ask(what_if(0.0), json.dumps({**GOOD, "distance_m": 20}).encode())
     assert far["verdict"] == "hold" and far["reasons"] == ["model_outside_domain"]
+    facts = json.loads(what_if().facts().text)
+    assert facts["sha256"] == GATE.sha256 and facts["threshold"] == 0.3 and facts["free_speed_rad_s"] == 594.0
+    assert [(one["name"], one["domain"]) for one in facts["features"]] == [
+        (name, list(domain)) for name, domain in zip(NAMES, GATE.domain, strict=True)]
 
 
 def test_gate_that_fails_or_has_no_number_holds():
@@ -153,10 +157,3 @@ def test_malformed_questions_cost_too():
     asked = what_if()
     statuses = [asked.answer(b"{").status for _ in range(BURST // QUESTION_COST + 1)]
     assert set(statuses[:-1]) == {400} and statuses[-1] == 429
-
-
-def test_facts_state_the_gate_and_its_limits():
-    facts = json.loads(what_if().facts().text)
-    assert facts["sha256"] == GATE.sha256 and facts["threshold"] == 0.3 and facts["free_speed_rad_s"] == 594.0
-    assert [(one["name"], one["domain"]) for one in facts["features"]] == [
-        (name, list(domain)) for name, domain in zip(NAMES, GATE.domain, strict=True)]

@@ -56,14 +56,10 @@ def test_a_recording_that_unpacks_to_gigabytes_is_refused_by_what_it_says_and_by
     assert recover(session).ticks == 0
 
 
-def test_lz4_is_unpacked_no_further_either(session: Path) -> None:
+def test_lz4_is_unpacked_no_further_and_zeros_are_damage_at_once(session: Path) -> None:
     (session / TELEMETRY).write_bytes(chunk(lz4.frame.compress(bytes(LARGEST + 1)), b"lz4", 100))
     with pytest.raises(InputError, match="unpacks to more than"):
         list(TickReader(session))
-
-
-def test_a_chunk_of_zeros_is_damage_at_once(session: Path) -> None:
-    """Each nine of them were read as a record."""
     (session / TELEMETRY).write_bytes(chunk(packed_zeros(LARGEST // 10_000_000 * 10_000_000, True), b"zstd",
                                             LARGEST // 10_000_000 * 10_000_000))
     reader = TickReader(session)

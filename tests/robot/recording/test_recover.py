@@ -119,19 +119,22 @@ def test_ticks_behind_the_damage_are_kept_and_a_replay_says_where_they_are_missi
         replay(session)
 
 
-def test_a_whole_session_is_left_alone(session, plain, capsys):
+def test_a_whole_or_running_session_is_left_alone_and_losses_told(session, plain, capsys):
     before = {path: path.stat().st_mtime_ns for path in session.rglob("*")}
     assert main(["session", "recover", str(session)]) == 0
     assert "was whole, 1391 ticks, 2 trials" in capsys.readouterr().out
     assert {path: path.stat().st_mtime_ns for path in session.rglob("*")} == before
-
-
-def test_what_cannot_be_made_again_is_told(session, capsys):
     (session / "can0.log").unlink()
     shutil.rmtree(session / "frames")
     assert main(["session", "recover", str(session)]) == 0
     said = capsys.readouterr().err
     assert "can0.log is not there" in said and "frames/frames.jsonl is not there" in said
+    pytest.importorskip("fcntl")
+    (session / TELEMETRY).unlink()
+    file = Appender(session / TELEMETRY)
+    assert main(["session", "recover", str(session)]) == 2
+    assert "is being recorded" in capsys.readouterr().err
+    file.close()
 
 
 def test_what_is_replaced_is_kept_aside_each_time(session, capsys):
@@ -185,15 +188,6 @@ def test_torn_frames_and_images_leave_the_whole_ones(session, plain):
     assert [picture.t_ns for picture in load_pictures(session)] == [load_pictures(plain)[0].t_ns]
     assert len(recovered.repairs) == 2
     assert (session / "damaged" / "frames.jsonl").exists()
-
-
-def test_a_session_that_is_being_recorded_is_left_alone(session, capsys):
-    pytest.importorskip("fcntl")
-    (session / TELEMETRY).unlink()
-    file = Appender(session / TELEMETRY)
-    assert main(["session", "recover", str(session)]) == 2
-    assert "is being recorded" in capsys.readouterr().err
-    file.close()
 
 
 def test_what_is_no_session_is_bad_input(session, tmp_path, capsys):

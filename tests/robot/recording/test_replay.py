@@ -111,13 +111,10 @@ def test_a_log_of_frames_that_ends_early_is_replayed_so_far_and_fails_the_check(
     assert main(["session", "replay", str(session), "--check"]) == 0
 
 
-def test_a_line_that_is_no_frame_is_named(session):
+def test_frames_that_cannot_be_read_are_an_error(session, capsys):
     edit(session / "can0.log", "can0 ", "can0  ")
     with pytest.raises(InputError, match=r"can0\.log:1: not a candump line"):
         replay_frames(session)
-
-
-def test_nothing_to_parse_is_an_error(session, capsys):
     (session / "can0.log").write_text("")
     assert main(["session", "replay", str(session), "--from", "frames"]) == 2
     (session / "can0.log").unlink()
@@ -171,14 +168,11 @@ def test_verdicts_that_flip_are_told_with_the_reason(plain, other, capsys):
     assert max(map(len, said.splitlines())) < 260
 
 
-def test_the_same_configuration_changes_nothing(plain, gated, other, capsys):
+def test_the_same_configuration_changes_nothing_another_model_does(plain, gated, other, capsys):
     assert main(["session", "replay", str(plain), "--check", "--config",
                  str(other("ks_nm = 0.02", "ks_nm = 0.02"))]) == 0
     assert "no output changes" in capsys.readouterr().out
     assert main(["session", "replay", str(gated), "--gate", str(gated / "model.onnx"), "--check"]) == 0
-
-
-def test_another_model_is_asked(plain, gated, capsys):
     assert main(["session", "replay", str(plain), "--gate", str(gated / "model.onnx")]) == 0
     said = capsys.readouterr().out
     assert "verdict.p_three" in said and "nothing -> 0." in said
