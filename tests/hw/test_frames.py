@@ -9,32 +9,24 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from truearc.hw.devices import button_box as buttons
-from truearc.hw.devices.button_box import (
-    BUTTONS,
-    LONGEST,
-    BoxHeartbeat,
-    lost_presses,
-    make_heartbeat,
-    make_press,
-    parse_lines,
-)
 from truearc.hw.protocols import ButtonEvent
 
 PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "button-box.md"
 seqs = st.integers(0, 65535)
-events = st.one_of(st.builds(ButtonEvent, st.just(5), seqs, st.sampled_from(BUTTONS)),
-                   st.builds(BoxHeartbeat, st.just(5), seqs))
+events = st.one_of(st.builds(ButtonEvent, st.just(5), seqs, st.sampled_from(buttons.BUTTONS)),
+                   st.builds(buttons.BoxHeartbeat, st.just(5), seqs))
 
 
-def say(event: ButtonEvent | BoxHeartbeat) -> bytes:
-    return make_press(event.seq, event.button) if isinstance(event, ButtonEvent) else make_heartbeat(event.seq)
+def say(event: ButtonEvent | buttons.BoxHeartbeat) -> bytes:
+    is_press = isinstance(event, ButtonEvent)
+    return buttons.make_press(event.seq, event.button) if is_press else buttons.make_heartbeat(event.seq)
 
 
-def hear(chunks: list[bytes]) -> tuple[list[ButtonEvent | BoxHeartbeat], list[str]]:
+def hear(chunks: list[bytes]) -> tuple[list[ButtonEvent | buttons.BoxHeartbeat], list[str]]:
     heard, rest, faults = [], b"", []
     for chunk in chunks:
-        more, rest, wrong = parse_lines(rest, chunk, 5)
-        assert len(rest) <= LONGEST and len(wrong) <= 1
+        more, rest, wrong = buttons.parse_lines(rest, chunk, 5)
+        assert len(rest) <= buttons.LONGEST and len(wrong) <= 1
         heard += more
         faults += wrong
     return heard, faults
@@ -44,8 +36,8 @@ def test_the_page_for_builders_is_right() -> None:
     text = PAGE.read_text(encoding="utf-8")
     lines = re.findall(r"^\$[BH],\d+.*\*[0-9A-F]{2}$", text, re.MULTILINE)
     heard, faults = hear([line.encode() + b"\r\n" for line in lines])
-    assert heard == [BoxHeartbeat(5, 0), ButtonEvent(5, 1, "arm"), ButtonEvent(5, 2, "fire")] and not faults
-    assert re.findall(r"^\| `([a-z-]+)` \|", text, re.MULTILINE) == list(BUTTONS)
+    assert heard == [buttons.BoxHeartbeat(5, 0), ButtonEvent(5, 1, "arm"), ButtonEvent(5, 2, "fire")] and not faults
+    assert re.findall(r"^\| `([a-z-]+)` \|", text, re.MULTILINE) == list(buttons.BUTTONS)
 
 
 def test_checksum_is_the_standard_crc8() -> None:
@@ -77,12 +69,12 @@ def test_garbage_never_raises_or_grows(garbage) -> None:
 
 
 def test_what_is_no_line_is_a_fault_and_costs_no_other() -> None:
-    heard, faults = hear([b"x" * 100_000, b"\n", make_press(9, "two")])
+    heard, faults = hear([b"x" * 100_000, b"\n", buttons.make_press(9, "two")])
     assert heard == [ButtonEvent(5, 9, "two")]
-    assert len(faults) == 2 and all(len(fault.params["first"]) <= LONGEST for fault in faults)
-    heard, faults = hear([b"\xff\x00" + make_press(9, "two")])
+    assert len(faults) == 2 and all(len(fault.params["first"]) <= buttons.LONGEST for fault in faults)
+    heard, faults = hear([b"\xff\x00" + buttons.make_press(9, "two")])
     assert heard == [ButtonEvent(5, 9, "two")] and len(faults) == 1
-    heard, faults = hear([make_press(1, "arm")[1:]])
+    heard, faults = hear([buttons.make_press(1, "arm")[1:]])
     assert not heard and len(faults) == 1
 
 
@@ -95,5 +87,5 @@ def test_a_right_checksum_does_not_make_a_wrong_line_right(body: bytes) -> None:
 
 def test_unknown_buttons_cannot_be_said_and_gaps_are_counted() -> None:
     with pytest.raises(ValueError, match="launch"):
-        make_press(1, "launch")
-    assert lost_presses(65535, 0) == 0 and lost_presses(65534, 1) == 2 and lost_presses(3, 4) == 0
+        buttons.make_press(1, "launch")
+    assert [buttons.lost_presses(*seqs) for seqs in ((65535, 0), (65534, 1), (3, 4))] == [0, 2, 0]

@@ -13,14 +13,6 @@ from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
 from truearc.hw.devices.spark.frames import SparkAxis
 from truearc.hw.devices.spark.motor import SparkHeartbeat, SparkMotor
 from truearc.hw.emulated.nodes import Twin
-from truearc.hw.fault_codes import (
-    SPARK_FAULTS_STALE,
-    SPARK_FIRMWARE_UNKNOWN,
-    SPARK_FIRMWARE_UNSUPPORTED,
-    SPARK_NOT_DRIVING,
-    SPARK_SETTINGS_UNCONFIRMED,
-    SPARK_STATUS_OFF,
-)
 from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.reason import Reason
@@ -113,7 +105,7 @@ def armed(bench, torque_nm: float = 0.0) -> None:
 
 def test_it_sets_a_device_up_before_anybody_arms_and_sends_no_duty(make) -> None:
     bench = make()
-    assert bench.faults() == (SPARK_FIRMWARE_UNKNOWN(spark=3),)
+    assert bench.faults() == (hw.SPARK_FIRMWARE_UNKNOWN(spark=3),)
     bench.run(60)
     assert bench.faults() == () and bench.motor.reading.axis_state == spark.IDLE
     assert [frame.is_remote for frame in bench.frames(0x2600)] == [True]
@@ -219,7 +211,7 @@ def test_foreign_firmware_is_refused_by_its_number(make, plant, firmware, text: 
     bench = make(settings=SparkSettings(firmware=firmware))
     bench.run(60)
     bench.run(200, 0.1)
-    assert bench.faults() == (SPARK_FIRMWARE_UNSUPPORTED(spark=3, version=text, oldest=25, newest=26),)
+    assert bench.faults() == (hw.SPARK_FIRMWARE_UNSUPPORTED(spark=3, version=text, oldest=25, newest=26),)
     assert bench.enabled() == [] and bench.frames(0x080) == [] and plant.velocity_rad_s["hood"] == 0.0
     assert bench.orders[0].torque_nm == 0.0 and bench.motor.reading.axis_state == spark.UNKNOWN
     assert 13 <= len(bench.frames(0x2600)) <= 15           # in 1.3 s: it may be exchanged for a newer one
@@ -271,13 +263,13 @@ def test_lost_status_frames_are_noticed_and_asked_for_again(make) -> None:
 def test_answers_that_never_come_are_named(make) -> None:
     bench = make(faults=(Fault(SILENT, 0, FOREVER, frame_id=0x02050443),))
     bench.run(100)
-    assert bench.faults() == (SPARK_STATUS_OFF(spark=3),)
+    assert bench.faults() == (hw.SPARK_STATUS_OFF(spark=3),)
 
 
 def test_a_status_frame_that_stays_off_is_not_taken_for_on(make) -> None:
     bench = make(faults=(Fault(OVERWRITTEN, 0, FOREVER, frame_id=0x02050443, at=3, data=b"\x03"),))
     bench.run(100, 0.1)
-    assert bench.faults() == (SPARK_STATUS_OFF(spark=3),) and bench.enabled() == []
+    assert bench.faults() == (hw.SPARK_STATUS_OFF(spark=3),) and bench.enabled() == []
 
 
 def test_what_a_reset_may_have_lost_is_set_again_before_it_drives(make) -> None:
@@ -295,7 +287,7 @@ def test_refused_parameters_are_named(make) -> None:
     bench = make(faults=(Fault(OVERWRITTEN, 0, FOREVER, frame_id=0x02053843, at=6, data=b"\x01"),))
     bench.run(100, 0.1)
     assert bench.faults() == (
-        SPARK_SETTINGS_UNCONFIRMED(spark=3, parameters=(70, 71, 136, 137, 160, 53)),)
+        hw.SPARK_SETTINGS_UNCONFIRMED(spark=3, parameters=(70, 71, 136, 137, 160, 53)),)
     assert bench.frames(0x080) == []
 
 
@@ -303,7 +295,7 @@ def test_silence_about_faults_is_a_fault(make) -> None:
     bench = make(faults=(Fault(SILENT, 0, FOREVER, frame_id=0x0205B843),))
     bench.run(60)
     bench.run(100, 0.1)
-    assert bench.faults() == (SPARK_FAULTS_STALE(spark=3),) and bench.enabled() == []
+    assert bench.faults() == (hw.SPARK_FAULTS_STALE(spark=3),) and bench.enabled() == []
 
 
 def test_faults_of_the_device_keep_it_from_driving(make, plant) -> None:
@@ -321,7 +313,7 @@ def test_a_device_that_applies_nothing_is_deaf(make) -> None:
     for _ in range(60):
         bench.run(1, 0.1)
         bench.near.write(Frame(0, HEARTBEAT, bytes(8), True))
-    assert bench.faults() == (SPARK_NOT_DRIVING(spark=3),)
+    assert bench.faults() == (hw.SPARK_NOT_DRIVING(spark=3),)
     assert bench.motor.reading.axis_state == spark.IDLE
     bench.run(30, 0.1)
     assert bench.faults() == () and bench.motor.reading.axis_state == spark.DRIVEN

@@ -9,13 +9,7 @@ from tests.robot.test_rig import UNPLUGGED, bench  # noqa: F401 (a fixture)
 from truearc.hw.devices import button_box as buttons
 from truearc.hw.fault_codes import BOX_LINES_REFUSED, BOX_PRESSES_LOST, BOX_RESTARTED
 from truearc.hw.protocols import ButtonEvent
-from truearc.robot.reasons import (
-    BOX_LOST,
-    BOX_PRESS_UNCERTAIN,
-    DISARMED_BY_BOX,
-    FIRE_NOT_REQUESTED,
-    IDENTIFY_RELEASED_BY_BOX,
-)
+from truearc.robot import reasons as because
 from truearc.robot.sysid import make_step
 from truearc.robot.tick import step
 from truearc.robot.types import Memory, Progress
@@ -38,7 +32,7 @@ def test_neither_the_request_nor_the_arming_outlives_it(what):
     at_once = tick(good_memory(), what)
     later = tick(at_once.memory)
     for one in (at_once, later):
-        assert one.verdict.reasons[:2] == (DISARMED_BY_BOX(cause=what), FIRE_NOT_REQUESTED())
+        assert one.verdict.reasons[:2] == (because.DISARMED_BY_BOX(cause=what), because.FIRE_NOT_REQUESTED())
         assert not one.command.enable_flywheel and not one.memory.armed and not one.memory.request_t_ns
 
 
@@ -60,14 +54,14 @@ def test_a_mark_that_was_heard_counts():
 def test_arming_ends_it_and_fire_has_to_be_pressed_again():
     armed = tick(tick(good_memory(), BOX_RESTARTED()).memory, None, "arm")
     assert armed.memory.armed and armed.memory.disarmed is UNSET
-    assert FIRE_NOT_REQUESTED() in armed.verdict.reasons
+    assert because.FIRE_NOT_REQUESTED() in armed.verdict.reasons
     asked = tick(replace(armed.memory, steady_t_ns=good_memory().steady_t_ns), None, "fire")
     assert asked.verdict.fire
 
 
 @WHATS
 def test_identifying_is_ended_by_it_for_any_press_would_end_it(what):
-    for since_ns, over in ((NOW_NS - 1, IDENTIFY_RELEASED_BY_BOX(cause=what)), (0, None)):
+    for since_ns, over in ((NOW_NS - 1, because.IDENTIFY_RELEASED_BY_BOX(cause=what)), (0, None)):
         memory = Memory(armed=bool(since_ns), identify=Progress(0, since_ns))
         out = make_step(CONFIG)(replace(good_inputs(buttons=pressed("arm")), missed=what), memory, CONFIG, None)
         assert out.memory.identify.over == over and not out.command.enable_flywheel
@@ -94,7 +88,7 @@ def test_a_press_that_was_not_understood_holds_until_the_next_number_has_told(be
     box.data = buttons.make_press(7, "arm").replace(b"m", b"n")
     (refused,) = rig.read().faults
     assert refused.code == BOX_LINES_REFUSED.name and refused.params["lines"] == 1
-    assert [rig.read().faults for _ in range(3)] == [(BOX_PRESS_UNCERTAIN(),)] * 3
+    assert [rig.read().faults for _ in range(3)] == [(because.BOX_PRESS_UNCERTAIN(),)] * 3
     box.data = then
     assert rig.read().faults == ()
 
@@ -104,9 +98,9 @@ def test_so_does_a_box_that_was_pulled_out(bench):  # noqa: F811
     box.data = buttons.make_press(6, "fire")
     rig.read()
     box.lost = True
-    assert rig.read().faults == (BOX_LOST(cause=UNPLUGGED),)
+    assert rig.read().faults == (because.BOX_LOST(cause=UNPLUGGED),)
     box.lost = False
-    assert rig.read().faults == (BOX_PRESS_UNCERTAIN(),)
+    assert rig.read().faults == (because.BOX_PRESS_UNCERTAIN(),)
     box.data = buttons.make_heartbeat(7)                   # that of "arm", while it was out
     inputs = rig.read()
     assert inputs.faults == (inputs.missed,) == (BOX_PRESSES_LOST(presses=1),)

@@ -28,18 +28,10 @@ from truearc.hw.devices.spark.family import SparkConfig
 from truearc.hw.fault_codes import FOREIGN_HOST, FRAME_RATE_EXCEEDED
 from truearc.hw.protocols import Frame
 from truearc.hw.reason import Reason
+from truearc.robot import motors
 from truearc.robot.config.schema import Config, read_axis
 from truearc.robot.estimate import estimate
 from truearc.robot.eyes import InlineEyes
-from truearc.robot.motors import (
-    bound_axes,
-    elevation_from_encoder_deg,
-    elevation_from_screw_deg,
-    guard,
-    make_motors,
-    make_rules,
-    screw_length_m,
-)
 from truearc.robot.reasons import IMAGE_DARK, MOTOR_ERROR, MOTOR_NOT_DRIVEN, text
 from truearc.robot.rig import HardwareRig
 from truearc.robot.types import Command, Sent, Sighting
@@ -152,9 +144,9 @@ def test_advice_is_silent_on_the_bus_whatever_is_commanded(listens_to: str) -> N
 def test_advice_fires_on_what_another_controller_does() -> None:
     config = only_advice("spark")
     inputs = good_inputs()
-    motors = [replace(motor, axis_state=0, axis_error=spark.LOCKED | spark.HAS_RESET)
+    heard = [replace(motor, axis_state=0, axis_error=spark.LOCKED | spark.HAS_RESET)
               for motor in (*inputs.flywheels, inputs.hood_motor, inputs.feeder)]
-    inputs = replace(inputs, flywheels=tuple(motors[:2]), hood_motor=motors[2], feeder=motors[3])
+    inputs = replace(inputs, flywheels=tuple(heard[:2]), hood_motor=heard[2], feeder=heard[3])
     assert verdict_of(config, inputs) == ()
     hot = replace(inputs, feeder=replace(inputs.feeder, axis_error=0x10))
     assert verdict_of(config, hot) == (MOTOR_ERROR(motor="feeder motor", errors=(hw.ERROR_OVER_TEMPERATURE(),)),)
@@ -165,11 +157,11 @@ def test_advice_fires_on_what_another_controller_does() -> None:
 def test_two_axes_on_one_device_are_named() -> None:
     wrong = replace(CONFIG, axes=replace(CONFIG.axes, feeder=replace(CONFIG.axes.feeder, node=3)))
     with pytest.raises(InputError, match="hood motor and feeder motor are the same device"):
-        make_motors(wrong)
+        motors.make_motors(wrong)
     heard = only_advice("spark").axes.hood
     with pytest.raises(InputError, match="hood motor and feeder motor"):
-        make_motors(replace(SPARK_HOOD, axes=replace(SPARK_HOOD.axes, feeder=heard)))
-    assert len(make_motors(SPARK_WHEELS)) == 4             # node 3 and device 3 would be two things
+        motors.make_motors(replace(SPARK_HOOD, axes=replace(SPARK_HOOD.axes, feeder=heard)))
+    assert len(motors.make_motors(SPARK_WHEELS)) == 4             # node 3 and device 3 would be two things
 
 
 def test_the_lines_in_the_manual_are_taken() -> None:
@@ -181,12 +173,12 @@ def test_the_lines_in_the_manual_are_taken() -> None:
 
 def test_an_axis_is_bounded_by_what_the_rest_of_the_configuration_asks_of_it() -> None:
     """Of the hood: 20 deg/s where its lever is longest, 0.25 m, and half as much again, at which its interlock acts."""
-    left, right, hood, feeder = bound_axes(CONFIG)
+    left, right, hood, feeder = motors.bound_axes(CONFIG)
     assert left == right == Bounds(594.0, 1.2, False) and feeder == Bounds(None, 0.2, None)
     lever_rad_s = math.tau * math.radians(20.0) * 0.25 / 0.005
     assert hood.top_rad_s == pytest.approx(1.5 * max(lever_rad_s, CONFIG.identify.hood.top_rad_s), rel=2e-3)
     assert (hood.top_nm, hood.brakes) == (0.3, True)
-    slow = bound_axes(replace(CONFIG, identify=None))[2]
+    slow = motors.bound_axes(replace(CONFIG, identify=None))[2]
     assert slow.top_rad_s == pytest.approx(1.5 * lever_rad_s, rel=2e-2)
 
 
@@ -194,29 +186,30 @@ def test_an_axis_is_bounded_by_what_the_rest_of_the_configuration_asks_of_it() -
 def test_limits_that_no_frame_can_say_are_none_and_no_error(torque_nm_a: float) -> None:
     flywheels = tuple(replace(axis, torque_nm_a=torque_nm_a) for axis in CONFIG.axes.flywheels)
     hood = replace(CONFIG.hood, screw_lead_m=1e-8)
-    assert len(make_motors(replace(CONFIG, hood=hood, axes=replace(CONFIG.axes, flywheels=flywheels)))) == 4
+    assert len(motors.make_motors(replace(CONFIG, hood=hood, axes=replace(CONFIG.axes, flywheels=flywheels)))) == 4
     wheels = tuple(replace(axis, torque_nm_a=torque_nm_a) for axis in SPARK_WHEELS.axes.flywheels)
-    assert len(make_motors(replace(SPARK_WHEELS, axes=replace(SPARK_WHEELS.axes, flywheels=wheels)))) == 4
+    assert len(motors.make_motors(replace(SPARK_WHEELS, axes=replace(SPARK_WHEELS.axes, flywheels=wheels)))) == 4
 
 
 def test_screw_and_elevation_are_inverse_by_the_pivots_distance():
     hood = CONFIG.hood
     for elevation in np.linspace(hood.low_deg, hood.high_deg, 25):
-        travel = screw_length_m(elevation, hood) - screw_length_m(hood.low_deg, hood)
+        travel = motors.screw_length_m(elevation, hood) - motors.screw_length_m(hood.low_deg, hood)
         turned = travel / hood.screw_lead_m * 2 * math.pi / hood.screw_gear
-        assert elevation_from_screw_deg(turned, hood) == pytest.approx(elevation, abs=1e-9)
+        assert motors.elevation_from_screw_deg(turned, hood) == pytest.approx(elevation, abs=1e-9)
     hood = CONFIG.hood
     angle = math.radians(hood.included_deg + 40.0)
     nut = hood.pivot_to_nut_m * np.array([math.cos(angle), math.sin(angle)])
-    assert screw_length_m(40.0, hood) == pytest.approx(np.hypot(*(nut - [hood.pivot_to_motor_m, 0.0])), rel=1e-12)
-    assert elevation_from_screw_deg(1e4, CONFIG.hood) is None
+    apart_m = np.hypot(*(nut - [hood.pivot_to_motor_m, 0.0]))
+    assert motors.screw_length_m(40.0, hood) == pytest.approx(apart_m, rel=1e-12)
+    assert motors.elevation_from_screw_deg(1e4, CONFIG.hood) is None
 
 
 def test_the_encoder_may_wrap_between_zero_and_the_hood():
     zero = CONFIG.hood_encoder.zero_deg
     for elevation in (-30.0, 0.0, 15.0, 75.0, 179.0):
         angle = math.radians((zero + elevation) % 360.0)
-        assert elevation_from_encoder_deg(angle, CONFIG.hood_encoder, zero) == pytest.approx(elevation, abs=1e-9)
+        assert motors.elevation_from_encoder_deg(angle, CONFIG.hood_encoder, zero) == pytest.approx(elevation, abs=1e-9)
 
 
 # ODrive CANSimple: node << 5 | command; the hood, node 3, has a limit switch to ask for, command 0x04
@@ -226,7 +219,7 @@ ENCODER_SETTING, ENCODER_ASKED = 0x070E00C0 + 5, 0x070E0080 + 5
 
 
 def allowed_of(config: Config) -> list[Allowed]:
-    return [kind for one in make_rules(config) for kind in one.allowed]
+    return [kind for one in motors.make_rules(config) for kind in one.allowed]
 
 
 def limits_of(config: Config) -> dict[tuple[int, bool, bool, int], int]:
@@ -237,7 +230,7 @@ def limits_of(config: Config) -> dict[tuple[int, bool, bool, int], int]:
 @pytest.fixture
 def bench():
     wire, clock, tally = Wire(), Time(), Counter()
-    return wire, clock, tally, guard(wire, CONFIG, clock, tally)
+    return wire, clock, tally, motors.guard(wire, CONFIG, clock, tally)
 
 
 def test_frames_by_length_and_how_often_at_every_tick_rate() -> None:
@@ -302,7 +295,7 @@ ENCODER_SENDS, ENCODER_IS_SENT = (0x070E07C5, 0x070E0785, 0x070E0185, 0x070E0105
 ])
 def test_whose_frames_they_are(config, sends, is_sent, pulse) -> None:
     """Of the hood's axis, and of its encoder; by the tables of their makers."""
-    encoder, hood = make_rules(config)[0], make_rules(config)[3]
+    encoder, hood = motors.make_rules(config)[0], motors.make_rules(config)[3]
     extended = sends is SPARK_SENDS
     assert set(hood.by_device) == {(frame_id, extended, False) for frame_id in sends}
     assert set(hood.by_host) == {(frame_id, extended, False) for frame_id in is_sent}
@@ -318,7 +311,7 @@ def test_whose_frames_they_are(config, sends, is_sent, pulse) -> None:
 def test_what_devices_and_other_hosts_say_is_known_and_what_only_we_may_say_is_not() -> None:
     """Questions about our axes that another host asks are ours, too; unknown frames are counted without a fault."""
     wire, clock, tally = Wire(), Time(), Counter()
-    bus = guard(wire, CONFIG, clock, tally)
+    bus = motors.guard(wire, CONFIG, clock, tally)
     wire.frames = [Frame(clock.t_ns, 1 << 5 | 0x09, bytes(8)), Frame(clock.t_ns, 0x070E0185, bytes(8), True)]
     assert len(bus.read()) == 2 and bus.faults() == [] and not tally
     wire.frames = [Frame(clock.t_ns, 0x7FE, bytes(8)), Frame(clock.t_ns, 1 << 5, b"", is_remote=True)]
@@ -330,7 +323,7 @@ def test_what_devices_and_other_hosts_say_is_known_and_what_only_we_may_say_is_n
 def test_an_axis_of_another_controller_may_be_sent_nothing_and_is_commanded_by_it() -> None:
     wire, clock, tally = Wire(), Time(), Counter()
     config = only_advice("odrive")
-    bus = guard(wire, config, clock, tally)
+    bus = motors.guard(wire, config, clock, tally)
     assert allowed_of(config) == []
     torque = odrive.make_torque(odrive.OdriveAxis(11, 1), 0.1)
     assert not bus.write(torque) and wire.sent == []

@@ -7,13 +7,9 @@ from hypothesis import strategies as st
 
 from tests.robot.alike import codes
 from tests.robot.good_tick import CONFIG
+from truearc.hw import fault_codes as hw
 from truearc.hw.devices import button_box as buttons
 from truearc.hw.devices.odrive import frames as odrive
-from truearc.hw.fault_codes import (
-    BOX_PRESSES_REPEATED,
-    BOX_RESTARTED,
-    CAN_ADAPTER_ERROR,
-)
 from truearc.hw.protocols import Frame, LinkLost
 from truearc.robot import reasons as because
 from truearc.robot.eyes import InlineEyes
@@ -21,7 +17,7 @@ from truearc.robot.reasons import IMAGE_DARK
 from truearc.robot.rig import HardwareRig
 from truearc.robot.types import Command, Sighting
 
-UNPLUGGED = CAN_ADAPTER_ERROR(bus="wire", detail="unplugged")
+UNPLUGGED = hw.CAN_ADAPTER_ERROR(bus="wire", detail="unplugged")
 DARK, BURNT = because.IMAGE_DARK(), because.IMAGE_BURNT()
 ASKED = Command(True, True, True, 0.1, -0.02, 0.2)
 
@@ -205,7 +201,7 @@ def test_a_box_that_was_without_power_is_said_to_have_restarted(bench):
     assert because.BOX_LOST(cause=UNPLUGGED) in rig.read().faults
     box.lost, box.data = False, buttons.make_heartbeat(0) + buttons.make_press(1, "fire")
     inputs = rig.read()
-    assert inputs.faults == (BOX_RESTARTED(),) and [event.button for event in inputs.buttons] == ["fire"]
+    assert inputs.faults == (hw.BOX_RESTARTED(),) and [event.button for event in inputs.buttons] == ["fire"]
     box.data = buttons.make_heartbeat(1)
     assert rig.read().faults == ()
 
@@ -216,7 +212,7 @@ def test_a_press_that_is_told_twice_is_one_press_and_no_restart(bench):
     assert [event.seq for event in rig.read().buttons] == [5]
     box.data = buttons.make_press(5, "arm") + 2 * buttons.make_press(6, "fire") + 2 * buttons.make_heartbeat(6)
     inputs = rig.read()
-    assert inputs.faults == (BOX_PRESSES_REPEATED(presses=2),)
+    assert inputs.faults == (hw.BOX_PRESSES_REPEATED(presses=2),)
     assert [(event.seq, event.button) for event in inputs.buttons] == [(6, "fire")]
     box.data = buttons.make_press(7, "two")
     inputs = rig.read()
@@ -229,11 +225,11 @@ def test_another_button_under_the_same_number_is_a_press_of_a_box_that_has_resta
     rig.read()
     box.data = buttons.make_press(1, "fire")
     inputs = rig.read()
-    assert inputs.faults == (BOX_RESTARTED(),) and [event.button for event in inputs.buttons] == ["fire"]
+    assert inputs.faults == (hw.BOX_RESTARTED(),) and [event.button for event in inputs.buttons] == ["fire"]
     clock.t_ns += 600_000_000                             # for longer than a box that has power is ever silent
     box.data = buttons.make_press(1, "fire")
     inputs = rig.read()
-    assert BOX_RESTARTED() in inputs.faults and [event.button for event in inputs.buttons] == ["fire"]
+    assert hw.BOX_RESTARTED() in inputs.faults and [event.button for event in inputs.buttons] == ["fire"]
 
 
 def test_ticks_that_stood_still_are_a_fault_until_all_that_waited_has_been_read(bench):

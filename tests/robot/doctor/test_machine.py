@@ -22,17 +22,7 @@ from truearc.hw.devices.family import FAILURE, OK, WARNING, Heard
 from truearc.hw.fault_codes import CAMERA_ERROR
 from truearc.hw.protocols import CameraFrame, LinkLost
 from truearc.hw.real.system import CanLink, Exposure, parse_link, read_exposure
-from truearc.robot.doctor import (
-    check_adapter,
-    check_bitrate,
-    check_box,
-    check_camera,
-    check_clock,
-    check_disk,
-    check_exposure,
-    check_model,
-    check_real_time,
-)
+from truearc.robot import doctor
 
 # As iproute2 prints a gs_usb adapter and a virtual interface.
 CAN0 = ('[{"ifindex":3,"ifname":"can0","flags":["NOARP","UP","LOWER_UP","ECHO"],"mtu":16,"operstate":"UP",'
@@ -75,7 +65,7 @@ def test_what_is_no_json_is_no_interface(text):
     (CanLink(True, None, None, None, None), OK, "up"),
 ])
 def test_the_adapter(link, level, words):
-    finding = check_adapter(CONFIG.can, link)
+    finding = doctor.check_adapter(CONFIG.can, link)
     assert finding.level == level and words in finding.says and bool(finding.do) == (level != OK)
 
 
@@ -84,7 +74,7 @@ def test_the_adapter(link, level, words):
     (WELL, Heard((), 1.0), FAILURE),
 ])
 def test_the_bitrate(link, heard, level):
-    assert check_bitrate(CONFIG.can, link, heard).level == level
+    assert doctor.check_bitrate(CONFIG.can, link, heard).level == level
 
 
 @pytest.mark.parametrize(("free_bytes", "writable", "level"), [
@@ -92,16 +82,16 @@ def test_the_bitrate(link, heard, level):
     (30_000_000_000, False, FAILURE), (None, True, FAILURE),
 ])
 def test_a_disk_that_is_nearly_full(free_bytes, writable, level):
-    assert check_disk(Path("sessions"), free_bytes, writable).level == level
+    assert doctor.check_disk(Path("sessions"), free_bytes, writable).level == level
 
 
 @pytest.mark.parametrize(("synchronised", "level"), [(True, OK), (False, WARNING), (None, WARNING)])
 def test_the_time_of_day(synchronised, level):
-    assert check_clock(synchronised).level == level
+    assert doctor.check_clock(synchronised).level == level
 
 
 def test_what_the_system_refuses_is_a_warning_with_its_reason():
-    findings = check_real_time([("real-time scheduling (SCHED_FIFO 50)", "Operation not permitted"),
+    findings = doctor.check_real_time([("real-time scheduling (SCHED_FIFO 50)", "Operation not permitted"),
                                 ("locked memory", "")])
     assert [finding.level for finding in findings] == [WARNING, OK] and "not permitted" in findings[0].says
 
@@ -112,11 +102,11 @@ def test_what_the_system_refuses_is_a_warning_with_its_reason():
 ])
 def test_exposure(exposure, level):
     fixed = replace(CONFIG.camera, exposure_s=0.005)
-    assert check_exposure(fixed, exposure).level == OK and "5 ms" in check_exposure(fixed, exposure).says
-    finding = check_exposure(CONFIG.camera, exposure)           # 20 images/s: 50 ms from one to the next
+    assert doctor.check_exposure(fixed, exposure).level == OK and "5 ms" in doctor.check_exposure(fixed, exposure).says
+    finding = doctor.check_exposure(CONFIG.camera, exposure)           # 20 images/s: 50 ms from one to the next
     assert finding.level == level and bool(finding.do) == (level != OK)
     for camera in (fixed, CONFIG.camera):                       # whatever is stated, nothing here can ask
-        finding = check_exposure(replace(camera, device="http://camera.local/stream"), None)
+        finding = doctor.check_exposure(replace(camera, device="http://camera.local/stream"), None)
         assert finding.level == WARNING and "network camera" in finding.says and "v4l2" not in finding.do
 
 
@@ -175,7 +165,7 @@ def dark(noise, floor=4.0, hot=0, lamp=0):
     ([LinkLost(CAMERA_ERROR(camera="0", detail="gone"))], FAILURE, "gone"),
 ])
 def test_images(images, level, words):
-    finding = check_camera(Showing(*images), Time())
+    finding = doctor.check_camera(Showing(*images), Time())
     assert finding.level == level and words in finding.says
 
 
@@ -186,7 +176,7 @@ def test_images(images, level, words):
 def test_the_button_box(data, lost, level, words):
     box = Stream()
     box.data, box.lost = data, lost
-    finding = check_box(box, Time())
+    finding = doctor.check_box(box, Time())
     assert finding.level == level and words in finding.says
 
 
@@ -194,13 +184,13 @@ def test_the_gate_model(tmp_path):
     path = tmp_path / "gate.onnx"
     path.write_bytes(build())
     asked = replace(CONFIG.gate, policy="model")
-    assert check_model(CONFIG.gate, None).level == OK and check_model(asked, None).level == FAILURE
-    finding = check_model(asked, path)
+    assert doctor.check_model(CONFIG.gate, None).level == OK and doctor.check_model(asked, None).level == FAILURE
+    finding = doctor.check_model(asked, path)
     assert finding.level == OK and "hood_deg 20 to 60" in finding.says
     path.write_bytes(build(metadata=METADATA | {"truearc.contract_sha256": "0" * 64}))
-    finding = check_model(asked, path)
+    finding = doctor.check_model(asked, path)
     assert finding.level == FAILURE and "another contract" in finding.says
-    assert check_model(CONFIG.gate, tmp_path / "nowhere.onnx").level == FAILURE
+    assert doctor.check_model(CONFIG.gate, tmp_path / "nowhere.onnx").level == FAILURE
 
 
 @pytest.fixture

@@ -11,16 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from truearc.robot.gate import FEATURES, NO_RATING, load_gate
-from truearc.robot.operator_ui.what_if import (
-    BURST,
-    MAX_CONFIGURATIONS,
-    NAMES,
-    QUESTION_COST,
-    RATE_PER_S,
-    QuestionError,
-    WhatIf,
-    parse_question,
-)
+from truearc.robot.operator_ui import what_if as asking
 from truearc.robot.verdict import doubt_rating
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "reference" / "export-physics" / "gate.onnx"
@@ -46,7 +37,7 @@ class Stopped:
 
 
 def what_if(threshold=0.3, gate=GATE):
-    return WhatIf(gate, threshold, 594.0, Stopped())
+    return asking.WhatIf(gate, threshold, 594.0, Stopped())
 
 
 def ask(asked, body):
@@ -57,26 +48,26 @@ def ask(asked, body):
 
 
 def refused(body):
-    with pytest.raises(QuestionError) as raised:
-        parse_question(body if isinstance(body, bytes) else json.dumps(body).encode())
+    with pytest.raises(asking.QuestionError) as raised:
+        asking.parse_question(body if isinstance(body, bytes) else json.dumps(body).encode())
     return raised.value
 
 
 @given(within)
 def test_question_has_the_numbers_that_were_sent(row):
-    question = parse_question(json.dumps(dict(zip(NAMES, row, strict=True))).encode())
+    question = asking.parse_question(json.dumps(dict(zip(asking.NAMES, row, strict=True))).encode())
     assert question.is_single and [value for value, in question.values] == list(row)
 
 
 @given(st.binary(max_size=200) | st.text(max_size=200).map(str.encode))
 def test_any_bytes_are_a_question_or_refused_with_400(body):
     try:
-        parse_question(body)
-    except QuestionError as error:
+        asking.parse_question(body)
+    except asking.QuestionError as error:
         assert error.status == 400 and str(error)
 
 
-@given(st.sampled_from(NAMES), not_numbers)
+@given(st.sampled_from(asking.NAMES), not_numbers)
 def test_value_that_is_no_number_in_range_is_refused_by_its_key(key, value):
     error = refused({**GOOD, key: value})
     assert error.status == 400 and error.key == key and key in str(error)
@@ -95,7 +86,7 @@ def test_malformed_question_is_refused_in_words(body, words):
 def test_too_many_combinations_are_refused():
     side = [0.5] * 64
     most = json.dumps({**GOOD, "distance_m": side, "motor_ratio": side}).encode()
-    assert parse_question(most).rows == MAX_CONFIGURATIONS
+    assert asking.parse_question(most).rows == asking.MAX_CONFIGURATIONS
     assert "expected at most 4096" in str(refused({**GOOD, "distance_m": [*side, 0.5], "motor_ratio": side}))
 
 
@@ -122,7 +113,7 @@ def test_single_question_has_single_answers_and_facts_state_limits():
     facts = json.loads(what_if().facts().text)
     assert facts["sha256"] == GATE.sha256 and facts["threshold"] == 0.3 and facts["free_speed_rad_s"] == 594.0
     assert [(one["name"], one["domain"]) for one in facts["features"]] == [
-        (name, list(domain)) for name, domain in zip(NAMES, GATE.domain, strict=True)]
+        (name, list(domain)) for name, domain in zip(asking.NAMES, GATE.domain, strict=True)]
 
 
 def test_gate_that_fails_or_has_no_number_holds():
@@ -142,18 +133,18 @@ def test_gate_that_fails_or_has_no_number_holds():
 def test_budget_is_spent_by_configurations_and_fills_with_time():
     asked, body, side = what_if(), json.dumps(GOOD).encode(), [0.5] * 64
     most = json.dumps({**GOOD, "distance_m": side, "motor_ratio": side}).encode()
-    for _ in range(BURST // (QUESTION_COST + 1)):
+    for _ in range(asking.BURST // (asking.QUESTION_COST + 1)):
         ask(asked, body)
     refusal = asked.answer(body)
     assert refusal.status == 429 and refusal.retry_s == 1 and b"too many" in refusal.text
     asked._clock.t_ns += 500_000_000
     refusal = asked.answer(most)
     assert refusal.status == 429 and refusal.retry_s == 2
-    asked._clock.t_ns += 1_000_000_000 * (MAX_CONFIGURATIONS + QUESTION_COST) // RATE_PER_S + 1
-    assert len(ask(asked, most)["verdict"]) == MAX_CONFIGURATIONS
+    asked._clock.t_ns += 1_000_000_000 * (asking.MAX_CONFIGURATIONS + asking.QUESTION_COST) // asking.RATE_PER_S + 1
+    assert len(ask(asked, most)["verdict"]) == asking.MAX_CONFIGURATIONS
 
 
 def test_malformed_questions_cost_too():
     asked = what_if()
-    statuses = [asked.answer(b"{").status for _ in range(BURST // QUESTION_COST + 1)]
+    statuses = [asked.answer(b"{").status for _ in range(asking.BURST // asking.QUESTION_COST + 1)]
     assert set(statuses[:-1]) == {400} and statuses[-1] == 429
