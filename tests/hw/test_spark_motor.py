@@ -260,18 +260,6 @@ def test_lost_status_frames_are_noticed_and_asked_for_again(make) -> None:
     assert bench.faults() == () and bench.motor.reading.axis_state == spark.DRIVEN      # no error stood
 
 
-def test_answers_that_never_come_are_named(make) -> None:
-    bench = make(faults=(Fault(SILENT, 0, FOREVER, frame_id=0x02050443),))
-    bench.run(100)
-    assert bench.faults() == (hw.SPARK_STATUS_OFF(spark=3),)
-
-
-def test_a_status_frame_that_stays_off_is_not_taken_for_on(make) -> None:
-    bench = make(faults=(Fault(OVERWRITTEN, 0, FOREVER, frame_id=0x02050443, at=3, data=b"\x03"),))
-    bench.run(100, 0.1)
-    assert bench.faults() == (hw.SPARK_STATUS_OFF(spark=3),) and bench.enabled() == []
-
-
 def test_what_a_reset_may_have_lost_is_set_again_before_it_drives(make) -> None:
     bench = make()
     bench.run(60)
@@ -283,19 +271,17 @@ def test_what_a_reset_may_have_lost_is_set_again_before_it_drives(make) -> None:
     assert len(bench.frames(0x3800)) == 12                 # nothing has been lost since
 
 
-def test_refused_parameters_are_named(make) -> None:
-    bench = make(faults=(Fault(OVERWRITTEN, 0, FOREVER, frame_id=0x02053843, at=6, data=b"\x01"),))
-    bench.run(100, 0.1)
-    assert bench.faults() == (
-        hw.SPARK_SETTINGS_UNCONFIRMED(spark=3, parameters=(70, 71, 136, 137, 160, 53)),)
-    assert bench.frames(0x080) == []
-
-
-def test_silence_about_faults_is_a_fault(make) -> None:
-    bench = make(faults=(Fault(SILENT, 0, FOREVER, frame_id=0x0205B843),))
+@pytest.mark.parametrize(("fault", "named"), [
+    (Fault(SILENT, 0, FOREVER, frame_id=0x02050443), hw.SPARK_STATUS_OFF(spark=3)),
+    (Fault(OVERWRITTEN, 0, FOREVER, frame_id=0x02050443, at=3, data=b"\x03"), hw.SPARK_STATUS_OFF(spark=3)),
+    (Fault(OVERWRITTEN, 0, FOREVER, frame_id=0x02053843, at=6, data=b"\x01"),
+     hw.SPARK_SETTINGS_UNCONFIRMED(spark=3, parameters=(70, 71, 136, 137, 160, 53))),
+    (Fault(SILENT, 0, FOREVER, frame_id=0x0205B843), hw.SPARK_FAULTS_STALE(spark=3))])
+def test_what_a_device_does_not_confirm_is_named_and_it_is_not_driven(make, fault: Fault, named: Reason) -> None:
+    bench = make(faults=(fault,))
     bench.run(60)
     bench.run(100, 0.1)
-    assert bench.faults() == (hw.SPARK_FAULTS_STALE(spark=3),) and bench.enabled() == []
+    assert bench.faults() == (named,) and bench.enabled() == [] and bench.frames(0x080) == []
 
 
 def test_faults_of_the_device_keep_it_from_driving(make, plant) -> None:

@@ -130,13 +130,6 @@ def test_torque_is_that_of_a_motor_at_a_share_of_the_bus_voltage(bench, plant) -
         0.25 * 12.25 / KT * (1.0 - 2.718281828 ** (-0.4 / tau_s)), rel=0.01)
 
 
-def test_at_a_duty_of_zero_it_coasts(bench, plant) -> None:
-    plant.velocity_rad_s["hood"] = 100.0
-    bench.duty(0.0)
-    bench.run(100, beating=True)
-    assert plant.velocity_rad_s["hood"] == 100.0
-
-
 def test_stall_current_is_limited(bench, plant) -> None:
     bench.duty(1.0)
     bench.run(1, beating=True)

@@ -1,4 +1,4 @@
-"""Nothing leaves but what is on the list, and never more often: against a count that looks at all that was sent."""
+"""Nothing leaves but what is on the list, and never more often; and who else speaks on the bus."""
 
 from collections import Counter
 
@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from truearc.hw.bus_rules import WINDOW_NS, Allowed, AllowedBus, AllowList, allow
-from truearc.hw.fault_codes import CAN_OVERRUN, FRAME_NOT_ALLOWED, FRAME_RATE_EXCEEDED
+from truearc.hw.bus_rules import KINDS, WINDOW_NS, Allowed, AllowedBus, AllowList, MonitoredBus, allow
+from truearc.hw.fault_codes import CAN_OVERRUN, DUPLICATE_ID, FOREIGN_HOST, FRAME_NOT_ALLOWED, FRAME_RATE_EXCEEDED
 from truearc.hw.protocols import Frame
 from truearc.hw.reason import Reason
 
@@ -118,3 +118,96 @@ def test_a_full_queue_is_the_wires_own_refusal(bench) -> None:
     wire.full = True
     assert not bus.write(TORQUE) and not tally and bus.faults() == [WIRE] and bus.read() == [TORQUE]
     assert wire.sent == [TORQUE]
+
+
+MS, S = 1_000_000, 1_000_000_000
+PULSE, KNOWN, OURS = Frame(0, 0x21, bytes(8)), Frame(0, 0x29, bytes(8)), Frame(0, 0x2E, bytes(8))
+
+
+class Air:
+    """A bus on which somebody says what a list says."""
+
+    def __init__(self) -> None:
+        self.frames: list[Frame] = []
+        self.sent: list[Frame] = []
+
+    def read(self) -> list[Frame]:
+        frames, self.frames = self.frames, []
+        return frames
+
+    def write(self, frame: Frame) -> bool:
+        self.sent.append(frame)
+        return True
+
+    def faults(self) -> list[Reason]:
+        return []
+
+    def close(self) -> None: ...
+
+
+class Monitored:
+    def __init__(self, clock) -> None:
+        self.wire, self.clock, self.tally = Air(), clock, Counter()
+        self.bus = MonitoredBus(self.wire, [(0x21, False, False), (0x29, False, False)], [(0x2E, False, False)],
+                                {(0x21, False, False): 100 * MS}, clock, self.tally)
+
+    def hear(self, *frames: Frame) -> list[Reason]:
+        """Faults once these have come in now."""
+        self.wire.frames = [frame._replace(t_ns=self.clock.t_ns) for frame in frames]
+        assert self.bus.read() == [frame._replace(t_ns=self.clock.t_ns) for frame in frames]
+        return self.bus.faults()
+
+
+@pytest.fixture
+def monitored(clock) -> Monitored:
+    return Monitored(clock)
+
+
+def test_what_belongs_here_is_passed_on_and_unknown_frames_counted(monitored) -> None:
+    assert monitored.hear(PULSE, KNOWN, KNOWN) == [] and not monitored.tally
+    assert monitored.bus.write(OURS) and monitored.wire.sent == [OURS] and monitored.bus.faults() == []
+    stranger = Frame(0, 0x123, b"")
+    assert monitored.hear(stranger, stranger, KNOWN._replace(is_extended=True), KNOWN._replace(is_remote=True)) == []
+    assert monitored.tally == {"unknown frames 0x123": 2, "unknown frames 0x00000029": 1, "unknown frames 0x029": 1}
+
+
+def test_noise_does_not_fill_the_memory(monitored) -> None:
+    monitored.hear(*(Frame(0, number, b"", True) for number in range(10 * KINDS)))
+    assert len(monitored.tally) == KINDS + 1 and monitored.tally.total() == 10 * KINDS
+    assert monitored.tally["unknown frames of other kinds"] == 9 * KINDS
+
+
+def test_a_frame_that_only_we_send_is_another_host(monitored) -> None:
+    fault = FOREIGN_HOST(frame="0x02e")
+    assert monitored.hear(OURS) == [fault] and monitored.tally == {"frames of another host": 1}
+    monitored.clock.t_ns = S - 1
+    assert monitored.hear() == [fault]
+    monitored.clock.t_ns = S
+    assert monitored.hear() == []
+
+
+@pytest.mark.parametrize("jitter_ms", [0, 49])
+@pytest.mark.parametrize("shift_ms", [1, 30, 50])
+def test_two_devices_with_one_id_and_one_alone(monitored, jitter_ms: int, shift_ms: int) -> None:
+    def pulses(second: bool) -> list[list[Reason]]:
+        begin_ms = monitored.clock.t_ns // MS
+        moments = [begin_ms + 100 * k + jitter_ms * (k % 2) for k in range(30)]
+        moments += [moment + shift_ms for moment in moments] if second else []
+        heard = []
+        for moment in sorted(moments):
+            monitored.clock.t_ns = moment * MS
+            heard.append(monitored.hear(PULSE))
+        return heard
+
+    assert not any(pulses(second=False))
+    assert pulses(second=True)[-1] == [DUPLICATE_ID(frame="0x021", most=16, window_s=1.0, usual=10)]
+    monitored.clock.t_ns += S
+    assert not any(pulses(second=False))
+
+
+def test_a_device_that_falls_silent_is_not_two(monitored) -> None:
+    for _ in range(10):
+        monitored.clock.t_ns += 100 * MS
+        monitored.hear(PULSE)
+    monitored.clock.t_ns += 60 * S
+    assert monitored.hear() == [] and monitored.hear(PULSE) == []

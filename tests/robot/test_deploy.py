@@ -192,25 +192,16 @@ def test_a_recording_section_of_ones_own_stays_as_it_is(own):
 
 
 @needs_shell
-def test_with_wheels_for_everything_no_network_is_asked(tmp_path):
+def test_plugins_come_with_the_program_and_wheels_for_all_need_no_network(tmp_path):
     computer = Computer(tmp_path)
     (computer.stage / "wheels" / "numpy-2.4.6-cp311.whl").touch()
-    _, _, log = computer.install()
-    assert all("--no-index" in row for row in log if "pip install" in row) and sum("pip install" in r for r in log) == 2
-
-
-@needs_shell
-def test_plugins_are_installed_with_the_program(tmp_path):
-    computer = Computer(tmp_path)
     (computer.stage / "plugins").mkdir()
     for name in ("one", "two"):
         (computer.stage / "plugins" / f"{name}-1-py3-none-any.whl").touch()
     _, _, log = computer.install()
     pips = [row for row in log if "pip install" in row]
-    assert len(pips) == 2
-    for row in pips:
-        assert row.endswith("wheels/truearc-0.1.0-py3-none-any.whl plugins/one-1-py3-none-any.whl "
-                            "plugins/two-1-py3-none-any.whl")
+    wheels = ("wheels/truearc-0.1.0-py3-none-any.whl", *(f"plugins/{one}-1-py3-none-any.whl" for one in ("one", "two")))
+    assert len(pips) == 2 and all("--no-index" in row and row.endswith(" ".join(wheels)) for row in pips)
 
 
 def test_a_plugin_is_built_without_what_was_built_before_and_a_wheel_taken_as_it_is(tmp_path, monkeypatch):

@@ -144,22 +144,6 @@ def test_a_reason_that_is_not_named_after_its_driver_is_refused(installed: Path,
             load_config(toml)
 
 
-def test_without_it_the_drivers_that_there_are_are_listed(toml: Path) -> None:
-    with pytest.raises(InputError, match=r"launcher\.toml:\d+: axes\.feeder\.driver: 'samplemotor' is not known here; "
-                                         "there are odrive, spark, advisory"):
-        load_config(toml)
-
-
-@pytest.mark.parametrize(("old", "new", "message"), [
-    ("rated_v = 12.0", "", r"launcher\.toml:\d+: axes\.feeder\.rated_v: missing key"),
-    ("node = 9", "node = 63", r"axes\.feeder\.node: a whole number of at most 62 is expected, got 63"),
-    ('"samplemotor"', '"samplemoter"', "; there are odrive, spark, advisory, samplemotor$")])
-def test_a_mistake_in_its_table_is_named(old: str, new: str, message: str, installed: Path, toml: Path) -> None:
-    toml.write_text(toml.read_text().replace(old, new))
-    with pytest.raises(InputError, match=message):
-        load_config(toml)
-
-
 @pytest.mark.parametrize(("points", "message"), [
     (("samplemotor = nowhere:MOTOR",), "broken0 1.0: .*samplemotor = nowhere:MOTOR: ModuleNotFoundError: .*fix or"),
     (("samplemotor = math:pi",), "broken0 1.0: .*math:pi: is not a MotorFamily"),

@@ -146,13 +146,13 @@ def test_a_page_that_cannot_be_served_is_a_warning(wires, tmp_path, capfd):
     assert f"{TICKS} ticks" in out and f"cannot serve the operator's page on {where}" in err
 
 
-@pytest.mark.parametrize("where", ["here", "127.0.0.1:", "127.0.0.1:70000", "-1", ""])
-def test_a_page_nowhere_is_bad_input(where, tmp_path, capsys):
-    assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), f"--page={where}"]) == 2
-    assert f"--page {where}" in capsys.readouterr().err and not (tmp_path / "s").exists()
-
-
 @pytest.mark.parametrize(("text", "where"), [
     ("5808", ("127.0.0.1", 5808)), ("0.0.0.0:80", ("0.0.0.0", 80)), ("[::1]:5808", ("::1", 5808)), ("off", None)])
 def test_where_the_page_is(text, where):
     assert parse_page(text) == where
+
+
+@pytest.mark.parametrize("where", ["here", "127.0.0.1:", "127.0.0.1:70000", "-1", ""])
+def test_a_page_nowhere_is_bad_input(where, tmp_path, capsys):
+    assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), f"--page={where}"]) == 2
+    assert f"--page {where}" in capsys.readouterr().err and not (tmp_path / "s").exists()

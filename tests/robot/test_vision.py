@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from truearc import robot
-from truearc.hw.emulated.camera import HALO_MARGIN_PX, NOTHING, Array, Lens, Plane, Stage, TapeSize, outline_m, project
+from truearc.hw.emulated.camera import NOTHING, Lens, Stage, TapeSize, outline_m, project
 from truearc.hw.protocols import CameraFrame
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import CameraConfig, CameraFile, load_config, load_toml
@@ -26,19 +26,6 @@ TAPE, VISION = CONFIG.tape, CONFIG.vision
 FRAME_NS = 50_000_000
 
 
-class HiddenTapeCamera(StagedCamera):
-    """Something dark hides `hidden_share` (0 to 1) of the tape's box, from its left."""
-
-    hidden_share = 0.0
-
-    def _tape(self, edges: Array, box: tuple[int, int, int, int]) -> Plane:
-        tape = super()._tape(edges, box)
-        if self.hidden_share > 0.0:
-            wide = box[2] - box[0] - 2 * HALO_MARGIN_PX
-            tape[:, :round(HALO_MARGIN_PX + self.hidden_share * wide)] = 0.0
-        return tape
-
-
 class Scene:
     """A camera on a level floor before the target; the picture is the emulated camera's."""
 
@@ -48,7 +35,7 @@ class Scene:
         lens = Lens(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px,
                     camera.distortion)
         size = TapeSize(TAPE.top_width_m, TAPE.bottom_width_m, TAPE.height_m, TAPE.tape_width_m)
-        self.eye = HiddenTapeCamera(self.stage, lens, size, 20.0, 0.0, seed, look=look)
+        self.eye = StagedCamera(self.stage, lens, size, 20.0, 0.0, seed, look=look)
         self.t_ns = 0
 
     def place(self, distance_m: float, facing_deg: float = 0.0, bearing_deg: float = 0.0, focal_scale: float = 1.0,
@@ -180,27 +167,6 @@ def test_dark_plain_cut_off_and_turned_pictures_show_no_target():
     turned = CameraFrame(0, np.ascontiguousarray(frame.image[::-1, ::-1]))
     sighting = detect(turned, scene.camera, TAPE, VISION)
     assert not sighting.found and sighting.reason.code == because.POSE_OFF_MOUNTING.name
-
-
-@pytest.mark.parametrize("share", [0.05, 0.08, 0.15, 0.3, 0.5, 0.7, 0.9])
-def test_a_partly_hidden_target_is_doubted(share):
-    for seed in range(5):
-        scene = Scene(seed=seed)
-        scene.place(4.0, 10.0)
-        scene.eye.hidden_share = share
-        sighting = scene.look()
-        assert not sighting.found and sighting.reason
-
-
-@pytest.mark.parametrize("distance_m", [2.6, 4.0, 7.0])
-def test_a_target_with_a_tip_hidden_is_doubted_or_right(distance_m):
-    for share in (0.01, 0.02, 0.03, 0.04, 0.05, 0.06):
-        scene = Scene(seed=3)
-        scene.place(distance_m, 10.0)
-        scene.eye.hidden_share = share
-        for _ in range(5):
-            sighting = scene.look()
-            assert not sighting.found or abs(sighting.distance_m - distance_m) < 4 * sighting.sigma_m
 
 
 @pytest.mark.parametrize(("lift", "reason"), [(150, because.IMAGE_BRIGHT()), (0, None)])

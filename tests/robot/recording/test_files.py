@@ -1,0 +1,167 @@
+"""Files that grow on disks that refuse, candump lines, and where `truearc run` records."""
+
+import errno
+import os
+import shutil
+from collections import namedtuple
+from functools import partial
+from pathlib import Path
+
+import can
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.robot.good_tick import CONFIG
+from tests.robot.recording.test_writer import kept_cycles, play, ticks
+from truearc.cli.run_robot import make_room
+from truearc.hw.protocols import Frame
+from truearc.robot.reasons import DISK_BACKLOG_FULL, DISK_FULL, FILE_DELETED
+from truearc.robot.recording import files
+from truearc.robot.recording.files import Appender, NotKept, candump_line, claim, parse_candump
+from truearc.robot.recording.session import load_trials, make_header
+from truearc.robot.recording.writer import LaneKeeper, SessionWriter, disk_trouble
+
+resource = pytest.importorskip("resource")        # POSIX
+
+
+@pytest.fixture
+def room():
+    """A function that limits how long any file of this process may grow, lifted at the end."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    yield lambda limit: resource.setrlimit(resource.RLIMIT_FSIZE, (soft if limit is None else limit, hard))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_a_disk_that_is_full_for_a_while_loses_nothing(tmp_path, room):
+    file = Appender(tmp_path / "f")
+    lines = [b"%05d\n" % number for number in range(3000)]
+    room(8191)                                    # in the middle of a line
+    refused = 0
+    for number, line in enumerate(lines):
+        if number == 2000:
+            room(None)
+        file.write(line)
+        try:
+            file.flush()
+        except OSError as error:
+            assert error.errno == errno.EFBIG
+            refused += 1
+    assert refused == 2000 - 8191 // 6
+    assert file.tell() == 18000
+    file.close()
+    assert (tmp_path / "f").read_bytes() == b"".join(lines)
+
+
+def test_what_is_on_a_full_disk_is_a_whole_beginning(tmp_path, room):
+    file = Appender(tmp_path / "f", pending_bytes=1000)
+    room(100)
+    for number in range(1000):
+        file.write(b"%05d\n" % number)
+    with pytest.raises(OSError):
+        file.flush()
+    room(None)
+    for number in range(1000, 1010):
+        file.write(b"%05d\n" % number)
+    with pytest.raises(NotKept, match="not kept") as caught:
+        file.flush()
+    assert disk_trouble(caught.value) == DISK_BACKLOG_FULL()
+    file.close()
+    kept = (tmp_path / "f").read_bytes().split()
+    assert kept == [b"%05d" % number for number in range(len(kept))] and 100 < 6 * len(kept) < 1100
+
+
+def test_a_file_is_locked_while_it_grows_and_never_written_over(tmp_path):
+    file = Appender(tmp_path / "f")
+    with (tmp_path / "f").open("rb") as other, pytest.raises(BlockingIOError):
+        claim(other)
+    with pytest.raises(FileExistsError):
+        Appender(tmp_path / "f")
+    file.close()
+    with (tmp_path / "f").open("rb") as other:
+        claim(other)
+
+
+def test_a_file_that_is_deleted_under_it_is_trouble_for_good(tmp_path):
+    file = Appender(tmp_path / "trials.jsonl")
+    file.write(b"one\n")
+    file.flush()
+    (tmp_path / "trials.jsonl").unlink()
+    for _ in range(2):
+        file.write(b"more\n")
+        with pytest.raises(NotKept, match="has been deleted") as caught:
+            file.flush()
+        assert disk_trouble(caught.value) == FILE_DELETED(file="trials.jsonl")
+    file.close()
+
+
+@st.composite
+def frames(draw):
+    extended, remote = draw(st.booleans()), draw(st.booleans())
+    data = bytes(draw(st.integers(0, 8))) if remote else draw(st.binary(max_size=8))
+    return Frame(draw(st.integers(0, 10**15)) * 1000, draw(st.integers(0, 0x1FFFFFFF if extended else 0x7FF)), data,
+                 extended, remote)
+
+
+@given(frame=frames(), sent=st.booleans(), t_us=st.integers(0, 10**12))
+def test_a_line_says_all_of_a_frame(frame, sent, t_us):
+    line = candump_line(frame, sent, t_us * 1000)
+    assert parse_candump(line) == ((frame._replace(t_ns=0) if sent else frame), sent)
+    assert parse_candump(line[:-1]) is None            # torn
+
+
+@given(text=st.text(max_size=60))
+def test_any_other_line_is_none(text):
+    assert parse_candump(text) is None
+
+
+def test_a_recorded_log_is_read_alike_by_python_can(plain):
+    lines = [parse_candump(line) for line in (plain / "can0.log").open()]
+    messages = list(can.CanutilsLogReader(plain / "can0.log"))
+    assert len(messages) == len(lines) > 3000
+    for (frame, sent), message in zip(lines, messages, strict=True):
+        data = bytes(message.dlc) if message.is_remote_frame else bytes(message.data)
+        assert (frame.arbitration_id, frame.data, frame.is_extended, frame.is_remote) == (
+            message.arbitration_id, data, message.is_extended_id, message.is_remote_frame)
+        assert message.is_rx is not sent
+        assert sent or frame.t_ns == round(message.timestamp * 1e6) * 1000
+
+
+def test_a_clock_that_was_set_back_costs_a_number_behind_the_name(tmp_path):
+    names = []
+    for hour in ("10", "11", "10", "10"):                  # an hour on, and back
+        folder = make_room(tmp_path / "sessions", f"2026-01-01T{hour}:00:00+00:00")
+        SessionWriter(folder, make_header(CONFIG, None, None), CONFIG, None, lossless=True).close()
+        names.append(folder.name)
+    assert names == ["2026-01-01T100000+0000", "2026-01-01T110000+0000", "2026-01-01T100000+0000-2",
+                     "2026-01-01T100000+0000-3"]
+
+
+def test_a_disk_that_is_all_but_full_is_warned_of(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: namedtuple("usage", "free")(7 << 20))
+    assert make_room(tmp_path, "2026-01-01T10:00:00+00:00") == tmp_path / "2026-01-01T100000+0000"
+    assert f"warning: {tmp_path}: 7 MB free, " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("refused", ["config.json", "telemetry.mcap"])
+def test_a_folder_that_finds_no_room_is_made_later_whole(tmp_path, monkeypatch, refused):
+    """As a full disk refuses, without one: which only root may make."""
+    open_path, room = Path.open, []
+
+    def open_it(path, mode="r", *rest, **more):
+        if path.name == refused and "x" in mode and not room:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return open_path(path, mode, *rest, **more)
+
+    monkeypatch.setattr(Path, "open", open_it)
+    monkeypatch.setattr(files, "AGAIN", 1)
+    recorder = SessionWriter(tmp_path / "s", make_header(CONFIG, None, None), CONFIG, None, lossless=False,
+                             open_keeper=partial(LaneKeeper, lossless=False, waits=True))
+    assert recorder.trouble() == DISK_FULL()
+    some = list(ticks(600, marks=(100,)))
+    play(recorder, some[:350])
+    room.append(True)
+    play(recorder, some[350:])
+    recorder.close()
+    assert recorder.failed is None and kept_cycles(tmp_path / "s") == list(range(1, 601))
+    assert len(load_trials(tmp_path / "s")) == 1
