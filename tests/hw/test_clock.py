@@ -1,13 +1,12 @@
 """Two clocks with one promise: sleep_until_ns returns once now_ns says so."""
 
-import time
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from truearc.hw.emulated.nodes import StepClock
-from truearc.hw.real.clock import MonotonicClock, wall_offset_ns
+from truearc.hw.real.clock import MonotonicClock
 
 
 @given(times=st.lists(st.integers(0, 10**12), max_size=20))
@@ -29,7 +28,3 @@ def test_the_machines_clock_keeps_absolute_deadlines(ahead_ns: int) -> None:
     clock.sleep_until_ns(start_ns + ahead_ns)
     assert clock.now_ns() >= start_ns + ahead_ns
     assert clock.now_ns() - start_ns < 500_000_000          # a deadline that is past costs nothing
-
-
-def test_the_wall_clock_is_the_machines_clock_and_an_offset() -> None:
-    assert abs(MonotonicClock().now_ns() + wall_offset_ns() - time.time_ns()) < 500_000_000

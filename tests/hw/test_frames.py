@@ -40,9 +40,12 @@ def test_the_page_for_builders_is_right() -> None:
     assert re.findall(r"^\| `([a-z-]+)` \|", text, re.MULTILINE) == list(buttons.BUTTONS)
 
 
-def test_checksum_is_the_standard_crc8() -> None:
+def test_checksum_unknown_buttons_and_gaps() -> None:
     # the check value that catalogues of CRCs give for CRC-8/SMBUS
     assert buttons._crc(b"123456789") == 0xF4
+    with pytest.raises(ValueError, match="launch"):
+        buttons.make_press(1, "launch")
+    assert [buttons.lost_presses(*seqs) for seqs in ((65535, 0), (65534, 1), (3, 4))] == [0, 2, 0]
 
 
 @given(said=st.lists(events, max_size=8), cuts=st.lists(st.integers(0, 200), max_size=10))
@@ -83,9 +86,3 @@ def test_what_is_no_line_is_a_fault_and_costs_no_other() -> None:
 def test_a_right_checksum_does_not_make_a_wrong_line_right(body: bytes) -> None:
     heard, faults = hear([b"$%b*%02X\r\n" % (body, buttons._crc(body))])
     assert not heard and len(faults) == 1
-
-
-def test_unknown_buttons_cannot_be_said_and_gaps_are_counted() -> None:
-    with pytest.raises(ValueError, match="launch"):
-        buttons.make_press(1, "launch")
-    assert [buttons.lost_presses(*seqs) for seqs in ((65535, 0), (65534, 1), (3, 4))] == [0, 2, 0]

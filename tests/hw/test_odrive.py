@@ -64,7 +64,7 @@ def test_each_group_has_its_own_stamp_and_leaves_the_others_alone() -> None:
     assert odrive.errors_of(reading.axis_error) == (hw.ERROR_WATCHDOG_EXPIRED(),)
 
 
-def test_answers_of_a_limit_switch_errors_and_version() -> None:
+def test_answers_and_foreign_frames() -> None:
     axis, closed = OdriveAxis(2, 1, 596), MotorReading(endstop_t_ns=1, endstop=True)
     assert not odrive.parse(axis, frame(axis, 0x05, bytes([0, 0x54, 0x02, 0, 0])), closed).endstop
     assert odrive.parse(axis, frame(axis, 0x05, bytes([0, 0x55, 0x02, 0, 0])), closed) == closed
@@ -81,6 +81,10 @@ def test_answers_of_a_limit_switch_errors_and_version() -> None:
     assert version == (0, 6, 10)
     with pytest.raises(BadFrame):
         odrive.parse_version(axis, frame(axis, 0x01, bytes(8)))
+    axis, reading = OdriveAxis(2, 1), MotorReading(t_ns=3)
+    with pytest.raises(BadFrame, match="0x069"):
+        odrive.parse(axis, Frame(1, 0x69, bytes(8)), reading)
+    assert odrive.parse(axis, Frame(1, 0x49, b"", is_remote=True), reading) == reading
 
 
 @pytest.mark.parametrize("data", [b"", bytes(7), bytes(9), struct.pack("<ff", math.nan, 0.0),
@@ -91,13 +95,6 @@ def test_malformed_encoder_frames_are_refused_by_name(data: bytes) -> None:
         odrive.parse(axis, frame(axis, 0x09, data), MotorReading())
     assert refused.value.reason.code == ("frame_length" if len(data) != 8 else "frame_value")
     assert refused.value.reason.params["bytes"] == len(data)
-
-
-def test_foreign_frames_are_refused_and_questions_ignored() -> None:
-    axis, reading = OdriveAxis(2, 1), MotorReading(t_ns=3)
-    with pytest.raises(BadFrame, match="0x069"):
-        odrive.parse(axis, Frame(1, 0x69, bytes(8)), reading)
-    assert odrive.parse(axis, Frame(1, 0x49, b"", is_remote=True), reading) == reading
 
 
 # Ours -> theirs (0.6.10), signal by signal

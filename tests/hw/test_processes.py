@@ -58,16 +58,13 @@ def until(true, limit_s=20.0):
     assert true()
 
 
-def test_it_works_until_it_is_closed():
+def test_it_works_until_closed_and_why_it_cannot_start_is_told():
     child = Child("test", wait_over, (), restarts=False, mortal=True)
     assert child.trouble
     child.wait()
     assert child.trouble is None and child.pid and not child.is_gone()
     child.close(10.0)
     assert child.trouble == PROCESS_ENDED(process="test", exit_code=0)
-
-
-def test_why_it_cannot_start_or_fell_before_its_first_word_is_told():
     child = Child("test", refuse, (NO_CAMERA,), restarts=False, mortal=False)
     with pytest.raises(LinkLost, match=r"^camera 0: cannot be opened$") as lost:
         child.wait()
@@ -78,6 +75,11 @@ def test_why_it_cannot_start_or_fell_before_its_first_word_is_told():
         child.wait()
     until(child.is_gone)
     child.close(10.0)
+    child = Child("test", once, (), restarts=True, mortal=True)
+    until(lambda: child.trouble == NOT_AGAIN)
+    child.close(10.0)
+    pauses = make_pauses_s(module.FIRST_S, module.LONGEST_S)
+    assert [next(pauses) for _ in range(6)] == pytest.approx([0.2, 0.4, 0.8, 1.6, 3.2, 5.0])
 
 
 @posix
@@ -91,14 +93,6 @@ def test_one_that_is_killed_is_told_at_once_and_started_again():
     until(lambda: not child.trouble)
     assert child.pid != first and child.starts == 2 and not child.is_gone()
     child.close(10.0)
-
-
-def test_one_that_cannot_start_again_is_asked_ever_more_seldom():
-    child = Child("test", once, (), restarts=True, mortal=True)
-    until(lambda: child.trouble == NOT_AGAIN)
-    child.close(10.0)
-    pauses = make_pauses_s(module.FIRST_S, module.LONGEST_S)
-    assert [next(pauses) for _ in range(6)] == pytest.approx([0.2, 0.4, 0.8, 1.6, 3.2, 5.0])
 
 
 @posix

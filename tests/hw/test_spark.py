@@ -53,7 +53,7 @@ def test_an_impossible_duty_is_refused(duty: float) -> None:
         spark.make_duty(SparkAxis(1, 1), duty)
 
 
-def test_status_0_as_written_by_hand() -> None:
+def test_status_frames_written_by_hand() -> None:
     heard = Frame(7, 0x0205B805, bytes.fromhex("5D3F662622230000"), True)       # half the bus's 12 V, 20 A, 35 degrees
     reading = spark.parse(SparkAxis(5, 1, True), heard, MotorReading())
     assert (reading.current_a, reading.bus_v) == (pytest.approx(20.0, abs=0.02), pytest.approx(12.0, abs=0.004))
@@ -61,17 +61,6 @@ def test_status_0_as_written_by_hand() -> None:
     assert (reading.t_ns, reading.axis_error, reading.endstop) == (0, 0, False)
     assert spark.parse(SparkAxis(5, -1), heard, MotorReading()).current_a == -reading.current_a
     assert spark.parse_applied(SparkAxis(5, -1), heard) == pytest.approx(-0.5, abs=2e-5)
-
-
-@pytest.mark.parametrize(("direction", "bit", "closed"), [(1, 0x02, True), (1, 0x01, False), (-1, 0x01, True),
-                                                           (-1, 0x02, False), (1, 0x0C, False)])
-def test_the_switch_is_the_one_that_ends_the_negative_direction(direction: int, bit: int, closed: bool) -> None:
-    heard = frame(0x0205B800, SparkAxis(5, direction), bytes([0, 0, 0, 0, 0, 0, bit, 0]))
-    assert spark.parse(SparkAxis(5, direction, True), heard, MotorReading()).endstop is closed
-    assert spark.parse(SparkAxis(5, direction), heard, MotorReading()).endstop_t_ns == 0      # none is wired
-
-
-def test_a_lock_is_an_error_until_it_is_gone_and_faults_are_kept_apart() -> None:
     axis, reading = SparkAxis(5, 1), MotorReading()
     reading = spark.parse(axis, frame(0x0205B840, axis, bytes([0x10, 0, 0, 0x08, 0, 0x40, 0, 0])), reading)
     reading = spark.parse(axis, frame(0x0205B800, axis, bytes([0, 0, 0, 0, 0, 0, 0x20, 0])), reading)
@@ -80,6 +69,14 @@ def test_a_lock_is_an_error_until_it_is_gone_and_faults_are_kept_apart() -> None
     reading = spark.parse(axis, frame(0x0205B840, axis, bytes(8)), reading)
     assert reading.axis_error == spark.LOCKED
     assert spark.parse(axis, frame(0x0205B800, axis, bytes(8)), reading).axis_error == 0
+
+
+@pytest.mark.parametrize(("direction", "bit", "closed"), [(1, 0x02, True), (1, 0x01, False), (-1, 0x01, True),
+                                                           (-1, 0x02, False), (1, 0x0C, False)])
+def test_the_switch_is_the_one_that_ends_the_negative_direction(direction: int, bit: int, closed: bool) -> None:
+    heard = frame(0x0205B800, SparkAxis(5, direction), bytes([0, 0, 0, 0, 0, 0, bit, 0]))
+    assert spark.parse(SparkAxis(5, direction, True), heard, MotorReading()).endstop is closed
+    assert spark.parse(SparkAxis(5, direction), heard, MotorReading()).endstop_t_ns == 0      # none is wired
 
 
 @pytest.mark.parametrize(("data", "error"), [

@@ -152,18 +152,6 @@ def test_a_closed_switch_stops_it_in_one_direction(make, plant, direction: int, 
     assert bench.node.output == duty
 
 
-def test_status_2_is_the_motor_in_the_devices_sign(make, plant) -> None:
-    bench = make(SparkAxis(3, -1))
-    bench.send(0x400, bytes([0x04, 0, 0x04, 0]))
-    bench.send(0x3800, bytes([71, 16, 0, 0, 0]))
-    plant.velocity_rad_s["hood"] = 62.8318530718           # 10 turns a second, the robot's way
-    bench.run(200)
-    rpm, turns = struct.unpack("<ff", bench.heard(STATUS_2)[-1])
-    assert rpm == pytest.approx(-600.0, rel=1e-4)
-    at_s = round(-turns / 10.0, 6)
-    assert 0.17 < at_s <= 0.2
-
-
 def test_a_new_device_smears_speed_over_a_tenth_of_a_second_and_less_is_a_setting(bench, plant) -> None:
     bench.send(0x400, bytes([0x04, 0, 0x04, 0]))
     bench.run(300)
@@ -174,56 +162,6 @@ def test_a_new_device_smears_speed_over_a_tenth_of_a_second_and_less_is_a_settin
     bench.run(40)
     assert bench.heard(0x3840) == [bytes([71, 2, 16, 0, 0, 0, 0])]
     assert struct.unpack("<ff", bench.heard(STATUS_2)[-1])[0] == pytest.approx(600.0, rel=1e-4)
-
-
-def test_it_says_that_it_has_reset_until_faults_are_cleared(bench) -> None:
-    bench.run(250)
-    assert bench.heard(STATUS_1)[-1] == bytes([0, 0, 0x40, 0, 0, 0x40, 0, 0])
-    bench.send(0x1B80, b"")
-    bench.run(250)
-    assert bench.heard(STATUS_1)[-1] == bytes(8)
-
-
-def test_a_restart_forgets_what_was_set(bench, plant) -> None:
-    bench.send(0x400, bytes([0x04, 0, 0x04, 0]))
-    bench.send(0x3800, bytes([71, 16, 0, 0, 0]))
-    bench.send(0x1B80, b"")
-    bench.duty(0.5)
-    bench.run(300, beating=True)
-    bench.node.restart(bench.clock.t_ns)
-    bench.log.clear()
-    bench.run(300)
-    assert bench.node.output == 0.0 and bench.node.parameters[71] == 200.0
-    assert bench.heard(STATUS_2) == [] and bench.heard(STATUS_1)[-1][5] == 0x40
-    bench.send(0x400, bytes([0x04, 0, 0x04, 0]))
-    bench.run(30)
-    turned = plant.velocity_rad_s["hood"] * 0.33 / 6.2831853
-    assert 0.0 < struct.unpack("<ff", bench.heard(STATUS_2)[-1])[1] <= turned * 1.01       # counted from the restart on
-
-
-def test_a_competition_controllers_heartbeat_locks_it_until_power_is_cycled(bench, plant) -> None:
-    bench.duty(0.5)
-    bench.run(10, beating=True)
-    assert bench.near.write(Frame(0, 0x01011840, bytes(8), True))
-    bench.run(30, beating=True)
-    speed = plant.velocity_rad_s["hood"]
-    bench.run(50, beating=True)
-    assert plant.velocity_rad_s["hood"] == speed and bench.node.output == 0.0
-    assert bench.heard(STATUS_0)[-1][6] == 0x20
-    bench.node.restart(bench.clock.t_ns)
-    bench.duty(0.5)
-    bench.run(10, beating=True)
-    assert bench.node.output == 0.5
-
-
-def test_old_firmware_has_only_its_version_in_common(make, plant) -> None:
-    bench = make(settings=SparkSettings(firmware=(24, 0, 1)))
-    bench.send(0x2600, bytes(8), is_remote=True)
-    bench.send(0x400, bytes([0x04, 0, 0x04, 0]))
-    bench.duty(0.5)
-    bench.run(300, beating=True)
-    assert [frame.data for frame in bench.log] == [bytes([24, 0, 0, 1, 0, 0, 0, 0])]
-    assert plant.velocity_rad_s["hood"] == 0.0
 
 
 def test_malformed_frames_are_counted_and_change_nothing(bench) -> None:

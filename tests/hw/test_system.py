@@ -54,7 +54,7 @@ def test_without_a_manager_nothing_happens():
     manager.close()
 
 
-def test_a_refusal_is_an_answer_in_words(monkeypatch):
+def test_a_refusal_is_an_answer_in_words_and_everything_is_elsewhere(monkeypatch):
     def refuse(*_):
         raise PermissionError(1, "Operation not permitted")
 
@@ -63,6 +63,10 @@ def test_a_refusal_is_an_answer_in_words(monkeypatch):
     assert realtime.ask_fifo(50) == ("real-time scheduling (SCHED_FIFO 50)", "Operation not permitted")
     with started_thread():
         assert realtime.ask_fifo_beside(50).refused == "Operation not permitted"
+    monkeypatch.setattr(realtime.sys, "platform", "win32")
+    for answer in (realtime.ask_fifo(50), realtime.ask_fifo_beside(50), realtime.ask_core(1),
+                   realtime.ask_locked_memory(), *realtime.rehearse(50)):
+        assert answer.refused == "this is not Linux"
 
 
 @contextlib.contextmanager
@@ -82,13 +86,6 @@ def test_other_threads_are_asked_for_below_the_loops_own(monkeypatch):
     with started_thread() as thread:
         assert realtime.ask_fifo_beside(50).refused == ""
         assert asked[thread.native_id].sched_priority == 49 and threading.get_native_id() not in asked
-
-
-def test_elsewhere_everything_is_refused_with_the_reason(monkeypatch):
-    monkeypatch.setattr(realtime.sys, "platform", "win32")
-    for answer in (realtime.ask_fifo(50), realtime.ask_fifo_beside(50), realtime.ask_core(1),
-                   realtime.ask_locked_memory(), *realtime.rehearse(50)):
-        assert answer.refused == "this is not Linux"
 
 
 @needs_linux

@@ -111,7 +111,7 @@ def test_what_cannot_be_opened_is_named(port: str) -> None:
         open_serial(port, 115200)
 
 
-def test_the_same_box_on_a_socket() -> None:
+def test_a_box_on_a_socket_where_there_are_no_pseudo_terminals(monkeypatch) -> None:
     box = ButtonBox(SocketCable())
     stream = open_serial(box.port, 115200)
     assert stream.read() == b""
@@ -125,9 +125,6 @@ def test_the_same_box_on_a_socket() -> None:
         while True:
             stream.read()
     stream.close()
-
-
-def test_a_system_without_pseudo_terminals_gets_a_socket(monkeypatch) -> None:
     def refuse() -> tuple[int, int]:
         raise OSError("out of pty devices")
 
@@ -275,22 +272,6 @@ def test_what_is_not_there_at_the_start_is_opened_when_it_comes(tmp_path):
     cable.close()
 
 
-def test_a_camera_that_comes_late_gives_its_first_picture():
-    openings = [Lens([picture(1)])]
-    plugged_in = threading.Event()
-
-    def open_lens():
-        if not plugged_in.is_set():
-            raise LinkLost(CAMERA_NOT_OPENED(camera="0"))
-        return openings.pop()
-
-    camera = MendedCamera(open_lens, pause_s=0.001)
-    assert camera.lost == CAMERA_NOT_OPENED(camera="0")
-    plugged_in.set()
-    assert wait_for(camera.read) is not None
-    camera.close()
-
-
 def test_closing_while_it_is_lost_ends_the_search():
     lens = Lens([])
     openings = [lens]
@@ -350,7 +331,7 @@ def test_the_newest_picture_is_seen_as_it_was_shown_and_its_end_is_a_lost_camera
     camera.close()
 
 
-def test_a_picture_of_another_size_is_refused() -> None:
+def test_no_camera_and_pictures_of_another_size_are_named() -> None:
     server = PictureServer()
     show = Show(server)
     show.start()
@@ -359,8 +340,5 @@ def test_a_picture_of_another_size_is_refused() -> None:
     show.over.set()
     show.join()
     server.close()
-
-
-def test_no_camera_is_named() -> None:
     with pytest.raises(LinkLost, match=r"http://127\.0\.0\.1:1/"):
         open_camera("http://127.0.0.1:1/", 64, 48, 50.0, MonotonicClock())

@@ -92,7 +92,7 @@ def ready(distance_m=5.0, aims=AIMS, **remembered):
     return tick, replace(tick.memory, steady_t_ns=good_memory().steady_t_ns)
 
 
-def test_it_fires_with_the_set_point_of_the_file_and_the_drivers_correction():
+def test_it_fires_with_the_set_point_of_the_file_and_holds_without():
     tick, memory = ready(walk=(0.02, 5.0, 5.0))
     point = FILE.at(tick.estimate.distance_m)
     assert tick.aim.source == "belief" and tick.aim.hood_deg == point.hood_deg
@@ -100,9 +100,6 @@ def test_it_fires_with_the_set_point_of_the_file_and_the_drivers_correction():
     assert tick.aim.lead_deg == point.lead_deg > 0.0
     fired = step(good_inputs(tick.aim.motor_ratio * FREE_RAD_S, tick.aim.hood_deg), memory, BY_BELIEF, None, AIMS)
     assert fired.verdict.fire and fired.shot is not None
-
-
-def test_without_a_file_and_beyond_its_ends_it_holds():
     for tick, code in ((ready(aims={})[0], AIM_FILE_MISSING), (ready(7.0)[0], NO_SET_POINT),
                        (ready(5.0, walk=(1.0, 0.0, 0.0))[0], NO_SET_POINT),
                        (ready(5.0, aim_sha256="c" * 64)[0], AIM_FILE_MISSING)):
@@ -132,7 +129,7 @@ def press(button, memory, **inputs):
     return step(replace(good_inputs(200.0, 45.0, buttons), **inputs), memory, BY_BELIEF, None, AIMS).memory
 
 
-def test_an_offer_is_taken_by_the_button_while_disarmed_and_by_nothing_else():
+def test_an_offer_is_taken_by_button_or_page_while_disarmed_alone():
     memory = replace(good_memory(), walk=(0.03, 0.0, 0.0))
     disarmed = replace(memory, armed=False, aim=None, request_t_ns=0)
     assert press("accept", memory, aim_offer=OFFER).aim_sha256 is UNSET
@@ -145,19 +142,16 @@ def test_an_offer_is_taken_by_the_button_while_disarmed_and_by_nothing_else():
     assert press("accept", marked, aim_offer=OFFER).walk == (0.01, 0.0, 0.0)      # a second press changes nothing
     tick, _ = ready(aim_sha256=OTHER.sha256)
     assert tick.aim.motor_ratio == OTHER.at(tick.estimate.distance_m).motor_ratio
-
-
-def accept_on_page(memory, sha256, offer=OFFER):
-    inputs = replace(good_inputs(200.0, 45.0), aim_offer=offer, aim_accept=sha256)
-    return step(inputs, memory, BY_BELIEF, None, AIMS).memory
-
-
-def test_an_offer_is_taken_from_the_page_while_disarmed_and_if_it_is_the_one_on_offer():
     disarmed = replace(good_memory(), armed=False, aim=None, request_t_ns=0)
     assert accept_on_page(good_memory(), OFFER.sha256).aim_sha256 is UNSET
     assert accept_on_page(disarmed, "c" * 64).aim_sha256 is UNSET
     assert accept_on_page(disarmed, OFFER.sha256, UNSET).aim_sha256 is UNSET
     assert accept_on_page(disarmed, OFFER.sha256).aim_sha256 == OTHER.sha256
+
+
+def accept_on_page(memory, sha256, offer=OFFER):
+    inputs = replace(good_inputs(200.0, 45.0), aim_offer=offer, aim_accept=sha256)
+    return step(inputs, memory, BY_BELIEF, None, AIMS).memory
 
 
 @pytest.fixture

@@ -38,9 +38,6 @@ def test_a_lost_count_keeps_its_zero_while_armed_and_homes_after():
     tick = step(lost_count(), replace(memory, armed=True), CONFIG, None)
     assert HOOD_NOT_HOMED() in tick.verdict.reasons
     assert tick.command.hood_torque_nm == CONFIG.hood.homing_torque_nm
-
-
-def test_a_screw_that_agrees_or_cannot_be_asked_keeps_its_zero():
     disarmed = replace(good_memory(), armed=False)
     assert remember(good_inputs(), disarmed, CONFIG).homed
     for silent in (replace(lost_count(), hood_angle=None),
@@ -52,15 +49,12 @@ def test_a_screw_that_agrees_or_cannot_be_asked_keeps_its_zero():
 FOREIGN = FOREIGN_HOST(frame="0x02e")
 
 
-def test_another_host_stops_every_motor_and_holds():
+def test_another_host_stops_all_and_no_hood_homes_without_encoder():
     good = step(good_inputs(), good_memory(), CONFIG, None)
     assert good.verdict.fire and good.command.flywheel_torque_nm > 0.0
     held = step(replace(good_inputs(), faults=(FOREIGN,)), good_memory(), CONFIG, None)
     assert held.command == RELEASED and FOREIGN in held.verdict.reasons and not held.verdict.fire
     assert held.memory.armed                      # it goes on when the other has fallen silent
-
-
-def test_the_hood_is_not_homed_before_its_encoder_was_heard():
     away = replace(good_memory(), homed=False)
     homing = step(good_inputs(), away, CONFIG, None)
     assert homing.command.hood_torque_nm == CONFIG.hood.homing_torque_nm
@@ -168,13 +162,10 @@ def test_what_is_pressed_in_the_same_tick_does_not_arm(what, button):
         assert not out.memory.armed and not out.memory.request_t_ns and out.memory.disarmed == what
 
 
-def test_a_mark_that_was_heard_counts():
+def test_a_heard_mark_counts_and_arming_ends_what_lost_presses_began():
     shot = replace(tick(good_memory()).shot, distance_m=DISTANCE_M)
     memory = replace(good_memory(), awaiting=True, last_shot=shot, request_t_ns=0)
     assert [outcome.outcome for outcome in tick(memory, LOST, "three").outcomes] == ["three"]
-
-
-def test_arming_ends_it_and_fire_has_to_be_pressed_again():
     armed = tick(tick(good_memory(), BOX_RESTARTED()).memory, None, "arm")
     assert armed.memory.armed and armed.memory.disarmed is UNSET
     assert because.FIRE_NOT_REQUESTED() in armed.verdict.reasons

@@ -1,6 +1,5 @@
 """Lateness of ticks, and what the service's watchdog is told."""
 
-import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -9,8 +8,6 @@ from msgspec.structs import replace
 from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs
 from tests.robot.test_rig import bench  # noqa: F401
 from truearc.robot.reasons import BOX_SILENT, IMAGE_DARK
-from truearc.robot.recording.session import LATENESS, make_header
-from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.runtime import AT_MOST_US, Lateness, TimedRig, WatchedRig, first_missing
 from truearc.robot.types import Command, Sent, Sighting
 
@@ -66,17 +63,6 @@ def test_the_rig_knows_how_late_a_tick_came(bench):  # noqa: F811
     lateness.close()
     assert sum(seconds[0].counts) == 4 and seconds[0].worst_us == 7000.0
     assert timed.write(Command(False, False, False, 0.0, 0.0, 0.0)).enable_hood is False
-
-
-def test_rows_are_written_into_the_session(tmp_path):
-    writer = SessionWriter(tmp_path / "s", make_header(CONFIG, None, None), CONFIG, None, lossless=False)
-    lateness = Lateness(writer.keep_lateness, PERIOD_NS)
-    for tick in range(201):
-        lateness.note(tick * PERIOD_NS, 1000)
-    lateness.close()
-    writer.close()
-    rows = [msgspec.json.decode(line) for line in (tmp_path / "s" / LATENESS).read_bytes().splitlines()]
-    assert [sum(row["counts"]) for row in rows] == [200, 1] and rows[0]["at_most_us"] == list(AT_MOST_US)
 
 
 class Given:

@@ -70,7 +70,7 @@ class Bench:
         return self.rig.write(command)
 
 
-def test_what_a_spark_was_sent_is_recorded_beside_its_torque() -> None:
+def test_what_a_spark_was_sent_is_recorded_once_it_is_set_up() -> None:
     bench = Bench(SPARK_HOOD)
     for _ in range(5):
         sent = bench.tick(ASKED, 3)
@@ -79,9 +79,6 @@ def test_what_a_spark_was_sent_is_recorded_beside_its_torque() -> None:
     assert sent.hood_torque_nm == pytest.approx(-0.02) and sent.flywheel_torque_nm == 0.1
     duty = [frame for frame in bench.bus.sent if frame.arbitration_id == 0x02050083]
     assert all(struct.unpack("<fI", frame.data)[0] == pytest.approx(hood) for frame in duty)
-
-
-def test_until_a_spark_is_set_up_nothing_is_said_to_be_sent() -> None:
     bench = Bench(ALL_SPARK)
     sent = bench.tick(ASKED, 3, 11, 12, 14)
     assert sent == Sent(True, True, True, 0.0, 0.0, 0.0) and isinstance(sent.duties, msgspec.UnsetType)
@@ -191,7 +188,7 @@ def test_limits_that_no_frame_can_say_are_none_and_no_error(torque_nm_a: float) 
     assert len(motors.make_motors(replace(SPARK_WHEELS, axes=replace(SPARK_WHEELS.axes, flywheels=wheels)))) == 4
 
 
-def test_screw_and_elevation_are_inverse_by_the_pivots_distance():
+def test_screw_encoder_and_elevation_are_inverse_by_the_linkage():
     hood = CONFIG.hood
     for elevation in np.linspace(hood.low_deg, hood.high_deg, 25):
         travel = motors.screw_length_m(elevation, hood) - motors.screw_length_m(hood.low_deg, hood)
@@ -203,9 +200,6 @@ def test_screw_and_elevation_are_inverse_by_the_pivots_distance():
     apart_m = np.hypot(*(nut - [hood.pivot_to_motor_m, 0.0]))
     assert motors.screw_length_m(40.0, hood) == pytest.approx(apart_m, rel=1e-12)
     assert motors.elevation_from_screw_deg(1e4, CONFIG.hood) is None
-
-
-def test_the_encoder_may_wrap_between_zero_and_the_hood():
     zero = CONFIG.hood_encoder.zero_deg
     for elevation in (-30.0, 0.0, 15.0, 75.0, 179.0):
         angle = math.radians((zero + elevation) % 360.0)

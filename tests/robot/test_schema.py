@@ -150,7 +150,7 @@ def test_a_rig_or_limit_that_cannot_be_is_refused(tmp_path, old, new, said):
         assert "wheel" in said or "missing key" in said
 
 
-def test_a_pitch_that_may_be_radians_is_warned_of(tmp_path, capsys):
+def test_pitches_like_radians_and_near_terms_are_warned_of(tmp_path, capsys):
     for name, shipped, load in (("launcher", SHIPPED, load_config), ("camera", CAMERAS / "lifecam_hd3000_480p.toml",
                                                                      lambda path: load_camera(str(path)))):
         path, text = tmp_path / f"{name}.toml", shipped.read_text(encoding="utf-8")
@@ -159,6 +159,14 @@ def test_a_pitch_that_may_be_radians_is_warned_of(tmp_path, capsys):
             load(path)
         said = capsys.readouterr().err
         assert said == f"warning: {path}: camera.pitch_deg: 0.35 is nearly level; if radians, write 20.1\n"
+    (tmp_path / "my.toml").write_text(TEXT.replace('"drag", "magnus"', '"drga", "sorcery"'))
+    load_config(tmp_path / "my.toml")
+    said = capsys.readouterr().err
+    assert "my.toml: rig.believe.terms: 'drga' is none of truearc's terms; did you mean drag?" in said
+    assert "sorcery" not in said and sorted(TERMS) == sorted(BUILT_IN.names)
+    for name, shipped, load in (("my.toml", SHIPPED, load_config), ("rig.toml", RIG, load_rig)):
+        (tmp_path / name).write_text(shipped.read_text(encoding="utf-8"), encoding="utf-8-sig")
+        load(tmp_path / name)
 
 
 def test_files_without_an_end_and_values_without_a_bottom_are_refused(tmp_path):
@@ -177,12 +185,6 @@ def test_files_without_an_end_and_values_without_a_bottom_are_refused(tmp_path):
             load(Path("/dev/zero"))
         with pytest.raises(InputError, match=r"pipe\.toml: is a pipe or a device, not a file; copy what it gives"):
             load(pipe)
-
-
-DEEP = "[" * 100_000
-
-
-def test_json_without_a_bottom_is_refused(tmp_path):
     path = tmp_path / "deep.json"
     for text, load in ((DEEP, load_endpoints), (DEEP, load_json), (DEEP, load_aim), (DEEP, load_finding),
                        (DEEP, lambda path: load_header(path.parent)), (f'{{"endpoints": {DEEP}', load_endpoints),
@@ -191,6 +193,9 @@ def test_json_without_a_bottom_is_refused(tmp_path):
         (tmp_path / "session.json").write_text(text)
         with pytest.raises(InputError, match=r"(deep|session)\.json"):
             load(path)
+
+
+DEEP = "[" * 100_000
 
 
 @pytest.mark.parametrize("name", ["session.json", "config.json", "trials.jsonl", "telemetry.mcap", "can0.log"])
@@ -205,21 +210,6 @@ def test_a_session_of_a_device_or_a_pipe_is_refused(tmp_path, name):
     if name != "can0.log":
         with pytest.raises(InputError, match=rf"{re.escape(name)}: is a pipe or a device, not a file"):
             (load_trials(tmp_path / "s"), load_session_config(tmp_path / "s"), list(TickReader(tmp_path / "s")))
-
-
-def test_a_byte_order_mark_is_no_part_of_the_text(tmp_path):
-    for name, shipped, load in (("my.toml", SHIPPED, load_config), ("rig.toml", RIG, load_rig)):
-        (tmp_path / name).write_text(shipped.read_text(encoding="utf-8"), encoding="utf-8-sig")
-        load(tmp_path / name)
-
-
-def test_terms_that_are_nearly_ours_are_warned_of(tmp_path, capsys):
-    """Others may be those of another distribution, which the robot does without."""
-    (tmp_path / "my.toml").write_text(TEXT.replace('"drag", "magnus"', '"drga", "sorcery"'))
-    load_config(tmp_path / "my.toml")
-    said = capsys.readouterr().err
-    assert "my.toml: rig.believe.terms: 'drga' is none of truearc's terms; did you mean drag?" in said
-    assert "sorcery" not in said and sorted(TERMS) == sorted(BUILT_IN.names)
 
 
 @pytest.mark.parametrize("wheel_m", [0.005, 1.0])

@@ -126,15 +126,12 @@ def aim_at(trial, config=PLANNED):
     return aim(estimate(good_inputs(), memory, config), memory, config)
 
 
-def test_each_row_is_shot_as_often_as_asked_and_then_there_is_nothing_more():
+def test_each_row_is_shot_as_often_as_asked_and_marks_walk_nothing():
     assert (aim_at(0).motor_ratio, aim_at(0).hood_deg, aim_at(0).source) == (0.5, HOOD_DEG, "plan")
     assert aim_at(1) == aim_at(0)
     assert (aim_at(2).motor_ratio, aim_at(2).hood_deg) == (0.625, 33.0)
     assert aim_at(4).source == "idle"
     assert [config_id(trial, PLANNED.collect) for trial in range(4)] == ["c0000", "c0000", "c0001", "c0001"]
-
-
-def test_marks_of_prescribed_shots_walk_nothing():
     shot = Shot(0, 0, "c", 8.0, 0.02, 45.0, 0.5, 300.0, 12.0, None, None, None)
     assert step_walk((0.1, 0.0, 0.0), -1, shot, PLANNED) == (0.1, 0.0, 0.0)
     assert step_walk((0.1, 0.0, 0.0), -1, shot, CONFIG) != (0.1, 0.0, 0.0)

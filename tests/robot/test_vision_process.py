@@ -87,7 +87,7 @@ def test_sightings_come_over_to_the_bit_and_what_is_lost_stays_so():
     assert said[0].code == VISION_FAILED.name and "there is room for" in said[0].params["detail"] and picture is None
 
 
-def test_vision_that_fails_says_so_and_the_next_image_is_seen():
+def test_vision_that_fails_or_does_not_stir_says_so():
     said, _ = told(frame(13), None, frame(8))
     failed = VISION_FAILED(detail="ZeroDivisionError: thirteen")
     assert said == [failed, failed, see(frame(8))]
@@ -96,9 +96,6 @@ def test_vision_that_fails_says_so_and_the_next_image_is_seen():
         eyes.read()
     assert lost.value.reason == failed
     assert eyes.read() == see(frame(8))
-
-
-def test_a_process_that_does_not_stir_does_not_answer():
     slots, clock = Slots(bytearray(ROOM.bytes), ROOM), Time()
     eyes = FarEyes(slots, lambda: None, clock)
     slots.beat(clock.t_ns)

@@ -177,14 +177,11 @@ class Fake:
         pass
 
 
-def test_live_shows_the_newest_picture_and_says_when_the_camera_is_gone(tmp_path, image):
+def test_live_words_and_views_are_of_one_picture_until_it_is_gone(tmp_path, image):
     tuner = Tuner(FILE, Live(Fake(image)), tmp_path / "x.toml")
     assert tuner.state()["live"] and tuner.look(0, SETTINGS)["found"] and tuner.look(0, SETTINGS)["found"]
     with pytest.raises(InputError, match="fake"):
         tuner.look(0, SETTINGS)
-
-
-def test_live_words_and_views_are_of_one_picture(tmp_path, image):
     camera = Fake(image)
     camera.frames.append(CameraFrame(1, np.zeros_like(image)))
     tuner = Tuner(FILE, Live(camera), tmp_path / "x.toml")

@@ -44,14 +44,6 @@ def sparks(config, faults=(), settings: SparkSettings | None = None) -> list[Nod
     return nodes
 
 
-def test_well_sparks_answer_and_speak():
-    findings = hear(sparks(ALL_SPARK), ALL_SPARK)
-    assert {check: finding.level for check, finding in findings.items() if "encoder" not in check} == {
-        f"{name}, {what}": OK for name, _ in name_axes(ALL_SPARK) for what in ("firmware", "status")} | {
-        "device numbers": OK}
-    assert findings["hood motor, firmware"].says == "firmware 26.1.0"
-
-
 @pytest.mark.parametrize(("fault", "settings", "check", "level", "words"), [
     (Fault(UNPLUGGED, 0, ALWAYS), None, "firmware", FAILURE, "device 3 does not answer"),
     (Fault(SILENT, 0, ALWAYS), None, "status", FAILURE, "device 3 is silent"),
@@ -76,8 +68,7 @@ def test_standing_faults_and_doubled_numbers_are_told():
     assert "0x0205b803 200/s instead of 100/s" in findings["device numbers"].says
 
 
-def test_two_unique_ids_are_two_devices():
-    """Of two that answer at the same moment with the same version one answer is heard."""
+def test_two_unique_ids_and_a_controller_with_the_say_are_told():
     (node,) = sparks(SPARK_HOOD)
     frame_id = spark.frame_id(SPARK_HOOD.axes.hood, "UNIQUE_ID_BROADCAST")
     assert frame_id == 0x0205BC03
@@ -86,9 +77,6 @@ def test_two_unique_ids_are_two_devices():
     for frames, level in ((told[:1] + told[2:], OK), (told, FAILURE)):
         finding = check_firmware("hood motor", SPARK_HOOD.axes.hood, Heard((*answer, *frames), 2.0))
         assert finding.level == level and ("2 devices" in finding.says) == (level == FAILURE)
-
-
-def test_a_controller_may_have_the_say_over_motors_that_are_not_ours():
     lock = Frame(
         0, spark.frame_id(spark.SparkAxis(3, 1, False), "STATUS_0"), bytes([0] * 6 + [0x20, 0]), is_extended=True
     )

@@ -82,17 +82,13 @@ def test_an_aim_needs_a_free_speed_and_may_be_slow():
     assert verdict(good_inputs(0.5, good_memory().aim.hood_deg), memory).reasons == ()
 
 
-def test_a_young_sighting_outlasts_an_image_without_a_target():
+def test_young_sightings_outlast_an_image_and_old_aims_are_not_new():
     memory = good_memory()
     config = replace(CONFIG, gate=replace(CONFIG.gate, sighting_age_s=0.25))
     for age_ns, fires in ((250_000_000, True), (250_000_001, False)):
         seen = replace(memory.last_sighting, t_ns=NOW_NS - age_ns)
         assert verdict(memory=replace(memory, last_sighting=seen), config=config).fire is fires
     assert verdict(replace(good_inputs(), unseen=UNSEEN)).fire
-
-
-def test_what_the_launcher_is_not_steady_at_is_not_said_to_be_new():
-    """That wheels and hood only just arrived is said of those that have."""
     memory = replace(good_memory(), steady_t_ns=0, aim=replace(good_memory().aim, hood_deg=60.0))
     assert_alike(verdict(memory=memory).reasons, [because.HOOD_OFF_ANGLE(angle_deg=HOOD, wanted_deg=60.0)])
 
@@ -156,7 +152,7 @@ def test_the_model_can_hold(rating, reason, said):
     assert verdict(config=MODEL, gate=Says(*rating)) == Verdict(False, (reason,), *said)
 
 
-def test_a_model_is_told_what_was_measured():
+def test_a_model_is_told_what_was_measured_if_there_is_anything():
     class Listens(Says):
         def rate(self, *features):
             self.heard = features
@@ -165,10 +161,6 @@ def test_a_model_is_told_what_was_measured():
     gate = Listens(0.9, 0.8, True)
     verdict(good_inputs(200.0, HOOD_DEG), gate=gate)
     assert gate.heard == pytest.approx((DISTANCE_M, 200.0 / 594.0, HOOD_DEG))
-
-
-def test_with_nothing_to_rate_the_model_is_not_asked():
-    """While collecting, that gives no reason of its own."""
     unseen = replace(good_memory(), last_sighting=None)
     assert verdict(memory=unseen, gate=Breaks()).reasons == (because.TARGET_NEVER_SEEN(),)
     assert verdict(memory=unseen, config=MODEL, gate=Breaks()).reasons == (

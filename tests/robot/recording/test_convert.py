@@ -64,14 +64,11 @@ def read_mcap(path):
              for topic in ("/tick", "/trial")}, {schema.name for schema, _, _ in messages})
 
 
-def test_a_recording_itself_has_ticks_and_trials(plain):
+def test_mcap_has_the_ticks_and_trials_that_the_recording_has(plain, tmp_path):
     heard, schemas = read_mcap(plain / "telemetry.mcap")
     assert heard["/tick"] == [data for _, data in TickReader(plain)] and len(heard["/tick"]) > 1000
     assert heard["/trial"] == (plain / "trials.jsonl").read_bytes().splitlines()
     assert schemas == {"truearc.Tick", "truearc.Trial"}
-
-
-def test_mcap_has_what_the_recording_has(plain, tmp_path):
     (heard, schemas), (recorded, names) = (read_mcap(path) for path in (
         convert(plain, "mcap", tmp_path / "s.mcap"), plain / "telemetry.mcap"))
     assert heard == recorded and schemas > names

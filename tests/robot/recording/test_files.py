@@ -33,26 +33,6 @@ def room():
     resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
-def test_a_disk_that_is_full_for_a_while_loses_nothing(tmp_path, room):
-    file = Appender(tmp_path / "f")
-    lines = [b"%05d\n" % number for number in range(3000)]
-    room(8191)                                    # in the middle of a line
-    refused = 0
-    for number, line in enumerate(lines):
-        if number == 2000:
-            room(None)
-        file.write(line)
-        try:
-            file.flush()
-        except OSError as error:
-            assert error.errno == errno.EFBIG
-            refused += 1
-    assert refused == 2000 - 8191 // 6
-    assert file.tell() == 18000
-    file.close()
-    assert (tmp_path / "f").read_bytes() == b"".join(lines)
-
-
 def test_what_is_on_a_full_disk_is_a_whole_beginning(tmp_path, room):
     file = Appender(tmp_path / "f", pending_bytes=1000)
     room(100)
@@ -71,7 +51,7 @@ def test_what_is_on_a_full_disk_is_a_whole_beginning(tmp_path, room):
     assert kept == [b"%05d" % number for number in range(len(kept))] and 100 < 6 * len(kept) < 1100
 
 
-def test_a_file_is_locked_while_it_grows_and_never_written_over(tmp_path):
+def test_a_file_is_locked_while_it_grows_and_deleted_is_trouble(tmp_path):
     file = Appender(tmp_path / "f")
     with (tmp_path / "f").open("rb") as other, pytest.raises(BlockingIOError):
         claim(other)
@@ -80,9 +60,6 @@ def test_a_file_is_locked_while_it_grows_and_never_written_over(tmp_path):
     file.close()
     with (tmp_path / "f").open("rb") as other:
         claim(other)
-
-
-def test_a_file_that_is_deleted_under_it_is_trouble_for_good(tmp_path):
     file = Appender(tmp_path / "trials.jsonl")
     file.write(b"one\n")
     file.flush()
@@ -127,7 +104,7 @@ def test_a_recorded_log_is_read_alike_by_python_can(plain):
         assert sent or frame.t_ns == round(message.timestamp * 1e6) * 1000
 
 
-def test_a_clock_that_was_set_back_costs_a_number_behind_the_name(tmp_path):
+def test_folders_are_numbered_where_clocks_go_back_and_full_disks_told(tmp_path, monkeypatch, capsys):
     names = []
     for hour in ("10", "11", "10", "10"):                  # an hour on, and back
         folder = make_room(tmp_path / "sessions", f"2026-01-01T{hour}:00:00+00:00")
@@ -135,9 +112,6 @@ def test_a_clock_that_was_set_back_costs_a_number_behind_the_name(tmp_path):
         names.append(folder.name)
     assert names == ["2026-01-01T100000+0000", "2026-01-01T110000+0000", "2026-01-01T100000+0000-2",
                      "2026-01-01T100000+0000-3"]
-
-
-def test_a_disk_that_is_all_but_full_is_warned_of(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(shutil, "disk_usage", lambda path: namedtuple("usage", "free")(7 << 20))
     assert make_room(tmp_path, "2026-01-01T10:00:00+00:00") == tmp_path / "2026-01-01T100000+0000"
     assert f"warning: {tmp_path}: 7 MB free, " in capsys.readouterr().err

@@ -1,6 +1,5 @@
 """The recorder, in a process of its own, too: a disk that is full, read-only or hung, killed, stopped or left alone."""
 
-import errno
 import os
 import signal
 import sys
@@ -61,22 +60,6 @@ def kept_cycles(folder):
     return [tick.inputs.cycle for tick, _ in TickReader(folder)]
 
 
-def test_a_disk_that_turned_read_only_is_told_and_leaves_what_was_there(tmp_path, monkeypatch):
-    recorder = open_writer(tmp_path / "s")
-    play(recorder, ticks(200, marks=(50,)))
-
-    def refuse(self):
-        raise OSError(errno.EROFS, "Read-only file system")
-
-    monkeypatch.setattr(Appender, "flush", refuse)
-    play(recorder, ticks(200, marks=(20,)))
-    assert recorder.trouble() == DISK_ERROR(detail="Read-only file system")
-    recorder.close()
-    assert isinstance(recorder.failed, OSError) and recorder.failed.errno == errno.EROFS
-    assert kept_cycles(tmp_path / "s") == list(range(1, len(kept_cycles(tmp_path / "s")) + 1))
-    assert len(kept_cycles(tmp_path / "s")) >= 150 and len(load_trials(tmp_path / "s")) == 1
-
-
 def test_a_disk_that_hangs_never_stops_the_tick_and_is_told(tmp_path, monkeypatch):
     hung, sync = threading.Event(), Appender.sync
     flush = Appender.flush
@@ -116,15 +99,6 @@ def test_an_image_that_no_encoder_takes_is_a_reason_with_its_name(tmp_path, monk
     recorder.keep_picture(CameraFrame(6 * MS, np.zeros((8, 8, 3), np.uint8)))
     recorder.close()
     assert disk_trouble(recorder.failed) == IMAGE_NOT_ENCODED(file="000000006.png")
-
-
-def test_a_folder_that_cannot_be_made_is_named_before_anything_moves(tmp_path, monkeypatch):
-    def refuse(*_):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(files.os, "fsync", refuse)
-    with pytest.raises(InputError, match=r"config\.json: No space left on device"):
-        open_writer(tmp_path / "s")
 
 
 @pytest.mark.parametrize("seed", range(4))
