@@ -3,7 +3,7 @@
 import pytest
 
 from tests.hw.family_checks import CHECKS, check_frames, codec_of
-from truearc.hw.devices.registry import BY_DRIVER, FAMILIES, drivers, family_of, find_family
+from truearc.hw.devices.registry import BY_DRIVER, FAMILIES, drivers, find_family
 
 names = pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.driver)
 
@@ -17,11 +17,6 @@ def test_a_family_passes(check, family) -> None:
 @pytest.mark.parametrize("family", [one for one in FAMILIES if one.dbc], ids=lambda family: family.driver)
 def test_its_frames_come_back_as_they_went_out(family) -> None:
     check_frames(codec_of(family))
-
-
-@names
-def test_a_family_is_found_by_its_name_and_by_its_table(family) -> None:
-    assert find_family(family.driver) is family_of(family.example) is family
 
 
 def test_a_driver_that_does_not_exist_is_an_error() -> None:

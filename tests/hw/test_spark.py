@@ -191,15 +191,6 @@ def test_faults_are_their_bits(theirs, heard: bytes) -> None:
         assert values[f"sticky_{ours}"] == sum(said[name] << bit for bit, name in enumerate(sticky))
 
 
-@pytest.mark.data
-@given(devices=st.sets(st.integers(0, 62)))
-def test_the_heartbeat_is_their_bitfield(theirs, devices: set[int]) -> None:
-    sent = spark.make_heartbeat(devices)
-    message = theirs.get_message_by_frame_id(sent.arbitration_id)
-    assert message.name == "SECONDARY_HEARTBEAT"
-    assert message.decode(sent.data) == {"ENABLED_SPARKS_BITFIELD": sum(1 << device for device in devices)}
-
-
 @given(axis=axes, parameter=st.sampled_from(spark.PARAMETERS), data=st.data())
 def test_a_setting_comes_back_as_it_went_out(axis: SparkAxis, parameter: int, data: st.DataObject) -> None:
     value = data.draw(st.floats(-1e6, 1e6, width=32) if parameter in spark.FLOATS else st.integers(0, 2**32 - 1))

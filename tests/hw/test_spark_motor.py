@@ -155,18 +155,6 @@ def test_the_heartbeat_is_the_ticks_own(make) -> None:
     assert max(later - sooner for sooner, later in itertools.pairwise(beats)) <= 25 * MS
 
 
-def test_a_hung_tick_stops_the_motor(make, plant) -> None:
-    bench = make()
-    armed(bench, 0.1)
-    assert plant.torque_nm["hood"] > 0.05
-    hung_ns = bench.clock.t_ns
-    bench.twin.advance(hung_ns + 101 * MS)
-    assert bench.node.output == 0.0
-    speed = plant.velocity_rad_s["hood"]
-    bench.twin.advance(hung_ns + 400 * MS)
-    assert plant.velocity_rad_s["hood"] == speed
-
-
 def test_released_is_duty_zero_and_disabled_at_once(make) -> None:
     bench = make()
     armed(bench, 0.1)

@@ -13,7 +13,7 @@ from truearc.hw.fault_codes import CAMERA_EXPOSURE_AUTOMATIC, CAMERA_EXPOSURE_WR
 from truearc.hw.protocols import LinkLost
 from truearc.hw.real import system as realtime
 from truearc.hw.real.system import ServiceManager
-from truearc.hw.real.wires import SILENT_NS, CameraThread, lock_exposure, open_camera
+from truearc.hw.real.wires import SILENT_NS, CameraThread, lock_exposure
 
 needs_unix = pytest.mark.skipif(sys.platform == "win32", reason="AF_UNIX datagrams: POSIX only")
 needs_linux = pytest.mark.skipif(sys.platform != "linux", reason="real-time scheduling is asked of Linux only")
@@ -46,12 +46,6 @@ def test_a_manager_that_does_not_listen_stops_nobody(tmp_path):
         manager = ServiceManager(str(tmp_path / "notify"))
         for _ in range(10_000):                           # far more than its queue holds: never blocks
             manager.say("WATCHDOG=1")
-
-
-def test_without_a_manager_nothing_happens():
-    manager = ServiceManager(None)
-    manager.say("READY=1")
-    manager.close()
 
 
 def test_a_refusal_is_an_answer_in_words_and_everything_is_elsewhere(monkeypatch):
@@ -205,12 +199,6 @@ def test_an_image_that_comes_again_is_none_and_a_camera_that_gives_no_other_is_l
     assert camera.read() is not None
     capture.go.release(50)
     camera.close()
-
-
-@pytest.mark.parametrize("device", ["/dev/nosuchcamera", "97"])
-def test_an_absent_camera_is_named(device: str, clock) -> None:
-    with pytest.raises(LinkLost, match=device):
-        open_camera(device, 640, 480, 30.0, clock)
 
 
 class Obeys:

@@ -218,10 +218,3 @@ def test_limit_switch_is_read_through_its_endpoint(bench, plant) -> None:
     plant.limit = True
     bench.run(1, odrive.make_endstop_query(HOOD))
     assert bench.readings[HOOD].endstop
-
-
-def test_remote_frames_are_answered(bench) -> None:
-    bench.send(odrive.make_version_query(RIGHT), Frame(0, 0x43, b"", is_remote=True))
-    bench.run(1)
-    assert odrive.parse_version(RIGHT, bench.log[0]) == (0, 6, 10)
-    assert bench.log[1].arbitration_id == 0x43 and bench.log[1].data == bytes(8)

@@ -9,11 +9,11 @@ from msgspec.structs import replace
 
 from tests.faulty_robot import nodes_with
 from tests.robot.alike import codes
+from tests.robot.good_tick import CONFIG
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.cli.run_robot import ARM, drive_twin
 from truearc.hw.devices.button_box import open_button_box
-from truearc.robot.config.schema import load_config
 from truearc.robot.reasons import DEVICE_STALE, IDENTIFY_RELEASED
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay import replay
@@ -21,7 +21,6 @@ from truearc.sim.sysid.session import load_driven
 from truearc.sim.world.world import World
 from truearc_proof.world.faults import SILENT, Fault
 
-CONFIG = load_config(SHIPPED)
 SECOND = 1_000_000_000
 FOREVER = 1 << 62
 
@@ -51,17 +50,6 @@ def test_the_operators_button_ends_it(tmp_path, capsys):
     assert over == IDENTIFY_RELEASED(button="fire")
     assert main(["sysid", str(tmp_path / "s"), "--quiet"]) == 1
     assert "released by the operator" in capsys.readouterr().err
-
-
-def test_nobody_arms_nothing_moves(tmp_path):
-    presses = ((SECOND, "fire"), (2 * SECOND, "arm"), (3 * SECOND, "arm"))
-    over = drive_twin(only("flywheel"), tmp_path / "s", World(2), lambda text: None, presses)
-    assert over == IDENTIFY_RELEASED(button="arm")
-    ticks = [tick for tick, _ in TickReader(tmp_path / "s")]
-    early = [tick for tick in ticks if tick.inputs.t_ns < 2 * SECOND]
-    assert len(early) > 300 and all(not tick.sent.enable_flywheel and tick.inputs.flywheels[0].velocity_rad_s == 0.0
-                                    for tick in early)
-    assert any(tick.sent.flywheel_torque_nm > 0.0 for tick in ticks)
 
 
 @pytest.mark.parametrize(("arguments", "words"), [

@@ -6,10 +6,11 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
+from tests.robot.good_tick import CONFIG
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.cli.run_robot import drive_twin
-from truearc.robot.config.schema import Config, load_config, read_axis
+from truearc.robot.config.schema import Config, read_axis
 from truearc.robot.reasons import IDENTIFY_DONE
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials
@@ -20,7 +21,6 @@ from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.options import Options
 from truearc.sim.world.world import World
 
-CONFIG = load_config(SHIPPED)
 MOTORS = len(CONFIG.axes.flywheels)
 pytestmark = pytest.mark.slow
 

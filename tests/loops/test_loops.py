@@ -20,14 +20,14 @@ from benchmarks.matrix.fault import find, says
 from benchmarks.real_robot import PATIENT, WATCHDOG_MS, begin, save_config
 from tests.faulty_robot import parts_with
 from tests.hw.host_speed import excuse_stalls
-from truearc import robot
+from tests.robot.good_tick import CONFIG as CONFIGURATION
 from truearc.cli.gate import make_command
 from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot import reasons as bot
 from truearc.robot.aim_file import with_plan
-from truearc.robot.config.schema import Prescribed, config_hash, load_config, split_bus, with_ports
+from truearc.robot.config.schema import Prescribed, config_hash, split_bus, with_ports
 from truearc.robot.operator_ui.server import open_page
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay import Difference, replay
@@ -36,7 +36,6 @@ from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.world.emulated_robot import emulate, keep_time, open_device_bus
 from truearc_proof.world.faults import SILENT, Fault
 
-CONFIGURATION = load_config(Path(robot.__file__).parent / "launcher.toml")
 SECOND = 1_000_000_000
 LIMIT_S = 240.0
 posix = pytest.mark.skipif(os.name != "posix", reason="ends the robot with a signal")

@@ -16,7 +16,7 @@ from msgspec.structs import replace
 
 from tests.hw.family_checks import CHECKS, check_frames, codec_of
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
-from tests.robot.test_rig import ASKED, Blind, Stream, Time, Wire
+from tests.robot.test_rig import ASKED, Time, Wire, rig_on
 from tools.pages import reasons_page
 from truearc import robot
 from truearc.cli.common import SHIPPED
@@ -27,14 +27,11 @@ from truearc.hw.protocols import Frame
 from truearc.hw.reason import FAULT, Reason
 from truearc.robot.config.schema import Config, config_hash, load_config
 from truearc.robot.estimate import estimate
-from truearc.robot.eyes import InlineEyes
 from truearc.robot.motors import guard
 from truearc.robot.operator_ui.view import Told, tell
-from truearc.robot.reasons import BAD_FRAME, IMAGE_DARK, MOTOR_ERROR, NOT_ARMED, text
+from truearc.robot.reasons import BAD_FRAME, MOTOR_ERROR, NOT_ARMED, text
 from truearc.robot.recording.replay import replay
 from truearc.robot.recording.session import CAN, load_session_config
-from truearc.robot.rig import HardwareRig
-from truearc.robot.types import Sighting
 from truearc.robot.verdict import judge
 from truearc.sim.world.emulated_robot import emulate
 
@@ -102,9 +99,8 @@ def test_the_robot_shoots_with_it_and_replays_the_recording(config: Config, tmp_
 
 
 def test_ticks_look_for_no_plugins(config: Config, monkeypatch: pytest.MonkeyPatch) -> None:
-    eyes = InlineEyes(Blind(), lambda frame: Sighting(frame.t_ns, False, IMAGE_DARK()))
     wire, clock = Wire(), Time()
-    rig = HardwareRig(config, guard(wire, config, clock, Counter()), Stream(), eyes, clock, lambda: False)
+    rig = rig_on(guard(wire, config, clock, Counter()), clock, config)
     monkeypatch.setattr(registry, "entry_points", lambda **group: pytest.fail("plugins were looked for"))
     for _ in range(20):
         rig.read()

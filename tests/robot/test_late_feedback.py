@@ -12,7 +12,7 @@ from tests.hw.spinning_plant import SpinningPlant
 from tests.robot.encoders import COUNTING, SPARK_OWN
 from tests.robot.good_tick import CONFIG
 from tests.robot.sparks import ALL_SPARK
-from tests.robot.test_rig import Blind, Stream
+from tests.robot.test_rig import rig_on
 from truearc.hw import fault_codes as hw
 from truearc.hw.devices.canandmag import CanandmagNode
 from truearc.hw.devices.drivers import LATE_NS, SILENT_NS, RoundTrip
@@ -21,12 +21,9 @@ from truearc.hw.protocols import NS_PER_MS as MS
 from truearc.hw.protocols import Frame
 from truearc.hw.real.can_bus import open_can
 from truearc.robot.config.schema import Config
-from truearc.robot.eyes import InlineEyes
 from truearc.robot.motors import guard
-from truearc.robot.reasons import IMAGE_DARK
-from truearc.robot.rig import HardwareRig
 from truearc.robot.tick import step
-from truearc.robot.types import Command, Memory, Sighting
+from truearc.robot.types import Command, Memory
 from truearc.sim.world.emulated_robot import make_nodes
 
 LATE_MS = 200
@@ -70,9 +67,7 @@ class Robot:
             self.near, self.far = (open_can("virtual", channel, 1_000_000, self.clock) for _ in range(2))
         self.twin = Twin(self.plant, self.far, (*self.nodes.values(), *(make(self.plant) for make in extra)))
         self.late = LateBus(self.near, self.clock)
-        eyes = InlineEyes(Blind(), lambda frame: Sighting(frame.t_ns, False, IMAGE_DARK()))
-        self.rig = HardwareRig(config, guard(self.late, config, self.clock, self.tally), Stream(), eyes, self.clock,
-                               lambda: False)
+        self.rig = rig_on(guard(self.late, config, self.clock, self.tally), self.clock, config)
         self.torques = []
 
     def run(self, seconds: float, command: Command):
@@ -101,10 +96,7 @@ def make():
         robot.far.close()
 
 
-def named(config: Config) -> set[str]:
-    return {"flywheel motor 1", "flywheel motor 2", "hood motor", "feeder motor", "hood encoder"}
-
-
+NAMED = {"flywheel motor 1", "flywheel motor 2", "hood motor", "feeder motor", "hood encoder"}
 WIRES = ["virtual", pytest.param("slcan", marks=pytest.mark.skipif(os.name != "posix", reason="a pseudo-terminal"))]
 
 
@@ -117,8 +109,8 @@ def test_feedback_that_is_late_from_the_start_drives_nothing_and_says_so(make, w
         inputs = robot.run(seconds, ASKED)
         verdict = step(inputs, Memory(armed=True, homed=True), robot.config, None).verdict
         assert not verdict.fire and {fault.params["motor"] for fault in inputs.faults
-                                     if "motor" in fault.params} == named(robot.config)
-    assert set(robot.faults(hw.FEEDBACK_LATE)) == named(robot.config)
+                                     if "motor" in fault.params} == NAMED
+    assert set(robot.faults(hw.FEEDBACK_LATE)) == NAMED
     late_s = [fault.params["delay_s"] for fault in verdict.reasons if fault.code == hw.FEEDBACK_LATE.name]
     most_ms = LATE_MS + (15 if wire == "virtual" else 120)  # the serial adapter's own answers take their time
     assert len(late_s) == 5 and all(LATE_MS <= 1e3 * delay_s <= most_ms for delay_s in late_s)
@@ -134,7 +126,7 @@ def test_feedback_that_becomes_late_is_named_within_two_seconds(make, name) -> N
     assert not [fault for fault in inputs.faults if "motor" in fault.params] and robot.sent.flywheel_torque_nm > 0.0
     robot.late.late_ns = LATE_MS * MS
     robot.run(1.7, ASKED)                                  # a second or more to the next question, and two answers
-    assert set(robot.faults(hw.FEEDBACK_LATE)) == named(robot.config) and robot.sent.flywheel_torque_nm == 0.0
+    assert set(robot.faults(hw.FEEDBACK_LATE)) == NAMED and robot.sent.flywheel_torque_nm == 0.0
     robot.torques.clear()
     robot.run(1.0, ASKED)
     assert max(robot.torques) <= 0.0                       # the hood's SPARK brakes it

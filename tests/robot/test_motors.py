@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from tests.robot.alike import codes
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, SPARK_WHEELS, only_advice
-from tests.robot.test_rig import ASKED, Blind, Stream, Time, Wire
+from tests.robot.test_rig import ASKED, Time, Wire, rig_on
 from truearc.errors import InputError
 from truearc.hw import fault_codes as hw
 from truearc.hw.bus_rules import Allowed
@@ -31,10 +31,8 @@ from truearc.hw.reason import Reason
 from truearc.robot import motors
 from truearc.robot.config.schema import Config, read_axis
 from truearc.robot.estimate import estimate
-from truearc.robot.eyes import InlineEyes
-from truearc.robot.reasons import IMAGE_DARK, MOTOR_ERROR, MOTOR_NOT_DRIVEN, text
-from truearc.robot.rig import HardwareRig
-from truearc.robot.types import Command, Sent, Sighting
+from truearc.robot.reasons import MOTOR_ERROR, MOTOR_NOT_DRIVEN, text
+from truearc.robot.types import Command, Sent
 from truearc.robot.verdict import judge
 
 STATUS_0, STATUS_1, STATUS_2 = 0x0205B800, 0x0205B840, 0x0205B880
@@ -45,8 +43,7 @@ class Bench:
 
     def __init__(self, config: Config) -> None:
         self.bus, self.clock = Wire(), Time()
-        eyes = InlineEyes(Blind(), lambda frame: Sighting(frame.t_ns, False, IMAGE_DARK()))
-        self.rig = HardwareRig(config, self.bus, Stream(), eyes, self.clock, lambda: False)
+        self.rig = rig_on(self.bus, self.clock, config)
 
     def hear(self, base: int, device: int, data: bytes) -> None:
         self.bus.frames.append(Frame(self.clock.t_ns, base + device, data, True))
@@ -246,8 +243,7 @@ def test_frames_by_length_and_how_often_at_every_tick_rate() -> None:
 
 def test_what_a_rig_sends_is_allowed_whatever_it_is_asked(bench) -> None:
     wire, clock, tally, bus = bench
-    eyes = InlineEyes(Blind(), lambda frame: Sighting(frame.t_ns, False, IMAGE_DARK()))
-    rig = HardwareRig(CONFIG, bus, Stream(), eyes, clock, lambda: False)
+    rig = rig_on(bus, clock)
     for tick in range(1000):
         rig.read()
         rig.write(Command(*[tick // 50 % 2 == 0] * 3, 0.001 * tick, -0.0001 * tick, 0.1))
@@ -267,8 +263,7 @@ def test_a_loop_gone_wild_is_cut_off(bench) -> None:
 
 def test_another_host_is_a_fault_of_the_very_tick_that_hears_it(bench) -> None:
     wire, clock, _, bus = bench
-    rig = HardwareRig(CONFIG, bus, Stream(), InlineEyes(Blind(), lambda frame: Sighting(0, False, IMAGE_DARK())), clock,
-                      lambda: False)
+    rig = rig_on(bus, clock)
     wire.frames = [Frame(clock.t_ns, 0x2E, bytes(8))]
     assert FOREIGN_HOST.name in codes(rig.read().faults)
 

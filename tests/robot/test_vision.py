@@ -11,17 +11,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from tests.robot.good_tick import CONFIG
 from truearc import robot
 from truearc.hw.emulated.camera import NOTHING, Lens, Stage, TapeSize, outline_m, project
 from truearc.hw.protocols import CameraFrame
 from truearc.robot import reasons as because
-from truearc.robot.config.schema import CameraConfig, CameraFile, load_config, load_toml
+from truearc.robot.config.schema import CameraConfig, CameraFile, load_toml
 from truearc.robot.vision import detect
 from truearc_proof.world.camera_damage import KINDS, USUAL, Look, StagedCamera, place, second_goal
 
 pytestmark = pytest.mark.usefixtures("noise_drawn_once")
 HOME = Path(robot.__file__).parent
-CONFIG = load_config(HOME / "launcher.toml")
 TAPE, VISION = CONFIG.tape, CONFIG.vision
 FRAME_NS = 50_000_000
 
@@ -120,19 +120,6 @@ def test_corners_are_the_projected_ones():
     mean_px = np.mean([sighting.corners_px for sighting in sightings], axis=0)
     assert mean_px == pytest.approx(expected.reshape(-1, 2), abs=0.25)
     assert np.mean([s.distance_m for s in sightings]) == pytest.approx(3.5, abs=0.01)
-
-
-@pytest.mark.parametrize(("width_px", "height_px"), [(1280, 720), (320, 240), (1280, 960), (640, 360)])
-def test_other_image_sizes_show_the_sensor_s_full_height(width_px, height_px):
-    scale = height_px / 480
-    camera = replace(CONFIG.camera, width_px=width_px, height_px=height_px, fx_px=CONFIG.camera.fx_px * scale,
-                     fy_px=CONFIG.camera.fy_px * scale, cx_px=(320.5 - 320) * scale + width_px / 2 - 0.5,
-                     cy_px=240.5 * scale - 0.5)
-    scene = Scene(camera)
-    scene.place(4.0, 10.0, 3.0)
-    sighting = detect(scene.frame(), CONFIG.camera, TAPE, VISION)
-    assert sighting.found and sighting.distance_m == pytest.approx(4.0, rel=0.015)
-    assert sighting.bearing_deg == pytest.approx(3.0, abs=0.2)
 
 
 def test_lights_glints_noise_and_two_targets_are_no_target():

@@ -13,17 +13,17 @@ import pytest
 from msgspec.structs import replace
 
 import truearc.cli.main as truearc
+from tests.robot.good_tick import CONFIG
 from truearc import robot
 from truearc.errors import make_toml
 from truearc.hw.emulated.camera import Lens, Stage, distort
 from truearc.hw.protocols import CameraFrame
-from truearc.robot.config.schema import CameraFile, load_config, load_toml
+from truearc.robot.config.schema import CameraFile, load_toml
 from truearc.robot.vision import detect
 from truearc.robot.vision.calibration import Board, calibrate, find_board, fit_taped
 from truearc_proof.world.camera_damage import StagedCamera, place
 
 HOME = Path(robot.__file__).parent
-CONFIG = load_config(HOME / "launcher.toml")
 TAPE, VISION = CONFIG.tape, CONFIG.vision
 WRONG = replace(CONFIG.camera, fx_px=CONFIG.camera.fx_px * 1.06, fy_px=CONFIG.camera.fy_px * 1.06, focal_sigma=0.05)
 LENS = Lens(640, 480, 655.0, 655.0, 331.0, 228.0, (0.09, -0.21, 0.001, -0.0015, 0.0))

@@ -14,15 +14,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import truearc.cli.main as truearc
+from tests.robot.good_tick import CONFIG
 from truearc import robot
 from truearc.cli import vision_images as images
 from truearc.cli.vision_images import MAX_PIXELS, decode_image, image_size, load_image
 from truearc.errors import InputError
 from truearc.hw.emulated.camera import Lens, Stage, TapeSize
-from truearc.robot.config.schema import load_config
 from truearc_proof.world.camera_damage import StagedCamera, place
-
-CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 
 
 @pytest.fixture(scope="module")

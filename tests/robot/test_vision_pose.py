@@ -1,7 +1,6 @@
 """The pose solution's own statistics and derivatives, without pictures."""
 
 import math
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -10,11 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from truearc import robot
-from truearc.robot.config.schema import load_config
+from tests.robot.good_tick import CONFIG
 from truearc.robot.vision.pose import make_optics, make_shape, solve_pose
 
-CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 CAMERA, TAPE = CONFIG.camera, CONFIG.tape
 OPTICS = make_optics(CAMERA, CAMERA.width_px, CAMERA.height_px)
 

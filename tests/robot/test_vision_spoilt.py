@@ -1,22 +1,19 @@
 """Pictures of a camera that turns, of tape of another width or partly hidden, and with a tone curve."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from truearc import robot
+from tests.robot.good_tick import CONFIG
 from truearc.hw.emulated.camera import Stage, project
-from truearc.robot.config.schema import load_config
 from truearc.robot.vision import detect
 from truearc.robot.vision.pose import make_optics
 from truearc.sim.world.emulated_robot import make_lens, make_tape
 from truearc_proof.world.camera_damage import USUAL, Look, Patch, StagedCamera, place
 
 pytestmark = pytest.mark.usefixtures("noise_drawn_once")
-CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 LENS = make_lens(CONFIG.camera)
 READOUT_S, EXPOSURE_S = 0.03, 0.003
 

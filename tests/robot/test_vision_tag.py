@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from tests.robot.good_tick import CONFIG as SHIPPED_CONFIG
 from tests.robot.tag_scene import View, render
 from truearc.cli.common import SHIPPED
 from truearc.errors import InputError
@@ -13,7 +14,6 @@ from truearc.robot import reasons as because
 from truearc.robot.config.schema import AprilTag, CameraConfig, load_config
 from truearc.robot.vision import detect_tag, find_target
 
-SHIPPED_CONFIG = load_config(SHIPPED)
 TAG = AprilTag((4, 7), 0.1651, 1.35)                  # 6.5 in, as on an FRC field
 # as of the global-shutter cameras that teams use for tags
 CAMERA = replace(SHIPPED_CONFIG.camera, target="apriltag", width_px=1280, height_px=800, fx_px=950.0, fy_px=950.0,

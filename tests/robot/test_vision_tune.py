@@ -15,17 +15,16 @@ import pytest
 from msgspec.structs import replace
 
 import truearc.cli.main as truearc
-from truearc import robot
+from tests.robot.good_tick import CONFIG
 from truearc.cli.vision_tuner import Live, Recorded, Tuner, TuneServer, find_pictures
 from truearc.errors import InputError
 from truearc.hw.emulated.camera import Stage
 from truearc.hw.fault_codes import CAMERA_SILENT
 from truearc.hw.protocols import CameraFrame, LinkLost
-from truearc.robot.config.schema import CameraFile, load_config, load_toml
+from truearc.robot.config.schema import CameraFile, load_toml
 from truearc.sim.world.emulated_robot import make_lens, make_tape
 from truearc_proof.world.camera_damage import StagedCamera, place
 
-CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 FILE = CameraFile(CONFIG.camera, CONFIG.tape, CONFIG.vision)
 SETTINGS = msgspec.to_builtins(CONFIG.vision)
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")

@@ -13,6 +13,7 @@ from msgspec.structs import replace
 from tests.faulty_robot import nodes_with
 from tests.hw.host_speed import excuse_stalls
 from tests.robot.doctor.test_devices import Spoilt, swap
+from tests.robot.good_tick import CONFIG
 from tests.robot.sparks import ALL_SPARK, only_advice
 from truearc.cli import doctor_checks
 from truearc.cli.common import SHIPPED
@@ -36,7 +37,6 @@ from truearc.sim.world.emulated_robot import WATCHDOG_MS, emulated_rig, keep_tim
 from truearc.sim.world.world import World
 from truearc_proof.world.faults import SILENT, Fault
 
-CONFIG = load_config(SHIPPED)
 MS, SECOND = 1_000_000, 1_000_000_000
 WHEELS = ("flywheel_a", "flywheel_b")
 ANGLE_ID = frame_id(CONFIG.hood_encoder.device, "POSITION_OUTPUT")

@@ -90,21 +90,6 @@ def test_says_where_it_came_from_and_has_its_faces(gate: Gate, path: Path) -> No
     assert not gate.rate(2.0, np.nextafter(0.9, 1.0), 20.0).in_domain
 
 
-def test_a_novelty_that_is_no_number_is_outside() -> None:
-    """Behind the checks of loading: novelty NaN from 45 degrees on, as a damaged graph might give."""
-    class Runs:
-        def run(self, outputs: tuple[str, ...], inputs: dict[str, np.ndarray]) -> list[np.ndarray]:
-            rows = inputs["features"]
-            return [np.full((len(rows), 2), 0.5, np.float32), np.where(rows[:, 2:] > 45.0, np.nan, 0.5)]
-
-    spoilt = Gate(Runs(), ((2.0, 8.0), (0.3, 0.9), (20.0, 60.0)), "", {})
-    assert spoilt.rate(5.0, 0.5, 40.0) == (0.5, 0.5, True, 0.5)
-    assert spoilt.rate(5.0, 0.5, 50.0) == (0.5, 0.5, False, None)
-    p, inside, novelty = spoilt.rate_many(np.array([[5.0, 0.5, 40.0], [5.0, 0.5, 50.0]]))
-    assert np.all(p == 0.5) and inside.tolist() == [True, False]
-    assert np.isnan(novelty).tolist() == [False, True]
-
-
 @given(st.floats(), st.floats(), st.floats())
 def test_no_input_gives_a_nan_or_a_domain_outside_the_box(gate: Gate, distance: float, ratio: float,
                                                          hood: float) -> None:

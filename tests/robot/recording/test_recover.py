@@ -33,11 +33,6 @@ MANY = settings(max_examples=8, deadline=None,
                 suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 
 
-@pytest.fixture
-def session(plain, tmp_path):
-    return shutil.copytree(plain, tmp_path / "s")
-
-
 @pytest.fixture(scope="module")
 def chunks(plain):
     """(begin, end, ticks) of every chunk of the whole file, by the library's own reader."""

@@ -8,27 +8,19 @@ import numpy as np
 import pytest
 
 from tests.robot.recording.conftest import CONFIG
-from tests.robot.test_rig import UNPLUGGED, Blind, Stream, Time, Wire
+from tests.robot.test_rig import UNPLUGGED, Stream, Time, Wire, rig_on
 from truearc import robot
 from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.hw.protocols import Frame
 from truearc.robot.config.schema import load_config
-from truearc.robot.eyes import InlineEyes
-from truearc.robot.reasons import CAN_LOST, IMAGE_DARK
+from truearc.robot.reasons import CAN_LOST
 from truearc.robot.recording.files import TappedBus, load_pictures
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay import Difference, config_changes, find_changes, replay, replay_frames
 from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
-from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
-from truearc.robot.types import Sighting
-
-
-@pytest.fixture
-def session(plain, tmp_path):
-    return shutil.copytree(plain, tmp_path / "s")
 
 
 def edit(path, old, new):
@@ -51,8 +43,7 @@ def test_frames_with_stamps_of_their_own_and_a_lost_bus_are_parsed_again(tmp_pat
     """As a real bus gives them: stamped when they came, between ticks, some in none's time, and once not at all."""
     bus, box, clock = Wire(), Stream(), Time()
     recorder = SessionWriter(tmp_path / "s", make_header(CONFIG, None, None), CONFIG, None, lossless=True)
-    eyes = InlineEyes(Blind(), lambda frame: Sighting(frame.t_ns, False, IMAGE_DARK()))
-    rig = HardwareRig(CONFIG, TappedBus(bus, recorder.tap), box, eyes, clock, lambda: clock.t_ns > 2_000_000_000)
+    rig = rig_on(TappedBus(bus, recorder.tap), clock, CONFIG, box, lambda: clock.t_ns > 2_000_000_000)
 
     class Feeding:
         """Puts frames on the wire before each tick."""
