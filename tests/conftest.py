@@ -129,14 +129,14 @@ def alone_on_vcan0(request: pytest.FixtureRequest) -> Iterator[None]:
 @cache
 def trouble_of_vcan0() -> str:
     """Why the host's vcan0 cannot carry a robot's frames in real time, "" where it can; measured once."""
-    from tests.hw.host_speed import measure_bus
+    from tests.hw.host_speed import why_too_slow
     from truearc.hw.real.can_bus import open_can
     from truearc.hw.real.clock import MonotonicClock
 
     with vcan0_alone():
         near, far = (open_can("socketcan", "vcan0", 1_000_000, MonotonicClock()) for _ in range(2))
         try:
-            return measure_bus(near, far).too_slow
+            return why_too_slow(near, far)
         finally:
             near.close()
             far.close()

@@ -1,4 +1,4 @@
-"""The button box's line protocol: whatever the cable does to it, no press that was not made."""
+"""The button box's line protocol: whatever the cable does to it, no press that was not made; and text of reasons."""
 
 import re
 from itertools import pairwise
@@ -9,7 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from truearc.hw.devices import button_box as buttons
+from truearc.hw.fault_codes import BOX_LINES_REFUSED, BY_NAME
 from truearc.hw.protocols import ButtonEvent
+from truearc.hw.reason import Code, render
 
 PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "button-box.md"
 seqs = st.integers(0, 65535)
@@ -86,3 +88,15 @@ def test_what_is_no_line_is_a_fault_and_costs_no_other() -> None:
 def test_a_right_checksum_does_not_make_a_wrong_line_right(body: bytes) -> None:
     heard, faults = hear([b"$%b*%02X\r\n" % (body, buttons._crc(body))])
     assert not heard and len(faults) == 1
+
+
+def test_unprintable_characters_of_a_parameter_are_escaped() -> None:
+    assert render(BOX_LINES_REFUSED(lines=2, first="\0q\n"), BY_NAME) == "button box: 2 lines refused, first \\x00q\\n"
+
+
+def test_a_number_whose_name_has_no_unit_must_be_declared() -> None:
+    """Taken for text it would not be kept from being infinite."""
+    with pytest.raises(ValueError, match="code odd: declare the unit of share"):
+        Code("odd", "off by {share:.2f}")
+    assert Code("odd", "off by {share:.2f}", {"share": "1"}).has_numbers
+    assert Code("odd", "off by {share_rad:.2f} of {what}").params == {"share_rad": "rad", "what": "text"}

@@ -79,28 +79,6 @@ def test_rates_of_a_new_device_and_what_it_refuses(bench) -> None:
     assert bench.heard(0x3840) == [bytes([250, 0, 0, 0, 0, 0, 1]), bytes([136, 3]) + struct.pack("<f", 0.03125) + b"\1"]
 
 
-def test_status_2_is_turned_on_and_says_so(bench) -> None:
-    bench.send(0x400, bytes([0x04, 0, 0x04, 0]))
-    bench.run(1000)
-    assert bench.heard(0x440) == [bytes([0, 0x04, 0, 0x07, 0])]
-    assert len(bench.heard(STATUS_2)) == 50
-    bench.send(0x400, bytes([0x05, 0, 0x04, 0]))
-    bench.log.clear()
-    bench.run(100)
-    assert bench.heard(0x440) == [bytes([0, 0x05, 0, 0x06, 0])] and bench.heard(STATUS_0) == []
-
-
-def test_nothing_moves_without_a_heartbeat_that_names_it(bench, plant) -> None:
-    bench.duty(0.5)
-    bench.run(50)
-    bench.beat(1 << 4)
-    bench.run(50)
-    assert plant.velocity_rad_s["hood"] == 0.0
-    bench.beat()
-    bench.run(50)
-    assert plant.velocity_rad_s["hood"] > 10.0
-
-
 @pytest.mark.parametrize("last_ms", [0, 40])
 def test_the_output_is_zero_100_ms_after_the_last_heartbeat(bench, plant, last_ms: int) -> None:
     bench.duty(0.5)

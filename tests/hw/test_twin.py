@@ -1,10 +1,12 @@
-"""Devices and robot on one virtual bus: rates, quantisation, safety, all seen through the drivers."""
+"""Devices and robot on one virtual bus: rates, quantisation, safety, all seen through the drivers; and their clocks."""
 
 import math
 import struct
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tests.hw.spinning_plant import TORQUE_NM_A
 from truearc.hw import fault_codes as hw
@@ -16,6 +18,7 @@ from truearc.hw.devices.odrive.frames import CLOSED_LOOP, IDLE, PASSTHROUGH, TOR
 from truearc.hw.emulated.nodes import StepClock, Twin
 from truearc.hw.protocols import Frame, MotorReading
 from truearc.hw.real.can_bus import open_can
+from truearc.hw.real.clock import MonotonicClock
 
 MS = 1_000_000
 LEFT, RIGHT, HOOD, ENCODER = OdriveAxis(1, 1), OdriveAxis(2, -1), OdriveAxis(3, 1, 596), 5
@@ -218,3 +221,24 @@ def test_limit_switch_is_read_through_its_endpoint(bench, plant) -> None:
     plant.limit = True
     bench.run(1, odrive.make_endstop_query(HOOD))
     assert bench.readings[HOOD].endstop
+
+
+@given(times=st.lists(st.integers(0, 10**12), max_size=20))
+def test_a_step_clock_advances_the_world_only_forward(times) -> None:
+    seen: list[tuple[int, int]] = []
+    clock = StepClock(lambda t_ns: seen.append((clock.now_ns(), t_ns)))
+    for t_ns in times:
+        clock.sleep_until_ns(t_ns)
+        assert clock.now_ns() >= t_ns
+    assert clock.now_ns() == max(times, default=0)
+    assert all(before < after for before, after in seen)
+    assert [after for _, after in seen] == [before for before, _ in seen[1:]] + [clock.now_ns()] * bool(seen)
+
+
+@pytest.mark.parametrize("ahead_ns", [-1_000_000_000, 0, 3_000_000])
+def test_the_machines_clock_keeps_absolute_deadlines(ahead_ns: int) -> None:
+    clock = MonotonicClock()
+    start_ns = clock.now_ns()
+    clock.sleep_until_ns(start_ns + ahead_ns)
+    assert clock.now_ns() >= start_ns + ahead_ns
+    assert clock.now_ns() - start_ns < 500_000_000          # a deadline that is past costs nothing

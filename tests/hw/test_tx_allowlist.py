@@ -20,26 +20,30 @@ WIRE = CAN_OVERRUN(bus="wire", frames=1)
 
 
 class Wire:
-    """A bus that keeps what it is given; full when told so."""
+    """A bus that hears `frames` and keeps what it is given; full when told so."""
 
-    def __init__(self) -> None:
+    def __init__(self, *told: Reason) -> None:
+        self.told, self.full = list(told), False
+        self.frames: list[Frame] = []
         self.sent: list[Frame] = []
-        self.full = False
 
     def read(self) -> list[Frame]:
-        return [TORQUE]
+        frames, self.frames = self.frames, []
+        return frames
 
     def write(self, frame: Frame) -> bool:
         self.sent.append(frame)
         return not self.full
 
     def faults(self) -> list[Reason]:
-        return [WIRE]
+        return self.told
+
+    def close(self) -> None: ...
 
 
 @pytest.fixture
 def bench(clock):
-    wire, tally = Wire(), Counter()
+    wire, tally = Wire(WIRE), Counter()
     return wire, clock, tally, AllowedBus(wire, LIST, clock, tally)
 
 
@@ -115,7 +119,7 @@ def test_too_often_is_refused_until_the_window_has_passed(bench) -> None:
 
 def test_a_full_queue_is_the_wires_own_refusal(bench) -> None:
     wire, _, tally, bus = bench
-    wire.full = True
+    wire.full, wire.frames = True, [TORQUE]
     assert not bus.write(TORQUE) and not tally and bus.faults() == [WIRE] and bus.read() == [TORQUE]
     assert wire.sent == [TORQUE]
 
@@ -124,30 +128,9 @@ MS, S = 1_000_000, 1_000_000_000
 PULSE, KNOWN, OURS = Frame(0, 0x21, bytes(8)), Frame(0, 0x29, bytes(8)), Frame(0, 0x2E, bytes(8))
 
 
-class Air:
-    """A bus on which somebody says what a list says."""
-
-    def __init__(self) -> None:
-        self.frames: list[Frame] = []
-        self.sent: list[Frame] = []
-
-    def read(self) -> list[Frame]:
-        frames, self.frames = self.frames, []
-        return frames
-
-    def write(self, frame: Frame) -> bool:
-        self.sent.append(frame)
-        return True
-
-    def faults(self) -> list[Reason]:
-        return []
-
-    def close(self) -> None: ...
-
-
 class Monitored:
     def __init__(self, clock) -> None:
-        self.wire, self.clock, self.tally = Air(), clock, Counter()
+        self.wire, self.clock, self.tally = Wire(), clock, Counter()
         self.bus = MonitoredBus(self.wire, [(0x21, False, False), (0x29, False, False)], [(0x2E, False, False)],
                                 {(0x21, False, False): 100 * MS}, clock, self.tally)
 

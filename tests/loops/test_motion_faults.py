@@ -72,16 +72,3 @@ def test_what_moves_is_released_in_real_time(name: str, tmp_path: Path) -> None:
 def test_no_false_release_in_a_short_run(name: str) -> None:
     result = soak(name, CASES[name], "odrive", 40.0)
     assert not result.wrong, result
-
-
-@posix
-def test_a_release_of_half_a_second_is_seen_on_the_plant(monkeypatch: pytest.MonkeyPatch) -> None:
-    def lapsing(inputs, *others):
-        command, memory = control(inputs, *others)
-        idle = 8.0 < inputs.t_ns * 1e-9 < 8.5     # the wheels are taken from their set point for so long
-        return (msgspec.structs.replace(command, flywheel_torque_nm=0.0) if idle else command), memory
-
-    monkeypatch.setattr(truearc.robot.tick, "control", lapsing)
-    result = soak("lapsing", Case(((590.0, 45.0),), is_shot=False), "odrive", 9.0)
-    assert any("wheels without torque for 0.4" in wrong or "wheels without torque for 0.5" in wrong
-               for wrong in result.wrong), result

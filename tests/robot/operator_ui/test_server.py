@@ -9,14 +9,12 @@ from contextlib import ExitStack
 from http.client import HTTPConnection
 
 import pytest
-from msgspec.structs import replace
 
 import truearc.robot.operator_ui.server
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.operator_ui.aim_inbox import AimOrders
-from truearc.robot.operator_ui.server import LOOKING, MAX_OF_ADDRESS, PERIOD_S, OperatorPage, PageServer
-from truearc.robot.runtime import ShowingRecorder
+from truearc.robot.operator_ui.server import LOOKING, MAX_OF_ADDRESS, PERIOD_S, OperatorPage
 from truearc.robot.tick import step
 from truearc.robot.types import Memory
 
@@ -232,12 +230,6 @@ def test_the_whole_request_has_one_time_limit(page, monkeypatch, sent):
         assert time.monotonic() > began + 0.5
 
 
-def test_128_connections_may_wait_to_be_accepted():
-    with PageServer("127.0.0.1", 0, None, None) as server, ExitStack() as leaving:
-        for _ in range(128):
-            leaving.enter_context(socket.create_connection(("127.0.0.1", server.server_port), timeout=0.5))
-
-
 def test_closing_ends_every_stream():
     page = OperatorPage(CONFIG, "", "127.0.0.1", 0, MonotonicClock())
     events = Events(page)
@@ -246,22 +238,3 @@ def test_closing_ends_every_stream():
     page.close()
     assert b"data" not in events.answer.read()
     events.close()
-
-
-class Kept:
-    def __init__(self):
-        self.kept = []
-
-    def record(self, tick, sent):
-        self.kept.append((tick, sent))
-
-    def keep_picture(self, picture):
-        self.kept.append(picture)
-
-
-def test_a_recorder_records_and_shows(page):
-    recorder = Kept()
-    showing = ShowingRecorder(recorder, page)
-    showing.record(replace(GOOD), None)
-    showing.keep_picture("picture")
-    assert recorder.kept == [(GOOD, None), "picture"] and page.newest()[0] == 1

@@ -75,16 +75,6 @@ def test_a_disk_that_hangs_never_stops_the_tick_and_is_told(tmp_path, monkeypatc
     assert recorder.failed is None and kept_cycles(tmp_path / "s") == list(range(1, 1001))
 
 
-def test_what_a_lane_cannot_take_is_counted(tmp_path, monkeypatch):
-    hung, flush = threading.Event(), Appender.flush
-    monkeypatch.setattr(Appender, "flush", lambda self: (hung.wait(), flush(self))[1])
-    recorder = open_writer(tmp_path / "s", False, lambda *what: LaneKeeper(*what, False, longest=3))
-    play(recorder, ticks(500))
-    assert recorder.dropped > 0
-    hung.set()
-    recorder.close()
-
-
 def test_an_image_that_cannot_be_kept_is_told_and_the_next_one_is_kept(tmp_path):
     recorder = open_writer(tmp_path / "s")
     recorder.keep_picture(CameraFrame(5 * MS, np.zeros((0, 0, 3), np.uint8)))
