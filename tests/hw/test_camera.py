@@ -1,55 +1,32 @@
-"""The emulated camera against OpenCV's own projection and polygon filling; one that repeats its image is lost."""
+"""The emulated camera: its rate and latency, and a target out of sight; its pictures are seen by tests/robot."""
 
-
-import cv2
 import numpy as np
 import pytest
 
-from truearc.hw.emulated.camera import Lens, TapeSize
+from truearc.hw.emulated.camera import Lens, Stage, TapeSize
 from truearc.hw.emulated.nodes import View
-from truearc_proof.world.camera_damage import Look, StagedCamera
+from truearc_proof.world.camera_damage import USUAL, Look, StagedCamera
 
 TAPE = TapeSize(0.99695, 0.49885, 0.4318, 0.0508)
 PINHOLE = Lens(640, 480, 699.4, 690.0, 325.0, 236.0)
 FRAME_NS = 50_000_000
 
 
-class Still:
-    """A plant of which the camera sees one thing."""
-
-    def __init__(self, view: View) -> None:
-        self.now = view
-
-    def view(self) -> View:
-        return self.now
-
-
-def make_view(rvec, tvec_m, focal_scale: float = 1.0, brightness: float = 1.0) -> View:
-    """The tape at `tvec_m` (camera axes), turned by `rvec` from facing the camera squarely."""
-    facing = np.diag([1.0, -1.0, -1.0])               # target y up and z to the viewer; camera y down and z ahead
-    pose = np.eye(4)
-    pose[:3, :3] = cv2.Rodrigues(np.array(rvec, dtype=float))[0] @ facing
+def camera_at(tvec_m, latency_s: float = 0.0, look: Look = USUAL) -> StagedCamera:
+    """Before the tape at `tvec_m` (camera axes), squarely facing it."""
+    pose = np.diag([1.0, -1.0, -1.0, 1.0])            # target y up and z to the viewer; camera y down and z ahead
     pose[:3, 3] = tvec_m
-    return View(pose, focal_scale, brightness)
-
-
-def picture(view: View, lens: Lens = PINHOLE, seed: int = 1, shake_px: float = 0.0):
-    camera = StagedCamera(Still(view), lens, TAPE, 20.0, 0.0, seed, look=Look(shake_px=shake_px))
-    camera.step(0)
-    frame = camera.read()
-    assert frame is not None
-    return frame.image
+    return StagedCamera(Stage(View(pose, 1.0, 1.0)), PINHOLE, TAPE, 20.0, latency_s, 1, look=look)
 
 
 @pytest.mark.parametrize("tvec_m", [(0.0, 0.0, -4.0), (9.0, 0.0, 3.0), (0.0, 0.0, 0.1), (0.0, 0.0, 1e9)])
 def test_a_target_out_of_sight_is_not_drawn(tvec_m):
-    without = picture(make_view((0, 0, 0), (0.0, 0.0, -4.0)))
-    image = picture(make_view((0, 0, 0), tvec_m))
+    without, image = (camera_at(at, look=Look(shake_px=0.0)).expose(0).image for at in ((0.0, 0.0, -4.0), tvec_m))
     assert image.shape == without.shape and np.mean(image != without) < 0.02
 
 
 def test_rate_latency_newest_only_and_no_making_up_for_late_steps():
-    camera = StagedCamera(Still(make_view((0, 0, 0), (0, 0, 4.0))), PINHOLE, TAPE, 20.0, 0.03, 1)
+    camera = camera_at((0.0, 0.0, 4.0), 0.03)
     stamps, ages = [], []
     for t_ns in range(10**9, 2 * 10**9, 5_000_000):
         camera.step(t_ns)
@@ -62,7 +39,7 @@ def test_rate_latency_newest_only_and_no_making_up_for_late_steps():
         camera.step(t_ns)
     newest = camera.read()
     assert newest is not None and newest.t_ns == 2 * 10**9 + 350_000_000 and camera.read() is None
-    camera = StagedCamera(Still(make_view((0, 0, 0), (0, 0, 4.0))), PINHOLE, TAPE, 20.0, 0.0, 1)
+    camera = camera_at((0.0, 0.0, 4.0))
     got = 0
     for t_ns in (0, 1_000_000_000, 1_010_000_000, 1_050_000_000):
         camera.step(t_ns)

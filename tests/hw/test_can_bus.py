@@ -16,6 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.hw.spinning_plant import closed_after
 from truearc.hw.emulated.serial_link import PtyCable, SlcanAdapter
 from truearc.hw.fault_codes import CAN_ADAPTER_ERROR, CAN_BUS_OFF, CAN_OVERRUN, CAN_REOPENED, CAN_SILENT
 from truearc.hw.protocols import Frame, LinkLost
@@ -331,6 +332,9 @@ class Bench:
         self.drawer, self.opened = list(drawer), 0
         self.bus = can_bus.SupervisedBus(self.open, clock, self.tally, **how)
 
+    def close(self) -> None:
+        self.bus.close()
+
     def open(self) -> Adapter:
         self.opened += 1
         what = self.drawer.pop(0) if self.drawer else lost("no such device")
@@ -357,17 +361,7 @@ def why_lost(bus: can_bus.SupervisedBus) -> str:
     return ""
 
 
-@pytest.fixture
-def benches(clock):
-    made: list[Bench] = []
-
-    def make(*drawer: Adapter | Exception, **how) -> Bench:
-        made.append(Bench(clock, *drawer, **how))
-        return made[-1]
-
-    yield make
-    for bench in made:
-        bench.bus.close()
+benches = closed_after(Bench, "clock")
 
 
 def gather(bus: can_bus.SupervisedBus, count: int) -> list[Frame]:

@@ -80,8 +80,12 @@ async def reach(drive: ODriveCAN, state: str) -> None:
     raise TimeoutError(f"no heartbeat said {state}")
 
 
-def test_its_velocity_control_turns_the_motor_and_feeds_the_watchdog(play: Played, plant: SpinningPlant) -> None:
+def test_its_questions_are_answered_and_velocity_control_feeds_the_watchdog(play: Played, plant: SpinningPlant) -> None:
     async def steps(drive: ODriveCAN) -> None:
+        await drive.wait_for_heartbeat()
+        assert await drive._request("Get_Temperature") == {"FET_Temperature": 25.0, "Motor_Temperature": 25.0}
+        assert (await drive.get_bus_voltage_current())["Bus_Voltage"] == plant.volts
+        assert set(await drive.get_iq()) == {"Iq_Setpoint", "Iq_Measured"}
         drive.check_alive()
         drive.check_errors()
         drive.set_controller_mode("VELOCITY_CONTROL", "PASSTHROUGH")
@@ -92,17 +96,5 @@ def test_its_velocity_control_turns_the_motor_and_feeds_the_watchdog(play: Playe
         assert told["Vel_Estimate"] == pytest.approx(5.0, rel=0.05)
         assert plant.velocity_rad_s["flywheel_a"] == pytest.approx(5.0 * math.tau, rel=0.05)
         await reach(drive, "IDLE")
-
-    play(steps)
-
-
-def test_its_questions_are_answered(play: Played, plant: SpinningPlant) -> None:
-    async def steps(drive: ODriveCAN) -> None:
-        await drive.wait_for_heartbeat()
-        temperature = await drive._request("Get_Temperature")
-        assert temperature == {"FET_Temperature": 25.0, "Motor_Temperature": 25.0}
-        supply = await drive.get_bus_voltage_current()
-        assert supply["Bus_Voltage"] == plant.volts
-        assert set(await drive.get_iq()) == {"Iq_Setpoint", "Iq_Measured"}
 
     play(steps)

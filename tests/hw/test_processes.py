@@ -101,7 +101,7 @@ def test_what_ends_the_group_does_not_end_it(name):
     child = Child("test", wait_over, (), restarts=False, mortal=True)
     child.wait()
     os.kill(child.pid, getattr(signal, name))
-    time.sleep(0.2)
+    time.sleep(0.1)
     assert child.trouble is None
     child.close(10.0)
 
@@ -232,7 +232,7 @@ def hammer(memory, count):
 def test_what_another_process_writes_meanwhile_is_never_torn():
     memory = make_shared(BIG.bytes)
     reader = Slots(memory, BIG)
-    writer = multiprocessing.get_context("spawn").Process(target=hammer, args=(memory, 20_000))
+    writer = multiprocessing.get_context("spawn").Process(target=hammer, args=(memory, 6_000))
     writer.start()
     texts = images = 0
     while writer.is_alive():

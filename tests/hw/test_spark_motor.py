@@ -5,6 +5,7 @@ import struct
 
 import pytest
 
+from tests.hw.spinning_plant import closed_after
 from truearc.hw import fault_codes as hw
 from truearc.hw.devices.drivers import DcMotor
 from truearc.hw.devices.family import Bounds
@@ -84,17 +85,7 @@ class Bench:
         self.far.close()
 
 
-@pytest.fixture
-def make(plant, clock):
-    benches = []
-
-    def build(**kwargs):
-        benches.append(Bench(plant, clock, **kwargs))
-        return benches[-1]
-
-    yield build
-    for bench in benches:
-        bench.close()
+make = closed_after(Bench, "plant", "clock")
 
 
 def armed(bench, torque_nm: float = 0.0) -> None:

@@ -4,6 +4,7 @@ import struct
 
 import pytest
 
+from tests.hw.spinning_plant import closed_after
 from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
 from truearc.hw.devices.spark.frames import SparkAxis
 from truearc.hw.emulated.nodes import Twin
@@ -44,22 +45,15 @@ class Bench:
             self.clock.t_ns += MS
             self.log += self.near.read()
 
+    def close(self) -> None:
+        self.near.close()
+        self.far.close()
+
     def heard(self, command: int) -> list[bytes]:
         return [frame.data for frame in self.log if frame.arbitration_id == BASE + command + self.axis.device]
 
 
-@pytest.fixture
-def make(plant, clock):
-    benches = []
-
-    def build(*args, **kwargs):
-        benches.append(Bench(plant, clock, *args, **kwargs))
-        return benches[-1]
-
-    yield build
-    for bench in benches:
-        bench.near.close()
-        bench.far.close()
+make = closed_after(Bench, "plant", "clock")
 
 
 @pytest.fixture
@@ -151,14 +145,3 @@ def test_malformed_frames_are_counted_and_change_nothing(bench) -> None:
     assert bench.near.write(Frame(0, HEARTBEAT, bytes(4), True))
     bench.run(5)
     assert bench.node.output == 0.5 and bench.node.bad_frames == 4
-
-
-def test_a_fault_that_has_gone_is_sticky_until_it_is_told_to_forget(make) -> None:
-    bench = make()
-    bench.node.fail(0x20)
-    bench.node.fail(0)
-    bench.run(300)
-    assert bench.heard(STATUS_1)[-1][0] == 0 and bench.heard(STATUS_1)[-1][3] == 0x20
-    bench.send(0x1B80, b"")
-    bench.run(300)
-    assert bench.heard(STATUS_1)[-1][3] == 0

@@ -90,14 +90,6 @@ def test_what_is_not_listed_to_the_bit_is_refused(frame: Frame) -> None:
     assert why == (None if listed else wanted)
 
 
-@pytest.mark.parametrize(("frame", "params"), [
-    (Frame(0, 0x2F, bytes(8)), {"frame": "0x02f", "bytes": 8, "remote": False}),
-    (Frame(0, 0x2E, b"", is_remote=True), {"frame": "0x02e", "bytes": 0, "remote": True}),
-])
-def test_a_refusal_says_what_was_refused(frame: Frame, params) -> None:
-    assert AllowList(LIST).refuse(frame, 0) == Reason("frame_not_allowed", params)
-
-
 def test_a_refused_frame_is_never_sent_is_counted_and_is_said_once(bench) -> None:
     wire, _, tally, bus = bench
     wrong = TORQUE._replace(arbitration_id=0x7FF)

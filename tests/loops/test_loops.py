@@ -32,7 +32,6 @@ from truearc.robot.operator_ui.server import open_page
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay import Difference, replay
 from truearc.robot.recording.session import CONFIG, Trial, load_trials
-from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.world.emulated_robot import emulate, keep_time, open_device_bus
 from truearc_proof.world.faults import SILENT, Fault
 
@@ -86,20 +85,6 @@ def test_a_replay_with_another_gain_names_the_first_field_that_differs(session, 
         replay(folder)
     assert main(["session", "replay", str(folder), "--check"]) == 1
     assert "is now" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("share", [0.3, 0.9])
-def test_a_truncated_recording_gives_its_whole_chunks_and_says_so(session, tmp_path, share, capsys):
-    folder = tmp_path / "cut"
-    shutil.copytree(session[0], folder)
-    file = folder / "telemetry.mcap"
-    whole = sum(1 for _ in TickReader(folder))
-    file.write_bytes(file.read_bytes()[:int(file.stat().st_size * share)])
-    ticks, cut_short = replay(folder)
-    assert 0.7 * share * whole < ticks < whole and "cut short" in cut_short
-    assert main(["session", "replay", str(folder), "--check"]) == 1
-    dataset = shots_from_sessions([folder], "cut")
-    assert any("cut short" in line for line in dataset.left_out)
 
 
 def test_a_disk_that_fills_up_is_a_hold_and_the_session_can_be_recovered(tmp_path, capsys):

@@ -3,17 +3,14 @@
 import sys
 from pathlib import Path
 
-import msgspec
 import pytest
 
-import truearc.robot.tick
 from benchmarks.matrix.fault import Row
 from benchmarks.matrix.judge import Result, judge
 from benchmarks.matrix.play import play
 from benchmarks.matrix.rows import MOTION_ROWS
-from benchmarks.motion_soak import CASES, Case, soak
+from benchmarks.motion_soak import CASES, soak
 from tests.hw.host_speed import excuse_stalls
-from truearc.robot.control import control
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals and signals")
 NAMES = {row.name: row for row in MOTION_ROWS}

@@ -29,7 +29,7 @@ from truearc.robot.config.schema import Config, config_hash, load_config
 from truearc.robot.estimate import estimate
 from truearc.robot.motors import guard
 from truearc.robot.operator_ui.view import Told, tell
-from truearc.robot.reasons import BAD_FRAME, MOTOR_ERROR, NOT_ARMED, text
+from truearc.robot.reasons import BAD_FRAME, NOT_ARMED, text
 from truearc.robot.recording.replay import replay
 from truearc.robot.recording.session import CAN, load_session_config
 from truearc.robot.verdict import judge
@@ -156,12 +156,3 @@ def test_a_broken_distribution_is_named(points: tuple[str, ...], message: str, t
     monkeypatch.syspath_prepend(tmp_path / "site")
     with pytest.raises(InputError, match=r"launcher\.toml:\d+: axes\.feeder: " + message):
         load_config(toml)
-
-
-def test_an_error_of_its_own_has_its_text_and_message(config: Config) -> None:
-    inputs = replace(good_inputs(), feeder=replace(good_inputs().feeder, axis_error=0x2))
-    verdict = judge(inputs, estimate(inputs, good_memory(), config), good_memory().aim, good_memory(), config, None)
-    low = MOTOR_ERROR(motor="feeder motor", errors=(Reason("samplemotor.supply_low"),))
-    assert not verdict.fire and verdict.reasons == (low,)
-    shown = "feeder motor: supply low"
-    assert tell([low]) == (Told(FAULT, "Feeder motor: supply low", "battery charged?", (shown,)),)

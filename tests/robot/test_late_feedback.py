@@ -8,7 +8,7 @@ from collections import Counter, deque
 import pytest
 from msgspec.structs import replace
 
-from tests.hw.spinning_plant import SpinningPlant
+from tests.hw.spinning_plant import SpinningPlant, closed_after
 from tests.robot.encoders import COUNTING, SPARK_OWN
 from tests.robot.good_tick import CONFIG
 from tests.robot.sparks import ALL_SPARK
@@ -78,22 +78,15 @@ class Robot:
             self.torques += [node.torque_nm() for node in self.nodes.values() if node.motor is not None]
         return self.inputs
 
+    def close(self) -> None:
+        self.near.close()
+        self.far.close()
+
     def faults(self, code) -> list[str]:
         return [fault.params["motor"] for fault in self.inputs.faults if fault.code == code.name]
 
 
-@pytest.fixture
-def make():
-    robots = []
-
-    def build(*args, **kwargs) -> Robot:
-        robots.append(Robot(*args, **kwargs))
-        return robots[-1]
-
-    yield build
-    for robot in robots:
-        robot.near.close()
-        robot.far.close()
+make = closed_after(Robot)
 
 
 NAMED = {"flywheel motor 1", "flywheel motor 2", "hood motor", "feeder motor", "hood encoder"}

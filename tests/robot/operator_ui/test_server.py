@@ -3,7 +3,6 @@
 import json
 import socket
 import sys
-import threading
 import time
 from contextlib import ExitStack
 from http.client import HTTPConnection
@@ -12,6 +11,7 @@ import pytest
 
 import truearc.robot.operator_ui.server
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
+from tests.robot.operator_ui.browser import Shower
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.operator_ui.aim_inbox import AimOrders
 from truearc.robot.operator_ui.server import LOOKING, MAX_OF_ADDRESS, PERIOD_S, OperatorPage
@@ -32,17 +32,10 @@ def page():
 @pytest.fixture
 def shown(page):
     """The page, shown the same tick again and again by a thread."""
-    over = threading.Event()
-
-    def show():
-        while not over.wait(0.005):
-            page.show(GOOD)
-
-    thread = threading.Thread(target=show)
-    thread.start()
+    shower = Shower(page)
+    shower.tick = GOOD
     yield page
-    over.set()
-    thread.join()
+    shower.close()
 
 
 def port(page):

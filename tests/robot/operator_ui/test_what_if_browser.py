@@ -8,8 +8,7 @@ import pytest
 from msgspec.structs import replace
 
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
-from tests.robot.operator_ui.browser import BROWSER, Browser
-from tests.robot.operator_ui.test_browser import Shower
+from tests.robot.operator_ui.browser import BROWSER, Browser, Shower
 from tests.robot.operator_ui.test_what_if import GATE
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.operator_ui.server import OperatorPage, PageServer

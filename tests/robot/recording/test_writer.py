@@ -31,7 +31,7 @@ from truearc.robot.recording import writer as far_keeper
 from truearc.robot.recording.files import Appender, append_trials, load_image, load_pictures
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials, make_header
-from truearc.robot.recording.writer import MARKING_NS, LaneKeeper, SessionWriter, disk_trouble
+from truearc.robot.recording.writer import MARKING_NS, SessionWriter, disk_trouble
 from truearc.robot.tick import step
 from truearc.robot.types import Memory, Outcome
 
