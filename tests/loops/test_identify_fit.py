@@ -151,15 +151,6 @@ def test_friction_inertia_and_delay_are_the_worlds(fits):
 
 
 @pytest.mark.slow
-def test_only_what_was_programmed_was_sent(session):
-    """No wheel was driven backwards, no ball was fed, the hood stayed inside."""
-    sent = [(tick.sent, tick.estimate.hood_deg) for tick, _ in TickReader(session)]
-    assert all(0.0 <= one.flywheel_torque_nm <= CONFIG.identify.flywheel.step_nm for one, _ in sent)
-    assert all(one.feeder_torque_nm == 0.0 for one, _ in sent)
-    assert max(deg for _, deg in sent if deg is not None) < CONFIG.hood.high_deg - 0.5 * CONFIG.identify.hood.margin_deg
-
-
-@pytest.mark.slow
 def test_another_worlds_inertia_is_found_without_being_told(tmp_path):
     world = World(1, Options(flywheel_inertia_scale=1.6, battery_start_v=12.0))
     assert drive_twin(repeated(1, 0), tmp_path / "s", world, lambda text: None) == IDENTIFY_DONE()
