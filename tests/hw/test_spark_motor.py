@@ -331,3 +331,20 @@ def test_one_heartbeat_names_all_that_may_drive_and_only_those(make, plant) -> N
     assert bench.enabled()[-1] == 1 << 40 and bench.nodes[0].output == 0.0 and bench.nodes[1].output > 0.0
     beats = [frame.t_ns for frame in bench.sent if frame.arbitration_id == HEARTBEAT][-10:]
     assert len(beats) == len(set(beats))                   # never one a motor
+
+
+def test_one_that_was_deaf_is_not_driven_by_an_old_duty(make) -> None:
+    bench = make()
+    armed(bench)
+    bench.run(20, 0.2)
+    receive, bench.node.receive = bench.node.receive, lambda frame, t_ns: []
+    bench.run(60, 0.2)
+    assert hw.SPARK_NOT_DRIVING(spark=3) in bench.faults()
+    for waited in range(100, 106):                     # wherever it is between two repetitions of the duty
+        bench.run(waited, 0.0)
+        bench.node.receive, driven_nm = receive, []
+        for _ in range(20):
+            bench.run(1, 0.0)
+            driven_nm.append(abs(bench.node.torque_nm()))
+        assert max(driven_nm) < 0.05
+        bench.node.receive = lambda frame, t_ns: []
