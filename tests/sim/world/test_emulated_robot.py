@@ -29,14 +29,6 @@ def test_axes_that_cannot_be_emulated_leave_nothing(words, old, new, said, tmp_p
     assert said in capsys.readouterr().err and [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
 
 
-def test_a_robot_with_one_device_twice_is_refused_before_there_is_a_folder(tmp_path, monkeypatch, capsys):
-    (tmp_path / "mine.toml").write_text(TEXT.replace("node = 2", "node = 1"))
-    monkeypatch.chdir(tmp_path)
-    assert main(["run", "--config", "mine.toml", "--can", "virtual:x", "--page", "off"]) == 2
-    assert "is that of axes.flywheels[0], too" in capsys.readouterr().err
-    assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
-
-
 class _Robot:
     """A launcher that shoots whenever fire is pressed, unless it has been told to refuse."""
 
@@ -105,10 +97,6 @@ def test_a_spoilt_trial_is_rejected_after_its_outcome() -> None:
     robot.run()
     buttons = [button for _, button in robot.presses]
     assert [b for b in buttons if b in ("fire", "reject")] == ["fire", "reject"] * 2
-
-
-def test_without_trials_there_is_nothing_to_do() -> None:
-    assert _Robot(trials=0).driver.done
 
 
 def test_the_same_seed_drives_alike() -> None:

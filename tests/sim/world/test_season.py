@@ -76,14 +76,6 @@ def test_levels_carry_what_they_should() -> None:
         season(level="L7")
 
 
-def test_wheels_dip_while_the_ball_passes() -> None:
-    told = season(level="L1")
-    lower = np.array([signal == "wheel_lower_rad_s" for signal in told.traces.signal]) & (told.traces.shot == 0)
-    t_s, speed = told.traces.t_s[lower], told.traces.value[lower]
-    before, dip = speed[t_s < 0.0].mean(), speed[(t_s > 0.0) & (t_s < 0.1)].min()
-    assert before == pytest.approx(0.55 * 594.0, rel=0.01) and 0.04 < 1.0 - dip / before < 0.09
-
-
 def test_tracks_begin_at_the_muzzle_and_fall_as_a_ball_does() -> None:
     """Without air: a parabola under 9.81 m/s2, through the exit point 0.75 m above the floor."""
     told = season(Options(scatter_scale=0.0, pose_scale=0.0, air_density_kg_m3=0.0))

@@ -112,13 +112,6 @@ def test_a_hood_that_gives_way_is_steeper_by_speed_and_its_encoder_does_not_see_
         assert flexed.hood_encoder_rad() == stiff.hood_encoder_rad()
 
 
-def test_wear_shows_when_a_ball_comes_again() -> None:
-    world, _ = fire(calm(wear_stiffness_per_shot=0.05), shots=14)
-    ids = [shot.ball_id for shot in world.results]
-    fresh, worn = world.results[ids.index(ids[12])], world.results[12]
-    assert worn.z_m < fresh.z_m - 0.005
-
-
 def test_without_scatter_every_shot_is_the_same_and_with_it_they_spread() -> None:
     calm = [shot.z_m for shot in fire(CALM, shots=5)[0].results]
     assert np.std(np.array(calm, float)) < 0.004      # what is left is where in a control period the ball came
@@ -142,13 +135,6 @@ def test_the_battery_options_say_what_the_bus_does() -> None:
     assert fresh.bus_v() - worn.bus_v() == pytest.approx(0.6, abs=0.02)
 
 
-def test_the_driver_limit_is_a_current() -> None:
-    world = World(1, calm(driver_current_a=10.0))
-    world.advance(TICK_NS, {"flywheel_a": 2.0})
-    assert world.motor("flywheel_a").current_a == pytest.approx(10.0)
-    assert world.motor("flywheel_a").torque_nm == pytest.approx(10.0 * 12.0 / 594.0)
-
-
 def test_an_encoder_scale_changes_what_the_flywheels_say_and_nothing_else() -> None:
     true, scaled = fire()[0], fire(calm(encoder_scale=1.03))[0]
     assert scaled.results == true.results             # the bench controls on the truth
@@ -156,16 +142,6 @@ def test_an_encoder_scale_changes_what_the_flywheels_say_and_nothing_else() -> N
         assert scaled.motor(name).velocity_rad_s == pytest.approx(1.03 * true.motor(name).velocity_rad_s)
         assert scaled.motor(name).position_rad == pytest.approx(1.03 * true.motor(name).position_rad)
     assert scaled.motor("hood") == true.motor("hood")
-
-
-def test_hood_options_reach_the_encoder_and_the_hood() -> None:
-    assert (math.degrees(World(1, calm(hood_offset_deg=2.0)).hood_encoder_rad())
-            == pytest.approx(World(1, CALM).hood.elevation_deg + 2.0))
-    loose, tight = (World(1, calm(hood_backlash_deg=play)) for play in (1.0, 0.0))
-    for world in (loose, tight):
-        world.advance(200_000_000, {"hood": 0.1})
-    assert tight.motor("hood") == loose.motor("hood")
-    assert tight.hood.elevation_deg - loose.hood.elevation_deg == pytest.approx(0.5)
 
 
 def test_the_exit_point_stays_put_unless_the_arc_is_asked_for() -> None:
