@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import quad, solve_ivp
+from scipy.integrate import solve_ivp
 
-from tests.sim.physics.rigs import GUPPY, weightless
+from tests.sim.physics.rigs import GUPPY
 from truearc.sim.physics.catalogue import flight_terms
 from truearc.sim.physics.flight import fly, make_law, path, reach_plane, start_of
 from truearc.sim.physics.term import Exit
@@ -74,42 +74,6 @@ def test_planes_are_met_where_dop853_meets_them(case):
     over = reach_plane(GUPPY, make_law(GUPPY, TERMS, params), exit, np.array([3.0]))
     assert float(over.height_m[0]) == pytest.approx(wanted[2], abs=2e-6)
     assert float(over.climb[0]) == pytest.approx(wanted[5] / wanted[3], abs=1e-5)
-
-
-def test_a_floating_ball_falls_by_the_closed_form():
-    """Weight less the air's, over mass and half the air's: d = a t^2 / 2."""
-    terms = flight_terms(("gravity", "buoyancy", "added_mass"))
-    params = {"buoyancy": {"share": 1.0}, "added_mass": {"share": 1.0}}
-    flown = path(GUPPY, terms, params, Exit(0.0, 0.0, 0.0), points=501, step_s=STEP_S)
-    fall = G * (M - RHO * VOLUME) / (M + RHO * VOLUME / 2)
-    np.testing.assert_allclose(flown.position_m.z, UP - fall * (np.arange(501) * STEP_S)**2 / 2, atol=1e-12)
-    assert fall == pytest.approx(9.4437, abs=1e-3)
-
-
-def test_a_ball_that_loses_spin_winds_off():
-    """Lift alone turns the velocity by the spin that is left: angle (w / rate)(1 - exp(-rate t)), speed unchanged."""
-    terms, rate = flight_terms(("magnus", "spin_decay")), 1.7
-    turn_rad_s = 16 / 3 * np.pi**2 * R**3 * RHO / M * CL * SPIN
-    flown = path(weightless(1.0), terms, {"magnus": {"cl": CL}, "spin_decay": {"rate_per_s": rate}},
-                 Exit(SPEED, 0.3, SPIN), points=501, step_s=STEP_S)
-
-    def angle(t):
-        return 0.3 + turn_rad_s / rate * -np.expm1(-rate * t)
-
-    t = np.arange(501) * STEP_S
-    np.testing.assert_allclose(np.arctan2(flown.velocity_m_s.z, flown.velocity_m_s.x), angle(t), atol=1e-9)
-    end = [quad(lambda t, shape: SPEED * shape(angle(t)), 0.0, t[-1], (shape,), epsabs=1e-12)[0]
-           for shape in (np.cos, np.sin)]
-    np.testing.assert_allclose([flown.position_m.x[-1], flown.position_m.z[-1] - 1.0], end, atol=1e-9)
-
-
-def test_a_ball_at_rest_goes_with_the_wind():
-    """From rest the ball is dragged along: w t - log(1 + k w t) / k with k = rho A cd / 2 m."""
-    terms, wind = flight_terms(("drag", "wind_y")), 3.0
-    flown = path(weightless(1.0), terms, {"drag": {"cd": CD}, "wind_y": {"speed_m_s": wind}}, Exit(0.0, 0.0, 0.0),
-                 points=501, step_s=STEP_S)
-    k, t = RHO * AREA * CD / (2 * M), np.arange(501) * STEP_S
-    np.testing.assert_allclose(flown.position_m.y, wind * t - np.log1p(k * wind * t) / k, atol=1e-10)
 
 
 def test_flights_in_the_plane_stay_there():
