@@ -126,12 +126,3 @@ def test_terms_of_the_catalogue_are_written_out_too(name):
 def test_a_law_that_changes_in_flight_is_refused():
     with pytest.raises(UntraceableLaw, match="time since release"):
         make_source(GUPPY, flight_terms(("gravity", "magnus", "spin_decay")), VALUES)
-
-
-def test_without_a_place_to_keep_it_the_kernel_still_compiles():
-    """As on a read-only home directory; a source of its own, so that no earlier test has loaded it."""
-    states, pairs = _draw(5, 3)
-    pairs[:, 1] = 0.0
-    said, wanted = (_said(GUPPY, TERMS[:2], states, pairs, lambda name, text: None),
-                    _law(GUPPY, TERMS[:2], states, pairs))
-    np.testing.assert_allclose(said, wanted, rtol=1e-12)

@@ -101,17 +101,6 @@ def test_a_step_that_does_not_fit_is_refused(step):
         make_axis(step)
 
 
-def test_the_seeds_axis():
-    axis = make_axis(0.005)
-    assert (axis.size, axis[0], axis[-1]) == (1001, 0.0, 5.0)
-    np.testing.assert_allclose(axis[[12, 182]], [0.06, 0.91], rtol=1e-15)
-
-
-def test_a_dataset_without_a_three_is_refused():
-    with pytest.raises(InputError, match="outcome is three"):
-        fit_grid(GUPPY, _shots([(3.0, 0.5, 50.0)], ["two"]), 1.0)
-
-
 def test_shots_that_no_pair_explains_are_refused_in_words():
     """Eight metres with the slowest wheels."""
     with pytest.raises(InputError, match="no pair of coefficients"):

@@ -79,22 +79,6 @@ def test_hits_do_not_depend_on_how_many_threads_find_them(monkeypatch):
     assert said[-1] == 1.0
 
 
-def test_few_flights_are_enough():
-    """Interpolation is what makes the grid fast: a wide grid takes well under a tenth of its flights."""
-    flown = []
-    flyer, axis = _flyer(39, 8), np.linspace(0, 5, 1001)
-    real = flyer.kernel.fly_lanes
-
-    class Kernel:
-        @staticmethod
-        def fly_lanes(batches, *rest):
-            flown.append((batches[1] - batches[0]) * 64)
-            real(batches, *rest)
-
-    label_launches(type(flyer)(Kernel, flyer.rig_values, flyer.release_m, flyer.launch), axis, TARGET, range(8))
-    assert 0 < sum(flown) < 0.08 * 8 * axis.size**2
-
-
 def test_long_steps_are_near_enough_for_what_they_decide():
     """A label is DOUBTFUL within SURE_M of a bound: there long steps must be nearer than that to short ones."""
     flyer = _flyer(40, 40)

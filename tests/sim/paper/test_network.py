@@ -55,11 +55,6 @@ def test_holdout_must_be_a_share() -> None:
             net.split_heldout(REAL, share, 0, "--validation")
 
 
-def test_validation_is_drawn_apart_from_the_holdout() -> None:
-    one, other = (net.split_heldout(REAL, 0.4, 0, option)[1] for option in ("--holdout", "--validation"))
-    assert not np.array_equal(one.features, other.features)
-
-
 def test_accuracy_counts_outcome_two_and_three() -> None:
     # p_two = sigmoid(distance - 5), p_three = sigmoid(distance - 7), before the hidden layer's squeeze
     flat = net.Layers(np.zeros((3, 8)), np.zeros(8), np.zeros((8, 2)), np.array([0.0, -1.0]))
@@ -127,34 +122,11 @@ def test_standardised_features_have_mean_zero_and_deviation_one(seed: int) -> No
     assert np.array_equal(mean, mean.astype(np.float32)) and np.array_equal(scale, scale.astype(np.float32))
 
 
-def test_a_feature_that_never_varies_is_left_alone() -> None:
-    mean, scale = net.standardisation(np.array([[3.0, 0.5, 45.0], [4.0, 0.5, 50.0]]))
-    assert mean[1] == 0.5 and scale[1] == 1.0
-
-
-def test_initial_weights_have_glorot_spread() -> None:
-    layers = [net.initial_layers(np.random.default_rng(seed)) for seed in range(400)]
-    hidden, out = (np.array([getattr(one, name) for one in layers]) for name in ("hidden_w", "out_w"))
-    assert hidden.std() == pytest.approx(np.sqrt(2.0 / (3 + 8)), rel=0.03)
-    assert out.std() == pytest.approx(np.sqrt(2.0 / (8 + 2)), rel=0.03)
-    assert not layers[0].hidden_b.any() and not layers[0].out_b.any()
-
-
 @pytest.fixture(scope="module")
 def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("weights")
     net.save_weights(path, make_network(), RECORD)
     return path
-
-
-@given(st.data())
-def test_a_cut_archive_is_refused(archive: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
-    whole = (archive / "weights.npz").read_bytes()
-    other = tmp_path_factory.getbasetemp() / "cut"
-    other.mkdir(exist_ok=True)
-    (other / "weights.npz").write_bytes(whole[:data.draw(st.integers(0, len(whole) - 1))])
-    with pytest.raises(InputError, match=r"weights\.npz"):
-        net.load_weights(other)
 
 
 @pytest.mark.parametrize(("change", "words"), [
@@ -192,9 +164,3 @@ def test_a_wrong_record_is_named(tmp_path: Path, text: str | None, words: str) -
     with pytest.raises(InputError) as caught:
         net.load_weights(tmp_path)
     assert words in str(caught.value) and "training.json" in str(caught.value)
-
-
-def test_weights_cannot_be_written_into_a_file(tmp_path: Path) -> None:
-    (tmp_path / "taken").write_text("")
-    with pytest.raises(InputError, match="taken"):
-        net.save_weights(tmp_path / "taken", make_network(), RECORD)
