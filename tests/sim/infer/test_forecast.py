@@ -65,17 +65,6 @@ def test_the_slopes_are_those_of_dop853():
         np.testing.assert_allclose(ahead.by_launch[:, column], slope, rtol=2e-3, atol=1e-4)
 
 
-def test_heights_go_on_below_the_floor_without_a_step():
-    """Ever slower shots: heights fall evenly, and no floor stops them."""
-    ratio = np.linspace(0.62, 0.40, 200)
-    ahead = forecast(GUPPY, point_belief(EXACT), _shots((np.full(200, 5.0), np.full(200, 45.0), ratio)))
-    assert np.isfinite(ahead.height_m).all()
-    assert ahead.height_m[0] > 2.0 and ahead.height_m[-1] < -0.5
-    steps = np.diff(ahead.height_m)
-    assert (steps < 0.0).all()
-    assert np.abs(np.diff(steps)).max() < 0.1 * np.abs(steps).max()
-
-
 def test_a_ball_that_turns_back_has_no_height():
     lift = {"drag": {"cd": 0.5}, "magnus": {"cl": 3.0}}
     ahead = forecast(GUPPY, point_belief(lift), _shots((np.array([6.0]), np.array([50.0]), np.array([0.6]))))

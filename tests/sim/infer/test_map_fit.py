@@ -6,17 +6,15 @@ import msgspec
 import numpy as np
 import pytest
 
-import truearc.sim.infer.fit
 from tests.sim.infer.independent import CENTRE_M, Truth, heights, make_dataset, make_tracks
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Tracker
-from truearc.sim.data.dataset import Dataset, Shots, Tracks
+from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.infer.fit_report import cross_validate, identify
 from truearc.sim.infer.intervals import deviance_at, profile_interval
 from truearc.sim.infer.launcher import MapFit, fit_map
-from truearc.sim.infer.likelihood.data import take_in
 from truearc.sim.statistics import Z90
 
 TERMS = ("drag", "magnus", "exit_efficiency")
@@ -130,37 +128,12 @@ def test_thrown_balls_need_no_launcher():
     assert fit.belief.scatter == {}
 
 
-def test_a_mixed_dataset_uses_each_shot_for_what_it_has():
-    n, nan = 8, np.nan
-    numbers = {"distance_m": np.full(n, 4.0), "hood_deg": np.full(n, 45.0), "motor_ratio": np.full(n, 0.6),
-               "miss_height_m": np.array([0.1] + [nan] * (n - 1)),
-               "exit_speed_m_s": np.array([nan, 9.5] + [nan] * (n - 2))}
-    numbers["motor_ratio"][2] = nan
-    numbers["distance_m"][3] = nan
-    texts = {"outcome": ("two", "two", "two", "two", "miss", "", "three", "miss"),
-             "side": ("high", "low", "", "", "left", "", "", "low")}
-    tracks = Tracks(np.zeros(3, np.int64), np.arange(3) * 0.02, *np.ones((3, 3)))
-    shots = Shots(tuple("abcdefgh"), numbers, texts)
-    intake = take_in(Dataset("d", GUPPY, shots, tracks), fewest=1)
-    assert intake.used == {"outcome": 3, "miss_height_m": 1}
-    assert [shots.shot_id[row] for row in intake.rows] == ["a", "b", "g", "h"]
-    told = "\n".join(intake.left_out)
-    for name, reason in (("c", "no launch speed"), ("d", "no distance_m"), ("e", "left or right"),
-                         ("f", "nothing was seen")):
-        assert any(reason in line and f"({name})" in line for line in intake.left_out), told
-
-
 def test_nothing_to_fit_to_is_bad_input():
     shots = Shots(("a",), {"distance_m": np.array([4.0]), "hood_deg": np.array([45.0])}, {"outcome": ("two",)})
     with pytest.raises(InputError, match=r"^shots: there is nothing to fit to.*: no launch speed: motor_ratio"):
         fit_map(Dataset("d", GUPPY, shots), TERMS)
     with pytest.raises(InputError, match="no term 'dragg'"):
         fit_map(make_dataset(1, 20), ("dragg",))
-
-
-def test_a_search_cut_short_does_not_claim_to_have_settled(monkeypatch):
-    monkeypatch.setattr(truearc.sim.infer.fit, "ROUNDS", 1)
-    assert not fit_map(make_dataset(11, 100), TERMS).converged
 
 
 def test_one_height_that_is_a_slip_moves_nothing():

@@ -80,10 +80,3 @@ def test_a_shot_without_any_time_is_left_out_and_said() -> None:
     fewer = Times(*(column[kept] for column in vars(dataset.times).values()))
     left = ta.fit(Dataset("d", dataset.rig, dataset.shots, times=fewer), ["gravity", "drag"])
     assert any("(d0)" in line for line in left.solution.fitted.model.data.left_out)
-
-
-def test_the_order_of_rows_does_not_matter() -> None:
-    dataset = drops(CD, 6, each=1)
-    rows = np.random.default_rng(0).permutation(len(dataset.shots))
-    here, there = (ta.fit(one, ["gravity", "drag"]).table().rows for one in (dataset, dataset.take(list(rows))))
-    assert here == there
