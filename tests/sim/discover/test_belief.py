@@ -2,12 +2,10 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from truearc.sim.discover.finding import FindingRecord
 from truearc.sim.discover.investigate import ball_effects, discover, judge_adoption, make_belief
-from truearc.sim.discover.next_steps import moved_by, parting_shot
 from truearc.sim.infer.belief import Belief
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import World, make_world
@@ -62,28 +60,6 @@ def test_a_change_is_adopted_unless_other_balls_would_be_foretold_worse_by_it(be
     kept, provenance = make_belief(found, judge_adoption(found, lambda before, after: (-2.0, -1.0)))
     assert provenance["adopted"] == [] and "other balls" in provenance["refused"]
     assert kept.value("drag.cd") < adopted.value("drag.cd")
-
-
-def test_the_shot_that_parts_a_changed_number_from_another_name_goes_by_what_their_refits_do(belief: Belief) -> None:
-    world = replace(make_world({}, "L1", 96, 33, side=True), cd=1.4 * FIRST.cd, lift_slope=FIRST.lift_slope,
-                    efficiency=FIRST.efficiency)
-    dataset = shoot(world)
-    step = discover(dataset, belief=belief).steps[0]
-    plane, refits = step.fitted.scores.plane, step.naming.refits
-    assert plane is not None and "drag.cd" in refits and len(refits) > 1
-    for refit in refits.values():
-        after = refit.scores.plane
-        assert after is not None
-        change = moved_by(step.fitted.scores, refit)
-        foretold = step.fitted.scores.heights(np.tile(change, (len(plane.rows), 1)))[1]
-        if (after.mean_m - plane.mean_m).std() > 0.02:                  # of some there is hardly any
-            assert np.corrcoef(foretold - plane.mean_m, after.mean_m - plane.mean_m)[0, 1] > 0.9, refit.names
-    other = next(name for name in refits if name != "drag.cd")
-    shot = parting_shot(dataset, step, ("drag.cd", other))
-    assert shot is not None and shot["separates"] == ["drag", other.partition(".")[0]]
-    free_rad_s = dataset.rig.launcher.free_speed_rad_s
-    assert shot["motor_rpm"] == pytest.approx(shot["motor_ratio"] * free_rad_s * 60.0 / (2.0 * np.pi), abs=4.0)
-    assert parting_shot(dataset, step, ("drag.cd", "drag.cd")) is None         # what forecasts the same, no shot parts
 
 
 def test_denser_air_is_one_thing_and_not_two(belief: Belief) -> None:

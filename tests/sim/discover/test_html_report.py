@@ -17,14 +17,7 @@ from truearc.sim.discover.detect.localization import curve_of
 from truearc.sim.discover.finding import FoundEffect, Interval, Named
 from truearc.sim.discover.identifiability import foresee
 from truearc.sim.discover.investigate import Investigation, discover
-from truearc.sim.discover.report.pages import (
-    make_pictures,
-    make_report,
-    make_sight_page,
-    sight_lines,
-    sight_sentence,
-    why_not,
-)
+from truearc.sim.discover.report import pages
 from truearc.sim.physics.catalogue import find_terms
 from truearc.sim.report import Origin
 
@@ -76,7 +69,7 @@ def quiet() -> Investigation:
 def test_the_verdict_comes_first_then_where_then_what_then_the_fine_print(drifting: Investigation) -> None:
     assert drifting.finding.verdict != "none"
     origin = Origin("2026-03-01T10:00:00+01:00", "truearc discover week --report 'a b.html'")
-    page = make_report("week <1>", drifting, origin)
+    page = pages.make_report("week <1>", drifting, origin)
     text = read(page)
     first, rest = drifting.finding.sentence.split(". ", 1)
     assert f'<p class="verdict">{html.escape(first)}.</p>\n<p>{html.escape(rest)}</p>' in page
@@ -91,7 +84,7 @@ def test_the_verdict_comes_first_then_where_then_what_then_the_fine_print(drifti
 
 
 def test_the_pictures_show_the_drift_before_and_its_absence_after(drifting: Investigation) -> None:
-    sections = make_pictures(drifting)
+    sections = pages.make_pictures(drifting)
     assert sections[0][0] == "Where it is"
     assert sections[0][1].count("data:image/png;base64,") == 3     # free curve, against its covariate, field
     assert re.search(r"against (t_s|order_in_session)", sections[0][1])
@@ -104,7 +97,7 @@ def test_a_set_is_marked_and_a_name_besides_is_told(drifting: Investigation) -> 
     first = replace_probability(finding.what[0], 0.5)
     both = msgspec.structs.replace(finding, what=(first, wind), set=(first.term, "wind_x"), verdict="set",
                                   also=(FoundEffect((wind,), ("wind_x",), None),), unexplained=0.1)
-    page = make_report("set", replace(drifting, finding=both))
+    page = pages.make_report("set", replace(drifting, finding=both))
     text = read(page)
     assert page.count('class="fill set"') == 2 and "apart (orange)." in text and "may add up to more than 100 %" in text
     assert "looks most as if there is wind of 1.00 m/s (90 %: 0.80 to 1.20 m/s) toward the target" in text
@@ -117,7 +110,7 @@ def replace_probability(named: Named, probability: float) -> Named:
 
 def test_nothing_found_still_shows_the_shots_and_what_they_could_have_told(quiet: Investigation) -> None:
     assert quiet.finding.verdict == "none"
-    page = make_report("quiet", quiet)
+    page = pages.make_report("quiet", quiet)
     text = read(page)
     assert "No mismatch" in text and "seen from, with 120 shots" in text and "shots needed" in text
     assert "<details><summary>Effect by effect" not in page and "Simulation and shots" in text
@@ -126,7 +119,7 @@ def test_nothing_found_still_shows_the_shots_and_what_they_could_have_told(quiet
 
 def test_an_effect_without_a_name_is_drawn_with_its_free_curve(drifting: Investigation) -> None:
     assert drifting.finding.verdict == "unknown"
-    where, picture = make_pictures(drifting)[0]
+    where, picture = pages.make_pictures(drifting)[0]
     assert where == "Where it is" and 'alt="free curve: launch speed against t_s"' in picture
     assert "change of launch speed over the time in the session" in picture
     place = drifting.steps[0].place
@@ -141,20 +134,20 @@ def test_an_effect_without_a_name_is_drawn_with_its_free_curve(drifting: Investi
 def test_data_that_say_nothing_make_a_page_all_the_same() -> None:
     shots = Shots(tuple(map(str, range(20))), {"distance_m": np.linspace(2.0, 6.0, 20)}, {})
     mute = discover(Dataset("mute", FACTS, shots))
-    assert make_pictures(mute) == []
-    assert "cannot say anything" in read(make_report("mute", mute))
+    assert pages.make_pictures(mute) == []
+    assert "cannot say anything" in read(pages.make_report("mute", mute))
 
 
 def test_what_a_season_could_tell_as_table_and_page() -> None:
     sight = foresee(FACTS, ("gravity", "drag", "magnus"), "L0", 120)
-    lines = sight_lines(sight)
-    text = read(make_sight_page("rig.toml", sight))
+    lines = pages.sight_lines(sight)
+    text = read(pages.make_sight_page("rig.toml", sight))
     for one in sight.terms:
         row = next(line for line in lines if re.match(rf"(never seen: )?{one.term}\b", line))
         needed = str(one.shots_needed) if (one.shots_needed or 0) <= 10_000 else "over 10000"
         assert f" {needed} " in f"{row} " if one.shots_needed else row.startswith("never seen")
-    assert sight_sentence(sight) in text and text.index(sight_sentence(sight)) < text.index("shots needed")
+    assert pages.sight_sentence(sight) in text and text.index(pages.sight_sentence(sight)) < text.index("shots needed")
     assert any(line.startswith("one and the same") and "target_height" in line for line in lines)
-    never = {one.term: why_not(one) for one in sight.terms if one.shots_needed is None}
+    never = {one.term: pages.why_not(one) for one in sight.terms if one.shots_needed is None}
     assert "record battery_v" in never["battery_sag"] and "counted as chance" in never["ball_spread"]
     assert "magnus.cl" in never["ball_compression"]

@@ -195,21 +195,6 @@ def class_log(bench: Bench, place: int, mean: float, spread: float, wider: float
     return float(np.log((1.0 - LAPSE) * chance + LAPSE / 3.0))
 
 
-def test_an_opening_that_has_grown_is_the_one_that_counts(bench: Bench) -> None:
-    values = bench.point.values.copy()
-    values[bench.layout.chain.slots.index(("rim_catch", "reach_m"))] = 0.03
-    grown, _ = linearise(bench.intake, bench.layout, replace(bench.point, values=values))
-    plane = bench.scores.plane
-    assert plane is not None and grown.plane is not None
-    classed = [place for place in range(len(plane.rows)) if not np.isfinite(plane.seen.height_m[place])]
-    for place in classed:
-        mean, spread = float(plane.mean_m[place]), float(plane.spread_m[place])
-        gained = grown.log_score[plane.rows[place]] - bench.scores.log_score[plane.rows[place]]
-        expected = class_log(bench, place, mean, spread, 0.03) - class_log(bench, place, mean, spread)
-        assert gained == pytest.approx(expected, abs=1e-6), place
-    assert np.allclose(grown.plane.seen.borders[1:-1], [-0.38, -0.1, 0.1, 0.38]) and len(classed) > 10
-
-
 def test_scores_and_information_are_those_of_the_big_matrix(bench: Bench, brute: dict[int, Brute]) -> None:
     index = [bench.scores.index(name) for name in COLUMNS]
     slopes = [column_slope(bench, name) for name in COLUMNS]
@@ -224,21 +209,6 @@ def test_scores_and_information_are_those_of_the_big_matrix(bench: Bench, brute:
         assert bench.scores.linear[row, index] / size == pytest.approx(score / size, abs=2e-3), row
         found = bench.scores.bend[row][np.ix_(index, index)] / np.outer(size, size)
         assert found == pytest.approx(info / np.outer(size, size), abs=1e-3), row
-
-
-def test_heights_given_the_track_move_with_the_columns_as_conditioning_says(bench: Bench,
-                                                                            brute: dict[int, Brute]) -> None:
-    plane = bench.scores.plane
-    assert plane is not None
-    places = {row: number for number, row in enumerate(bench.intake.marked.tolist())}
-    for name in COLUMNS:
-        exit, height, track = column_slope(bench, name)
-        for row in sorted(set(SHOWN) & set(places)):
-            one = brute[row]
-            pull = np.diag(one.own) @ one.slope.T @ np.linalg.inv(one.total)
-            expected = height[row, 0] - one.height_by @ (pull @ flat(bench, row, exit, track))
-            scale = 1e-4 + 1e-3 * abs(height[row, 0])
-            assert plane.by_column[places[row], bench.scores.index(name)] == pytest.approx(expected, abs=scale)
 
 
 def test_scores_of_the_scatters_are_slopes_of_the_big_matrix(bench: Bench, brute: dict[int, Brute]) -> None:
@@ -257,20 +227,6 @@ def test_scores_of_the_scatters_are_slopes_of_the_big_matrix(bench: Bench, brute
             assert bench.scores.bend[row, column, column] == pytest.approx(2.0 * half**2, rel=1e-3, abs=1e-6)
 
 
-def test_the_score_of_the_tracks_noise_is_the_slope_of_the_big_matrix(bench: Bench, brute: dict[int, Brute]) -> None:
-    column, here = bench.layout.scatters[-1], float(bench.point.log_scatter[-1])
-    for row, one in brute.items():
-        if row not in bench.intake.tracked:
-            assert len(one.r) == 0 or bench.scores.linear[row, column] == pytest.approx(0.0, abs=1e-9)
-            continue
-        sides = [replace(one, noise=noise_of(bench, row, here + step)).log_density() for step in (1e-4, -1e-4)]
-        assert bench.scores.linear[row, column] == pytest.approx((sides[0] - sides[1]) / 2e-4, rel=1e-4, abs=1e-2)
-        share = np.linalg.solve(one.total, noise_of(bench, row))            # expected: the trace of its square, twice
-        known = int(np.isfinite(bench.intake.exits[row]).sum())
-        assert bench.scores.bend[row, column, column] == pytest.approx(
-            2.0 * np.trace(share @ share) - 2.0 * known, rel=0.1)
-
-
 def test_an_effect_of_a_ball_is_the_same_slope_in_that_balls_shots_alone(bench: Bench) -> None:
     """Against indicator columns: launch speed and drag, times one standard deviation of balls, times (ball = b)."""
     evidence, cd = bench.scores, find_parameter("drag.cd").prior
@@ -287,19 +243,6 @@ def test_an_effect_of_a_ball_is_the_same_slope_in_that_balls_shots_alone(bench: 
     inner = told[:, groups][:, :, groups]
     dealt = member[:, :, None] * member[:, None, :] * evidence.info[:, base][:, :, base]
     assert inner == pytest.approx(dealt, rel=1e-9, abs=1e-9)
-
-
-def test_effects_of_balls_already_found_move_the_evidence_along(bench: Bench) -> None:
-    """A spot with effects is the plain spot's evidence moved by them, drawn back by the balls' own prior."""
-    effects = np.random.default_rng(1).normal(0.0, 0.5, bench.layout.grouped)
-    there, _ = linearise(bench.intake, bench.layout, replace(bench.point, effects=effects))
-    change = np.zeros(len(bench.scores.columns))
-    change[-len(effects):] = effects
-    tiled = np.tile(change, (SHOTS, 1))
-    assert there.log_score == pytest.approx(bench.scores.log_score + bench.scores.gain(tiled), abs=1e-9)
-    others = np.setdiff1d(np.arange(there.own_score.shape[1]), bench.layout.scatters)    # theirs hang on what is left
-    assert there.own_score[:, others] == pytest.approx(bench.scores.slopes_at(tiled)[0][:, others], abs=1e-9)
-    assert there.pull[-len(effects):] == pytest.approx(-effects)
 
 
 def test_what_a_balls_luck_does_is_no_scatter(bench: Bench) -> None:
@@ -322,34 +265,3 @@ def test_what_a_balls_luck_does_is_no_scatter(bench: Bench) -> None:
         by_hand = (sides[0] - sides[1]) / 2e-3
         here = linearise(bench.intake, bench.layout, spot, flown)[0]
         assert here.score[tracked, column] == pytest.approx(by_hand, rel=0.02, abs=0.02)
-
-
-def test_at_the_most_likely_deviates_a_second_look_changes_them_little(bench: Bench) -> None:
-    """Gauss-Newton: about the posterior mean the linear model's mean is the same point again."""
-    sd = np.sqrt(variance_of(bench.intake, bench.point.log_scatter))[:, :bench.mean.shape[1]]
-    launched = np.setdiff1d(bench.intake.tracked, [*THROWN, *MEASURED])      # MEASURED's exits are drawn at random
-    again = np.abs(bench.mean - bench.point.deviates) / np.maximum(sd, 1e-12)
-    assert again[launched].max() < 0.2
-
-
-def test_a_spot_near_by_is_foretold_without_flying_anew(bench: Bench) -> None:
-    """The flights about one spot, as linear functions with the slopes of shots without deviation: nearly right."""
-    flown, slot = fly(bench.intake, bench.layout, bench.point), bench.layout.chain.slots.index(("drag", "cd"))
-    ordinary = np.setdiff1d(np.arange(SHOTS), [*THROWN, *MEASURED])
-    values = bench.point.values.copy()
-    values[slot] += 0.002
-    near = replace(bench.point, values=values)
-    told = linearise(bench.intake, bench.layout, near, flown)[0].log_score[ordinary]
-    true = linearise(bench.intake, bench.layout, near)[0].log_score[ordinary]
-    change = true - bench.scores.log_score[ordinary]
-    assert np.abs(change).max() > 0.1
-    assert np.abs(told - true).max() < 0.2 * np.abs(change).max()
-
-
-def test_the_centre_of_the_prior_pulls(bench: Bench) -> None:
-    evidence, layout = bench.scores, bench.layout
-    place = evidence.index("drag.cd") - evidence.first_shared
-    centre, sd = 0.5, 1.5 * 0.5 * 0.35        # the catalogue's log prior as a plain one, half as wide again
-    assert layout.centre[place] == pytest.approx(centre)
-    assert evidence.precision[place, place] == pytest.approx(sd**-2.0)
-    assert evidence.pull[place] == pytest.approx((centre - 0.45) / sd**2)

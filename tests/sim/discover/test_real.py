@@ -11,13 +11,11 @@ import pytest
 
 from tests.sim.few_terms import few_terms
 from tests.sim.thin import thinned
-from truearc.api.discovery import _check_since
 from truearc.errors import InputError
 from truearc.sim.data.import_shots import doubts_of, only
 from truearc.sim.discover.detect.battery import compare_trackers
 from truearc.sim.discover.detect.localization import locate
 from truearc.sim.discover.investigate import detect, discover, make_belief, make_search
-from truearc.sim.infer.belief import point_belief
 from truearc.sim.infer.fit import fit_believed
 from truearc.sim.infer.launcher import Launcher, fit_map
 from truearc.sim.infer.likelihood.data import take_in
@@ -26,18 +24,10 @@ from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.simulate import predict
 from truearc_proof.importers.ball_butler import import_ball_butler
 from truearc_proof.importers.ball_drops import import_ball_drops
-from truearc_proof.importers.mpi import import_mpi
 from truearc_proof.importers.set_points import GOAL_M, import_254, import_971, import_3476
 
 FEW = Catalogue(few_terms())           # where it is, and no name, is asked for
 pytestmark = [pytest.mark.data, pytest.mark.slow]
-
-
-def test_two_imports_of_one_launcher_have_one_rig(data_dir: Path) -> None:
-    whole = import_mpi(data_dir / "real/mpi_launches.csv", data_dir / "real/mpi_tracks.csv")
-    first, other = (whole.take(np.arange(start, len(whole.shots), 2)) for start in (0, 1))
-    assert first.rig == other.rig == whole.rig
-    _check_since(first, point_belief({"drag": {"cd": 0.4}}), other)      # they are compared, and not refused
 
 
 def test_falling_balls_are_slower_than_gravity_has_them(data_dir: Path) -> None:

@@ -7,13 +7,7 @@ from scipy.optimize import minimize
 from tests.sim.discover.made import column, gaussian, with_plane
 from tests.sim.discover.straight import NAMES, SHARED, fit_straight, slopes_and_y
 from truearc.sim.discover.investigate import discover, make_belief
-from truearc.sim.infer.likelihood.score_table import (
-    FOLDS,
-    ScoreTable,
-    clustered_error,
-    fit_linear,
-    folds_of,
-)
+from truearc.sim.infer.likelihood import score_table as tables
 from truearc_proof.truth.flight import RAPID_FIRE_S
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
@@ -22,7 +16,7 @@ N = 60
 PRECISION, PULL = np.array([0.5, 4.0]), np.array([0.3, -1.0])
 
 
-def shared_only(seed: int) -> tuple[ScoreTable, np.ndarray, np.ndarray]:
+def shared_only(seed: int) -> tuple[tables.ScoreTable, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
     x = rng.normal(size=(N, 2))
     y = x @ [0.7, -0.4] + rng.normal(size=N)
@@ -37,13 +31,13 @@ def ridge(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 def test_a_fit_to_some_shots_is_ridge_regression_on_these() -> None:
     evidence, x, y = shared_only(0)
     train = np.arange(N) % 3 != 0
-    assert fit_linear(evidence, train) == pytest.approx(ridge(x[train], y[train]), rel=1e-6)
+    assert tables.fit_linear(evidence, train) == pytest.approx(ridge(x[train], y[train]), rel=1e-6)
 
 
 def test_unseen_scores_are_densities_by_fits_to_the_other_folds() -> None:
     evidence, x, y = shared_only(1)
-    fold = folds_of(N)
-    assert fold[:7].tolist() == [0, 1, 2, 3, 4, 0, 1] and fold.max() == FOLDS - 1
+    fold = tables.folds_of(N)
+    assert fold[:7].tolist() == [0, 1, 2, 3, 4, 0, 1] and fold.max() == tables.FOLDS - 1
     expected = np.array([-0.5 * (y[k] - x[k] @ ridge(x[fold != fold[k]], y[fold != fold[k]]))**2
                          for k in range(N)]) - 0.5 * np.log(2.0 * np.pi)
     assert evidence.held_out() == pytest.approx(expected, abs=1e-5)
@@ -58,11 +52,11 @@ def test_a_fit_with_heights_ends_at_the_top() -> None:
         evidence = whole.pick(np.arange(whole.first_shared, len(whole.columns)))
         train = np.arange(40) % 4 != 0
 
-        def value(change: np.ndarray, evidence: ScoreTable = evidence, train: np.ndarray = train) -> float:
+        def value(change: np.ndarray, evidence: tables.ScoreTable = evidence, train: np.ndarray = train) -> float:
             gain = evidence.gain(np.tile(change, (40, 1)))[train].sum()
             return float(gain + evidence.pull @ change - 0.5 * change @ evidence.precision @ change)
 
-        found = fit_linear(evidence, train)
+        found = tables.fit_linear(evidence, train)
         top = minimize(lambda change: -value(change), found, method="Nelder-Mead",
                        options={"xatol": 1e-6, "fatol": 1e-8})
         assert value(found) >= -top.fun - 1e-4
@@ -70,9 +64,9 @@ def test_a_fit_with_heights_ends_at_the_top() -> None:
 
 def test_clustered_error_of_copies_is_that_of_the_originals() -> None:
     values = np.random.default_rng(4).normal(size=40)
-    single = clustered_error(values, np.arange(40))
+    single = tables.clustered_error(values, np.arange(40))
     assert single == pytest.approx(values.std(ddof=1) / np.sqrt(40), rel=1e-9)
-    assert clustered_error(np.repeat(values, 6), np.repeat(np.arange(40), 6)) == pytest.approx(single, rel=1e-9)
+    assert tables.clustered_error(np.repeat(values, 6), np.repeat(np.arange(40), 6)) == pytest.approx(single, rel=1e-9)
 
 
 def test_two_names_refitted_at_once_are_ridge_regression_too() -> None:
@@ -90,11 +84,6 @@ def test_two_names_refitted_at_once_are_ridge_regression_too() -> None:
     spread = inverse @ (x.T * left**2) @ x @ inverse
     assert found.sd == pytest.approx(np.sqrt(np.maximum(np.diag(inverse), np.diag(spread)))[:2], rel=1e-6)
     assert (np.diag(spread)[:2] > np.diag(inverse)[:2]).any() and (np.diag(spread)[:2] < np.diag(inverse)[:2]).any()
-
-
-def test_the_shared_columns_alone() -> None:
-    bare = fit_straight({}, 1).scores.shared_only()
-    assert tuple(one.name for one in bare.columns) == SHARED
 
 
 @pytest.mark.slow

@@ -148,19 +148,6 @@ def test_under_pure_noise_p_of_any_is_uniform() -> None:
     assert kstest(found, "uniform").pvalue > 1e-3
 
 
-def test_under_pure_noise_with_fitted_parameters_it_is_uniform_too() -> None:
-    found = []
-    for seed in range(250):
-        rng = np.random.default_rng(1000 + seed)
-        z = np.concatenate([np.ones((40, 1)), rng.normal(size=(40, 3))], axis=1)
-        evidence = at_least_squares(rng.normal(size=40), rng.normal(size=(40, 5)), z)
-        parts = [efficient_scores(evidence, k, np.ones((40, 1)), np.arange(40), 40) for k in range(5)]
-        scores = Scores(*(np.concatenate([getattr(part, name) for part in parts], axis=-1)
-                          for name in ("psi", "kappa", "stretch", "kept")))
-        found.append(judged_of(scores, 199, seed).p_any - rng.uniform(0.0, 1.0 / 200.0))
-    assert kstest(found, "uniform").pvalue > 1e-3
-
-
 def test_the_threshold_is_that_of_the_largest_of_so_many_normal_scores() -> None:
     rng = np.random.default_rng(21)
     found = judged_of(plain(rng.normal(size=(800, 12))), 4000, 5)
@@ -172,25 +159,6 @@ def test_the_threshold_is_that_of_the_largest_of_so_many_normal_scores() -> None
     for k in range(6, 12):
         assert (shared.p_value[k] <= 0.05) == (shared.statistic[k] >= high)
     assert high > shared.threshold("terms", 0.05) > norm.isf(0.025)
-
-
-def test_a_planted_effect_is_found_in_its_family() -> None:
-    rng = np.random.default_rng(11)
-    psi = rng.normal(size=(60, 8))
-    psi[:, 6] += 0.8
-    family = ["terms"] * 5 + ["free"] * 3
-    found = judged_of(plain(psi), 1999, 1, family)
-    assert found.families["free"] < 0.002 < 0.05 < found.families["terms"]
-    assert found.p_any == found.p_value[6] < 0.01
-    assert np.argmin(found.p_value) == 6 and (np.delete(found.p_value, 6) > 0.05).all()
-    assert found.amplitude[6] == pytest.approx(0.8, abs=0.4)
-
-
-def test_the_same_seed_gives_the_same_judgement() -> None:
-    scores = plain(np.random.default_rng(13).normal(size=(30, 4)))
-    first, second, other = (judged_of(scores, 499, seed) for seed in (5, 5, 6))
-    assert (first.p_value == second.p_value).all() and first.p_any == second.p_any
-    assert (first.p_each != other.p_each).any()
 
 
 def test_a_test_on_too_few_shots_is_not_made() -> None:
