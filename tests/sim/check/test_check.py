@@ -222,14 +222,6 @@ def test_a_mass_that_may_be_in_ounces_warns(table: Dataset) -> None:
     assert check_plausible(ball(table, mass_kg=7.26, radius_m=0.1085)).accepted == ()  # a bowling ball
 
 
-def test_identifiability_refuses_as_fit_does(table: Dataset) -> None:
-    radians = numbers(table, hood_deg=np.radians(table.shots.number("hood_deg")))
-    with pytest.raises(InputError, match=r"hood_deg: .* radians"):
-        ta.identifiability(radians)
-    with pytest.raises(InputError, match=r"ball\.mass_kg: .* looks like grams"):
-        ta.identifiability(by_motor(ball(table, mass_kg=142.0, radius_m=0.0889), 576.0).rig)
-
-
 def test_heights_at_the_target_are_scores_where_outcomes_are_not_stated(table: Dataset) -> None:
     high_m = np.random.default_rng(1).normal(scale=0.1, size=len(table.shots))
     measured = numbers(replace(table, shots=replace(table.shots, texts={})), miss_height_m=high_m)
@@ -252,22 +244,6 @@ def test_train_predict_and_aim_refuse_as_fit_does(table: Dataset) -> None:
     with pytest.raises(InputError, match=r"ball\.mass_kg: .* looks like grams"):
         ta.aim(belief, by_motor(ball(table, mass_kg=142.0, radius_m=0.0889), 576.0).rig)
     assert len(ta.predict(radians, belief, accept="hood").rows) == 40
-
-
-def test_predict_says_what_only_warns(table: Dataset, tmp_path: Path, capsys: Any) -> None:
-    heavy = numbers(table, mass_kg=np.full(len(table.shots), 2.0 * table.rig.ball.mass_kg))
-    save_dataset(tmp_path / "data", heavy)
-    assert main(["predict", str(tmp_path / "data"), "--cd", "0.4", "--cl", "0.1"]) == 0
-    said = capsys.readouterr()
-    assert said.err.startswith("warning: balls: ") and said.out.startswith("shot_id,")
-
-
-def test_the_papers_network_is_not_trained_on_implausible_shots(table: Dataset, tmp_path: Path, capsys: Any) -> None:
-    motors = by_motor(table, 576.0)
-    save_dataset(tmp_path / "data", numbers(motors, hood_deg=np.radians(motors.shots.number("hood_deg"))))
-    for command in (["train"], ["sweep", "--sizes", "0"]):
-        assert main(["paper", *command, "--real", str(tmp_path / "data"), "-o", str(tmp_path / "out"), "--quiet"]) == 2
-        assert "hood_deg: no shot exceeds" in capsys.readouterr().err
 
 
 def test_an_unknown_term_of_the_rig_is_named_with_its_key(table: Dataset) -> None:

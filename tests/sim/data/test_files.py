@@ -18,7 +18,6 @@ from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
 from truearc.sim.data.files import hash_dataset, load_dataset, load_rig, save_dataset
 
 WORDS = st.text(alphabet=st.characters(codec="utf-8", exclude_characters="\x00"), max_size=8)
-NUMBERS = st.one_of(st.floats(allow_nan=False, allow_infinity=False), st.just(float("nan")))
 
 
 def test_reads_what_formats_md_shows(tmp_path):
@@ -38,23 +37,6 @@ def test_reads_what_formats_md_shows(tmp_path):
     np.testing.assert_array_equal(data.tracks.shot, [0, 0, 1])
     assert data.traces.signal == ("battery_v",)
     assert data.left_out == ()
-
-
-def test_take_keeps_rows_together(tmp_path):
-    rows = f"{HEADER}\n{GOOD}\nb,4,45,0.6,miss,low,day2,21\nc,5,40,0.7,two,,day2,22\n"
-    shots = load_dataset(write(tmp_path, rows)).shots
-    some = shots.take([2, 0])
-    assert some.shot_id == ("c", "a")
-    assert some.text("outcome") == ("two", "three")
-    np.testing.assert_array_equal(some.number("distance_m"), [5.0, 3.0])
-    assert shots.take(np.array([False, True, False])).shot_id == ("b",)
-    assert len(shots.take(np.array([], dtype=int))) == 0
-
-
-def test_a_spreadsheets_byte_order_mark_and_line_ends_are_taken(tmp_path):
-    write(tmp_path, "")
-    (tmp_path / "shots.csv").write_bytes(b"\xef\xbb\xbfshot_id,distance_m\r\na,3\r\n\r\nb,4\r\n")
-    np.testing.assert_array_equal(load_dataset(tmp_path).shots.number("distance_m"), [3.0, 4.0])
 
 
 def test_ids_that_look_like_numbers_stay_text(tmp_path):
@@ -90,13 +72,6 @@ def test_a_bad_parquet_row_is_named(tmp_path):
         load_dataset(home)
     assert "shots.parquet: row 2: distance_m: nan is not a finite number" in str(error.value)
     assert "shots.parquet: row 2: outcome: 'four'" in str(error.value)
-
-
-def test_a_torn_parquet_file_is_named(tmp_path):
-    home = parquet_of(tmp_path / "p", shot_id=["a"])
-    (home / "shots.parquet").write_bytes((home / "shots.parquet").read_bytes()[:20])
-    with pytest.raises(InputError, match=r"shots\.parquet"):
-        load_dataset(home)
 
 
 def test_two_files_of_one_table_are_refused(tmp_path):
@@ -164,13 +139,6 @@ def test_saving_never_touches_what_lies_there(tmp_path):
 def test_an_infinite_number_is_not_written(tmp_path):
     with pytest.raises(ValueError, match="distance_m"):
         save_dataset(tmp_path, Dataset("d", FACTS, Shots(("a",), {"distance_m": np.array([np.inf])}, {})))
-
-
-def test_unknown_rig_keys_are_warned_of(tmp_path, capsys):
-    load_dataset(write(tmp_path, f"{HEADER}\n{GOOD}\n", rig=RIG + "[believ]\nterms = []\n[air]\ndensty = 1.2\n"))
-    warnings = capsys.readouterr().err
-    assert "rig.toml: key believ is not known" in warnings
-    assert "rig.toml: key air.densty is not known" in warnings
 
 
 @pytest.mark.parametrize(("old", "new", "message"), [

@@ -75,7 +75,3 @@ def test_one_run_of_the_feeder_may_carry_several_balls() -> None:
     speed, wanted = wheel([5.0, 5.5, 6.0], 100.0, 0.06)
     found = find_shots(speed, wanted, feeder([(4.9, 6.1)]), 0.5, LEAST)
     assert found.t_s == pytest.approx([4.9, 5.5, 6.0], abs=0.03) and not found.odd
-
-
-def test_a_wheel_without_samples_has_no_shots() -> None:
-    assert len(find_dips(Series("v", np.zeros(0), np.zeros(0)), None, LEAST)) == 0

@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 
 import truearc as ta
 from truearc.cli.main import main
-from truearc.robot.config.shot_map import MARKS, NOT_MARKED, as_signal, unit_in
+from truearc.robot.config.shot_map import as_signal, unit_in
 from truearc.sim.data.import_shots import guess
-from truearc.sim.data.table import SAID_OF_SHOTS
 
 RIG = """
 [ball]
@@ -138,15 +137,6 @@ def test_an_angle_from_the_vertical_is_read_as_its_complement(name: str, value: 
     assert ta.import_shots([mine], rig=rig, shot_map=again).shots.number("hood_deg") == pytest.approx(hood_deg)
 
 
-def test_names_of_a_dataset_are_read_as_they_say(rig: Path, tmp_path: Path) -> None:
-    mine = sheet(tmp_path, "shot_id,distance_ft,hood_deg,wheel_main_rpm,outcome,battery_mv", "a,10,45,3000,hit,12500",
-                 "b,11,45,3000,miss,12500")
-    shots = ta.import_shots([mine], rig=rig).shots
-    assert shots.shot_id == ("a", "b") and shots.number("distance_m") == pytest.approx([3.048, 3.3528])
-    assert shots.number("wheel_main_rad_s") == pytest.approx([3000 * RPM] * 2)
-    assert shots.number("battery_v").tolist() == [12.5, 12.5] and shots.text("outcome") == ("two", "miss")
-
-
 def test_semicolons_a_form_with_clock_times_and_a_header_of_two_lines(rig: Path, tmp_path: Path) -> None:
     mine = sheet(tmp_path, 'Timestamp;"Distance', '(m)";Angle;RPM;What happened', "3/4/2026 10:12:33;3,5;45;3000;in",
                  "3/4/2026 10:13:33;3,5;45,5;3000;short")
@@ -224,10 +214,6 @@ def test_texts_of_a_log_that_are_no_outcomes_are_left_out_by_name(rig: Path, tmp
     ("x)", ""), ("", "")])
 def test_units_in_headers(name: str, unit: str) -> None:
     assert unit_in(name) == unit
-
-
-def test_what_is_said_of_shots_are_words_of_maps() -> None:
-    assert set(SAID_OF_SHOTS.values()) <= {*MARKS, *NOT_MARKED}
 
 
 NAMES = st.sampled_from(["Dist (ft)", "distance_m", "Angle", "hood_rad", "RPM", "motor_ratio", "Wheel (rps)", "Result",

@@ -3,7 +3,6 @@
 import csv
 import itertools
 import math
-import shutil
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -20,7 +19,6 @@ from truearc.cli.main import main
 from truearc.robot.config.shot_map import as_signal, load_map
 from truearc.robot.recording.session import load_trials
 from truearc.sim.data.guess_map import _meaning
-from truearc.sim.data.import_shots import guess
 from truearc.sim.data.log import Series, read_csv_log
 from truearc_frc.advice import Scaled
 from truearc_frc.wpilog import WpilogWriter, make_payload, read_wpilog
@@ -180,18 +178,6 @@ def test_a_boolean_that_is_true_for_a_moment_after_a_hit_makes_no_miss_of_its_fa
     assert [every.text("outcome")[row] == "two" for row in at] == truth
 
 
-def test_a_boolean_that_stands_until_the_next_outcome_marks_hits_and_misses(
-        session: Path, hit_rig: Path, recorded: ta.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    _, trials = hit_times(session)
-    write_scored(session, tmp_path / "monday.wpilog", monkeypatch, lambda now: next(
-        (hit for t_s, hit in reversed(trials) if t_s <= now), False))
-    found = ta.import_shots([tmp_path / "monday.wpilog"], rig=hit_rig).shots
-    assert len(found) >= 4 and set(found.text("outcome")) == {"two", "miss"}
-    for t_s, text in zip(found.number("t_s"), found.text("outcome"), strict=True):
-        shot = int(np.abs(recorded.shots.number("t_s") - t_s).argmin())
-        assert (text == "two") == recorded.shots.text("outcome")[shot].startswith(HITS)
-
-
 @pytest.mark.parametrize(("runs", "shots", "meant"), [
     ([(1.0, 1.5), (9.0, 9.5)], [0.0, 4.0, 8.0], {"true": "hit"}),
     ([(1.0, 5.0), (9.0, 13.0)], [0.0, 4.0, 8.0, 12.0], {"true": "hit", "false": "miss"}),
@@ -216,16 +202,6 @@ def test_without_a_feeder_every_shot_is_found_from_its_dip_at_fifty_hertz(sessio
     assert np.abs(found.shots.number("motor_ratio") / recorded.shots.number("motor_ratio") - 1.0).max() < 0.01
     waited = found.shots.number("t_s") - recorded.shots.number("t_s")
     assert (waited > 0.0).all() and (waited < 0.3).all()             # a ball needs a moment from feeder to wheels
-
-
-@pytest.mark.slow
-def test_the_finding_is_that_of_the_recording(log: Path, rig: Path, session: Path, recorded: ta.Dataset) -> None:
-    mine, theirs = (ta.discover(data, seed=0) for data in (ta.import_shots([log], rig=rig, name="monday"), recorded))
-    assert mine.verdict == theirs.verdict
-    assert mine.investigation.finding.mismatch.p_value == pytest.approx(
-        theirs.investigation.finding.mismatch.p_value, rel=0.02)
-    assert [one.term for one in mine.investigation.finding.what] == [
-        one.term for one in theirs.investigation.finding.what]
 
 
 def as_list(log: Path, path: Path) -> None:
@@ -257,13 +233,6 @@ def test_a_csv_table_of_loops_gives_the_same(log: Path, rig: Path, recorded: ta.
             writer.writerow([f"{t_s:.3f}", *("" if value is None else value for value in fresh.values())])
     found = ta.import_shots([tmp_path / "monday.csv"], rig=rig)
     same(found, recorded, ("hood_deg",))
-
-
-def test_the_last_record_that_was_cut_short_is_left_out(log: Path, tmp_path: Path) -> None:
-    data = log.read_bytes()
-    (tmp_path / "cut.wpilog").write_bytes(data[:-3])
-    whole, cut = read_wpilog(log), read_wpilog(tmp_path / "cut.wpilog")
-    assert sum(map(lambda one: len(one.t_s), whole.values())) - sum(map(lambda one: len(one.t_s), cut.values())) == 1
 
 
 def test_arrays_and_structs_have_their_parts(tmp_path: Path) -> None:
@@ -323,17 +292,6 @@ def test_what_is_no_log_is_refused(rig: Path, tmp_path: Path) -> None:
         ta.import_shots([tmp_path / "b.csv"], rig=rig)
 
 
-def test_what_was_not_recognised_is_said_with_what_was_and_all_signals(rig: Path, tmp_path: Path) -> None:
-    rows = "".join(f"{k},{2.0 + 0.1 * k},{30 + k},{k % 2}\n" for k in range(20))
-    (tmp_path / "c.csv").write_text(f"Timestamp,Distance,Tilt,Busy\n{rows}")
-    with pytest.raises(ta.InputError) as refused:
-        ta.import_shots([tmp_path / "c.csv"], rig=rig)
-    first, *lines = str(refused.value).splitlines()
-    assert "hood_deg" in first and "distance_m" not in first
-    assert lines == ["recognised: distance_m: Distance, whose unit is not stated: taken as m", "signals with numbers:",
-                     "  Distance: 2 to 3.9", "  Tilt: 30 to 49", "  Busy: 0 to 1"]
-
-
 def test_times_in_milliseconds_are_seconds(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("ms,v\n0,1\n500,true\n1000,\n")
     series = read_csv_log(tmp_path / "a.csv", "ms", 1000.0)["v"]
@@ -358,14 +316,6 @@ def test_a_session_that_was_exported_is_read_with_its_poses_and_its_shots(sessio
                  "--quiet"]) == 0
     same(ta.load_dataset(tmp_path / "found"), recorded)
     assert load_map(tmp_path / "found" / "shots.toml") == structs.replace(load_map("truearc"), about="")
-
-
-def test_progress_names_each_log(log: Path, rig: Path, tmp_path: Path) -> None:
-    shutil.copy(log, tmp_path / "tuesday.wpilog")
-    said: list[tuple[float, str]] = []
-    ta.import_shots([log, tmp_path / "tuesday.wpilog"], rig=rig, shot_map=guess([log], ta.load_rig(rig)).map,
-                    progress=lambda done, note: said.append((done, note)))
-    assert said == [(0.0, "monday.wpilog"), (0.5, "tuesday.wpilog")]
 
 
 def test_json_has_its_parts_and_what_is_none_is_a_text(tmp_path: Path) -> None:

@@ -56,13 +56,6 @@ def test_traces_show_the_wheel_droop_that_the_world_had(session):
         assert droop == pytest.approx(truth, abs=0.025)
 
 
-def test_a_dataset_survives_its_files(session, tmp_path):
-    assert main(["shots", str(session[0]), "-o", str(tmp_path / "d"), "--quiet"]) == 0
-    again, direct = load_dataset(tmp_path / "d"), shots_from_sessions([session[0]], "d")
-    assert again.shots.shot_id == direct.shots.shot_id and again.facts == direct.facts
-    np.testing.assert_array_equal(again.shots.number("distance_m"), direct.shots.number("distance_m"))
-
-
 @pytest.mark.parametrize(("r2", "r3", "label"), [
     (1.0, 1.0, "three"), (1.0, 0.8, "three"), (1.0, 0.79, "two"), (0.95, 0.0, "two"), (0.8, 0.5, "two"),
     (0.74, 0.7, None), (0.5, 0.0, None), (0.0, 0.0, "miss"),
@@ -107,13 +100,6 @@ def test_why_no_ball_was_launched_is_said(tmp_path):
     played = ta.emulate(CONFIG, tmp_path / "held", 2, 1, Options(hood_offset_deg=2.0))
     assert played.balls == () and set(played.held.values()) == {2}
     assert any(line.startswith("held 2 times: hood encoder ") for line in played.lines())
-
-
-def test_folders_may_be_texts_but_one_text_is_no_list(session):
-    found = shots_from_sessions([str(session[0])], "d", telemetry=False)
-    assert found.shots.text("outcome") == shots_from_sessions([session[0]], "d", telemetry=False).shots.text("outcome")
-    with pytest.raises(InputError, match=r"sessions: a list of folders is expected: \['"):
-        shots_from_sessions(str(session[0]), "d")
 
 
 def test_trials_that_are_cut_short_are_said_to_be_missing(session, tmp_path, capsys):

@@ -24,15 +24,8 @@ def make_data(n: int = 40) -> model.GateData:
     rng = np.random.default_rng(4)
     cells = np.eye(5)[rng.integers(0, 5, n)]
     miss_m = np.where(np.arange(n) % 7 == 0, rng.normal(size=n), np.nan)
-    return model.GateData(
-        rng.normal(size=(n, 3)),
-        0.3 * rng.normal(size=n),
-        rng.uniform(0.05, 0.3, n),
-        rng.uniform(2.0, 9.0, n),
-        cells,
-        miss_m,
-        rng.integers(0, 2, n).astype(float),
-    )
+    return model.GateData(rng.normal(size=(n, 3)), 0.3 * rng.normal(size=n), rng.uniform(0.05, 0.3, n),
+                          rng.uniform(2.0, 9.0, n), cells, miss_m, rng.integers(0, 2, n).astype(float))
 
 
 @settings(deadline=None)         # the first call compiles
