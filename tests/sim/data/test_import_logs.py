@@ -16,17 +16,15 @@ import truearc as ta
 from tests.sim.data import stranger_log
 from tests.sim.data.stranger_log import write_stranger_log
 from truearc.cli.main import main
-from truearc.robot.config.shot_map import as_signal, load_map
+from truearc.robot.config.shot_map import load_map
 from truearc.robot.recording.session import load_trials
 from truearc.sim.data.guess_map import _meaning
 from truearc.sim.data.log import Series, read_csv_log
-from truearc_frc.advice import Scaled
 from truearc_frc.wpilog import WpilogWriter, make_payload, read_wpilog
 
 pytest.importorskip("wpiutil")
 COMPARED = ("distance_m", "hood_deg", "motor_ratio", "battery_v", "t_s", "since_last_shot_s")
 TRIALS = 24
-FREE_RAD_S = 594.0
 
 
 @pytest.fixture(scope="module")
@@ -71,38 +69,6 @@ def test_a_strangers_log_is_guessed_to_the_shots_that_were_recorded(log: Path, r
     same(ta.load_dataset(tmp_path / "found"), recorded)
     again = ta.import_shots([log], rig=rig, shot_map=tmp_path / "found" / "shots.toml")      # what was written is a map
     same(again, recorded)
-
-
-def test_a_guessed_map_states_the_units_that_only_the_logs_metadata_do(session: Path, rig: Path, recorded: ta.Dataset,
-                                                                      tmp_path: Path,
-                                                                      monkeypatch: pytest.MonkeyPatch) -> None:
-    """The readers of NetworkTables do not see the metadata of a log."""
-    units = {"/Shooter/FlywheelVelocityRadPerSec": ("/Shooter/FlywheelVelocity", "rpm", 30.0 / math.pi),
-             "/RealOutputs/Shooter/FlywheelSetpointRadPerSec": ("/RealOutputs/Shooter/WheelGoal", "", 30.0 / math.pi),
-             "/Hood/PivotPositionRad": ("/Hood/PivotPosition", "rad", 1.0),
-             "/RealOutputs/Vision/DistanceToHubMeters": ("/RealOutputs/Vision/DistanceToHub", "ft", 1.0 / 0.3048)}
-    signals = {units[name][0] if name in units else name: (kind, units[name][1] if name in units else unit)
-               for name, (kind, unit) in stranger_log.SIGNALS.items()}
-    plain_values = stranger_log._values
-
-    def converted(*args: Any) -> dict[str, Any]:
-        found = plain_values(*args)
-        return {(units[name][0] if name in units else name): value if name not in units or value is None
-                else value * units[name][2] for name, value in found.items()}
-
-    monkeypatch.setattr(stranger_log, "SIGNALS", signals)
-    monkeypatch.setattr(stranger_log, "_values", converted)
-    write_stranger_log(session, tmp_path / "monday.wpilog")
-    assert main(["import", "wpilog", str(tmp_path / "monday.wpilog"), "--guess", "--rig", str(rig), "-o",
-                 str(tmp_path / "found")]) == 0
-    same(ta.load_dataset(tmp_path / "found"), recorded)
-    shot_map = load_map(tmp_path / "found" / "shots.toml")
-    read = {column: Scaled(column, as_signal(said), FREE_RAD_S).value(raw) for column, said, raw in
-            [(column, shot_map.columns[column], raw) for column, raw in
-             (("distance_m", 10.0), ("hood_deg", math.pi / 4.0), ("motor_rad_s", 2400.0), ("battery_v", 12.0))]}
-    assert read == pytest.approx({"distance_m": 3.048, "hood_deg": 45.0, "motor_rad_s": 80.0 * math.pi,
-                                  "battery_v": 12.0})
-    assert as_signal(shot_map.shots.set_point or "").unit == "rpm"       # unstated: that of the speed which follows it
 
 
 @pytest.mark.parametrize("feeder", [True, False])

@@ -10,6 +10,7 @@ import pytest
 from msgspec.structs import replace as changed
 
 import truearc as ta
+from tests.sim.few_terms import few_terms
 from truearc.cli.main import main
 from truearc.robot.config.rig_spec import Tracker
 from truearc.sim.discover.investigate import discover
@@ -66,6 +67,23 @@ def test_a_measurement_that_the_flights_contradict_is_a_warning(capsys: pytest.C
     assert main(words) == 0
     said = capsys.readouterr().out
     assert re.search(r"warning: --measured magnus: 0 was measured, and these shots say 0\.0\d+", said)
+
+
+@pytest.mark.slow
+def test_a_floor_off_level_is_told_from_a_crosswind_in_one_session() -> None:
+    """The same flights through a camera that sees what lies left too high by 2 degrees."""
+    flights, roll = ta.load_dataset(EXAMPLE), np.radians(2.0)
+    y, z = flights.tracks.y_m, flights.tracks.z_m
+    turned = replace(flights.tracks, y_m=y * np.cos(roll) - z * np.sin(roll), z_m=z * np.cos(roll) + y * np.sin(roll))
+    found = ta.discover(replace(flights, tracks=turned), believe=["gravity", "drag", "magnus"], seed=0,
+                        terms=few_terms("wind_x", "wind_y", "drag_reynolds", "spin_decay"))
+    assert found.verdict == "named" and found.best is not None and found.best.term == "track_roll"
+    low, high = found.best.interval90
+    assert low - 0.05 < 2.0 < high + 0.05
+    assert all(one.probability < 0.05 for one in found.effects if one.term == "wind_y")
+    fit = found.record.fit
+    assert fit.side_rmse_after_m < 0.5 * fit.side_rmse_before_m
+    assert "how far to the side tracks end" in found.sentence and "where tracks end" not in found.sentence
 
 
 TRUTH = 0.012                         # lost per m/s

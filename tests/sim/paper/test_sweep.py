@@ -8,21 +8,20 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
 from scipy.stats import ttest_1samp
 
 import truearc.cli.main as truearc
+from tests.sim.physics import reference
+from tests.sim.physics.rigs import GUPPY
 from tests.sim.training_rows import some_rows
 from truearc.errors import InputError
-from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target, Wheel
+from truearc.robot.config.rig_spec import Ball, Rig
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import save_dataset
 from truearc.sim.infer.belief import point_belief
 from truearc.sim.paper import sweep
 from truearc.sim.paper.network import Rows, load_weights
 
-RIG = Rig(Ball(0.14, 0.0889), LauncherFacts(0.75, 594.0, (Wheel("lower", 0.0508, 1.0, 180.0),
-                                                            Wheel("upper", 0.0349, 0.5625, 0.0))), Target(2.44))
 CD, CL = 0.91, 0.06                               # the paper's own estimate
 BELIEF = {"drag": {"cd": CD}, "magnus": {"cl": CL}}
 CONFIGURATIONS = 468_236
@@ -30,31 +29,7 @@ CONFIGURATIONS = 468_236
 
 @pytest.fixture(scope="module")
 def outcomes() -> np.ndarray:
-    return sweep.label_grid(RIG, BELIEF)
-
-
-def paper_height_m(distance_m: float, motor_ratio: float, hood_deg: float) -> float:
-    """Eq. 1-12 in the plane; nan if the ball meets the floor or turns back before the target."""
-    mass, radius, rho = 0.14, 0.0889, 1.2
-    lower, upper = motor_ratio * 594.0 * 0.0508, motor_ratio * 594.0 * 9 / 16 * 0.0349
-    speed, spin = (lower + upper) / 2, (lower - upper) / (2 * math.pi * radius)
-    drag = 0.5 * CD * math.pi * radius**2 * rho / mass
-    lift = CL * 4 / 3 * 4 * math.pi**2 * radius**3 * spin * rho / mass
-
-    def rates(_: float, state: np.ndarray) -> list[float]:
-        _, _, vx, vy = state
-        v = math.hypot(vx, vy)
-        return [vx, vy, -lift * vy - drag * v * vx, lift * vx - drag * v * vy - 9.81]
-
-    ends = [lambda t, s: s[0] - distance_m, lambda t, s: s[1], lambda t, s: s[2]]
-    for end in ends:
-        end.terminal = True                       # type: ignore[attr-defined]
-    theta = math.radians(hood_deg)
-    start = [0.0, 0.75, speed * math.cos(theta), speed * math.sin(theta)]
-    if start[2] <= 0.0:
-        return math.nan
-    flight = solve_ivp(rates, (0.0, 60.0), start, "DOP853", rtol=1e-11, atol=1e-12, events=ends, max_step=0.05)
-    return float(flight.y_events[0][0][1]) if len(flight.t_events[0]) else math.nan
+    return sweep.label_grid(GUPPY, BELIEF)
 
 
 def paper_outcome(height_m: float) -> str:
@@ -81,7 +56,8 @@ def test_labels_are_those_of_an_independent_flight(outcomes: np.ndarray) -> None
     shots = sweep.grid_shots(chosen)
     compared = 0
     for row, outcome in enumerate(outcomes[chosen]):
-        height = paper_height_m(*(float(shots.number(name)[row]) for name in ("distance_m", "motor_ratio", "hood_deg")))
+        configuration = (float(shots.number(name)[row]) for name in ("distance_m", "motor_ratio", "hood_deg"))
+        height = reference.integrate(*configuration, CD, CL).height_m
         if min(abs(abs(height - 2.44) - 0.07), abs(abs(height - 2.44) - 0.35), 1.0) < 1e-4:
             continue                              # on the very edge either is right
         assert outcome == paper_outcome(height), shots.shot_id[row]
@@ -134,7 +110,7 @@ def test_shots_beside_the_grid_or_with_gaps_take_nothing() -> None:
 
 def test_recorded_configurations_are_replaced(outcomes: np.ndarray) -> None:
     first = sweep.sample_balanced(outcomes, 90, np.zeros(0, np.int64), 5)
-    shots = sweep.synthesise(RIG, point_belief(BELIEF), 90, sweep.grid_shots(first), 5)
+    shots = sweep.synthesise(GUPPY, point_belief(BELIEF), 90, sweep.grid_shots(first), 5)
     assert len(shots) == 90
     assert not set(shots.shot_id) & set(sweep.grid_shots(first).shot_id)
     assert sorted(map(shots.text("outcome").count, ("miss", "two", "three"))) == [30, 30, 30]

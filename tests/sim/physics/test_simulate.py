@@ -10,8 +10,9 @@ from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target
 from truearc.sim.data.dataset import Circumstances, Shots
 from truearc.sim.physics import simulate as sim
-from truearc.sim.physics.catalogue import flight_terms
+from truearc.sim.physics.catalogue import effective, flight_terms
 from truearc.sim.physics.flight import fly
+from truearc.sim.physics.term import Exit
 from truearc_proof.reproduce.collect import exit_seed
 
 SEED = flight_terms(("gravity", "drag", "magnus"))
@@ -199,3 +200,19 @@ def test_a_lone_wheel_rolls_the_ball_along_a_wall():
     speed, spin = sim.exit_no_slip(with_wheels(180.0), [[10.0]])
     assert speed[0] == pytest.approx(5.0)
     np.testing.assert_allclose(spin[0], [0.0, -5.0 / reference.RADIUS_M, 0.0], atol=1e-12)
+
+
+LEAVING = Exit(np.array([8.0, 9.5, 11.0]), np.array([0.7, 0.9, 1.0]), np.array([-4.0, 3.0, 7.0]))
+
+
+def test_a_sensing_term_leaves_alone_what_was_measured_on_the_ball():
+    where = Exit(np.array([True, False, True]), np.array([False, True, True]), np.array([True, True, False]), True)
+    params = {"hood_offset": {"angle_deg": 1.0}, "encoder_scale": {"share": 0.01}, "exit_efficiency": {"loss": 0.1},
+              "ball_compression": {"share": 0.1}, "release_height": {"above_m": 0.02}}
+    values = effective(params, Circumstances())
+    exit, _ = sim.sense(GUPPY, values, LEAVING, np.array([2.5, 3.5, 4.5]), where)
+    left = sim.leave(GUPPY, values, exit, where)
+    np.testing.assert_allclose(left.speed_m_s, LEAVING.speed_m_s * np.where(where.speed_m_s, 1.01 * 0.9, 1.0))
+    np.testing.assert_allclose(left.elevation_rad, LEAVING.elevation_rad + np.radians(1.0) * where.elevation_rad)
+    np.testing.assert_allclose(left.spin_rev_s, LEAVING.spin_rev_s * np.where(where.spin_rev_s, 1.01 / 0.9, 1.0))
+    np.testing.assert_allclose(left.above_m, 0.02)
