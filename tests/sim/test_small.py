@@ -4,7 +4,6 @@ import csv
 import threading
 import time
 from importlib.metadata import version
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,10 +11,9 @@ from scipy.linalg import inv
 from scipy.stats import binomtest
 from sklearn.metrics import brier_score_loss, f1_score, log_loss
 
-from tests.robot.operator_ui.browser import BROWSER, Browser
 from truearc.sim.compute import each_core
 from truearc.sim.printed import make_text, save_csv
-from truearc.sim.report import PHONE_IN, Origin, make_page, make_png, new_panels, picture, table
+from truearc.sim.report import Origin, make_page
 from truearc.sim.statistics import calibration_error, figures_of, invert, reliability, wilson
 from truearc_proof.table import Table, difference, make_markdown
 
@@ -73,10 +71,6 @@ def test_csv_comes_back_as_it_was(tmp_path) -> None:
     assert b"\r" not in (tmp_path / "t.csv").read_bytes()
 
 
-BARS = (Path(__file__).parents[2] / "sim" / "discover" / "report" / "finding.css").read_text(encoding="utf-8")
-BAR = '<div class="bars"><div>an unexplained effect in their place</div><div class="track"></div></div>'
-
-
 def body_of(page: str) -> str:
     return page[page.index("<body>"):]
 
@@ -96,31 +90,6 @@ def test_the_origin_is_at_the_top_and_an_unknown_part_is_left_out() -> None:
     assert "<code>truearc fit &lt;a&gt;</code>" in head
     assert f'<p class="origin">truearc {version("truearc")}</p>' in make_page("t", "Verdict.", [])
     assert make_page("t", "Verdict.", [], origin) == make_page("t", "Verdict.", [], origin)
-
-
-@pytest.mark.browser
-@pytest.mark.slow
-@pytest.mark.skipif(BROWSER is None, reason="needs chromium")
-def test_a_phone_shows_a_page_without_scrolling_sideways(tmp_path: Path) -> None:
-    """Wide tables and pictures scroll in their own box; letters of a picture keep a legible size."""
-    drawn = [picture(make_png(new_panels(width_in, 3.0)[0]), "empty") for width_in in (PHONE_IN, 9.0)]
-    wide = table([f"a column {k}" for k in range(12)], [[f"unbroken_name_{k}" for k in range(12)]])
-    file = tmp_path / "page.html"
-    file.write_text(make_page("t", "A_name_that_is_never_broken_" * 4, [
-        ("", f"<style>{BARS}</style>"), ("Pictures", "".join(drawn)), ("Table", wide), ("Bars", BAR),
-        ("Gains", f"<pre>{'gain = 1.0  ' * 20}</pre>")], Origin(command="truearc discover " + "a/" * 60)),
-        encoding="utf-8")
-    browser = Browser(tmp_path / "profile")
-    browser.size(390, 844, mobile=True)
-    browser.open(file.as_uri())
-    browser.wait("document.title === 't' && document.readyState === 'complete'")
-    assert browser.evaluate("document.documentElement.scrollWidth") == 390
-    assert not browser.evaluate("""[...document.querySelectorAll('body *')].filter(one => !one.closest('.scroll')
-        && one.getBoundingClientRect().right > 391).length""")
-    # 10 points at 130 dots per inch are 18 pixels: half of that is legible
-    assert browser.evaluate(
-        "Math.min(...[...document.images].map(one => one.getBoundingClientRect().width / one.naturalWidth))") >= 0.55
-    browser.close()
 
 
 RNG = np.random.default_rng(6)

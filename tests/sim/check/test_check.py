@@ -125,14 +125,6 @@ def test_a_radius_that_may_be_the_diameter_warns(table: Dataset) -> None:
                        "not the diameter")
 
 
-def test_wheels_that_may_be_stated_by_their_diameters_warn(table: Dataset) -> None:
-    wheels = tuple(changed(wheel, radius_m=2.0 * wheel.radius_m) for wheel in WHEELS)
-    launcher = changed(table.rig.launcher, wheel=wheels)
-    doubled = replace(table, facts=changed(table.rig, launcher=launcher))
-    warning, = check_plausible(doubled).accepted
-    assert re.search(r"reach: rig.toml: launcher.wheel.radius_m: .* make sure that it is not the diameter", warning)
-
-
 @pytest.mark.parametrize(("columns", "said"), [
     ({"mass_kg": 90.0}, r"mass_kg, radius_m: the ball of shot 0 \(90 kg, .* rename the column mass_kg to mass_g"),
     ({"radius_m": 0.49}, r"mass_kg, radius_m: .* hardly heavier than .* rename the column radius_m to radius_cm"),
@@ -228,11 +220,6 @@ def test_heights_at_the_target_are_scores_where_outcomes_are_not_stated(table: D
     assert check_plausible(measured).accepted == check_plausible(table).accepted
     with pytest.raises(InputError, match=r"distance_ft|distance_m in feet"):
         check_plausible(numbers(measured, distance_m=measured.shots.number("distance_m") / 0.3048))
-
-
-def test_results_without_a_target_are_refused(table: Dataset) -> None:
-    with pytest.raises(InputError, match=r"rig\.toml: target\.centre_height_m: missing key"):
-        ta.fit(replace(table, facts=changed(table.rig, target=None)))
 
 
 def test_train_predict_and_aim_refuse_as_fit_does(table: Dataset) -> None:

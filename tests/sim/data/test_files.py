@@ -160,17 +160,6 @@ def test_a_bad_rig_is_named(tmp_path, old, new, message):
     assert message in str(error.value)
 
 
-def test_a_rig_that_cannot_be_read_is_named_without_the_systems_number(tmp_path):
-    (tmp_path / "rig.toml").mkdir()
-    with pytest.raises(InputError, match=r"rig\.toml: Is a directory$"):
-        load_rig(tmp_path / "rig.toml")
-    with pytest.raises(InputError, match=r"none\.toml: No such file or directory$"):
-        load_rig(tmp_path / "none.toml")
-    (tmp_path / "latin.toml").write_bytes(b"[ball] # f\xfcr\n")
-    with pytest.raises(InputError, match=r"latin\.toml: not UTF-8 text$"):
-        load_rig(tmp_path / "latin.toml")
-
-
 def test_a_key_that_is_not_known_is_named_beside_the_one_that_is_missing(tmp_path: Path,
                                                                         capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "rig.toml"
@@ -178,12 +167,3 @@ def test_a_key_that_is_not_known_is_named_beside_the_one_that_is_missing(tmp_pat
     with pytest.raises(InputError, match=r"ball\.mass_kg: missing key"):
         load_rig(path)
     assert "key ball.mass_g is not known" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("text", ["ball = 3\n", "[[ball]]\nmass_kg = 1\n", "[launcher]\nwheel = 1\n",
-                                  "ball = [1, [2]]\n"])
-def test_tables_of_another_kind_are_refused(tmp_path: Path, text: str) -> None:
-    path = tmp_path / "rig.toml"
-    path.write_text(text)
-    with pytest.raises(InputError, match=r"rig\.toml:?\d*: "):
-        load_rig(path)

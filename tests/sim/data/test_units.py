@@ -142,12 +142,6 @@ def test_covariates_keep_their_names(tmp_path: Path) -> None:
     assert set(numbers) == {"motor_ratio", "Humidity", "motor_rpm", "coating_g"}
 
 
-@pytest.mark.parametrize(("cell", "outcome"), [("Three", "three"), (" three", "three"), ("3", "three"), ("2", "two"),
-                                               ("n/a", ""), ("MISS", "miss"), ("", "")])
-def test_outcomes_may_be_spelt_otherwise(tmp_path: Path, cell: str, outcome: str) -> None:
-    assert load(tmp_path, f"shot_id,hood_deg,outcome\na,40,{cell}\n").shots.text("outcome") == (outcome,)
-
-
 def test_each_word_that_is_no_outcome_is_told_once_with_what_to_write(tmp_path: Path) -> None:
     with pytest.raises(InputError) as raised:
         load(tmp_path, "shot_id,outcome\na,1\nb,0\nc,1\nd,1\ne,lost\n")
@@ -204,11 +198,6 @@ def test_rows_that_were_pasted_twice_are_warned_of(tmp_path: Path, capsys: pytes
         load(tmp_path, "\n".join(["shot_id,distance_m,hood_deg,outcome", *ids]))
         said = capsys.readouterr().err
         assert ("each shot stands there 2 times under other names; if rows were pasted twice" in said) == warned
-
-
-def test_times_of_tracks_are_named_by_the_files_own_column_and_value(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"tracks\.csv:3: t_ms: 12 does not follow 14 of the same shot"):
-        load(tmp_path, SI, "shot_id,t_ms,x_m,y_m,z_m\na,14,0,0,1\na,12,1,0,1\n")
 
 
 def test_a_missing_cell_is_named_by_the_files_own_column(tmp_path: Path) -> None:

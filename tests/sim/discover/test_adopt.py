@@ -17,7 +17,6 @@ from truearc.sim.discover.investigate import Investigation, discover, judge_adop
 from truearc.sim.discover.report.finding_text import console_lines, say_adopted
 from truearc.sim.discover.select import simulations as freed
 from truearc.sim.discover.select.posterior import Family, Hypothesis, Part
-from truearc.sim.discover.select.simulations import HoldOut, hold_out
 from truearc.sim.infer.belief import Belief, Curve, before_the_shot, load_belief, point_belief
 from truearc.sim.infer.launcher import Launcher
 from truearc.sim.infer.likelihood.data import take_in
@@ -120,27 +119,6 @@ def test_of_an_unexplained_effect_the_nearest_names_are_adopted_where_they_clear
     assert kept is before and say_adopted(found.finding, provenance).startswith("adopted: nothing, the belief stays")
 
 
-def test_points_with_tracks_are_judged_from_the_settings_alone(nameless: Investigation) -> None:
-    """A track of the very shot is not known when it is aimed."""
-    fitted = nameless.fitted
-    assert fitted is not None
-    model = fitted.without_terms()
-    blind = hold_out([model], [0.0])
-    told = model.scores.plane
-    assert told is not None and np.median(blind.sd_m) > 2.0 * np.median(told.spread_m)
-    off_m = scored_heights(nameless, blind)
-    assert 0.7 < np.mean(off_m**2)**0.5 < 1.4
-
-
-def scored_heights(found: Investigation, said: HoldOut) -> np.ndarray:
-    """Heights of the shots' tracks where they end near the plane, in standard deviations from the forecasts."""
-    fitted = found.fitted
-    assert fitted is not None and fitted.scores.plane is not None
-    told = fitted.scores.shared_only().plane
-    assert told is not None
-    return np.asarray((told.mean_m - said.mean_m) / said.sd_m)
-
-
 def changed(found: Investigation, names: tuple[str, ...]) -> Investigation:
     """The first step unexplained, its likeliest change one of launch speed by distance, beside the names."""
     assert found.search is not None
@@ -148,19 +126,6 @@ def changed(found: Investigation, names: tuple[str, ...]) -> Investigation:
     family = Family("launch speed", distance, Part(0, np.zeros((1, 1)), np.ones(1)), 0.0, 0.0)
     change = Hypothesis(names, family, 0.0, 0.0)
     return replace(found, steps=(replace(step, unknown=True, change=change),))
-
-
-def test_only_names_that_were_put_in_together_are_adopted(hasty: tuple[Dataset, Investigation]) -> None:
-    """Of a pair, a name that its rivals have overtaken is no part of the fit beside the other name."""
-    found, name = hasty[1], "hood_offset.angle_deg"
-    first, fitted = found.steps[0], found.fitted
-    assert fitted is not None
-    other = fitted.with_terms((name,), np.zeros(1))
-    naming = replace(first.naming, refits={name: other}, nats={name: 1.0}, inclusion={name: 1.0})
-    both = replace(found, steps=(first, replace(first, naming=naming)))
-    belief, provenance = make_belief(both, judge_adoption(both, lambda before, after: (0.1, 0.2), None))
-    assert provenance["adopted"] == ["hood_offset"]
-    assert set(belief.coefficients) == {"drag", "magnus", "exit_efficiency", "hood_offset"}
 
 
 def test_a_change_that_stands_alone_must_be_clearly_better_without_tracks(hasty: tuple[Dataset, Investigation]) -> None:

@@ -3,8 +3,6 @@
 import json
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import cast
 
 import numpy as np
 import pytest
@@ -16,16 +14,13 @@ from tests.sim.discover.made import at_least_squares
 from tests.sim.discover.straight import ASKED, NAMES, SHARED, fit_straight, slopes_and_y
 from tests.sim.discover.straight import FACTS as STRAIGHT
 from tests.sim.discover.worlds import FACTS
-from truearc.api.discovery import ShotDesign
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.files import save_dataset
 from truearc.sim.discover.decide import Search, Step, decide
 from truearc.sim.discover.next_steps import (
     PACES,
     SURE,
-    Block,
     Contest,
-    Design,
     _contest,
     at_paces,
     chance_of_name,
@@ -40,7 +35,6 @@ from truearc.sim.infer.fit import fit_believed
 from truearc.sim.infer.launcher import Launcher
 from truearc.sim.infer.likelihood.data import take_in
 from truearc.sim.infer.likelihood.layout import lay_out
-from truearc.sim.physics.catalogue import as_catalogue
 from truearc.sim.physics.simulate import predict
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
@@ -130,15 +124,6 @@ def test_chances_are_those_of_shots_really_taken() -> None:
     assert said == pytest.approx(np.mean(right), abs=0.1)
 
 
-def test_a_plan_says_what_it_is_worth() -> None:
-    plan = make_design(step_of(), 60, 3)
-    assert sum(block.shots for block in plan.blocks) == 60 and len(plan.blocks) == 3
-    assert plan.after > plan.before + 0.3
-    assert make_design(step_of(), 600, 3).after > plan.after + 0.05
-    assert plan.probability.sum() == pytest.approx(1.0)
-    assert all(0.0 <= one.probability <= 1.0 for one in plan.measurements)
-
-
 def test_a_measurement_of_the_true_term_settles_it_when_it_is_sharp() -> None:
     step = step_of(planted={"release_height.above_m": 0.45})
     plan = make_design(step, 60, 3)
@@ -195,27 +180,6 @@ def test_a_plan_names_configurations_that_were_shot() -> None:
     lines = design_lines(table)
     assert lines[0].startswith("To tell apart: ") and "hood_deg 45" in lines[1]
     assert any(line.startswith("After these 40 shots") for line in lines)
-
-
-def test_wheels_that_shall_run_otherwise_and_what_must_be_alike_are_said() -> None:
-    shots = Shots(("a", "b"), {"distance_m": np.array([3.0, 4.0]), "motor_ratio": np.array([0.4, 0.5])}, {})
-    design = Design(("drag_wear.share", "wheel_slip.loss_per_m_s"), np.array([0.5, 0.5]),
-                    (Block(1, 20, 1.06), Block(1, 20), Block(1, 20, 1.06)), 0.0, 0.5, None, ())
-    step = SimpleNamespace(fitted=SimpleNamespace(scores=SimpleNamespace(rows=np.arange(2))))
-    table = design_table(design, Dataset("d", STRAIGHT, shots), cast(Step, step))
-    faster, plain = (one for one in table["next"] if one["do"] == "shoot")
-    assert (faster["shots"], faster["motor_ratio"], faster["pace"]) == (40, pytest.approx(0.53), 1.06)
-    assert (plain["shots"], plain["motor_ratio"]) == (20, 0.5) and "pace" not in plain
-    lines = "\n".join(design_lines(table))
-    assert "as shot b, wheels 6% faster" in lines and "a ball that has been shot as often" in lines
-
-
-@pytest.mark.parametrize(("level", "said"), [("L0", False), ("L1", True), ("L2", False)])
-def test_planned_shots_are_said_to_be_unproven_with_telemetry(level: str, said: bool) -> None:
-    plan = {"names": {"drag": 0.6, "wind_x": 0.4}, "as_then": [], "probability_before": 0.1, "probability_after": 0.5,
-            "random_shots_worth_as_much": 300, "next": []}
-    lines = ShotDesign("It is one of two.", "set", plan, as_catalogue(None), level).lines()
-    assert any("have not shown" in line for line in lines) is said
 
 
 def test_nothing_to_tell_apart_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

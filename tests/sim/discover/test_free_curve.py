@@ -40,15 +40,6 @@ def test_launch_state_follows_the_paper_and_is_one_with_the_motor_ratio() -> Non
     assert np.allclose(speed, ratio * 594.0 * (0.0508 + 0.5625 * 0.0349) / 2.0, atol=1e-8)
 
 
-def test_order_and_waiting_time_are_counted_within_a_session() -> None:
-    t_s = np.concatenate([np.cumsum(np.arange(1.0, 21.0)), np.cumsum(np.arange(20.0, 0.0, -1.0))])
-    found = cov.gather_covariates(dataset({"t_s": t_s}, {"session": ("a",) * 20 + ("b",) * 20}))
-    wait = named(found, "since_last_shot_s").values
-    assert np.isnan(wait[[0, 20]]).all()
-    assert wait[1] == 2.0
-    assert named(found, "order_in_session").values[[0, 19, 20]].tolist() == [0.0, 19.0, 0.0]
-
-
 def test_traces_give_their_value_at_feeding_and_their_dip() -> None:
     shot = np.repeat(np.arange(N), 4)
     depth = np.repeat(np.arange(N) / 10.0, 4)

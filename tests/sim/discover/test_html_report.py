@@ -1,24 +1,29 @@
-"""The report as a page: verdict first, well-formed, nothing fetched, every kind of verdict."""
+"""The report as a page: verdict first, well-formed, every kind of verdict; pictures that show what is there."""
 
 import html
+import io
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from importlib.metadata import version
 
+import matplotlib.image
 import msgspec
 import numpy as np
 import pytest
 
+from tests.sim.discover.made import make_linear, term
 from tests.sim.discover.worlds import FACTS, World, make_outcomes
 from tests.sim.few_terms import few_terms
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.discover.detect.covariates import Covariate
+from truearc.sim.discover.detect.covariates import Covariate, Factor
 from truearc.sim.discover.detect.localization import curve_of
 from truearc.sim.discover.finding import FoundEffect, Interval, Named
 from truearc.sim.discover.identifiability import foresee
 from truearc.sim.discover.investigate import Investigation, discover
 from truearc.sim.discover.report import pages
+from truearc.sim.discover.report import pictures as pic
+from truearc.sim.infer.likelihood.score_table import Column
 from truearc.sim.physics.catalogue import find_terms
 from truearc.sim.report import Origin
 
@@ -143,3 +148,67 @@ def test_what_a_season_could_tell_as_table_and_page() -> None:
     never = {one.term: pages.why_not(one) for one in sight.terms if one.shots_needed is None}
     assert "record battery_v" in never["battery_sag"] and "counted as chance" in never["ball_spread"]
     assert "magnus.cl" in never["ball_compression"]
+
+
+ROWS = np.arange(80)
+ORDER = Covariate((("t_s", np.linspace(0.0, 100.0, 80)), ("order_in_session", ROWS.astype(float))))
+SIDE = Factor("supplier", ("north", "south"), ROWS % 2)
+BLUE, ORANGE = np.array([[0x1f, 0x5f, 0xa8], [0xc2, 0x57, 0x1a]]) / 255.0
+
+
+def drawn(png: bytes | None) -> np.ndarray:
+    assert png is not None
+    return matplotlib.image.imread(io.BytesIO(png))[..., :3]
+
+
+def share_like(image: np.ndarray, colour: np.ndarray) -> float:
+    return float((np.abs(image - colour).max(axis=2) < 0.12).mean())
+
+
+def test_a_bin_holds_the_weighted_mean_with_its_error() -> None:
+    score, information = np.array([2.0, 4.0, 9.0, 8.0]), np.array([1.0, 2.0, 3.0, 4.0])
+    value, error = pic.LinearResiduals(score, information).estimate(np.ones(4, dtype=bool))
+    assert value == pytest.approx(np.average(score / information, weights=information))
+    assert error >= 1.0 / np.sqrt(10.0)
+    assert np.isnan(pic.LinearResiduals(score, information).estimate(np.arange(4) < 2)[0])
+
+
+def test_bins_are_even_or_the_values_there_are() -> None:
+    even = pic.bins_of(ORDER, ROWS)
+    assert np.bincount(even.index).tolist() == [10] * 8
+    assert (np.diff(even.middle) > 0.0).all()
+    assert pic.bins_of(SIDE, ROWS).labels == ("north", "south")
+    few = pic.bins_of(Covariate((("hood_change", np.where(ROWS % 3, 1.0, -1.0)),)), ROWS)
+    assert few.middle.tolist() == [-1.0, 1.0] and (few.middle[few.index] == np.where(ROWS % 3, 1.0, -1.0)).all()
+    gaps = Covariate((("x", np.where(ROWS < 10, np.nan, ROWS.astype(float))),))
+    assert (pic.bins_of(gaps, ROWS).index[:10] == -1).all()
+
+
+def test_the_field_is_coloured_where_shots_are_off() -> None:
+    across, up = np.tile(np.arange(10.0), 8), np.repeat(np.arange(8.0), 10)
+    off = np.where(across > 5.0, 0.1, 0.0)
+    information = np.full(80, 1e4)
+    seen = pic.LinearResiduals(off * information, information)
+    residual = pic.Residual("height", None, "arrival", 100.0, "cm", seen, None)
+    image = drawn(pic.field_png(residual, ("distance [m]", across), ("elevation", up), ""))
+    red = (image[..., 0] > 0.3) & (image[..., 2] < 0.2)
+    assert red.mean() > 0.1
+    width = image.shape[1]
+    assert red[:, :width // 3].sum() < 0.05 * red[:, width // 3:].sum()
+    assert pic.field_png(residual, ("distance [m]", np.full(80, 3.0)), ("elevation", up), "") is None
+
+
+def test_bands_along_the_flight_show_what_was_pushed() -> None:
+    spans = [(0.0, 0.2), (0.2, 0.4), (0.4, float("inf"))]
+    bands = tuple(Column(f"push vertical from {a}", "free", "flight", "vertical", "m/s2", 1.5, times_s=(a, b))
+                  for a, b in spans)
+    observed = np.tile([0.0, 0.0, 5.0], (40, 1)) + np.random.default_rng(3).normal(size=(40, 3))
+    evidence = make_linear(np.tile(np.eye(3), (40, 1, 1)), bands, np.zeros(0), observed)
+    image = drawn(pic.flight_png(evidence, None, "", [("", np.ones(40, dtype=bool))]))
+    rows = np.flatnonzero((np.abs(image - BLUE).max(axis=2) < 0.12).any(axis=1))
+    assert rows[-1] - rows[0] > 0.4 * image.shape[0]
+    two = drawn(pic.flight_png(evidence, evidence, "wind", pic.halves(ORDER, ROWS[:40])))
+    panels = two[:, :two.shape[1] // 2], two[:, two.shape[1] // 2:]
+    assert all(share_like(panel, colour) > 1e-4 for panel in panels for colour in (BLUE, ORANGE))
+    assert share_like(image, ORANGE) == 0.0
+    assert pic.flight_png(make_linear(np.ones((4, 1, 1)), (term("a"),), np.zeros(0)), None, "", []) is None

@@ -130,15 +130,6 @@ def test_balls_that_fall_straight_down_show_their_drag() -> None:
     assert (finding.where.stage, finding.where.direction) == ("flight", "along")
 
 
-def test_data_that_can_say_nothing_say_so() -> None:
-    shots = Shots(tuple(map(str, range(20))), {"distance_m": np.linspace(2.0, 6.0, 20)}, {})
-    finding = discover(Dataset("mute", make_world().facts, shots)).finding
-    assert finding.verdict == "none" and finding.mismatch.p_value is None and finding.fit is None
-    base = concealed("L1", {}, 1)
-    misses = replace(base.shots, texts={**base.shots.texts, "outcome": ("miss",) * 96, "side": ("",) * 96})
-    assert discover(replace(base, shots=misses)).finding.verdict == "none"
-
-
 def test_what_changes_at_once_is_told_as_a_step() -> None:
     """A hood that slips by two degrees half way through one long session, and a driver who goes on aiming."""
     before, after = (shoot(make_world(effects, "L0", 300, 825)) for effects in ({}, {"hood_offset": 2.0}))

@@ -15,8 +15,8 @@ from tests.sim.discover.mixed import BALLS, BELIEVED, FLOWN, LANDED, MEASURED, S
 from truearc.sim.infer.likelihood.data import Intake, take_in
 from truearc.sim.infer.likelihood.forward_model import pad_lanes, see_slopes
 from truearc.sim.infer.likelihood.layout import Layout, Point, lay_out
-from truearc.sim.infer.likelihood.linearization import fly, linearise, variance_of
-from truearc.sim.infer.likelihood.noise import BALL_SPEED, FLOOR_M, HEIGHT_M, LAPSE, SLIP_M
+from truearc.sim.infer.likelihood.linearization import linearise, variance_of
+from truearc.sim.infer.likelihood.noise import FLOOR_M, HEIGHT_M, LAPSE, SLIP_M
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 from truearc.sim.physics.catalogue import find_parameter
 
@@ -225,43 +225,3 @@ def test_scores_of_the_scatters_are_slopes_of_the_big_matrix(bench: Bench, brute
             assert bench.scores.linear[row, column] == pytest.approx((sides[0] - sides[1]) / 2e-4, abs=2e-3)
             half = own * one.slope[:, deviate] @ np.linalg.solve(one.total, one.slope[:, deviate])
             assert bench.scores.bend[row, column, column] == pytest.approx(2.0 * half**2, rel=1e-3, abs=1e-6)
-
-
-def test_an_effect_of_a_ball_is_the_same_slope_in_that_balls_shots_alone(bench: Bench) -> None:
-    """Against indicator columns: launch speed and drag, times one standard deviation of balls, times (ball = b)."""
-    evidence, cd = bench.scores, find_parameter("drag.cd").prior
-    assert cd is not None
-    assert find_parameter("drag.cd").fit_each_ball
-    base = [evidence.index("launch speed")] * 5 + [evidence.index("drag.cd")] * 5
-    scale = np.repeat([BALL_SPEED, find_parameter("drag.cd").by_ball * cd.centre], 5)
-    groups = [number for number, column in enumerate(evidence.columns) if column.kind == "group"]
-    assert len(groups) == 10 and groups[-1] == len(evidence.columns) - 1
-    member = np.tile(BALLS[:, None] == np.arange(5), 2) * scale
-    assert evidence.score[:, groups] == pytest.approx(member * evidence.score[:, base], rel=1e-9, abs=1e-9)
-    other, told = evidence.index("magnus.cl"), np.stack([evidence.told_by([row]) for row in range(SHOTS)])
-    assert told[:, groups, other] == pytest.approx(member * evidence.info[:, base, other], rel=1e-9, abs=1e-9)
-    inner = told[:, groups][:, :, groups]
-    dealt = member[:, :, None] * member[:, None, :] * evidence.info[:, base][:, :, base]
-    assert inner == pytest.approx(dealt, rel=1e-9, abs=1e-9)
-
-
-def test_what_a_balls_luck_does_is_no_scatter(bench: Bench) -> None:
-    """With five balls that are faster and slower by as much as 15 %, the slope of each scatter is that of what tracks
-    say by differences: their deviations without their balls' effects, or scatter would grow with how balls differ."""
-    effects = np.zeros(bench.layout.grouped)
-    effects[:5] = [-5.0, 3.0, 4.0, -4.0, 2.0]
-    spot = replace(bench.point, effects=effects)
-    flown = fly(bench.intake, bench.layout, spot)
-    tracked = ~np.isin(np.arange(len(bench.intake.rows)), bench.intake.marked)
-    for number, column in enumerate(bench.layout.scatters):
-        if column < 0:
-            continue
-        sides = []
-        for step in (1e-3, -1e-3):
-            log_scatter = spot.log_scatter.copy()
-            log_scatter[number] += step
-            there = replace(spot, log_scatter=log_scatter)
-            sides.append(linearise(bench.intake, bench.layout, there, flown)[0].log_score[tracked])
-        by_hand = (sides[0] - sides[1]) / 2e-3
-        here = linearise(bench.intake, bench.layout, spot, flown)[0]
-        assert here.score[tracked, column] == pytest.approx(by_hand, rel=0.02, abs=0.02)

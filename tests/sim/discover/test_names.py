@@ -9,15 +9,11 @@ from scipy.stats import multivariate_normal
 
 from tests.sim.discover.made import stand_in
 from tests.sim.discover.straight import ASKED, NAMES, SHARED, fit_straight, slopes_and_y
-from tests.sim.few_terms import few_terms
 from truearc.sim.discover.decide import Search, Step, credible_set, decide, unseen_scores
-from truearc.sim.discover.investigate import discover
 from truearc.sim.discover.select.terms import NEVER, Naming, is_possible, name_terms, nats_for, one_step
 from truearc.sim.infer.fit import Fit
 from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.physics.catalogue import BUILT_IN
-from truearc_proof.truth.generate import shoot
-from truearc_proof.truth.world import make_world
 
 PLANTED = "spin_drag.share"
 
@@ -126,17 +122,6 @@ def test_a_name_that_is_nothing_gets_no_nats_on_average() -> None:
                            for seed in range(40)])
     assert nats.mean() < -0.5
     assert np.exp(nats).mean() == pytest.approx(1.0, abs=0.35)
-
-
-@pytest.mark.slow
-def test_two_names_of_one_thing_come_as_a_set_whichever_top_their_climbs_end_on() -> None:
-    """Without telemetry a dip of the wheels is a loss of efficiency, to the letter; here the climb of the true name, by
-    itself, came to rest on a far lower top, and the other one was named alone."""
-    world = make_world({}, "L0", 300, 500176690003, believe=("gravity", "drag", "magnus"))
-    rivals = few_terms("wheel_droop", "wheel_slip", "battery_sag", "hood_offset", "wind_x")
-    finding = discover(shoot(world), seed=3, terms=rivals).finding
-    assert finding.verdict == "set" and finding.set is not None
-    assert set(finding.set) >= {"exit_efficiency", "wheel_droop"}, finding.sentence
 
 
 def steps_of(fitted: LauncherFit) -> tuple[Step, ...]:

@@ -62,16 +62,6 @@ def without_target(rig: ta.Rig) -> ta.Rig:
     return structs.replace(rig, target=None)
 
 
-def test_a_check_that_was_accepted_is_in_the_finding(exits: ta.Dataset) -> None:
-    rig = structs.replace(exits.rig, ball=structs.replace(exits.rig.ball, mass_kg=300.0))
-    heavy = replace(exits, facts=rig, shots=exits.shots.take(np.arange(12)))
-    with pytest.raises(ta.InputError, match="check 'mass'; accept it by name"):
-        ta.discover(heavy)
-    found = ta.discover(heavy, accept=["mass"])
-    said, = found.record.data.accepted
-    assert said.startswith("mass: rig.toml: ball.mass_kg") and f"warning: {said}" in str(found)
-
-
 TERMS = ["gravity", "drag", "magnus", "exit_efficiency"]
 
 

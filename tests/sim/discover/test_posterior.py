@@ -16,13 +16,11 @@ from truearc.robot.config.rig_spec import Site
 from truearc.sim.discover.detect.battery import ReferenceSession
 from truearc.sim.discover.detect.covariates import Covariate, Factor
 from truearc.sim.discover.select import posterior as post
-from truearc.sim.discover.select.terms import _scan, name_terms, nats_in_range, one_step
+from truearc.sim.discover.select.terms import name_terms, nats_in_range
 from truearc.sim.infer.fit import fit_believed
 from truearc.sim.infer.launcher import Launcher, LauncherFit
 from truearc.sim.infer.likelihood.data import take_in
 from truearc.sim.infer.likelihood.layout import lay_out
-from truearc_proof.truth.generate import shoot
-from truearc_proof.truth.world import make_world
 
 PLANTED = {"wind_z.speed_m_s": 1.2, "added_mass.share": 0.8}
 BETWEEN = {"drag_wear.share": tuple(PLANTED)}
@@ -225,39 +223,6 @@ def test_a_small_change_is_worth_flown_what_the_table_says_and_no_change_costs()
         flown = post.nats_flown(fitted, part)
         assert flown is not None and flown == pytest.approx(table, abs=0.6)
         assert flown < 0.0 if drift == 0.0 else flown > 5.0
-
-
-@pytest.mark.slow
-def test_an_unexplained_change_that_matters_is_weighed_as_it_flies() -> None:
-    fitted, _ = fit_drifting(0.06)
-    t_s = make_outcomes(World(measured=True, speed_drift=0.06), 80, 4).shots.number("t_s")
-    posterior = post.weigh(fitted, name_terms(fitted, lambda done, note: None), (Covariate((("t_s", t_s),)),), ())
-    alone = [one for one in posterior.hypotheses if one.family is not None and not one.names]
-    likeliest = max(alone, key=lambda one: one.nats)
-    assert likeliest.family is not None
-    flown = post.nats_flown(fitted, likeliest.family.part)
-    assert flown is not None and likeliest.nats == pytest.approx(flown + likeliest.family.spread, abs=1e-6)
-    assert posterior.probability.sum() == pytest.approx(1.0)
-
-
-@pytest.mark.slow
-def test_what_no_simulation_of_single_shots_holds_is_not_flown() -> None:
-    fitted, part = fit_drifting(0.0)
-    wide = np.zeros((len(part.shapes), 12))
-    assert post.nats_flown(fitted, post.Part(part.column, wide, np.ones(12))) is None
-    drag = fitted.scores.columns[fitted.scores.index("spin_drag.share")]
-    assert post.term_of(drag, fitted.model.layout) is None
-
-
-@pytest.mark.slow
-def test_a_scan_ranks_the_true_term_and_gives_its_sign() -> None:
-    dataset = shoot(make_world({"hood_offset": -2.0}, "L1", 100, 3))
-    intake = take_in(dataset)
-    fitted = fit_believed(Launcher(intake, lay_out(intake, dataset.facts.believe.terms)))
-    scanned = sorted(_scan(fitted, [one for one in one_step(fitted.scores)[0] if one.visible]),
-                     key=lambda one: -one.nats)
-    place = [one.name for one in scanned].index("hood_offset.angle_deg")
-    assert place < 4 and scanned[place].amplitude < 0.0
 
 
 def test_in_a_closed_hall_wind_is_a_draught() -> None:

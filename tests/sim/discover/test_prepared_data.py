@@ -15,8 +15,7 @@ from truearc.sim.discover.select.terms import nats_measured
 from truearc.sim.infer.likelihood import observations as obs
 from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, Intake, take_in
 from truearc.sim.infer.likelihood.forward_model import DEVIATES
-from truearc.sim.infer.likelihood.layout import Measurement, column_of, read_measured
-from truearc_proof.rounds.worlds import PARAMETER
+from truearc.sim.infer.likelihood.layout import Measurement, read_measured
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
 
@@ -131,14 +130,6 @@ def noisy(memory: float, seed: int = 0) -> Tracks:
     return Tracks(np.repeat(np.arange(N), LENGTH), np.tile(t, N), *path.reshape(-1, 3).T)
 
 
-def test_noise_without_memory_is_found_again() -> None:
-    samples, notes, gross = obs.gather_samples(noisy(0.0))
-    scatter = obs.measure_scatter(samples, 1.0)
-    assert (notes, gross) == ((), 0)
-    assert np.allclose(scatter.sigma_m, SIGMA_M, rtol=0.05)
-    assert (np.exp(-STEP_S / np.maximum(scatter.memory_s, 1e-9)) < 0.1).all()
-
-
 def test_noise_with_memory_becomes_white() -> None:
     samples, _, _ = obs.gather_samples(noisy(MEMORY))
     scatter = obs.measure_scatter(samples, 1.0)
@@ -227,11 +218,6 @@ def test_nats_are_the_ratio_of_two_likelihoods() -> None:
     assert said == pytest.approx(norm.logpdf(0.09, 0.1, np.hypot(0.02, 0.03)) - norm.logpdf(0.09, 0.0, 0.02))
     assert said > 5.0 and nats_measured({TARGET: Measurement(0.0, 0.02)}, TARGET, 0.1, 0.03) < -2.0
     assert nats_measured({TARGET: Measurement(0.09, 0.02)}, "wind_x.speed_m_s", 1.0, 0.1) == 0.0
-
-
-@pytest.mark.parametrize("term", PARAMETER)
-def test_a_term_is_measured_by_its_amplitude(term: str) -> None:
-    assert column_of(term) == f"{term}.{PARAMETER[term][0]}"
 
 
 @pytest.mark.parametrize("word", ["wind_x", "wind_x=1", "wind_x=1,0", "wind_x=1,-1", "wind_x=nan,1", "wind_x=a,b",

@@ -1,16 +1,21 @@
-"""Fits of made worlds: one top wherever a climb begins, scores that are slopes, false alarms at their rate."""
+"""Fits of made worlds: one top wherever a climb begins, one belief by fit and discover, alarms at their rate."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.stats import binom
 
-from truearc.sim.discover.investigate import detect, make_search
+import truearc as ta
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.discover.investigate import detect, discover, make_search
 from truearc.sim.discover.select.terms import one_step
 from truearc.sim.infer.fit import climb, fit_believed, newton_step
-from truearc.sim.infer.launcher import Launcher, LauncherFit
+from truearc.sim.infer.launcher import Launcher, LauncherFit, coefficients_of, covariance_of, scatter_of
 from truearc.sim.physics.catalogue import find_parameter
+from truearc_proof.importers.set_points import import_254, import_971
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import World, make_world
 
@@ -99,3 +104,37 @@ def test_scores_of_tracks_lean_to_no_side_under_the_truth() -> None:
     bound = 3.5 / np.sqrt(len(TRACKED))
     for name in ("lift_saturation", "spin_decay", "drag_reynolds", "spin_drag", "wind_x", "wind_z", "added_mass"):
         assert abs(mean[name]) < bound, mean
+
+
+TERMS = ("gravity", "drag", "magnus", "exit_efficiency")
+REAL: dict[str, Callable[[Path], Dataset]] = {
+    "971": lambda home: import_971(home / "frc971_wheel_to_ball_speed.csv"),
+    "254": lambda home: import_254(home / "frc_shot_tables.csv")}
+
+
+def _check(dataset: Dataset, terms: tuple[str, ...]) -> None:
+    """The belief that `fit` writes is what discovery starts from, and adopts where it finds nothing."""
+    by_fit = ta.fit(dataset, terms).belief
+    found = discover(dataset, terms, false_alarm=0.0)         # nothing is missing surely enough to be named
+    assert found.fitted is not None
+    evidence, among = found.fitted.scores.shared_only(), found.catalogue
+    assert coefficients_of(evidence, terms, among) == {
+        name: pytest.approx(values, rel=1e-9, abs=1e-12) for name, values in by_fit.coefficients.items()}
+    assert scatter_of(evidence) == pytest.approx(by_fit.scatter, rel=1e-9)
+    names, covariance = covariance_of(evidence, among)
+    assert names == by_fit.names
+    np.testing.assert_allclose(covariance, by_fit.covariance, rtol=1e-6, atol=1e-15)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("level", "seed"), [("L0", 3), ("L1", 4), ("L2", 5)])
+def test_made_shots_have_one_belief(level: str, seed: int) -> None:
+    _check(shoot(make_world({}, level, 32, seed)), TERMS)
+
+
+@pytest.mark.slow
+@pytest.mark.data
+@pytest.mark.parametrize("name", list(REAL))
+def test_real_shots_have_one_belief(data_dir: Path, name: str) -> None:
+    dataset = REAL[name](data_dir / "real")
+    _check(dataset, tuple(dataset.rig.believe.terms))

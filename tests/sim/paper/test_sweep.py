@@ -37,18 +37,6 @@ def paper_outcome(height_m: float) -> str:
     return "three" if deviation <= 0.07 else "two" if deviation <= 0.35 else "miss"
 
 
-def test_the_grid_is_the_one_that_the_seed_states() -> None:
-    shots = sweep.grid_shots(np.arange(CONFIGURATIONS))
-    assert math.prod(sweep.SHAPE) == CONFIGURATIONS == len(shots)
-    for name, low, high, step, count in (("motor_ratio", 0.0, 1.0, 0.01, 101), ("hood_deg", 15.0, 75.0, 1.0, 61),
-                                         ("distance_m", 1.0, 16.0, 0.2, 76)):
-        values = np.unique(shots.number(name))
-        assert len(values) == count and values[0] == low and values[-1] == high
-        np.testing.assert_allclose(np.diff(values), step, rtol=1e-12)
-        assert [repr(float(value)) for value in values] == [repr(round(float(value), 2)) for value in values]
-    assert len(set(zip(*(shots.number(axis.name) for axis in sweep.AXES), strict=True))) == CONFIGURATIONS
-
-
 def test_labels_are_those_of_an_independent_flight(outcomes: np.ndarray) -> None:
     rng = np.random.default_rng(11)
     chosen = np.concatenate([rng.choice(np.flatnonzero(outcomes == outcome), 60) for outcome in

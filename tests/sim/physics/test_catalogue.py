@@ -194,8 +194,3 @@ def test_wrong_declaration_is_named(changed: dict[str, Any], message: str) -> No
     with pytest.raises(InputError, match=r"^Wrong: ") as caught:
         cat.check_term(wrong())
     assert message in str(caught.value)
-
-
-def test_what_is_no_term_is_refused() -> None:
-    with pytest.raises(InputError, match="'hood_flex': expected an instance of SensingTerm"):
-        cat.check_term("hood_flex")       # type: ignore[arg-type]

@@ -92,12 +92,6 @@ def test_shots_without_a_launch_are_named(lacking, named):
         sim.predict(GUPPY, {}, _shots(**columns))
 
 
-def test_a_known_speed_without_spin_flies_without_spin():
-    rig = msgspec.structs.replace(GUPPY, launcher=msgspec.structs.replace(GUPPY.launcher, wheel=()))
-    exit = sim.launch_of(rig, _shots(exit_speed_m_s=9.0, exit_deg=45.0))
-    assert (exit.speed_m_s[0], exit.spin_rev_s[0]) == (9.0, 0.0)
-
-
 def test_predictions_take_circumstances_shot_by_shot():
     """A battery that halves the speed of one shot in three, and a launch term, a wind and a hood for all of them."""
     shots = _shots(hood_deg=50.0, motor_ratio=[0.5, 0.55, 0.6], distance_m=[1.0, 2.0, 3.0])
@@ -126,13 +120,6 @@ def test_blocks_keep_each_shots_own_air():
     params = {"drag": {"cd": 0.9 * (1.0 + 0.3 * around.age) * factor}, "magnus": {"cl": 0.05 * factor}}
     wanted = fly(GUPPY, SEED, params, sim.launch_of(GUPPY, shots), shots.number("distance_m")).height_m
     np.testing.assert_allclose(said.height_m, wanted, atol=1e-9, equal_nan=True)
-
-
-def test_the_opening_moves_and_grows():
-    heights = 2.44 + np.array([0.0, 0.09, -0.09, 0.37, -0.37])
-    hole = sim.opening_of(GUPPY, {"target_height": {"rise_m": 0.03}, "rim_catch": {"reach_m": 0.02}})
-    assert list(sim.classify(GUPPY, heights, hole)) == ["three", "three", "two", "two", "miss"]
-    assert list(sim.classify(GUPPY, heights)) == ["three", "two", "two", "miss", "miss"]
 
 
 def launches(n: int, seed: int) -> Shots:

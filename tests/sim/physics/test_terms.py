@@ -146,14 +146,6 @@ def test_forces(name, values, expected):
     np.testing.assert_allclose(_force(name, values), expected, rtol=1e-12, atol=1e-14)
 
 
-@pytest.mark.parametrize("name", ["drag_reynolds", "lift_saturation", "drag_wear", "air_density", "air_change",
-                                  "added_mass"])
-def test_a_share_of_nothing_is_nothing(name):
-    term, = find_terms([name])
-    values = {p.name: 0.5 for p in term.parameters}
-    assert tuple(term.acceleration(GUPPY, values, LEVEL, {})) == (0.0, 0.0, 0.0)
-
-
 def test_the_air_that_the_ball_meets():
     decay, *winds = find_terms(["spin_decay", "wind_x", "wind_y", "wind_z"])
     ball = LEVEL

@@ -10,10 +10,8 @@ from scipy.integrate import solve_ivp
 from tests.robot.good_tick import CONFIG
 from truearc.cli.main import main
 from truearc.errors import InputError
-from truearc.sim.report import make_png
 from truearc.sim.sysid import fit as sysid
 from truearc.sim.sysid.fit import Record, fit_law
-from truearc.sim.sysid.html_report import draw_fit, make_fit_page
 from truearc.sim.sysid.session import load_steps
 from truearc.sim.sysid.sysid_text import fewest_rad_per_deg, flywheel_gains, hood_gains
 
@@ -232,12 +230,3 @@ def test_the_door_answers_in_toml_that_says_what_it_is_worth(tmp_path, capsys):
     assert page.count("data:image/png") == 1 and page.index("[feedforward]") < page.index("data:image/png")
     head = page[page.index("<body>"):page.index("[feedforward]")]
     assert "truearc sysid --csv" in head and hashlib.sha256(path.read_bytes()).hexdigest()[:16] in head
-
-
-def test_the_picture_is_the_same_each_time_and_shows_the_residuals():
-    fit = fit_law(stair_record(1.0), windage=False)
-    figure = draw_fit(fit)
-    residuals = figure.axes[2].lines[-1].get_ydata()
-    assert len(residuals) == len(fit.rows) and abs(residuals.std() - fit.rms_rad_s) < 0.1
-    assert make_png(draw_fit(fit)) == make_png(draw_fit(fit))
-    assert "R^2" in make_fit_page("t", {"wheel": fit}, "[a]", ["a note"])
