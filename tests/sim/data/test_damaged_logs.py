@@ -88,7 +88,6 @@ def test_one_run_of_the_feeder_may_carry_several_balls() -> None:
     assert found.t_s == pytest.approx([4.9, 5.5, 6.0], abs=0.03) and not found.odd
 
 
-pytest.importorskip("wpiutil")
 SHOTS_S = (2.0, 4.0, 6.0)
 END_S = 9.0
 MAP = ShotMap(SCHEMA, columns={"wheel_lower_rad_s": Signal("/wheel"), "distance_m": Signal("/distance"),
@@ -104,6 +103,7 @@ def speed_at(t_s: float) -> float:
 
 
 def write_log(path: Path, speed: Callable[[float], float] = speed_at) -> Path:
+    pytest.importorskip("wpiutil")
     with path.open("wb") as file:
         log = WpilogWriter(file, "")
         wheel, distance, hood, result = (log.start(name, kind, "", 0) for name, kind in (
