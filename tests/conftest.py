@@ -31,14 +31,11 @@ LONG = (
     "tests/robot/test_vision_tag.py::test_no_wrong_tag_among_distractors",
     "tests/robot/test_vision_spoilt.py::test_errors_are_as_large_as_sigma_says_when_it_is_told_of_turning",
     "tests/sim/data/test_import_logs.py::test_a_session_that_was_exported_is_read_with_its_poses_and_its_shots",
-    "tests/sim/discover/test_example_term.py",
-    "tests/sim/discover/test_no_information.py", "tests/sim/discover/test_none_found.py",
+    "tests/sim/discover/test_example_term.py", "tests/sim/discover/test_not_seen.py",
     "tests/sim/discover/test_row_order.py",
-    "tests/sim/discover/test_tracker_change.py::test_a_tracker_that_was_compared_is_said_to_be",
-    "tests/sim/infer/test_pooling.py::test_intervals_hold_what_is_common_and_what_is_next_in_ninety_of_a_hundred",
-    "tests/sim/infer/test_times.py",
-    "tests/sim/paper/test_grid_labels.py::test_labels_are_those_of_flying_every_point[251",
-    "tests/sim/paper/test_sweep.py::test_the_door_writes_tables_picture_and_weights", "tests/sim/test_one_core.py",
+    "tests/sim/discover/test_sessions.py::test_a_tracker_that_was_compared_is_said_to_be",
+    "tests/sim/paper/test_grid_fit.py::test_labels_are_those_of_flying_every_point[251",
+    "tests/sim/paper/test_sweep.py::test_the_door_writes_tables_picture_and_weights",
 )
 MOST_WORKERS = 4                      # each holds JAX and what it has compiled: a gigabyte
 

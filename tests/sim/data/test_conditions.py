@@ -56,12 +56,6 @@ def test_age_by_time_and_by_ball():
     assert "age" not in known(_dataset(balls, motor_ratio=[0.5] * 5))
 
 
-def test_a_single_shot_has_no_age_to_speak_of():
-    assert circumstances_of(_dataset(t_s=[3.0])).age == 0.0
-    assert circumstances_of(_dataset({"ball_id": ("x",)}, t_s=[3.0])).age == 0.0
-    assert known(_dataset(t_s=[3.0])) == frozenset()
-
-
 def test_density_by_the_ideal_gas():
     both = circumstances_of(_dataset(pressure_pa=[101325.0, 99000.0, 101325.0], temperature_c=[20.0, 20.0, 30.0]))
     gas = np.array([101325 / 293.15, 99000 / 293.15, 101325 / 303.15])

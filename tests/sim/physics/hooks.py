@@ -37,18 +37,14 @@ def ball_of(numbers, time_s: float = FLOWN_S) -> BallState:
     return BallState(*(Vec(*numbers[first:first + 3]) for first in (0, 3, 6)), time_s)
 
 
-def forces_on(rig: Rig, ball: BallState, names: tuple[str, ...]) -> dict[str, Vec]:
-    """What terms that are a share of others may find before them."""
-    return {term.name: term.acceleration(rig, kinds.complete(term, {"cd": 0.6, "cl": 0.2}), ball, {})
-            for term in find_terms(names)}
-
-
-def call(term: kinds.Term, values, numbers=None, rig: Rig = GUPPY, others=("gravity", "drag", "magnus"),
-         exit: Exit = EXITS, distance_m=DISTANCES_M, hole: Opening = HOLE, time_s: float = FLOWN_S) -> np.ndarray:
+def call(term: kinds.Term, values, numbers=None, rig: Rig = GUPPY, exit: Exit = EXITS, distance_m=DISTANCES_M,
+         hole: Opening = HOLE, time_s: float = FLOWN_S) -> np.ndarray:
     """All that a term's hook answers, as one array, whatever its stage; flight in the state `numbers`."""
     ball = ball_of(state(1) if numbers is None else numbers, time_s)
     if isinstance(term, kinds.FlightTerm):
-        answer = [tuple(term.acceleration(rig, values, ball, forces_on(rig, ball, others)))]
+        others = {other.name: other.acceleration(rig, kinds.complete(other, {"cd": 0.6, "cl": 0.2}), ball, {})
+                  for other in find_terms(("gravity", "drag", "magnus"))}
+        answer = [tuple(term.acceleration(rig, values, ball, others))]
     elif isinstance(term, kinds.AirTerm):
         met = term.meet(rig, values, ball)
         answer = [tuple(met.velocity_m_s), tuple(met.spin_rev_s)]

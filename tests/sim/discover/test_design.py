@@ -1,15 +1,21 @@
-"""Planned shots, where everything is linear: separations, choices and chances against exact likelihoods."""
+"""Planned shots, where everything is linear: chances against exact likelihoods; what a plan says."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.special import softmax
 from scipy.stats import multivariate_normal
 
+import truearc.cli.main as truearc
 from tests.sim.discover.made import at_least_squares
 from tests.sim.discover.straight import ASKED, NAMES, SHARED, fit_straight, slopes_and_y
-from truearc.sim.data.dataset import Shots
+from tests.sim.discover.straight import FACTS as STRAIGHT
+from tests.sim.discover.worlds import FACTS
+from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.data.files import save_dataset
 from truearc.sim.discover.decide import Search, Step, decide
 from truearc.sim.discover.next_steps import (
     PACES,
@@ -24,11 +30,11 @@ from truearc.sim.discover.next_steps import (
     within_reach,
     worth,
 )
+from truearc.sim.discover.report.pages import design_lines, design_table
 from truearc.sim.infer.fit import fit_believed
 from truearc.sim.infer.launcher import Launcher
 from truearc.sim.infer.likelihood.data import take_in
 from truearc.sim.infer.likelihood.layout import lay_out
-from truearc.sim.physics.catalogue import TERMS
 from truearc.sim.physics.simulate import predict
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
@@ -118,15 +124,6 @@ def test_chances_are_those_of_shots_really_taken() -> None:
     assert said == pytest.approx(np.mean(right), abs=0.1)
 
 
-def test_a_plan_says_what_it_is_worth() -> None:
-    plan = make_design(step_of(), 60, 3)
-    assert sum(block.shots for block in plan.blocks) == 60 and len(plan.blocks) == 3
-    assert plan.after > plan.before + 0.3
-    assert make_design(step_of(), 600, 3).after > plan.after + 0.05
-    assert plan.probability.sum() == pytest.approx(1.0)
-    assert all(0.0 <= one.probability <= 1.0 for one in plan.measurements)
-
-
 def test_a_measurement_of_the_true_term_settles_it_when_it_is_sharp() -> None:
     step = step_of(planted={"release_height.above_m": 0.45})
     plan = make_design(step, 60, 3)
@@ -169,7 +166,34 @@ def test_slower_and_faster_wheels_are_foretold_as_the_simulator_has_them() -> No
     assert len(options) > 3 * len(ratio)
 
 
-def test_whatever_can_be_measured_of_the_launcher_is_weighed_with_an_accuracy() -> None:
-    unweighed = {term.name for term in TERMS if term.instrument and term.instrument.sd is None}
-    assert unweighed == {"air_change", "track_scale", "track_tilt", "track_roll", "track_clock",
-                         "track_perspective"}
+def test_a_plan_names_configurations_that_were_shot() -> None:
+    fitted = fit_straight({"spin_drag.share": 0.45}, 5, shots=30)
+    (step, *_) = decide(fitted, None, Search(len(fitted.scores.rows), (), (), 0.05, 0), lambda done, note: None)
+    step = replace(step, unknown=False)
+    distance_m = np.linspace(2.0, 6.0, 30)
+    shots = Shots(tuple(f"s{k}" for k in range(30)), {"distance_m": distance_m, "hood_deg": np.full(30, 45.0)}, {})
+    table = design_table(make_design(step, 40, 4), Dataset("d", STRAIGHT, shots), step)
+    shoot = [one for one in table["next"] if one["do"] == "shoot"]
+    assert sum(one["shots"] for one in shoot) == 40
+    assert all(one["distance_m"] == pytest.approx(distance_m[int(one["like"][1:])], abs=1e-4) for one in shoot)
+    assert json.loads(json.dumps(table)) == table
+    lines = design_lines(table)
+    assert lines[0].startswith("To tell apart: ") and "hood_deg 45" in lines[1]
+    assert any(line.startswith("After these 40 shots") for line in lines)
+
+
+def test_nothing_to_tell_apart_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shots = Shots(tuple(map(str, range(20))), {"distance_m": np.linspace(2.0, 6.0, 20)}, {})
+    save_dataset(tmp_path / "mute", Dataset("mute", FACTS, shots))
+    out = tmp_path / "next.json"
+    assert truearc.main(["design", str(tmp_path / "mute"), "--json", str(out), "--quiet"]) == 0
+    assert "no names to tell apart" in capsys.readouterr().out
+    assert json.loads(out.read_text()) == {"schema": "truearc.design/1", "verdict": "none", "next": []}
+
+
+@pytest.mark.parametrize(("words", "message"), [
+    (["nowhere"], "nowhere"), (["d", "--shots", "2", "--configurations", "3"], "--configurations 3"),
+    (["d", "--seed", "-1"], "--seed"), (["d", "--false-alarm", "0"], "--false-alarm")])
+def test_what_cannot_be_done_is_said(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert truearc.main(["design", *words]) == 2
+    assert message in capsys.readouterr().err

@@ -1,20 +1,121 @@
-"""The gate on a launcher that its belief has wrong: better than the physics alone, calibrated, the same every time."""
+"""The gate: its model against SciPy, novelty; trained on a launcher that its belief has wrong."""
 
+import json
 from collections import Counter
 from dataclasses import replace
+from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import approx_fprime
+from scipy.spatial import cKDTree
+from scipy.stats import norm
 
 from tests.sim.gate.worlds import BELIEF, TRUTH, make_shots
-from tests.sim.infer.independent import configurations, fired, heights, outcomes, rig
+from tests.sim.infer.independent import configurations, fired
 from truearc.errors import InputError
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.gate import train
+from truearc.sim.gate import model, train
 from truearc.sim.gate.model import MODEL_FILE, PhysicsGate, load_physics_gate, physics_of, save_physics_gate
 from truearc.sim.gate.train import compare, inside, make_surrogate
 from truearc.sim.paper.network import domain_of
 from truearc.sim.statistics import figures_of
+
+WIDTHS, HALVES = model.Widths(0.03, 0.02), jnp.array([0.35, 0.07])
+ROWS = np.random.default_rng(1).uniform([2.0, 0.4, 30.0], [8.0, 0.8, 55.0], (90, 3))
+
+
+def make_data(n: int = 40) -> model.GateData:
+    rng = np.random.default_rng(4)
+    cells = np.eye(5)[rng.integers(0, 5, n)]
+    miss_m = np.where(np.arange(n) % 7 == 0, rng.normal(size=n), np.nan)
+    return model.GateData(rng.normal(size=(n, 3)), 0.3 * rng.normal(size=n), rng.uniform(0.05, 0.3, n),
+                          rng.uniform(2.0, 9.0, n), cells, miss_m, rng.integers(0, 2, n).astype(float))
+
+
+@settings(deadline=None)         # the first call compiles
+@given(st.floats(-40.0, 40.0), st.floats(1e-3, 5.0), st.floats(0.01, 0.5), st.floats(0.01, 1.0), st.floats(1e-6, 0.5))
+def test_cells_are_scipys_normal_and_three_lies_inside_two(mean: float, sigma: float, three: float, more: float,
+                                                          lapse: float) -> None:
+    shape = model.GateShape(1.0, 0.0, three + more, three, lapse)
+    cells = np.asarray(model.cell_probabilities(shape, jnp.array([mean]), jnp.array([sigma])))[0]
+    edges = norm.cdf([-three - more, -three, three, three + more], mean, sigma)
+    wanted = np.diff(np.concatenate([[0.0], edges, [1.0]]))
+    assert np.allclose(cells, (1.0 - lapse) * wanted + lapse * np.array([1, 1, 2, 1, 1]) / 6, atol=1e-12)
+    assert abs(cells.sum() - 1.0) < 1e-12 and cells[2] <= cells[1:4].sum()
+
+
+def test_slope_and_curvature_are_those_of_the_loss() -> None:
+    data, theta = make_data(), 0.3 * np.random.default_rng(5).normal(size=model.SIZE)
+    _, slope = model.value_and_slope(theta, WIDTHS, data, HALVES)
+    near = approx_fprime(theta, lambda at: float(model.value_and_slope(at, WIDTHS, data, HALVES)[0]), 1e-7)
+    assert np.allclose(slope, near, rtol=1e-4, atol=1e-4)
+    hessian = np.asarray(model.curvature(theta, WIDTHS, data, HALVES))
+    step = 1e-6 * np.eye(model.SIZE)[3]
+    ahead, behind = (np.asarray(model.value_and_slope(theta + sign * step, WIDTHS, data, HALVES)[1])
+                     for sign in (1, -1))
+    assert np.allclose(hessian[3], (ahead - behind) / 2e-6, rtol=1e-4, atol=1e-3)
+    assert np.allclose(hessian, hessian.T)
+
+
+def test_a_row_of_weight_zero_has_no_say() -> None:
+    data, theta = make_data(), np.zeros(model.SIZE)
+    other = data._replace(deviation_m=np.where(data.weight > 0.0, data.deviation_m, 30.0))
+    assert float(model.value_and_slope(theta, WIDTHS, data, HALVES)[0]) == float(
+        model.value_and_slope(theta, WIDTHS, other, HALVES)[0])
+    assert jax.tree.all(jax.tree.map(lambda leaf: bool(jnp.isfinite(leaf).all()),
+                                     model.value_and_slope(theta, WIDTHS, other, HALVES)))
+
+
+def test_it_is_the_distance_to_the_third_nearest_in_standard_deviations() -> None:
+    novelty = model.fit_novelty(ROWS)
+    asked = np.random.default_rng(2).uniform([0.0, 0.0, 0.0], [20.0, 1.0, 90.0], (5000, 3))
+    tree = cKDTree(ROWS / ROWS.std(axis=0))
+    wanted = tree.query(asked / ROWS.std(axis=0), k=[3])[0][:, 0] / novelty.largest
+    assert np.allclose(novelty(asked), wanted, rtol=1e-4, atol=1e-4)
+    assert len(novelty.landmarks) == 90
+
+
+def test_what_was_recorded_is_known_but_for_one_in_a_hundred_and_what_is_far_is_not() -> None:
+    novelty = model.fit_novelty(ROWS)
+    assert (novelty(ROWS) > 1.0).sum() <= 1
+    assert (novelty(ROWS + 3.0 * ROWS.std(axis=0) * [1.0, -1.0, 1.0]) > 1.0).mean() > 0.9
+
+
+def test_repeats_of_a_configuration_do_not_shrink_the_domain() -> None:
+    noise = 0.005 * ROWS.std(axis=0) * np.random.default_rng(3).normal(size=(10, 90, 3))
+    repeated = model.fit_novelty((ROWS + noise).reshape(-1, 3))
+    assert len(repeated.landmarks) == 90
+    assert repeated.largest == pytest.approx(model.fit_novelty(ROWS).largest, rel=0.05)
+
+
+@settings(deadline=None)
+@given(st.integers(0, 1000), st.integers(1, 60), st.integers(1, 40))
+def test_landmarks_cover_the_rows_or_are_as_many_as_allowed(seed: int, count: int, most: int) -> None:
+    points = np.random.default_rng(seed).normal(size=(count, 3))
+    chosen = model.farthest_points(points, model.SAME_DISTANCE, most)
+    assert len(set(chosen.tolist())) == len(chosen) <= most
+    apart = np.linalg.norm(points[:, None] - points[chosen], axis=2).min(axis=1)
+    assert len(chosen) == most or apart.max() <= model.SAME_DISTANCE
+
+
+def test_a_record_reads_back_exactly() -> None:
+    novelty = model.fit_novelty(ROWS)
+    again = model.parse_novelty(json.loads(json.dumps(model.novelty_record(novelty))), "x")
+    assert np.array_equal(again(ROWS), novelty(ROWS)) and again.largest == novelty.largest
+
+
+@pytest.mark.parametrize("spoilt", [{"mean": [1.0, 2.0]}, {"landmarks": []}, {"largest": 0.0}, {"neighbour": 99},
+                                    {"scale": "wide"}, {"landmarks": [[1.0, float("nan"), 2.0]] * 4}])
+def test_a_damaged_record_is_refused_by_name(spoilt: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match=r"training\.json: key 'novelty'"):
+        model.parse_novelty(model.novelty_record(model.fit_novelty(ROWS)) | spoilt, "training.json")
+    with pytest.raises(InputError, match="train again"):
+        model.parse_novelty(None, "training.json")
 
 
 @pytest.fixture(scope="module")
@@ -48,17 +149,6 @@ def test_what_it_believes_of_the_spread_is_what_heights_do(trained: tuple[Physic
     z = (fired(rng, TRUTH, distance, hood, ratio) - mean_m) / sigma_m
     assert abs(np.median(z)) < 0.35
     assert 0.7 < np.diff(np.quantile(z, [0.16, 0.84]))[0] / 2.0 < 1.35
-
-
-def test_p_three_is_never_above_p_two(trained: tuple[PhysicsGate, train.Heldout]) -> None:
-    rows = np.random.default_rng(3).uniform([0.5, 0.05, 1.0], [19.0, 1.0, 89.0], (2000, 3))
-    p = trained[0].probabilities(rows)
-    assert np.isfinite(p).all() and (p >= 0.0).all() and (p <= 1.0).all() and (p[:, 1] <= p[:, 0]).all()
-
-
-def test_the_same_shots_give_the_same_gate(recorded: Dataset, trained: tuple[PhysicsGate, train.Heldout]) -> None:
-    again = train.train_physics_gate(recorded.facts, BELIEF, recorded.shots)[0]
-    assert np.array_equal(again.fit.theta, trained[0].fit.theta) and again.temperature == trained[0].temperature
 
 
 def test_it_is_told_in_words(recorded: Dataset, trained: tuple[PhysicsGate, train.Heldout]) -> None:
@@ -113,21 +203,6 @@ def test_a_saved_gate_reads_back_exactly(recorded: Dataset, trained: tuple[Physi
         (folder / MODEL_FILE).write_text(spoilt)
         with pytest.raises(InputError, match=MODEL_FILE):
             load_physics_gate(folder)
-
-
-def test_configurations_labelled_alike_every_time_make_the_spread_small() -> None:
-    """Labels without scatter, as repeatability gives them: the gate must not keep the scatter of single shots."""
-    data = make_shots(6, 150)
-    distance, ratio, hood = (data.shots.number(name) for name in ("distance_m", "motor_ratio", "hood_deg"))
-    speed, spin = rig.exit_of(ratio)
-    true_m = heights(distance, speed * (1.0 - TRUTH.loss), np.radians(hood), spin, TRUTH) - 2.44
-    labelled = Shots(data.shots.shot_id, data.shots.numbers, {"outcome": outcomes(true_m)})
-    marks = train.outcome_classes_of(labelled, "x")[0]
-    learn, test = np.arange(100), np.arange(100, 150)
-    gate = train.train_physics_gate(data.facts, BELIEF, labelled.take(learn))[0]
-    _, sigma_m = gate.latent(marks.features)
-    assert np.median(sigma_m) < 0.06
-    assert figures_of(gate.probabilities(marks.features[test]), marks.level[test]).accuracy >= 0.84
 
 
 def make(outcome: tuple[str, ...], side: tuple[str, ...] | None = None, **numbers: list[float]) -> Shots:

@@ -1,4 +1,4 @@
-"""What was not measured, or is the same for every shot, says nothing, and no power is claimed from it."""
+"""What was not measured says nothing; a verdict 'none' says what could not have been seen, and plans it."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -62,11 +62,52 @@ def without_target(rig: ta.Rig) -> ta.Rig:
     return structs.replace(rig, target=None)
 
 
-def test_a_check_that_was_accepted_is_in_the_finding(exits: ta.Dataset) -> None:
-    rig = structs.replace(exits.rig, ball=structs.replace(exits.rig.ball, mass_kg=300.0))
-    heavy = replace(exits, facts=rig, shots=exits.shots.take(np.arange(12)))
-    with pytest.raises(ta.InputError, match="check 'mass'; accept it by name"):
-        ta.discover(heavy)
-    found = ta.discover(heavy, accept=["mass"])
-    said, = found.record.data.accepted
-    assert said.startswith("mass: rig.toml: ball.mass_kg") and f"warning: {said}" in str(found)
+TERMS = ["gravity", "drag", "magnus", "exit_efficiency"]
+
+
+@pytest.fixture(scope="module")
+def quiet() -> tuple[ta.Dataset, ta.Finding]:
+    """The example's shots, with heights that the simulation itself forecasts, and scatter."""
+    dataset = imagine(ta.load_dataset(EXAMPLE))
+    return dataset, ta.discover(dataset, believe=TERMS)
+
+
+def imagine(week: ta.Dataset, drag: float | None = None) -> ta.Dataset:
+    """The settings of `week`, with heights that the fitted simulation forecasts (or with this drag), and scatter."""
+    belief = ta.fit(week, TERMS).belief
+    if drag is not None:
+        belief = replace(belief, coefficients={**belief.coefficients, "drag": {"cd": drag}})
+    height = np.array(ta.predict(week, belief).column("deviation_m"), float)
+    shots = {"shot_id": week.shots.shot_id, **week.shots.numbers,
+             "miss_height_m": height + np.random.default_rng(1).normal(0.0, 0.1, len(height))}
+    return ta.dataset(shots, rig=week.rig)
+
+
+def test_none_says_what_could_not_have_been_seen_before_what_could(quiet: tuple[ta.Dataset, ta.Finding]) -> None:
+    found = quiet[1]
+    assert found.verdict == "none"
+    assert 0 < found.sentence.index("could not have shown") < found.sentence.index("Smallest effects")
+    could = {one.term: one for one in ta.identifiability(quiet[0]).sight.terms}
+    assert found.record.next
+    for step in found.record.next:
+        assert step["do"] == "measure" and f"measure {step['what']}" in found.sentence
+        for term in step["shows"]:                        # with one test alone, too, at most a little would be seen
+            assert could[term].smallest is None or could[term].smallest > 0.3 * could[term].usual, term
+
+
+def test_design_after_none_plans_those_measurements(quiet: tuple[ta.Dataset, ta.Finding]) -> None:
+    plan, found = ta.design_shots(*quiet), quiet[1]
+    assert plan.verdict == "none"
+    for step in found.record.next:
+        assert any(f"Measure {step['what']}" in line for line in plan.lines())
+        assert f'"instrument": "{step["instrument"]}"' in plan.to_json()
+
+
+def test_a_fitted_number_that_was_believed_all_but_impossible_is_doubted(quiet: tuple[ta.Dataset, ta.Finding]) -> None:
+    assert not quiet[1].record.data.improbable and "impossible" not in quiet[1].sentence
+    heavy = imagine(ta.load_dataset(EXAMPLE), 1.5)
+    found = ta.discover(heavy, believe=TERMS)
+    assert found.verdict == "none"
+    (name, value), = found.record.data.improbable.items()
+    assert name == "drag.cd" and value > 1.0
+    assert f"drag.cd {value:.3g}, believed all but impossible" in found.sentence
