@@ -7,10 +7,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from benchmarks.matrix.devices import STEP_S
 from benchmarks.matrix.fault import REARM, Motion, Row
 from benchmarks.matrix.judge import Result, judge
-from benchmarks.matrix.motion import COLUMNS, SET_RAD_S, Moved, judge_motion
+from benchmarks.matrix.motion import COLUMNS, SET_RAD_S, STEP_S, Moved, judge_motion
 from benchmarks.matrix.play import play
 from benchmarks.matrix.rows import MOTION_ROWS
 from benchmarks.motion_soak import CASES, soak
