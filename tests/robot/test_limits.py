@@ -15,8 +15,10 @@ from hypothesis import strategies as st
 
 from truearc.cli.common import SHIPPED
 from truearc.errors import InputError
-from truearc.robot.config.limits import LIMITS, Limit, narrowest, numbers
+from truearc.robot.config.limits import Limit, load_limits, narrowest, numbers
 from truearc.robot.config.schema import load_config
+
+LIMITS = load_limits()
 
 # what the shipped file leaves out
 ABSENT: dict[str, Any] = {"aim": {"policy": "plan", "correction_step": 0.005}}
