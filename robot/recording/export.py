@@ -28,10 +28,9 @@ from mcap.writer import Writer
 from truearc.hw.reason import unit_of
 from truearc.robot.config.rig_spec import Target
 from truearc.robot.reasons import texts
+from truearc.robot.recording import reader, tabular
 from truearc.robot.recording import session as layout
-from truearc.robot.recording import tabular
 from truearc.robot.recording.files import TickFile, load_pictures
-from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.tabular import Column, FlatTicks, Value
 from truearc.robot.types import Shot, Tick
 
@@ -301,7 +300,7 @@ class ExportRows:
         self._filed = {trial.outcome.trial: trial for trial in self.trials}
         self._told: dict[int, layout.Trial] = {}         # what the ticks say
         self._due: deque[layout.Trial] = deque()
-        self.reader = TickReader(session)
+        self.reader = reader.TickReader(session)
         self._progress = progress
 
     def __iter__(self) -> Iterator[list[Value]]:

@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from truearc.hw.protocols import ButtonEvent
-from truearc.hw.reason import Reason, unit_of
+from truearc.hw import protocols, reason
 from truearc.robot.reasons import text
 from truearc.robot.types import Outcome, Tick
 
@@ -25,8 +24,8 @@ KINDS = {msgspec.inspect.FloatType: FLOAT, msgspec.inspect.IntType: INT, msgspec
          msgspec.inspect.StrType: TEXT}
 # What one of several, as many as there happen to be, is called
 WORDS: dict[type, Callable[[Any], str]] = {
-    ButtonEvent: lambda event: event.button,
-    Reason: text,
+    protocols.ButtonEvent: lambda event: event.button,
+    reason.Reason: text,
     Outcome: lambda outcome: f"trial {outcome.trial} {outcome.outcome}",
 }
 
@@ -48,7 +47,7 @@ class FlatTicks:
         if isinstance(info, msgspec.inspect.UnionType):
             inner = next(kind for kind in info.types if not isinstance(kind, msgspec.inspect.NoneType))
             return self._maybe(inner, name)
-        if isinstance(info, msgspec.inspect.StructType) and info.cls is Reason:
+        if isinstance(info, msgspec.inspect.StructType) and info.cls is reason.Reason:
             return (Column(name, TEXT, ""),), lambda value: [text(value)]
         if isinstance(info, msgspec.inspect.StructType):
             parts = [(field.name, self._field(field, f"{name}.{field.name}" if name else field.name))
@@ -59,7 +58,7 @@ class FlatTicks:
             return _joined([self._lay(kind, f"{name}.{at}") for at, kind in enumerate(info.item_types)], list)
         if isinstance(info, msgspec.inspect.VarTupleType):
             return self._several(info.item_type, name)
-        return (Column(name, KINDS[type(info)], unit_of(name)),), lambda value: [value]
+        return (Column(name, KINDS[type(info)], reason.unit_of(name)),), lambda value: [value]
 
     def _field(self, field: msgspec.inspect.Field, name: str) -> tuple[tuple[Column, ...], Fill]:
         """Of one that may be left out altogether, too."""
@@ -80,9 +79,9 @@ class FlatTicks:
         if isinstance(info, msgspec.inspect.StrType):
             return (Column(name, TEXTS, ""),), lambda value: [list(value)]
         if isinstance(info, msgspec.inspect.UnionType | msgspec.inspect.FloatType):
-            return (Column(name, FLOATS, unit_of(name)),), lambda value: [[math.nan if part is None else part
+            return (Column(name, FLOATS, reason.unit_of(name)),), lambda value: [[math.nan if part is None else part
                                                                           for part in value]]
-        return (Column(name, FLOATS, unit_of(name)),), lambda value: [[part for item in value for part in item]]
+        return (Column(name, FLOATS, reason.unit_of(name)),), lambda value: [[part for item in value for part in item]]
 
 
 def _joined(parts: list[tuple[tuple[Column, ...], Fill]],

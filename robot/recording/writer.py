@@ -23,12 +23,11 @@ from truearc.errors import InputError, in_words
 from truearc.hw.protocols import NS_PER_S, CameraFrame, Clock, Frame, LinkLost
 from truearc.hw.real.processes import Capacity, Child, Inbox, Outbox, Slots
 from truearc.hw.reason import Reason
+from truearc.robot import runtime, types
 from truearc.robot.config.schema import Config
 from truearc.robot.reasons import DISK_ERROR, DISK_FULL, DISK_UNRESPONSIVE, RECORDER_UNRESPONSIVE, text
 from truearc.robot.recording.files import DISK_ERRNOS, NotKept, Row, SessionFiles, append_trials, session_contents
 from truearc.robot.recording.session import Header, encode_row, make_trials
-from truearc.robot.runtime import Second
-from truearc.robot.types import Sent, Tick
 
 BATCH_NS = 100_000_000                # handed over together: a wake-up a tick would cost the loop its rhythm
 SYNC_NS = 1_000_000_000               # a power cut may cost this much
@@ -90,7 +89,7 @@ class SessionWriter:
         """Keep one raw CAN frame; `sent` tells ours from the devices'."""
         self._frames.append((frame, sent))
 
-    def record(self, tick: Tick, sent: Sent) -> None:
+    def record(self, tick: types.Tick, sent: types.Sent) -> None:
         self._t_ns = t_ns = tick.inputs.t_ns
         self._is_out = tick.memory.awaiting or tick.memory.feed_t_ns != 0
         trials = list(map(encode_row, make_trials(tick)))
@@ -108,7 +107,7 @@ class SessionWriter:
     def keep_picture(self, picture: CameraFrame) -> None:
         self._keeper.keep_picture(picture)
 
-    def keep_lateness(self, second: Second) -> None:
+    def keep_lateness(self, second: runtime.Second) -> None:
         self._keeper.keep_lateness(encode_row(second))
 
     def close(self) -> None:

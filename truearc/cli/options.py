@@ -20,10 +20,9 @@ from types import ModuleType
 from typing import Any
 
 from truearc.cli import common
-from truearc.cli.common import OutFolder, listed, number
 
 FOLDER = Path(__file__).with_name("options")
-TYPES = {"int": int, "float": float, "Path": Path, "names": listed(str)}
+TYPES = {"int": int, "float": float, "Path": Path, "names": common.listed(str)}
 
 
 def add_options(parser: argparse.ArgumentParser, module: ModuleType, command: str) -> None:
@@ -59,9 +58,9 @@ class _Names(Formatter):
 
 def _type(names: _Names, name: str, low: float | None, high: float | None) -> Any:
     if low is not None:
-        return number(TYPES[name], low, *(() if high is None else (high,)))
+        return common.number(TYPES[name], low, *(() if high is None else (high,)))
     kind = TYPES[name] if name in TYPES else names.find(name)
-    return OutFolder(kind) if isinstance(kind, tuple) else kind
+    return common.OutFolder(kind) if isinstance(kind, tuple) else kind
 
 
 def _rows(file: str, table: str) -> dict[str, Any]:
