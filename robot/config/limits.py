@@ -43,9 +43,12 @@ ROUNDING = 1e-9                       # of a product: 0.1 * 0.05 * 200 is a litt
 def load_limits() -> tuple[Limit, ...]:
     """The limits of launcher.toml, from limits.toml."""
     table = tomllib.loads(Path(__file__).with_name("limits.toml").read_text(encoding="utf-8"))
-    return tuple(Limit(key, *(tuple(one) if isinstance(one, list) else one for one in (low, high)),
-                       why.format_map(table["words"]))
+    return tuple(Limit(key, _bound(low), _bound(high), why.format_map(table["words"]))
                  for keys, low, high, why in table["limits"] for key in ([keys] if isinstance(keys, str) else keys))
+
+
+def _bound(stated: Any) -> Bound:
+    return tuple(stated) if isinstance(stated, list) else stated
 
 
 def out_of_range(config: Any, limits: tuple[Limit, ...]) -> Iterator[tuple[str, str]]:

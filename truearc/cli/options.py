@@ -22,7 +22,7 @@ from typing import Any
 from truearc.cli import common
 
 FOLDER = Path(__file__).with_name("options")
-TYPES = {"int": int, "float": float, "Path": Path, "names": common.listed(str)}
+TYPES: dict[str, Any] = {"int": int, "float": float, "Path": Path, "names": common.listed(str)}
 
 
 def add_options(parser: argparse.ArgumentParser, module: ModuleType, command: str) -> None:
@@ -31,7 +31,8 @@ def add_options(parser: argparse.ArgumentParser, module: ModuleType, command: st
     names = _Names(vars(common) | vars(module) | {
         name: import_module(place) for name, place in _tables(file).get("names", {}).items()})
     for flags, row in _rows(file, command).items():
-        given = {key: names.format(value) if isinstance(value, str) else value for key, value in row.items()}
+        given: dict[str, Any] = {key: names.format(value) if isinstance(value, str) else value
+                                 for key, value in row.items()}
         to, low, high = given.pop("group", None), given.pop("low", None), given.pop("high", None)
         if "type" in given:
             given["type"] = _type(names, given["type"], low, high)
