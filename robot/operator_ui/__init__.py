@@ -1,10 +1,18 @@
-"""The operator's page, and the value of the option `--page`: where it is served."""
+"""The operator's page, and the option `--page`: where it is served."""
+
+import argparse
 
 from truearc.errors import InputError
 
 HOST = "127.0.0.1"
 PORT = 5808                           # a competition's network lets 5800 to 5810 through; 5810 is taken
 OFF = "off"
+
+
+def add_page_argument(parser: argparse.ArgumentParser, default: str, note: str = "") -> None:
+    parser.add_argument("--page", metavar="[HOST:]PORT", nargs="?", default=default, const=str(PORT),
+                        help=f"the operator's page{note}; host 0.0.0.0 lets other machines look, 'off' serves none "
+                             f"(default: {default}; without a value: {PORT})")
 
 
 def parse_page(text: str) -> tuple[str, int] | None:

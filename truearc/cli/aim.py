@@ -20,7 +20,7 @@ import truearc as ta
 from truearc.cli import common
 from truearc.errors import about, load_bytes, naming, save_whole
 from truearc.robot.config.shot_map import CONVERTED
-from truearc.sim.discover.finding import check_chances
+from truearc.sim.discover.finding import FALSE_ALARM, check_chances
 
 if TYPE_CHECKING:
     from truearc.api.following import Following, Proposed
@@ -28,6 +28,31 @@ if TYPE_CHECKING:
 FORMATS = ("text", "csv", "json", "java", "cpp", "java-6328", "java-254", "csv-2928", "json-3476")
 MOST = 1000                           # distances
 UNIT = re.compile(r"(.*[\d.]) ?([a-z]+)")
+
+
+def aim_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("belief", metavar="BELIEF", help="coefficients.toml, as `truearc fit` and `truearc discover "
+                        "--adopt` write it")
+    parser.add_argument("--rig", required=True, metavar="FILE", help="rig.toml of a dataset, or launcher.toml")
+    parser.add_argument("--distances", type=parse_distances, metavar="LOW:HIGH:STEP", help="in m, or a list such "
+                        "as 2,3.5,5; a unit may follow: 6:20:1ft (default: every 0.25 m of the range that the belief "
+                        "was fitted to)")
+    parser.add_argument("--hood", type=_span, metavar="LOW:HIGH", help="launch elevations in degrees to choose from "
+                        "(default: the range that the belief was fitted to)")
+    parser.add_argument("--format", choices=FORMATS, default="text", help="text for people, CSV or JSON with every "
+                        "number, lines to paste into robot code, or the shape of a team's public "
+                        "code: java-6328, java-254, csv-2928, json-3476 (default text)")
+    parser.add_argument("-o", "--out", type=common.out_file, metavar="FILE",
+                        help="file to write instead of standard output")
+    parser.add_argument("--picture", type=common.out_file, metavar="PNG",
+                        help="picture of set points and of the band that "
+                        "scores")
+    parser.add_argument("--robot", type=common.out_file, metavar="FILE",
+                        help="aim file for `truearc run --aim`, checked "
+                        "against the simulator; --rig should be the robot's launcher.toml then")
+    parser.add_argument("--note", metavar="TEXT", help="one line in that file for the driver")
+    common.add_terms_from(parser)
+    common.add_accept(parser)
 
 
 def aim(args: argparse.Namespace) -> int:
@@ -106,7 +131,7 @@ def _listed_or_stepped(text: str) -> tuple[float, ...]:
     return tuple(low + step * index for index in range(count))
 
 
-def parse_span(text: str) -> tuple[float, float]:
+def _span(text: str) -> tuple[float, float]:
     numbers = _numbers(text, ":")
     if len(numbers) != 2 or not numbers[0] <= numbers[1]:
         raise argparse.ArgumentTypeError(f"got {text}; expected LOW:HIGH such as 30:54")
@@ -116,9 +141,33 @@ def parse_span(text: str) -> tuple[float, float]:
 # --- follow
 
 PROPOSAL, BELIEF, AIM = "proposal.json", "belief.toml", "aim.json"
-HANDED = (PROPOSAL, BELIEF, AIM)
 PATIENCE_S = 10.0                     # with the robot's page
 AGAIN = 10                            # further shots, after which an alarm is put to discovery again
+
+
+def follow_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("paths", type=Path, nargs="+", metavar="SESSION", help="recorded session folders, or dataset "
+                        "folders, of shots since the belief")
+    parser.add_argument("--belief", required=True, metavar="FILE", help="coefficients.toml that is believed, from "
+                        "`truearc fit` or `truearc discover --adopt`")
+    parser.add_argument("--rig", metavar="FILE", help="rig.toml or launcher.toml to aim with (default: the rig of the "
+                        "recordings)")
+    parser.add_argument("--once", action="store_true", help="look once at what is there, and end")
+    parser.add_argument("--every", type=common.number(float, 0.1, 3600.0), metavar="S", help="seconds between looks "
+                        "(default 1)")
+    parser.add_argument("--out", type=common.OutFolder((PROPOSAL, BELIEF, AIM)), metavar="DIR",
+                        help=f"folder for {PROPOSAL}, "
+                        f"{BELIEF} and the robot's {AIM}, written where a change is proposed")
+    parser.add_argument("--send", type=_url, metavar="URL", help="address of the robot's operator page: the aim file "
+                        "is sent there and offered to the driver; with --out and --token")
+    parser.add_argument("--token", type=Path, metavar="FILE", help="file with the token of the robot's aim inbox")
+    parser.add_argument("--distances", type=parse_distances, metavar="LOW:HIGH:STEP", help="of the set points, in m, "
+                        "or a list such as 2,3.5,5 (default: every 0.25 m that the shots cover)")
+    parser.add_argument("--false-alarm", type=float, default=FALSE_ALARM, metavar="P", help="probability of an alarm "
+                        "in an endless session in which nothing changes")
+    parser.add_argument("--seed", type=common.number(int, 0), default=0, help="of everything drawn at random")
+    common.add_accept(parser)
+    common.add_terms_from(parser)
 
 
 def follow(args: argparse.Namespace) -> int:
@@ -276,7 +325,7 @@ def check_rig(rig: "ta.Rig", dataset: "ta.Dataset", name: str | None) -> None:
             raise ta.InputError(f"{name}: {part} differs from that of {dataset.name}: a belief is of one rig")
 
 
-def parse_url(text: str) -> str:
+def _url(text: str) -> str:
     if not text.startswith(("http://", "https://")):
         raise argparse.ArgumentTypeError(f"got {text}; expected an address such as http://robot.local:5808")
     return text

@@ -84,6 +84,12 @@ def origin_of(args: argparse.Namespace) -> "Origin":
     return Origin(wall_clock(), getattr(args, "typed", ""))
 
 
+def add_accept(parser: argparse.ArgumentParser) -> None:
+    """Option that overrides a plausibility check by its name."""
+    parser.add_argument("--accept", action="append", default=[], metavar="CHECK", help="use the data although this "
+                        "plausibility check objects; it is recorded; may be repeated")
+
+
 def print_or_write(path: Path | None, text: str) -> None:
     """Write text to standard output, or to a file where one is named."""
     if path is None:
@@ -112,6 +118,12 @@ def refuse(args: argparse.Namespace, options: tuple[str, ...], why: str) -> None
         given = getattr(args, option.lstrip("-").replace("-", "_"))
         if given is not None and given is not False and given != []:       # a given 0 is given
             raise InputError(f"{option}: {why}")
+
+
+def add_terms_from(parser: argparse.ArgumentParser) -> None:
+    """Add --terms-from, the user's own terms beside the catalogue's, to a command that names terms."""
+    parser.add_argument("--terms-from", metavar="FILE.py", action="append",
+                        help="Python file that defines further terms (docs/how-to/add-a-term.md); may be repeated")
 
 
 def catalogue_of(args: argparse.Namespace) -> "Catalogue":

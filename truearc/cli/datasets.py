@@ -16,12 +16,18 @@ COLUMNS = ("shot_id", "distance_m", "hood_deg", "motor_ratio", "outcome")
 TRACKED = {"shots.csv": ("shot_id", "exit_spin_rev_s"), "tracks.csv": ("shot_id", "t_s", "x_m", "y_m", "z_m")}
 TRACKED_BELIEF = """[believe]                             # what the simulation has before anything is discovered
 terms = ["gravity", "drag", "magnus"]"""
-TEMPLATES = ("rig.toml", "shots.csv", "tracks.csv")
 NOT_TRACKED = ("[[launcher.wheel]]", "[target]", "free_speed_rad_s")       # of rig.toml: flights alone need none
 
 
-def split_units(text: str) -> list[str]:
-    return text.split(",")
+def init_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("dataset", nargs="?", type=common.OutFolder(("rig.toml", "shots.csv", "tracks.csv")),
+                        metavar="DIR", help="dataset directory to make")
+    parser.add_argument("--units", type=lambda text: text.split(","), default=[], metavar="UNIT[,UNIT]",
+                        help="in which shots.csv has distances and angles instead of m and deg: mm, cm, in or ft; rad")
+    parser.add_argument("--tracks", action="store_true", help="a dataset of flights that a camera saw: tracks.csv, "
+                        "too, and a rig.toml without wheels and target")
+    parser.add_argument("--robot", type=common.out_file, metavar="FILE", help="launcher.toml to write instead: the "
+                        "configuration that the emulated robot runs with, every key with its meaning")
 
 
 def init(args: argparse.Namespace) -> int:
@@ -73,6 +79,14 @@ def in_units(units: list[str]) -> list[str]:
     return columns
 
 
+def shots_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("sessions", type=Path, nargs="+", metavar="SESSION", help="recorded session folder")
+    parser.add_argument("-o", "--out", type=common.OutFolder(common.DATASET), required=True, metavar="DIR",
+                        help="dataset folder to write")
+    parser.add_argument("--repeatability", action="store_true",
+                        help="one row a configuration, labelled by the paper's R2/R3 rule (section IV-A)")
+
+
 def shots(args: argparse.Namespace) -> int:
     """Turn recorded sessions into a dataset of shots (rig.toml, shots.csv, traces.csv)."""
     from truearc.sim.data.recordings import label_by_repeatability
@@ -89,6 +103,15 @@ def shots(args: argparse.Namespace) -> int:
     for line in [] if args.quiet else dataset.left_out:
         print(f"  left out: {line}", file=sys.stderr)
     return 0
+
+
+def check_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("dataset", metavar="DIR", help="dataset directory")
+    parser.add_argument("--believe", type=common.listed(str), metavar="TERMS", help="terms of the simulation, "
+                        "comma-separated; else rig.toml's")
+    common.add_accept(parser)
+    parser.add_argument("--seed", type=common.number(int, 0), help="of the season that is planned without "
+                        "shots, or of where shots without results pass")
 
 
 def check(args: argparse.Namespace) -> int:
@@ -161,16 +184,28 @@ def plausibility(dataset: "ta.Dataset") -> list[str]:
 
 # --- import
 
-MAP, OTHER_TEAMS = "shots.toml", ", ".join(OTHER_FORMATS)
+MAP = "shots.toml"
 
 
-def list_sources() -> list[str]:
-    return sorted({*OTHER_FORMATS, *(importer.name for importer in load_importers())})
-
-
-def list_ways() -> str:
-    """Return what each importer takes."""
-    return "; ".join(f"{importer.name}: {', or '.join(importer.ways)}" for importer in load_importers())
+def import_shots_options(parser: argparse.ArgumentParser) -> None:
+    importers = load_importers()
+    known = "; ".join(f"{importer.name}: {', or '.join(importer.ways)}" for importer in importers)
+    parser.add_argument("source", choices=sorted({*OTHER_FORMATS, *(importer.name for importer in importers)}),
+                        help=f"{', '.join(OTHER_FORMATS)} or csv: any team's; others: whose recordings (more come "
+                        "with pip install ./proof in a checkout)")
+    parser.add_argument("files", nargs="+", metavar="FILE", help=f"the public originals, or tables of them: {known}")
+    parser.add_argument("-o", "--out", type=common.OutFolder(common.DATASET), required=True, metavar="DIR",
+                        help="dataset directory to write")
+    parser.add_argument("--only", metavar="COLUMN=TEXT,...", help="of the dataset's shots those with one of these "
+                        "texts in the column (ball_quality=new), to compare parts with each other")
+    how = parser.add_mutually_exclusive_group()
+    how.add_argument("--map", metavar="MAP", help="of any team's files: which keys say what: a shots.toml, or an "
+                     "installed map, such as ftc-csv, tracker, kinovea")
+    how.add_argument("--guess", action="store_true", help="propose that map from the names, units and numbers in the "
+                     f"first file, write it to DIR/{MAP}, and import by it; a CSV without a column Timestamp has a row "
+                     "per shot")
+    parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="of any team's files: ball, wheels and target "
+                        "(truearc init DIR makes one to fill in)")
 
 
 def import_shots(args: argparse.Namespace) -> int:

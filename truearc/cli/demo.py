@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import truearc as ta
-from truearc.cli.common import SHIPPED, OutFolder, make_progress, origin_of, write_out
+from truearc.cli.common import SHIPPED, OutFolder, make_progress, number, origin_of, write_out
 from truearc.robot.config.schema import Config, load_config
 
 if TYPE_CHECKING:
@@ -17,9 +17,14 @@ if TYPE_CHECKING:
     from truearc.sim.report import Origin
 
 MARK = ".truearc-demo"                # a folder with this in it was made by us and may be made again
-FOLDER = OutFolder(mark=MARK)
 SEEDS = (100_000, 1_000_000)          # of which one is drawn where none is given
 WIDTH = 110
+
+
+def demo_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--out", type=OutFolder(mark=MARK), default=Path("report"),
+                        help="folder for the report and all it rests on")
+    parser.add_argument("--seed", type=number(int, 0), help="of everything drawn, the effect too (default: by entropy)")
 
 
 def demo(args: argparse.Namespace, sizes: "Sizes | None" = None) -> int:

@@ -19,6 +19,28 @@ KEPT = target.RECORDING.strip().splitlines()[2:]
 FAR = "truearc-deploy"                # folder in the home directory there
 
 
+def deploy_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("host", help="user@host, as for ssh; the user may use sudo")
+    parser.add_argument("--config", type=Path, required=True, help="launcher.toml")
+    parser.add_argument("--gate", type=Path, help="exported model; needed when the policy is 'model'")
+    parser.add_argument("--aim", type=Path, metavar="FILE", help="aim file; needed when the aim policy is 'belief'")
+    parser.add_argument("--endpoints", type=Path, metavar="JSON", help="flat_endpoints.json for the doctor")
+    parser.add_argument("--wheels", type=Path, metavar="DIR", help="wheels of what truearc needs, for that computer: "
+                        "it then needs no network (docs/how-to/deploy.md)")
+    parser.add_argument("--plugin", type=Path, action="append", default=[], metavar="PATH", help="wheel or source "
+                        "folder of a distribution with motor drivers or readings, to be installed there, too; may be "
+                        "repeated; truearc-frc comes by itself where the configuration needs it")
+    parser.add_argument("--core", type=int, metavar="N", help="core of the control loop (default: any)")
+    parser.add_argument("--priority", type=int, default=50, metavar="P", help="of the control loop")
+    parser.add_argument("--can-serial", default="", metavar="S", help="give the CAN adapter with this serial number "
+                        "the configured name")
+    parser.add_argument("--box-usb", default="", metavar="V:P", help="give the serial device with this USB vendor and "
+                        "product the name in [buttons] port")
+    parser.add_argument("--exposure-ms", type=float, metavar="MS", help="fix the camera's exposure (needs v4l-utils "
+                        "there)")
+    parser.add_argument("--dry-run", action="store_true", help="print every command and every file, and do nothing")
+
+
 def deploy(args: argparse.Namespace) -> int:
     """Install truearc on the robot's computer by ssh, as a service that starts with it.
 

@@ -18,6 +18,17 @@ from truearc.sim.printed import Progress, part_of
 LONG = 50_000                         # shots that take over two seconds: progress is shown
 
 
+def fit_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("datasets", metavar="DIR", nargs="+", help="dataset of shots; several, of sessions or rigs, "
+                        "are pooled: what they have in common, and by how much they differ")
+    parser.add_argument("-o", "--out", type=common.out_file, metavar="FILE", help="coefficients.toml to write")
+    parser.add_argument("--terms", type=common.listed(str), metavar="NAMES",
+                        help="terms to fit, comma-separated (default: [believe] of rig.toml)")
+    common.add_terms_from(parser)
+    common.add_accept(parser)
+    parser.add_argument("--seed", type=common.number(int, 0), help="seed of pooling (default 0)")
+
+
 def fit(args: argparse.Namespace) -> int:
     """Fit coefficients and shot-to-shot scatter by maximum a posteriori, from everything that a dataset has.
 
@@ -61,6 +72,18 @@ def _pool(args: argparse.Namespace) -> int:
     if args.out is not None:
         pooled.belief.save(args.out)
     return 0
+
+
+def predict_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("dataset", metavar="DIR", help="dataset of shots (rig.toml and shots.csv or .parquet)")
+    parser.add_argument("--gate", metavar="FILE", help="ONNX file, as `truearc export` writes it")
+    parser.add_argument("--cd", type=common.number(float, 0.0), help="drag coefficient of the paper's Eq. 3")
+    parser.add_argument("--cl", type=common.number(float), help="lift coefficient of the paper's Eq. 2")
+    parser.add_argument("--coefficients", metavar="FILE", help="coefficients.toml, instead of --cd and --cl")
+    common.add_terms_from(parser)
+    common.add_accept(parser)
+    parser.add_argument("-o", "--out", type=common.out_file, metavar="FILE",
+                        help="CSV to write instead of standard output")
 
 
 def predict(args: argparse.Namespace) -> int:
@@ -121,12 +144,48 @@ LIKELY = 0.1                          # probability of a name, from which it is 
 FAR = 4.0                             # standard deviations by which they contradict each other
 
 
+def discover_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("dataset", metavar="DIR", help="dataset directory")
+    add_baseline(parser)
+    parser.add_argument("--measured", metavar="TERM=VALUE,SD", action="append", default=[], help="what was measured of "
+                        "a term without a shot, with its standard deviation, in the term's unit; may come often")
+    add_reports(parser)
+    parser.add_argument("--adopt", type=common.out_file, metavar="FILE", help="write what was fitted and named as "
+                        "coefficients, for predict, paper synth and train")
+
+
+def add_reports(parser: argparse.ArgumentParser) -> None:
+    """Options for the files that an answer is written to: of discover and identifiability."""
+    parser.add_argument("--json", type=common.out_file, metavar="FILE", help="write the answer as JSON")
+    parser.add_argument("--report", type=common.out_file, metavar="FILE", help="write an HTML report")
+
+
 def _write_reports(args: argparse.Namespace, answer: "ta.Finding | ta.Identifiability") -> None:
     """Write the files of `add_reports`."""
     common.write_out(args.json, answer.to_json())
     if args.report:
         origin = common.origin_of(args)
         answer.to_html(args.report, made_at=origin.made_at, command=origin.command)
+
+
+def add_believe(parser: argparse.ArgumentParser) -> None:
+    """Options that say which terms there are: of discover, design and identifiability."""
+    parser.add_argument("--believe", type=common.listed(str), metavar="TERMS",
+                        help="terms of the simulation, comma-separated; else rig.toml's")
+    common.add_terms_from(parser)
+    parser.add_argument("--seed", type=common.number(int, 0), default=0, help="of everything drawn at random")
+
+
+def add_baseline(parser: argparse.ArgumentParser) -> None:
+    """Options that say what is tested, and how: of discover and design."""
+    add_believe(parser)
+    parser.add_argument("--belief", metavar="FILE", help="coefficients.toml of this very rig from an earlier session "
+                        "(discover --adopt, fit): the baseline, with its uncertainties; what has changed?")
+    parser.add_argument("--since", metavar="DIR", help="dataset that --belief was adopted from: misfit that "
+                        "is present there, too, is not evidence of change; tracks show it, and telemetry at times")
+    common.add_accept(parser)
+    parser.add_argument("--false-alarm", type=float, default=settings.FALSE_ALARM, metavar="P",
+                        help="probability of a finding where nothing is missing")
 
 
 def discover(args: argparse.Namespace) -> int:
@@ -206,6 +265,16 @@ def _adopt(found: "ta.Finding", dataset: str, path: Path) -> str:
     return f"{say_adopted(found.record, belief.provenance)}{added} -> {path}"
 
 
+def design_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("dataset", metavar="DIR", help="dataset directory")
+    add_baseline(parser)
+    parser.add_argument("--shots", type=common.number(int, 1), default=settings.PLANNED_SHOTS, metavar="N",
+                        help="shots to plan")
+    parser.add_argument("--configurations", type=common.number(int, 1), default=settings.CONFIGURATIONS, metavar="K",
+                        help="that they are shared out to")
+    parser.add_argument("--json", type=common.out_file, metavar="FILE", help="write the plan as JSON")
+
+
 def design(args: argparse.Namespace) -> int:
     """Choose the next shots, or the measurement, that would best tell the remaining candidate terms apart.
 
@@ -219,6 +288,20 @@ def design(args: argparse.Namespace) -> int:
     print(plan)
     common.write_out(args.json, plan.to_json())
     return 0
+
+
+def identifiability_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("rig", metavar="RIG", help="rig.toml: a season of shots is planned for it; or a dataset "
+                        "directory: its own shots, with or without results")
+    add_believe(parser)
+    add_reports(parser)
+    common.add_accept(parser)
+    parser.set_defaults(seed=None)
+    parser.add_argument("--shots", type=common.number(int, 1), metavar="N",
+                        help=f"shots of a planned season (default {settings.SEASON_SHOTS})")
+    parser.add_argument("--level", choices=settings.LEVELS, help="what is recorded of them: outcomes, telemetry too, "
+                        f"tracks too (default {settings.LEVEL})")
+    parser.add_argument("--sides", action="store_true", help="high or low is noted of every miss")
 
 
 def identifiability(args: argparse.Namespace) -> int:

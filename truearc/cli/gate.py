@@ -15,12 +15,26 @@ from typing import TYPE_CHECKING
 import truearc as ta
 from truearc.cli import common
 from truearc.errors import InputError, load_bytes, save_whole
+from truearc.model_export import NETWORK_TOLERANCE, PHYSICS_TOLERANCE
 from truearc.robot.config.schema import Config
 
 if TYPE_CHECKING:
     from truearc.robot.operator_ui.server import PageServer
 
 NICE = 10                             # a ninth of the time of others that want the same core
+
+
+def train_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--real", required=True, metavar="DIR", help="dataset of recorded shots")
+    parser.add_argument("--coefficients", required=True, metavar="FILE",
+                        help="coefficients.toml, as `truearc fit` (with the scatter), `truearc discover --adopt` or "
+                             "`truearc paper fit` write it")
+    parser.add_argument("--reliability", type=common.out_file, metavar="FILE",
+                        help="picture of predicted against observed shares to write")
+    common.add_accept(parser)
+    parser.add_argument("--seed", type=common.number(int, 0), default=0, help="seed of split and first weights")
+    parser.add_argument("-o", "--out", type=common.OutFolder(common.WEIGHTS), required=True, metavar="DIR",
+                        help="weights directory to write")
 
 
 def train(args: argparse.Namespace) -> int:
@@ -44,12 +58,29 @@ def train(args: argparse.Namespace) -> int:
     return 0
 
 
+def export_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("weights", metavar="DIR",
+                        help="weights directory, as `truearc train` and `truearc paper train` write it")
+    parser.add_argument("-o", "--out", type=common.out_file, required=True, metavar="FILE", help="ONNX file to write")
+
+
 def export(args: argparse.Namespace) -> int:
     """Write trained weights as an ONNX file that carries its contract, domain and provenance."""
     from truearc.robot.gate import load_gate
     data = ta.export_weights(args.weights, args.out)
     print(f"{args.out}: {len(data)} bytes, sha256 {load_gate(args.out).sha256}")
     return 0
+
+
+def verify_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", metavar="FILE", help="ONNX file, as `truearc export` writes it, or an aim file, as "
+                        "`truearc aim --robot` does")
+    parser.add_argument("--weights", metavar="DIR", help="the weights a gate was exported from; tolerance: "
+                        f"{NETWORK_TOLERANCE:g} for a network, {PHYSICS_TOLERANCE:g} for a gate with physics")
+    parser.add_argument("--data", metavar="DIR", action="append", default=[], help="datasets whose shots a gate is to "
+                        "rate too")
+    parser.add_argument("--belief", metavar="FILE", help="coefficients.toml that an aim file was made of")
+    parser.add_argument("--rig", metavar="FILE", help="launcher.toml or rig.toml that an aim file is for")
 
 
 def verify(args: argparse.Namespace) -> int:
@@ -79,6 +110,17 @@ def _verify_aim(args: argparse.Namespace) -> int:
     check = ta.verify_aim(args.file, ta.load_belief(args.belief), common.load_any_rig(args.rig))
     print(f"{args.file}: {check}")
     return 0
+
+
+def serve_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("gate", type=Path, metavar="FILE", help="ONNX file, as `truearc export` writes it")
+    parser.add_argument("--config", type=Path, metavar="FILE", help="launcher.toml, for its gate.threshold and its "
+                        "wheels' free speed (default: the shipped threshold, and wheel speeds as shares alone)")
+    parser.add_argument("--threshold", type=common.number(float, 0, 1), metavar="P",
+                        help="p(three) from which the gate fires (default: the configuration's)")
+    parser.add_argument("--port", type=common.number(int, 0, 65535), default=5809,
+                        help="of the page; 0 picks a free one")
+    parser.add_argument("--host", default="127.0.0.1", help="of the page; the default is this machine only")
 
 
 def serve(args: argparse.Namespace) -> int:

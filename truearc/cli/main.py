@@ -11,7 +11,7 @@ import shlex
 import sys
 import tomllib
 from collections.abc import Callable
-from functools import cache, partial
+from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -19,7 +19,6 @@ from typing import Any, NamedTuple, NoReturn
 
 import truearc
 from truearc.cli.common import add_force, fresh_outputs, number
-from truearc.cli.options import add_options
 from truearc.errors import ELSEWHERE, INSTALL_HINTS, InputError, needs
 
 ENTRY_POINTS = "truearc.commands"
@@ -42,8 +41,8 @@ class Command(NamedTuple):
     Fields:
         name: The words that call it, such as `fit` or `paper fit`.
         run: `module:function`; the function takes the parsed arguments and returns the exit code (0 done, 1 a check
-            failed; InputError on bad input), its docstring is the description in `--help`, and its options are a
-            table (truearc.cli.options). Of another distribution a module with a docstring, main(args) and
+            failed; InputError on bad input), its docstring is the description in `--help`, and `function_options` adds
+            its options to a parser. Of another distribution a module with a docstring, main(args) and
             add_arguments(parser). Importing either loads no numerical library.
         group: The heading of `truearc --help` that lists it; a key of GROUPS, or another distribution's own.
         summary: One line for that list.
@@ -67,7 +66,7 @@ class Command(NamedTuple):
         if not function:
             return Loaded(module.main, module.add_arguments, module.__doc__ or "")
         main = getattr(module, function)
-        return Loaded(main, partial(add_options, module=module, command=function), main.__doc__ or "")
+        return Loaded(main, getattr(module, f"{function}_options"), main.__doc__ or "")
 
 
 class Loaded(NamedTuple):
@@ -182,6 +181,10 @@ def fill_parser(parser: argparse.ArgumentParser, command: Command) -> None:
         parser.add_argument("--quiet", action="store_true", help="no progress")
     command.load().add_options(parser)
     add_force(parser)
+
+
+def completion_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("shell", choices=SHELLS, help="shell to complete in")
 
 
 def completion(args: argparse.Namespace) -> int:

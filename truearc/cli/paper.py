@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import truearc as ta
 from truearc.cli import common
 from truearc.errors import save_whole
-from truearc.sim.paper import PATIENCE
+from truearc.sim.paper import DEFAULT_RECIPE as DEFAULT
+from truearc.sim.paper import PATIENCE, STEP
 
 if TYPE_CHECKING:
     from truearc.api.fitting import GridSearch
@@ -15,8 +16,20 @@ if TYPE_CHECKING:
 
 SYNTHESIS = (*common.DATASET, "coefficients.toml", "synth.json")    # what a folder of simulated shots has
 SWEEP = ("networks.csv", "settings.csv", "sweep.png", "best")    # and one of a sweep
-parse_sizes, parse_weights = common.listed(common.number(int, 0)), common.listed(common.number(float))
 LAMBDA = 0.01                         # the paper's weight of the simulated loss
+
+
+def fit_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("dataset", metavar="DIR", help="dataset of shots")
+    parser.add_argument("-o", "--out", type=common.out_file, metavar="FILE", help="coefficients.toml to write")
+    parser.add_argument("--step", type=float, default=STEP, help="step of the grid; divides 5")
+    parser.add_argument("--map", type=common.out_file, metavar="FILE", help="npz to write the whole map to: axis, "
+                        "share_three, share_two, mean_deviation_m (nan where no three is reproduced), tied; rows cd, "
+                        "columns cl")
+    parser.add_argument("--picture", type=common.out_file, metavar="FILE", help="png to draw the map to")
+    parser.add_argument("--tied", type=common.out_file, metavar="FILE",
+                        help="csv to write all tied pairs to, the chosen one first")
+    common.add_accept(parser)
 
 
 def fit(args: argparse.Namespace) -> int:
@@ -46,6 +59,18 @@ def _write(args: argparse.Namespace, found: "GridSearch") -> None:
         found.save_map(args.map)
 
 
+def synth_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--rig", required=True, help="rig.toml")
+    parser.add_argument("--coefficients", required=True, metavar="FILE",
+                        help="coefficients.toml, as `truearc fit` and `truearc paper fit` write it")
+    common.add_terms_from(parser)
+    parser.add_argument("-n", type=int, default=900, help="shots in all")
+    parser.add_argument("--exclude", metavar="DIR", help="dataset of recorded shots whose configurations are not drawn")
+    parser.add_argument("--seed", type=common.number(int, 0), default=0, help="of the draw")
+    parser.add_argument("-o", "--out", type=common.OutFolder(SYNTHESIS), required=True, metavar="DIR",
+                        help="dataset directory to write")
+
+
 def synth(args: argparse.Namespace) -> int:
     """Simulate shots for the classifier, balanced over the three outcomes.
 
@@ -57,6 +82,34 @@ def synth(args: argparse.Namespace) -> int:
                                      progress=common.make_progress("synth", args.quiet))
     print(ta.paper.say_synthetic(args.out, shots))
     return 0
+
+
+def train_options(parser: argparse.ArgumentParser) -> None:
+    add_recipe(parser, "dataset of simulated shots; without it, recorded ones only",
+               "of the shots trained on that decides when to stop; 0 trains to the end")
+    parser.add_argument("--lambda", dest="simulated_weight", type=float, metavar="L",
+                        help="weight of the simulated loss (default 0.01)")
+    parser.add_argument("--seed", type=common.number(int, 0), default=0,
+                        help="seed of split, first weights and batches")
+    length = parser.add_mutually_exclusive_group()
+    length.add_argument("--steps", type=int, default=DEFAULT.steps, help="minibatches at most")
+    length.add_argument("--epochs", type=common.number(int, 1),
+                        help="times through the simulated shots at most, instead of --steps")
+    parser.add_argument("-o", "--out", type=common.OutFolder(common.WEIGHTS), required=True, metavar="DIR",
+                        help="weights directory to write")
+
+
+def add_recipe(parser: argparse.ArgumentParser, simulated: str, validated: str) -> None:
+    """Options of a training, also of `truearc paper sweep`; the texts say what --sim and --validation are."""
+    parser.add_argument("--real", required=True, metavar="DIR", help="dataset of recorded shots")
+    parser.add_argument("--sim", metavar="DIR", help=simulated)
+    common.add_accept(parser)
+    parser.add_argument("--holdout", type=float, default=0.2, metavar="SHARE",
+                        help="share of recorded shots kept out of training, to report on")
+    parser.add_argument("--validation", type=float, default=0.25, metavar="SHARE", help=f"share {validated}")
+    parser.add_argument("--learning-rate", type=float, default=DEFAULT.learning_rate, help="Adam's step")
+    parser.add_argument("--patience", type=common.number(int, 1), metavar="STEPS",
+                        help=f"stop after this number of steps without improvement (default {DEFAULT.patience})")
 
 
 def train(args: argparse.Namespace) -> int:
@@ -89,6 +142,21 @@ def data_of(args: argparse.Namespace) -> dict[str, Any]:
     real = ta.paper.check_plausible(ta.load_dataset(args.real), args.accept)
     return {"real": real, "simulated": ta.load_dataset(args.sim) if args.sim else None,
             "coefficients": ta.paper.load_provenance(args.sim).get("coefficients") if args.sim else None}
+
+
+def sweep_options(parser: argparse.ArgumentParser) -> None:
+    add_recipe(parser, "dataset of simulated shots to draw from",
+               "of the rest that decides when to stop and which setting is best")
+    parser.add_argument("--sizes", type=common.listed(common.number(int, 0)), default="0,500,600,750,900,1000,1250",
+                        metavar="N,N...", help="numbers of simulated shots (default: the paper's %(default)s)")
+    parser.add_argument("--lambdas", type=common.listed(common.number(float)), metavar="L,L...",
+                        help="weights of the simulated loss (default 0.01)")
+    parser.add_argument("--seeds", type=common.number(int, 1), default=20,
+                        help="networks of each setting, each with its own splits")
+    parser.add_argument("--seed", type=common.number(int, 0), default=0, help="the first of them")
+    parser.add_argument("--steps", type=int, default=DEFAULT.steps, help="minibatches at most")
+    parser.add_argument("-o", "--out", type=common.OutFolder(SWEEP), required=True, metavar="DIR",
+                        help="directory to write")
 
 
 def sweep(args: argparse.Namespace) -> int:

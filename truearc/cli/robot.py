@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 from msgspec.structs import replace
 
 import truearc as ta
-from truearc.cli.common import SHIPPED, make_progress, origin_of, packaged_cameras, refuse, write_out
+from truearc.cli.common import SHIPPED, make_progress, number, origin_of, out_file, packaged_cameras, refuse, write_out
 from truearc.errors import InputError
 from truearc.robot.aim_file import load_plan, with_plan
 from truearc.robot.config.schema import Config, load_config
-from truearc.robot.operator_ui import parse_page
+from truearc.robot.operator_ui import OFF, PORT, add_page_argument, parse_page
 
 if TYPE_CHECKING:
     from truearc.api.emulation import Emulation
@@ -25,10 +25,52 @@ VIRTUAL = "virtual"
 WATCHDOG_MS = 100                     # without --watchdog-ms
 
 
+def run_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--config", type=Path, required=True, help="launcher.toml")
+    parser.add_argument("--can", metavar="INTERFACE:CHANNEL", help="instead of [can], such as slcan:/dev/ttyACM0")
+    parser.add_argument("--buttons", metavar="PORT", help="instead of [buttons] port")
+    parser.add_argument("--camera", metavar="DEVICE", help="instead of [camera] device; a URL, too")
+    parser.add_argument("--plan", type=Path, metavar="TABLE", help="shoot these configurations: a CSV file with "
+                        "distance_m, motor_ratio, hood_deg, or a dataset directory; it says where to stand")
+    parser.add_argument("--repeats", type=int, metavar="N", help="shots at each configuration (default: [collect])")
+    parser.add_argument("--gate", type=Path, help="exported model; needed when the policy is 'model'")
+    parser.add_argument("--aim", type=Path, metavar="FILE", help="aim file of `truearc aim --robot`, which [aim] "
+                        "policy = \"belief\" needs")
+    parser.add_argument("--aim-inbox", type=Path, metavar="DIR", help="offer the driver the newest aim file that is "
+                        "put into this folder; the accept button takes it while disarmed")
+    parser.add_argument("--out", type=Path, default=Path("sessions"), help="folder to make the session's folder in")
+    add_page_argument(parser, str(PORT))
+    parser.add_argument("--core", type=number(int, 0), metavar="N",
+                        help="keep the control loop on this core (default: any)")
+    parser.add_argument("--priority", type=number(int, 0, 99), default=50, metavar="P",
+                        help="SCHED_FIFO priority of the control loop, where the system allows it; 0 asks for none")
+    parser.add_argument("--layout", choices=("three", "one"), default="three",      # keys of run_processes.LAYOUTS
+                        help="processes: three (control, vision, recorder), or all in one, to compare")
+
+
 def run(args: argparse.Namespace) -> int:
     """Run the launcher on its real wires and record it; ends on Ctrl-C or SIGTERM with the motors idle."""
     from truearc.cli.run_robot import run_robot
     return run_robot(args)
+
+
+def doctor_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--config", type=Path, required=True, help="launcher.toml")
+    parser.add_argument("--gate", type=Path, help="model, as for truearc run")
+    parser.add_argument("--aim", type=Path, metavar="FILE", help="aim file, as for truearc run")
+    parser.add_argument("--out", type=Path, default=Path("sessions"), help="folder for sessions, as for truearc run")
+    parser.add_argument("--endpoints", type=Path, metavar="JSON", help="flat_endpoints.json of the axes' firmware: "
+                        "their watchdogs and encoder filters are asked, too")
+    parser.add_argument("--move", action="store_true", help="also turn the wheels slowly, and the hood to its limit "
+                        "switch and back, once you have typed yes: directions, scales, lags, the switch")
+    parser.add_argument("--priority", type=number(int, 1, 99), default=50, metavar="P", help="as for truearc run")
+    parser.add_argument("--seconds", type=number(float, 0.5, 600.0), default=2.0, metavar="S",
+                        help="to listen to the bus")
+    parser.add_argument("--set", action="store_true", help="compare the watchdogs and limits that the axes keep with "
+                        "the rig, and write and save what differs after a yes; with --endpoints")
+    parser.add_argument("--yes", action="store_true", help="with --set or --move: do not ask; with --move, "
+                        "all balls are out, and hands away")
+    parser.add_argument("--json", action="store_true", help="findings as JSON")
 
 
 def doctor(args: argparse.Namespace) -> int:
@@ -42,6 +84,26 @@ def doctor(args: argparse.Namespace) -> int:
         refuse(args, ("--move",), "apart from --set: what is written first is looked at first")
         return set_devices(args)
     return check_robot(args)
+
+
+def emulate_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--trials", type=number(int, 1), metavar="N", help="needed without --plan")
+    parser.add_argument("--plan", type=Path, metavar="TABLE", help="shoot these configurations instead of walking: a "
+                        "CSV file with distance_m, motor_ratio, hood_deg, or a dataset directory")
+    parser.add_argument("--repeats", type=int, metavar="N", help="shots at each configuration (default: [collect])")
+    parser.add_argument("--out", type=Path, metavar="SESSION", help="folder to make; needed unless --bus is another "
+                        "than virtual")
+    parser.add_argument("--bus", default=VIRTUAL, metavar="INTERFACE:CHANNEL", help="slcan:auto (a serial adapter on "
+                        "a pseudo-terminal), slcan:socket or socketcan:vcan0: play the devices alone, in real time, "
+                        "for `truearc run` in another process, which records (default: virtual, all in this process)")
+    parser.add_argument("--watchdog-ms", type=number(int, 1), metavar="MS", help="with --bus: watchdog timeout of "
+                        "the motor drivers; more on a machine that stalls (default: 100)")
+    parser.add_argument("--config", type=Path, default=SHIPPED, help="launcher.toml (default: the shipped one)")
+    parser.add_argument("--world", type=Path, help="world.toml; the robot never sees it (default: an honest world)")
+    parser.add_argument("--gate", type=Path, help="model that must agree before the robot fires")
+    parser.add_argument("--aim", type=Path, metavar="FILE", help="aim by this file of `truearc aim --robot`")
+    parser.add_argument("--seed", type=number(int, 0), default=0, help="seed of the world")
+    add_page_argument(parser, OFF, ", for which time passes no faster than it does")
 
 
 def emulate(args: argparse.Namespace) -> int:
@@ -111,7 +173,25 @@ def _trials(asked: int | None, config: Config) -> int:
 
 # --- sysid
 
-JOINTS = FLYWHEEL, HOOD = "flywheel", "hood"     # as truearc.robot.sysid, which loads the gate, calls them
+FLYWHEEL, HOOD = "flywheel", "hood"  # as truearc.robot.sysid, which loads the gate, calls them
+
+
+
+def sysid_options(parser: argparse.ArgumentParser) -> None:
+    source = parser.add_mutually_exclusive_group()
+    source.add_argument("session", type=Path, nargs="?", help="fit a session that was recorded before")
+    source.add_argument("--csv", type=Path, metavar="FILE", help="fit a table with t_s, a column in _V or _Nm, and one "
+                        "in _rad_s")
+    source.add_argument("--emulate", action="store_true", help="drive the emulated robot instead of a real one")
+    parser.add_argument("--config", type=Path, help="launcher.toml; with --emulate the shipped one, if not given")
+    parser.add_argument("--only", choices=(FLYWHEEL, HOOD), help="drive only this")
+    parser.add_argument("--out", type=Path, metavar="SESSION", help="session folder to make (default: "
+                        "sessions/<time>; needed with --emulate)")
+    parser.add_argument("--world", type=Path, help="world.toml of the emulated robot")
+    parser.add_argument("--seed", type=number(int, 0), help="seed of the emulated robot (default 0)")
+    parser.add_argument("-o", dest="gains", type=out_file, metavar="FILE", help="write the gains here, too")
+    parser.add_argument("--report", type=out_file, metavar="PAGE",
+                        help="HTML page with residuals (needs the sim extra)")
 
 
 def sysid(args: argparse.Namespace) -> int:
@@ -199,12 +279,16 @@ def _answer(args: argparse.Namespace, source: str, records: "Mapping[str, Record
 
 # --- cameras
 
-def list_cameras() -> str:
-    return ", ".join(packaged_cameras())
-
-
-
 SMALLEST_M = 1e-6                     # of a standard deviation
+
+
+def vision_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("images", nargs="+", metavar="IMAGE", help="8-bit colour image (JPEG, PNG, BMP, WebP)")
+    parser.add_argument("--camera", metavar="FILE",
+                        help="camera.toml or launcher.toml, or the name of a packaged camera "
+                             f"({', '.join(packaged_cameras())}); without it, the packaged launcher.toml")
+    parser.add_argument("--labels", metavar="FILE",
+                        help="CSV with columns file,label_distance_m: prints an error table")
 
 
 def vision(args: argparse.Namespace) -> int:
@@ -220,6 +304,23 @@ def vision(args: argparse.Namespace) -> int:
     return measure_images(args)
 
 
+def vision_calibrate_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("images", nargs="*", metavar="IMAGE",
+                        help="pictures of the board; with --distances, only these of the files it names")
+    parser.add_argument("--board", metavar="BOARD",
+                        help="chessboard:COLUMNSxROWS:SQUARE_M (inner corners) or "
+                             "charuco:COLUMNSxROWS:SQUARE_M:MARKER_M:DICT_4X4_50 (squares)")
+    parser.add_argument("--distances", metavar="CSV",
+                        help="columns file,distance_m (or label_distance_m); files lie beside it or are given as IMAGE")
+    parser.add_argument("--camera", metavar="FILE", help="where to begin: as for `truearc vision`")
+    parser.add_argument("--tape-sigma", type=number(float, SMALLEST_M, 10.0), metavar="M",
+                        help="standard deviation of one taped distance, metres (default 0.01)")
+    parser.add_argument("--bias-sigma", type=number(float, SMALLEST_M, 10.0), metavar="M",
+                        help="how well it is known that the tape began below the lens, metres (default 0.02)")
+    parser.add_argument("-o", "--out", type=out_file, metavar="FILE",
+                        help="camera.toml to write; without it, on stdout")
+
+
 def vision_calibrate(args: argparse.Namespace) -> int:
     """Calibrate a camera and write camera.toml with its uncertainties.
 
@@ -233,6 +334,16 @@ def vision_calibrate(args: argparse.Namespace) -> int:
         refuse(args, ("--tape-sigma", "--bias-sigma"), "applies with --distances only")
     from truearc.cli.vision_images import calibrate_camera
     return calibrate_camera(args)
+
+
+def vision_tune_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("sources", nargs="*", metavar="IMAGE|FOLDER",
+                        help="pictures, folders of pictures, or recorded sessions; none: the live camera")
+    parser.add_argument("--camera", metavar="FILE", help="where to begin: as for `truearc vision`")
+    parser.add_argument("-o", "--out", type=out_file, metavar="FILE", default="camera.toml",
+                        help="file that Save writes")
+    parser.add_argument("--port", type=int, default=5807, help="of the page; 0 picks a free one")
+    parser.add_argument("--host", default="127.0.0.1", help="of the page; the default is this machine only")
 
 
 def vision_tune(args: argparse.Namespace) -> int:

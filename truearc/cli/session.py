@@ -3,14 +3,21 @@
 import argparse
 import sys
 from importlib.metadata import entry_points
+from pathlib import Path
 
 from truearc.cli import common
 from truearc.errors import EXPORTS, OTHER_FORMATS
 
 
-def list_formats() -> list[str]:
-    """Return those of truearc, of installed distributions, and of those that say what to install."""
-    return sorted({"csv", "mcap", "parquet", *OTHER_FORMATS, *(point.name for point in entry_points(group=EXPORTS))})
+def replay_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("session", type=Path, help="recorded session folder")
+    parser.add_argument("--check", action="store_true", help="fail on a recording that was cut short, too; with "
+                        "--config or --gate, on any output that changes")
+    parser.add_argument("--from", dest="depth", choices=("inputs", "frames"), default="inputs",
+                        help="frames: recompute the inputs, too, from can0.log and the images that were kept")
+    parser.add_argument("--config", type=Path, metavar="TOML", help="replay the inputs with this launcher.toml "
+                        "instead, and say which outputs change")
+    parser.add_argument("--gate", type=Path, metavar="ONNX", help="... or with this model")
 
 
 def replay(args: argparse.Namespace) -> int:
@@ -24,6 +31,10 @@ def replay(args: argparse.Namespace) -> int:
     if args.depth == "frames":
         common.refuse(args, ("--config", "--gate"), "--from frames recomputes what was; the inputs stay as recorded")
     return replay_with(args)
+
+
+def recover_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("session", type=Path, help="recorded session folder")
 
 
 def recover(args: argparse.Namespace) -> int:
@@ -42,6 +53,17 @@ def recover(args: argparse.Namespace) -> int:
     for name in absent:
         print(f"  {name} is not there, and cannot be made again", file=sys.stderr)
     return 0
+
+
+def convert_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("session", type=Path, help="recorded session folder")
+    # of truearc, of installed distributions, and of those that say what to install
+    formats = {"csv", "mcap", "parquet", *OTHER_FORMATS, *(point.name for point in entry_points(group=EXPORTS))}
+    parser.add_argument("--to", required=True, choices=sorted(formats), help="format")
+    parser.add_argument("--belief", type=Path, metavar="FILE", help="with --to mcap: coefficients.toml by which the "
+                        "flights of marked shots are drawn (needs truearc[sim]); without it none is")
+    common.add_terms_from(parser)
+    parser.add_argument("-o", "--out", type=common.out_file, required=True, metavar="FILE", help="file to write")
 
 
 def convert(args: argparse.Namespace) -> int:
