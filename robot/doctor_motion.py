@@ -21,14 +21,11 @@ from truearc.hw.devices.family import FAILURE, AxisCheck, Finding, Heard, failur
 from truearc.hw.devices.registry import family_of
 from truearc.hw.protocols import NS, ButtonEvent, CameraFrame, MotorReading
 from truearc.hw.reason import Reason
+from truearc.robot import control, estimate, sysid
 from truearc.robot import reasons as because
-from truearc.robot import sysid
 from truearc.robot.config.schema import Config
-from truearc.robot.control import RELEASED
-from truearc.robot.estimate import is_fresh
 from truearc.robot.gate import Gate
 from truearc.robot.motors import elevation_from_encoder_deg, elevation_from_screw_deg, name_axes, screw_rad
-from truearc.robot.reasons import text
 from truearc.robot.sysid import CREEP, FLYWHEEL, HOOD, PAUSE, STILL, Phase
 from truearc.robot.types import Inputs, Memory, Progress, Sent, Tick, Verdict
 
@@ -133,7 +130,7 @@ class SmallMotion:
         doubt = self._doubt(inputs, progress) if begun and progress.over is None else None
         if doubt is not None:
             why = because.IDENTIFY_RELEASED(button="doctor")
-            tick = replace(tick, command=RELEASED, verdict=Verdict(False, (why,)),
+            tick = replace(tick, command=control.RELEASED, verdict=Verdict(False, (why,)),
                            memory=replace(tick.memory, armed=False, identify=replace(progress, over=why)))
             self.over = doubt
         elif progress.over is not None:
@@ -185,7 +182,7 @@ class SmallMotion:
 
     def _creep_doubt(self, inputs: Inputs, phase: Phase, turned_deg: float) -> str | None:
         hood, at_deg = inputs.hood_motor, hood_angle_deg(inputs, self._config)
-        closed = is_fresh(inputs, hood.endstop_t_ns, self._config) and hood.endstop
+        closed = estimate.is_fresh(inputs, hood.endstop_t_ns, self._config) and hood.endstop
         if phase.sign > 0 and closed and turned_deg > sysid.CREEP_UP_DEG - 1.0:
             return f"the limit switch stays closed {turned_deg:.1f} deg above it"
         asked_nm = phase.asked_nm((inputs.t_ns - self._start.t_ns) * NS)
@@ -216,7 +213,7 @@ def hood_angle_deg(inputs: Inputs, config: Config) -> float | None:
 
 def _words(over: Reason) -> str:
     """Why system identification's tick has released the motors, and of two hood encoders what to look for."""
-    causes, words = over.params.get("causes"), text(over).removeprefix("identify: ")
+    causes, words = over.params.get("causes"), because.text(over).removeprefix("identify: ")
     if isinstance(causes, tuple) and any(getattr(cause, "code", "") == because.HOOD_ENCODERS_DISAGREE.name
                                          for cause in causes):
         return f"{words}: is one of them stuck, scaled, late or the wrong way round?"

@@ -14,8 +14,7 @@ from truearc.hw.devices.family import Finding
 from truearc.hw.protocols import Camera, CameraFrame, Clock, LinkLost
 from truearc.hw.real.processes import Capacity, Slots
 from truearc.hw.reason import Reason
-from truearc.robot.config.named_tables import find_table
-from truearc.robot.config.schema import Config
+from truearc.robot.config import named_tables, schema
 from truearc.robot.reasons import VISION_FAILED, VISION_UNRESPONSIVE
 from truearc.robot.runtime import RobotIo, Screen, Screens
 from truearc.robot.types import Sighting
@@ -179,7 +178,7 @@ class OwnEyes(Eyes, Protocol):
 class Source:
     """What reads one table's data; a subclass overrides what it has. config: one that has the table."""
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: schema.Config) -> None:
         self.config = config
 
     def open_eyes(self, clock: Clock) -> OwnEyes | None:
@@ -209,18 +208,18 @@ class Source:
         return ()
 
 
-def sources_of(config: Config) -> tuple[Source, ...]:
+def sources_of(config: schema.Config) -> tuple[Source, ...]:
     """One for each table of another distribution."""
-    return tuple(find_table(name).source(config) for name in config.readings)
+    return tuple(named_tables.find_table(name).source(config) for name in config.readings)
 
 
-def open_eyes(config: Config, clock: Clock) -> OwnEyes | None:
+def open_eyes(config: schema.Config, clock: Clock) -> OwnEyes | None:
     """The camera that sees instead of [camera]'s; None where there is none."""
     eyes = (source.open_eyes(clock) for source in sources_of(config))
     return next((one for one in eyes if one is not None), None)
 
 
-def open_their_screens(config: Config, gate_path: Path | None, own_time: bool, clock: Clock) -> Screen | None:
+def open_their_screens(config: schema.Config, gate_path: Path | None, own_time: bool, clock: Clock) -> Screen | None:
     """All screens of other distributions as one; own_time: the ticks' time is another than that of `clock`."""
     told = None if own_time else clock
     screens = [source.open_screen(gate_path, told) for source in sources_of(config)]

@@ -14,7 +14,7 @@ from msgspec import UNSET, Struct, UnsetType
 
 from truearc.hw.devices.canandmag import CanandmagConfig
 from truearc.robot.aim_file import AimContent
-from truearc.robot.config.limits import LIMITS, Bound, shown
+from truearc.robot.config.limits import Bound, load_limits, shown
 from truearc.robot.config.named_tables import BY_DRIVER
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import Config
@@ -27,7 +27,7 @@ LAUNCHER = Path(__file__).resolve().parents[1] / "robot" / "launcher.toml"
 SPELLED = {"s": "s", "deg": "deg", "rad_s": "rad/s", "rev_s": "rev/s", "m_s": "m/s", "kg_m3": "kg/m³", "m_s2": "m/s²",
            "deg_s": "deg/s", "nm": "Nm", "nm_s": "Nm s", "nm_s2": "Nm s²", "hz": "Hz", "px": "px", "v": "V", "a": "A",
            "rpm": "rpm", "pa": "Pa", "ms": "ms"}
-BY_KEY = {limit.key: limit for limit in LIMITS}
+BY_KEY = {limit.key: limit for limit in load_limits()}
 KEY = re.compile(r"#? ?([a-z0-9_]+) = ([^#]*?)\s*(?:# (.*))?$")
 
 
@@ -257,7 +257,8 @@ def make_page() -> str:
     """The whole page."""
     rows = [f"| `{key}` | {unit_of(key)} | `{value}` | {range_of(key)} | {meaning} |".replace("| `` |", "| absent |")
             for key, value, meaning in launcher_keys()]
-    limits = [f"| `{one.key}` | {_bound_text(one.low)} | {_bound_text(one.high)} | {one.why} |" for one in LIMITS]
+    limits = [f"| `{one.key}` | {_bound_text(one.low)} | {_bound_text(one.high)} | {one.why} |"
+              for one in BY_KEY.values()]
     documents = [line for name in DOCUMENTS for line in document_tables(name)]
     parts = (HEAD, *rows), (LIMITED, *limits), (BELIEF, *documents)
     return "".join(head + "\n".join(lines) + "\n" for head, *lines in parts)

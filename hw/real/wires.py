@@ -12,10 +12,8 @@ import numpy as np
 import numpy.typing as npt
 import serial
 
-from truearc.hw import fault_codes
-from truearc.hw.fault_codes import SERIAL_ERROR
+from truearc.hw import fault_codes, reason
 from truearc.hw.protocols import NS_PER_MS, Camera, CameraFrame, Clock, LinkLost, Stream
-from truearc.hw.reason import Reason
 
 CHUNK = 4096                                      # bytes; more than a box says in a second
 
@@ -35,7 +33,7 @@ class SerialStream:
                 parts.append(part)
         except (serial.SerialException, OSError) as error:
             # Bytes from before the plug was pulled stay unread: half a line is useless, and the next call fails too.
-            raise LinkLost(SERIAL_ERROR(port=self.name, detail=str(error))) from error
+            raise LinkLost(fault_codes.SERIAL_ERROR(port=self.name, detail=str(error))) from error
         return b"".join(parts)
 
     def close(self) -> None:
@@ -51,7 +49,7 @@ def open_serial(port: str, baud: int) -> SerialStream:
             stream.exclusive = True
         stream.open()
     except (serial.SerialException, OSError, ValueError) as error:
-        raise LinkLost(SERIAL_ERROR(port=port, detail=str(error))) from error
+        raise LinkLost(fault_codes.SERIAL_ERROR(port=port, detail=str(error))) from error
     return SerialStream(stream, port)
 
 
@@ -78,7 +76,7 @@ class Mended(Generic[Wire]):
     def __init__(self, open_wire: Callable[[], Wire], pause_s: float = PAUSE_S) -> None:
         self._wire: Wire | None = None
         self._open_wire, self._first_s, self._pause_s = open_wire, pause_s, pause_s
-        self._why: Reason | None = None
+        self._why: reason.Reason | None = None
         self._stop = threading.Event()
         self._mender: threading.Thread | None = None
         try:
@@ -88,7 +86,7 @@ class Mended(Generic[Wire]):
             self._start(None)
 
     @property
-    def lost(self) -> Reason | None:
+    def lost(self) -> reason.Reason | None:
         """Why it is not open; None while it is."""
         return self._why if self._wire is None else None
 
@@ -194,7 +192,7 @@ class CameraThread:
         self._last: np.ndarray[Any, np.dtype[np.uint8]] | None = None
         self._frozen = False
         self._heard_ns = clock.now_ns()
-        self._lost: Reason | None = None
+        self._lost: reason.Reason | None = None
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._keep_newest, name=f"camera {name}", daemon=True)
         self._thread.start()
@@ -248,7 +246,7 @@ class CameraThread:
             self._heard_ns = now_ns
 
 
-def lock_exposure(capture: Any, exposure_s: float, camera: str) -> Reason | None:
+def lock_exposure(capture: Any, exposure_s: float, camera: str) -> reason.Reason | None:
     """Set a fixed exposure and read it back, over a few images; None, or what the camera has instead."""
     wanted = exposure_s / EXPOSURE_UNIT_S
     mode = exposure = 0.0

@@ -22,9 +22,8 @@ from msgspec import UNSET, Struct
 from msgspec.structs import fields
 
 from truearc.errors import ELSEWHERE, InputError, PluginError, load_plugin, only_point, place_of
-from truearc.hw.devices.canandmag import CANANDMAG
+from truearc.hw.devices import canandmag, registry
 from truearc.hw.devices.family import Direction, EncoderFamily, Finite, HoodEncoder, driver_of
-from truearc.hw.devices.registry import MOTOR, NONE
 from truearc.hw.devices.spark.family import SPARK_ENCODER
 
 # --- tables of other distributions
@@ -99,7 +98,7 @@ def stated(value: Any) -> Any:
 
 # --- hood encoders
 
-FAMILIES: tuple[EncoderFamily[Any], ...] = (CANANDMAG, SPARK_ENCODER, MOTOR, NONE)
+FAMILIES: tuple[EncoderFamily[Any], ...] = (canandmag.CANANDMAG, SPARK_ENCODER, registry.MOTOR, registry.NONE)
 BY_DRIVER = MappingProxyType({family.driver: family for family in FAMILIES})
 
 

@@ -2,6 +2,7 @@
 
 import math
 import re
+import tomllib
 from collections.abc import Callable
 from importlib.metadata import entry_points
 from importlib.resources import files
@@ -32,28 +33,9 @@ CONVERTED = {
 }
 ZERO = {"k": 273.15, "f": 32.0}       # in that unit, of a unit that is read; of others 0
 # what logs call units -> as columns of a dataset end
-UNITS = {
-    **{suffix: suffix for read, others in CONVERTED.items() for suffix in (read, *others)},
-    **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), "m"),
-    **dict.fromkeys(("in", "inch", "inches"), "in"), **dict.fromkeys(("ft", "foot", "feet"), "ft"),
-    **dict.fromkeys(("cm", "centimeters"), "cm"), **dict.fromkeys(("mm", "millimeters"), "mm"),
-    **dict.fromkeys(("yd", "yard", "yards"), "yd"),
-    **dict.fromkeys(("deg", "degree", "degrees", "°"), "deg"),
-    **dict.fromkeys(("rad", "rads", "radian", "radians"), "rad"),
-    **dict.fromkeys(("rot", "rots", "rotation", "rotations", "rev"), "rev"),
-    **dict.fromkeys(("rad/s", "rad_s", "rads", "radpersec", "radians per second", "rad per sec", "radianspersecond",
-                     "radspersec", "rad/sec", "radpersecond"), "rad_s"),
-    **dict.fromkeys(("rpm", "rotations per minute", "revolutions per minute", "rotationsperminute"), "rpm"),
-    **dict.fromkeys(("rps", "rev/s", "rot/s", "rotations per second", "revolutions per second", "rotations/s", "rev_s",
-                     "rotpersec", "rotationspersecond", "rotationspersec", "rotationpersecond"), "rps"),
-    **dict.fromkeys(("deg/s", "deg_s", "degrees per second", "degpersec"), "deg_s"),
-    **dict.fromkeys(("v", "volt", "volts"), "v"), **dict.fromkeys(("mv", "millivolts"), "mv"),
-    **dict.fromkeys(("m/s", "m_s", "meters per second", "mps", "meterspersec", "meterspersecond"), "m_s"),
-    **dict.fromkeys(("ft/s", "ft_s", "fps", "feet per second", "feetpersec"), "ft_s"),
-    **dict.fromkeys(("s", "sec", "second", "seconds"), "s"), **dict.fromkeys(("ms", "milliseconds"), "ms"),
-    **dict.fromkeys(("us", "microseconds"), "us"),
-    **dict.fromkeys(("c", "celsius", "°c", "degc"), "c"), **dict.fromkeys(("f", "fahrenheit", "°f", "degf"), "f"),
-}
+UNITS = {suffix: suffix for read, others in CONVERTED.items() for suffix in (read, *others)}
+UNITS |= {word: unit for unit, words in tomllib.loads(
+    Path(__file__).with_name("units.toml").read_text(encoding="utf-8")).items() for word in words}
 REVOLUTION_DEG = 360.0
 SUFFIX = re.compile(r"(radians?persec(?:ond)?|rad(?:s)?per?sec|rotations?per(?:sec(?:ond)?|minute)|deg(?:rees)?persec|"
                     r"meterspersec(?:ond)?|mps|rpm|rps|radians?|rads?|degrees?|degs?|rotations?|rots?|meters?|inches|"

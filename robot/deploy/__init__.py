@@ -15,8 +15,7 @@ from types import MappingProxyType
 from msgspec import Struct
 
 from truearc.errors import INSTALL_HINTS, InputError
-from truearc.hw.devices.family import driver_of
-from truearc.hw.devices.registry import BY_DRIVER
+from truearc.hw.devices import family, registry
 from truearc.robot.aim_file import needs_aim
 from truearc.robot.config.named_tables import distribution_of_table
 from truearc.robot.config.schema import Config
@@ -48,7 +47,7 @@ def make_parts(config: Config, parts: Parts) -> Parts:
 
 def _missing_plugins(config: Config, parts: Parts) -> Iterator[str]:
     for name, axis in name_axes(config):
-        if (driver := driver_of(axis)) not in BY_DRIVER and not parts.has_plugins:
+        if (driver := family.driver_of(axis)) not in registry.BY_DRIVER and not parts.has_plugins:
             yield f"{name}: driver {driver!r} is of another distribution; --plugin names its wheel or source folder"
     for name in config.readings:
         if distribution_of_table(name) not in INSTALL_HINTS and not parts.has_plugins:

@@ -28,10 +28,9 @@ from mcap.writer import Writer
 from truearc.hw.reason import unit_of
 from truearc.robot.config.rig_spec import Target
 from truearc.robot.reasons import texts
+from truearc.robot.recording import reader, tabular
 from truearc.robot.recording import session as layout
-from truearc.robot.recording import tabular
 from truearc.robot.recording.files import TickFile, load_pictures
-from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.tabular import Column, FlatTicks, Value
 from truearc.robot.types import Shot, Tick
 
@@ -86,67 +85,26 @@ COLOURS = {"three": (0.1, 0.7, 0.2, 1.0), "two": (0.9, 0.7, 0.1, 1.0), "hit": (0
 MISSED = (0.85, 0.15, 0.15, 1.0)
 
 
-def _nested(kind: str, about: str, /, **properties: dict[str, Any]) -> dict[str, Any]:
-    return tabular.object_schema(f"foxglove.{kind}", about, properties) | {"required": list(properties)}
-
-
-def _of_type(kind: str) -> Callable[[str], dict[str, Any]]:
-    return lambda what: {"type": kind, "description": what}
-
-
-def _several(items: dict[str, Any], what: str) -> dict[str, Any]:
-    return {"type": "array", "items": items, "description": what}
-
-
-def _time(title: str, what: str) -> dict[str, Any]:
-    whole = {"type": "integer", "minimum": 0}
-    return {"title": title, "type": "object", "description": what,
-            "properties": {"sec": {**whole, "description": "unit: s"},
-                           "nsec": {**whole, "maximum": S_NS - 1, "description": "unit: ns"}}}
-
-
-_number, _text, _flag, _integer = map(_of_type, ("number", "string", "boolean", "integer"))
-_STAMP = _time("time", "wall clock, since 1970")
-_METRE = {axis: _number("unit: m") for axis in "xyz"}
-_POINT, _VECTOR = _nested("Point3", "place", **_METRE), _nested("Vector3", "place", **_METRE)
-_TURN = _nested("Quaternion", "orientation", **{axis: _number("unit: 1") for axis in "xyzw"})
-_COLOUR = _nested("Color", "colour", **{part: _number("0 to 1") for part in "rgba"})
-_POSE = _nested("Pose", "pose", position=_VECTOR, orientation=_TURN)
-_PAIR = _nested("KeyValuePair", "a note", key=_text("name"), value=_text("value"))
-_LINE = _nested("LinePrimitive", "points that lines join",
-                type=_integer("0: one strip, 2: every two points"), pose=_POSE,
-                thickness=_number("unit: m"), scale_invariant=_flag("thickness in pixels"),
-                points=_several(_POINT, "in the entity's frame"), color=_COLOUR,
-                colors=_several(_COLOUR, "of each point; empty: all alike"),
-                indices=_several({"type": "integer"}, "empty: the points in their order"))
-_WORDS = _nested("TextPrimitive", "a text", pose=_POSE, billboard=_flag("turned to whoever looks"),
-                 font_size=_number("unit: m"), scale_invariant=_flag("size in pixels"), color=_COLOUR,
-                 text=_text("text"))
 _UNUSED = ("arrows", "cubes", "spheres", "cylinders", "triangles", "models")
-_ENTITY = _nested("SceneEntity", "something drawn", timestamp=_STAMP, frame_id=_text("frame"),
-                  id=_text("replaces what had it before"), lifetime=_time("duration", "0: until replaced"),
-                  frame_locked=_flag("moves with its frame"), metadata=_several(_PAIR, "notes"),
-                  lines=_several(_LINE, "lines"), texts=_several(_WORDS, "texts"),
-                  **{name: _several(tabular.object_schema(name, "none", {}), "always empty") for name in _UNUSED})
 
-SCHEMAS = {
-    "foxglove.CompressedImage": _nested(
-        "CompressedImage", "image behind a shot; the time is the middle of its exposure", timestamp=_STAMP,
-        frame_id=_text("frame"), data={**_text("file"), "contentEncoding": "base64"}, format=_text("png")),
-    "foxglove.Log": _nested(
-        "Log", "why the robot holds, when that changes", timestamp=_STAMP,
-        level=_integer("2 info, 3 warning"), message=_text("reasons"), name=_text("part"),
-        file=_text("empty"), line={"type": "integer", "minimum": 0, "description": "0"}),
-    "foxglove.PoseInFrame": _nested("PoseInFrame", "robot before the target", timestamp=_STAMP,
-                                    frame_id=_text("frame"), pose=_POSE),
-    "foxglove.FrameTransform": _nested(
-        "FrameTransform", "robot before the target", timestamp=_STAMP, parent_frame_id=_text("frame"),
-        child_frame_id=_text("frame"), translation=_VECTOR, rotation=_TURN),
-    "foxglove.SceneUpdate": _nested(
-        "SceneUpdate", "target and flights of the balls",
-        deletions=_several(tabular.object_schema("deletion", "none", {}), "always empty"),
-        entities=_several(_ENTITY, "drawn or replaced")),
-}
+
+def _schema(kind: str, what: str = "") -> dict[str, Any]:
+    """JSON schema of a kind of value, as viewer.toml says."""
+    if kind.endswith("[]"):
+        return {"type": "array", "items": _schema(kind[:-2]), "description": what}
+    if kind in tabular.TYPES.values():
+        return {"type": kind} | ({"description": what} if what else {})
+    said = tabular.VIEWER["foxglove"].get(kind)
+    if said is None:
+        return tabular.object_schema(kind, "none", {})
+    if "title" in said:
+        return dict(said)
+    fields = {name: _schema(*field.split(" ", 1)) if isinstance(field, str) else field
+              for name, field in said.items() if name != "about"}
+    return tabular.object_schema(f"foxglove.{kind}", said["about"], fields) | {"required": list(fields)}
+
+
+SCHEMAS = {name: _schema(name.removeprefix("foxglove.")) for name in DRAWN.values()}
 
 
 def stamp(t_ns: int) -> dict[str, int]:
@@ -342,7 +300,7 @@ class ExportRows:
         self._filed = {trial.outcome.trial: trial for trial in self.trials}
         self._told: dict[int, layout.Trial] = {}         # what the ticks say
         self._due: deque[layout.Trial] = deque()
-        self.reader = TickReader(session)
+        self.reader = reader.TickReader(session)
         self._progress = progress
 
     def __iter__(self) -> Iterator[list[Value]]:

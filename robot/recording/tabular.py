@@ -5,13 +5,14 @@ numbers, truth values, texts and lists of one of these; no references, no altern
 is left out of its message, and a message without any value is not written."""
 
 import math
+import tomllib
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
 
-from truearc.hw.protocols import ButtonEvent
-from truearc.hw.reason import Reason, unit_of
+from truearc.hw import protocols, reason
 from truearc.robot.reasons import text
 from truearc.robot.types import Outcome, Tick
 
@@ -23,8 +24,8 @@ KINDS = {msgspec.inspect.FloatType: FLOAT, msgspec.inspect.IntType: INT, msgspec
          msgspec.inspect.StrType: TEXT}
 # What one of several, as many as there happen to be, is called
 WORDS: dict[type, Callable[[Any], str]] = {
-    ButtonEvent: lambda event: event.button,
-    Reason: text,
+    protocols.ButtonEvent: lambda event: event.button,
+    reason.Reason: text,
     Outcome: lambda outcome: f"trial {outcome.trial} {outcome.outcome}",
 }
 
@@ -46,7 +47,7 @@ class FlatTicks:
         if isinstance(info, msgspec.inspect.UnionType):
             inner = next(kind for kind in info.types if not isinstance(kind, msgspec.inspect.NoneType))
             return self._maybe(inner, name)
-        if isinstance(info, msgspec.inspect.StructType) and info.cls is Reason:
+        if isinstance(info, msgspec.inspect.StructType) and info.cls is reason.Reason:
             return (Column(name, TEXT, ""),), lambda value: [text(value)]
         if isinstance(info, msgspec.inspect.StructType):
             parts = [(field.name, self._field(field, f"{name}.{field.name}" if name else field.name))
@@ -57,7 +58,7 @@ class FlatTicks:
             return _joined([self._lay(kind, f"{name}.{at}") for at, kind in enumerate(info.item_types)], list)
         if isinstance(info, msgspec.inspect.VarTupleType):
             return self._several(info.item_type, name)
-        return (Column(name, KINDS[type(info)], unit_of(name)),), lambda value: [value]
+        return (Column(name, KINDS[type(info)], reason.unit_of(name)),), lambda value: [value]
 
     def _field(self, field: msgspec.inspect.Field, name: str) -> tuple[tuple[Column, ...], Fill]:
         """Of one that may be left out altogether, too."""
@@ -78,9 +79,9 @@ class FlatTicks:
         if isinstance(info, msgspec.inspect.StrType):
             return (Column(name, TEXTS, ""),), lambda value: [list(value)]
         if isinstance(info, msgspec.inspect.UnionType | msgspec.inspect.FloatType):
-            return (Column(name, FLOATS, unit_of(name)),), lambda value: [[math.nan if part is None else part
+            return (Column(name, FLOATS, reason.unit_of(name)),), lambda value: [[math.nan if part is None else part
                                                                           for part in value]]
-        return (Column(name, FLOATS, unit_of(name)),), lambda value: [[part for item in value for part in item]]
+        return (Column(name, FLOATS, reason.unit_of(name)),), lambda value: [[part for item in value for part in item]]
 
 
 def _joined(parts: list[tuple[tuple[Column, ...], Fill]],
@@ -103,26 +104,7 @@ LISTS = {TEXTS: "string", FLOATS: "number"}
 CLOCK = "unit: ns, on the robot's own clock; 0 means never"
 UNITLESS = {FLOAT: "unit: 1", INT: "unit: 1", FLOATS: "unit: 1", BOOL: "true or false", TEXT: "text", TEXTS: "texts"}
 
-# topic -> what it is, and the columns of a flat tick that it has: those that begin so, or one by its whole name
-TOPICS = {
-    "/hood/motor": ("hood motor as last heard", ("inputs.hood_motor.",)),
-    "/hood/encoder": ("hood's absolute encoder as last heard", ("inputs.hood_angle.",)),
-    "/feeder": ("feeder motor as last heard", ("inputs.feeder.",)),
-    "/camera/sighting": ("what vision made of an image; distance from the lens to the target plane, bearing of the "
-                         "target to the right positive", ("inputs.sighting.",)),
-    "/battery": ("battery", ("estimate.battery_v",)),
-    "/estimate": ("state of the launcher as believed; distance from the ball's exit to the target plane",
-                  ("estimate.",)),
-    "/aim": ("set points", ("aim.",)),
-    "/verdict": ("FIRE or HOLD, and why", ("verdict.",)),
-    "/command": ("torques that the tick requested, at the motor shaft", ("command.",)),
-    "/sent": ("torques that went out after all limits", ("sent.",)),
-    "/operator": ("what the driver did, and how the robot stands", (
-        "inputs.buttons", "memory.armed", "memory.homed", "memory.trial", "memory.request_t_ns", "memory.feed_t_ns",
-        "memory.awaiting")),
-    "/faults": ("wires lost, frames refused, presses missed", ("inputs.faults", "inputs.missed", "inputs.unseen")),
-    "/shot": ("one ball fed, as known at that moment", ("shot.",)),
-}
+VIEWER: dict[str, Any] = tomllib.loads(Path(__file__).with_name("viewer.toml").read_text(encoding="utf-8"))
 FLYWHEEL = "inputs.flywheels."
 
 
@@ -143,9 +125,9 @@ def topics_of(columns: tuple[Column, ...]) -> Iterator[Topic]:
     """The topics that a flat tick of these columns has."""
     motors = dict.fromkeys(column.name.removeprefix(FLYWHEEL).partition(".")[0] for column in columns
                            if column.name.startswith(FLYWHEEL))
-    flywheels = {f"/flywheels/motor_{motor}": (f"flywheel motor {motor} as last heard", (f"{FLYWHEEL}{motor}.",))
+    flywheels = {f"/flywheels/motor_{motor}": (f"flywheel motor {motor} as last heard", f"{FLYWHEEL}{motor}.")
                  for motor in motors}
-    for name, (what, prefixes) in (flywheels | TOPICS).items():
+    for name, (what, *prefixes) in (flywheels | VIEWER["topics"]).items():
         fields = {_field(column.name, prefix): (at, column) for prefix in prefixes
                   for at, column in enumerate(columns)
                   if column.name == prefix or (prefix.endswith(".") and column.name.startswith(prefix))}

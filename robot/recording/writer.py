@@ -12,7 +12,6 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Protocol
 
 import msgspec
 import numpy as np
@@ -23,12 +22,11 @@ from truearc.errors import InputError, in_words
 from truearc.hw.protocols import NS_PER_S, CameraFrame, Clock, Frame, LinkLost
 from truearc.hw.real.processes import Capacity, Child, Inbox, Outbox, Slots
 from truearc.hw.reason import Reason
+from truearc.robot import runtime, types
 from truearc.robot.config.schema import Config
 from truearc.robot.reasons import DISK_ERROR, DISK_FULL, DISK_UNRESPONSIVE, RECORDER_UNRESPONSIVE, text
 from truearc.robot.recording.files import DISK_ERRNOS, NotKept, Row, SessionFiles, append_trials, session_contents
 from truearc.robot.recording.session import Header, encode_row, make_trials
-from truearc.robot.runtime import Second
-from truearc.robot.types import Sent, Tick
 
 BATCH_NS = 100_000_000                # handed over together: a wake-up a tick would cost the loop its rhythm
 SYNC_NS = 1_000_000_000               # a power cut may cost this much
@@ -90,7 +88,7 @@ class SessionWriter:
         """Keep one raw CAN frame; `sent` tells ours from the devices'."""
         self._frames.append((frame, sent))
 
-    def record(self, tick: Tick, sent: Sent) -> None:
+    def record(self, tick: types.Tick, sent: types.Sent) -> None:
         self._t_ns = t_ns = tick.inputs.t_ns
         self._is_out = tick.memory.awaiting or tick.memory.feed_t_ns != 0
         trials = list(map(encode_row, make_trials(tick)))
@@ -108,7 +106,7 @@ class SessionWriter:
     def keep_picture(self, picture: CameraFrame) -> None:
         self._keeper.keep_picture(picture)
 
-    def keep_lateness(self, second: Second) -> None:
+    def keep_lateness(self, second: runtime.Second) -> None:
         self._keeper.keep_lateness(encode_row(second))
 
     def close(self) -> None:
@@ -164,42 +162,8 @@ class Lane:
                 self._jobs.task_done()
 
 
-class Keeper(Protocol):
-    """Takes encoded rows, in this process or on their way to another. No method waits for a disk."""
-
-    failed: Exception | None          # after `close`: why not all has been kept
-
-    @property
-    def dropped(self) -> int:
-        """Batches, trials and pictures that are lost for good."""
-
-    def keep_rows(self, rows: list[Row]) -> None: ...
-
-    def keep_trial(self, row: bytes) -> None:
-        """Returns when the system has the row, or after MARK_S."""
-
-    def keep_picture(self, picture: CameraFrame) -> None: ...
-
-    def keep_lateness(self, row: bytes) -> None: ...
-
-    def sync(self) -> None:
-        """Have what was kept survive a power cut, soon."""
-
-    def push(self) -> None:
-        """Continue what is waiting; called once per tick."""
-
-    def trouble(self) -> Reason | None:
-        """Why what is recorded is not reaching the disk; None while it is."""
-
-    def is_gone(self) -> bool:
-        """Whether nothing more will ever be kept."""
-
-    def close(self) -> None:
-        """Write out what waits and close the files."""
-
-
 class LaneKeeper:
-    """A Keeper that writes the files of `folder` in three threads.
+    """A Keeper that writes the files of `folder` in three threads. It takes encoded rows; no method waits for a disk.
 
     Ticks and CAN frames are handed to the system as they come, trials at once. Pictures and every fsync, which may take
     long, have a thread to themselves, so that neither of the others waits for it. `lossless`: the caller always waits
@@ -209,7 +173,7 @@ class LaneKeeper:
 
     def __init__(self, folder: Path, contents: Mapping[str, bytes], lossless: bool, waits: bool = False,
                  longest: int = LONGEST) -> None:
-        self.failed: Exception | None = None
+        self.failed: Exception | None = None      # after `close`: why not all has been kept
         self._lossless = lossless
         self._files = SessionFiles(folder, contents, waits)
         self._ticks, self._trials, self._slow = (Lane(name, lossless, longest)
@@ -218,6 +182,7 @@ class LaneKeeper:
 
     @property
     def dropped(self) -> int:
+        """Batches, trials and pictures that are lost for good."""
         return sum(lane.dropped for lane in self._lanes)
 
     @property
@@ -229,6 +194,7 @@ class LaneKeeper:
         self._ticks.hand(partial(self._files.write_ticks, rows))
 
     def keep_trial(self, row: bytes) -> None:
+        """Returns when the system has the row, or after MARK_S."""
         written = threading.Event()
         self._trials.hand(partial(self._files.write_trial, row, written))
         written.wait(None if self._lossless else MARK_S)
@@ -241,21 +207,26 @@ class LaneKeeper:
         self._slow.hand(partial(self._files.write_lateness, row))
 
     def sync(self) -> None:
+        """Have what was kept survive a power cut, soon."""
         self._trials.hand(self._files.flush_trials)
         self._slow.hand(self._files.sync)
 
-    def push(self) -> None: ...
+    def push(self) -> None:
+        """Continue what is waiting; called once per tick."""
 
     def trouble(self) -> Reason | None:
+        """Why what is recorded is not reaching the disk; None while it is."""
         troubles = (self._files.unmade, *(lane.trouble for lane in self._lanes))
         if (error := next(filter(None, troubles), None)) is not None:
             return disk_trouble(error)
         return DISK_UNRESPONSIVE() if max(lane.waiting() for lane in self._lanes) > SLOW_JOBS else None
 
     def is_gone(self) -> bool:
+        """Whether nothing more will ever be kept."""
         return False
 
     def close(self) -> None:
+        """Write out what waits and close the files."""
         self._ticks.hand(self._files.finish)
         for lane in self._lanes:
             lane.close()
@@ -290,41 +261,20 @@ CLOSE_S, LONGEST_S = 10.0, 60.0       # for all that waits to be written: since 
 PENDING_BYTES = 64 << 20              # for a recorder that takes nothing: over two minutes of ticks
 
 
-class Open(Struct, frozen=True, tag="open"):
-    """The first message: what to make, and the files that do not grow."""
+class Message(Struct, frozen=True, omit_defaults=True):
+    """What the recorder is to do, and with what: a method of its keeper; or "open", which comes first, or "end".
 
-    folder: str
-    contents: dict[str, bytes]
+    Without an "end" the control process has died, and what came before is kept all the same.
+    """
 
-
-class RecorderRows(Struct, frozen=True, tag="rows"):
-    rows: list[Row]
-
-
-class TrialRow(Struct, frozen=True, tag="trial"):
-    row: bytes
-
-
-class PictureRow(Struct, frozen=True, tag="picture"):
-    t_ns: int
-    height: int
-    width: int
-    pixels: memoryview
-
-
-class LatenessRow(Struct, frozen=True, tag="lateness"):
-    row: bytes
-
-
-class Sync(Struct, frozen=True, tag="sync"):
-    pass
-
-
-class End(Struct, frozen=True, tag="end"):
-    """The last message. Without it the control process has died, and what came before is kept all the same."""
-
-
-Message = Open | RecorderRows | TrialRow | PictureRow | LatenessRow | Sync | End
+    do: str
+    folder: str = ""
+    contents: dict[str, bytes] = {}   # of "open": the files that do not grow
+    rows: list[Row] = []
+    row: bytes = b""
+    t_ns: int = 0                     # of a picture
+    shape: tuple[int, int] = (0, 0)   # height, width
+    pixels: memoryview | None = None
 
 
 class Status(Struct, frozen=True):
@@ -357,7 +307,7 @@ class Desk:
         self._is_over = False
 
     def serve(self, mail: Inbox) -> None:
-        """Handle messages until End, or until the sender is gone."""
+        """Handle messages until the end, or until the sender is gone."""
         while not self._is_over:
             self._slots.beat(self._clock.now_ns())
             try:
@@ -382,26 +332,23 @@ class Desk:
             closing.join(LOOK_S)
 
     def _handle(self, message: Message) -> None:
-        if isinstance(message, Open):
-            return self._open(Path(message.folder), message.contents)
-        if isinstance(message, End) or self._keeper is None:
+        if message.do == "open":
+            self._open(Path(message.folder), message.contents)
+        elif message.do == "end" or self._keeper is None:
             self._is_over = True
-            return None
-        match message:
-            case RecorderRows(rows):
-                self._keeper.keep_rows(rows)
-                self._show(rows)
-            case TrialRow(row):
-                self._keeper.keep_trial(row)
-                self._tell(self._status())        # at once: a tick waits for it
-            case PictureRow(t_ns, height, width, pixels):
-                image = np.frombuffer(pixels, dtype=np.uint8).reshape(height, width, 3)
-                self._keeper.keep_picture(CameraFrame(t_ns, image))
-            case LatenessRow(row):
-                self._keeper.keep_lateness(row)
-            case Sync():
-                self._keeper.sync()
-        return None
+        elif message.do == "keep_rows":
+            self._keeper.keep_rows(message.rows)
+            self._show(message.rows)
+        elif message.do == "keep_trial":
+            self._keeper.keep_trial(message.row)
+            self._tell(self._status())            # at once: a tick waits for it
+        elif message.pixels is not None:
+            image = np.frombuffer(message.pixels, dtype=np.uint8).reshape(*message.shape, 3)
+            self._keeper.keep_picture(CameraFrame(message.t_ns, image))
+        elif message.do == "keep_lateness":
+            self._keeper.keep_lateness(message.row)
+        else:
+            self._keeper.sync()
 
     def _open(self, folder: Path, contents: dict[str, bytes]) -> None:
         try:
@@ -448,7 +395,7 @@ class FarKeeper:
         self._lost = 0
         self._trials: deque[bytes] = deque()      # not reported as kept
         self._trials_kept = 0
-        self._send(Open(str(folder), dict(contents)))
+        self._send(Message("open", str(folder), dict(contents)))
         self._wait(OPEN_S, lambda: self._status().is_open or bool(self._newest.failed))
         if not self._newest.is_open:
             raise InputError(self._newest.failed or text(self._process.trouble or RECORDER_UNRESPONSIVE()))
@@ -458,23 +405,23 @@ class FarKeeper:
         return self._lost + self._status().dropped
 
     def keep_rows(self, rows: list[Row]) -> None:
-        self._send_if_room(RecorderRows(rows))
+        self._send_if_room(Message("keep_rows", rows=rows))
 
     def keep_trial(self, row: bytes) -> None:
         self._trials.append(row)
-        self._send(TrialRow(row))
+        self._send(Message("keep_trial", row=row))
         self._wait(MARK_S, lambda: not self._unkept())
 
     def keep_picture(self, picture: CameraFrame) -> None:
         height, width, _ = picture.image.shape
         pixels = np.ascontiguousarray(picture.image).reshape(-1).data
-        self._send_if_room(PictureRow(picture.t_ns, height, width, pixels))
+        self._send_if_room(Message("keep_picture", t_ns=picture.t_ns, shape=(height, width), pixels=pixels))
 
     def keep_lateness(self, row: bytes) -> None:
-        self._send_if_room(LatenessRow(row))
+        self._send_if_room(Message("keep_lateness", row=row))
 
     def sync(self) -> None:
-        self._send_if_room(Sync())
+        self._send_if_room(Message("sync"))
 
     def push(self) -> None:
         self._sender.push()
@@ -491,7 +438,7 @@ class FarKeeper:
         return self._process.is_gone()
 
     def close(self) -> None:
-        self._send(End())
+        self._send(Message("end"))
         self._wait(LONGEST_S, lambda: self._status().is_done or self._silent_s() > CLOSE_S)
         words = self._newest.failed if self._newest.is_done else text(self.trouble() or RECORDER_UNRESPONSIVE())
         self._process.close(CLOSE_S if self._newest.is_done else 0.0)     # from here on no process has the files open
@@ -534,3 +481,6 @@ class FarKeeper:
         while not true() and not self._process.trouble and (now_ns := self._clock.now_ns()) < end_ns:
             self._sender.push()
             self._clock.sleep_until_ns(now_ns + LOOK_NS)
+
+
+Keeper = LaneKeeper | FarKeeper

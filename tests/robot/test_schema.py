@@ -22,7 +22,7 @@ from truearc.cli.common import CAMERAS, SHIPPED, load_any_rig, load_camera
 from truearc.cli.vision_images import load_image
 from truearc.errors import InputError, unknown_keys
 from truearc.robot.aim_file import load_aim
-from truearc.robot.config.limits import LIMITS, Limit, narrowest, numbers
+from truearc.robot.config.limits import Limit, load_limits, narrowest, numbers
 from truearc.robot.config.rig_spec import TERMS, Rig
 from truearc.robot.config.schema import Config, config_hash, is_hash_of, load_config, parse_toml, read_axis
 from truearc.robot.doctor import load_endpoints
@@ -35,6 +35,8 @@ from truearc.sim.data.files import load_rig
 from truearc.sim.discover.finding import load_record as load_finding
 from truearc.sim.paper.network import load_json
 from truearc.sim.physics.catalogue import BUILT_IN
+
+LIMITS = load_limits()
 
 TEXT = SHIPPED.read_text(encoding="utf-8")
 RIG = Path(__file__).parents[2] / "examples" / "spreadsheet" / "rig.toml"

@@ -12,8 +12,7 @@ from pathlib import Path
 
 from truearc.errors import INSTALL_HINTS, InputError, load_text
 from truearc.robot import deploy as target
-from truearc.robot.config.named_tables import distribution_of_table
-from truearc.robot.config.schema import Config, load_config
+from truearc.robot.config import named_tables, schema
 
 SOURCE = Path(__file__).parents[2]
 KEPT = target.RECORDING.strip().splitlines()[2:]
@@ -50,7 +49,7 @@ def deploy(args: argparse.Namespace) -> int:
     """
     if not re.fullmatch(r"([A-Za-z0-9_][A-Za-z0-9._-]*@)?[A-Za-z0-9][A-Za-z0-9.-]*", args.host):
         raise InputError(f"{args.host!r}: not user@host")
-    config = load_config(args.config)
+    config = schema.load_config(args.config)
     if args.gate:
         from truearc.robot.gate import load_gate
         load_gate(args.gate)                      # a model that the robot would refuse is refused here
@@ -106,9 +105,9 @@ def _wheels(folder: Path | None) -> list[Path]:
     return found
 
 
-def _ours(config: Config) -> list[Path]:
+def _ours(config: schema.Config) -> list[Path]:
     """Folders of this checkout with the distributions that the configuration needs."""
-    named = dict.fromkeys(map(distribution_of_table, config.readings))
+    named = dict.fromkeys(map(named_tables.distribution_of_table, config.readings))
     return [SOURCE / name.removeprefix("truearc-") for name in named if name in INSTALL_HINTS]
 
 

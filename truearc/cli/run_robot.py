@@ -28,23 +28,19 @@ from truearc.hw.real.clock import MonotonicClock, wall_clock, wall_offset_ns
 from truearc.hw.real.system import ServiceManager, ask_core, ask_fifo, ask_fifo_beside, ask_locked_memory
 from truearc.hw.real.wires import MendedStream, open_serial
 from truearc.hw.reason import Reason
-from truearc.robot.aim_file import AimFile, load_aim_for, load_plan, needs_aim, with_plan
+from truearc.robot import aim_file, motors, reasons, sysid, types
 from truearc.robot.config.schema import Config, load_config, with_ports
 from truearc.robot.eyes import Eyes, NoEyes, open_their_screens, sources_of
 from truearc.robot.gate import load_gate
-from truearc.robot.motors import guard, make_motors
 from truearc.robot.operator_ui import parse_page
 from truearc.robot.operator_ui.aim_inbox import AimInbox, OfferingRig
 from truearc.robot.operator_ui.server import open_page
-from truearc.robot.reasons import text
 from truearc.robot.recording.files import DISK_ERRNOS, TappedBus
 from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import HardwareRig, RecordingRig
 from truearc.robot.runtime import Lateness, RobotIo, TimedRig, WatchedRig, open_screens, run
-from truearc.robot.sysid import POLICY, make_step, phases, say
 from truearc.robot.tick import step
-from truearc.robot.types import Progress, Sent, Tick
 
 if TYPE_CHECKING:
     from truearc.sim.world.emulated_robot import MakeNodes
@@ -69,17 +65,17 @@ def run_robot(args: argparse.Namespace) -> int:
     """Run until a signal ends it; args: those of `truearc run`."""
     parse_page(args.page)
     config = with_ports(load_config(args.config), args.can, args.buttons, args.camera)
-    config = with_plan(config, load_plan(args.plan, config) if args.plan else (), args.repeats)
-    make_motors(config)               # refuses two axes that are one device, before there is a folder
+    config = aim_file.with_plan(config, aim_file.load_plan(args.plan, config) if args.plan else (), args.repeats)
+    motors.make_motors(config)               # refuses two axes that are one device, before there is a folder
     gate = None if args.gate is None else load_gate(args.gate)
     if config.gate.policy == "model" and gate is None:
         raise InputError(f"{args.config}: gate.policy is 'model', so --gate is needed")
     if config.gate.policy != "model" and gate is not None:
         _say(f"{args.config} has gate.policy {config.gate.policy!r}: the model is asked, not obeyed")
-    aims = {} if args.aim is None else {"": load_aim_for(args.aim, config)}
-    if needs_aim(config) != bool(aims):
+    aims = {} if args.aim is None else {"": aim_file.load_aim_for(args.aim, config)}
+    if aim_file.needs_aim(config) != bool(aims):
         raise InputError(f"{args.config}: aim.policy is {config.aim.policy!r}, so --aim is "
-                         + ("needed" if needs_aim(config) else "not used"))
+                         + ("needed" if aim_file.needs_aim(config) else "not used"))
     started = wall_clock()
     folder = make_room(args.out, started)
     ending = Ending()
@@ -119,7 +115,7 @@ def run_robot(args: argparse.Namespace) -> int:
     return 0
 
 
-def _offering(args: argparse.Namespace, config: Config, session: Path, aims: dict[str, AimFile], rig: RobotIo,
+def _offering(args: argparse.Namespace, config: Config, session: Path, aims: dict[str, aim_file.AimFile], rig: RobotIo,
               wires: ExitStack) -> RobotIo:
     """That rig, with the offers of --aim-inbox in its inputs."""
     if args.aim_inbox is None:
@@ -188,7 +184,7 @@ def open_bus(config: Config, clock: Clock, wires: ExitStack, tally: Counter[str]
     wires.callback(supervised.close)
     if supervised.lost is not None:
         _say(f"{LinkLost(supervised.lost)}: holding until it can be opened")
-    return guard(supervised, config, clock, tally)
+    return motors.guard(supervised, config, clock, tally)
 
 
 def _ask_for_real_time(args: argparse.Namespace) -> None:
@@ -221,18 +217,18 @@ class Watch:
 
     def __init__(self, recorder: SessionWriter, config: Config, tell: Say) -> None:
         self.over: Reason | None = None
-        self._recorder, self._program, self._tell = recorder, phases(config), tell
+        self._recorder, self._program, self._tell = recorder, sysid.phases(config), tell
         self._told: Reason | None = None
 
-    def record(self, tick: Tick, sent: Sent) -> None:
+    def record(self, tick: types.Tick, sent: types.Sent) -> None:
         self._recorder.record(tick, sent)
         progress = tick.memory.identify
-        assert isinstance(progress, Progress)
+        assert isinstance(progress, types.Progress)
         self.over = progress.over
-        reason = say(progress, self._program)
+        reason = sysid.say(progress, self._program)
         if reason != self._told:
             self._told = reason
-            self._tell(text(reason))
+            self._tell(reasons.text(reason))
 
     def keep_picture(self, picture: CameraFrame) -> None: ...
 
@@ -240,14 +236,14 @@ class Watch:
 def open_recorder(folder: Path, config: Config, started: str | None, lossless: bool) -> SessionWriter:
     """Open a session whose header says that it records a sysid program, not shots."""
     offset_ns = UNSET if started is None else wall_offset_ns()
-    header = replace(make_header(config, None, started, wall_offset_ns=offset_ns), policy=POLICY)
+    header = replace(make_header(config, None, started, wall_offset_ns=offset_ns), policy=sysid.POLICY)
     return SessionWriter(folder, header, config, None, lossless)
 
 
 def drive_robot(config: Config, folder: Path | None, tell: Say) -> Path:
     """Drive the real launcher until the program is over or Ctrl-C; returns the session's folder."""
-    make_motors(config)               # refuses two axes that are one device, before there is a folder
-    step, ending, started = make_step(config), Ending(), wall_clock()
+    motors.make_motors(config)               # refuses two axes that are one device, before there is a folder
+    step, ending, started = sysid.make_step(config), Ending(), wall_clock()
     folder = folder or Path("sessions") / started.replace(":", "")
     with ExitStack() as wires:
         clock = MonotonicClock()
@@ -271,7 +267,7 @@ def drive_twin(config: Config, folder: Path, world: "World", tell: Say, presses:
                nodes_of: "MakeNodes | None" = None) -> Reason | None:
     """Drive `world` until the program is over; returns how it ended. `nodes_of` makes devices other than its own."""
     from truearc.sim.world.emulated_robot import check_emulated, emulated_rig, make_nodes
-    step, box, left = make_step(check_emulated(config)), open_button_box(), list(presses)
+    step, box, left = sysid.make_step(check_emulated(config)), open_button_box(), list(presses)
 
     def operate(t_ns: int) -> None:
         while left and left[0][0] <= t_ns:

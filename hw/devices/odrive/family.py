@@ -17,24 +17,21 @@ from typing import Annotated
 from msgspec import Meta
 from msgspec.structs import replace
 
+from truearc.hw import codec, fault_codes, reason
 from truearc.hw.bus_rules import Rules, allow, allow_seldom, kinds_of
-from truearc.hw.codec import DBC
-from truearc.hw.devices import family
-from truearc.hw.devices.drivers import AskedMotor
+from truearc.hw.devices import drivers, family
 from truearc.hw.devices.family import Axis, Finding, Heard, failure, ok, warning
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.emulator import SETTINGS, OdriveNode, OdriveSettings
 from truearc.hw.devices.odrive.frames import OdriveAxis
-from truearc.hw.fault_codes import BY_NAME
 from truearc.hw.protocols import NS_PER_MS, BadFrame, Frame, MotorReading, Order
-from truearc.hw.reason import listed
 
 RETRY_NS = 100_000_000                # how often orders to come up or to let go are repeated: a frame may be lost
 ENDSTOP_NS = 50_000_000               # an answer about the limit switch is good for; then it is asked until it answers
 FEED_NS = 25_000_000                  # an unchanged torque is repeated this often: the watchdog wants to hear it
 
 
-class OdriveMotor(AskedMotor):
+class OdriveMotor(drivers.AskedMotor):
     """A Motor that is given torques. Its errors stand until it is wanted again: arming is the operator's re-arm.
 
     Released, or while its readings come too late, it is ordered to give no torque and to go idle, whatever it says of
@@ -233,7 +230,7 @@ def check_errors(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
         return failure(check, f"sends what cannot be ({refused[-1]})",
                        "look at the wiring and at whether another device has its node id")
     if reading.axis_error:
-        return warning(check, listed(odrive.errors_of(reading.axis_error), BY_NAME),
+        return warning(check, reason.listed(odrive.errors_of(reading.axis_error), fault_codes.BY_NAME),
                        "arming clears errors; one that comes back has a cause")
     if reading.heartbeat_t_ns == 0:
         return failure(check, "no heartbeat says how it is", "set the axis's heartbeat to 100 ms")
@@ -390,7 +387,7 @@ def _refuse(axis: OdriveAxis, endpoints: family.Endpoints, heard: Heard) -> str:
 
 
 ODRIVE = family.MotorFamily(
-    driver="odrive", axis=OdriveConfig, example=OdriveConfig(4, 1, 0), dbc=DBC / "odrive.dbc", is_commanded=True,
+    driver="odrive", axis=OdriveConfig, example=OdriveConfig(4, 1, 0), dbc=codec.DBC / "odrive.dbc", is_commanded=True,
     make_motors=make_motors, make_rules=make_rules,
     errors=lambda axis, motor: odrive.errors_of(motor.axis_error),
     is_driven=lambda axis, motor: motor.axis_state == odrive.CLOSED_LOOP, questions=questions, examine=examine,

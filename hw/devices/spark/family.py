@@ -10,8 +10,7 @@ from msgspec.structs import replace
 
 from truearc.hw.bus_rules import Rules, allow, allow_seldom, kinds_of
 from truearc.hw.codec import DBC
-from truearc.hw.devices import family
-from truearc.hw.devices.drivers import DcMotor, RoundTrip, older
+from truearc.hw.devices import drivers, family
 from truearc.hw.devices.family import Axis, Finding, Heard, failure, ok, warning
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
@@ -102,7 +101,7 @@ class SparkConfig(spark.SparkAxis, Axis, frozen=True, forbid_unknown_fields=True
 
 def make_motors(axes: Sequence[SparkConfig], bounds: Sequence[family.Bounds]) -> tuple[SparkMotor, ...]:
     heartbeat = SparkHeartbeat()
-    return tuple(SparkMotor(axis, DcMotor(axis.stall_torque_nm, axis.free_speed_rad_s, axis.rated_v), heartbeat,
+    return tuple(SparkMotor(axis, drivers.DcMotor(axis.stall_torque_nm, axis.free_speed_rad_s, axis.rated_v), heartbeat,
                             spark.settings(axis, one, axis.torque_nm_a))
                  for axis, one in zip(axes, bounds, strict=True))
 
@@ -148,7 +147,7 @@ class SparkEncoder(family.Encoder):
     def __init__(self, table: SparkEncoderConfig) -> None:
         self._axis = _axis(table)
         self._setup = SparkSetup(self._axis, spark.ENCODER_STATUSES, _settings(table)) if table.period_ms else None
-        self._trip = RoundTrip(spark.name_of(self._axis)) if table.period_ms else None
+        self._trip = drivers.RoundTrip(spark.name_of(self._axis)) if table.period_ms else None
         # a setting of its own, confirmed once more: its device may be a motor's, which is asked something else
         self._question = spark.make_setting(self._axis, spark.DUTY_FACTOR, 1.0)
         takers = {} if self._setup is None else {**self._setup.takers, "PARAMETER_WRITE_RESPONSE": self._take_setting}
@@ -163,7 +162,7 @@ class SparkEncoder(family.Encoder):
             taker(frame)
         elif self._setup is None or self._setup.is_ready:
             late_ns = 0 if self._trip is None else self._trip.late_ns
-            self.reading = spark.parse_angle(self._axis, older(frame, late_ns), self.reading)
+            self.reading = spark.parse_angle(self._axis, drivers.older(frame, late_ns), self.reading)
 
     def faults(self, t_ns: int) -> tuple[Reason, ...]:
         if self._setup is None or self._trip is None:
