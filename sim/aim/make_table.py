@@ -230,8 +230,7 @@ def on_the_move(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, moto
         return _given(rig, belief, distance_m, hood_deg, motor_ratio * np.exp(np.clip(np.nan_to_num(log), -1.0, 1.0)))
 
     def along_m(log: Rows, along: float) -> Rows:
-        height_m = _height(rig, values, faster(log), distance_m + carry_s * along, along, among)
-        return np.asarray(height_m - at_rest_m)
+        return np.asarray(_height(rig, values, faster(log), distance_m + carry_s * along, along, among) - at_rest_m)
 
     def across_m(log: Rows) -> Rows:
         flown = np.asarray(_place(rig, values, faster(log), flight_s, 0.0, PROBE_M_S, among))
@@ -366,8 +365,7 @@ def _segment(rows: Sequence[AimRow], moving: Float[np.ndarray, "n 5"]) -> Segmen
     known = np.flatnonzero(np.isfinite(moving).all(axis=1))
     if len(known) < 2 or np.ptp(known) != len(known) - 1:
         return Segment(tuple(map(float, x)), hood, ratio, lead)
-    filled = moving[np.clip(np.arange(len(x)), known[0], known[-1])]
-    carry, sideways, trim, bend, sink = map(curve, filled.T)
+    carry, sideways, trim, bend, sink = map(curve, moving[np.clip(np.arange(len(x)), known[0], known[-1])].T)
     return Segment(tuple(map(float, x)), hood, ratio, lead,
                    Motion(carry, sideways, trim, bend, sink, float(x[known[0]]), float(x[known[-1]])))
 

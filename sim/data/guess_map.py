@@ -99,8 +99,7 @@ def _score(series: Series, said: list[str], column: str, nouns: Set[str], kinds:
     values = (np.asarray(series.values, dtype=float) - zero) * scale
     values = np.abs(values[np.isfinite(values)]) if column == MOTOR else values[np.isfinite(values)]
     low, high = PLAUSIBLE_RAD_S if column == MOTOR else cols.RANGES[column]
-    top = values.max(initial=-np.inf)
-    if not (low <= top <= high) or (column != MOTOR and values.min() < low):
+    if not (low <= values.max(initial=-np.inf) <= high) or (column != MOTOR and values.min() < low):
         return 0.0
     varies = len(np.unique(values[:2000])) > 3
     return (1.0 + (factor is not None) + varies + 0.5 * len(nouns & set(said)) + (said[-1] in nouns | kinds)
@@ -268,8 +267,7 @@ def _meaning(scored: Series, shots_s: Floats) -> tuple[dict[str, str], str]:
 
     A state falls by the outcome of a later shot. A pulse falls by itself, whatever comes next.
     """
-    edges = scored.changes()
-    rose, fell = _edges(edges)
+    rose, fell = _edges(scored.changes())
     state = [bool(((shots_s > up) & (shots_s < down - PULSE_S[0])).any()) for up, down in zip(rose, fell, strict=True)]
     if len(state) >= FALLS and all(state) and (fell - rose > PULSE_S[1]).all():
         return {"true": "hit", "false": "miss"}, "true is a hit, false a miss"
@@ -403,8 +401,7 @@ class _Guessing:
         self.lines += said
         if self.free:
             self.lines.append(f"not used: {', '.join(self.free)}")
-        shot_map = ShotMap(maps.SCHEMA, rows="shot", columns={**self.columns}, outcome=outcome)
-        return Guess(shot_map, tuple(self.lines))
+        return Guess(ShotMap(maps.SCHEMA, rows="shot", columns={**self.columns}, outcome=outcome), tuple(self.lines))
 
     def _take(self, column: str, key: str, unit: str = "", note: str = "") -> None:
         self.columns[column] = Signal(self._key(key), unit=unit)
@@ -431,8 +428,7 @@ class _Guessing:
         self._take(column, key, suffix, f", in {suffix}" if suffix else "")
 
     def _take_needed(self, column: str) -> bool:
-        instead = INSTEAD.get(column, ())
-        if column in self.columns or any(one in self.columns for one in instead):
+        if column in self.columns or any(one in self.columns for one in INSTEAD.get(column, ())):
             return True
         if column == MOTOR and any(maps.WHEEL.fullmatch(one) for one in self.columns):
             return True

@@ -103,8 +103,7 @@ class Reading:
     def _finite(self, series: Series) -> Series:
         """A speed without the samples that are not finite, or that no wheel can have; their number is said."""
         values = np.asarray(series.values, dtype=float)
-        kept = np.isfinite(values)
-        series = self._without(series, kept, "that are not finite")
+        series = self._without(series, np.isfinite(values), "that are not finite")
         return self._without(series, ~spikes(np.asarray(series.values, dtype=float)), "far above both neighbours")
 
     def _without(self, series: Series, kept: np.ndarray, what: str) -> Series:

@@ -116,8 +116,7 @@ def load_table(path: Path, problems: Problems) -> RawTable:
 def parse_csv(text: str, path: Path, problems: Problems) -> RawTable:
     """Cells of CSV text with a header; empty cells are None. Blank lines, and empty columns behind the last that has a
     name, are skipped."""
-    mark = _separator(text, path)
-    rows = _rows(text, path, mark)
+    rows = _rows(text, path, _separator(text, path))
     top, header = next(rows, (1, []))
     width = len(header)
     while header and not header[-1].strip():              # spreadsheets write empty columns behind the last

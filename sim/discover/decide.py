@@ -180,8 +180,8 @@ def decide(fitted: LauncherFit, place: Place | None, search: Search, progress: P
         if not out_of_nature(pair, first.refit):                                                # row 8
             two = take_apart(fitted, first, pair, part_of(progress, 0.5, 0.3))
             return (*map(as_named, two.steps), *_beside_both(two.both, two.names, search, part_of(progress, 0.8, 0.2)))
-    rest = rest_beside(named, search.where(named, left), first.naming.leader, change)           # row 6
-    return (first, *map(as_unknown, rest))
+    # row 6
+    return (first, *map(as_unknown, rest_beside(named, search.where(named, left), first.naming.leader, change)))
 
 
 def _beside_both(both: LauncherFit, names: tuple[str, ...], search: Search, progress: Progress) -> tuple[Step, ...]:
@@ -223,8 +223,7 @@ def says_nothing(naming: Naming) -> bool:
 def holds_more(posterior: Hypotheses) -> bool:
     """Whether two things are likelier than one, and that by the data: pairs have their share of the prior."""
     one, more = posterior.share("one"), posterior.share("two") + posterior.share("both")
-    prior = (SHARES["two"] + SHARES["both"]) / SHARES["one"]
-    return more >= MORE and more > MORE_ODDS * prior * one
+    return more >= MORE and more > MORE_ODDS * ((SHARES["two"] + SHARES["both"]) / SHARES["one"]) * one
 
 
 def credible_set(naming: Naming, posterior: Hypotheses | None, beside: bool = False) -> tuple[str, ...]:

@@ -260,8 +260,7 @@ def _as_aimed(evidence: ScoreTable, seed: int) -> ScoreTable:
         return evidence
     rng = np.random.default_rng(seed)
     aside = rng.choice((-1.0, 1.0), len(plane.mean_m)) * rng.uniform(*ASIDE, len(plane.mean_m))
-    aimed = replace(evidence, plane=replace(plane, mean_m=aside * plane.spread_m))
-    return aimed.moved(np.zeros_like(evidence.score))
+    return replace(evidence, plane=replace(plane, mean_m=aside * plane.spread_m)).moved(np.zeros_like(evidence.score))
 
 
 @dataclass(frozen=True)

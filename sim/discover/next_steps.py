@@ -201,8 +201,7 @@ def chance_of_name(contest: Contest, more: Information, seed: int) -> float:
 
 
 def _stands_alone(nats: Float[Array, "draws K"], truth: Int[Array, " draws"]) -> float:
-    chance = softmax(nats, axis=1)
-    return float(np.mean(chance[np.arange(len(truth)), truth] >= SURE))
+    return float(np.mean(softmax(nats, axis=1)[np.arange(len(truth)), truth] >= SURE))
 
 
 def _random_equal(contest: Contest, more: Information) -> int | None:

@@ -201,8 +201,7 @@ def _read_curve(place: str, table: Any) -> Curve:
         curve = msgspec.convert(table, Curve)
     except msgspec.ValidationError as error:
         raise InputError(f"{place}: {reworded(str(error), table)}") from error
-    numbers = (*curve.value, *curve.at, curve.otherwise)
-    if not np.isfinite(numbers).all():
+    if not np.isfinite((*curve.value, *curve.at, curve.otherwise)).all():
         raise InputError(f"{place}: a number in it is not finite")
     if curve.covariate and len(curve.value) != len(curve.levels or curve.at):
         raise InputError(f"{place}.value: {len(curve.value)} of them for {len(curve.levels or curve.at)} places")

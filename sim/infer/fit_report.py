@@ -161,8 +161,7 @@ def say_evidence(fit: MapFit) -> Iterable[str]:
     intake = fit.fitted.model.data
     used = ", ".join(f"{count} {EVIDENCE[kind]}" for kind, count in intake.used.items())
     yield f"fitted to {len(intake.rows)} of {len(fit.dataset.shots)} shots: {used}"
-    numbers = dict(zip((one.name for one in fit.scores.columns), fit.scores.point, strict=True))
-    wider = numbers.get("scatter.track")
+    wider = dict(zip((one.name for one in fit.scores.columns), fit.scores.point, strict=True)).get("scatter.track")
     if intake.scatter is not None and wider is not None:
         own_m = dict(zip("xyz", intake.scatter.sigma_m, strict=True))
         noise = ", ".join(f"{axis} {1000.0 * size:.2g}" for axis, size in own_m.items() if size < UNMEASURED_M)

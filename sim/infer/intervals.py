@@ -139,8 +139,7 @@ class _Profile:
             right = float(np.clip(Z90 / max(root, 1e-9), 1.0 / MOST_PUT_RIGHT, MOST_PUT_RIGHT))
             exact = sign * min(sign * (self.middle + (exact - self.middle) * right), sign * limit)
         lost = held.cost - self.ground.cost
-        by_data = lost - (held.by_prior - self.ground.by_prior) > 0.5 * lost
-        return exact, by_data, True
+        return exact, lost - (held.by_prior - self.ground.by_prior) > 0.5 * lost, True
 
 
 def profile_interval(fit: MapFit, name: str) -> ProfileInterval:
@@ -249,8 +248,7 @@ def pool_normal(said: Said, seed: int = 0) -> Pooling:
 def _marginal(said: Said, tau: Float[Array, "d k"]) -> tuple[Float[Array, " d"], Float[Array, "d k"],
                                                               Float[Array, "d k k"]]:
     """(log evidence up to a constant, mean and covariance of mu) by each of the `tau`."""
-    one = np.eye(len(said.centre))
-    inner = one + said.information * (tau**2)[:, None, None, :]
+    inner = np.eye(len(said.centre)) + said.information * (tau**2)[:, None, None, :]
     solved = np.linalg.solve(inner, np.concatenate([said.information, said.onto[..., None]], axis=2)[None])
     precision = solved[..., :-1].sum(1) + np.diag(said.sd**-2.0)
     pull = solved[..., -1].sum(1) + said.centre / said.sd**2
@@ -329,5 +327,4 @@ def _prior(fit: MapFit) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
 def _positive(matrix: Float[Array, "p p"]) -> Float[Array, "p p"]:
     """Without what rounding made negative."""
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    kept: Array = (vectors * np.maximum(values, 0.0)) @ vectors.T
-    return kept
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)

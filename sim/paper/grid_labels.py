@@ -482,8 +482,7 @@ def fly_pairs(flyer: Flyer, cd: np.ndarray, cl: np.ndarray) -> np.ndarray:
         pairs = np.arange(first, min(first + block, len(cd)))
         row = np.repeat(pairs, launches)
         height, gap, under = flyer.fly(np.tile(np.arange(launches), len(pairs)), cd[row], cl[row], SHORT)
-        missed = (gap > 0.0) | under
-        height_m[pairs] = np.where(missed, np.nan, height)[:len(row)].reshape(-1, launches)
+        height_m[pairs] = np.where((gap > 0.0) | under, np.nan, height)[:len(row)].reshape(-1, launches)
 
     with ThreadPoolExecutor(usable_cores()) as pool:
         list(pool.map(one, range(0, len(cd), block)))

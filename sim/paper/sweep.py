@@ -76,8 +76,7 @@ def label_grid(rig: Rig, coefficients: Mapping[str, Mapping[str, float]],
     """
     opening = opening_of(rig, coefficients, among)     # a rig without target: no work
     shots = grid_shots(np.arange(np.prod(SHAPE)))
-    before = before_the_shot(curves, rig, shots)
-    flown = predict(rig, coefficients, shots, progress, before, among, STEP_S)
+    flown = predict(rig, coefficients, shots, progress, before_the_shot(curves, rig, shots), among, STEP_S)
     return classify(rig, np.asarray(flown.height_m), opening)
 
 
@@ -143,8 +142,7 @@ def write_synthetic(directory: str | Path, rig: Rig, coefficients: str | Path, n
     """
     out = check_free(directory)
     belief = load_belief(coefficients, among)
-    recorded = None if exclude is None else exclude.shots
-    shots = synthesise(rig, belief, n, recorded, seed, progress)
+    shots = synthesise(rig, belief, n, None if exclude is None else exclude.shots, seed, progress)
     save_dataset(out, Dataset(out.name, rig, shots))
     shutil.copyfile(coefficients, out / "coefficients.toml")
     provenance = {"version": version("truearc"), "seed": seed, "coefficients": belief.coefficients,
@@ -234,8 +232,7 @@ def settings_of(sizes: Sequence[int], weights: Sequence[float]) -> list[SweepSet
     for weight in weights:
         if not 0.0 <= weight < math.inf:
             raise InputError(f"--lambdas: {weight} is not 0 or more")
-    settings = [SweepSetting(size, weight if size else 0.0) for size in sizes for weight in weights]
-    return list(dict.fromkeys(settings))
+    return list(dict.fromkeys([SweepSetting(size, weight if size else 0.0) for size in sizes for weight in weights]))
 
 
 def plan(real: Rows, simulated: Rows | None, settings: Sequence[SweepSetting], seeds: Sequence[int], holdout: float,

@@ -334,8 +334,7 @@ def _step(law: Law, like: BallState, start: tuple[Any, ...], step_m: Any) -> tup
 
     zero = jax.tree.map(jnp.zeros_like, start)
     weights = (jnp.array(AHEAD), jnp.array(SHARE))
-    first = (start, zero, full(like, start).velocity_m_s.x)
-    _, total, slowest_m_s = lax.scan(stage, first, weights)[0]
+    _, total, slowest_m_s = lax.scan(stage, (start, zero, full(like, start).velocity_m_s.x), weights)[0]
     return jax.tree.map(lambda begin, part: begin + step_m * part, start, total), slowest_m_s
 
 

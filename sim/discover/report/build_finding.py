@@ -138,8 +138,7 @@ def _improbable(fitted: LauncherFit, steps: Sequence[Step]) -> dict[str, float]:
     are what a missing effect moves."""
     if not steps:
         return improbable(fitted.model.layout, fitted.scores.point)
-    last = next((step.refit for step in reversed(steps) if not step.unknown), None)
-    found = last or fitted
+    found = next((step.refit for step in reversed(steps) if not step.unknown), None) or fitted
     return {name: value for name, value in improbable(found.model.layout, found.scores.point).items()
             if name.startswith("track_") and name not in found.names}
 
@@ -245,8 +244,7 @@ def _results(evidence: ScoreTable, asked: Asked, judged: Judged, false_alarm: fl
         rank = (max(result.p_value, false_alarm), -result.log_gain)
         if key not in best or rank < best[key][0]:
             best[key] = (rank, result)
-    ordered = sorted(best.items(), key=lambda item: item[1][0])[:SHOWN]
-    return {key: result for key, (_, result) in ordered}
+    return {key: result for key, (_, result) in sorted(best.items(), key=lambda item: item[1][0])[:SHOWN]}
 
 
 def _fit(fitted: LauncherFit, steps: Sequence[Step]) -> FitSummary:

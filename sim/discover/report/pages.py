@@ -43,8 +43,7 @@ def sight_lines(sight: Sight, among: Catalogue | None = None) -> list[str]:
     """The table on the terminal."""
     lines = [sight_sentence(sight), ""]
     head = ("effect", "stage", "usual size", "left", "shots needed", "like")
-    rows = [_row(one, among) for one in sight.terms if one.shots_needed is not None]
-    lines += make_text(head, rows, right=(3, 4))
+    lines += make_text(head, [_row(one, among) for one in sight.terms if one.shots_needed is not None], right=(3, 4))
     lines += ["", *(f"one and the same to these data, while small: {', '.join(group)}" for group in sight.classes)]
     lines += [f"never seen: {one.term}: {why_not(one, among)}" for one in sight.terms if one.shots_needed is None]
     lines.append("fitted anyway: " + ", ".join(f"{one.name} {_uncertainty(one, one.after)}" for one in sight.fitted))
@@ -207,8 +206,7 @@ def _measurements(table: dict[str, Any], before: float) -> list[str]:
 
 def _together(blocks: tuple[Block, ...]) -> list[Block]:
     """Blocks of one configuration as one."""
-    times = Counter(blocks)
-    return [replace(block, shots=block.shots * count) for block, count in times.items()]
+    return [replace(block, shots=block.shots * count) for block, count in Counter(blocks).items()]
 
 
 def _settings(shots: Shots, row: int, pace: float) -> dict[str, Any]:

@@ -88,8 +88,7 @@ def _uphill(value: Float[Array, " shifts"], start: int) -> int:
     """Index of the summit that one comes to from `start`."""
     here = start
     while True:
-        near = range(max(here - 1, 0), min(here + 2, len(value)))
-        best = max(near, key=lambda k: value[k])
+        best = max(range(max(here - 1, 0), min(here + 2, len(value))), key=lambda k: value[k])
         if value[best] <= value[here]:
             return here
         here = best
@@ -452,8 +451,7 @@ def _cells(part: Part, settings: tuple[Each, Each], edges: Edges) -> tuple[Cells
     index = np.ravel_multi_index(place, (len(edges[0]) - 1, len(edges[1]) - 1))
     shape = tuple(len(edge) - 1 for edge in edges)
     value, error = binned(part, Bins("cell", index, np.zeros(int(np.prod(shape)))))
-    rare = np.bincount(index, minlength=len(value)) < FEWEST_SHOTS
-    value[rare] = np.nan
+    value[np.bincount(index, minlength=len(value)) < FEWEST_SHOTS] = np.nan
     return value.reshape(shape), np.maximum(error, 1e-12).reshape(shape)
 
 

@@ -195,9 +195,8 @@ def _by_deviation(rig: Rig, exit: Exit, speed_seen: Bool[np.ndarray, " n"],
     per_m_s = 1.0 / np.maximum(exit.speed_m_s, SLOWEST_M_S)
     zero = np.zeros_like(per_m_s)
     speed = np.outer(~speed_seen * per_m_s, one_speed)
-    spin = np.outer(~spin_seen, one_spin)
     return (np.column_stack([speed, speed_seen * per_m_s * noise.EXIT_SPEED_M_S, zero]),
-            np.column_stack([spin, zero, spin_seen * noise.EXIT_SPIN_REV_S]))
+            np.column_stack([np.outer(~spin_seen, one_spin), zero, spin_seen * noise.EXIT_SPIN_REV_S]))
 
 
 NONE: Curves = {}
@@ -367,8 +366,7 @@ def _wheel_spin(part: _Part) -> Float[Array, "n 3"]:
     """Spin [n, 3] by all wheels in rev/s about (ahead, left, up); nan where a wheel's speed is unknown."""
     surface = np.stack([part.shots.number(f"wheel_{wheel.name}_rad_s") * wheel.radius_m
                         for wheel in part.rig.launcher.wheel], axis=1)
-    spin_rev_s: Array = simulate.exit_no_slip(part.rig, surface)[1] / (2.0 * np.pi)
-    return spin_rev_s
+    return np.asarray(simulate.exit_no_slip(part.rig, surface)[1] / (2.0 * np.pi))
 
 
 def _starts(part: _Part, rolling: Exit, samples: Samples | None, place: Int[Array, " shots"]
@@ -395,8 +393,7 @@ def _starts(part: _Part, rolling: Exit, samples: Samples | None, place: Int[Arra
 def _free_spin(part: _Part, velocity_m_s: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
     """Spin [n, 3] in rev/s of flights with unknown launch: as measured (whole, or backspin), else by the wheels, else
     none."""
-    speed = np.maximum(np.linalg.norm(velocity_m_s, axis=1, keepdims=True), 1e-9)
-    ahead = velocity_m_s / speed
+    ahead = velocity_m_s / np.maximum(np.linalg.norm(velocity_m_s, axis=1, keepdims=True), 1e-9)
     level = np.maximum(np.hypot(ahead[:, 0], ahead[:, 1]), 1e-9)
     left = np.stack([-ahead[:, 1] / level, ahead[:, 0] / level, np.zeros(len(ahead))], axis=1)
     measured = part.shots.number("exit_spin_rev_s")

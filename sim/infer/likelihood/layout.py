@@ -110,8 +110,7 @@ class Point:
     def still(layout: Layout, shots: int, values: Float[Array, " slots"],
               log_scatter: Float[Array, " S"]) -> "Point":
         """Of `shots` without deviations."""
-        deviates = np.zeros((shots, layout.chain.deviates))
-        return Point(values, log_scatter, deviates, np.zeros(layout.grouped))
+        return Point(values, log_scatter, np.zeros((shots, layout.chain.deviates)), np.zeros(layout.grouped))
 
 
 def column_of(term: str, among: Catalogue | None = None) -> str:
@@ -392,10 +391,8 @@ def _pushes(chain: Chain, width: int, edges: Float[Array, " edges"]) -> list[tup
 def _edges(intake: Intake) -> Float[Array, " edges"]:
     if intake.samples is None:
         return np.zeros(0)
-    lead_s = np.asarray(intake.lanes.lead_s)[intake.tracked]
-    times = (intake.samples.time_s + lead_s[:, None])[intake.samples.real]
-    edges_s: Array = np.quantile(times, np.arange(1, BANDS) / BANDS)
-    return edges_s
+    times = (intake.samples.time_s + np.asarray(intake.lanes.lead_s)[intake.tracked][:, None])[intake.samples.real]
+    return np.asarray(np.quantile(times, np.arange(1, BANDS) / BANDS))
 
 
 def _substeps(intake: Intake) -> int:
@@ -549,7 +546,6 @@ def lean_chain(layout: Layout, kept: list[int]) -> Chain:
     airborne = {term.name for term in known_terms.flight_terms(chain.terms, chain.catalogue)}
     known = {column.term for column in layout.columns[layout.first_shared:]}
     known |= {*chain.catalogue.always, *(term.name for term in NAMELESS)}
-    named = {layout.columns[k].term for k in kept}
-    if named & airborne - known:
+    if {layout.columns[k].term for k in kept} & airborne - known:
         return chain
     return replace(chain, terms=tuple(name for name in chain.terms if name not in airborne or name in known))

@@ -211,8 +211,7 @@ def linearise(intake: Intake, layout: Layout, spot: Point,
     evidence = make_evidence(intake.rows, layout.columns, point, *parts, layout.precision, pull, log_linear,
                              _deal(layout))
     if spot.effects.any():
-        change = np.concatenate([np.zeros(real), spot.effects])
-        evidence = evidence.moved(np.tile(change, (len(intake.rows), 1)))
+        evidence = evidence.moved(np.tile(np.concatenate([np.zeros(real), spot.effects]), (len(intake.rows), 1)))
     return evidence, left.mean
 
 
@@ -347,8 +346,8 @@ def _integrate(normal: Normal, sd: Float[Array, "n D"], columns: Int[Array, " in
     mean_by[:, :, columns] = -sd[:, :, None] * by
     quadratic = normal.square - (onto_r * shift).sum(1)
     value = -0.5 * (quadratic + np.linalg.slogdet(inner)[1]) + normal.log_noise
-    lost = quadratic < -LOST * normal.square              # slopes so large that no digit is right
-    value = np.where(astray | lost, -np.inf, value)
+    # slopes may be so large that no digit is right
+    value = np.where(astray | (quadratic < -LOST * normal.square), -np.inf, value)
     return _Left(score, info, value, sd * shift, sd[:, :, None] * inverse * sd[:, None, :], mean_by)
 
 
@@ -357,8 +356,7 @@ def _group_effects(layout: Layout, spot: Point) -> Float[Array, "n B"]:
     groups = layout.groups
     if groups is None:
         return np.zeros((len(spot.deviates), 0))
-    effects: Array = spot.effects.reshape(-1, groups.count)[:, groups.label].T * groups.scale
-    return effects
+    return np.asarray(spot.effects.reshape(-1, groups.count)[:, groups.label].T * groups.scale)
 
 
 def _scatter_terms(intake: Intake, layout: Layout, spot: Point, sd: Float[Array, "n D"],
