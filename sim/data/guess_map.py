@@ -137,6 +137,7 @@ def outcome_lines(key: str, values: Mapping[str, str], counts: Mapping[str, int]
 PULSE_S = 0.2, 2.0                    # a fall sooner after a shot is none of its outcome's; a pulse is shorter
 FALLS = 2                             # of a state, at least
 OWN = "truearc"                       # a map that comes with truearc
+BOOLEAN = {0.0}, {1.0}, {0.0, 1.0}      # values of such a signal
 NO_OUTCOME = "outcome: none found: state outcome in the map, or shots have none"
 
 
@@ -255,8 +256,8 @@ def _outcome(log: Log, words: dict[str, list[str]], reading: Reading) -> tuple[O
         *_, key, values, counts = max(found, key=lambda one: one[:2])
         return OutcomeKeys(key=key, values=values), outcome_lines(key, values, counts)
     nouns = {"scored", "successful", "success", "hit", "made"}
-    for key in _booleans(log):
-        if nouns & set(words[key]):
+    for key, series in log.items():
+        if nouns & set(words[key]) and series.numeric and set(np.unique(series.values).tolist()) in BOOLEAN:
             values, said = _meaning(log[key], reading.shots().t_s)
             return OutcomeKeys(key=key, values=values) if values else OutcomeKeys(), [f"outcome: {key}: {said}"]
     return OutcomeKeys(), [NO_OUTCOME]
@@ -267,7 +268,9 @@ def _meaning(scored: Series, shots_s: Floats) -> tuple[dict[str, str], str]:
 
     A state falls by the outcome of a later shot. A pulse falls by itself, whatever comes next.
     """
-    rose, fell = _edges(scored.changes())
+    edges = scored.changes()
+    up = np.flatnonzero(np.asarray(edges.values[:-1]) > 0.5)     # of the last rise without a fall neither counts
+    rose, fell = edges.t_s[up], edges.t_s[up + 1]
     state = [bool(((shots_s > up) & (shots_s < down - PULSE_S[0])).any()) for up, down in zip(rose, fell, strict=True)]
     if len(state) >= FALLS and all(state) and (fell - rose > PULSE_S[1]).all():
         return {"true": "hit", "false": "miss"}, "true is a hit, false a miss"
@@ -275,17 +278,6 @@ def _meaning(scored: Series, shots_s: Floats) -> tuple[dict[str, str], str]:
         return {"true": "hit"}, ("is true for a moment after a hit; shots without it are left out. If they missed, "
                                  "state outcome.otherwise = \"miss\"")
     return {}, "left out: it may be a state or a pulse; state outcome in the map, or shots have none"
-
-
-def _edges(boolean: Series) -> tuple[Floats, Floats]:
-    """(when a boolean without repeats rose, when it fell again); of the last rise without a fall neither."""
-    up = np.flatnonzero(np.asarray(boolean.values[:-1]) > 0.5)
-    return boolean.t_s[up], boolean.t_s[up + 1]
-
-
-def _booleans(log: Log) -> Iterable[str]:
-    return (key for key, series in log.items() if series.numeric and len(series.t_s)
-            and set(np.unique(series.values).tolist()) <= {0.0, 1.0})
 
 
 # column of shots -> (words that name it, words beside one that do not say what it is of, words of something else)

@@ -22,6 +22,7 @@ from truearc.sim.data.table import Cell, RawTable, gathered, load_table, parse_c
 from truearc.sim.printed import Progress, part_of
 
 SECONDS = {"s": 1.0, "ms": 1e3, "us": 1e6}
+TRACE = ("shot_id", "t_s", "signal", "value")
 MOST_UNKNOWN = 10                     # texts of a signal of outcomes that are named
 PUBLISHED_S = 0.2                     # the same mark again, sooner than this, is one that is said in every loop
 
@@ -67,7 +68,8 @@ def shots_from_logs(paths: Sequence[Path], shot_map: ShotMap, rig: Rig, name: st
         raise InputError(f"{', '.join(map(str, paths))}: no shot was found"
                          + "".join(f"\n{line}" for line in left_out[:5]))
     with gathered() as problems:
-        dataset = assemble(name, rig, problems, as_table(rows, paths[0]), None, _trace_table(traces, paths[0]))
+        samples = as_table([dict(zip(TRACE, row, strict=True)) for row in traces], paths[0]) if traces else None
+        dataset = assemble(name, rig, problems, as_table(rows, paths[0]), None, samples)
     return replace(dataset, left_out=tuple(left_out))
 
 
@@ -239,11 +241,6 @@ def as_table(rows: Sequence[Mapping[str, Cell]], path: Path) -> RawTable:
                     in_memory=True)
 
 
-def _trace_table(traces: list[tuple[str, float, str, float]], path: Path) -> RawTable | None:
-    names = ("shot_id", "t_s", "signal", "value")
-    return as_table([dict(zip(names, row, strict=True)) for row in traces], path) if traces else None
-
-
 PLACE = re.compile(r"#(\d+)")         # a column by its number
 MOST_TITLE = 20                       # lines of a title above the header, less one
 
@@ -338,7 +335,8 @@ def _column(table: RawTable, column: str, said: str | Signal) -> list[Cell]:
     """Cells of a column, numbers in its unit."""
     signal = as_signal(said)
     cells = _cells(table, signal)
-    texts = [row for row, cell in enumerate(cells) if maps.own_unit(column) and not _is_number(cell)]
+    texts = [row for row, cell in enumerate(cells) if maps.own_unit(column) and cell is not None and str(cell).strip()
+             and parse_number(cell) is None]
     with gathered() as problems:
         problems += [f"{table.place(row)}: {signal.key}: {cells[row]!r} is not a number" for row in texts]
     if not maps.own_unit(column) and (signal.times, signal.plus) == (1.0, 0.0):
@@ -351,11 +349,6 @@ def _column(table: RawTable, column: str, said: str | Signal) -> list[Cell]:
     numbers = [parse_number(cell) for cell in cells]
     return [cell if number is None else (number * signal.times + signal.plus - factor[1]) * factor[0]
             for cell, number in zip(cells, numbers, strict=True)]
-
-
-def _is_number(cell: Cell) -> bool:
-    """Whether a cell is empty or a number."""
-    return cell is None or not str(cell).strip() or parse_number(cell) is not None
 
 
 def _shots(path: Path, table: RawTable, shot_map: ShotMap, rig: Rig

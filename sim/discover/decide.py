@@ -425,7 +425,8 @@ def choose(trials: Iterable[AnyAdoptable], nearest: Callable[[], AnyAdoptable] |
         at_limit |= {} if trial.empty else trial.at_limit
         refused, points = refuse(trial), None
         if not refused and (points := trial.points) is not None and points.gain < 0.0:
-            refused = say_refused(points)
+            refused = (f"aimed and gated by it, hold-out shots would have scored {-points.gain:.2f} points per shot "
+                       f"less (90 %: {points.low90:+.2f} to {points.high90:+.2f})")
         first = first or points
         if not refused and not trial.empty:
             return Choice(trial, why, first, at_limit)
@@ -457,12 +458,6 @@ def contradicted(beaten: float | None) -> str:
     return "" if beaten is None or beaten > -CLEARLY else (
         "from the settings alone it forecasts outcomes worse than their plain shares do: tracks and outcomes "
         "contradict each other")
-
-
-def say_refused(points: Adoption) -> str:
-    """Why what was found is not adopted: it would lose points."""
-    return (f"aimed and gated by it, hold-out shots would have scored {-points.gain:.2f} points per shot less "
-            f"(90 %: {points.low90:+.2f} to {points.high90:+.2f})")
 
 
 def gain_interval(fit: FitSummary) -> tuple[float, float] | None:

@@ -26,6 +26,7 @@ import msgspec
 import numpy as np
 from jax.scipy.stats import norm
 from scipy.optimize import minimize
+from scipy.spatial import cKDTree
 
 import truearc.sim.physics  # noqa: F401 - the house's one switch to double precision
 from truearc.errors import InputError
@@ -195,7 +196,6 @@ def _best(data: GateData, halves_m: tuple[float, float], tried: list[Widths], be
 NEIGHBOUR = 3                         # a single stray shot makes no domain; many would cut the cloud's edge off
 LARGEST_QUANTILE = 0.99
 SAME_DISTANCE = 0.05                  # standard deviations: nearer than this is the same configuration again
-BLOCK = 4096                          # rows measured at once
 MAX_LANDMARKS = 256                   # landmarks: what the exported graph measures from at every decision
 # Of a launcher whose scatter has not been fitted; the gate fits one number that scales it.
 TYPICAL_SCATTER = {"speed": 0.02, "elevation_deg": 0.5}
@@ -224,12 +224,7 @@ class Novelty:
     def __call__(self, features: np.ndarray) -> np.ndarray:
         """Novelty [n] of feature rows [n, 3] in the contract's order and units; float64."""
         z = (np.asarray(features, np.float64) - self.mean) * self.scale
-        blocks = [self._kth(z[first:first + BLOCK]) for first in range(0, len(z), BLOCK)]
-        return np.concatenate(blocks) / self.largest if blocks else np.zeros(0)
-
-    def _kth(self, z: np.ndarray) -> np.ndarray:
-        apart = np.linalg.norm(z[:, None, :] - self.landmarks, axis=2)
-        return np.partition(apart, self.neighbour - 1, axis=1)[:, self.neighbour - 1]
+        return np.asarray(cKDTree(self.landmarks).query(z, [self.neighbour])[0][:, 0] / self.largest)
 
 
 def fit_novelty(features: np.ndarray) -> Novelty:

@@ -130,11 +130,7 @@ def evidence_after(step: Step) -> ScoreTable:
         return step.fitted.beside(step.refit).scores
     if step.place is None:
         return step.fitted.scores
-    return corrected(step.fitted.scores, step.place)
-
-
-def corrected(evidence: ScoreTable, place: Place) -> ScoreTable:
-    """The evidence after the place's free curve."""
+    evidence, place = step.fitted.scores, step.place
     change = np.zeros_like(evidence.score)
     change[:, place.test.column] = place.correction.after[:, 0]
     change[:, evidence.first_shared:] = place.correction.after[:, 1:]
@@ -329,7 +325,7 @@ def _points(axes: Axes, bins: Bins, part: Part, factor: float, colour: str) -> N
     elif len(bins.middle) <= 3:
         axes.set_xticks(bins.middle, [f"{middle:.3g}" for middle in bins.middle])
     axes.margins(x=0.08)
-    _clean(axes)
+    axes.tick_params(labelsize=9)
 
 
 def curve_png(place: Place) -> bytes | None:
@@ -350,7 +346,7 @@ def curve_png(place: Place) -> bytes | None:
         _curve(axes, what, rows, value, reach)
         axes.axhline(0.0, color=INK, lw=0.9)
         axes.set(xlabel=_worded(what.name), ylabel=f"change of {column.name}\n[{unit.strip()}]")
-    _clean(axes)
+    axes.tick_params(labelsize=9)
     return make_png(figure)
 
 
@@ -406,7 +402,7 @@ def _band_panel(axes: Axes, direction: str, series: Series, chosen: Bool[Array, 
         shift = (number - 0.5 * (len(series) - 1)) * 0.25 * np.diff(spans, axis=1)[:, 0]
         axes.errorbar(spans.mean(1) + shift, amplitude, error, fmt="o", ms=5, color=colour, elinewidth=1.4, capsize=2,
                       label=label)
-    _clean(axes)
+    axes.tick_params(labelsize=9)
 
 
 def _band_errors(evidence: ScoreTable, bands: Sequence[int], chosen: Bool[Array, " n"],
@@ -488,12 +484,8 @@ def sight_png(sight: Sight, among: Catalogue | None = None) -> bytes | None:
     stages = [stage for stage in STAGE_COLOURS if any(one.stage == stage for one in seen)]
     figure.legend(handles=[Patch(color=STAGE_COLOURS[stage], label=stage) for stage in stages], frameon=False,
                   loc="outside upper right", ncols=len(stages), fontsize=8.5, handlelength=1.0, columnspacing=1.0)
-    _clean(axes)
-    return make_png(figure)
-
-
-def _clean(axes: Axes) -> None:
     axes.tick_params(labelsize=9)
+    return make_png(figure)
 
 
 def _worded(name: str) -> str:

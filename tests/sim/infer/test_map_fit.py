@@ -13,7 +13,7 @@ from tests.sim.physics.rigs import GUPPY
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Tracker
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
-from truearc.sim.infer.fit_report import cross_validate, identify
+from truearc.sim.infer.fit_report import aliased_pairs, cross_validate
 from truearc.sim.infer.intervals import deviance_at, profile_interval
 from truearc.sim.infer.launcher import MapFit, fit_map
 from truearc.sim.infer.likelihood.data import take_in
@@ -72,7 +72,8 @@ def test_a_prior_that_closes_an_interval_is_told(outcomes):
     """The angle's scatter moves heights less than the speed's: outcomes do not bound it on both sides."""
     found = profile_interval(outcomes, "scatter.elevation_deg")
     assert not (found.low_by_data and found.high_by_data)
-    assert identify(outcomes).share["scatter.elevation_deg"] > 0.5
+    place = outcomes.names.index("scatter.elevation_deg")
+    assert np.sqrt(outcomes.covariance[place, place]) > 0.5
 
 
 def test_held_out_outcomes_are_predicted_better_than_by_their_shares(outcomes):
@@ -95,7 +96,7 @@ def test_slip_and_loss_at_one_speed_are_one_number():
                     spin, TRUTH) - CENTRE_M
     shots = Shots(dataset.shots.shot_id, same | {"miss_height_m": flown}, {})
     fit = fit_map(Dataset("d", GUPPY, shots), (*TERMS, "wheel_slip"))
-    pair = next(one for one in identify(fit).pairs if {one.a, one.b} == {"wheel_slip.loss_per_m_s",
+    pair = next(one for one in aliased_pairs(fit) if {one.a, one.b} == {"wheel_slip.loss_per_m_s",
                                                                          "exit_efficiency.loss"})
     loss, k = fit.values["exit_efficiency.loss"], fit.values["wheel_slip.loss_per_m_s"]
     per_loss = (1 + k * speed) / (speed * (1 - loss))
