@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.worlds import Job, true_parameter, world_of
 from truearc.sim.compute import keep_compiled
-from truearc.sim.discover.select.terms import efficient, visible_terms
+from truearc.sim.discover.select.terms import efficient, one_step
 from truearc.sim.infer.fit import fit_believed
 from truearc.sim.infer.launcher import Launcher
 from truearc.sim.infer.likelihood.score_table import ScoreTable
@@ -35,7 +35,7 @@ def lambdas(level: str, worlds: int, seed: int, shots: int) -> dict[str, float]:
         world = world_of(Job("nulls", "clean", level, shots, 0.0, seed, index))
         dataset = shoot(world)
         evidence = fit_believed(Launcher.of(dataset, BELIEVED)).scores
-        columns = visible_terms(evidence)
+        columns = np.array([one.column for one in one_step(evidence)[0] if one.visible], dtype=int)
         left = np.diag(efficient(evidence, columns)[1])
         information = {evidence.columns[k].name: float(value) for k, value in zip(columns, left, strict=True)}
         for effect in EFFECTS:

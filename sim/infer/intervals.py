@@ -74,7 +74,7 @@ class _Held(NamedTuple):
     by_prior: float
 
 
-class _Profile:
+class Profile:
     """Of one parameter, as a function of how far its column is from the optimum."""
 
     def __init__(self, fit: MapFit, one: Sought) -> None:
@@ -155,7 +155,7 @@ def profile_interval(fit: MapFit, name: str) -> ProfileInterval:
         by_data = bool(by_model < KNOWN * one.sd)
         return ProfileInterval(name, one.value(point), one.value(low), one.value(high), by_data and low > least,
                                by_data and high < most, True)
-    walk = _Profile(fit, one)
+    walk = Profile(fit, one)
     low, low_data, low_closed = walk.end(-1.0)
     high, high_data, high_closed = walk.end(1.0)
     return ProfileInterval(name, one.value(point), one.value(point + low), one.value(point + high), low_data, high_data,
@@ -170,14 +170,6 @@ def deviations(fit: MapFit, column: int) -> tuple[float, float]:
     score = np.zeros((together.max() + 1, len(evidence.columns)))
     np.add.at(score, together, evidence.score)
     return float(np.sqrt(covariance[column, column])), float(np.linalg.norm(score @ covariance[column]))
-
-
-def deviance_at(fit: MapFit, name: str, value: float) -> float:
-    """Twice the adjusted log posterior lost with one parameter held at `value`; at most 2.706 inside its interval."""
-    one = fit.sought[fit.names.index(name)]
-    walk = _Profile(fit, one)
-    there = walk.flown(walk.at(one.at(value) - float(fit.scores.point[one.column])).change)
-    return 2.0 * (there.cost - walk.ground.cost)
 
 
 GRID = 40                             # sizes of each tau, equally likely a priori

@@ -224,11 +224,6 @@ def one_step(evidence: ScoreTable) -> tuple[tuple[Candidate, ...], Float[Array, 
     return tuple(found), left / np.outer(size, size)
 
 
-def visible_terms(evidence: ScoreTable) -> Int[Array, " k"]:
-    """Columns of terms of which the shots say anything that the shared ones could not."""
-    return np.array([one.column for one in one_step(evidence)[0] if one.visible], dtype=int)
-
-
 def nats_for(score: Any, information: float, usual: float) -> Any:
     """Log Bayes factor of an amplitude ~ N(0, usual^2) against none, for a Gaussian score or several."""
     if information <= 0.0:

@@ -14,7 +14,7 @@ from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Tracker
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
 from truearc.sim.infer.fit_report import aliased_pairs, cross_validate
-from truearc.sim.infer.intervals import deviance_at, profile_interval
+from truearc.sim.infer.intervals import Profile, profile_interval
 from truearc.sim.infer.launcher import MapFit, fit_map
 from truearc.sim.infer.likelihood.data import take_in
 from truearc.sim.statistics import Z90
@@ -44,6 +44,14 @@ def test_the_optimum_is_one_whatever_the_order_of_shots(outcomes):
     again = fit_map(turned, TERMS)
     assert list(again.values.values()) == pytest.approx(list(outcomes.values.values()), rel=1e-3)
     assert fit_map(dataset, TERMS).values == outcomes.values
+
+
+def deviance_at(fit: MapFit, name: str, value: float) -> float:
+    """Twice the adjusted log posterior lost with one parameter held at `value`; at most 2.706 inside its interval."""
+    one = fit.sought[fit.names.index(name)]
+    walk = Profile(fit, one)
+    there = walk.flown(walk.at(one.at(value) - float(fit.scores.point[one.column])).change)
+    return 2.0 * (there.cost - walk.ground.cost)
 
 
 @pytest.mark.slow
