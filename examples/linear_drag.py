@@ -15,7 +15,7 @@ from truearc.sim.physics.term import (
     either_way,
     scale,
 )
-from truearc.sim.physics.terms_of_flight import drag_per_m
+from truearc.sim.physics.terms.flight import drag_per_m
 
 
 class LinearDrag(FlightTerm):

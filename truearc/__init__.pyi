@@ -1,10 +1,12 @@
 # The public names, for static tools; truearc/__init__.py imports each from here when it is first used.
 from truearc.api import paper
 from truearc.api.discovery import Finding, Identifiability, ShotDesign, design_shots, discover, identifiability
+from truearc.api.emulation import emulate
 from truearc.api.fitting import Fit, Pooled, fit, pool
 from truearc.api.following import Following, follow
-from truearc.api.forecasting import AimTable, GateTraining, aim, export_aim, predict, train_gate, verify_aim
-from truearc.api.results import Recording, Table, emulate, load_finding
+from truearc.api.forecasting import AimTable, aim, export_aim, predict, verify_aim
+from truearc.api.gate import GateTraining, train_gate
+from truearc.api.results import Recording, Table, load_finding
 from truearc.errors import InputError
 from truearc.model_export.graph import export_weights
 from truearc.model_export.verify import verify_gate

@@ -16,6 +16,7 @@ from msgspec.structs import replace
 from benchmarks.matrix.fault import Key, Row, find
 from truearc.cli.common import SHIPPED
 from truearc.hw.emulated.nodes import StepClock
+from truearc.robot.advice import ADVICE, advise_step
 from truearc.robot.config.schema import AprilTag, Config, load_config
 from truearc.robot.config.shot_map import ShotMap, Signal
 from truearc.robot.gate import Rating
@@ -26,7 +27,6 @@ from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import ReplayRig
 from truearc.robot.runtime import run
-from truearc.robot.tick import ADVICE, advise_step
 from truearc_frc.advice import AdviceIo
 from truearc_frc.inputs import NtCamera, NtVelocity
 from truearc_frc.keys import Reading

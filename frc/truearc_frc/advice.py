@@ -12,6 +12,7 @@ from truearc.errors import InputError
 from truearc.hw.protocols import NS_PER_S, AngleReading, ButtonEvent, CameraFrame, Clock, LinkLost, MotorReading
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
+from truearc.robot.advice import ADVICE
 from truearc.robot.aim import NOWHERE, as_at_rest
 from truearc.robot.config.schema import Config
 from truearc.robot.config.shot_map import (
@@ -28,7 +29,6 @@ from truearc.robot.config.shot_map import (
 from truearc.robot.gate import FEATURES, Gate, load_gate
 from truearc.robot.reasons import texts
 from truearc.robot.runtime import Recorder
-from truearc.robot.tick import ADVICE
 from truearc.robot.types import Command, Inputs, Sent, Sighting, Tick
 from truearc_frc.inputs import NtCamera, NtVelocity
 from truearc_frc.keys import Keys, NtKeys, Reading

@@ -14,6 +14,7 @@ from truearc.cli.doctor_checks import report
 from truearc.cli.run_robot import Ending, make_room
 from truearc.errors import InputError
 from truearc.hw.real.clock import MonotonicClock, wall_clock, wall_offset_ns
+from truearc.robot.advice import ADVICE, advise_step
 from truearc.robot.aim_file import AimFile, load_aim_for
 from truearc.robot.config.rig_spec import Rig, rig_errors
 from truearc.robot.config.schema import AimConfig, Config, load_config, load_toml
@@ -23,7 +24,6 @@ from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.rig import RecordingRig
 from truearc.robot.runtime import run
-from truearc.robot.tick import ADVICE, advise_step
 from truearc_frc.advice import PATIENCE_S, AdviceIo, Adviser, advised_columns
 from truearc_frc.doctor import look_beside
 from truearc_frc.inputs import NtCamera, NtVelocity, keys_of_camera, keys_of_velocity

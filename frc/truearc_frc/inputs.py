@@ -26,10 +26,10 @@ from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.processes import Capacity, Child, Line, Slots, make_shared
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
+from truearc.robot.advice import CALM_S, DISTANCE_RATE_M_S, DISTANCE_STEP_M
 from truearc.robot.config.named_tables import ReadEncoder
 from truearc.robot.config.schema import Config
 from truearc.robot.runtime import RigLayer, RobotIo
-from truearc.robot.tick import CALM_S, DISTANCE_RATE_M_S, DISTANCE_STEP_M
 from truearc.robot.types import Inputs, RobotVelocity, Sighting
 from truearc_frc.keys import Keys, NtKeys, Reading
 from truearc_frc.table import NAME, Nt4Velocity, Nt4Vision, nt4_of

@@ -20,6 +20,7 @@ from truearc.errors import InputError, check_file, naming
 from truearc.hw.devices.family import Encoder
 from truearc.hw.protocols import NS, CameraFrame, Frame, LinkLost
 from truearc.hw.reason import Reason
+from truearc.robot.advice import ADVICE, advise_step
 from truearc.robot.config.named_tables import encoder_family_of
 from truearc.robot.config.schema import Config, plain_table
 from truearc.robot.eyes import NoEyes
@@ -32,7 +33,7 @@ from truearc.robot.recording.tabular import FlatTicks, Value
 from truearc.robot.rig import HardwareRig, ReplayRig
 from truearc.robot.runtime import RigLayer, RobotIo, run
 from truearc.robot.sysid import POLICY, make_step
-from truearc.robot.tick import ADVICE, advise_step, step
+from truearc.robot.tick import step
 from truearc.robot.types import Command, Inputs, Sent, Sighting, Tick
 from truearc.robot.vision import find_target
 

@@ -33,8 +33,8 @@ import jax.numpy as jnp
 from truearc.errors import InputError, PluginError, distribution_of, load_plugin, load_text, place_of
 from truearc.sim.data.dataset import Circumstances
 from truearc.sim.physics import term as kinds
-from truearc.sim.physics import terms_of_flight, terms_of_launch
 from truearc.sim.physics.term import Instrument, Parameter, Phrase, Term, Vec, WatchTerm, axes, complete, length
+from truearc.sim.physics.terms import arrival, flight, launch, sensing
 
 FOUND = "as discovery found it in recordings"
 AT_SPEED_M_S = 10.0                   # where a push that goes with the speed is stated
@@ -450,6 +450,6 @@ def _rebuilt(path: str, text: str, name: str, state: dict[str, Any]) -> Term:
     return term
 
 
-# One of each class in these modules: a new class there is a new term.
-BUILT_IN = Catalogue(tuple(kind() for module in (terms_of_flight, terms_of_launch) for kind in terms_in(module)))
+# One of each class on the four pages: a new class there is a new term.
+BUILT_IN = Catalogue(tuple(kind() for page in (sensing, launch, flight, arrival) for kind in terms_in(page)))
 TERMS = BUILT_IN.terms

@@ -201,7 +201,7 @@ def emulate(config: Config, folder: Path, trials: int, seed: int, options: Optio
             gate_path: Path | None = None, progress: Progress = lambda done, note: None,
             page: Screen | None = None, nodes_of: MakeNodes = make_nodes,
             eyes_of: MakeEyes = TwinEyes, aim_path: Path | None = None) -> list[BallResult]:
-    """Record trials, as truearc.api.results.emulate describes; the true result of each ball.
+    """Record trials, as truearc.api.emulation.emulate describes; the true result of each ball.
 
     `nodes_of` makes the emulated devices, `eyes_of` the camera.
     """

@@ -14,6 +14,7 @@ from tests.robot.aim_files import CONTENT, HOOD, LEAD, RATIO, write
 from truearc.cli.common import SHIPPED
 from truearc.cli.main import main
 from truearc.errors import InputError
+from truearc.robot.advice import ADVICE, advise_step
 from truearc.robot.aim_file import Segment, load_aim
 from truearc.robot.config.schema import AimConfig, Config, load_config
 from truearc.robot.config.shot_map import Detection, OutcomeKeys, ShotMap, Signal
@@ -22,7 +23,6 @@ from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials, make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.runtime import run
-from truearc.robot.tick import ADVICE, advise_step
 from truearc.robot.types import Tick
 from truearc_frc.advice import AdviceIo, Adviser, advised_columns
 from truearc_frc.advise_session import keys_of

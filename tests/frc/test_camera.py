@@ -20,6 +20,7 @@ from truearc.cli.main import main
 from truearc.errors import InputError
 from truearc.hw.protocols import LinkLost
 from truearc.hw.real.processes import Slots
+from truearc.robot.advice import ADVICE, advise_step
 from truearc.robot.config.schema import AprilTag, Config, load_config
 from truearc.robot.eyes import FarEyes, make_room, relay
 from truearc.robot.gate import load_gate
@@ -27,7 +28,6 @@ from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.runtime import run
-from truearc.robot.tick import ADVICE, advise_step
 from truearc.robot.types import Sighting
 from truearc_frc.advice import AdviceIo, Adviser, advised_columns
 from truearc_frc.inputs import NtCamera, OwnNtCamera, keys_of_camera

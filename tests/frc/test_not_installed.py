@@ -16,6 +16,7 @@ from tests.frc.test_advice import config as advised
 from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs
 from truearc.cli.common import SHIPPED
 from truearc.hw.protocols import CameraFrame
+from truearc.robot.advice import ADVICE, advise_step
 from truearc.robot.config.named_tables import ReadEncoder
 from truearc.robot.config.schema import AprilTag, Config
 from truearc.robot.gate import load_gate
@@ -25,7 +26,6 @@ from truearc.robot.recording.replay import replay
 from truearc.robot.recording.session import make_header
 from truearc.robot.recording.writer import SessionWriter
 from truearc.robot.runtime import run
-from truearc.robot.tick import ADVICE, advise_step
 from truearc.robot.types import Command, Inputs, Sent
 from truearc_frc.advice import AdviceIo
 from truearc_frc.inputs import NtCamera, NtEncoder, NtVelocity, keys_of_camera

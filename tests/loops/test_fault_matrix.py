@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+import truearc.robot.advice
 import truearc.robot.tick
 from benchmarks.matrix.fault import Both, Device, Inside, Key, Row, Wire
 from benchmarks.matrix.judge import Result, judge
@@ -66,7 +67,7 @@ def test_each_key_that_advice_needs_freezes_jumps_and_disappears(monkeypatch: py
     troubles = {(row.breaking.key, row.breaking.what) for row in ROWS if isinstance(row.breaking, Key)}
     for key in (*WELL, POSE, "/Drive/Speeds"):
         assert {what for named, what in troubles if named == key} >= {"freezes", "jumps", "disappears"}
-    monkeypatch.setattr(truearc.robot.tick, "_stale", lambda inputs, config: [])
+    monkeypatch.setattr(truearc.robot.advice, "_stale", lambda inputs, config: [])
     result = run(NAMES["advise: hood angle freezes"], "virtual", tmp_path)
     assert result.stale > 0 and "while it stood" in "; ".join(result.wrong)       # the judge sees who believes it
 

@@ -10,7 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from msgspec import json, structs
 
-from truearc.api.results import FindingReport, Table, check_kind, names_of
+from truearc.api.arguments import check_kind, names_of
+from truearc.api.results import FindingReport, Table
 from truearc.errors import InputError, about, save_whole
 from truearc.hw.real.clock import wall_clock
 from truearc.robot.config.rig_spec import Rig

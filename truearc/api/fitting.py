@@ -11,7 +11,8 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
-from truearc.api.results import Table, check_kind, joined, names_of
+from truearc.api.arguments import check_kind, joined, names_of
+from truearc.api.results import Table
 from truearc.errors import InputError, whole_file
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.dataset import Dataset

@@ -8,9 +8,10 @@ from functools import cached_property
 import numpy as np
 from msgspec import UnsetType, structs
 
+from truearc.api.arguments import check_kind
 from truearc.api.discovery import Finding, discover
 from truearc.api.forecasting import AimTable, aim
-from truearc.api.results import Table, check_kind
+from truearc.api.results import Table
 from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.aim.make_table import AimRow

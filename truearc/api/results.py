@@ -1,78 +1,21 @@
-"""Arguments and results of the API that load no simulation: tables, saved findings, recordings, the emulated robot."""
+"""Results that are read without loading a simulation: tables, saved findings and recordings."""
 
 import csv
 import html
 import io
 from abc import abstractmethod
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from truearc.errors import InputError, about
 from truearc.robot.config.schema import Config
-from truearc.robot.reasons import text
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import Trial, load_header, load_session_config, load_trials
-from truearc.robot.runtime import Screen
 from truearc.robot.types import Tick
 from truearc.sim.discover.finding import FindingRecord, Interval, Named, load_record, make_json
-from truearc.sim.printed import Printed, Progress, make_text
-
-if TYPE_CHECKING:                     # load JAX or MuJoCo
-    from truearc.sim.physics.catalogue import Catalogue
-    from truearc.sim.physics.term import Term
-    from truearc.sim.world.field import BallResult
-    from truearc.sim.world.options import Options
-
-# --- arguments of the API
-
-def check_kind(argument: str, value: object, kind: type | tuple[type, ...], load: str) -> None:
-    """Refuse an argument of another kind, such as the path of a file that has to be loaded first.
-
-    Raises:
-        InputError: names the argument, and the function `load` that makes what is needed.
-    """
-    if not isinstance(value, kind):
-        raise InputError(f"{argument}: is of type {type(value).__name__}; load it first with truearc.{load}")
-
-
-def names_of(terms: "Iterable[str | Term] | None", argument: str, among: "Catalogue") -> tuple[str, ...] | None:
-    """Return the terms' names in the given order; None for None.
-
-    Raises:
-        InputError: `terms` is one string or empty, names a term twice, or one that `among` does not have.
-    """
-    if terms is None:
-        return None
-    if isinstance(terms, str):
-        raise InputError(f"{argument}: {terms!r} is one string; a list of names is needed")
-    names = tuple(term if isinstance(term, str) else term.name for term in terms)
-    if not names:
-        raise InputError(f"{argument}: names no term")
-    if twice := {name for name in names if names.count(name) > 1}:
-        raise InputError(f"{argument}: names {', '.join(sorted(twice))} more than once; keep one")
-    with about(argument):
-        among.find(names)
-    return names
-
-
-def joined(terms: "Iterable[str | Term]") -> "Catalogue":
-    """Return the catalogue with those of the terms that are values and not in it.
-
-    Raises:
-        InputError: a term is incomplete, or its name is taken by another.
-    """
-    from truearc.sim.physics.catalogue import Catalogue, catalogue
-    from truearc.sim.physics.term import Term
-    known = catalogue()
-    own = tuple(term for term in terms if isinstance(term, Term) and term not in known.terms)
-    return Catalogue((*known.terms, *own)) if own else known
-
-
-# --- results
+from truearc.sim.printed import Printed, make_text
 
 EFFECT_COLUMNS = ("term", "probability", "value", "low90", "high90", "unit", "stage")
 
@@ -293,69 +236,3 @@ class Recording(Printed):
         return [f"{self.path}: {len(outcomes)} trials ({counts or 'none'})",
                 f"truearc {self.header.truearc}, gate policy {self.header.policy}, started "
                 f"{self.header.started or 'on an emulated clock'}"]
-
-
-# --- the emulated robot
-
-KINDS = ("three", "two-high", "two", "two-low", "miss-high", "miss-low")
-
-
-@dataclass(frozen=True)
-class Emulation(Printed):
-    """What became of each ball that the emulated robot launched; `where`: its session's folder, or its bus; `held`: how
-    many trials were held for a reason, by one of its texts."""
-
-    where: str | Path
-    balls: "tuple[BallResult, ...]"
-    held: Mapping[str, int] = field(default_factory=dict)
-
-    def table(self) -> Table:
-        """Return a row per ball: configuration, launch, where it crossed the target's plane, and its outcome."""
-        from truearc.sim.world.field import BallResult
-        return Table(BallResult._fields, self.balls)
-
-    def lines(self) -> list[str]:
-        """Return how many balls were launched, and how many had each outcome."""
-        counts = Counter(ball.outcome for ball in self.balls)
-        marks = ", ".join(f"{counts[kind]} {kind}" for kind in KINDS if counts[kind])
-        return [f"{self.where}: {len(self.balls)} ball{'s' * (len(self.balls) != 1)} launched"
-                + f" ({marks})" * bool(marks),
-                *(f"held {count} time{'s' * (count != 1)}: {why}" for why, count in self.held.items())]
-
-
-def emulate(config: Config, folder: str | Path, trials: int, seed: int, options: "Options | None" = None,
-            gate_path: Path | None = None, progress: Progress = lambda done, note: None,
-            page: Screen | None = None, aim_path: Path | None = None) -> Emulation:
-    """Record trials of the emulated robot: the real runtime, real frames and images, a MuJoCo world.
-
-    Args:
-        config: Of the launcher (`load_config`).
-        folder: Session folder to make.
-        trials: How many balls are launched, at most, or held.
-        seed: Of the world and the driver.
-        options: How the world differs from the rig of the configuration; None: not at all.
-        gate_path: ONNX gate that must agree before the robot fires; the policy becomes "model".
-        progress: Called with the share done, 0 to 1, and a note.
-        page: Shows the ticks, as the operator page does; time then passes no faster than it does.
-        aim_path: Aim file (`truearc aim --robot`) to aim by; the aim policy becomes "belief".
-
-    Returns:
-        The true result of each ball, for tests and reports; neither runtime nor fit may see it.
-
-    Raises:
-        InputError: the folder exists, the gate is not one, the aim file is not one or for another rig, or the
-            configuration asks for an aim file and there is none.
-        OSError: the session cannot be written.
-    """
-    from truearc.sim.world import emulated_robot as engine
-    folder = Path(folder)
-    balls = tuple(engine.emulate(config, folder, trials, seed, options, gate_path, progress, page, aim_path=aim_path))
-    return Emulation(folder, balls, _held(folder))
-
-
-def _held(folder: Path) -> dict[str, int]:
-    """How many trials were held for each reason, the commonest first, as the first of them says it."""
-    reasons = [reason for trial in load_trials(folder) if trial.outcome.outcome == "held"
-               for reason in trial.outcome.reasons]
-    said = {reason.code: text(reason) for reason in reversed(reasons)}
-    return {said[code]: count for code, count in Counter(reason.code for reason in reasons).most_common()}

@@ -48,7 +48,7 @@ def fit(args: argparse.Namespace) -> int:
 
 
 def _fit(args: argparse.Namespace, path: str, progress: Progress) -> "ta.Fit":
-    from truearc.api.results import names_of
+    from truearc.api.arguments import names_of
     dataset = ta.load_dataset(path)
     among, where = common.catalogue_of(args), "--terms" if args.terms else f"{path}/rig.toml: believe.terms"
     terms = names_of(args.terms or dataset.rig.believe.terms, where, among)

@@ -18,7 +18,7 @@ from truearc.robot.config.schema import Config, load_config
 from truearc.robot.operator_ui import OFF, PORT, add_page_argument, parse_page
 
 if TYPE_CHECKING:
-    from truearc.api.results import Emulation
+    from truearc.api.emulation import Emulation
     from truearc.sim.sysid.fit import Record
 
 VIRTUAL = "virtual"
@@ -148,7 +148,7 @@ def _serve(args: argparse.Namespace, config: Config, trials: int) -> "Emulation"
                           ("--page", parse_page(args.page))):
         if value is not None:
             raise InputError(f"{option} is for `truearc run` with --bus {args.bus}: that process is the robot")
-    from truearc.api.results import Emulation
+    from truearc.api.emulation import Emulation
     from truearc.sim.world.emulated_robot import serve
     from truearc.sim.world.options import load_options
 

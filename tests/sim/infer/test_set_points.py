@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import truearc as ta
-from truearc.api.results import joined, names_of
+from truearc.api.arguments import joined, names_of
 from truearc.robot.config.rig_spec import Air, Ball, LauncherFacts, Noise, Rig, Target, Wheel
 from truearc.sim.check.check import needed_speed
 from truearc.sim.data.dataset import Shots

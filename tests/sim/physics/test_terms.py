@@ -41,8 +41,7 @@ def test_each_term_has_the_hook_of_its_stage_and_is_on_its_page():
              "arrival": catalogue.arrival_terms(NAMES)}
     for stage, terms in hooks.items():
         assert set(terms) == {term for term in TERMS if term.stage == stage}
-        page = "terms_of_launch" if stage in ("sensing", "launch") else "terms_of_flight"
-        assert all(type(term).__module__ == f"truearc.sim.physics.{page}" for term in terms)
+        assert all(type(term).__module__ == f"truearc.sim.physics.terms.{stage}" for term in terms)
 
 
 @every_term

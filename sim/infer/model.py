@@ -1,0 +1,77 @@
+"""What a fit asks of a simulation: any system that answers it can be fitted and tested; the launcher is one.
+
+A column is a number that is fitted ("shared") or only asked, as a term's amplitude; P columns, p of them shared. A
+point is where a simulation is linearised; it is the model's own, and only the model looks into it.
+"""
+
+from collections.abc import Iterable, Sequence
+from typing import Any, Protocol, Self, TypeVar, runtime_checkable
+
+from truearc.sim.infer.likelihood.score_table import Centre, Change, Column, Precision, ScoreTable, Which
+
+
+@runtime_checkable
+class Columns(Protocol):
+    """Columns of a model, the shared ones last, and the normal prior of these: centre [p], precision [p, p]."""
+
+    @property
+    def columns(self) -> tuple[Column, ...]: ...
+    @property
+    def first_shared(self) -> int: ...
+    @property
+    def centre(self) -> Centre: ...
+    @property
+    def precision(self) -> Precision: ...
+
+
+@runtime_checkable
+class Shape(Protocol):
+    """A number of a term that is fitted beside the term's amplitude, but is no column."""
+
+    def put(self, point: Any, place: float) -> Any:
+        """Return the point with the number `place` standard deviations from its prior's centre, within its range."""
+
+
+@runtime_checkable
+class Model(Protocol):
+    """A simulation with its data."""
+
+    @property
+    def layout(self) -> Columns:
+        """What is fitted and asked."""
+    @property
+    def sampled(self) -> bool:
+        """Whether shots are series of samples, whose own unknowns must settle while the fit climbs."""
+    @property
+    def has_one_top(self) -> bool:
+        """Whether the likelihood has a single top, beside those where a fit is lost."""
+
+    def fly(self, point: Any) -> Any:
+        """Return the prediction at a point and its slopes, from which `linearise` starts for points near by."""
+    def linearise(self, point: Any, flown: Any = None) -> tuple[ScoreTable, Any]:
+        """Return the scores at a point, and the point with each shot's own unknowns where they are likeliest."""
+    def forecast(self, point: Any) -> ScoreTable:
+        """Return the scores had nothing been measured of a shot but its result: by its settings alone."""
+    def about(self, point: Any) -> Any:
+        """Return a point that has been moved with the shots' own unknowns put right where slopes depend on them."""
+    def moved(self, point: Any, change: Change) -> Any:
+        """Return a point after its columns change by `change` [P], none of them beyond its limit."""
+    def leads_out(self, point: Any, step: Change) -> Which:
+        """Return the columns [P] at a limit that the step [P] would lead beyond."""
+    def is_lost(self, point: Any) -> bool:
+        """Return whether a fit that came to rest there explains nothing: its slopes tell little."""
+    def starts(self) -> Sequence[Any]:
+        """Return the points to climb from, the likeliest first."""
+    def easier(self) -> Iterable[Self]:
+        """Return models of easier ground that are climbed first, one after the other."""
+    def afar(self, change: Change) -> tuple[Any, Iterable[Self]]:
+        """Return the start of a climb where the fit was lost, `change` put in or not, and what is climbed first."""
+    def shapes(self, names: tuple[str, ...]) -> Sequence[Shape]:
+        """Return the shapes of the terms of these columns."""
+    def shared_only(self, names: Iterable[str] = ()) -> Self:
+        """Return the model of the shared columns alone, the named ones among them, first."""
+    def sharing(self, names: tuple[str, ...]) -> Self:
+        """Return the model with these columns among the shared ones, all others asked as before."""
+
+
+AnyModel = TypeVar("AnyModel", bound=Model)

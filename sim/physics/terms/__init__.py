@@ -1,0 +1,1 @@
+"""Physics terms: a page of effects for each stage."""

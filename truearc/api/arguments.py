@@ -1,0 +1,48 @@
+"""Arguments of the API: their kinds, and terms by name or as values."""
+
+from collections.abc import Iterable
+
+from truearc.errors import InputError, about
+from truearc.sim.physics.catalogue import Catalogue, catalogue
+from truearc.sim.physics.term import Term
+
+
+def check_kind(argument: str, value: object, kind: type | tuple[type, ...], load: str) -> None:
+    """Refuse an argument of another kind, such as the path of a file that has to be loaded first.
+
+    Raises:
+        InputError: names the argument, and the function `load` that makes what is needed.
+    """
+    if not isinstance(value, kind):
+        raise InputError(f"{argument}: is of type {type(value).__name__}; load it first with truearc.{load}")
+
+
+def names_of(terms: Iterable[str | Term] | None, argument: str, among: Catalogue) -> tuple[str, ...] | None:
+    """Return the terms' names in the given order; None for None.
+
+    Raises:
+        InputError: `terms` is one string or empty, names a term twice, or one that `among` does not have.
+    """
+    if terms is None:
+        return None
+    if isinstance(terms, str):
+        raise InputError(f"{argument}: {terms!r} is one string; a list of names is needed")
+    names = tuple(term if isinstance(term, str) else term.name for term in terms)
+    if not names:
+        raise InputError(f"{argument}: names no term")
+    if twice := {name for name in names if names.count(name) > 1}:
+        raise InputError(f"{argument}: names {', '.join(sorted(twice))} more than once; keep one")
+    with about(argument):
+        among.find(names)
+    return names
+
+
+def joined(terms: Iterable[str | Term]) -> Catalogue:
+    """Return the catalogue with those of the terms that are values and not in it.
+
+    Raises:
+        InputError: a term is incomplete, or its name is taken by another.
+    """
+    known = catalogue()
+    own = tuple(term for term in terms if isinstance(term, Term) and term not in known.terms)
+    return Catalogue((*known.terms, *own)) if own else known
