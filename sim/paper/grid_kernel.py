@@ -13,7 +13,7 @@ import numpy.typing as npt
 from numba import njit
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.physics.terms_of_flight import drag_per_m
+from truearc.sim.physics.terms.flight import drag_per_m
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
