@@ -158,15 +158,6 @@ def _linear(evidence: ScoreTable, name: str) -> LinearResiduals:
     return LinearResiduals(evidence.score[:, k], evidence.info[:, k, k])
 
 
-def covariates_in(asked: Asked) -> tuple[Along, ...]:
-    """Everything that tests were made along, by itself, each once."""
-    found: dict[str, Along] = {}
-    for test in asked.tests:
-        if isinstance(test.what, Covariate | Factor):
-            found.setdefault(test.what.name, test.what)
-    return tuple(found.values())
-
-
 def find_along(name: str | None, along: Sequence[Along]) -> Along | None:
     """The covariate or factor of that name, under any of its names."""
     for one in along:
@@ -233,13 +224,6 @@ def stated_covariate(step: Step, along: Sequence[Along], first: str | None) -> s
     return first if step.base == () else None
 
 
-def stage_of(step: Step) -> str | None:
-    """Where the step's effect happens: by its name, or by the free change that carries it."""
-    if not step.unknown:
-        return step.column.stage
-    return None if step.place is None else step.place.column.stage
-
-
 @dataclass(frozen=True)
 class View:
     """The residual and the covariate in which an effect shows best; step None: nothing was found. stated: the covariate
@@ -255,11 +239,13 @@ class View:
 
 def views_of(fitted: LauncherFit, asked: Asked, steps: Sequence[Step], first: str | None) -> Iterator[View]:
     """One view per step, or one of the fit alone; none where nothing that was recorded varies."""
-    along = covariates_in(asked)
+    along = tuple({what.name: what for test in asked.tests if isinstance(what := test.what, Covariate | Factor)}.values())
     for step in steps or (None,):
         before, after, stated, stage = fitted.scores, None, None, None
         if step is not None:
-            before, after, stage = step.fitted.scores, evidence_after(step), stage_of(step)
+            before, after = step.fitted.scores, evidence_after(step)
+            where = step.column if not step.unknown else None if step.place is None else step.place.column
+            stage = None if where is None else where.stage
             stated = find_along(stated_covariate(step, along, first), along)
         chosen = choose(residuals_of(before, after, fitted.model.data.samples is not None),
                         along if stated is None else (stated,), before.rows, stage)

@@ -455,16 +455,13 @@ def _what_is_left(fitted: LauncherFit, search: Search) -> Correction | None:
     if left is None:
         return None
     asked, judged = left
-    able = np.array([k for k, test in enumerate(asked.tests) if test.family == FREE and _can(fitted, test)], dtype=int)
+    able = np.array([k for k, test in enumerate(asked.tests) if test.family == FREE and term_of(
+        fitted.scores.columns[test.column], fitted.model.layout) is not None], dtype=int)
     if not len(able):
         return None
     # not the plainest: what it leaves would be found again
     correction = correct(fitted.scores, asked.tests[able[judged.gain[able].argmax()]])
     return correction if clearly(correction.gain, fitted) else None
-
-
-def _can(fitted: LauncherFit, test: Test) -> bool:
-    return term_of(fitted.scores.columns[test.column], fitted.model.layout) is not None
 
 
 def _fly(fitted: LauncherFit, correction: Correction, term: str, values: dict[str, float],
@@ -499,11 +496,7 @@ def _curve(correction: Correction) -> Curve | None:
                      levels=tuple(what.levels[k] for k in seen))
     if isinstance(what, CovariatePair) or not isinstance(what, Covariate):
         return None
-    return _spline(what, rows, amplitude, otherwise)
-
-
-def _spline(what: Covariate, rows: Int[Array, " n"], amplitude: Float[Array, " n"], otherwise: float) -> Curve:
-    """Values at the fit's own knots: between them the fit is that very spline."""
+    # values at the fit's own knots: between them the fit is that very spline
     x = what.values[rows]
     said = np.isfinite(x)
     knots = spline_knots(x[said])
