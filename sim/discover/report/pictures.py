@@ -239,7 +239,8 @@ class View:
 
 def views_of(fitted: LauncherFit, asked: Asked, steps: Sequence[Step], first: str | None) -> Iterator[View]:
     """One view per step, or one of the fit alone; none where nothing that was recorded varies."""
-    along = tuple({what.name: what for test in asked.tests if isinstance(what := test.what, Covariate | Factor)}.values())
+    single = (test.what for test in asked.tests if isinstance(test.what, Covariate | Factor))
+    along = tuple({what.name: what for what in single}.values())
     for step in steps or (None,):
         before, after, stated, stage = fitted.scores, None, None, None
         if step is not None:
