@@ -224,7 +224,7 @@ class Novelty:
     def __call__(self, features: np.ndarray) -> np.ndarray:
         """Novelty [n] of feature rows [n, 3] in the contract's order and units; float64."""
         z = (np.asarray(features, np.float64) - self.mean) * self.scale
-        return np.asarray(cKDTree(self.landmarks).query(z, [self.neighbour])[0][:, 0] / self.largest)
+        return np.asarray(cKDTree(self.landmarks).query(z, [self.neighbour])[0])[:, 0] / self.largest
 
 
 def fit_novelty(features: np.ndarray) -> Novelty:
