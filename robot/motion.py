@@ -47,7 +47,7 @@ BLIND, BLIND_NS, SHOWN_S = 1.75, 250_000_000, 0.06
 FAILURES = 3                          # in a row, each of which may have moved a hood whose motion is not known
 DIFFERENT = 3                         # readings in a row
 RATE_NS = 5_000_000                   # between encoder readings, for a rate: closer ones were held up on their way
-SWITCH_NS = 250_000_000               # the limit switch is read every 50 ms at most; four answers may be lost
+SWITCH_NS = 250_000_000               # the limit switch is read every 50 ms, and asked again each tick until it answers
 HOMING_TRAVEL, HOMING_TIMES = 1.1, 3.0            # times the whole travel, and the time that it takes at the limit
 SWITCH_OPEN_DEG = 3.0                 # above the switch it is open
 SWITCH_DEG = 0.9                      # homing ends so far below the switch: the encoder is off, or the switch dead
@@ -349,7 +349,8 @@ def _compared(inputs: Inputs, estimate: Estimate, memory: Memory, joint: Joint, 
               config: Config) -> tuple[Joint, Reason | None]:
     """Count encoder readings in a row that disagree with the screw at their own time; keep the encoder's rate.
 
-    Until the switch says where the screw is, their changes since the hood was first driven are compared.
+    Until the switch says where the screw is, their changes since the last reading before the hood was driven are
+    compared.
     """
     angle, motor, encoder_deg = inputs.hood_angle, inputs.hood_motor, estimate.hood_deg
     if angle is None or not config.hood_encoder.is_heard or angle.t_ns == joint.angle_t_ns:
@@ -361,10 +362,12 @@ def _compared(inputs: Inputs, estimate: Estimate, memory: Memory, joint: Joint, 
         then_rad = motor.position_rad - motor.velocity_rad_s * (motor.t_ns - angle.t_ns) * NS
         if memory.homed:
             screw_deg = motors.elevation_from_screw_deg(then_rad - memory.screw_zero_rad, config.hood)
-        elif joint.began_t_ns:
-            reads_deg, screw_deg = _since_began(angle.angle_rad, then_rad, encoder_deg, joint, config)
-        elif asked_nm != 0.0:
-            joint = replace(joint, began_t_ns=angle.t_ns, began_rad=angle.angle_rad, began_screw_rad=then_rad)
+        else:
+            if (asked_nm == 0.0 and joint.began_t_ns <= 0) or not joint.began_t_ns:
+                joint = replace(joint, began_t_ns=-angle.t_ns, began_rad=angle.angle_rad, began_screw_rad=then_rad)
+            if asked_nm != 0.0 or joint.began_t_ns > 0:
+                joint = replace(joint, began_t_ns=abs(joint.began_t_ns))
+                reads_deg, screw_deg = _since_began(angle.angle_rad, then_rad, encoder_deg, joint, config)
         if screw_deg is None or not abs(reads_deg - screw_deg) <= config.hood.crosscheck_deg:
             differ = joint.differ + 1
     if memory.homed and joint.began_t_ns:
@@ -380,7 +383,7 @@ def _compared(inputs: Inputs, estimate: Estimate, memory: Memory, joint: Joint, 
 def _rate_deg_s(t_ns: int, encoder_deg: float | None, joint: Joint, config: Config) -> float:
     """The encoder's rate since its reading before; 0 while its zero is not known, or has just become known."""
     gap_ns = t_ns - joint.angle_t_ns
-    if encoder_deg is None or (joint.began_t_ns and config.hood_encoder.zero_deg is None):
+    if encoder_deg is None or (joint.began_t_ns > 0 and config.hood_encoder.zero_deg is None):
         return 0.0
     if gap_ns < RATE_NS:
         return joint.angle_deg_s

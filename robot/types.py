@@ -163,7 +163,8 @@ class Joint(Struct, frozen=True, omit_defaults=True):
     angle_t_ns: int = 0                           # hood: its encoder's newest reading
     angle_deg: float = 0.0
     angle_deg_s: float = 0.0                      # ... and its rate from the one before
-    began_t_ns: int = 0                           # hood: encoder and screw are compared since then, until it is homed
+    began_t_ns: int = 0                           # hood: encoder and screw are compared since then, until
+                                                  # it is homed; negative while it is not driven yet
     began_rad: float = 0.0                        # ... the encoder's reading then
     began_screw_rad: float = 0.0                  # ... and the motor's
     moved_t_ns: int = 0                           # hood without encoder: its motor was seen to move then; 1: not yet

@@ -356,7 +356,8 @@ PAIR = struct.Struct("<ff")
 COUNTS = 16384                        # of the hood encoder, per turn
 PATTERN = (1, 0, 0, 1)                # 1: lost. Half of all frames, never more than two of one kind after each other
 GAP_S, GAP_EVERY_S = 0.07, 0.5
-LOSSES = ("half the frames lost", "gaps of 70 ms")
+HALF_LOST = "half the frames lost"        # of what it says and of what it is told
+LOSSES = (HALF_LOST, "gaps of 70 ms")
 STICTION_NM = {"wheels": 0.1, "hood": 0.03}   # to break away, one and a half to two and a half times the friction
 SLIP = 0.1
 STUTTER_S, STUTTER_GAP_S = 1.2, 0.25  # readings stop this often, for so long
@@ -474,7 +475,10 @@ class SickNode:
         self.node.restart(t_ns)
 
     def receive(self, frame: Frame, t_ns: int) -> list[Frame]:
-        return [] if frame.arbitration_id == self.deaf_to else self._spoil(self.node.receive(frame, t_ns), t_ns)
+        is_lost = self._what == HALF_LOST and self._is_lost(-1 - frame.arbitration_id)
+        if is_lost or frame.arbitration_id == self.deaf_to:
+            return []
+        return self._spoil(self.node.receive(frame, t_ns), t_ns)
 
     def step(self, t_ns: int) -> list[Frame]:
         return self._spoil(self.node.step(t_ns), t_ns)
@@ -489,10 +493,13 @@ class SickNode:
                 said.append(spoiled)
         return said
 
+    def _is_lost(self, kind: int) -> bool:
+        count = self._counts[kind] = self._counts.get(kind, 0) + 1
+        return bool(PATTERN[count % len(PATTERN)])
+
     def _spoil_one(self, frame: Frame, since_s: float) -> Frame | None:
-        if self._what == "half the frames lost":
-            count = self._counts[frame.arbitration_id] = self._counts.get(frame.arbitration_id, 0) + 1
-            return None if PATTERN[count % len(PATTERN)] else frame
+        if self._what == HALF_LOST:
+            return None if self._is_lost(frame.arbitration_id) else frame
         if self._what == "gaps of 70 ms":
             return None if since_s % GAP_EVERY_S < GAP_S else frame
         if frame.arbitration_id != self._reading_id:

@@ -72,10 +72,10 @@ def _frames() -> list[Row]:
              for name in AXES]
     rows += [Row("flywheel motor 1: reads 60 rad/s too much", "implausible",
                  Device("flywheel_a", "overwritten", estimates["flywheel_a"], at=4, data=struct.pack("<f", 40.0)),
-                 says(bot.FLYWHEELS_DIFFER), STALE_S),
+                 says(bot.FLYWHEELS_DIFFER), STALE_S, REARM),
              Row("hood encoder: reads another angle", "implausible",
                  Device("hood_encoder", "overwritten", "POSITION_OUTPUT", at=4, data=b"\0\x40"),
-                 says(bot.HOOD_ENCODERS_DISAGREE), STALE_S)]
+                 says(bot.HOOD_ENCODERS_DISAGREE), STALE_S, REARM)]
     rows += [Row(f"{words}: frames held back, then all at once", "late", Device(name, "held"),
                  of(words, SILENT), STALE_S) for name, words in DEVICES.items()]
     rows += [Row(f"{DEVICES[name]}: every frame twice", "duplicated", Device(name, "doubled"),
@@ -123,7 +123,7 @@ def _wires() -> list[Row]:
         Row("another host stops a motor", "another host", fault.Wire("another host stops"),
             says(hw.FOREIGN_HOST, frame="0x022"), STALE_S, REARM),
         Row("a second device with the id of flywheel motor 1", "wrong id", fault.Wire("two with one id"),
-            says(bot.FLYWHEELS_DIFFER, hw.DUPLICATE_ID), 0.3),
+            says(bot.FLYWHEELS_DIFFER, hw.DUPLICATE_ID), 0.3, REARM),
         Row("unknown frames", "strangers", fault.Wire("strangers"), (), 0.0, KEEPS),
         Row("remote frames of strangers", "strangers", fault.Wire("questions"), (), 0.0, KEEPS),
         Row("garbled lines (slcan), garbled frames", "garbled", fault.Wire("garbled"), (), 0.0, KEEPS),
@@ -298,7 +298,7 @@ def _spark_inside() -> list[Row]:
 def _spark_wires() -> list[Row]:
     return [
         Row("SPARKs: a second device with the id of flywheel motor 1", "wrong id", fault.Wire("two sparks with one id"),
-            says(hw.DUPLICATE_ID), 1.2, lasts_s=2.0, launcher="spark"),
+            says(hw.DUPLICATE_ID), 1.2, REARM, lasts_s=2.0, launcher="spark"),
         Row("SPARKs: another host's heartbeat disables them", "strangers", fault.Wire("another host's heartbeat"),
             says(hw.FOREIGN_HOST), STALE_S, launcher="spark"),
         Row("SPARKs: a competition controller on the bus locks them all", "heartbeat",
@@ -394,7 +394,7 @@ KEY_ROWS = (
 GONE_S, WRONG_S, REST_S = 0.12, 0.08, 0.25   # readings stop; freeze under torque or jump; are wrong since rest
 NEVER_S = 0.01                        # not driven at all
 TRAVEL_DEG = 5.0
-HOMING_S = 0.4                        # until encoder and screw are 1.5 degrees apart, from rest
+HOMING_S = 0.5                        # until encoder and screw are 1.5 degrees apart, from rest
 WHEELS = ("flywheel_a", "flywheel_b")
 
 # What the page may say of each kind of fault, as codes of truearc.robot.reasons: one of these; none, any fault; None,

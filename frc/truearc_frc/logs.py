@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from truearc.sim.data.log import Importer
+from truearc.sim.data.importers import Importer
 
 if TYPE_CHECKING:
     from truearc.sim.data.log import Log

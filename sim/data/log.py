@@ -1,16 +1,14 @@
-"""A robot's log in memory, the formats that it is read from, and the shots in it by the dips of a wheel's speed."""
+"""A robot's log in memory, and the shots in it by the dips of a wheel's speed."""
 
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cache
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
 import numpy as np
 
-from truearc.errors import InputError, PluginError, load_plugin, place_of
-from truearc.sim.data.dataset import Dataset, Floats
+from truearc.errors import InputError
+from truearc.sim.data.dataset import Floats
 from truearc.sim.data.table import Cell, RawTable, gathered, load_table, parse_number
 
 BACK_US = 1_000_000                   # a signal's values of several writers may be out of order by less
@@ -123,61 +121,7 @@ def _number(cell: Cell) -> float | None:
     return 1.0 if word == TRUE else 0.0 if word == FALSE else parse_number(cell)
 
 
-GROUP = "truearc.importers"
-KINDS = {".csv": (".csv", ".parquet")} # of a name in `ways`: what a file may end in, where it is not just that
-
-
-@dataclass(frozen=True)
-class Importer:
-    name: str
-    ways: tuple[str, ...]             # files in order; `...`: the one before it, any number of times; `/`: a folder
-    load: Callable[..., Dataset] | None             # None: of any team's files, under a map of their keys
-    # one of any team's logs, given what is called with the share of it that is read; None: they are CSV
-    read: Callable[[Path, Callable[[float], None]], Log] | None = None
-
-    def takes(self, files: Sequence[str]) -> bool:
-        """Whether these are the files of one of its ways, by number and kind."""
-        return any(_fits(way.split(), files) for way in self.ways)
-
-
-def _fits(names: list[str], files: Sequence[str]) -> bool:
-    if names[-1] == "...":
-        names = names[:-1] + names[-2:-1] * (len(files) - len(names) + 1)
-    return len(names) == len(files) and all(map(_is_kind, names, files))
-
-
-def _is_kind(name: str, file: str) -> bool:
-    if name.endswith("/"):
-        return Path(file).is_dir()
-    suffix = Path(name).suffix
-    return Path(file).suffix.lower() in KINDS.get(suffix, (suffix,))
-
-
-CSV = Importer("csv", ("FILE.csv ...", "FILE.txt ..."), None)
-
-
-@cache
-def load_importers() -> tuple[Importer, ...]:
-    """Return every installed importer, sorted by name.
-
-    An entry point of the group `truearc.importers` names an `Importer`.
-
-    Raises:
-        InputError: an entry point cannot be loaded, or is not an `Importer`; the message names its distribution.
-    """
-    installed = [_load(point) for point in entry_points(group=GROUP)]
-    return tuple(sorted((CSV, *installed), key=lambda importer: importer.name))
-
-
-def _load(point: EntryPoint) -> Importer:
-    try:
-        importer = load_plugin(point)
-    except PluginError as error:
-        raise InputError(str(error)) from error
-    if not isinstance(importer, Importer):
-        raise InputError(f"{place_of(point)} is not an Importer")
-    return importer
-
+# --- shots
 
 FALL_S = 0.15                         # a ball slows the wheels within this
 RECOVER_S = 1.0                       # and they are faster again within this, where no set point says that they fell

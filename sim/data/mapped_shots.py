@@ -16,7 +16,8 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.shot_map import MOTOR, ShotMap, Signal, as_signal
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import assemble
-from truearc.sim.data.log import FoundShots, Log, Series, find_shots, load_importers, read_csv_log, silences, spikes
+from truearc.sim.data.importers import load_importers
+from truearc.sim.data.log import FoundShots, Log, Series, find_shots, read_csv_log, silences, spikes
 from truearc.sim.data.recordings import AFTER_S, BEFORE_S
 from truearc.sim.data.table import Cell, RawTable, gathered, load_table, parse_csv, parse_number, text_of
 from truearc.sim.printed import Progress, part_of

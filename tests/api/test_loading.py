@@ -129,7 +129,7 @@ def test_every_lazy_name_is_one_that_type_checkers_see() -> None:
 
 def test_commands_reach_the_engine_through_the_api() -> None:
     """Of the companion they import defaults, texts, tables and pictures; robot commands their own parts of it."""
-    helpers = ("compute", "data.import_shots", "data.log", "data.table", "discover.report", "paper",
+    helpers = ("compute", "data.import_shots", "data.importers", "data.table", "discover.report", "paper",
                "physics.catalogue", "printed", "report", "statistics")
     root = Path(ta.__file__).parent / "cli"
     for path in (root / name for name in ("demo.py", "demo_acts.py", "gate.py", "paper.py")):

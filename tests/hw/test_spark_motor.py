@@ -393,3 +393,20 @@ def test_malformed_readings_are_refused_and_the_last_good_one_grows_old(make) ->
     bench.run(120, 0.0)
     assert bench.bad and "STATUS_2" in bench.bad[0]
     assert bench.clock.t_ns - bench.motor.reading.t_ns > 100 * MS and bench.enabled()[-1] == 0
+
+
+def test_one_that_was_deaf_is_not_driven_by_an_old_duty(make) -> None:
+    bench = make()
+    armed(bench)
+    bench.run(20, 0.2)
+    receive, bench.node.receive = bench.node.receive, lambda frame, t_ns: []
+    bench.run(60, 0.2)
+    assert SPARK_NOT_DRIVING(spark=3) in bench.faults()
+    for waited in range(100, 106):                     # wherever it is between two repetitions of the duty
+        bench.run(waited, 0.0)
+        bench.node.receive, driven_nm = receive, []
+        for _ in range(20):
+            bench.run(1, 0.0)
+            driven_nm.append(abs(bench.node.torque_nm()))
+        assert max(driven_nm) < 0.05
+        bench.node.receive = lambda frame, t_ns: []

@@ -9,7 +9,7 @@ from pathlib import Path
 import truearc as ta
 from truearc.cli import common
 from truearc.errors import OTHER_FORMATS, InputError, about, needs
-from truearc.sim.data.log import load_importers
+from truearc.sim.data.importers import load_importers
 
 RIG = Path(__file__).with_name("rig_template.toml")
 COLUMNS = ("shot_id", "distance_m", "hood_deg", "motor_ratio", "outcome")

@@ -73,5 +73,5 @@ def convert(args: argparse.Namespace) -> int:
     with one row per marked trial), and the formats of other distributions. With
     --belief an MCAP also shows the flight of each marked shot as the belief has it.
     """
-    from truearc.cli.session import convert
+    from truearc.cli.session_work import convert
     return convert(args)

@@ -30,7 +30,7 @@ from truearc.hw.protocols import NS_PER_MS, BadFrame, Frame, MotorReading, Order
 from truearc.hw.reason import listed
 
 RETRY_NS = 100_000_000                # how often orders to come up or to let go are repeated: a frame may be lost
-ENDSTOP_NS = 50_000_000               # between two questions about the limit switch
+ENDSTOP_NS = 50_000_000               # an answer about the limit switch is good for; then it is asked until it answers
 FEED_NS = 25_000_000                  # an unchanged torque is repeated this often: the watchdog wants to hear it
 
 
@@ -51,7 +51,7 @@ class OdriveMotor(AskedMotor):
         self._stop = (odrive.make_torque(axis, 0.0), odrive.make_state(axis, odrive.IDLE))
         self._wanted = self._driven = False
         self._asked_ns = -RETRY_NS
-        self._endstop_ns = self._fed_ns = 0
+        self._fed_ns = 0
         self._asked_nm = 0.0
 
     def take(self, frame: Frame) -> None:
@@ -67,8 +67,7 @@ class OdriveMotor(AskedMotor):
         self._wanted = wanted
         driven_nm = torque_nm if self._trip.is_timely else None
         frames += self._keep_state(driven_nm is not None, t_ns) + self._asked()
-        if self._axis.endstop_endpoint and t_ns - self._endstop_ns >= ENDSTOP_NS:
-            self._endstop_ns = t_ns
+        if self._axis.endstop_endpoint and t_ns - self.reading.endstop_t_ns >= ENDSTOP_NS:
             frames += (odrive.make_endstop_query(self._axis),)
         return Order(frames) if driven_nm is None else Order(frames + self._feed(driven_nm, t_ns), driven_nm)
 
@@ -101,11 +100,11 @@ def make_rules(axis: OdriveAxis, each_tick: int) -> Rules:
               odrive.make_estop(axis), odrive.make_version_query(axis)]
     if axis.torque_nm_a:
         seldom.append(odrive.make_limits(axis, 0.0, 0.0))
-    if axis.endstop_endpoint:
-        seldom.append(odrive.make_endstop_query(axis))
     seldom.append(odrive.make_address_query(axis))
     by_host, by_device = (kinds_of(odrive.ids_sent_by(axis, node), False) for node in ("Host", "Axis"))
     always = [odrive.make_torque(axis, 0.0), odrive.make_state(axis, odrive.IDLE)]      # to let go is never refused
+    if axis.endstop_endpoint:
+        always.append(odrive.make_endstop_query(axis))
     return Rules((*(allow(frame, each_tick) for frame in always), *allow_seldom(seldom)), by_host, by_device,
                  {(odrive.frame_id(axis, "Heartbeat"), False, False): PULSE_NS})
 

@@ -219,7 +219,8 @@ class SparkMotor(AskedMotor):
         velocity_rad_s, bus_v = self.reading.velocity_rad_s, self.reading.bus_v
         duty = duty_for(self._motor, torque_nm, velocity_rad_s, bus_v)
         frames: list[Frame] = []
-        if duty != self._duty or t_ns - self._fed_ns >= FEED_NS:
+        heeds = not self._deaf and (duty != 0.0 or self._applied == 0.0)
+        if duty != self._duty or not heeds or t_ns - self._fed_ns >= FEED_NS:
             self._fed_ns = t_ns
             frames.append(spark.make_duty(self._axis, duty))      # before the heartbeat: an old one may still stand
         self._note_whether_it_heeds(t_ns)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
-from truearc.sim.data.log import Importer
+from truearc.sim.data.importers import Importer
 
 
 def _later(module: str, name: str) -> Callable[..., Any]:

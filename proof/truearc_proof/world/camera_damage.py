@@ -282,7 +282,7 @@ def _bar(begin: Array, end: Array, wide_px: float, level: float) -> Patch:
 
 
 def _outline_bars(outline: Array, level: float) -> tuple[Patch, ...]:
-    """The tape's outline (8, 2) of truearc.hw.emulated.imaging.camera as three strips."""
+    """The tape's outline (8, 2) of truearc.hw.emulated.camera as three strips."""
     blue, green, red = (level * part for part in TAPE_BGR)
     return tuple(Patch(outline[list(corners)], (blue, green, red))
                  for corners in ((0, 1, 5, 4), (1, 2, 6, 5), (3, 0, 4, 7)))

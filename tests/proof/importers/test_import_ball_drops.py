@@ -19,7 +19,7 @@ from tests.sim.same_dataset import assert_same
 from truearc.errors import InputError
 from truearc.sim.check.check import check_plausible
 from truearc.sim.data.files import load_dataset
-from truearc.sim.data.log import load_importers
+from truearc.sim.data.importers import load_importers
 from truearc.sim.physics.catalogue import BUILT_IN, terms_of_file
 from truearc_proof.importers.ball_drops import import_ball_drops, import_sepia_drops
 
