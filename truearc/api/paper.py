@@ -18,16 +18,8 @@ from truearc.sim.gate.network_training import NetworkTraining, Shares, make_reco
 from truearc.sim.paper import Recipe
 from truearc.sim.paper import sweep as sweeps
 from truearc.sim.paper.network import accuracy, save_weights
-from truearc.sim.paper.sweep import (
-    Mean,
-    SweepNetwork,
-    SweepScore,
-    SweepSetting,
-    Verdict,
-    load_provenance,
-    say_synthetic,
-    write_synthetic,
-)
+from truearc.sim.paper.sweep import Mean, SweepNetwork, SweepScore, SweepSetting, Verdict
+from truearc.sim.paper.synthetic import load_provenance, say_synthetic, write_synthetic
 from truearc.sim.paper.train_many import Trained, train_many
 from truearc.sim.printed import Printed, Progress, make_text, save_csv
 from truearc.sim.report import make_png

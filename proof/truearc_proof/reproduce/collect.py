@@ -32,7 +32,7 @@ from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.recordings import label_by_repeatability, shots_from_sessions
 from truearc.sim.data.table import OUTCOMES
 from truearc.sim.paper.grid_fit import fit_grid
-from truearc.sim.paper.sweep import AXES, SHAPE, grid_shots, label_grid, sample_balanced, taken_configurations
+from truearc.sim.paper.synthetic import AXES, SHAPE, grid_shots, label_grid, sample_balanced, taken_configurations
 from truearc.sim.physics.simulate import exit_opposed, is_opposed
 from truearc.sim.physics.term import Exit
 from truearc.sim.printed import Progress

@@ -27,7 +27,8 @@ from truearc.sim.infer.launcher import fit_map
 from truearc.sim.paper import Recipe
 from truearc.sim.paper.grid_fit import Score, fit_grid, score
 from truearc.sim.paper.network import LABELS, Rows, probabilities, training_rows
-from truearc.sim.paper.sweep import SweepSetting, grid_shots, label_grid, sample_balanced, taken_configurations
+from truearc.sim.paper.sweep import SweepSetting
+from truearc.sim.paper.synthetic import grid_shots, label_grid, sample_balanced, taken_configurations
 from truearc.sim.paper.train_many import Job, train_many
 from truearc.sim.physics.simulate import classify, predict
 from truearc.sim.printed import Progress

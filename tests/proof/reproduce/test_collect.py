@@ -8,7 +8,7 @@ import pytest
 
 from tests.proof.reproduce.pools import CONFIG, FACTS, SMALL, Launcher
 from truearc.errors import InputError
-from truearc.sim.paper.sweep import AXES
+from truearc.sim.paper.synthetic import AXES
 from truearc_proof.reproduce.collect import LAUNCHABLE, collect, collect_real
 
 pytestmark = pytest.mark.slow

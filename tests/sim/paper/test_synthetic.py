@@ -12,7 +12,7 @@ from truearc.errors import InputError
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target, Wheel
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import point_belief
-from truearc.sim.paper import sweep
+from truearc.sim.paper import synthetic
 
 RIG = Rig(Ball(0.14, 0.0889), LauncherFacts(0.75, 594.0, (Wheel("lower", 0.0508, 1.0, 180.0),
                                                             Wheel("upper", 0.0349, 0.5625, 0.0))), Target(2.44))
@@ -23,7 +23,7 @@ CONFIGURATIONS = 468_236
 
 @pytest.fixture(scope="module")
 def outcomes() -> np.ndarray:
-    return sweep.label_grid(RIG, BELIEF)
+    return synthetic.label_grid(RIG, BELIEF)
 
 
 def paper_height_m(distance_m: float, motor_ratio: float, hood_deg: float) -> float:
@@ -56,22 +56,22 @@ def paper_outcome(height_m: float) -> str:
 
 
 def test_the_grid_is_the_one_that_the_seed_states() -> None:
-    shots = sweep.grid_shots(np.arange(CONFIGURATIONS))
-    assert math.prod(sweep.SHAPE) == CONFIGURATIONS == len(shots)
+    shots = synthetic.grid_shots(np.arange(CONFIGURATIONS))
+    assert math.prod(synthetic.SHAPE) == CONFIGURATIONS == len(shots)
     for name, low, high, step, count in (("motor_ratio", 0.0, 1.0, 0.01, 101), ("hood_deg", 15.0, 75.0, 1.0, 61),
                                          ("distance_m", 1.0, 16.0, 0.2, 76)):
         values = np.unique(shots.number(name))
         assert len(values) == count and values[0] == low and values[-1] == high
         np.testing.assert_allclose(np.diff(values), step, rtol=1e-12)
         assert [repr(float(value)) for value in values] == [repr(round(float(value), 2)) for value in values]
-    assert len(set(zip(*(shots.number(axis.name) for axis in sweep.AXES), strict=True))) == CONFIGURATIONS
+    assert len(set(zip(*(shots.number(axis.name) for axis in synthetic.AXES), strict=True))) == CONFIGURATIONS
 
 
 def test_labels_are_those_of_an_independent_flight(outcomes: np.ndarray) -> None:
     rng = np.random.default_rng(11)
     chosen = np.concatenate([rng.choice(np.flatnonzero(outcomes == outcome), 60) for outcome in
                              ("miss", "two", "three")] + [rng.integers(0, CONFIGURATIONS, 60)])
-    shots = sweep.grid_shots(chosen)
+    shots = synthetic.grid_shots(chosen)
     compared = 0
     for row, outcome in enumerate(outcomes[chosen]):
         height = paper_height_m(*(float(shots.number(name)[row]) for name in ("distance_m", "motor_ratio", "hood_deg")))
@@ -90,60 +90,60 @@ def test_the_sample_is_balanced_and_avoids_what_is_taken(count: int, seed: int, 
     forbidden = np.array(sorted(taken), np.int64)
     if min(left) < math.ceil(count / 3):
         return
-    chosen = sweep.sample_balanced(outcomes, count, forbidden, seed)
+    chosen = synthetic.sample_balanced(outcomes, count, forbidden, seed)
     counts = [int((outcomes[chosen] == outcome).sum()) for outcome in ("miss", "two", "three")]
     assert sum(counts) == count == len(set(chosen.tolist()))
     assert max(counts) - min(counts) <= 1
     assert not set(chosen.tolist()) & taken
-    assert np.array_equal(chosen, sweep.sample_balanced(outcomes, count, forbidden, seed))
+    assert np.array_equal(chosen, synthetic.sample_balanced(outcomes, count, forbidden, seed))
 
 
 def test_another_seed_is_another_sample() -> None:
     outcomes = np.array(["miss", "two", "three"] * 1000)
-    one, two = (sweep.sample_balanced(outcomes, 300, np.zeros(0, np.int64), seed) for seed in (0, 1))
+    one, two = (synthetic.sample_balanced(outcomes, 300, np.zeros(0, np.int64), seed) for seed in (0, 1))
     assert not np.array_equal(one, two)
 
 
 def test_a_rare_outcome_is_named_and_so_is_a_sample_too_small() -> None:
     outcomes = np.array(["miss"] * 50 + ["two"] * 50 + ["three"] * 4)
-    assert len(sweep.sample_balanced(outcomes, 12, np.zeros(0, np.int64), 0)) == 12
+    assert len(synthetic.sample_balanced(outcomes, 12, np.zeros(0, np.int64), 0)) == 12
     with pytest.raises(InputError, match="only 3 configurations of the grid are a 'three'"):
-        sweep.sample_balanced(outcomes, 12, np.array([103]), 0)
+        synthetic.sample_balanced(outcomes, 12, np.array([103]), 0)
     with pytest.raises(InputError, match="-n is 2"):
-        sweep.sample_balanced(outcomes, 2, np.zeros(0, np.int64), 0)
+        synthetic.sample_balanced(outcomes, 2, np.zeros(0, np.int64), 0)
     with pytest.raises(InputError, match="--seed is -1"):
-        sweep.sample_balanced(outcomes, 12, np.zeros(0, np.int64), -1)
+        synthetic.sample_balanced(outcomes, 12, np.zeros(0, np.int64), -1)
 
 
 @given(st.lists(st.integers(0, CONFIGURATIONS - 1), min_size=1, max_size=30, unique=True), st.integers(0, 2**32))
 def test_a_recorded_configuration_takes_the_nearest_on_the_grid(places: list[int], seed: int) -> None:
-    shots = sweep.grid_shots(np.array(places))
+    shots = synthetic.grid_shots(np.array(places))
     rng = np.random.default_rng(seed)
     measured = {axis.name: shots.number(axis.name) + rng.uniform(-0.49, 0.49, len(places)) / axis.per_unit
-                for axis in sweep.AXES}
-    assert sweep.taken_configurations(Shots(shots.shot_id, measured, {})).tolist() == sorted(places)
+                for axis in synthetic.AXES}
+    assert synthetic.taken_configurations(Shots(shots.shot_id, measured, {})).tolist() == sorted(places)
 
 
 def test_shots_beside_the_grid_or_with_gaps_take_nothing() -> None:
     shots = Shots(("beyond", "gap", "on"), {"motor_ratio": np.array([0.5, 0.5, 0.5]),
                                             "hood_deg": np.array([45.0, np.nan, 45.0]),
                                             "distance_m": np.array([16.2, 5.0, 5.0])}, {})
-    assert sweep.taken_configurations(shots).tolist() == [50 * 61 * 76 + 30 * 76 + 20]
+    assert synthetic.taken_configurations(shots).tolist() == [50 * 61 * 76 + 30 * 76 + 20]
 
 
 def test_recorded_configurations_are_replaced(outcomes: np.ndarray) -> None:
-    first = sweep.sample_balanced(outcomes, 90, np.zeros(0, np.int64), 5)
-    shots = sweep.synthesise(RIG, point_belief(BELIEF), 90, sweep.grid_shots(first), 5)
+    first = synthetic.sample_balanced(outcomes, 90, np.zeros(0, np.int64), 5)
+    shots = synthetic.synthesise(RIG, point_belief(BELIEF), 90, synthetic.grid_shots(first), 5)
     assert len(shots) == 90
-    assert not set(shots.shot_id) & set(sweep.grid_shots(first).shot_id)
+    assert not set(shots.shot_id) & set(synthetic.grid_shots(first).shot_id)
     assert sorted(map(shots.text("outcome").count, ("miss", "two", "three"))) == [30, 30, 30]
     places = np.array([int(name.removeprefix("sim-")) for name in shots.shot_id])
     assert shots.text("outcome") == tuple(outcomes[places].tolist())
 
 
 def test_provenance_is_optional_but_not_rubbish(tmp_path) -> None:
-    assert sweep.load_provenance(tmp_path) == {}
+    assert synthetic.load_provenance(tmp_path) == {}
     for text in ("{", "[]"):
         (tmp_path / "synth.json").write_text(text)
         with pytest.raises(InputError, match=r"synth\.json"):
-            sweep.load_provenance(tmp_path)
+            synthetic.load_provenance(tmp_path)
