@@ -22,16 +22,9 @@ from jax import lax
 from truearc.robot.config.rig_spec import Air, Ball, LauncherFacts, Rig, Target, Wheel, WorldFacts
 from truearc.sim.data.dataset import Shots
 from truearc.sim.paper.grid_fit import fit_grid, make_axis, make_scoring
-from truearc.sim.paper.grid_labels import (
-    TEMPLATE,
-    TERMS,
-    VALUES,
-    facts_values,
-    find_hits,
-    fly_pairs,
-    load_kernel,
-    make_source,
-)
+from truearc.sim.paper.grid_kernel import advance, facts_of
+from truearc.sim.paper.grid_labels import find_hits, fly_pairs
+from truearc.sim.physics.catalogue import flight_terms
 from truearc.sim.physics.flight import fly
 from truearc.sim.physics.simulate import classify, fly_rows
 from truearc.sim.physics.term import Exit
@@ -118,7 +111,7 @@ def count_flights(shots: Shots) -> int:
 
 def plain_ways(shots: Shots, runs: int) -> Iterator[tuple[str, Callable[[], object], float, int]]:
     """(what, a run of it, how many points a side of the grid it takes, how often it is run)."""
-    flyer, numbers = make_scoring(FACTS, shots).flyer, facts_values(FACTS)
+    flyer, numbers = make_scoring(FACTS, shots).flyer, facts_of(FACTS)
     axis, cl = make_axis(STEP)[::40], make_axis(STEP)[::100]
     yield ("plain numba loop, up to 3 s whatever happens; RK4 5 ms, parallel; every 40th row and column",
            partial(make_plain_loop(), flyer.launch, axis, numbers, 0.75), axis.size, runs)
@@ -130,7 +123,6 @@ def plain_ways(shots: Shots, runs: int) -> Iterator[tuple[str, Callable[[], obje
 
 def make_plain_loop() -> Callable[..., np.ndarray]:
     """One flight after the other, as one would write it; the step is the kernel's."""
-    advance = load_kernel(make_source(FACTS, TERMS, VALUES), TEMPLATE).advance
 
     @numba.njit(parallel=True, fastmath={"nsz", "arcp", "contract", "afn", "reassoc"}, error_model="numpy")
     def loop(launch, axis, facts, release_m):
@@ -152,23 +144,21 @@ def make_plain_loop() -> Callable[..., np.ndarray]:
 
 def fly_numpy(launch: np.ndarray, axis: np.ndarray, numbers: tuple[float, ...]) -> np.ndarray:
     """All flights of a chunk step by step in numpy, those that have ended left out every 20 steps."""
-    names: dict[str, object] = {"math": np, "np": np}
-    exec(make_source(FACTS, TERMS, VALUES), names)
-    law: Callable[..., tuple[np.ndarray, np.ndarray]] = names["acceleration"]  # type: ignore[assignment]
     which, cl, cd = (part.ravel() for part in np.meshgrid(np.arange(len(launch)), axis, axis, indexing="ij"))
     height_m = np.full(which.size, np.nan)
     for first in range(0, which.size, 16384):
         at = np.arange(first, min(first + 16384, which.size))
-        _fly_chunk(at, launch[which[at]].T, cd[at], cl[at], law, numbers, height_m)
+        _fly_chunk(at, launch[which[at]].T, cd[at], cl[at], numbers, height_m)
     return height_m
 
 
-def _fly_chunk(at, launch, cd, cl, law, numbers, height_m) -> None:
+def _fly_chunk(at, launch, cd, cl, facts, height_m) -> None:
     state = np.stack([np.zeros(at.size), np.full(at.size, 0.75), launch[0], launch[1]])
     spin, distance = launch[2], launch[3]
     for step in range(round(LIMIT_S / STEP_S)):
-        def rate(s, spin=spin, pair=(cd, cl)):
-            return np.stack([s[2], s[3], *law(s[0], s[1], s[2], s[3], spin, pair, numbers)])
+        def rate(s, spin=spin, cd=cd, cl=cl):
+            drag, lift = -cd * facts[1] * np.hypot(s[2], s[3]), cl * facts[2] * spin
+            return np.stack([s[2], s[3], drag * s[2] - lift * s[3], drag * s[3] + lift * s[2] - facts[0]])
 
         k1 = rate(state)
         k2 = rate(state + STEP_S / 2 * k1)
@@ -199,7 +189,8 @@ def fly_jax(shots: Shots, cl: np.ndarray) -> None:
 def _row_of_jax(exit: Exit, distance_m: float, cd: np.ndarray, cl: np.ndarray) -> jax.Array:
     def block(lift: jax.Array) -> jax.Array:
         params = {"drag": {"cd": cd}, "magnus": {"cl": lift}}
-        return fly(FACTS, TERMS, params, exit, distance_m, step_s=0.05, turn_rad=0.2).height_m
+        terms = flight_terms(("gravity", "drag", "magnus"))
+        return fly(FACTS, terms, params, exit, distance_m, step_s=0.05, turn_rad=0.2).height_m
 
     return lax.map(block, cl)
 

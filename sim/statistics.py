@@ -30,8 +30,7 @@ def student_half(values: Sequence[float] | np.ndarray) -> float:
     numbers = np.asarray(values, float)
     if len(numbers) < 2:
         return math.nan
-    quantile = stdtrit(len(numbers) - 1, 0.975)
-    return float(quantile * numbers.std(ddof=1) / math.sqrt(len(numbers)))
+    return float(stdtrit(len(numbers) - 1, 0.975) * numbers.std(ddof=1) / math.sqrt(len(numbers)))
 
 
 def invert(information: Float[np.ndarray, "P P"]) -> Float[np.ndarray, "P P"]:

@@ -104,7 +104,8 @@ def _rows(rig: Rig, belief: Belief, distance_m: Rows, solved: Solved, kept: np.n
     lost = [_lost(rig, belief, at, best, place, error) for place, error in enumerate(
         (DISTANCE_M, HOOD_DEG, SPEED_RPM / RPM / free_rad_s))]
     low, high = _band(rig, belief, at, best)
-    lead, flight_s = lead_deg(rig, belief, *at), flown(rig, belief, *at)[1]
+    side_m, flight_s = flown(rig, belief, *at)
+    lead = np.degrees(np.arctan2(-side_m, at[0])) + 0.0           # against the drift
     fitted = belief.provenance.get("range", {})
     for row in range(len(kept)):
         numbers = (*(float(column[row]) for column in at), float(at[2][row] * free_rad_s), float(lead[row]),
@@ -147,12 +148,6 @@ def beyond(settings: Mapping[str, float], fitted: Mapping[str, list[float]]) -> 
     return "; ".join(f"{name} beyond the fitted {fitted[name][0]:.3g} to {fitted[name][1]:.3g}"
                      for name, value in settings.items()
                      if name in fitted and not fitted[name][0] - 1e-9 <= value <= fitted[name][1] + 1e-9)
-
-
-def lead_deg(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, motor_ratio: Rows) -> Rows:
-    """Angle by which to turn the launcher to the left [n], in degrees, against the drift; NaN: does not come there."""
-    side_m = flown(rig, belief, distance_m, hood_deg, motor_ratio)[0]
-    return np.asarray(np.degrees(np.arctan2(-side_m, distance_m)) + 0.0)
 
 
 def flown(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, motor_ratio: Rows) -> tuple[Rows, Rows]:
@@ -230,8 +225,7 @@ def on_the_move(rig: Rig, belief: Belief, distance_m: Rows, hood_deg: Rows, moto
         return _given(rig, belief, distance_m, hood_deg, motor_ratio * np.exp(np.clip(np.nan_to_num(log), -1.0, 1.0)))
 
     def along_m(log: Rows, along: float) -> Rows:
-        height_m = _height(rig, values, faster(log), distance_m + carry_s * along, along, among)
-        return np.asarray(height_m - at_rest_m)
+        return np.asarray(_height(rig, values, faster(log), distance_m + carry_s * along, along, among) - at_rest_m)
 
     def across_m(log: Rows) -> Rows:
         flown = np.asarray(_place(rig, values, faster(log), flight_s, 0.0, PROBE_M_S, among))
@@ -366,8 +360,7 @@ def _segment(rows: Sequence[AimRow], moving: Float[np.ndarray, "n 5"]) -> Segmen
     known = np.flatnonzero(np.isfinite(moving).all(axis=1))
     if len(known) < 2 or np.ptp(known) != len(known) - 1:
         return Segment(tuple(map(float, x)), hood, ratio, lead)
-    filled = moving[np.clip(np.arange(len(x)), known[0], known[-1])]
-    carry, sideways, trim, bend, sink = map(curve, filled.T)
+    carry, sideways, trim, bend, sink = map(curve, moving[np.clip(np.arange(len(x)), known[0], known[-1])].T)
     return Segment(tuple(map(float, x)), hood, ratio, lead,
                    Motion(carry, sideways, trim, bend, sink, float(x[known[0]]), float(x[known[-1]])))
 

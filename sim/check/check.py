@@ -277,8 +277,7 @@ def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
     path_m, other_m = (distance_m / np.maximum(part(np.radians(hood_deg)), 1e-3) for part in (np.cos, np.sin))
     uneven = _uneven(ratio, path_m, tracks.ALL_BUT)
     unstated = "" if rig.launcher.release_height_m > 0.0 else "; or state launcher.release_height_m, which may be why"
-    other = ratios(distance_m, 90.0 - hood_deg, speed_m_s)
-    if _is_straighter(_uneven(other, other_m), uneven):
+    if _is_straighter(_uneven(ratios(distance_m, 90.0 - hood_deg, speed_m_s), other_m), uneven):
         yield Flaw("hood", f"{shots.source}: hood_deg", "the speeds of scoring shots fit their distances far better "
                     "if the angle is from the vertical; hood_deg is the elevation above the horizontal: 90 less that"
                     + unstated)
@@ -368,8 +367,7 @@ def _uneven(ratio: Floats, path_m: Floats, least: float = 1.0) -> float:
     if len(ratio) < 2 * SCORES or flies.mean() < least:
         return math.inf
     logs, along_m = np.log(ratio[flies]), path_m[flies] - path_m[flies].mean()
-    drag = max(0.0, float(along_m @ logs) / max(float(along_m @ along_m), 1e-12))
-    return _spread(logs - drag * along_m)
+    return _spread(logs - max(0.0, float(along_m @ logs) / max(float(along_m @ along_m), 1e-12)) * along_m)
 
 
 def _spread(values: Floats) -> float:
@@ -381,8 +379,7 @@ def judge_times(dataset: Dataset, times: Times) -> Iterator[Flaw]:
     """Those of shots of which no launch is known: they were dropped from the release height."""
     rig, shots = dataset.rig, dataset.shots
     sped = has_wheels(rig, shots) | np.isfinite(shots.number("exit_speed_m_s"))
-    aimed = np.isfinite(shots.number("hood_deg")) | np.isfinite(shots.number("exit_deg"))
-    dropped = ~(sped & aimed)[times.shot]
+    dropped = ~(sped & (np.isfinite(shots.number("hood_deg")) | np.isfinite(shots.number("exit_deg"))))[times.shot]
     fallen_m = (rig.launcher.release_height_m - times.height_m)[dropped]
     if not len(fallen_m):
         return

@@ -272,8 +272,7 @@ def _spin_sign(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:
         return
     rest = pull - made @ by
     noise = float(rest @ rest) / (known.sum() - made.shape[1])
-    error = math.sqrt(noise * float(np.linalg.inv(made.T @ made)[2, 2]))
-    if by[2] < -SURE * error:
+    if by[2] < -SURE * math.sqrt(noise * float(np.linalg.inv(made.T @ made)[2, 2])):
         yield Flaw("spin", f"{dataset.shots.source}: exit_spin_rev_s", "the more of it, the faster balls fall; "
                    "backspin, which lifts, is positive: if this is topspin, multiply it by -1", warns=True)
 

@@ -314,8 +314,7 @@ def _density(shots: Shots) -> np.ndarray:
     """By the ideal gas: pressure / temperature, a missing one of the two taken as its median, or as steady."""
     pressure, kelvin = shots.number("pressure_pa"), shots.number("temperature_c") + KELVIN
     said = np.isfinite(pressure) | np.isfinite(kelvin)
-    density = _filled(pressure) / _filled(kelvin)
-    return _departure(np.where(said, density, np.nan))
+    return _departure(np.where(said, _filled(pressure) / _filled(kelvin), np.nan))
 
 
 def _filled(column: np.ndarray) -> np.ndarray:

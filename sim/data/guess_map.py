@@ -16,23 +16,7 @@ from msgspec import structs
 from truearc.errors import InputError, make_toml
 from truearc.robot.config import shot_map as maps
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.shot_map import (
-    MARKS,
-    MOTOR,
-    NOT_MARKED,
-    SCHEMA,
-    UNITS,
-    WHEEL,
-    OutcomeKeys,
-    ShotMap,
-    Signal,
-    as_signal,
-    factor_of,
-    load_map,
-    own_unit,
-    unit_in,
-    unit_of,
-)
+from truearc.robot.config.shot_map import MOTOR, OutcomeKeys, ShotMap, Signal, own_unit
 from truearc.sim.data import table as cols
 from truearc.sim.data.dataset import Floats
 from truearc.sim.data.log import TIME, Log, Series, Signals
@@ -87,7 +71,7 @@ def wheel_column(rig: Rig) -> str:
 
 def unit_said(series: Series, default: str) -> str:
     """The unit that the log states, or that the key ends in; readers of the map do not see the log's metadata."""
-    return series.unit or unit_in(series.name) or default
+    return series.unit or maps.unit_in(series.name) or default
 
 
 def unit_note(series: Series, column: str) -> str:
@@ -105,7 +89,7 @@ def best(moving: Signals, column: str, nouns: Set[str], kinds: Set[str], never: 
 
 def _score(series: Series, said: list[str], column: str, nouns: Set[str], kinds: Set[str], never: Set[str]) -> float:
     unit = unit_said(series, "")
-    factor = factor_of(column, unit) if unit else None
+    factor = maps.factor_of(column, unit) if unit else None
     of_kind = bool(kinds & set(said)) or factor is not None
     if not nouns & set(said) or (kinds and not of_kind) or never & set(said) or (ODD - kinds - nouns) & set(said):
         return 0.0
@@ -115,8 +99,7 @@ def _score(series: Series, said: list[str], column: str, nouns: Set[str], kinds:
     values = (np.asarray(series.values, dtype=float) - zero) * scale
     values = np.abs(values[np.isfinite(values)]) if column == MOTOR else values[np.isfinite(values)]
     low, high = PLAUSIBLE_RAD_S if column == MOTOR else cols.RANGES[column]
-    top = values.max(initial=-np.inf)
-    if not (low <= top <= high) or (column != MOTOR and values.min() < low):
+    if not (low <= values.max(initial=-np.inf) <= high) or (column != MOTOR and values.min() < low):
         return 0.0
     varies = len(np.unique(values[:2000])) > 3
     return (1.0 + (factor is not None) + varies + 0.5 * len(nouns & set(said)) + (said[-1] in nouns | kinds)
@@ -129,10 +112,10 @@ def meanings(texts: Iterable[str]) -> dict[str, str]:
 
 
 def _meaning_of(text: str) -> str | None:
-    if text in MARKS or text in NOT_MARKED:
+    if text in maps.MARKS or text in maps.NOT_MARKED:
         return text
     if text in SPELLINGS:
-        return SPELLINGS[text] or NOT_MARKED[0]
+        return SPELLINGS[text] or maps.NOT_MARKED[0]
     rest = " ".join(word for word in re.split(r"[^\w/]+", text) if word not in FILLERS)
     word = SAID_OF_SHOTS.get(rest, "")
     return SAID_OF_SHOTS.get(text) or (word if word.startswith("miss") else None)
@@ -154,6 +137,7 @@ def outcome_lines(key: str, values: Mapping[str, str], counts: Mapping[str, int]
 PULSE_S = 0.2, 2.0                    # a fall sooner after a shot is none of its outcome's; a pulse is shorter
 FALLS = 2                             # of a state, at least
 OWN = "truearc"                       # a map that comes with truearc
+BOOLEAN = {0.0}, {1.0}, {0.0, 1.0}      # values of such a signal
 NO_OUTCOME = "outcome: none found: state outcome in the map, or shots have none"
 
 
@@ -171,7 +155,7 @@ class Guess:
                  if (said := getattr(self.map.shots, name))}
         outcome = {name: said for name in ("key", "values", "buttons") if (said := getattr(self.map.outcome, name))}
         rows = {} if self.map.rows == "time" else {"rows": self.map.rows}
-        table = {"schema": SCHEMA, **rows, "columns": columns, **({"shots": shots} if shots else {}),
+        table = {"schema": maps.SCHEMA, **rows, "columns": columns, **({"shots": shots} if shots else {}),
                  **({"outcome": outcome} if outcome else {})}
         lines = ("".join(mark if mark.isprintable() else " " for mark in line) for line in self.lines)
         return "".join(f"# {line}\n" for line in lines) + make_toml(table)
@@ -189,8 +173,8 @@ def guess_map(log: Log, rig: Rig, name: str) -> Guess:
         InputError: no signal looks like the speed of a wheel, or like a distance, or like a hood's angle; it lists what
             was recognised and the signals that there are.
     """
-    own = load_map(OWN)
-    if all(as_signal(said).key in log for said in own.columns.values()):
+    own = maps.load_map(OWN)
+    if all(maps.as_signal(said).key in log for said in own.columns.values()):
         return Guess(own, (f"a session of truearc: the map {OWN}",))
     words = {key: words_of(key) for key in log}
     moving = {key: series for key, series in log.items() if series.numeric and len(series.t_s) > 1}
@@ -217,7 +201,7 @@ def guess_map(log: Log, rig: Rig, name: str) -> Guess:
         lines.append(f"battery_v: {battery}")
     set_point = _set_point(log, words, log[columns[column].key], columns[column].unit)
     feed = _feed(log, words)
-    shot_map = ShotMap(SCHEMA, columns={**columns}, shots=maps.Detection(set_point=set_point, feed=feed))
+    shot_map = ShotMap(maps.SCHEMA, columns={**columns}, shots=maps.Detection(set_point=set_point, feed=feed))
     outcome, marked_by = _outcome(log, words, Reading(Path(name), log, shot_map, rig))
     wanted = set_point.key if set_point else "none found: spinning down may look like a ball"
     lines += [f"set point of the speed: {wanted}",
@@ -237,7 +221,7 @@ def _set_point(log: Log, words: dict[str, list[str]], speed: Series, unit: str) 
             continue
         if (ODD - {"rad"}) & said:
             continue
-        own, theirs = factor_of(MOTOR, unit_said(series, unit)), factor_of(MOTOR, unit)
+        own, theirs = maps.factor_of(MOTOR, unit_said(series, unit)), maps.factor_of(MOTOR, unit)
         if own and theirs and 0.5 * (top := own[0] * _top(series)) < theirs[0] * _top(speed) < 2.0 * top:
             found.append((len(mine & said), -len(said), key))
     return Signal(max(found)[2], unit=unit_said(log[max(found)[2]], unit)) if found else None
@@ -266,14 +250,14 @@ def _outcome(log: Log, words: dict[str, list[str]], reading: Reading) -> tuple[O
             values = meanings(counts)
             named = bool(OUTCOME & set(words[key]))
             # of another name, only the words of maps: that something is in or out is said of more than balls
-            if len(values if named else [text for text in values if text in MARKS or text in NOT_MARKED]) >= 2:
+            if len(values if named else [text for text in values if text in {*maps.MARKS, *maps.NOT_MARKED}]) >= 2:
                 found.append((named, -len(found), key, values, counts))
     if found:
         *_, key, values, counts = max(found, key=lambda one: one[:2])
         return OutcomeKeys(key=key, values=values), outcome_lines(key, values, counts)
     nouns = {"scored", "successful", "success", "hit", "made"}
-    for key in _booleans(log):
-        if nouns & set(words[key]):
+    for key, series in log.items():
+        if nouns & set(words[key]) and series.numeric and set(np.unique(series.values).tolist()) in BOOLEAN:
             values, said = _meaning(log[key], reading.shots().t_s)
             return OutcomeKeys(key=key, values=values) if values else OutcomeKeys(), [f"outcome: {key}: {said}"]
     return OutcomeKeys(), [NO_OUTCOME]
@@ -285,7 +269,8 @@ def _meaning(scored: Series, shots_s: Floats) -> tuple[dict[str, str], str]:
     A state falls by the outcome of a later shot. A pulse falls by itself, whatever comes next.
     """
     edges = scored.changes()
-    rose, fell = _edges(edges)
+    up = np.flatnonzero(np.asarray(edges.values[:-1]) > 0.5)     # of the last rise without a fall neither counts
+    rose, fell = edges.t_s[up], edges.t_s[up + 1]
     state = [bool(((shots_s > up) & (shots_s < down - PULSE_S[0])).any()) for up, down in zip(rose, fell, strict=True)]
     if len(state) >= FALLS and all(state) and (fell - rose > PULSE_S[1]).all():
         return {"true": "hit", "false": "miss"}, "true is a hit, false a miss"
@@ -293,17 +278,6 @@ def _meaning(scored: Series, shots_s: Floats) -> tuple[dict[str, str], str]:
         return {"true": "hit"}, ("is true for a moment after a hit; shots without it are left out. If they missed, "
                                  "state outcome.otherwise = \"miss\"")
     return {}, "left out: it may be a state or a pulse; state outcome in the map, or shots have none"
-
-
-def _edges(boolean: Series) -> tuple[Floats, Floats]:
-    """(when a boolean without repeats rose, when it fell again); of the last rise without a fall neither."""
-    up = np.flatnonzero(np.asarray(boolean.values[:-1]) > 0.5)
-    return boolean.t_s[up], boolean.t_s[up + 1]
-
-
-def _booleans(log: Log) -> Iterable[str]:
-    return (key for key, series in log.items() if series.numeric and len(series.t_s)
-            and set(np.unique(series.values).tolist()) <= {0.0, 1.0})
 
 
 # column of shots -> (words that name it, words beside one that do not say what it is of, words of something else)
@@ -380,7 +354,7 @@ def _series(name: str, cells: list[cols.Cell]) -> Series | None:
         return None
     numbers = [parse_number(cells[row]) for row in rows]
     last = words_of(name)[-1:]
-    unit = unit_in(name) or (UNITS.get(last[0], "") if last else "")
+    unit = maps.unit_in(name) or (maps.UNITS.get(last[0], "") if last else "")
     times = np.array(rows, dtype=float)
     if 2 * numbers.count(None) >= len(numbers):
         return Series(name, times, tuple(str(cells[row]).strip() for row in rows), unit, each_row=True)
@@ -419,8 +393,7 @@ class _Guessing:
         self.lines += said
         if self.free:
             self.lines.append(f"not used: {', '.join(self.free)}")
-        shot_map = ShotMap(SCHEMA, rows="shot", columns={**self.columns}, outcome=outcome)
-        return Guess(shot_map, tuple(self.lines))
+        return Guess(ShotMap(maps.SCHEMA, rows="shot", columns={**self.columns}, outcome=outcome), tuple(self.lines))
 
     def _take(self, column: str, key: str, unit: str = "", note: str = "") -> None:
         self.columns[column] = Signal(self._key(key), unit=unit)
@@ -443,14 +416,13 @@ class _Guessing:
             return
         own = own_unit(column)
         plain = "_".join(key.lower().split())
-        suffix = plain[len(column) - len(unit_of(column)):] if own else ""
+        suffix = plain[len(column) - len(maps.unit_of(column)):] if own else ""
         self._take(column, key, suffix, f", in {suffix}" if suffix else "")
 
     def _take_needed(self, column: str) -> bool:
-        instead = INSTEAD.get(column, ())
-        if column in self.columns or any(one in self.columns for one in instead):
+        if column in self.columns or any(one in self.columns for one in INSTEAD.get(column, ())):
             return True
-        if column == MOTOR and any(WHEEL.fullmatch(one) for one in self.columns):
+        if column == MOTOR and any(maps.WHEEL.fullmatch(one) for one in self.columns):
             return True
         read = wheel_column(self.rig) if column == MOTOR else column
         found = self._take_number(column, read)
@@ -536,7 +508,7 @@ class _Guessing:
         *_, key, values, counts = max(found, key=lambda one: one[:2])
         del self.free[key]
         if "" in counts:
-            values[""] = NOT_MARKED[0]
+            values[""] = maps.NOT_MARKED[0]
         return OutcomeKeys(key=self._key(key), values=values), outcome_lines(key, values, counts)
 
 

@@ -203,8 +203,7 @@ def spikes(values: Floats) -> np.ndarray:
     """Mask [n] of single samples above both of their neighbours by half: no wheel does that."""
     speed = np.abs(values)
     beside = np.maximum(np.concatenate([speed[1:], speed[-1:]]), np.concatenate([speed[:1], speed[:-1]]))
-    above: np.ndarray = (speed > SPIKE * beside) & (speed > STANDS * speed.max(initial=0.0))
-    return above
+    return np.asarray((speed > SPIKE * beside) & (speed > STANDS * speed.max(initial=0.0)))
 
 
 def find_dips(wheel: Series, set_point: Series | None, least_dip: float) -> Floats:

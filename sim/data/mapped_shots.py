@@ -11,20 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from truearc.errors import ELSEWHERE, InputError, needs
+from truearc.robot.config import shot_map as maps
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.shot_map import (
-    MARKS,
-    MOTOR,
-    NOT_MARKED,
-    WHEEL,
-    ShotMap,
-    Signal,
-    as_signal,
-    factor_of,
-    own_unit,
-    plain,
-    unit_in,
-)
+from truearc.robot.config.shot_map import MOTOR, ShotMap, Signal, as_signal
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.files import assemble
 from truearc.sim.data.importers import load_importers
@@ -34,6 +23,7 @@ from truearc.sim.data.table import Cell, RawTable, gathered, load_table, parse_c
 from truearc.sim.printed import Progress, part_of
 
 SECONDS = {"s": 1.0, "ms": 1e3, "us": 1e6}
+TRACE = ("shot_id", "t_s", "signal", "value")
 MOST_UNKNOWN = 10                     # texts of a signal of outcomes that are named
 PUBLISHED_S = 0.2                     # the same mark again, sooner than this, is one that is said in every loop
 
@@ -79,7 +69,8 @@ def shots_from_logs(paths: Sequence[Path], shot_map: ShotMap, rig: Rig, name: st
         raise InputError(f"{', '.join(map(str, paths))}: no shot was found"
                          + "".join(f"\n{line}" for line in left_out[:5]))
     with gathered() as problems:
-        dataset = assemble(name, rig, problems, as_table(rows, paths[0]), None, _trace_table(traces, paths[0]))
+        samples = as_table([dict(zip(TRACE, row, strict=True)) for row in traces], paths[0]) if traces else None
+        dataset = assemble(name, rig, problems, as_table(rows, paths[0]), None, samples)
     return replace(dataset, left_out=tuple(left_out))
 
 
@@ -105,7 +96,7 @@ class Reading:
     def _column(self, column: str, said: str | Signal) -> Series:
         signal = as_signal(said)
         found = self.series(signal.key)
-        if own_unit(column) and not found.numeric:
+        if maps.own_unit(column) and not found.numeric:
             raise InputError(f"{self.path}: {signal.key}: holds texts; {column} is a number")
         if not found.numeric:
             return found
@@ -115,8 +106,7 @@ class Reading:
     def _finite(self, series: Series) -> Series:
         """A speed without the samples that are not finite, or that no wheel can have; their number is said."""
         values = np.asarray(series.values, dtype=float)
-        kept = np.isfinite(values)
-        series = self._without(series, kept, "that are not finite")
+        series = self._without(series, np.isfinite(values), "that are not finite")
         return self._without(series, ~spikes(np.asarray(series.values, dtype=float)), "far above both neighbours")
 
     def _without(self, series: Series, kept: np.ndarray, what: str) -> Series:
@@ -150,7 +140,7 @@ class Reading:
                          if t_s < at <= min(until, t_s + self.map.outcome.within_s)),
                         self.map.outcome.otherwise or None)
             since, before = t_s - before, t_s
-            if marks and (mark is None or mark in NOT_MARKED):
+            if marks and (mark is None or mark in maps.NOT_MARKED):
                 odd.append(f"{self.path.name}: t = {t_s:.2f} s: {'no outcome' if mark is None else 'rejected'}")
                 continue
             rows.append(self._row(number, float(t_s), since, mark))
@@ -166,7 +156,7 @@ class Reading:
             known = value is not None and (isinstance(value, str) or np.isfinite(value))
             row[name] = None if not known else value if isinstance(value, str) else float(value or 0.0) * scale
         if mark is not None:
-            row["outcome"], row["side"] = (word or None for word in MARKS[mark])
+            row["outcome"], row["side"] = (word or None for word in maps.MARKS[mark])
         return row
 
     def _marks(self) -> list[tuple[float, str]]:
@@ -175,11 +165,11 @@ class Reading:
         marks = list[tuple[float, str]]()
         if said.key:
             series = self.series(said.key)
-            words = {plain(key): word for key, word in said.values.items()}
+            words = {maps.plain(key): word for key, word in said.values.items()}
             last: tuple[float, str] | None = None
             unknown = Counter[str]()
             for t_s, value in zip(series.t_s, series.values, strict=True):
-                text = plain(value)
+                text = maps.plain(value)
                 again = last is not None and last[1] == text and (series.each_row or t_s - last[0] < PUBLISHED_S)
                 last = float(t_s), text
                 if text in words and not again:
@@ -228,13 +218,13 @@ def as_read(column: str, rig: Rig) -> tuple[str, float]:
 
 
 def _is_speed(column: str) -> bool:
-    return column == MOTOR or WHEEL.fullmatch(column) is not None
+    return column == MOTOR or maps.WHEEL.fullmatch(column) is not None
 
 
 def _in_unit(series: Series, column: str, signal: Signal, path: Path) -> Series:
-    said = signal.unit or series.unit or unit_in(series.name)
+    said = signal.unit or series.unit or maps.unit_in(series.name)
     values = np.asarray(series.values, dtype=float) * signal.times + signal.plus
-    factor = factor_of(column, said) if said and own_unit(column) else (1.0, 0.0)
+    factor = maps.factor_of(column, said) if said and maps.own_unit(column) else (1.0, 0.0)
     if factor is None:
         raise InputError(f"{path}: {signal.key}: {said!r} is not a unit of {column}; state unit = \"...\" in the map")
     return replace(series, values=(values - factor[1]) * factor[0])
@@ -250,11 +240,6 @@ def as_table(rows: Sequence[Mapping[str, Cell]], path: Path) -> RawTable:
     names = dict.fromkeys(name for row in rows for name in row)
     return RawTable(path, {name: [row.get(name) for row in rows] for name in names}, list(range(1, len(rows) + 1)),
                     in_memory=True)
-
-
-def _trace_table(traces: list[tuple[str, float, str, float]], path: Path) -> RawTable | None:
-    names = ("shot_id", "t_s", "signal", "value")
-    return as_table([dict(zip(names, row, strict=True)) for row in traces], path) if traces else None
 
 
 PLACE = re.compile(r"#(\d+)")         # a column by its number
@@ -351,24 +336,20 @@ def _column(table: RawTable, column: str, said: str | Signal) -> list[Cell]:
     """Cells of a column, numbers in its unit."""
     signal = as_signal(said)
     cells = _cells(table, signal)
-    texts = [row for row, cell in enumerate(cells) if own_unit(column) and not _is_number(cell)]
+    texts = [row for row, cell in enumerate(cells) if maps.own_unit(column) and cell is not None and str(cell).strip()
+             and parse_number(cell) is None]
     with gathered() as problems:
         problems += [f"{table.place(row)}: {signal.key}: {cells[row]!r} is not a number" for row in texts]
-    if not own_unit(column) and (signal.times, signal.plus) == (1.0, 0.0):
+    if not maps.own_unit(column) and (signal.times, signal.plus) == (1.0, 0.0):
         return cells
-    stated = signal.unit or unit_in(signal.key)
-    factor = factor_of(column, stated) if stated and own_unit(column) else (1.0, 0.0)
+    stated = signal.unit or maps.unit_in(signal.key)
+    factor = maps.factor_of(column, stated) if stated and maps.own_unit(column) else (1.0, 0.0)
     if factor is None:
         raise InputError(f"{table.place(-1)}: {signal.key}: {stated!r} is not a unit of {column}; state unit = \"...\" "
                          "in the map")
     numbers = [parse_number(cell) for cell in cells]
     return [cell if number is None else (number * signal.times + signal.plus - factor[1]) * factor[0]
             for cell, number in zip(cells, numbers, strict=True)]
-
-
-def _is_number(cell: Cell) -> bool:
-    """Whether a cell is empty or a number."""
-    return cell is None or not str(cell).strip() or parse_number(cell) is not None
 
 
 def _shots(path: Path, table: RawTable, shot_map: ShotMap, rig: Rig
@@ -381,7 +362,7 @@ def _shots(path: Path, table: RawTable, shot_map: ShotMap, rig: Rig
         columns[name] = cells if scale == 1.0 else [None if number is None else number * scale
                                                     for number in map(parse_number, cells)]
     marks = _cells(table, Signal(shot_map.outcome.key)) if shot_map.outcome.key else None
-    words = {plain(key): word for key, word in shot_map.outcome.values.items()}
+    words = {maps.plain(key): word for key, word in shot_map.outcome.values.items()}
     rows, lines, odd = list[dict[str, Cell]](), list[int](), list[str]()
     for row in range(len(table.lines)):
         shot: dict[str, Cell] = {"shot_id": f"{path.stem}-{row:04d}", "session": path.stem,
@@ -392,10 +373,10 @@ def _shots(path: Path, table: RawTable, shot_map: ShotMap, rig: Rig
                 raise InputError(f"{table.place(row)}: {shot_map.outcome.key}: {marks[row]!r} is none of the map's "
                                  f"values ({', '.join(filter(None, shot_map.outcome.values))})")
             word = words.get(said, shot_map.outcome.otherwise)
-            if word in NOT_MARKED:
+            if word in maps.NOT_MARKED:
                 odd.append(f"{table.place(row)}: {'rejected' if said else 'no outcome'}")
                 continue
-            outcome, side = MARKS[word]
+            outcome, side = maps.MARKS[word]
             shot["outcome"], shot["side"] = outcome or None, side or shot.get("side")
         rows.append(shot)
         lines.append(table.lines[row])
@@ -405,7 +386,7 @@ def _shots(path: Path, table: RawTable, shot_map: ShotMap, rig: Rig
 def outcome_text(cell: Cell) -> str:
     """A cell of outcomes as maps compare it; "" for an empty one."""
     number = parse_number(cell)
-    return "" if cell is None else plain(cell if number is None else number)
+    return "" if cell is None else maps.plain(cell if number is None else number)
 
 
 def _tracks(tables: list[tuple[Path, RawTable]], shot_map: ShotMap, rig: Rig, name: str) -> Dataset:

@@ -76,10 +76,6 @@ class RawTable:
     in_memory: bool = False
     written: dict[str, tuple[str, float, float]] = field(default_factory=dict)
 
-    def converted(self, name: str) -> bool:
-        """Whether a column's numbers have another unit in the file."""
-        return self.written.get(name, ("", 1.0, 0.0))[1:] != (1.0, 0.0)
-
     def shown(self, name: str, number: float) -> str:
         """A number of a column as the file has it."""
         _, factor, zero = self.written.get(name, ("", 1.0, 0.0))
@@ -116,8 +112,7 @@ def load_table(path: Path, problems: Problems) -> RawTable:
 def parse_csv(text: str, path: Path, problems: Problems) -> RawTable:
     """Cells of CSV text with a header; empty cells are None. Blank lines, and empty columns behind the last that has a
     name, are skipped."""
-    mark = _separator(text, path)
-    rows = _rows(text, path, mark)
+    rows = _rows(text, path, _separator(text, path))
     top, header = next(rows, (1, []))
     width = len(header)
     while header and not header[-1].strip():              # spreadsheets write empty columns behind the last
@@ -381,7 +376,8 @@ def number_column(table: RawTable, name: str, problems: Problems, needed: bool =
 def _beyond(table: RawTable, name: str, number: float) -> str:
     """What to say of a number out of its column's range."""
     low, high = RANGES[name]
-    looks = "make sure that its unit is as its name says" if table.converted(name) else LOOKS.get(name, "")
+    converted = table.written.get(name, ("", 1.0, 0.0))[1:] != (1.0, 0.0)
+    looks = "make sure that its unit is as its name says" if converted else LOOKS.get(name, "")
     if number < low == 0.0:
         looks = LOWER.get(name, "")
     said, least, most = (table.shown(name, value) for value in (number, low, high))
@@ -434,7 +430,8 @@ def in_read_units(table: RawTable, is_read: Callable[[str], bool], problems: Pro
             problems.add(table.place(-1), name, f"stands for {read}, which is there already; keep one")
         if read != name:
             written[read] = (name, factor, zero)
-        columns[read] = (cells if (factor, zero) == (1.0, 0.0) else [_converted(cell, factor, zero) for cell in cells])
+        columns[read] = cells if (factor, zero) == (1.0, 0.0) else [
+            cell if (number := parse_number(cell)) is None else (number - zero) * factor for cell in cells]
     driven = any(re.fullmatch(one, have) for one in ("motor_ratio", *MEANT_BY["motor_ratio"][1]) for have in columns)
     for name in columns:
         if is_read("motor_ratio") and not driven and MOTOR.fullmatch("_".join(name.lower().split())):
@@ -466,11 +463,6 @@ def read_as(name: str, is_read: Callable[[str], bool]) -> tuple[str, float, floa
             if plain.endswith("_" + suffix) and is_read(read) and unit_of(read) == unit:
                 return read, factor, ZERO.get(suffix, 0.0)
     return name, 1.0, 0.0
-
-
-def _converted(cell: Cell, factor: float, zero: float) -> Cell:
-    number = parse_number(cell)
-    return cell if number is None else (number - zero) * factor
 
 
 def _meant(name: str, is_read: Callable[[str], bool], there: set[str]) -> str | None:

@@ -180,8 +180,8 @@ def decide(fitted: LauncherFit, place: Place | None, search: Search, progress: P
         if not out_of_nature(pair, first.refit):                                                # row 8
             two = take_apart(fitted, first, pair, part_of(progress, 0.5, 0.3))
             return (*map(as_named, two.steps), *_beside_both(two.both, two.names, search, part_of(progress, 0.8, 0.2)))
-    rest = rest_beside(named, search.where(named, left), first.naming.leader, change)           # row 6
-    return (first, *map(as_unknown, rest))
+    # row 6
+    return (first, *map(as_unknown, rest_beside(named, search.where(named, left), first.naming.leader, change)))
 
 
 def _beside_both(both: LauncherFit, names: tuple[str, ...], search: Search, progress: Progress) -> tuple[Step, ...]:
@@ -223,8 +223,7 @@ def says_nothing(naming: Naming) -> bool:
 def holds_more(posterior: Hypotheses) -> bool:
     """Whether two things are likelier than one, and that by the data: pairs have their share of the prior."""
     one, more = posterior.share("one"), posterior.share("two") + posterior.share("both")
-    prior = (SHARES["two"] + SHARES["both"]) / SHARES["one"]
-    return more >= MORE and more > MORE_ODDS * prior * one
+    return more >= MORE and more > MORE_ODDS * ((SHARES["two"] + SHARES["both"]) / SHARES["one"]) * one
 
 
 def credible_set(naming: Naming, posterior: Hypotheses | None, beside: bool = False) -> tuple[str, ...]:
@@ -426,7 +425,8 @@ def choose(trials: Iterable[AnyAdoptable], nearest: Callable[[], AnyAdoptable] |
         at_limit |= {} if trial.empty else trial.at_limit
         refused, points = refuse(trial), None
         if not refused and (points := trial.points) is not None and points.gain < 0.0:
-            refused = say_refused(points)
+            refused = (f"aimed and gated by it, hold-out shots would have scored {-points.gain:.2f} points per shot "
+                       f"less (90 %: {points.low90:+.2f} to {points.high90:+.2f})")
         first = first or points
         if not refused and not trial.empty:
             return Choice(trial, why, first, at_limit)
@@ -458,12 +458,6 @@ def contradicted(beaten: float | None) -> str:
     return "" if beaten is None or beaten > -CLEARLY else (
         "from the settings alone it forecasts outcomes worse than their plain shares do: tracks and outcomes "
         "contradict each other")
-
-
-def say_refused(points: Adoption) -> str:
-    """Why what was found is not adopted: it would lose points."""
-    return (f"aimed and gated by it, hold-out shots would have scored {-points.gain:.2f} points per shot less "
-            f"(90 %: {points.low90:+.2f} to {points.high90:+.2f})")
 
 
 def gain_interval(fit: FitSummary) -> tuple[float, float] | None:

@@ -25,7 +25,6 @@ from truearc.sim.data.dataset import ORDINARY, Dataset, Shots, Traces, Tracks
 from truearc.sim.discover.detect.battery import ALLOWANCE, LEAST_SHARE, TERMS
 from truearc.sim.discover.finding import FALSE_ALARM, LEVELS, SEASON_SHOTS
 from truearc.sim.discover.select.terms import BUSY
-from truearc.sim.infer.belief import Coefficients
 from truearc.sim.infer.fit import fit_believed
 from truearc.sim.infer.launcher import Launcher
 from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, say_few
@@ -260,8 +259,7 @@ def _as_aimed(evidence: ScoreTable, seed: int) -> ScoreTable:
         return evidence
     rng = np.random.default_rng(seed)
     aside = rng.choice((-1.0, 1.0), len(plane.mean_m)) * rng.uniform(*ASIDE, len(plane.mean_m))
-    aimed = replace(evidence, plane=replace(plane, mean_m=aside * plane.spread_m))
-    return aimed.moved(np.zeros_like(evidence.score))
+    return replace(evidence, plane=replace(plane, mean_m=aside * plane.spread_m)).moved(np.zeros_like(evidence.score))
 
 
 @dataclass(frozen=True)
@@ -285,7 +283,8 @@ def rehearse(rig: Rig, believed: tuple[str, ...], level: str, shots: int = SEASO
         raise InputError(f"there is no level {level!r}; there are {', '.join(LEVELS)}")
     if shots < FEWEST_SHOTS:
         raise InputError(say_few(shots))
-    coefficients = usual_coefficients(believed, among)
+    coefficients = {term.name: {p.name: weak_prior(p)[0] if p.prior else p.default for p in term.parameters}
+                    for term in find_terms(believed, among)}         # the middle of each prior
     rng = np.random.default_rng(seed)
     if rig.target is None and level != "L2":
         raise InputError("rig.toml: target.centre_height_m: missing key; state the opening in [target]"
@@ -307,12 +306,6 @@ def rehearse(rig: Rig, believed: tuple[str, ...], level: str, shots: int = SEASO
         numbers, texts = numbers | more | wheels, texts | labels
         traces = _dips(wheels, shots, rng) if wheels else None
     return Dataset("rehearsal", rig, Shots(ids, numbers, texts), tracks, traces)
-
-
-def usual_coefficients(believed: tuple[str, ...], among: Catalogue | None = None) -> Coefficients:
-    """The middle of each believed parameter's prior; InputError for a term that there is none of."""
-    return {term.name: {p.name: weak_prior(p)[0] if p.prior else p.default for p in term.parameters}
-            for term in find_terms(believed, among)}
 
 
 def mark(shots: int, sides: bool) -> dict[str, tuple[str, ...]]:

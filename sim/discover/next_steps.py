@@ -201,8 +201,7 @@ def chance_of_name(contest: Contest, more: Information, seed: int) -> float:
 
 
 def _stands_alone(nats: Float[Array, "draws K"], truth: Int[Array, " draws"]) -> float:
-    chance = softmax(nats, axis=1)
-    return float(np.mean(chance[np.arange(len(truth)), truth] >= SURE))
+    return float(np.mean(softmax(nats, axis=1)[np.arange(len(truth)), truth] >= SURE))
 
 
 def _random_equal(contest: Contest, more: Information) -> int | None:
@@ -256,13 +255,9 @@ def next_steps(dataset: Dataset, step: Step, chosen: tuple[str, ...] | None) -> 
     if chosen is None:
         vertical = step.place is not None and step.place.column.direction == "vertical"
         return (*_spin(dataset, vertical), *_about_unknown(step), *_sides(dataset))
-    among = step.fitted.model.catalogue
-    instruments = [term.instrument for name in chosen for term in among.find([name])]
+    terms = [term for name in chosen for term in step.fitted.model.catalogue.find([name])]
     tracked = dataset.tracks is not None or dataset.times is not None
-    wanted = {one.id: one.what for one in instruments if one is not None and not (tracked and one.filmed)}
-    steps: list[dict[str, Any]] = [*_spin(dataset, STAND_IN in chosen),
-                                   *({"do": "measure", "instrument": name, "what": what}
-                                     for name, what in list(wanted.items())[:FEW])]
+    steps = [*_spin(dataset, STAND_IN in chosen), *measure_terms(terms, tracked)]
     if len(step.chosen) < 2:
         return tuple(steps)
     shot = parting_shot(dataset, step, (step.chosen[0], step.chosen[1]))
@@ -303,9 +298,10 @@ def measure_blind(blind: Sequence[Term], tracked: bool) -> tuple[dict[str, Any],
                  for name, (what, terms) in list(found.items())[:FEW])
 
 
-def measure_names(names: Sequence[str], among: Catalogue) -> tuple[dict[str, Any], ...]:
-    """The measurements that settle which of these terms it is."""
-    wanted = {term.instrument.id: term.instrument.what for term in among.find(names) if term.instrument is not None}
+def measure_terms(terms: Sequence[Term], tracked: bool = False) -> tuple[dict[str, Any], ...]:
+    """The measurements that settle which of these terms it is; none of flights that are filmed already."""
+    instruments = [term.instrument for term in terms]
+    wanted = {one.id: one.what for one in instruments if one is not None and not (tracked and one.filmed)}
     return tuple({"do": "measure", "instrument": name, "what": what} for name, what in list(wanted.items())[:FEW])
 
 

@@ -26,6 +26,7 @@ import msgspec
 import numpy as np
 from jax.scipy.stats import norm
 from scipy.optimize import minimize
+from scipy.spatial import cKDTree
 
 import truearc.sim.physics  # noqa: F401 - the house's one switch to double precision
 from truearc.errors import InputError
@@ -123,8 +124,7 @@ def log_likelihoods(theta: Any, widths: Widths, data: GateData, halves_m: Any) -
     sigma_m = spread_m(shape, data.sigma_m)
     seen = jnp.sum(cell_probabilities(shape, mean_m, sigma_m) * data.cells, axis=1)
     measured = ~jnp.isnan(data.miss_m)
-    apart = jnp.where(measured, data.miss_m, 0.0) - mean_m
-    density = norm.pdf(apart, scale=jnp.sqrt(sigma_m**2 + HEIGHT_M**2))
+    density = norm.pdf(jnp.where(measured, data.miss_m, 0.0) - mean_m, scale=jnp.sqrt(sigma_m**2 + HEIGHT_M**2))
     anywhere = shape.lapse / (2.0 * GATE_SLIP_M)
     return jnp.log(jnp.where(measured, (1.0 - shape.lapse) * density + anywhere, jnp.maximum(seen, 1e-300)))
 
@@ -151,8 +151,7 @@ def fit_widest(data: GateData, halves_m: tuple[float, float]) -> GateFit:
     """The fit whose widths have the most evidence: first the speed's is chosen, then the height's; deterministic."""
     data = padded(data)
     best = _best(data, halves_m, [Widths(HEIGHT_WIDTHS_M[0], speed) for speed in SPEED_WIDTHS], None)
-    more = [Widths(height_m, best.widths.speed) for height_m in HEIGHT_WIDTHS_M[1:]]
-    return _best(data, halves_m, more, best)
+    return _best(data, halves_m, [Widths(height_m, best.widths.speed) for height_m in HEIGHT_WIDTHS_M[1:]], best)
 
 
 def fit_once(data: GateData, halves_m: tuple[float, float], widths: Widths, start: np.ndarray | None = None) -> GateFit:
@@ -172,8 +171,7 @@ def fit_once(data: GateData, halves_m: tuple[float, float], widths: Widths, star
     if not np.isfinite(done.fun) or not np.isfinite(eigenvalues).all():
         raise InputError("the gate could not be fitted: the likelihood of these shots is not a number")
     eigenvalues = np.maximum(eigenvalues, 1e-3)   # the prior alone gives 1: less is only where the maximum is flat
-    covariance = (axes / eigenvalues) @ axes.T
-    return GateFit(widths, done.x, covariance, float(-done.fun - 0.5 * np.log(eigenvalues).sum()))
+    return GateFit(widths, done.x, (axes / eigenvalues) @ axes.T, float(-done.fun - 0.5 * np.log(eigenvalues).sum()))
 
 
 def padded(data: GateData) -> GateData:
@@ -198,7 +196,6 @@ def _best(data: GateData, halves_m: tuple[float, float], tried: list[Widths], be
 NEIGHBOUR = 3                         # a single stray shot makes no domain; many would cut the cloud's edge off
 LARGEST_QUANTILE = 0.99
 SAME_DISTANCE = 0.05                  # standard deviations: nearer than this is the same configuration again
-BLOCK = 4096                          # rows measured at once
 MAX_LANDMARKS = 256                   # landmarks: what the exported graph measures from at every decision
 # Of a launcher whose scatter has not been fitted; the gate fits one number that scales it.
 TYPICAL_SCATTER = {"speed": 0.02, "elevation_deg": 0.5}
@@ -227,12 +224,7 @@ class Novelty:
     def __call__(self, features: np.ndarray) -> np.ndarray:
         """Novelty [n] of feature rows [n, 3] in the contract's order and units; float64."""
         z = (np.asarray(features, np.float64) - self.mean) * self.scale
-        blocks = [self._kth(z[first:first + BLOCK]) for first in range(0, len(z), BLOCK)]
-        return np.concatenate(blocks) / self.largest if blocks else np.zeros(0)
-
-    def _kth(self, z: np.ndarray) -> np.ndarray:
-        apart = np.linalg.norm(z[:, None, :] - self.landmarks, axis=2)
-        return np.partition(apart, self.neighbour - 1, axis=1)[:, self.neighbour - 1]
+        return np.asarray(cKDTree(self.landmarks).query(z, [self.neighbour])[0])[:, 0] / self.largest
 
 
 def fit_novelty(features: np.ndarray) -> Novelty:
@@ -345,8 +337,7 @@ class PhysicsGate:
     @property
     def shape(self) -> GateShape:
         """Scale, floor_m, two_m, three_m and lapse, as plain numbers."""
-        shape = shape_of(self.fit.theta, np.array(halves_of(self.rig)))
-        return GateShape(*map(float, shape))
+        return GateShape(*map(float, shape_of(self.fit.theta, np.array(halves_of(self.rig)))))
 
     def latent(self, features: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean of the height at the plane minus the target's centre, and its standard deviation, [n] in m each.
@@ -379,8 +370,7 @@ def physics_of(rig: Rig, belief: Belief, features: np.ndarray) -> Physics:
     """
     centre_m = opening_of(rig, belief.coefficients, belief.catalogue).centre_m
     shots = Shots.of_settings(**{feature.name: np.array(features[:, k], float) for k, feature in enumerate(FEATURES)})
-    scattered = belief if belief.scatter else replace(belief, scatter=dict(TYPICAL_SCATTER))
-    ahead = forecast(rig, scattered, shots)
+    ahead = forecast(rig, belief if belief.scatter else replace(belief, scatter=dict(TYPICAL_SCATTER)), shots)
     back = np.isnan(ahead.height_m)
     deviation_m = np.where(back, LOWEST_M, np.maximum(ahead.height_m - centre_m, LOWEST_M))
     by_speed_m = np.where(back, STEEPEST_M, STEEPEST_M * np.tanh(ahead.by_launch[:, 0] / STEEPEST_M))

@@ -207,8 +207,7 @@ def compare(gate: PhysicsGate, surrogate: Surrogate, features: np.ndarray,
 
 def products(u: np.ndarray, orders: np.ndarray) -> np.ndarray:
     """T_i T_j T_k at u [n, 3] in [-1, 1] for orders [M, 3]: [n, M]."""
-    turn = np.arccos(u)
-    single = np.cos(turn[:, :, None] * np.arange(orders.max() + 1))
+    single = np.cos(np.arccos(u)[:, :, None] * np.arange(orders.max() + 1))
     return np.asarray(single[:, 0, orders[:, 0]] * single[:, 1, orders[:, 1]] * single[:, 2, orders[:, 2]])
 
 
@@ -360,8 +359,7 @@ class _Fold:
 def _fit(rig: Rig, belief: Belief, marks: OutcomeClasses, physics: Physics, weight: np.ndarray) -> PhysicsGate:
     seen = marks.features[weight > 0.0]
     scaling = scaling_of(seen)
-    told = weight * ~marks.aside
-    data = GateData(scaling(marks.features), *physics, marks.cells, marks.miss_m, told)
+    data = GateData(scaling(marks.features), *physics, marks.cells, marks.miss_m, weight * ~marks.aside)
     aside = float((marks.aside * weight).sum() / weight.sum())
     fit = model.fit_widest(data, model.halves_of(rig))
     return PhysicsGate(rig, belief, scaling, fit, 1.0, aside, model.fit_novelty(seen))
@@ -387,8 +385,7 @@ def _calibrate(gate: PhysicsGate, parts: list[_Fold], alone: Figures) -> tuple[P
     kept = log_scores(warmed, level).sum() > log_scores(plain, level).sum()
     best = float(TEMPERATURES[np.argmax(prior + table.sum(axis=0))]) if kept else 1.0
     p = warmed if kept else plain
-    heldout = Heldout(p, level, figures_of(plain, level), figures_of(p, level), alone)
-    return replace(gate, temperature=best), heldout
+    return replace(gate, temperature=best), Heldout(p, level, figures_of(plain, level), figures_of(p, level), alone)
 
 
 def _alone(gate: PhysicsGate, physics: Physics, marks: OutcomeClasses) -> Figures:

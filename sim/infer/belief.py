@@ -51,15 +51,8 @@ from truearc.errors import InputError, load_text, make_toml, parse_table, reword
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import ORDINARY, Circumstances, Shots
 from truearc.sim.data.table import WHEEL
-from truearc.sim.physics.catalogue import (
-    CURVE,
-    NAMELESS,
-    Catalogue,
-    as_catalogue,
-    catalogue,
-    find_parameter,
-    find_terms,
-)
+from truearc.sim.physics import catalogue as terms
+from truearc.sim.physics.catalogue import CURVE, NAMELESS, Catalogue
 from truearc.sim.physics.simulate import launch_state
 from truearc.sim.physics.term import LINEAR, LOG, fits_scale, from_scale, to_scale
 from truearc.sim.printed import Printed
@@ -89,7 +82,7 @@ def load_table(path: str | Path) -> dict[str, Any]:
 
 def _values(path: str | Path, name: str, values: Any, among: Catalogue | None) -> dict[str, float]:
     try:
-        (term,) = find_terms([name], among)
+        (term,) = terms.find_terms([name], among)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     known = {parameter.name: parameter for parameter in term.parameters}
@@ -208,8 +201,7 @@ def _read_curve(place: str, table: Any) -> Curve:
         curve = msgspec.convert(table, Curve)
     except msgspec.ValidationError as error:
         raise InputError(f"{place}: {reworded(str(error), table)}") from error
-    numbers = (*curve.value, *curve.at, curve.otherwise)
-    if not np.isfinite(numbers).all():
+    if not np.isfinite((*curve.value, *curve.at, curve.otherwise)).all():
         raise InputError(f"{place}: a number in it is not finite")
     if curve.covariate and len(curve.value) != len(curve.levels or curve.at):
         raise InputError(f"{place}.value: {len(curve.value)} of them for {len(curve.levels or curve.at)} places")
@@ -266,7 +258,7 @@ class Belief(Printed):
     names: tuple[str, ...]
     covariance: Float[np.ndarray, "p p"]
     curves: dict[str, Curve] = field(default_factory=dict)
-    catalogue: Catalogue = field(default_factory=catalogue)
+    catalogue: Catalogue = field(default_factory=terms.catalogue)
     provenance: dict[str, Any] = field(default_factory=dict)
 
     def other_rig(self, rig: Rig) -> str:
@@ -328,7 +320,7 @@ class Belief(Printed):
         known = "" if sd is None else f" × or / {np.exp(sd):.3g}" if scale == LOG else (
             f" ± {sd:.2g}" if scale == LINEAR else f" ± {sd:.2g} on its {scale} scale")
         scattered = "deg" if name.endswith("_deg") else "1"
-        unit = scattered if name.startswith(SCATTER + ".") else find_parameter(name, self.catalogue).unit
+        unit = scattered if name.startswith(SCATTER + ".") else terms.find_parameter(name, self.catalogue).unit
         return f"{name:28s} {self.value(name):.4g}{known}{'' if unit == '1' else f' {unit}'}"
 
 
@@ -336,14 +328,14 @@ def point_belief(coefficients: Mapping[str, Mapping[str, float]], scatter: Mappi
                  among: Catalogue | None = None) -> Belief:
     """A belief that is certain, such as the grid's pair is."""
     return Belief({name: dict(values) for name, values in coefficients.items()}, dict(scatter or {}), (),
-                  np.zeros((0, 0)), catalogue=as_catalogue(among))
+                  np.zeros((0, 0)), catalogue=terms.as_catalogue(among))
 
 
 def scale_of(name: str, among: Catalogue | None = None) -> str:
     """The scale of a parameter by its name; a parameter that is known, not fitted, has the linear one."""
     if name.startswith(SCATTER + "."):
         return LOG
-    prior = find_parameter(name, among).prior
+    prior = terms.find_parameter(name, among).prior
     return prior.scale if prior is not None else LINEAR
 
 
@@ -412,7 +404,7 @@ def _read(table: dict[str, Any], path: str | Path, among: Catalogue | None) -> B
     for term in taking:
         if term not in curves:
             raise InputError(f"{path}: {term}: has no [curve.{term}] to say how large it is")
-    belief = Belief(coefficients, scatter, names, covariance, curves, as_catalogue(among), provenance)
+    belief = Belief(coefficients, scatter, names, covariance, curves, terms.as_catalogue(among), provenance)
     for name in names:
         _check(path, name, belief)
     return belief

@@ -57,16 +57,14 @@ class Fit(Generic[AnyModel]):
     @property
     def amplitude(self) -> Float[Array, " k"]:
         """Their difference [k] from what was believed."""
-        difference: Array = self.value - self.before
-        return difference
+        return np.asarray(self.value - self.before)
 
     @property
     def wanted(self) -> Float[Array, " k"]:
         """`value`, or where the fit would go from there if the end of a range did not stop it."""
         scores, k = self.scores, len(self.names)
         step = scores.covariance @ (scores.score.sum(0) + scores.pull)
-        there: Array = self.value + step[:k]
-        return there
+        return np.asarray(self.value + step[:k])
 
     @property
     def lost(self) -> bool:

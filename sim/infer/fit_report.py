@@ -30,23 +30,7 @@ class AliasedPair:
     known_to: float
 
 
-@dataclass(frozen=True)
-class Identified:
-    """`share`: of its prior's sd to which each parameter is known. `from_prior`: those that the data hardly touch."""
-
-    pairs: tuple[AliasedPair, ...]
-    share: dict[str, float]
-    from_prior: tuple[str, ...]
-
-
-def identify(fit: MapFit) -> Identified:
-    """Return pairs that the fit keeps together, and how far each parameter is known beyond its prior."""
-    names = fit.names
-    share = {name: float(np.sqrt(fit.covariance[index, index])) for index, name in enumerate(names)}
-    return Identified(_pairs(fit), share, tuple(name for name in names if share[name] > SILENT))
-
-
-def _pairs(fit: MapFit) -> tuple[AliasedPair, ...]:
+def aliased_pairs(fit: MapFit) -> tuple[AliasedPair, ...]:
     """Pairs with a correlation of at least CORRELATED, strongest first, each with the combination that is fixed."""
     names, covariance = fit.names, fit.covariance * np.outer(slopes(fit), slopes(fit))
     sd = np.sqrt(np.diag(covariance))
@@ -161,8 +145,7 @@ def say_evidence(fit: MapFit) -> Iterable[str]:
     intake = fit.fitted.model.data
     used = ", ".join(f"{count} {EVIDENCE[kind]}" for kind, count in intake.used.items())
     yield f"fitted to {len(intake.rows)} of {len(fit.dataset.shots)} shots: {used}"
-    numbers = dict(zip((one.name for one in fit.scores.columns), fit.scores.point, strict=True))
-    wider = numbers.get("scatter.track")
+    wider = dict(zip((one.name for one in fit.scores.columns), fit.scores.point, strict=True)).get("scatter.track")
     if intake.scatter is not None and wider is not None:
         own_m = dict(zip("xyz", intake.scatter.sigma_m, strict=True))
         noise = ", ".join(f"{axis} {1000.0 * size:.2g}" for axis, size in own_m.items() if size < UNMEASURED_M)
@@ -228,15 +211,16 @@ def say_scatter(fit: MapFit) -> Iterable[str]:
 
 def say_identified(fit: MapFit) -> Iterable[str]:
     """What these shots cannot tell apart, or on their own not at all."""
-    found: Identified = identify(fit)
-    for pair in found.pairs:
+    pairs, share = aliased_pairs(fit), dict(zip(fit.names, np.sqrt(np.diag(fit.covariance)), strict=True))
+    silent = [name for name in fit.names if share[name] > SILENT]
+    for pair in pairs:
         sign = "+" if pair.factor >= 0.0 else "-"
         yield (f"{pair.a} and {pair.b} are hard to tell apart: correlation {pair.correlation:.2f}; this dataset fixes "
                f"{pair.a} {sign} {number_text(abs(pair.factor))} {pair.b}, to {number_text(pair.known_to)}")
-    for name in found.from_prior:
-        yield (f"{name}: these shots say hardly more than was believed before ({found.share[name]:.0%} of the prior's "
+    for name in silent:
+        yield (f"{name}: these shots say hardly more than was believed before ({share[name]:.0%} of the prior's "
                "standard deviation is left)")
-    if not found.pairs and not found.from_prior:
+    if not pairs and not silent:
         yield "every parameter is fixed by these shots on its own"
 
 

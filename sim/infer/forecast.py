@@ -112,8 +112,7 @@ def along_curve(given: Given, numbers: tuple[Number, ...], at: Float[Any, " p"])
         if table == CURVE:
             term, _, place = point.partition(".")
             nothing = at[index] - jax.lax.stop_gradient(at[index])
-            size = getattr(around, term) + around.curve_by[:, int(place)] * nothing
-            around = around._replace(**{term: size})
+            around = around._replace(**{term: getattr(around, term) + around.curve_by[:, int(place)] * nothing})
     return given._replace(circumstances=around)
 
 
@@ -171,8 +170,7 @@ def _block(rig: Rig, belief: Belief, given: Given) -> tuple[Float[np.ndarray, "l
     launch = (given.rolled * (height.by_launch[:, 0] * speed)**2
               + given.hooded * (height.by_launch[:, 1] * np.radians(elevation_deg))**2)
     sensor = np.asarray(sensor_variance(height, np.asarray(flown.gain), given))
-    known = belief.covariance[np.ix_(inner, inner)]
-    doubt = np.maximum(np.einsum("ni,ij,nj->n", by_number, known, by_number), 0.0)
+    doubt = np.maximum(np.einsum("ni,ij,nj->n", by_number, belief.covariance[np.ix_(inner, inner)], by_number), 0.0)
     columns = (height.height_m, *map(np.sqrt, (launch + sensor + doubt, launch, sensor, doubt)))
     slopes = np.column_stack([height.by_launch, height.by_distance])
     near = height.near

@@ -74,7 +74,7 @@ class _Held(NamedTuple):
     by_prior: float
 
 
-class _Profile:
+class Profile:
     """Of one parameter, as a function of how far its column is from the optimum."""
 
     def __init__(self, fit: MapFit, one: Sought) -> None:
@@ -139,8 +139,7 @@ class _Profile:
             right = float(np.clip(Z90 / max(root, 1e-9), 1.0 / MOST_PUT_RIGHT, MOST_PUT_RIGHT))
             exact = sign * min(sign * (self.middle + (exact - self.middle) * right), sign * limit)
         lost = held.cost - self.ground.cost
-        by_data = lost - (held.by_prior - self.ground.by_prior) > 0.5 * lost
-        return exact, by_data, True
+        return exact, lost - (held.by_prior - self.ground.by_prior) > 0.5 * lost, True
 
 
 def profile_interval(fit: MapFit, name: str) -> ProfileInterval:
@@ -156,7 +155,7 @@ def profile_interval(fit: MapFit, name: str) -> ProfileInterval:
         by_data = bool(by_model < KNOWN * one.sd)
         return ProfileInterval(name, one.value(point), one.value(low), one.value(high), by_data and low > least,
                                by_data and high < most, True)
-    walk = _Profile(fit, one)
+    walk = Profile(fit, one)
     low, low_data, low_closed = walk.end(-1.0)
     high, high_data, high_closed = walk.end(1.0)
     return ProfileInterval(name, one.value(point), one.value(point + low), one.value(point + high), low_data, high_data,
@@ -171,14 +170,6 @@ def deviations(fit: MapFit, column: int) -> tuple[float, float]:
     score = np.zeros((together.max() + 1, len(evidence.columns)))
     np.add.at(score, together, evidence.score)
     return float(np.sqrt(covariance[column, column])), float(np.linalg.norm(score @ covariance[column]))
-
-
-def deviance_at(fit: MapFit, name: str, value: float) -> float:
-    """Twice the adjusted log posterior lost with one parameter held at `value`; at most 2.706 inside its interval."""
-    one = fit.sought[fit.names.index(name)]
-    walk = _Profile(fit, one)
-    there = walk.flown(walk.at(one.at(value) - float(fit.scores.point[one.column])).change)
-    return 2.0 * (there.cost - walk.ground.cost)
 
 
 GRID = 40                             # sizes of each tau, equally likely a priori
@@ -249,8 +240,7 @@ def pool_normal(said: Said, seed: int = 0) -> Pooling:
 def _marginal(said: Said, tau: Float[Array, "d k"]) -> tuple[Float[Array, " d"], Float[Array, "d k"],
                                                               Float[Array, "d k k"]]:
     """(log evidence up to a constant, mean and covariance of mu) by each of the `tau`."""
-    one = np.eye(len(said.centre))
-    inner = one + said.information * (tau**2)[:, None, None, :]
+    inner = np.eye(len(said.centre)) + said.information * (tau**2)[:, None, None, :]
     solved = np.linalg.solve(inner, np.concatenate([said.information, said.onto[..., None]], axis=2)[None])
     precision = solved[..., :-1].sum(1) + np.diag(said.sd**-2.0)
     pull = solved[..., -1].sum(1) + said.centre / said.sd**2
@@ -329,5 +319,4 @@ def _prior(fit: MapFit) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
 def _positive(matrix: Float[Array, "p p"]) -> Float[Array, "p p"]:
     """Without what rounding made negative."""
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    kept: Array = (vectors * np.maximum(values, 0.0)) @ vectors.T
-    return kept
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)

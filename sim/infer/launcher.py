@@ -97,8 +97,7 @@ class Launcher:
     def forecast(self, point: Point) -> ScoreTable:
         """Without what a track or a measured exit says of the very shot."""
         blind = replace(self.data, samples=None, scatter=None, exits=np.full(self.data.exits.shape, np.nan))
-        still = replace(point, deviates=np.zeros_like(point.deviates))
-        return linearization.linearise(blind, self.layout, still)[0]
+        return linearization.linearise(blind, self.layout, replace(point, deviates=np.zeros_like(point.deviates)))[0]
 
     def about(self, point: Point) -> Point:
         return self.linearise(point)[1] if self.data.filmed else point

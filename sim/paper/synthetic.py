@@ -71,8 +71,7 @@ def label_grid(rig: Rig, coefficients: Mapping[str, Mapping[str, float]],
     """
     opening = opening_of(rig, coefficients, among)     # a rig without target: no work
     shots = grid_shots(np.arange(np.prod(SHAPE)))
-    before = before_the_shot(curves, rig, shots)
-    flown = predict(rig, coefficients, shots, progress, before, among, STEP_S)
+    flown = predict(rig, coefficients, shots, progress, before_the_shot(curves, rig, shots), among, STEP_S)
     return classify(rig, np.asarray(flown.height_m), opening)
 
 
@@ -138,8 +137,7 @@ def write_synthetic(directory: str | Path, rig: Rig, coefficients: str | Path, n
     """
     out = check_free(directory)
     belief = load_belief(coefficients, among)
-    recorded = None if exclude is None else exclude.shots
-    shots = synthesise(rig, belief, n, recorded, seed, progress)
+    shots = synthesise(rig, belief, n, None if exclude is None else exclude.shots, seed, progress)
     save_dataset(out, Dataset(out.name, rig, shots))
     shutil.copyfile(coefficients, out / "coefficients.toml")
     provenance = {"version": version("truearc"), "seed": seed, "coefficients": belief.coefficients,

@@ -144,20 +144,15 @@ def _problems(term: Term) -> Iterator[str]:
         yield f"name: {term.name!r} is not lower-case words joined by _"
     if not type(term).__doc__:
         yield "no docstring, which the table of terms shows as its law"
-    yield from _one_of(term, "stage", kinds.STAGES)
-    yield from _one_of(term, "direction", kinds.DIRECTIONS)
+    for field, allowed in (("stage", kinds.STAGES), ("direction", kinds.DIRECTIONS)):
+        if (said := getattr(term, field, None)) not in allowed:
+            yield f"{field}: {said!r} is none of {', '.join(allowed)}"
     order = getattr(term, "order", None)
     if not (isinstance(order, tuple) and len(order) == 2 and isinstance(order[0], int | float) and order[1]):
         yield f"order: {order!r} is not a number and a reason, such as 50, \"a factor of the speed\""
     yield from _wording(term)
     yield from _recording(term)
     yield from _numbers(term)
-
-
-def _one_of(term: Term, field: str, allowed: tuple[str, ...]) -> Iterator[str]:
-    said = getattr(term, field, None)
-    if said not in allowed:
-        yield f"{field}: {said!r} is none of {', '.join(allowed)}"
 
 
 def _wording(term: Term) -> Iterator[str]:
@@ -184,10 +179,9 @@ def _recording(term: Term) -> Iterator[str]:
         yield f"record: is empty, though the term follows {term.follows}, which has to be recorded"
     if not 0.0 < term.positive < 1.0:
         yield "positive: is a probability between 0 and 1"
-    if term.law_sd is not None and not term.law_sd > 0.0:
-        yield "law_sd: above 0, or None"
-    if term.indoor_sd is not None and not term.indoor_sd > 0.0:
-        yield "indoor_sd: above 0, or None"
+    for field in ("law_sd", "indoor_sd"):
+        if (sd := getattr(term, field)) is not None and not sd > 0.0:
+            yield f"{field}: above 0, or None"
     if term.calibration_sd is not None and not (isinstance(term, WatchTerm) and term.calibration_sd > 0.0):
         yield "calibration_sd: is for terms about a tracker, and above 0"
 

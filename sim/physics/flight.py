@@ -13,6 +13,7 @@ Code is compiled for a rig without its numbers (`apart`), so that it serves ever
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache, partial
+from itertools import repeat
 from typing import Any, NamedTuple
 
 import jax
@@ -334,8 +335,7 @@ def _step(law: Law, like: BallState, start: tuple[Any, ...], step_m: Any) -> tup
 
     zero = jax.tree.map(jnp.zeros_like, start)
     weights = (jnp.array(AHEAD), jnp.array(SHARE))
-    first = (start, zero, full(like, start).velocity_m_s.x)
-    _, total, slowest_m_s = lax.scan(stage, first, weights)[0]
+    _, total, slowest_m_s = lax.scan(stage, (start, zero, full(like, start).velocity_m_s.x), weights)[0]
     return jax.tree.map(lambda begin, part: begin + step_m * part, start, total), slowest_m_s
 
 
@@ -347,32 +347,16 @@ def _rate(law: Law, ball: BallState) -> tuple[Any, ...]:
                           ball.time_s if absent(ball.time_s) else per_m))
 
 
-def numbers_of(rig: Rig) -> tuple[float, ...]:
-    """Every number of a rig, in the order of its fields."""
-    return tuple(_leaves(rig))
-
-
-def with_numbers(rig: Rig, numbers: Iterator[Any]) -> Rig:
-    """The rig with its numbers replaced, in the order of numbers_of; they may be traced."""
-    put: Rig = _put(rig, numbers)
-    return put
-
-
 @lru_cache(256)
 def apart(rig: Rig) -> tuple[Rig, np.ndarray]:
-    """The rig without its numbers, for which code is compiled, and these [numbers]."""
-    numbers = np.array(numbers_of(rig), dtype=float)
-    return with_numbers(rig, iter([0.0] * len(numbers))), numbers
+    """The rig without its numbers, for which code is compiled, and these [numbers], in the order of its fields."""
+    return _put(rig, repeat(0.0)), np.array(list(_leaves(rig)), dtype=float)
 
 
 def together(rig: Rig, numbers: Any) -> Rig:
     """The rig of both; numbers: traced ones, too."""
-    return with_numbers(rig, iter([numbers[k] for k in range(len(numbers))]))
-
-
-def without_wheels(rig: Rig) -> Rig:
-    """The rig for laws of flight, which no wheel is in."""
-    return msgspec.structs.replace(rig, launcher=msgspec.structs.replace(rig.launcher, wheel=()))
+    whole: Rig = _put(rig, iter([numbers[k] for k in range(len(numbers))]))
+    return whole
 
 
 def _leaves(part: Any) -> Iterator[float]:

@@ -125,8 +125,7 @@ def _knots(record: Record, run: Run) -> tuple[Floats, Floats]:
     knots = np.concatenate([[begin_s], record.effort_t_s[inside], [end_s]])
     if np.diff(knots).max() > LONGEST_STEP_S:
         knots = np.union1d(knots, np.arange(begin_s, end_s, LONGEST_STEP_S))
-    index = np.maximum(np.searchsorted(record.effort_t_s, knots, side="right") - 1, 0)
-    return knots, record.effort[index]
+    return knots, record.effort[np.maximum(np.searchsorted(record.effort_t_s, knots, side="right") - 1, 0)]
 
 
 def _early_speed(record: Record, run: Run) -> float:

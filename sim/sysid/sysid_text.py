@@ -41,8 +41,7 @@ def flywheel_gains(fit: SysidFit, config: Config) -> Gains:
     kp = fit.value("ka") / (2.0 * dead_s)
     kv = line(fit)[1].value
     slowest_s = 8.0 * dead_s
-    integral_s = min(fit.value("ka") / kv, slowest_s) if kv > 0.0 else slowest_s
-    return Gains(kp, kp / integral_s, 0.0, dead_s)
+    return Gains(kp, kp / (min(fit.value("ka") / kv, slowest_s) if kv > 0.0 else slowest_s), 0.0, dead_s)
 
 
 def hood_gains(fit: SysidFit, config: Config) -> Gains:

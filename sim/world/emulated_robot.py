@@ -473,8 +473,7 @@ class Driver:
 
     def _mark(self, t_ns: int) -> None:
         self._press(self._world.results[self._seen].outcome)
-        rejected_share = bool(self._rng.uniform() < self._rejected_share)
-        self._wait(t_ns, BETWEEN_S, self._reject if rejected_share else self._begin)
+        self._wait(t_ns, BETWEEN_S, self._reject if self._rng.uniform() < self._rejected_share else self._begin)
 
     def _reject(self, t_ns: int) -> None:
         self._press("reject")

@@ -99,8 +99,7 @@ class Rack:
         self._used[self._number(shot)] += 1
 
     def _number(self, shot: int) -> int:
-        order = np.random.default_rng([self._seed, 3, shot // RACK]).permutation(RACK)
-        return int(order[shot % RACK])
+        return int(np.random.default_rng([self._seed, 3, shot // RACK]).permutation(RACK)[shot % RACK])
 
 
 def air_density_kg_m3(options: Options) -> float:

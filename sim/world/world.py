@@ -49,8 +49,7 @@ class World:
         self._t_ns = 0
         self._battery = Battery(options)
         self.belt = Belt(options)
-        start_deg = float(np.random.default_rng([seed, 5]).uniform(20.0, 70.0))
-        self.hood = Hood(start_deg, options)
+        self.hood = Hood(float(np.random.default_rng([seed, 5]).uniform(20.0, 70.0)), options)
         self._feeder = Feeder()
         self._rack = Rack(seed, options)
         self.chassis = Chassis(seed, distance_m, options.pose_scale)
@@ -261,8 +260,7 @@ class Bench:
         error = wanted_rad_s - self._speeds[0]
         if abs(error) < 20.0:
             self._integral_nm = min(max(self._integral_nm + 0.1 * error * TICK_NS * 1e-9, -0.3), 0.3)
-        ahead_nm = 0.02 + 1.5e-4 * wanted_rad_s
-        return min(max(ahead_nm + 0.03 * error + self._integral_nm, 0.0), 1.2), abs(error)
+        return min(max(0.02 + 1.5e-4 * wanted_rad_s + 0.03 * error + self._integral_nm, 0.0), 1.2), abs(error)
 
     def _hood(self, wanted_deg: float) -> tuple[float, float]:
         error = wanted_deg - self.world.hood.elevation_deg

@@ -17,7 +17,7 @@ import numpy as np
 from msgspec import Struct, structs
 
 from truearc.sim.data.dataset import Dataset, circumstances_of, counts_shots
-from truearc.sim.discover.select.terms import ALIAS, efficient, nats_for, visible_terms
+from truearc.sim.discover.select.terms import ALIAS, efficient, nats_for, one_step
 from truearc.sim.infer.belief import Belief, along, point_belief
 from truearc.sim.infer.fit import fit_believed
 from truearc.sim.infer.launcher import Launcher, LauncherFit, coefficients_of
@@ -68,7 +68,7 @@ def ceiling_of(evidence: ScoreTable, level: str, name: str, amplitude: float, se
     Efficient scores of terms (fitted parameters projected out) are drawn as N(information x amplitude, information);
     the threshold is that of the largest of as many correlated scores of noise.
     """
-    columns = visible_terms(evidence)
+    columns = np.array([one.column for one in one_step(evidence)[0] if one.visible], dtype=int)
     names = [evidence.columns[k].name for k in columns]
     if name not in {column.name for column in evidence.columns[:evidence.first_shared]}:
         return None

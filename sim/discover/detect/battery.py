@@ -152,16 +152,13 @@ def _prior_scores(evidence: ScoreTable, project: Float[Array, "q p"], total: Flo
 
 def _stretch(kappa: Float[Array, "G M"], drawn: Float[Array, "G M"]) -> Float[Array, "G M"]:
     """1 / sqrt(1 - leverage), each shot's leverage in each test as its information has it (HC2 of linear models)."""
-    leverage = drawn / np.maximum(kappa, 1e-300)
-    factor: Array = 1.0 / np.sqrt(1.0 - np.clip(leverage, 0.0, MOST_LEVERAGE))
-    return factor
+    return np.asarray(1.0 / np.sqrt(1.0 - np.clip(drawn / np.maximum(kappa, 1e-300), 0.0, MOST_LEVERAGE)))
 
 
 def _usable(kappa: Float[Array, "G M"], raw: Float[Array, " M"]) -> Bool[Array, " M"]:
     total = kappa.sum(0)
     effective = total**2 / np.maximum((kappa**2).sum(0), 1e-300)
-    usable: Array = (total > LEAST_SHARE * raw) & (raw > 0.0) & (effective >= FEWEST_SIGNS)
-    return usable
+    return np.asarray((total > LEAST_SHARE * raw) & (raw > 0.0) & (effective >= FEWEST_SIGNS))
 
 
 def judge(scores: Scores, family: Sequence[str], allowance: Mapping[str, float], draws: int, seed: int,
@@ -274,8 +271,7 @@ class ReferenceSession:
         there = weights_of(shapes, self.look)
         found = efficient_scores(mine, column, there, np.arange(len(mine.rows)), len(mine.rows))
         said, told = _said(evidence, number, weights), _said(mine, column, there)
-        share = np.where(said <= MOST * told, said / np.maximum(told, 1e-300), 0.0)
-        return _joined(scores, found, share)
+        return _joined(scores, found, np.where(said <= MOST * told, said / np.maximum(told, 1e-300), 0.0))
 
     def among(self, fitted: LauncherFit) -> "ReferenceSession":
         """Home with the effects that `fitted` has been given since fitted there, too."""

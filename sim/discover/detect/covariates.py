@@ -135,8 +135,7 @@ def smooth_shapes(values: Each) -> Float[Array, "n shapes"]:
         last = _ramp(scaled, knots[-2], knots)
         columns += [_ramp(scaled, knot, knots) - last for knot in knots[:-2]]
     basis = np.where(known[:, None], np.stack(columns, axis=1), 0.0)
-    unit: Array = basis / np.maximum(basis.std(0), 1e-12)
-    return unit
+    return np.asarray(basis / np.maximum(basis.std(0), 1e-12))
 
 
 def spline_knots(values: Each) -> Float[Array, " knots"]:
@@ -151,8 +150,7 @@ def _quantiles(values: Each) -> Float[Array, " knots"]:
 
 def _ramp(scaled: Each, knot: float, knots: Float[Array, " knots"]) -> Each:
     """Truncated cubes that leave the spline straight beyond the last knot."""
-    ramp: Array = (np.maximum(scaled - knot, 0.0)**3 - np.maximum(scaled - knots[-1], 0.0)**3) / (knots[-1] - knot)
-    return ramp
+    return np.asarray((np.maximum(scaled - knot, 0.0)**3 - np.maximum(scaled - knots[-1], 0.0)**3) / (knots[-1] - knot))
 
 
 def varies(values: Each) -> bool:
@@ -219,8 +217,7 @@ def number_shapes(covariate: Covariate, look: Look) -> list[WeightFunction]:
         laws.append(("bent", partial(_bent, middle, width, skew)))
     laws += [(f"{STEP}{cut:.4g}", partial(_step, cut, np.mean(values[known] > cut))) for cut in _cuts(values[known])]
     if {"exit_spin_rev_s", "exit_speed_m_s"} & set(covariate.names):
-        largest = np.abs(values[known]).max()
-        laws.append(("proportional", partial(_straight, 0.0, largest)))
+        laws.append(("proportional", partial(_straight, 0.0, np.abs(values[known]).max())))
     return [WeightFunction(covariate, name, partial(_of_number, covariate, law)) for name, law in laws]
 
 
@@ -300,13 +297,11 @@ def _step(cut: float, share: float, x: Each) -> Each:
 
 
 def _product(place: Float[Array, "2 n"]) -> Each:
-    product: Array = place[0] * place[1]
-    return product
+    return np.asarray(place[0] * place[1])
 
 
 def _wave(turn: Float[Array, "2"], phase: float, place: Float[Array, "2 n"]) -> Each:
-    wave: Array = np.sqrt(2.0) * np.cos(turn @ place + phase)
-    return wave
+    return np.asarray(np.sqrt(2.0) * np.cos(turn @ place + phase))
 
 
 def _place_in(values: Each) -> Law:

@@ -41,8 +41,7 @@ class Correction:
 
     @property
     def gain(self) -> Float[Array, " n"]:
-        gain: Array = self.log_after - self.log_before
-        return gain
+        return np.asarray(self.log_after - self.log_before)
 
 
 def correct(evidence: ScoreTable, test: Test) -> Correction:
@@ -151,8 +150,7 @@ def _normal(evidence: ScoreTable, basis: Basis, train: Train,
 def _penalty(evidence: ScoreTable, basis: Basis, train: Train, ridge: float) -> Float[Array, " q"]:
     """Ridge on each basis column: firm but tiny, and `ridge` on bends (columns from the third)."""
     said = (basis[train]**2 * evidence.info[train, 0, 0][:, None]).sum(0)
-    ridges: Array = said * np.where(np.arange(basis.shape[1]) >= 2, FIRM + ridge, FIRM)
-    return ridges
+    return np.asarray(said * np.where(np.arange(basis.shape[1]) >= 2, FIRM + ridge, FIRM))
 
 
 def _ridge(evidence: ScoreTable, test: Test, basis: Basis, train: Train) -> float:
@@ -302,8 +300,7 @@ def joint_bands(evidence: ScoreTable, bands: Sequence[int],
                 weights: Float[Array, " n"]) -> Float[Array, " bands"]:
     """Amplitude of each band when all are fitted at once to shots weighted by `weights` [n] (one for each band)."""
     info = np.einsum("n,nij->ij", weights**2, evidence.info[:, bands][:, :, bands])
-    score = weights @ evidence.score[:, bands]
-    return np.linalg.solve(info + 1e-9 * np.trace(info) * np.eye(len(bands)), score)
+    return np.linalg.solve(info + 1e-9 * np.trace(info) * np.eye(len(bands)), weights @ evidence.score[:, bands])
 
 
 def shortest_run(parts: Float[Array, " parts"]) -> tuple[int, int] | None:

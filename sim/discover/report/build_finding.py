@@ -15,7 +15,7 @@ from truearc.sim.discover.detect.battery import Asked, Judged, NumberChange, can
 from truearc.sim.discover.detect.covariates import Covariate, carried_by, followed_column
 from truearc.sim.discover.detect.localization import Place, contrast_of, size_weights, times_of
 from truearc.sim.discover.finding import FindingRecord, FitSummary, FoundEffect, Named, TestResult, Unknown, Where
-from truearc.sim.discover.next_steps import blind_terms, has_spin, measure_blind, measure_names, next_steps
+from truearc.sim.discover.next_steps import blind_terms, has_spin, measure_blind, measure_terms, next_steps
 from truearc.sim.discover.report import finding_text as wording
 from truearc.sim.discover.report.finding_text import say_improbable
 from truearc.sim.discover.select.simulations import end_errors, side_errors, times_off
@@ -110,8 +110,8 @@ def _tracker(fitted: LauncherFit, search: Search) -> tuple[FoundEffect | UnsetTy
     what = tuple(_changed(one, among) for one in moved.numbers)
     together = [one for one, number in zip(what, moved.numbers, strict=True) if number.name in moved.together]
     found = FoundEffect(what, None if len(together) == len(what) else tuple(one.term for one in what), None)
-    return found, wording.say_tracker(found, together, moved.p_value, among), measure_names(
-        [one.term for one in what], among)
+    return found, wording.say_tracker(found, together, moved.p_value, among), measure_terms(
+        among.find([one.term for one in what]))
 
 
 def _beside_rivals(what: tuple[Named, ...], rivals: Sequence[NumberChange], among: Catalogue) -> tuple[Named, ...]:
@@ -138,8 +138,7 @@ def _improbable(fitted: LauncherFit, steps: Sequence[Step]) -> dict[str, float]:
     are what a missing effect moves."""
     if not steps:
         return improbable(fitted.model.layout, fitted.scores.point)
-    last = next((step.refit for step in reversed(steps) if not step.unknown), None)
-    found = last or fitted
+    found = next((step.refit for step in reversed(steps) if not step.unknown), None) or fitted
     return {name: value for name, value in improbable(found.model.layout, found.scores.point).items()
             if name.startswith("track_") and name not in found.names}
 
@@ -245,8 +244,7 @@ def _results(evidence: ScoreTable, asked: Asked, judged: Judged, false_alarm: fl
         rank = (max(result.p_value, false_alarm), -result.log_gain)
         if key not in best or rank < best[key][0]:
             best[key] = (rank, result)
-    ordered = sorted(best.items(), key=lambda item: item[1][0])[:SHOWN]
-    return {key: result for key, (_, result) in ordered}
+    return {key: result for key, (_, result) in sorted(best.items(), key=lambda item: item[1][0])[:SHOWN]}
 
 
 def _fit(fitted: LauncherFit, steps: Sequence[Step]) -> FitSummary:

@@ -344,9 +344,8 @@ def say_smallest(evidence: ScoreTable, threshold: float, among: Catalogue | None
     terms = [one for one in sight_of(evidence, "", (), threshold).terms if one.smallest is not None]
     if not terms:
         return " Of no term could a test of these data have shown anything."
-    best = sorted(terms, key=lambda one: (one.smallest or 0.0) / one.usual)[:SHOWN]
     parts = [f"{plain(one.term, among)} of {size_of(one.term, one.smallest or 0.0, one.unit, among)}"
-             for one in best]
+             for one in sorted(terms, key=lambda one: (one.smallest or 0.0) / one.usual)[:SHOWN]]
     return f" Smallest effects that they would have shown, four times in five: {', '.join(parts)}."
 
 

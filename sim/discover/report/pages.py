@@ -43,8 +43,7 @@ def sight_lines(sight: Sight, among: Catalogue | None = None) -> list[str]:
     """The table on the terminal."""
     lines = [sight_sentence(sight), ""]
     head = ("effect", "stage", "usual size", "left", "shots needed", "like")
-    rows = [_row(one, among) for one in sight.terms if one.shots_needed is not None]
-    lines += make_text(head, rows, right=(3, 4))
+    lines += make_text(head, [_row(one, among) for one in sight.terms if one.shots_needed is not None], right=(3, 4))
     lines += ["", *(f"one and the same to these data, while small: {', '.join(group)}" for group in sight.classes)]
     lines += [f"never seen: {one.term}: {why_not(one, among)}" for one in sight.terms if one.shots_needed is None]
     lines.append("fitted anyway: " + ", ".join(f"{one.name} {_uncertainty(one, one.after)}" for one in sight.fitted))
@@ -207,8 +206,7 @@ def _measurements(table: dict[str, Any], before: float) -> list[str]:
 
 def _together(blocks: tuple[Block, ...]) -> list[Block]:
     """Blocks of one configuration as one."""
-    times = Counter(blocks)
-    return [replace(block, shots=block.shots * count) for block, count in times.items()]
+    return [replace(block, shots=block.shots * count) for block, count in Counter(blocks).items()]
 
 
 def _settings(shots: Shots, row: int, pace: float) -> dict[str, Any]:
@@ -275,17 +273,14 @@ def plot_residuals(investigation: Investigation) -> Figure | None:
     None: nothing that was recorded varies, or the data carry no test.
     """
     view = next(_views(investigation, investigation.steps[:1]), None)
-    return None if view is None else _figure(view, _said(view.step, investigation.catalogue))
+    return None if view is None else residual_figure(
+        view.residual, view.against, view.before.rows, _said(view.step, investigation.catalogue))
 
 
 def _views(investigation: Investigation, steps: tuple[Step, ...]) -> Iterator[View]:
     if investigation.fitted is None or investigation.asked is None:
         return iter(())
     return views_of(investigation.fitted, investigation.asked, steps, investigation.finding.where.covariate)
-
-
-def _figure(view: View, what: str) -> Figure:
-    return residual_figure(view.residual, view.against, view.before.rows, what)
 
 
 def _said(step: Step | None, among: Catalogue) -> str:
@@ -309,7 +304,8 @@ def _free_curve(step: Step) -> str:
 def _against(view: View, what: str) -> str:
     """Against the covariate that the effect goes with."""
     after = "" if view.after is None else " Where that is right, the pattern is gone in the lower picture."
-    return picture(make_png(_figure(view, what)), f"{view.residual.name} against {view.against.name}",
+    png = make_png(residual_figure(view.residual, view.against, view.before.rows, what))
+    return picture(png, f"{view.residual.name} against {view.against.name}",
                    f"Real shots less simulated ones, in bins of {in_words(view.against.name)}. Bars are one standard "
                    f"error.{after}")
 

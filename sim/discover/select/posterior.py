@@ -85,8 +85,7 @@ def log_evidence(table: ScoreTable) -> tuple[float, Float[Array, " P"], Float[Ar
     value = table.gain(change).sum() + table.pull @ top - 0.5 * top @ table.precision @ top
     info = table.deal.total(table.slopes_at(change)[1]) + table.precision
     volume = np.linalg.slogdet(table.precision)[1] - np.linalg.slogdet(info)[1]
-    sd = np.sqrt(np.maximum(np.diag(invert(info)), 0.0))
-    return float(value + 0.5 * volume), top, sd
+    return float(value + 0.5 * volume), top, np.sqrt(np.maximum(np.diag(invert(info)), 0.0))
 
 
 def process_shapes(values: Float[Array, " n"], length: float,
@@ -105,8 +104,7 @@ def process_shapes(values: Float[Array, " n"], length: float,
         place = np.clip((x - low) / max(high - low, 1e-12), 0.0, 1.0)
         return np.asarray(kernel(place, knots) @ (turn * size**-0.5)[:, size > 1e-4])
 
-    wanted = values if at is None else at
-    return np.asarray(np.nan_to_num(shapes(wanted) - shapes(values[known]).mean(0)))
+    return np.asarray(np.nan_to_num(shapes(values if at is None else at) - shapes(values[known]).mean(0)))
 
 
 def group_shapes(codes: Int[Array, " n"], levels: int) -> Float[Array, "n q"]:
@@ -338,9 +336,8 @@ def weigh(fitted: LauncherFit, naming: terms.Naming, covariates: Sequence[Covari
         varies_prior = np.log(SHARES["varies"] / (len(visible) * max(len(own_factors), 1)))
         found += [Hypothesis((first,), one, singles[first] + nats, varies_prior)
                   for one, nats in _climbed(base.scores, varied, floor)]
-        beside = families_of(base.scores, covariates, factors, home)
         found += [Hypothesis((first,), one, singles[first] + nats, both_prior)
-                  for one, nats in _climbed(base.scores, beside, floor)]
+                  for one, nats in _climbed(base.scores, families_of(base.scores, covariates, factors, home), floor)]
     pairs = _refitted(fitted, guesses, top + single_prior - pair_prior - WITHIN)
     found += [Hypothesis(names, None, pairs[names][1] if names in pairs else nats, pair_prior)
               for nats, names, _ in guesses.values()]

@@ -177,8 +177,7 @@ def _doubt(model: LauncherFit, plane: PlaneScores, known: Float[np.ndarray, "P P
     place = evidence.deal.place[plane.rows]
     group = np.array([column.kind == "group" for column in evidence.columns])
     by = np.where(group[place], 0.0, plane.by_column)
-    covariance = invert(evidence.precision + known)
-    own = covariance[place[:, :, None], place[:, None, :]]
+    own = invert(evidence.precision + known)[place[:, :, None], place[:, None, :]]
     return np.asarray(np.maximum(np.einsum("mi,mij,mj->m", by, own, by), 0.0))
 
 
@@ -216,8 +215,7 @@ def shares_beaten(seen: OutcomeObservations, mine: HoldOut) -> float | None:
     if known.sum() < FEWEST or len(level) < 2:
         return None
     chance = (1.0 - LAPSE) * _share(seen.low, seen.high, mine).sum(1)[known] + LAPSE / 3.0
-    plain = count[np.searchsorted(level, seen.classes[known])] / known.sum()
-    gain = np.log(chance) - np.log(plain)
+    gain = np.log(chance) - np.log(count[np.searchsorted(level, seen.classes[known])] / known.sum())
     return float(gain.mean() / (gain.std() / math.sqrt(len(gain)) + 1e-12))
 
 
@@ -457,16 +455,13 @@ def _what_is_left(fitted: LauncherFit, search: Search) -> Correction | None:
     if left is None:
         return None
     asked, judged = left
-    able = np.array([k for k, test in enumerate(asked.tests) if test.family == FREE and _can(fitted, test)], dtype=int)
+    able = np.array([k for k, test in enumerate(asked.tests) if test.family == FREE and term_of(
+        fitted.scores.columns[test.column], fitted.model.layout) is not None], dtype=int)
     if not len(able):
         return None
-    best = able[judged.gain[able].argmax()]      # not the plainest: what it leaves would be found again
-    correction = correct(fitted.scores, asked.tests[best])
+    # not the plainest: what it leaves would be found again
+    correction = correct(fitted.scores, asked.tests[able[judged.gain[able].argmax()]])
     return correction if clearly(correction.gain, fitted) else None
-
-
-def _can(fitted: LauncherFit, test: Test) -> bool:
-    return term_of(fitted.scores.columns[test.column], fitted.model.layout) is not None
 
 
 def _fly(fitted: LauncherFit, correction: Correction, term: str, values: dict[str, float],
@@ -501,11 +496,7 @@ def _curve(correction: Correction) -> Curve | None:
                      levels=tuple(what.levels[k] for k in seen))
     if isinstance(what, CovariatePair) or not isinstance(what, Covariate):
         return None
-    return _spline(what, rows, amplitude, otherwise)
-
-
-def _spline(what: Covariate, rows: Int[Array, " n"], amplitude: Float[Array, " n"], otherwise: float) -> Curve:
-    """Values at the fit's own knots: between them the fit is that very spline."""
+    # values at the fit's own knots: between them the fit is that very spline
     x = what.values[rows]
     said = np.isfinite(x)
     knots = spline_knots(x[said])

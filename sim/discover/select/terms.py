@@ -43,8 +43,7 @@ def nats_in_range(fitted: LauncherFit, name: str, amplitude: float, sd: float, u
     """Nats by which the amplitude's own prior differs from the normal one that its evidence was worked out with: the
     range of its parameter, the side that nature prefers, the size that a law of physics gives it."""
     ends = _ends(fitted, name)
-    after = ndtr((ends[1] - amplitude) / sd) - ndtr((ends[0] - amplitude) / sd)
-    if after < 1e-12:
+    if ndtr((ends[1] - amplitude) / sd) - ndtr((ends[0] - amplitude) / sd) < 1e-12:
         own = ndtr(ends[1] / usual) - ndtr(ends[0] / usual)
         return float(max(log_ndtr(min((ends[1] - amplitude) / sd, (amplitude - ends[0]) / sd)), -50.0) - np.log(own))
     places, density = _density(fitted, name, amplitude, sd, usual)
@@ -223,11 +222,6 @@ def one_step(evidence: ScoreTable) -> tuple[tuple[Candidate, ...], Float[Array, 
                                nats_for(score[number], information, usual), visible))
     size = np.sqrt(np.maximum(np.diag(left), BUSY))
     return tuple(found), left / np.outer(size, size)
-
-
-def visible_terms(evidence: ScoreTable) -> Int[Array, " k"]:
-    """Columns of terms of which the shots say anything that the shared ones could not."""
-    return np.array([one.column for one in one_step(evidence)[0] if one.visible], dtype=int)
 
 
 def nats_for(score: Any, information: float, usual: float) -> Any:

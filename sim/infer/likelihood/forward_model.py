@@ -274,8 +274,7 @@ def _leave(chain: Chain, rig: Rig, values: Mapping[str, Any], lane: ShotBatch,
     elevation = jnp.where(lane.hooded, exit.elevation_rad, sensed.elevation_rad)
     speed = speed * jnp.exp(deviate[0])
     spin = spin * (1.0 + deviate[3]) + deviate[7] * speed / (2.0 * jnp.pi * rig.ball.radius_m)
-    leaving = Exit(speed, elevation + deviate[1], spin, exit.above_m)
-    return leaving, distance_m + deviate[4]
+    return Exit(speed, elevation + deviate[1], spin, exit.above_m), distance_m + deviate[4]
 
 
 def _start(rig: Rig, lane: ShotBatch, exit: Exit, deviate: Float[jax.Array, "14"]) -> BallState:

@@ -22,16 +22,8 @@ from truearc.sim.infer.likelihood import noise
 from truearc.sim.infer.likelihood.data import Intake
 from truearc.sim.infer.likelihood.forward_model import Chain, Prediction
 from truearc.sim.infer.likelihood.score_table import Array, Column
-from truearc.sim.physics.catalogue import (
-    CURVE,
-    NAMELESS,
-    Catalogue,
-    as_catalogue,
-    find_nameless,
-    find_parameter,
-    find_terms,
-    flight_terms,
-)
+from truearc.sim.physics import catalogue as known_terms
+from truearc.sim.physics.catalogue import CURVE, NAMELESS, Catalogue
 from truearc.sim.physics.term import DIRECTIONS, LEFT, LOG, STAGES, Parameter, Term, WatchTerm, complete
 
 
@@ -118,13 +110,12 @@ class Point:
     def still(layout: Layout, shots: int, values: Float[Array, " slots"],
               log_scatter: Float[Array, " S"]) -> "Point":
         """Of `shots` without deviations."""
-        deviates = np.zeros((shots, layout.chain.deviates))
-        return Point(values, log_scatter, deviates, np.zeros(layout.grouped))
+        return Point(values, log_scatter, np.zeros((shots, layout.chain.deviates)), np.zeros(layout.grouped))
 
 
 def column_of(term: str, among: Catalogue | None = None) -> str:
     """The column of a term's amplitude, its first parameter. InputError for a term that there is none of."""
-    (found,) = find_terms([term], among)
+    (found,) = known_terms.find_terms([term], among)
     return f"{term}.{found.parameters[0].name}"
 
 
@@ -217,7 +208,7 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Int[Ar
     free to have other balls, so that both absorb alike what the belief leaves, and as uncertain as without the belief,
     which must not be counted twice.
     """
-    catalogue = as_catalogue(among)
+    catalogue = known_terms.as_catalogue(among)
     check_believed((name for name in believed if belief is None or name not in belief.coefficients), catalogue)
     slots = tuple((term.name, p.name) for term in catalogue for p in term.parameters)
     usual = np.array([float(p.default) for term in catalogue for p in term.parameters])
@@ -323,7 +314,7 @@ def weak_prior(parameter: Parameter) -> tuple[float, float]:
 
 def check_believed(believed: Iterable[str], among: Catalogue | None = None) -> None:
     """InputError for a term that there is none of, and for one that stands for an unexplained effect."""
-    for term in find_terms(believed, among):
+    for term in known_terms.find_terms(believed, among):
         if term in NAMELESS:
             raise InputError(f"{term.name} stands for an unexplained effect; discovery starts from effects "
                            "that have names")
@@ -400,10 +391,8 @@ def _pushes(chain: Chain, width: int, edges: Float[Array, " edges"]) -> list[tup
 def _edges(intake: Intake) -> Float[Array, " edges"]:
     if intake.samples is None:
         return np.zeros(0)
-    lead_s = np.asarray(intake.lanes.lead_s)[intake.tracked]
-    times = (intake.samples.time_s + lead_s[:, None])[intake.samples.real]
-    edges_s: Array = np.quantile(times, np.arange(1, BANDS) / BANDS)
-    return edges_s
+    times = (intake.samples.time_s + np.asarray(intake.lanes.lead_s)[intake.tracked][:, None])[intake.samples.real]
+    return np.asarray(np.quantile(times, np.arange(1, BANDS) / BANDS))
 
 
 def _substeps(intake: Intake) -> int:
@@ -469,7 +458,7 @@ def may_have_moved(belief: Belief | None, name: str) -> float | None:
     """By how much a parameter that the belief knows usually changes, in its own unit; None where it knows none."""
     if belief is None or name in SCATTER_NAMES or name not in belief.names:
         return None
-    prior = find_parameter(name, belief.catalogue).prior
+    prior = known_terms.find_parameter(name, belief.catalogue).prior
     if prior is None:
         return None
     return MOVES * prior.sd * {LOG: prior.centre, LEFT: 1.0 - prior.centre}.get(prior.scale, 1.0)
@@ -493,7 +482,7 @@ def bent(layout: Layout, belief: Belief) -> Layout:
 def with_curve(layout: Layout, name: str, values: Mapping[str, float], curve: Curve) -> Layout:
     """The layout with the nameless term `name`, its parameters fixed, and the curve's points in front of the shared
     columns; they start where the curve has them."""
-    chain, term = layout.chain, find_nameless(name)
+    chain, term = layout.chain, known_terms.find_nameless(name)
     whole = complete(term, values)
     old, first = len(chain.slots), layout.first_shared
     slots = (*((name, key) for key in whole), *((CURVE, f"{name}.{key}") for key in curve.keys))
@@ -554,10 +543,9 @@ def promoted(layout: Layout, names: tuple[str, ...]) -> Layout:
 def lean_chain(layout: Layout, kept: list[int]) -> Chain:
     """The chain with as few terms in the air as these columns need, but one of two: compiled code is shared."""
     chain = layout.chain
-    airborne = {term.name for term in flight_terms(chain.terms, chain.catalogue)}
+    airborne = {term.name for term in known_terms.flight_terms(chain.terms, chain.catalogue)}
     known = {column.term for column in layout.columns[layout.first_shared:]}
     known |= {*chain.catalogue.always, *(term.name for term in NAMELESS)}
-    named = {layout.columns[k].term for k in kept}
-    if named & airborne - known:
+    if {layout.columns[k].term for k in kept} & airborne - known:
         return chain
     return replace(chain, terms=tuple(name for name in chain.terms if name not in airborne or name in known))

@@ -143,28 +143,8 @@ class Linearization:
     tracks: Normal | None
     log_spread_by: Float[Array, "n inputs"]
 
-    def plane_at(self, layout: Layout, values: Float[Array, " slots"]) -> Prediction:
-        """The prediction at the plane at other values of the inputs, all else the same; linear in them."""
-        change = self._change(layout, values)
-        return self.seen._replace(plane=self.seen.plane + self.slopes.plane[..., :len(change)] @ change)
-
-    def wider_at(self, layout: Layout, values: Float[Array, " slots"]) -> Float[Array, " n"]:
-        """How many times as much the height at the plane spreads there."""
-        return np.asarray(np.exp(np.clip(self.log_spread_by @ self._change(layout, values), -2.0, 2.0)))
-
-    def tracks_at(self, layout: Layout, values: Float[Array, " slots"]) -> Normal | None:
-        """The normal equations of the tracks there, by the noise that was measured."""
-        return None if self.tracks is None else self.tracks.at(self._moved(layout, values))
-
-    def exits_at(self, layout: Layout, values: Float[Array, " slots"]) -> Normal:
-        """Those of the exits."""
-        return self.exits.at(self._moved(layout, values))
-
-    def _moved(self, layout: Layout, values: Float[Array, " slots"]) -> Float[Array, " k"]:
-        return np.concatenate([self._change(layout, values), np.zeros(layout.chain.deviates)])
-
-    def _change(self, layout: Layout, values: Float[Array, " slots"]) -> Float[Array, " inputs"]:
-        """From the spot, of the inputs; those of groups do not change."""
+    def change(self, layout: Layout, values: Float[Array, " slots"]) -> Float[Array, " inputs"]:
+        """From the spot to other values, of the inputs; those of groups do not change. All is linear in it."""
         inputs = layout.inputs
         slots = inputs < len(values)
         slots[len(inputs) - _bases(layout):] = False
@@ -187,9 +167,11 @@ def linearise(intake: Intake, layout: Layout, spot: Point,
     bases = _bases(layout)
     columns = np.concatenate([np.flatnonzero(layout.source >= 0), real + np.arange(bases)])
     sd = np.sqrt(variance_of(intake, spot.log_scatter))[:, :count]
-    tracks, noise = flown.tracks_at(layout, spot.values), np.exp(spot.log_scatter[TRACK])
+    change = flown.change(layout, spot.values)
+    moved = np.concatenate([change, np.zeros(count)])
+    tracks, noise = None if flown.tracks is None else flown.tracks.at(moved), np.exp(spot.log_scatter[TRACK])
     with np.errstate(over="ignore", invalid="ignore"):     # far from all that flies there is no likelihood: not finite
-        normal = flown.exits_at(layout, spot.values).beside(tracks, float(noise**-2.0))
+        normal = flown.exits.at(moved).beside(tracks, float(noise**-2.0))
         left = _integrate(normal, sd, columns, real + bases)
     effects = _group_effects(layout, spot)
     own = left.mean + np.einsum("ndb,nb->nd", left.mean_by[:, :, real:], effects)
@@ -204,15 +186,14 @@ def linearise(intake: Intake, layout: Layout, spot: Point,
             shift = np.pad(effects, ((0, 0), (len(layout.inputs) - bases, count)))
             found = noise_terms(tracks.at(shift), own, left.covariance, counts, float(noise**-2.0))
             score[:, place], info[:, place, place] = found
-    plane = _plane(intake, layout, spot, flown, sd, left, columns, real + bases)
+    plane = _plane(intake, layout, spot, flown, change, sd, left, columns, real + bases)
     parts = _scaled(layout, left.score + score, left.info + info, plane)
     point = _point(layout, spot)
     pull = layout.precision @ (layout.centre - point[layout.first_shared:])
     evidence = make_evidence(intake.rows, layout.columns, point, *parts, layout.precision, pull, log_linear,
                              _deal(layout))
     if spot.effects.any():
-        change = np.concatenate([np.zeros(real), spot.effects])
-        evidence = evidence.moved(np.tile(change, (len(intake.rows), 1)))
+        evidence = evidence.moved(np.tile(np.concatenate([np.zeros(real), spot.effects]), (len(intake.rows), 1)))
     return evidence, left.mean
 
 
@@ -347,8 +328,8 @@ def _integrate(normal: Normal, sd: Float[Array, "n D"], columns: Int[Array, " in
     mean_by[:, :, columns] = -sd[:, :, None] * by
     quadratic = normal.square - (onto_r * shift).sum(1)
     value = -0.5 * (quadratic + np.linalg.slogdet(inner)[1]) + normal.log_noise
-    lost = quadratic < -LOST * normal.square              # slopes so large that no digit is right
-    value = np.where(astray | lost, -np.inf, value)
+    # slopes may be so large that no digit is right
+    value = np.where(astray | (quadratic < -LOST * normal.square), -np.inf, value)
     return _Left(score, info, value, sd * shift, sd[:, :, None] * inverse * sd[:, None, :], mean_by)
 
 
@@ -357,8 +338,7 @@ def _group_effects(layout: Layout, spot: Point) -> Float[Array, "n B"]:
     groups = layout.groups
     if groups is None:
         return np.zeros((len(spot.deviates), 0))
-    effects: Array = spot.effects.reshape(-1, groups.count)[:, groups.label].T * groups.scale
-    return effects
+    return np.asarray(spot.effects.reshape(-1, groups.count)[:, groups.label].T * groups.scale)
 
 
 def _scatter_terms(intake: Intake, layout: Layout, spot: Point, sd: Float[Array, "n D"],
@@ -381,13 +361,14 @@ def _scatter_terms(intake: Intake, layout: Layout, spot: Point, sd: Float[Array,
     return score, info
 
 
-def _plane(intake: Intake, layout: Layout, spot: Point, flown: Linearization,
+def _plane(intake: Intake, layout: Layout, spot: Point, flown: Linearization, change: Float[Array, " inputs"],
            sd: Float[Array, "n D"], left: _Left, columns: Int[Array, " inputs"], count: int) -> PlaneScores | None:
-    """Heights given what tracks and exits said of the launch."""
+    """Heights after a change of the inputs, given what tracks and exits said of the launch."""
     rows = intake.marked
     if not len(rows) or not layout.chain.plane:
         return None
-    seen, slopes, inputs = flown.plane_at(layout, spot.values), flown.slopes, len(layout.inputs)
+    slopes, inputs = flown.slopes, len(layout.inputs)
+    seen = flown.seen._replace(plane=flown.seen.plane + slopes.plane[..., :inputs] @ change)
     near = seen.near[rows]
     slope = np.where(near[:, None, None], slopes.plane[rows], 0.0)
     by_deviate = slope[:, 0, inputs:]
@@ -404,7 +385,8 @@ def _plane(intake: Intake, layout: Layout, spot: Point, flown: Linearization,
     for number, (column, deviate) in enumerate(zip(layout.scatters[:TRACK], SCATTERED, strict=True)):
         if column >= 0 and deviate < sd.shape[1]:
             log_spread[:, column] = (by_deviate[:, deviate]**2 * scattered[:, number] * kept[:, deviate]**2) / variance
-    spread = np.where(near, np.sqrt(variance) * flown.wider_at(layout, spot.values)[rows], 1.0)
+    wider_by = np.exp(np.clip(flown.log_spread_by @ change, -2.0, 2.0))
+    spread = np.where(near, np.sqrt(variance) * wider_by[rows], 1.0)
     return PlaneScores(rows, _opening(intake, seen, rows), np.where(near, mean, FAR_BELOW_M), spread, by_column, wider,
                  log_spread)
 

@@ -291,8 +291,7 @@ def plane_terms(plane: PlaneScores, seen: OutcomeObservations, mean_m: Float[Arr
     score = (by_mean[:, None] * plane.by_column + by_log[:, None] * plane.log_spread_by
              + by_width[:, None] * plane.wider_by)
     carry = np.stack([plane.by_column, plane.log_spread_by, plane.wider_by], axis=1)
-    inner = outcomes.information(seen, mean_m, spread_m)
-    return score, np.swapaxes(carry, 1, 2) @ (inner @ carry)
+    return score, np.swapaxes(carry, 1, 2) @ (outcomes.information(seen, mean_m, spread_m) @ carry)
 
 
 FOLDS = 5
