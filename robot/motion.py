@@ -25,7 +25,7 @@ from truearc.robot.types import Estimate, Inputs, Joint, Memory, MotionMemory
 WHEELS, HOOD, SWITCH = "wheels", "hood", "hood limit switch"
 RECOVER_NS = 300_000_000              # of good readings: three heartbeats of a device, in which it would tell errors
 BEAT_S = 0.35                         # of a heartbeat, where readings come: two in a row may be lost
-START_NS = 500_000_000                # after arming, in which a device's old errors are cleared and it is taken over
+START_NS = 500_000_000                # in which a device's old errors are cleared and it is taken over
 REPEATS, REPEAT_NS = 3, 10 * NS_PER_S
 # Wheels. A tuned loop overshoots by 3 % of a set point; no motor passes its free speed by itself
 OVERSPEED, FREE_SPEED, PEAK_NS = 1.1, 1.05, 2 * NS_PER_S
@@ -122,18 +122,18 @@ def watch(inputs: Inputs, estimate: Estimate, wanted: Wanted, memory: Memory, co
     if owns_hood:
         hood, why = _hood(inputs, estimate, wanted, memory, hood, last.hood_torque_nm, config)
     of_wheels, of_hood, of_feeder = doubts
-    starting = t_ns - last.armed_t_ns < START_NS
     everywhere, by_axis = _sorted_faults(inputs) if inputs.faults else (None, _NO_FAULTS)
-    uncounted = starting or any(fault.code in STALLS for fault in inputs.faults)
-    wheels_ready, doubt = _doubt(of_wheels, starting) if of_wheels else _NO_DOUBT
+    uncounted = t_ns - last.armed_t_ns < START_NS or any(fault.code in STALLS for fault in inputs.faults)
+    wheels_ready, doubt = _doubt(of_wheels, _is_starting(wheels, t_ns)) if of_wheels else _NO_DOUBT
     if owns_wheels and (doubt or cause or wheels.cause or inputs.faults):
         passing, latching = by_axis[0]
         wheels = _follow(wheels, latching or cause, everywhere or doubt or passing, t_ns, uncounted)
     switch = None if memory.homed else _switch_doubt(inputs)
-    hood_ready, doubt = _doubt(of_hood, starting) if of_hood else _NO_DOUBT
+    hood_ready, doubt = _doubt(of_hood, _is_starting(hood, t_ns)) if of_hood else _NO_DOUBT
     if owns_hood and (doubt or why or hood.cause or switch or inputs.faults):
         passing, latching = by_axis[1]
         hood = _follow(hood, latching or why, everywhere or doubt or switch or passing, t_ns, uncounted)
+    wheels, hood = _taken(wheels, t_ns), _taken(hood, t_ns)
     hood, failures = _counted(hood, last.hood, memory, config)
     feeder_ready = not of_feeder and by_axis[2] == (None, None)
     seen, idle_s = memory.last_sighting, config.flywheel.idle_s
@@ -186,6 +186,14 @@ def _doubt(doubts: list[Reason], starting: bool) -> tuple[bool, Reason | None]:
         if reason.code != because.MOTOR_NOT_DRIVEN.name and not (starting and reason.code == because.MOTOR_ERROR.name):
             return False, reason
     return ready, None
+
+
+def _taken(joint: Joint, t_ns: int) -> Joint:
+    return joint if joint.taken_t_ns or joint.cause is not None else replace(joint, taken_t_ns=t_ns)
+
+
+def _is_starting(joint: Joint, t_ns: int) -> bool:
+    return not joint.taken_t_ns or t_ns - joint.taken_t_ns < START_NS
 
 
 def _follow(joint: Joint, latching: Reason | None, passing: Reason | None, t_ns: int, uncounted: bool) -> Joint:

@@ -139,6 +139,7 @@ class Joint(Struct, frozen=True, omit_defaults=True):
 
     cause: Reason | None = None                   # why it is released; None while it may be driven
     is_latched: bool = False                      # released until it is disarmed and armed
+    taken_t_ns: int = 0                           # not released for the first time since it was armed
     good_t_ns: int = 0                            # while released: its readings have been good since then
     releases_t_ns: tuple[int, int] = (0, 0)       # of the last two, newest first; those in a measured stall not counted
     peak_rad_s: float = 0.0                       # wheels: highest set point of the last seconds

@@ -225,6 +225,26 @@ def test_stale_wheels_are_released_and_taken_up_again_with_empty_integrals() -> 
     assert abs(launcher.wheel_rad_s - SET_RAD_S) < 5.0 and not latched(launcher)
 
 
+def test_old_errors_are_cleared_also_where_readings_are_good_long_after_arming_only() -> None:
+    launcher = Launcher()
+    cleared: list[float] = []
+
+    def spoil(inputs: Inputs) -> Inputs:
+        """Readings are old for 1.5 s; an error stands until the axis is enabled, as that clears it."""
+        if not cleared and launcher.ticks and launcher.ticks[-1].command.enable_flywheel:
+            cleared.append(launcher.t_s)
+        stamp = {} if launcher.t_s > 11.7 else {"t_ns": 9_000_000_000}
+        return wheels(axis_error=0 if cleared else 1, **stamp)(inputs)
+
+    launcher.run(0.2)
+    launcher.spoil = spoil
+    launcher.arm()
+    launcher.run(1.4)
+    assert not cleared and set(tick.command.flywheel_torque_nm for tick in launcher.ticks) == {0.0}
+    launcher.run(4.0)
+    assert cleared and abs(launcher.wheel_rad_s - SET_RAD_S) < 5.0 and not latched(launcher)
+
+
 def test_three_releases_in_ten_seconds_latch_and_those_in_a_stall_do_not_count() -> None:
     for stalled in (False, True):
         launcher = running()
