@@ -268,13 +268,16 @@ def test_exactly_these_frames_may_be_sent() -> None:
 
 
 def test_each_by_its_length_and_how_often() -> None:
-    """A set point 31 times in 0.1 s: at 200 Hz 20 are due, half as many again may come early, and one begins."""
+    """A set point 31 times in 0.1 s: at 200 Hz 20 are due, half as many again may come early, and one begins.
+
+    As often the limit switch is asked that does not answer.
+    """
     commands = {ESTOP: (0, 5), AXIS_STATE: (8, 31), CONTROLLER_MODE: (8, 5), TORQUE: (8, 31), CLEAR_ERRORS: (1, 5)}
     expected = {(node << 5 | command, False, False, length): most for node in (1, 2, 3, 4)
                 for command, (length, most) in commands.items()}
     expected |= {(node << 5 | asked, False, True, 0): 5 for node in (1, 2, 3, 4) for asked in (0, ADDRESS)}
     expected |= {(node << 5 | LIMITS, False, False, 8): 5 for node in (1, 2, 3)}
-    assert limits_of(CONFIG) == expected | {(3 << 5 | 0x04, False, False, 8): 5, (ENCODER_SETTING, True, False, 8): 5,
+    assert limits_of(CONFIG) == expected | {(3 << 5 | 0x04, False, False, 8): 31, (ENCODER_SETTING, True, False, 8): 5,
                                             (ENCODER_ASKED, True, False, 8): 5}
 
 
