@@ -1,4 +1,4 @@
-"""The launcher's configuration: one TOML file, no defaults, so that a typo cannot become one; and its hash."""
+"""Schema and hash of launcher.toml. It has no defaults, so that a misspelt key cannot silently become one."""
 
 import hashlib
 from collections.abc import Sequence
