@@ -1,4 +1,4 @@
-"""Weights of any kind to a stamped ONNX file, float32: the pieces of a graph, and the graph."""
+"""Conversion of weights of any kind to a stamped float32 ONNX graph."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""An exported gate against the trainer that made it, and against itself; its probabilities for shots of a dataset."""
+"""Verification of an exported gate against its trainer and against itself; its probabilities for shots of a dataset."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

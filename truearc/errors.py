@@ -1,6 +1,6 @@
-"""The errors of wrong input and of plug-ins; readers and writers of text and TOML that name file, line and key.
+"""Errors for wrong input and plug-ins; readers and writers of text and TOML that report file, line and key.
 
-All other modules may import this one, which imports nothing of truearc.
+Every module may import this one, which imports nothing from truearc.
 """
 
 import csv

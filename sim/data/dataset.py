@@ -1,4 +1,4 @@
-"""A dataset in memory, columns in SI units with a row for each shot, and the conditions of its shots."""
+"""Dataset in memory: columns in SI units with one row per shot, and the conditions of the shots."""
 
 import re
 from collections.abc import Iterator, Sequence

@@ -1,6 +1,6 @@
-"""Tables of shots, tracks, traces and times <-> Dataset, strictly: every bad row is named.
+"""Conversion between Dataset and its tables of shots, tracks, traces and times. Errors name every bad row.
 
-The tables are a directory of rig.toml and CSV or Parquet files, or in memory: pandas, polars, NumPy, plain columns.
+The tables are a directory with rig.toml and CSV or Parquet files, or in memory: pandas, polars, NumPy, plain columns.
 """
 
 import hashlib

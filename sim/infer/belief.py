@@ -1,4 +1,4 @@
-"""What we believe of a launcher: coefficients, free curves, scatter of the launch, and how well each is known.
+"""Belief about a launcher: coefficients, free curves and launch scatter, with their uncertainty.
 
     schema = "truearc.coefficients/1"
     [drag]
@@ -8,7 +8,7 @@
     [provenance]
     method = "grid"
 
-A fit by likelihood adds two tables, which the grid does not write:
+A likelihood fit adds two tables, which the grid fit does not write:
 
     [scatter]
     speed = 0.021                     # standard deviation of the log of the exit speed
@@ -17,22 +17,22 @@ A fit by likelihood adds two tables, which the grid does not write:
     names = ["drag.cd", "scatter.speed"]
     matrix = [[0.01, 0.0], [0.0, 0.04]]
 
-The matrix is that of the numbers on each parameter's own scale (truearc.sim.physics.term, named by its prior in
-the catalogue; scatters: their logarithm), on which the belief is about normal. An unexplained effect is a free curve:
-how its size goes with a covariate.
+The matrix is the covariance of the numbers on each parameter's own scale (truearc.sim.physics.term, given by its prior
+in the catalogue; for scatters the logarithm), on which the belief is approximately normal. An unexplained effect is a
+free curve: its size as a function of a covariate.
 
-    [free_speed]                      # what it changes, a term of truearc.sim.physics.catalogue
+    [free_speed]                      # the changed quantity, a term of truearc.sim.physics.catalogue
     share = 1.0
     [curve.free_speed]
     covariate = "distance_m"          # absent: the same in every shot
     at = [2.1, 3.4, 4.6, 5.8, 7.2]    # or levels = ["north", "south"] of a text column
     value = [0.0, 0.0, 0.01, 0.03, 0.06]
-    low = 1.9                         # beyond what was recorded it goes on level
+    low = 1.9                         # constant beyond the recorded range
     high = 7.6
-    otherwise = 0.02                  # where the covariate is unknown: the mean of what was recorded
+    otherwise = 0.02                  # if the covariate is unknown: the mean over the recorded shots
 
-Between the knots it is the natural cubic spline of discovery's own fit, beyond the outer ones straight. Its points are
-numbers of the belief, too: "curve.free_speed.0", "curve.free_speed.1", ...
+Between the knots it is the natural cubic spline of discovery's own fit, beyond the outer ones a straight line. Its
+points are also numbers of the belief: "curve.free_speed.0", "curve.free_speed.1", ...
 """
 
 import math

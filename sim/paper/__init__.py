@@ -1,6 +1,6 @@
 """The paper's own method: grid fit, synthetic data, network, training and sweep; and its defaults.
 
-The defaults are the command line's, too: this module loads no numerical library.
+The command line uses the same defaults, so this module loads no numerical library.
 """
 
 import math

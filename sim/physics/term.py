@@ -1,11 +1,11 @@
-"""One hypothesis about the physics: its name, place, numbers, wording, instrument, and what it contributes.
+"""Term, a hypothesis about the physics: its name, stage, numbers, wording, instrument and contribution.
 
-Along the way of a shot: what the sensors say -> SensingTerm -> what is true -> LaunchTerm -> the ball as it leaves ->
-AirTerm, FlightTerm -> its flight -> ArrivalTerm -> the outcome; a WatchTerm is about a tracker that sees the flight.
-Values handed to hooks are effective: parameters as Term.at_shot leaves them, numbers or one per lane.
+Stages of a shot: sensor readings -> SensingTerm -> true values -> LaunchTerm -> exit state of the ball -> AirTerm,
+FlightTerm -> flight -> ArrivalTerm -> outcome; a WatchTerm describes a tracker that observes the flight. Hooks receive
+effective values: parameters as Term.at_shot returns them, scalars or one per lane.
 
-A term is complete by itself: no other module keeps a table by the names of terms. A catalogue checks that nothing is
-missing when a term enters it.
+A term is self-contained: no other module keeps a table keyed by the names of terms. A catalogue checks each term for
+completeness when it is added.
 
 Vectors are three separate arrays: x toward the target, y left, z up.
 """

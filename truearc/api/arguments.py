@@ -1,4 +1,4 @@
-"""Arguments of the API: their kinds, and terms by name or as values."""
+"""Argument types of the API, and resolution of terms given by name or as values."""
 
 from collections.abc import Iterable
 

@@ -1,4 +1,4 @@
-"""Follow the shots since a belief, and propose another where something has changed."""
+"""Monitor the shots since a belief, and propose another belief if something has changed."""
 
 import hashlib
 from collections.abc import Collection, Iterable

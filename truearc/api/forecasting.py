@@ -1,4 +1,4 @@
-"""Forecast shots by a belief or a gate, and find the set points that a belief scores most with."""
+"""Forecast shots with a belief or a gate, and find the set points that score most under a belief."""
 
 import json
 from collections.abc import Callable, Collection, Iterable, Mapping

@@ -1,4 +1,4 @@
-"""Train a gate: the classifier that decides, from the robot's readings, whether a shot is likely to score."""
+"""Train a gate, the classifier that decides from the robot's readings whether a shot is likely to score."""
 
 import tempfile
 from collections.abc import Collection

@@ -1,4 +1,4 @@
-"""The paper's method: simulated shots, its network, and sweeps over how many of them help.
+"""The paper's method: simulated shots, the network, and sweeps over the amount of simulated data.
 
 Its grid search is `truearc.fit(dataset, method="grid")`.
 """

@@ -1,4 +1,4 @@
-"""Results that are read without loading a simulation: tables, saved findings and recordings."""
+"""Results that can be read without loading a simulation: tables, saved findings and recordings."""
 
 import csv
 import html

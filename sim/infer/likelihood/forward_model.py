@@ -1,5 +1,5 @@
-"""From the sensors' readings of a shot to the height at the plane and the track, differentiable in everything that
-could be wrong (JAX): parameters of all terms, deviations of the single launch, free pushes.
+"""Differentiable forward model of a shot (JAX), from sensor readings to the height at the plane and the track. It is
+differentiable in the parameters of all terms, the deviations of the single launch, and free pushes.
 
 sensed configuration -> sensing terms -> launch terms -> the launch's own deviation -> flight -> arrival, watch terms
 """
