@@ -1,7 +1,6 @@
 """Verdict of a tick, FIRE or HOLD. Every tick evaluates every interlock; a reason that cannot be ruled out means HOLD.
 
-FIRE means that the driver requested a shot, every check passed on known values and, with policy "model", the model
-agrees.
+FIRE means that the driver requested a shot, every check passed and, with policy "model", the model agrees.
 """
 
 import itertools

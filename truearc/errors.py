@@ -37,7 +37,7 @@ StructOf = Callable[[Any, Any], Any]
 
 
 class InputError(Exception):
-    """The user's file or option is wrong; the message names file, line, key or frame. Commands end with exit code 2."""
+    """Error in the user's file or option; the message names file, line, key or frame. Commands end with exit code 2."""
 
 
 # --- reading

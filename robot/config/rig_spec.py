@@ -101,10 +101,10 @@ class Believe(Struct, frozen=True):
 
 
 class Rig(Struct, frozen=True):
-    """What rig.toml says: ball, launcher, target, air, world, noise, tracker, site and believed terms; SI units and
+    """Contents of rig.toml: ball, launcher, target, air, world, noise, tracker, site and believed terms; SI and
     degrees.
 
-    `target`: None where no opening was shot at. Keys and their meaning: docs/reference/dataset.md.
+    `target`: None if there was no opening to shoot at. Keys and their meaning: docs/reference/dataset.md.
     """
 
     ball: Ball

@@ -284,7 +284,7 @@ class CameraFile(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=
 
 
 def load_config(path: str | Path) -> Config:
-    """Read launcher.toml; InputError names file, key and line, or the key of a number that cannot be true."""
+    """Read launcher.toml; InputError names file, key and line, or the key of an impossible number."""
     text = load_text(path)
     config = parse_toml(text, Config, str(path))
     for key in errors.unknown_keys(errors.parse_table(text, str(path))["rig"], Rig):

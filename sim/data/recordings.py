@@ -34,15 +34,15 @@ AVERAGED = ("distance_m", "hood_deg", "motor_ratio", "battery_v", "t_s")
 
 
 def shots_from_sessions(sessions: Sequence[str | Path], name: str, telemetry: bool = True) -> Dataset:
-    """Return all marked shots of recorded sessions as a dataset; rejected and held trials are named in `left_out`.
+    """Return all marked shots of recorded sessions as a dataset; its `left_out` names rejected and held trials.
 
     Args:
         sessions: Session folders, of one rig.
-        name: Of the dataset.
-        telemetry: Whether to take the traces around each shot, too.
+        name: Name of the dataset.
+        telemetry: Whether to include the traces around each shot.
 
     Raises:
-        InputError: the sessions' rigs differ, two sessions have one name, or there is no shot at all.
+        InputError: the sessions' rigs differ, two sessions have the same name, or there are no shots.
     """
     if isinstance(sessions, str | Path):
         raise InputError(f"sessions: a list of folders is expected: [{str(sessions)!r}]")

@@ -274,10 +274,10 @@ class Catalogue:
 
 @cache
 def catalogue() -> Catalogue:
-    """The built-in terms and those of installed distributions, which are looked for once, when first needed.
+    """Return the built-in terms and those of installed distributions, which are searched once, on first use.
 
     Raises:
-        InputError: names the distribution whose terms cannot be loaded, are incomplete, or have a name that is taken.
+        InputError: names the distribution whose terms cannot be loaded, are incomplete, or have a name already in use.
     """
     return Catalogue((*TERMS, *terms_of_distributions(TERMS)))
 
