@@ -1,4 +1,4 @@
-"""Weights of any kind to a stamped ONNX file, float32: the pieces of a graph, and the graph."""
+"""Conversion of weights of any kind to a stamped float32 ONNX graph."""
 
 import json
 import sys
@@ -175,11 +175,11 @@ def make_model(parts: Sequence[Part], domain: dict[str, list[float]], novelty: d
 
 
 def export_weights(directory: str | Path, path: str | Path) -> bytes:
-    """Write the ONNX file of a weights directory and return its bytes; InputError when the directory is unusable.
+    """Write the ONNX file of a weights directory and return its bytes; InputError if the directory is unusable.
 
-    The provenance is the training record without its loss curve, plus the SHA-256 of the directory. InputError too when
-    the graph cannot say what the trained model says (see truearc.model_export.graph). A domain that was narrowed for
-    that, and the recorded shots outside it, are warned of on stderr.
+    The provenance is the training record without its loss curve, plus the SHA-256 of the directory. InputError also if
+    the graph cannot reproduce the trained model (see truearc.model_export.graph). A warning on stderr reports a domain
+    narrowed for that purpose and the recorded shots outside it.
     """
     trained = load_trained(directory)
     provenance = {key: value for key, value in trained.record.items() if key not in APART}

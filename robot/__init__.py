@@ -1,1 +1,1 @@
-"""The robot: one tick, its rigs, its gate and its recording."""
+"""Robot side: the control tick, its rigs, its gate and its recording."""

@@ -1,8 +1,8 @@
-"""One tick of advice about a launcher that others drive. Pure, like truearc.robot.tick, so a replay is exact.
+"""One tick of advice about a launcher that another program drives. Pure, like truearc.robot.tick, so a replay is exact.
 
-The verdict is the same code's (truearc.robot.verdict), less the interlocks of motors that are not ours. FIRE
-means: every key is fresh and plausible, the wheels are steady, the aim file, where there is one, has a set point for
-this distance, and the model agrees with the launcher as it stands, at the set point or not.
+The verdict comes from truearc.robot.verdict, without the interlocks of motors that truearc does not drive. FIRE means
+that every key is fresh and plausible, the wheels are steady, the aim file (if any) has a set point for this distance,
+and the model agrees with the present state of the launcher, whether or not that is the set point.
 """
 
 from msgspec import UNSET

@@ -1,10 +1,10 @@
-"""Set points from files: the aim file, by which the robot aims where `aim.policy` is "belief"; a table of shots.
+"""Set points from files: the aim file, used if `aim.policy` is "belief", and the table of prescribed shots.
 
-`truearc aim --robot` makes the aim file. It carries its own hash (truearc.robot.gate), that of the contract below,
-and the rig that it is for; one that is damaged, of another contract or for another rig is refused. Between two of its
-distances each number is the cubic whose value and slope are stated at both (Hermite). All in Python's floats, so that a
-replay gives the same bits. The table (`truearc run --plan`) has configurations to be shot as they stand, instead of the
-walk that the robot would take.
+`truearc aim --robot` writes the aim file. It contains its own hash (truearc.robot.gate), the hash of the contract
+below, and its rig; a file that is damaged, has another contract or is for another rig is refused. Between two of its
+distances each number follows the cubic Hermite polynomial of the values and slopes at both. The arithmetic uses Python
+floats, so that a replay gives the same bits. The table (`truearc run --plan`) lists configurations to shoot exactly as
+given, in place of the robot's own plan.
 """
 
 import csv

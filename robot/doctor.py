@@ -1,7 +1,7 @@
-"""The doctor: is this robot fit to run? Each check is given what it needs, changes nothing, and yields one line.
+"""Doctor checks of the robot's fitness to run. Each check changes nothing and yields one line.
 
-It examines the button box, the camera, the computer, the CAN adapter, every device on the bus, the gate's model and the
-aim file. `set_stored` alone writes to devices: watchdogs and limits that the axes keep, after a yes.
+They cover the button box, the camera, the computer, the CAN adapter, every device on the bus, the gate's model and the
+aim file. Only `set_stored` writes to devices: after confirmation it sets watchdogs and limits that the axes store.
 """
 
 import contextlib

@@ -1,10 +1,10 @@
-"""The doctor's small motion: what is driven, one tick of it, and what it has shown. No I/O.
+"""Small test motion of the doctor: the program, one tick of it, and the findings from it. No I/O.
 
-Wheels and hood are first nudged, ever harder, so that one whose sensors are dead hardly moves; one that does not answer
-is not driven further. Then the wheels turn up to a few percent of their free speed, and the hood creeps a few degrees
-up, down to its limit switch, off it and back on it. System identification's tick drives; what it does not know is
-watched here. Any doubt ends it, with every motor released. Direction, scale, lag and limit switch follow from the ticks
-of the motion.
+Wheels and hood are first nudged with increasing torque, so that an axis with dead sensors hardly moves; an axis that
+does not respond is not driven further. Then the wheels turn at up to a few percent of their free speed, and the hood
+creeps a few degrees up, down to its limit switch, off it and back onto it. The tick of system identification drives;
+this module adds the checks that it lacks. Any doubt ends the motion and releases every motor. Direction, scale, lag and
+limit switch are evaluated from the ticks of the motion.
 """
 
 import math

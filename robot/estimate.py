@@ -1,4 +1,4 @@
-"""Inputs to Estimate: what the launcher is doing now; and doubts about missing, stale or faulty readings, by axis."""
+"""Estimate of the launcher's present state from Inputs, with the missing, stale or faulty readings of each axis."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What sees the target and reads other programs: camera and vision, in this process or another, and other sources."""
+"""Sources of sightings and of other programs' readings: camera and vision, in this or another process, and others."""
 
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack

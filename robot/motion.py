@@ -1,9 +1,9 @@
-"""Interlocks of motion: whether wheels and hood may be driven, and why not. Pure, like truearc.robot.tick.
+"""Motion interlocks: permission to drive wheels and hood, with the reasons against it. Pure, like truearc.robot.tick.
 
 A missing, stale or faulty reading releases its axis until readings have been good for RECOVER_S. A motion that
-contradicts the torque, or two sensors that contradict each other, release it until the operator disarms and arms; so
-do REPEATS releases within REPEAT_NS. Each tick compares what the readings say with the torque of the tick before. The
-feeder, which is driven for a moment only, gets no torque while it is in doubt, and is not released.
+contradicts the torque, or two sensors that contradict each other, release it until the operator disarms and arms again;
+so do REPEATS releases within REPEAT_NS. Each tick compares the readings with the torque of the previous tick. The
+feeder is driven only briefly; while its readings are in doubt it gets no torque, but it is not released.
 """
 
 import math

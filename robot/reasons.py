@@ -1,4 +1,4 @@
-"""The robot's reasons for a HOLD as codes, and the log text of every reason. Fields and units:
+"""Codes of the robot's reasons for a HOLD, and the log text of every reason. Fields and units:
 truearc.hw.reason.Code."""
 
 from collections.abc import Iterable

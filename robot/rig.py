@@ -1,6 +1,6 @@
-"""HardwareRig: any wires that keep truearc.hw.protocols's promises, real or emulated. ReplayRig: a recording.
+"""Rigs: sources of Inputs and sinks of Commands. HardwareRig uses wires of truearc.hw.protocols, ReplayRig a recording.
 
-RecordingRig: any of them while it is recorded: no shot is fired unless it is.
+RecordingRig records another rig; no shot is fired unless it is recorded.
 """
 
 from collections.abc import Callable, Iterable, Iterator

@@ -1,5 +1,5 @@
-"""One tick: estimate -> aim -> interlocks -> verdict -> control. Pure: no clock, no wires, no randomness, so that a
-replay is exact."""
+"""One tick: estimate -> aim -> interlocks -> verdict -> control. Pure (no clock, I/O or randomness), so a replay is
+exact."""
 
 from msgspec import UNSET
 from msgspec.structs import replace

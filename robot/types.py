@@ -1,10 +1,10 @@
-"""What flows through one tick: Inputs -> Estimate -> Aim -> Verdict -> Command -> Sent.
+"""Values that pass through one tick: Inputs -> Estimate -> Aim -> Verdict -> Command -> Sent.
 
 The whole Tick is the recorded row.
 
-SI throughout, the unit is the last word of the name; `t_ns` is the rig's one monotonic clock. These are msgspec
-structs rather than dataclasses because a row is written 200 times a second and replayed 10 000 times a second.
-Absent numbers are None, never NaN: JSON has no NaN, and a None cannot pass a comparison by accident.
+Units are SI and form the last word of each name; `t_ns` is the rig's single monotonic clock. The types are msgspec
+structs rather than dataclasses because a row is written 200 times a second and replayed 10 000 times a second. Absent
+numbers are None, never NaN: JSON has no NaN, and None cannot pass a comparison by accident.
 """
 
 from msgspec import UNSET, Struct, UnsetType, field

@@ -1,4 +1,4 @@
-"""Statistics of shots: intervals of shares and means, covariance, and how good probabilities were."""
+"""Statistics of shots: intervals of shares and means, covariance, and measures of predicted probabilities."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Advice on NetworkTables keys: a RobotIo whose commands go nowhere, and each tick's verdict as topics."""
+"""Advice on NetworkTables keys: a RobotIo that discards commands, and each tick's verdict as topics."""
 
 import math
 import sys

@@ -1,4 +1,4 @@
-"""One session of `truearc advise`: connects, records, and runs until a signal; or only looks at the keys."""
+"""Session of `truearc advise`, which connects, records and runs until a signal, or only examines the keys."""
 
 import argparse
 import sys

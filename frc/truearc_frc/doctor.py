@@ -1,4 +1,4 @@
-"""The robot's NetworkTables as they were heard for a while: server, keys, clocks, a camera that sees tags."""
+"""Doctor checks of the robot's NetworkTables: server, keys, clocks, and a camera that sees tags."""
 
 import math
 from collections import Counter

@@ -1,11 +1,11 @@
-"""What is read of the robot's NetworkTables as inputs of a launcher: camera, velocity, the hood's angle.
+"""Launcher inputs read from the robot's NetworkTables: camera, velocity and hood angle.
 
 PhotonVision (table /photonvision/NAME): `targetPose` is the transform from camera to tag (x forward, y left, z up; a
-struct, before 2025 an array), `latencyMillis` from the exposure to the publication. Limelight (table /NAME):
-`targetpose_cameraspace` is x right, y down, z forward, `cl` + `tl` ms the latency, `stddevs` begins with the standard
-deviations of MegaTag 1 along the field's x and y. (PhotonVision's NTTopicSet and NTDataPublisher; Limelight's complete
-NetworkTables API.) With the control loop in a process of its own another one reads the velocity's keys, so that the
-tick never has to do with a network.
+struct, before 2025 an array), `latencyMillis` the time from exposure to publication. Limelight (table /NAME):
+`targetpose_cameraspace` has x right, y down, z forward, `cl` + `tl` is the latency in ms, and `stddevs` begins with the
+standard deviations of MegaTag 1 along the field's x and y. Sources: PhotonVision's NTTopicSet and NTDataPublisher;
+Limelight's complete NetworkTables API. If the control loop has a process of its own, another process reads the velocity
+keys, so that the tick never accesses a network.
 """
 
 import math

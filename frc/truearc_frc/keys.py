@@ -1,6 +1,6 @@
-"""Keys of a robot's NetworkTables server, by WPILib's own library: values with stamps on our clock, and topics of ours.
+"""Keys of a robot's NetworkTables server through WPILib's library: values with local timestamps, and published topics.
 
-The library publishes a value when it changes, so a stamp is that of the newest change.
+The library publishes a value when it changes, so its timestamp is that of the latest change.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""WPILOG as a source of `truearc import`; what reads it is imported with the first file."""
+"""WPILOG as a source of `truearc import`. The reader is imported with the first file."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""[nt4] of launcher.toml as truearc reads another distribution's table: camera, velocity, angle, published advice."""
+"""ReadingTable of [nt4] in launcher.toml: camera, velocity, angle and published advice."""
 
 from collections.abc import Iterable
 from contextlib import ExitStack

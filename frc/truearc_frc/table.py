@@ -1,4 +1,4 @@
-"""`[nt4]` of launcher.toml: the robot's NetworkTables server, and what is exchanged with it."""
+"""Schema of `[nt4]` in launcher.toml: the robot's NetworkTables server and the values exchanged with it."""
 
 import re
 from collections.abc import Iterator

@@ -1,10 +1,10 @@
-"""WPILOG: a recorded session out to AdvantageScope and SysId, and logs in as series.
+"""WPILOG files: export of a session for AdvantageScope and SysId, and import of logs as series.
 
-Append-only records of named signals, little-endian throughout. File: "WPILOG", version 1.0 (u16), length and text of
-an extra header. Record: one byte that says how many bytes its signal number, payload size and time take, those three,
-the payload. Signal 0 says which signals there are. Times are whole microseconds. A struct is its numbers in a row;
-entries /.schema/struct:NAME say which. Sources: WPILib's datalog.adoc, and wpimath's Pose2dStruct. Logs are read by
-WPILib's own reader; damage is left out and named.
+The format is append-only records of named signals, little-endian. File: "WPILOG", version 1.0 (u16), length and text of
+an extra header. Record: one byte with the lengths of the signal number, payload size and time, then these three, then
+the payload. Signal 0 declares the signals. Times are whole microseconds. A struct is the sequence of its numbers, which
+entries /.schema/struct:NAME declare. Sources: WPILib's datalog.adoc and wpimath's Pose2dStruct. WPILib's own reader
+reads logs; damaged parts are skipped and reported.
 """
 
 import json

@@ -1,6 +1,6 @@
 """Redux Canandmag absolute encoder: its frames, its emulator, and the EncoderFamily with table, bus rules and doctor.
 
-An arbitration id is 29 bits: that of device 0 plus the device's number.
+An arbitration id has 29 bits: the id for device 0 plus the device number.
 """
 
 import math

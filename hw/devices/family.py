@@ -1,4 +1,4 @@
-"""Declaration of a device family: its tables in launcher.toml, one MotorFamily or EncoderFamily value, its doctor."""
+"""Declaration of a device family: launcher.toml tables, a MotorFamily or EncoderFamily value, doctor checks."""
 
 import contextlib
 import math

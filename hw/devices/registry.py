@@ -1,8 +1,8 @@
-"""Every family of motor controllers, and devices without frames of their own.
+"""Registry of all motor controller families, and devices without frames of their own.
 
-Such are motors of another controller (driver "advisory": heard, never commanded), a motor controller's encoder as the
-hood's, and no hood encoder at all. A distribution names its MotorFamily by its driver. It is loaded when a
-configuration first names that driver, before the first tick:
+Devices without frames are motors of another controller (driver "advisory": read, never commanded), a motor controller's
+encoder that serves as the hood's, and an absent hood encoder. A distribution registers its MotorFamily under its
+driver's name. It is loaded before the first tick, when a configuration first names that driver:
 
     [project.entry-points."truearc.motors"]
     samplemotor = "truearc_samplemotor:SAMPLEMOTOR"

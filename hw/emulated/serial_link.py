@@ -1,4 +1,4 @@
-"""The emulated ends of serial cables, and a serial CAN adapter at one of them."""
+"""Emulated serial cables, and an emulated serial CAN adapter at the end of one."""
 
 import contextlib
 import os

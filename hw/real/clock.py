@@ -1,4 +1,4 @@
-"""The only file that reads a clock; and pauses between attempts to bring something back."""
+"""Monotonic clock and retry pauses. No other file reads a clock."""
 
 import time
 from collections.abc import Iterator

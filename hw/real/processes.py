@@ -1,6 +1,6 @@
-"""Child processes, messages between them over a pair of sockets, and newest values in shared memory.
+"""Child processes, messages over pairs of sockets, and newest values in shared memory.
 
-A child is started, watched and started again. Neither end of a connection ever waits for the other.
+A child process is started, supervised and restarted. Neither end of a connection ever waits for the other.
 """
 
 import ctypes

@@ -1,6 +1,6 @@
-"""The serial port, the camera, and wires that a thread of their own opens again when they were lost.
+"""Serial port, camera, and supervised wires, which a thread reopens after a loss.
 
-A camera is read through OpenCV, on V4L2 or on the network, by its own thread, which keeps only the newest image."""
+A camera is read through OpenCV, over V4L2 or the network, in a thread of its own, which keeps only the newest image."""
 
 import contextlib
 import threading

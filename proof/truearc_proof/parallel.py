@@ -1,7 +1,7 @@
-"""Jobs over many processes of this machine, and their results kept as lines of a file.
+"""Parallel jobs in processes of this machine, with their results kept as lines of a file.
 
-A job must be a pure function of its argument: one that is lost with the process that ran it is simply run again. Lines
-of JSON are appended whole, so that a run that was cut short goes on where it stopped.
+A job must be a pure function of its argument: if its process dies, the job is run again. Lines of JSON are appended
+whole, so that an interrupted run continues where it stopped.
 """
 
 import lzma

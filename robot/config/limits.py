@@ -1,8 +1,8 @@
-"""Limits of launcher.toml: the least and the greatest value of each number, and contradictions between values.
+"""Limits of launcher.toml: the minimum and maximum of each number, and contradictions between values.
 
-`limits.toml` is the one place where limits stand: `load_config` refuses what is outside, and the page of formats shows
-them. A bound is a number or a product of a number and keys, such as "2 / tick_hz" or "0.5 * hood.pid.output_high"; of
-several the narrowest counts. A key that the configuration lacks bounds nothing, nor does one with `?` that is 0.
+`limits.toml` defines all limits: `load_config` refuses values outside them, and the page of formats lists them. A bound
+is a number or a product of a number and keys, such as "2 / tick_hz" or "0.5 * hood.pid.output_high"; the narrowest of
+several bounds applies. A bound is ignored if it uses a key that the configuration lacks, or a key with `?` that is 0.
 """
 
 import math

@@ -1,15 +1,15 @@
-"""Tables of launcher.toml whose struct follows from a name: [hood_encoder], and those that other distributions own.
+"""Tables of launcher.toml whose struct depends on a name: [hood_encoder], and the tables of other distributions.
 
-What another program, not a device, lets the robot read is a table of the distribution that reads it. It registers a
-ReadingTable under the name of its table, and it is loaded when a configuration has that table:
+A distribution that reads values from another program, not from a device, has a table of its own. It registers a
+ReadingTable under the table's name, which is loaded when a configuration contains that table:
 
     [project.entry-points."truearc.readings"]
     NAME = "package.module:TABLE"
 
-Two keys of such a table are truearc's own. `vision`, a table, says that another camera sees the target instead of
-[camera]. `velocity` says that the robot tells how it drives, and has the numbers of `Driving`. All the rest is the
-distribution's. A recording keeps the whole table as numbers and texts, and the tick uses `Driving` alone, so that a
-replay does without the distribution.
+truearc defines two keys of such a table. `vision`, a table, means that another camera sees the target instead of
+[camera]. `velocity` means that the robot reports its own motion, and contains the numbers of `Driving`. The
+distribution defines all other keys. A recording keeps the whole table as numbers and strings, and the tick uses only
+`Driving`, so that a replay does not need the distribution.
 """
 
 from collections.abc import Callable, Iterable

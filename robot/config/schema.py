@@ -1,4 +1,4 @@
-"""The launcher's configuration: one TOML file, no defaults, so that a typo cannot become one; and its hash."""
+"""Schema and hash of launcher.toml. It has no defaults, so that a misspelt key cannot silently become one."""
 
 import hashlib
 from collections.abc import Sequence
@@ -284,7 +284,7 @@ class CameraFile(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=
 
 
 def load_config(path: str | Path) -> Config:
-    """Read launcher.toml; InputError names file, key and line, or the key of a number that cannot be true."""
+    """Read launcher.toml; InputError names file, key and line, or the key of an impossible number."""
     text = load_text(path)
     config = parse_toml(text, Config, str(path))
     for key in errors.unknown_keys(errors.parse_table(text, str(path))["rig"], Rig):

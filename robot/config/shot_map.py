@@ -1,4 +1,4 @@
-"""shots.toml: which keys of a team's log or table say what, in which units, and how its shots are known."""
+"""Schema of shots.toml: the meaning and units of the keys of a team's log or table, and the detection of its shots."""
 
 import math
 import re

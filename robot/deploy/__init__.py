@@ -1,8 +1,8 @@
-"""Files that make a computer a robot that starts by itself, and the options that shape them. Texts only.
+"""Contents of the files that make a computer start truearc at boot, and the options that determine them. Text only.
 
-They are the systemd unit, CAN bring-up, device names and the script that installs them; `files/` has the longer ones,
-with places such as `@USER@` to fill in. `truearc/cli/deploy.py` carries them there, with wheels that are built
-from clean copies of sources.
+The files are the systemd unit, CAN bring-up, device names and the script that installs them; `files/` has the longer
+ones, with placeholders such as `@USER@`. `truearc/cli/deploy.py` copies them to the computer, with wheels built from
+clean copies of the sources.
 """
 
 import re

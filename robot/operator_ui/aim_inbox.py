@@ -1,8 +1,8 @@
-"""Inbox of aim files that arrive while the robot runs: the page's orders, and the offer to the driver.
+"""Inbox of aim files that arrive while the robot runs: the requests from the page, and the offer to the driver.
 
-The page takes two orders, both of which need the token in the inbox's file `token`: keep an aim file, and accept the
-one on offer. An order is a file in the inbox. The control process looks there; it checks each aim file, keeps it in the
-session and offers it to the driver. An offered file is not used until the driver accepts it while disarmed
+The page accepts two requests: to keep an aim file and to accept the offered one. Both need the token in the inbox's
+file `token`. Each request becomes a file in the inbox. The control process reads the inbox, checks each aim file, keeps
+it in the session and offers it to the driver. An offered file is not used until the driver accepts it while disarmed
 (truearc.robot.aim).
 """
 

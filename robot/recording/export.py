@@ -1,17 +1,16 @@
-"""A session as one file that others open: CSV, or MCAP for viewers, with the robot's pose.
+"""Export of a session to one file for other programs: CSV, or MCAP for viewers, with the robot's pose.
 
-In an MCAP for viewers, beside the ticks and trials of the recording itself, every subsystem has a topic with units in
-its schema (tabular). Times are the wall clock's. Images, reasons, pose and scene have Foxglove's schemas, as JSON:
-names and types of the fields are those of the official schemas (https://docs.foxglove.dev/docs/sdk/schemas), which a
-test compares; their optional fields are left out. Of a scene's primitives, lines and texts are described and the others
-are empty lists. Lengths in m, colours from 0 to 1. What made the session is attached. Messages are written as the ticks
-are read.
+An MCAP for viewers contains the ticks and trials of the recording and one topic per subsystem, with units in its schema
+(tabular). Times are wall-clock times. Images, reasons, pose and scene use Foxglove's schemas as JSON: a test compares
+the names and types of their fields with the official schemas (https://docs.foxglove.dev/docs/sdk/schemas); optional
+fields are omitted. A scene contains lines and texts; its other primitives are empty lists. Lengths are in m, colours
+from 0 to 1. The session's metadata is attached. Messages are written as the ticks are read.
 
 Frame "target" of the pose: origin on the floor below the middle of the target, x from the target toward the robot, z
-up, y so that the frame is right-handed (to the right as the robot sees it). Known are the horizontal distance from the
-ball's exit to the target plane and, where the camera gives one, the bearing of the target. Assumed: the robot stands
-straight in front of the target (y = 0), and the camera looks where the launcher throws. Without a bearing it faces the
-target.
+up, y completing a right-handed frame (to the right as the robot sees it). The pose uses the horizontal distance from
+the ball's exit to the target plane and, if the camera provides it, the bearing of the target. It assumes that the robot
+stands straight in front of the target (y = 0) and that the camera points in the direction of launch. Without a bearing
+the robot faces the target.
 """
 
 import base64

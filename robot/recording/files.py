@@ -1,7 +1,7 @@
-"""The files of a session: made, written, and never overwritten.
+"""Files of a session, which are created and appended to but never overwritten.
 
-They grow through `Appender`, which survives a full disk. Raw CAN is candump text, `(seconds.microseconds) can0 ID#DATA
-R|T`, which can-utils, SavvyCAN and python-can open.
+`Appender` appends to them and survives a full disk. Raw CAN is candump text, `(seconds.microseconds) can0 ID#DATA R|T`,
+which can-utils, SavvyCAN and python-can read.
 """
 
 import contextlib

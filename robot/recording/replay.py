@@ -1,9 +1,9 @@
-"""Replay: recompute every output of a recording, and compare to the last bit.
+"""Deterministic replay: recomputation of every output of a recording, compared bit for bit.
 
-`replay` starts from the recorded inputs; `replay_frames` recomputes the inputs as well, from the raw CAN frames and the
+`replay` starts from the recorded inputs; `replay_frames` also recomputes the inputs from the raw CAN frames and the
 kept images. Inputs that neither contains are taken as recorded: button presses, lost wires, and sightings whose image
-was not kept (a session keeps the one behind each shot). `find_changes` replays with another configuration or model and
-lists the differences.
+was not kept (a session keeps the image used for each shot). `find_changes` replays with another configuration or model
+and lists the differences.
 """
 
 import itertools

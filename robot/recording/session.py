@@ -1,14 +1,14 @@
-"""A session is a folder:
+"""Layout of a session, which is a folder:
 
     session.json     what made it: versions, configuration and model hashes
-    config.json      the configuration it ran with; model.onnx the gate, if there was one
-    aim.json         the aim file that it started with, if there was one; aims/SHA256.json those offered meanwhile
+    config.json      its configuration; model.onnx the gate, if there was one
+    aim.json         the aim file at the start, if there was one; aims/SHA256.json those offered later
     telemetry.mcap   JSON messages: on /tick the whole Tick, on /trial each line of trials.jsonl
     can0.log         every CAN frame both ways, candump text
     trials.jsonl     one line per outcome, each fsynced
     frames/          the image behind each shot, and frames.jsonl
-    lateness.jsonl   one line per second: how late ticks came (truearc.robot.runtime); real robots only
-    damaged/         the files that `truearc session recover` has replaced
+    lateness.jsonl   one line per second: lateness of the ticks (truearc.robot.runtime); real robots only
+    damaged/         the files that `truearc session recover` replaced
 """
 
 import hashlib

@@ -1,8 +1,8 @@
-"""A Tick as one flat row with a unit to each name, and as topics by subsystem for viewers.
+"""Tick as one flat row with a unit in each name, and as one topic per subsystem for viewers.
 
-Viewers plot a topic's fields, which they find in its schema. The schemas keep to what all of them read: an object of
-numbers, truth values, texts and lists of one of these; no references, no alternatives, no null. A value that is absent
-is left out of its message, and a message without any value is not written."""
+Viewers plot a topic's fields, which they find in its schema. The schemas use only what all viewers support: an object
+of numbers, booleans, strings and lists of one of these, without references, alternatives or null. An absent value is
+omitted from its message, and a message without any value is not written."""
 
 import math
 import tomllib

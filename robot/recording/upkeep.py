@@ -1,9 +1,9 @@
-"""Upkeep of recorded sessions: recovery of one that was cut short, and deletion within the limits of [recording].
+"""Upkeep of recorded sessions: recovery of truncated ones, and deletion according to the limits of [recording].
 
-In a recovery nothing whole is lost, and replaced files are kept in damaged/. Beyond the limits the oldest sessions lose
-telemetry and images first; `session.json`, `config.json`, `trials.jsonl`, models and aim files always stay, as do files
-that are not part of a recording. Sessions are the folders beside the running one that have a session.json, or a damaged
-one and telemetry; links are not followed.
+Recovery loses no complete record, and replaced files are kept in damaged/. When a limit is exceeded, telemetry and
+images of the oldest sessions are deleted first; `session.json`, `config.json`, `trials.jsonl`, models and aim files
+always stay, as do files that are not part of a recording. Sessions are the folders beside the running one that have a
+session.json, or a damaged session.json and telemetry; links are not followed.
 """
 
 import contextlib

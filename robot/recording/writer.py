@@ -1,7 +1,7 @@
-"""Writer of a session. The tick only encodes and hands over; a keeper owns the files.
+"""Writer of a session. The tick only encodes messages and passes them on; a keeper owns the files.
 
-LaneKeeper keeps them in three threads of this process. FarKeeper is the control loop's end of a recorder in a process
-of its own, where `Desk` takes its messages and passes their contents to a LaneKeeper.
+LaneKeeper writes the files in three threads of this process. FarKeeper is the control loop's end of a recorder in a
+separate process, where `Desk` receives its messages and passes their contents to a LaneKeeper.
 """
 
 import errno

@@ -1,8 +1,8 @@
-"""Image -> Sighting: the retro-reflective half hexagon or an AprilTag, its distance, and how far to trust it. Pure.
+"""Target detection: Image -> Sighting of the retro-reflective half hexagon or an AprilTag, with uncertainty. Pure.
 
 marks.py refuses images that are too bright, finds regions of the tape's colour and turns a region into four sub-pixel
-marks, pose.py turns marks into a camera pose with covariance. Here the one candidate becomes a Sighting,
-or the reason why there is none; `draw_mask` and `draw_regions` show people what was made of an image.
+marks; pose.py turns marks into a camera pose with covariance. This module turns the single candidate into a Sighting,
+or returns the reason for its absence; `draw_mask` and `draw_regions` visualise the processing of an image.
 """
 
 import math

@@ -1,8 +1,8 @@
-"""Calibration of a camera from pictures of a flat board, or from distances measured with a tape.
+"""Camera calibration from pictures of a flat board, or from distances measured with a tape.
 
-A board gives focal length, axis and lens distortion, and their standard deviations. Pixels are taken to be square and
-the third radial term to be zero: both hold for any webcam, and what a fit makes of them without many pictures is noise.
-Taped distances give the focal length's scale and a bias.
+A board gives focal length, axis and lens distortion with their standard deviations. Pixels are assumed to be square and
+the third radial term to be zero: both hold for any webcam, and without many pictures a fit of them is noise. Taped
+distances give the scale of the focal length and a bias.
 """
 
 import math

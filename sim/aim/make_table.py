@@ -1,10 +1,10 @@
-"""Set points for robots by a belief: the table, its aim file, and that file's check against the simulator.
+"""Table of set points for a belief, its aim file, and the check of that file against the simulator.
 
-Rows say what errors cost, the band of speeds that score, and corrections on the move.
-A ball that is thrown from a moving robot has the robot's velocity on top of the launcher's. In a vacuum it would be
-carried along for the whole flight; the air takes part of that, unequally along and across. The set point for a target
-at D is therefore that of a distance d from which the ball, carried, comes to D (d + carry_s * velocity = D), with a
-speed corrected for the height that the air then takes or leaves (trim).
+Rows state the cost of errors, the band of speeds that score, and corrections for a moving robot. A ball thrown from a
+moving robot has the robot's velocity in addition to the launcher's. In a vacuum it would keep that velocity for the
+whole flight; drag removes part of it, unequally along and across. The set point for a target at D is therefore that of
+the distance d from which the carried ball reaches D (d + carry_s * velocity = D), with a speed corrected for the
+resulting change of height (trim).
 """
 
 import json

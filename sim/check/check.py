@@ -1,6 +1,6 @@
-"""Plausibility of a dataset before inference: wrong units, axes and angles, which a fit would turn into physics.
+"""Plausibility checks of a dataset before inference: wrong units, axes and angles, which a fit mistakes for physics.
 
-Each check has a name, and can be accepted by it. A check passes where the data cannot tell.
+Each check has a name, by which its warning can be accepted. A check passes if the data cannot decide it.
 """
 
 import math

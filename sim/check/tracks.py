@@ -1,4 +1,4 @@
-"""Flaws of a dataset in its wheels' speeds and its tracks: units, gears, lone shots, and flights that no ball makes."""
+"""Plausibility checks of wheel speeds and tracks: units, gears, isolated shots and impossible flights."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence

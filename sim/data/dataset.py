@@ -1,4 +1,4 @@
-"""A dataset in memory, columns in SI units with a row for each shot, and the conditions of its shots."""
+"""Dataset in memory: columns in SI units with one row per shot, and the conditions of the shots."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -118,10 +118,10 @@ class Traces(ShotSamples):
 
 @dataclass(frozen=True)
 class Dataset(Printed):
-    """All that a directory of shots says; `left_out`: what its maker left out and why, one line each.
+    """Contents of a directory of shots. `left_out`: excluded data with the reason, one line each.
 
-    `accepted`: objections to its plausibility that the user accepted or that only warn. `track_columns`: as
-    Shots.written, of the tracks.
+    `accepted`: plausibility objections that the user accepted or that only warn. `track_columns`: like Shots.written,
+    for the tracks.
     """
 
     name: str
@@ -136,25 +136,25 @@ class Dataset(Printed):
 
     @property
     def samples(self) -> dict[str, "Tracks | Traces | Times"]:
-        """The tables of measurements through shots that there are, by name."""
+        """The existing tables of measurements during shots, by name."""
         tables = {"tracks": self.tracks, "traces": self.traces, "times": self.times}
         return {name: table for name, table in tables.items() if table is not None}
 
     @property
     def rig(self) -> Rig:
-        """The rig that the shots were made with."""
+        """The rig that made the shots."""
         return self.facts
 
     def in_order(self) -> "Dataset":
-        """Return the dataset with its shots by session and time; where a time is missing, by all that is known of each.
+        """Return the dataset with its shots ordered by session and time, or by all their data if a time is missing.
 
-        So what is drawn at random from the shots, and which of them are held out, is the same for every order of rows.
+        Random draws from the shots and the hold-out set are thus the same for every order of rows.
         """
         rows = sorted(range(len(self.shots)), key=self._keys().__getitem__)
         return self if rows == list(range(len(rows))) else self.take(rows)
 
     def take(self, rows: Sequence[int]) -> "Dataset":
-        """The shots at these rows, in that order, with their measurements."""
+        """Return the shots at these rows, in that order, with their measurements."""
         place = np.full(len(self.shots), -1)
         place[list(rows)] = np.arange(len(rows))
         samples: dict[str, Any] = {name: table.moved(place) for name, table in self.samples.items()}
@@ -172,7 +172,7 @@ class Dataset(Printed):
         return list(zip(when, known, samples or repeat(()), shots.shot_id, strict=False))
 
     def lines(self) -> list[str]:
-        """Return how many shots, outcomes and samples there are, which columns, and what was left out."""
+        """Return the numbers of shots, outcomes and samples, the columns, and the excluded data."""
         outcomes = self.shots.text("outcome")
         if self.rig.target is not None:
             outcomes = tuple(map(self.rig.target.word, outcomes))

@@ -1,4 +1,4 @@
-"""A map proposed for logs and tables, from names, units and numbers."""
+"""Proposed map of a log or table, guessed from its names, units and numbers."""
 
 import csv
 import math

@@ -19,21 +19,21 @@ from truearc.sim.printed import Progress
 
 def import_shots(files: Sequence[str | Path], *, rig: Rig | str | Path, shot_map: str | Path | ShotMap | None = None,
                  name: str = "imported", progress: Progress = lambda done, note: None) -> Dataset:
-    """Return the shots of robot logs or of tables as a dataset; what was left out is in `left_out`.
+    """Return the shots of robot logs or tables as a dataset; its `left_out` lists excluded data.
 
-    A log is a CSV file, or of a kind that an installed distribution reads.
+    A log is a CSV file, or has a format that an installed distribution reads.
 
     Args:
-        files: Logs, a session each, or tables.
+        files: Logs, one per session, or tables.
         rig: Ball, wheels and target, or the path of a rig.toml.
-        shot_map: Path of a shots.toml, or the name of a map of truearc's (docs/how-to/importing.md); None: guessed
-            from names, units and numbers of the first log, or of tables with a row per shot.
-        name: Of the dataset.
-        progress: Called with the share of the logs that is read, and the name of the log.
+        shot_map: Path of a shots.toml, or the name of an included map (docs/how-to/importing.md); None: guessed from
+            names, units and numbers of the first log, or of tables with a row per shot.
+        name: Name of the dataset.
+        progress: Called with the share of the logs read so far, and the name of the log.
 
     Raises:
-        InputError: names file, line and key of what cannot be read, or of what the map wants and is not there; there is
-            no shot.
+        InputError: names file, line and key of unreadable data or of data that the map requires but are missing; or
+            there are no shots.
     """
     facts = rig if isinstance(rig, Rig) else load_rig(rig)
     found = guess(files, facts).map if shot_map is None else (

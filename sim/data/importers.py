@@ -1,4 +1,4 @@
-"""Importers of other people's recordings, registered through the entry points `truearc.importers`."""
+"""Importers of foreign recordings, registered through the entry points `truearc.importers`."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""A robot's log in memory, and the shots in it by the dips of a wheel's speed."""
+"""Robot log in memory, and detection of its shots by dips of a wheel's speed."""
 
 from collections import deque
 from collections.abc import Iterable, Mapping

@@ -1,4 +1,4 @@
-"""Shots of robot logs and of tables, under a map of their keys."""
+"""Shots of robot logs and tables, read with a map of their keys."""
 
 import csv
 import re

@@ -1,14 +1,14 @@
-"""Recorded sessions to a dataset of shots: a row for each, or for each configuration by the paper's labelling rule.
+"""Dataset from recorded sessions: one row per shot, or per configuration by the paper's labelling rule.
 
-The rule (section IV-A) labels a configuration by how repeatably it scores. R2 and R3 are the shares of its shots in the
-2-point region (which holds the 3-point one) and in the 3-point region. The paper's rule, and what it leaves open with
-the choice taken:
+The rule (section IV-A) labels a configuration by its repeatability. R2 and R3 are the shares of its shots in the
+2-point region (which contains the 3-point region) and in the 3-point region. The rule, with the choices made where the
+paper is silent:
 
     R3 >= 80 %                              -> three
     R3 < 80 % and R2 > 90 %                 -> two
-    R2 < 75 %                               -> removed; but a third of the paper's data are misses, which by this
-                                               sentence could not be: a configuration that never scores is a miss
-    75 % <= R2 <= 90 % and R3 < 80 %        -> not said: legitimate by the third rule, so two
+    R2 < 75 %                               -> removed; but a third of the paper's data are misses, which this rule
+                                               would exclude: a configuration that never scores is a miss
+    75 % <= R2 <= 90 % and R3 < 80 %        -> unspecified: legitimate by the third rule, so two
 """
 
 from collections.abc import Sequence
@@ -34,15 +34,15 @@ AVERAGED = ("distance_m", "hood_deg", "motor_ratio", "battery_v", "t_s")
 
 
 def shots_from_sessions(sessions: Sequence[str | Path], name: str, telemetry: bool = True) -> Dataset:
-    """Return all marked shots of recorded sessions as a dataset; rejected and held trials are named in `left_out`.
+    """Return all marked shots of recorded sessions as a dataset; its `left_out` names rejected and held trials.
 
     Args:
         sessions: Session folders, of one rig.
-        name: Of the dataset.
-        telemetry: Whether to take the traces around each shot, too.
+        name: Name of the dataset.
+        telemetry: Whether to include the traces around each shot.
 
     Raises:
-        InputError: the sessions' rigs differ, two sessions have one name, or there is no shot at all.
+        InputError: the sessions' rigs differ, two sessions have the same name, or there are no shots.
     """
     if isinstance(sessions, str | Path):
         raise InputError(f"sessions: a list of folders is expected: [{str(sessions)!r}]")

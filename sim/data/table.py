@@ -1,8 +1,8 @@
-"""Tables of text cells, and the columns of them that code reads: names, units, ranges and words.
+"""Tables of text cells, and typed columns read from them: names, units, ranges and words.
 
-Cells come from CSV and Parquet files, each row knowing where it came from; everything wrong with them is gathered, so
-that one run names it all. A column such as `distance_ft`, `hood_rad` or `wheel_main_rpm` becomes the one that is read,
-converted.
+Cells come from CSV and Parquet files, and each row keeps its origin; all errors are collected, so that one run reports
+them together. A column such as `distance_ft`, `hood_rad` or `wheel_main_rpm` is converted to the expected unit and
+name.
 """
 
 import csv

@@ -1,40 +1,33 @@
-"""The decision: which effects are reported, as what, and what of them is adopted.
+"""Decision rules of discovery: the effects to report, their names, and the changes to adopt.
 
-**Effects.** L is the likeliest term, rest: what calibrated tests still find once L is put in. The first row that holds:
+**Effects.** L is the likeliest term; the rest is what calibrated tests still find with L included. The first true row:
 
-| | posterior and tests | reported |
-|---|---|---|
-| 1 | L moves a known number by CREDIBLE_SD | unknown |
-| 2 | nats for L <= 0 and P(L) < 0.5, or one thing is missing | *one effect* |
-| 3 | more is missing, no rest; P(L beside an unexplained effect) >= 0.5 | L's names |
-| 4 | more is missing, no rest | *one effect* |
-| 5 | the rest is unexplained and in L's own direction | unknown |
-| 6 | the rest is unexplained, or two terms move a known number by CREDIBLE_SD | L's names; besides, unknown |
-| 7 | no two terms fly | *one effect* |
-| 8 | two terms | both terms' names; besides, the rest beside both if any, as *one effect* |
+| | posterior and tests | reported | |---|---|---| | 1 | L moves a known number by CREDIBLE_SD | unknown | | 2 | nats
+for L <= 0 and P(L) < 0.5, or one thing is missing | *one effect* | | 3 | more is missing, no rest; P(L beside an
+unexplained effect) >= 0.5 | L's names | | 4 | more is missing, no rest | *one effect* | | 5 | the rest is unexplained
+and in L's own direction | unknown | | 6 | the rest is unexplained, or two terms move a known number by CREDIBLE_SD |
+L's names; besides, unknown | | 7 | no pair of terms can be flown | *one effect* | | 8 | two terms | both terms' names;
+besides, the rest beside both if any, as *one effect* |
 
-*One effect* is unknown if nats for L <= 0 and P(L) < 0.5, or P(an unexplained effect) >= 0.5; else it has L's names.
-More is missing if P(L's size differs from ball to ball) >= 0.5, or P(two things) >= 0.5 and its odds against one thing
-are MORE_ODDS times those of the prior. The rest is unexplained if L's size differs from ball to ball, or a term beside
-an unexplained effect is likelier than two terms.
+*One effect* is unknown if nats for L <= 0 and P(L) < 0.5, or P(an unexplained effect) >= 0.5; otherwise it has L's
+names. More is missing if P(L's size differs from ball to ball) >= 0.5, or P(two things) >= 0.5 and its odds against one
+thing exceed MORE_ODDS times those of the prior. The rest is unexplained if L's size differs from ball to ball, or if a
+term with an unexplained effect is more probable than two terms.
 
-**Names.** The smallest set that holds SURE of what is explained, a single name only if it alone is that probable; with
-its aliases, whatever their probability, names that one step cannot tell from a member and that are TWIN times as
-probable, and numbers of the tracker that explain as well what has changed since an earlier session.
-One name: verdict *named*. Several: *set*; its sentence is `form_of`.
+**Names.** The smallest set that holds SURE of the explained probability; a single name only if it alone is that
+probable. The set also contains the members' aliases regardless of probability, names over TWIN times as probable that
+one step cannot distinguish from a member, and numbers of the tracker that explain the change since an earlier session
+equally well. The verdict is *named* for one name and *set* for several; `form_of` words a set.
 
-**Adoption.** Everything found, else the effects with a name: the first that no row refuses.
+**Adoption.** All effects, or else the named effects: the first of these that no row refuses.
 
-| measure on hold-out shots | refused if |
-|---|---|
-| a fitted number | it stopped at the end of its range |
-| tracks' ends by the settings, without the tracker's errors | no nearer than by what is believed |
-| outcomes of tracked shots | forecast worse than by their plain shares, by CLEARLY standard errors |
-| log score with other balls than this session's, or else of the shots as they are | 90 % interval below 0 |
-| points of aim and gate | mean gain below 0 |
+| measure on hold-out shots | refused if | |---|---| | a fitted number | it is at the end of its range | | tracks' ends
+by the settings, without the tracker's errors | no closer than with the present belief | | outcomes of tracked shots |
+forecast worse than by their frequencies, by CLEARLY standard errors | | log score with other balls than this session's,
+or else of the shots as they are | 90 % interval below 0 | | points of aim and gate | mean gain below 0 |
 
-Where nothing has a name: the average of the names that come nearest, if the 90 % interval of its points is above 0.
-Else what is believed stays.
+If no effect has a name: the average of the closest names, if the 90 % interval of its points is above 0. Otherwise the
+belief stays.
 """
 
 from collections.abc import Callable, Iterable, Sequence

@@ -1,7 +1,7 @@
 """Records that discovery writes, `truearc.finding/1` and `truearc.proposal/1`, and its defaults and limits.
 
-Without heavy imports: the command line shows the defaults in --help. Fields that do not apply are None (null in JSON).
-Nothing on a robot is changed by a proposal.
+It has no heavy imports, because the command line shows the defaults in --help. Fields that do not apply are None (null
+in JSON). A proposal changes nothing on a robot.
 """
 
 import hashlib

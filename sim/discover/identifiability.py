@@ -1,11 +1,11 @@
-"""Effects that data of a kind can show, whatever their values: expected Fisher information of every term.
+"""Identifiability of effects from a kind of data, by the expected Fisher information of every term.
 
-Of a term's information only that part counts which the fitted coefficients, scatters and random effects leave: the
-efficient information I_ee - I_en I_nn^-1 I_ne. Its score is normal with that variance, and moved by size times
-information. An effect is seen where its score is larger than the largest of all terms' scores is by chance, at the
-share of the false alarms that discovery gives to terms: this threshold is simulated. Information grows with the shots.
+A term has the efficient information I_ee - I_en I_nn^-1 I_ne, the part that the fitted coefficients, scatters and
+random effects leave. Its score is normal with that variance, and an effect shifts it by size times information. An
+effect is detected if its score exceeds a simulated threshold: that of the largest score of all terms under no effect,
+at the share of the false-alarm rate that discovery allots to terms. Information grows with the number of shots.
 
-A planned season holds configurations that reach the target as believed, and what would be recorded of them. Its
+A planned season consists of configurations that reach the target under the belief, with the data to be recorded. Its
 outcomes do not matter: only the expected information is computed from it.
 """
 

@@ -1,10 +1,10 @@
-"""What to do next: shots or a measurement that tell the remaining names apart, and how likely they are to.
+"""Next steps: shots or a measurement that separate the remaining names, and their probability of doing so.
 
-Every configuration that has been shot is one that can be shot again: safe, within reach, and its information is known
-at the level of these very data. So is the same place and hood with the wheels a little slower or faster, as far as they
-have turned at all: drivers aim at the middle, and outcomes tell most at its edge. Shots are chosen one block after
-another by what they add to the separation of every two names (Fedorov's exchange without going back; the criterion of
-Box and Hill 1967, in its linear form).
+Candidates are the configurations that have been shot, which are safe and within reach, and whose information is known
+from these data. The same place and hood with slightly slower or faster wheels, within the range of recorded speeds, is
+a candidate too: drivers aim at the middle of the target, and outcomes are most informative at its edge. Blocks of shots
+are chosen greedily by the separation that they add between every two names (Fedorov's exchange without the backward
+step; the criterion of Box and Hill 1967 in its linear form).
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""The paper's classifier: trained on recorded and simulated shots, judged on recorded ones, written as weights."""
+"""Training of the paper's classifier on recorded and simulated shots, and its evaluation on recorded ones."""
 
 from dataclasses import dataclass
 from importlib.metadata import version

@@ -1,13 +1,13 @@
-"""Recorded shots and a belief -> a gate with the physics in it, its worth on shots it had not seen, and its polynomial.
+"""Training of the physics-informed gate from shots and a belief, its value on unseen shots, and its polynomial.
 
-The polynomial goes into the exported graph in place of flights: the gate's mean and spread over its domain.
-Products of Chebyshev polynomials T_i(u) T_j(v) T_k(w), i + j + k <= degree, u, v, w the features mapped from the
-domain's box to [-1, 1] and held there. One set of coefficients is the height's mean minus the target's centre in m, one
-its variance in m2: a sum of smooth functions, which neither its logarithm nor its inverse is. Fitted in least squares
-on a Chebyshev grid, with weights that ask for accuracy where the probabilities depend on it (a shot three metres low is
-a miss whatever the third decimal) and inside the domain, where novelty is at most 1. Heights far from the target are
-drawn in before the fit, and the spread with them: balls that stall or turn back give slopes that no polynomial follows.
-Where even the highest degree is not good enough, the domain is narrowed until it is; outside it the robot holds.
+In the exported graph a polynomial replaces flights: it gives the gate's mean and spread over its domain. Its terms are
+products of Chebyshev polynomials T_i(u) T_j(v) T_k(w), i + j + k <= degree; u, v and w are the features mapped from the
+domain's box to [-1, 1] and clipped. One set of coefficients gives the mean height minus the target's centre in m,
+another its variance in m2, which is a sum of smooth functions, unlike its logarithm or inverse. The least-squares fit
+on a Chebyshev grid favours points where the probabilities are sensitive (a shot three metres low is a miss regardless
+of the third decimal) and points inside the domain, where novelty is at most 1. Heights far from the target are
+compressed before the fit, and the spread with them: no polynomial can follow the slopes of balls that stall or turn
+back. If even the highest degree is too inaccurate, the domain is narrowed; outside it the robot holds.
 """
 
 import itertools

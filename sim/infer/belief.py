@@ -1,4 +1,4 @@
-"""What we believe of a launcher: coefficients, free curves, scatter of the launch, and how well each is known.
+"""Belief about a launcher: coefficients, free curves and launch scatter, with their uncertainty.
 
     schema = "truearc.coefficients/1"
     [drag]
@@ -8,7 +8,7 @@
     [provenance]
     method = "grid"
 
-A fit by likelihood adds two tables, which the grid does not write:
+A likelihood fit adds two tables, which the grid fit does not write:
 
     [scatter]
     speed = 0.021                     # standard deviation of the log of the exit speed
@@ -17,22 +17,22 @@ A fit by likelihood adds two tables, which the grid does not write:
     names = ["drag.cd", "scatter.speed"]
     matrix = [[0.01, 0.0], [0.0, 0.04]]
 
-The matrix is that of the numbers on each parameter's own scale (truearc.sim.physics.term, named by its prior in
-the catalogue; scatters: their logarithm), on which the belief is about normal. An unexplained effect is a free curve:
-how its size goes with a covariate.
+The matrix is the covariance of the numbers on each parameter's own scale (truearc.sim.physics.term, given by its prior
+in the catalogue; for scatters the logarithm), on which the belief is approximately normal. An unexplained effect is a
+free curve: its size as a function of a covariate.
 
-    [free_speed]                      # what it changes, a term of truearc.sim.physics.catalogue
+    [free_speed]                      # the changed quantity, a term of truearc.sim.physics.catalogue
     share = 1.0
     [curve.free_speed]
     covariate = "distance_m"          # absent: the same in every shot
     at = [2.1, 3.4, 4.6, 5.8, 7.2]    # or levels = ["north", "south"] of a text column
     value = [0.0, 0.0, 0.01, 0.03, 0.06]
-    low = 1.9                         # beyond what was recorded it goes on level
+    low = 1.9                         # constant beyond the recorded range
     high = 7.6
-    otherwise = 0.02                  # where the covariate is unknown: the mean of what was recorded
+    otherwise = 0.02                  # if the covariate is unknown: the mean over the recorded shots
 
-Between the knots it is the natural cubic spline of discovery's own fit, beyond the outer ones straight. Its points are
-numbers of the belief, too: "curve.free_speed.0", "curve.free_speed.1", ...
+Between the knots it is the natural cubic spline of discovery's own fit, beyond the outer ones a straight line. Its
+points are also numbers of the belief: "curve.free_speed.0", "curve.free_speed.1", ...
 """
 
 import math
@@ -247,10 +247,10 @@ class Belief(Printed):
 
     coefficients: {term: {parameter: value}}. scatter: {"speed": sd of the log of the exit speed from shot to shot,
     "elevation_deg": sd of the exit elevation}, empty when it was not fitted. names: "term.parameter" or "scatter.x",
-    one per row of `covariance` [p, p], which is on the parameters' own scales (module docstring); others are exact.
-    curves: sizes of unexplained effects, by their terms of truearc.sim.physics.catalogue in `coefficients`.
-    catalogue: of the terms that the coefficients name.
-    provenance: how the belief came about, in plain values that a file keeps; nothing is computed from it.
+    one per row of `covariance` [p, p], which is on the parameters' own scales (module docstring); all others are exact.
+    curves: sizes of unexplained effects, by their terms of truearc.sim.physics.catalogue in `coefficients`. catalogue:
+    catalogue of the terms that the coefficients name. provenance: origin of the belief, in plain values that a file
+    keeps; nothing is computed from it.
     """
 
     coefficients: Coefficients
@@ -262,7 +262,7 @@ class Belief(Printed):
     provenance: dict[str, Any] = field(default_factory=dict)
 
     def other_rig(self, rig: Rig) -> str:
-        """Say how a rig differs from the one that the belief was fitted to; "" where it does not, or is unknown."""
+        """Describe how a rig differs from the one that the belief was fitted to; "" if it does not or is unknown."""
         fitted = self.provenance.get("rig")
         if not isinstance(fitted, Mapping):
             return ""
@@ -272,11 +272,11 @@ class Belief(Printed):
         return f"fitted to another rig: {', '.join(differ)}" if differ else ""
 
     def values(self) -> Float[np.ndarray, " p"]:
-        """The named parameters [p] on their scales: the mean that `covariance` goes with."""
+        """Return the named parameters [p] on their scales, the mean that belongs to `covariance`."""
         return np.array([float(to_scale(scale_of(name, self.catalogue), self.value(name))) for name in self.names])
 
     def value(self, name: str) -> float:
-        """One parameter by its "term.parameter" or "scatter.x", in its own unit."""
+        """Return one parameter, given as "term.parameter" or "scatter.x", in its own unit."""
         table, _, key = name.partition(".")
         if table == CURVE:
             term, _, point = key.partition(".")
@@ -284,7 +284,7 @@ class Belief(Printed):
         return self.scatter[key] if table == SCATTER else self.coefficients[table][key]
 
     def has(self, name: str) -> bool:
-        """Whether there is such a number in it."""
+        """Whether the belief contains the number."""
         try:
             self.value(name)
         except KeyError:
@@ -310,7 +310,7 @@ class Belief(Printed):
         save_whole(path, text.encode())
 
     def lines(self) -> list[str]:
-        """Return a line per number: its value, unit, and standard deviation, a factor where its scale is the log."""
+        """Return a line per number: its value, unit, and standard deviation (a factor if its scale is the log)."""
         doubt = dict(zip(self.names, np.sqrt(np.diag(self.covariance)), strict=True))
         names = [f"{term}.{key}" for term, values in self.coefficients.items() for key in values]
         return [self._line(name, doubt.get(name)) for name in (*names, *(f"{SCATTER}.{key}" for key in self.scatter))]
@@ -380,11 +380,11 @@ def from_table(table: Mapping[str, Any], name: str) -> Belief:
 
 
 def load_belief(path: str | Path, among: Catalogue | None = None) -> Belief:
-    """Read any coefficients.toml; one without [scatter] or [covariance] has an empty one.
+    """Read a coefficients.toml; a missing [scatter] or [covariance] is empty.
 
-    among: the catalogue of the terms that it may name, truearc.sim.physics.catalogue.catalogue() when not given.
+    among: the catalogue of permitted terms; by default truearc.sim.physics.catalogue.catalogue().
 
-    InputError names the file and key of what is not known, no number, out of its range, or no covariance.
+    InputError names the file and key of a value that is unknown, not a number, out of its range, or not a covariance.
     """
     return _read(load_table(path), path, among)
 

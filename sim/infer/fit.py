@@ -1,7 +1,7 @@
-"""A fit: a simulation where it is most probable of all, and what data say there of everything that it may lack.
+"""Fit of a simulation: its MAP estimate, and the scores there of everything that the simulation may lack.
 
-A fit owns its model (the simulation with the data that it is compared with), the point where it is, and the scores
-there. It knows nothing of launchers: all that it asks is in truearc.sim.infer.model.
+A fit owns its model (the simulation and the data to compare it with), its linearization point and the scores there. It
+is independent of launchers: truearc.sim.infer.model declares everything that it needs.
 """
 
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""What a fit tells: its numbers, those that cannot be told apart, and how well outcomes are predicted, as text."""
+"""Text report of a fit: its numbers, the aliased ones, and the quality of its predicted outcomes."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

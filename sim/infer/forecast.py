@@ -1,4 +1,4 @@
-"""Heights at the plane forecast from a belief before the shot, with all that makes them uncertain (JAX)."""
+"""Forecasts of the height at the plane from a belief before the shot, with all sources of uncertainty (JAX)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

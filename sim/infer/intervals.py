@@ -1,24 +1,24 @@
-"""Intervals of fitted numbers: of one fit by profile likelihood, of several fits pooled.
+"""Intervals of fitted numbers, by profile likelihood for one fit and by pooling for several.
 
-Profile likelihood: how far one parameter can go while all others adjust (Raue et al. 2009).
+Profile likelihood: the range of one parameter while all others adjust (Raue et al. 2009).
 
-A Hessian describes the optimum's neighbourhood; a profile walks until the fit has really become worse, and tells
-whether it was the data that stopped it or only the prior. The walk is along the profile adjusted for how sharply the
-others are determined there (Cox and Reid 1987; Laplace's approximation of the marginal posterior): minus log posterior
-plus half the log determinant of the others' curvature. Without it a scatter, fitted beside the coefficients that chase
-the same shots, comes out too small and its interval too short.
+A Hessian describes only the neighbourhood of the optimum; a profile continues until the fit has actually become worse,
+and shows whether the data or only the prior stopped it. The profile is adjusted for the precision of the other
+parameters (Cox and Reid 1987; Laplace's approximation of the marginal posterior): minus log posterior plus half the log
+determinant of the others' curvature. Without this adjustment a scatter that is fitted together with coefficients from
+the same shots is too small and its interval too short.
 
-Flights are linear about the optimum on the way; at each end so found they are flown again, and the end is put right.
+Flights are linearised about the optimum during the search; each end is corrected with new flights.
 
-Where a simulation lacks what tracks show, they contradict each other by many times their noise, and no likelihood says
-how far off a parameter is. What shots say of it one by one still does (the sandwich estimate: Huber 1967, White 1982).
+If a simulation lacks an effect that tracks show, they disagree by far more than their noise, and no likelihood gives a
+parameter's error. The spread of the shots' scores still does (sandwich estimate: Huber 1967, White 1982).
 
 Pooling of several rigs or sessions: a hierarchical model of their numbers (Gelman et al. 2013, chapter 5).
 
-The number k of member i is theta_ik ~ N(mu_k, tau_k^2), each on its own scale; what the member's shots say of its
-numbers is normal, as its fit has it, with the fit's prior taken out again. mu has the prior of a single fit, tau a
-half-normal one: members that are sessions of one rig are more alike than rigs are. mu and theta are integrated out;
-tau is drawn from its posterior by Gibbs sampling on a grid that its prior holds equally likely.
+Number k of member i is theta_ik ~ N(mu_k, tau_k^2), each on its own scale. The likelihood of a member's numbers is
+normal: the result of its fit with the fit's prior removed. mu has the prior of a single fit, tau a half-normal prior,
+which is narrower for sessions of one rig than for several rigs. mu and theta are integrated out; tau is drawn from its
+posterior by Gibbs sampling on a grid whose points its prior makes equally likely.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""The launcher as the model of a fit: its shots and columns, where climbs start and end, and a belief made of a fit."""
+"""Launcher as the model of a fit: its shots and columns, start and end points of the optimization, and its belief."""
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,9 +1,9 @@
-"""Flights of the grid, 64 abreast, under the paper's law of motion: gravity, drag and lift in a plane.
+"""Vectorised flights for the grid, 64 at a time, by the paper's equation of motion: gravity, drag and lift in a plane.
 
-The same flight as truearc.sim.physics.flight's, in numbers instead of arrays: Runge-Kutta steps of a lane's own
-length, the turn, the plane and the floor solved within the last one. It goes on through the floor down to
-`deepest_m`, so that the height at the plane is continuous in the coefficients; the lowest height on the way is given
-beside it.
+The flight equals that of truearc.sim.physics.flight, with scalars instead of arrays: Runge-Kutta steps with a step
+length for each lane; turning point, plane and floor are solved within the last step. It continues through the floor
+down to `deepest_m`, so that the height at the plane is continuous in the coefficients; the lowest height on the way is
+also returned.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""The paper's network, and what it is trained on and judged by: rows of shots, their splits, loss, accuracy, domain.
+"""Network of the paper, its training rows and their splits, and its measures: loss, accuracy and domain.
 
 Three features, eight hidden nodes, two probabilities, a sigmoid after each layer. truearc.sim.paper.train_many trains.
 """

@@ -1,4 +1,4 @@
-"""A sweep over amounts and weights of simulated data: who is trained on what, and what came of it."""
+"""Sweep of the network over amounts and weights of simulated data: the training runs and their results."""
 
 import math
 from collections.abc import Sequence

@@ -1,7 +1,7 @@
-"""Simulated shots: the paper's grid of configurations, flown, labelled, sampled evenly by outcome (III-B), and written.
+"""Simulated shots of the paper (III-B): a grid of configurations, flown, labelled and sampled evenly by outcome.
 
-The paper speaks of 375,000 configurations; the ranges and steps that it states, taken inclusively, are
-101 x 61 x 76 = 468,236, and those are flown.
+The paper mentions 375,000 configurations; its stated ranges and steps, taken inclusively, give 101 x 61 x 76 = 468,236,
+and all of these are flown.
 """
 
 import json

@@ -1,15 +1,15 @@
-"""The hypotheses that fit, synth, discovery and the generic tests know, in the order they act, each complete.
+"""Catalogue of hypotheses for fit, synth, discovery and the generic tests, in the order in which they act.
 
-A Catalogue is a value that is passed down: to whoever names terms, by name or by themselves. Where none is given, it is
-catalogue(): the built-in terms and those of installed distributions. An entry point of these names a term, a class of
-one, or an iterable of either; a file that a user names defines them at module level:
+A Catalogue is passed as a value to all code that refers to terms. The default is catalogue(): the built-in terms and
+those of installed distributions. An entry point names a term, a class of one, or an iterable of either; a file given by
+the user defines them at module level:
 
     [project.entry-points."truearc.terms"]
     hood_flex = "truearc_hoodflex:HoodFlex"
 
-Unexplained effects are in every catalogue: a free change of the launch, the distance or the flight, as fitted. Each
-amplitude is multiplied by the circumstance of the term's name, which truearc.sim.infer.belief works out for every shot.
-They are not hypotheses: no discovery tests them. A curve's points are numbers like a term's: "curve.free_speed.0", ...
+Every catalogue contains unexplained effects: fitted free changes of the launch, the distance or the flight. Each
+amplitude is multiplied by the circumstance of the term's name, which truearc.sim.infer.belief computes for every shot.
+Discovery does not test them as hypotheses. A curve's points are numbers like a term's: "curve.free_speed.0", ...
 """
 
 import copyreg
@@ -274,10 +274,10 @@ class Catalogue:
 
 @cache
 def catalogue() -> Catalogue:
-    """The built-in terms and those of installed distributions, which are looked for once, when first needed.
+    """Return the built-in terms and those of installed distributions, which are searched once, on first use.
 
     Raises:
-        InputError: names the distribution whose terms cannot be loaded, are incomplete, or have a name that is taken.
+        InputError: names the distribution whose terms cannot be loaded, are incomplete, or have a name already in use.
     """
     return Catalogue((*TERMS, *terms_of_distributions(TERMS)))
 

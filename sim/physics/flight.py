@@ -1,13 +1,13 @@
-"""Flight of the ball to a vertical plane: the paper's Eq. 4-10, integrated over time or over x.
+"""Flight of the ball to a vertical plane by the paper's Eq. 4-10, integrated over time or over x.
 
-`fly` integrates over time. Reached means: the point mass crosses x = distance for the first time, before it meets the
-floor (z = 0) and before it turns back (vx <= 0). docs/how-to/paper.md says why.
+`fly` integrates over time. The plane is reached if the point mass crosses x = distance for the first time before it
+hits the floor (z = 0) and before it turns back (vx <= 0). docs/how-to/paper.md explains this choice.
 
-`reach_plane` integrates the same law over x, for likelihoods: the height at the plane is a smooth function in few steps
-of fixed number, whose second derivatives stay cheap. The flight goes on through the floor; only a ball that has nearly
-turned back has no height.
+`reach_plane` integrates the same law over x for likelihoods: the height at the plane is a smooth function, computed in
+a small fixed number of steps, with cheap second derivatives. The flight continues through the floor; only a ball that
+has nearly turned back has no height.
 
-Code is compiled for a rig without its numbers (`apart`), so that it serves every other rig.
+Compiled code does not contain the numbers of a rig (`apart`), so that it serves all rigs.
 """
 
 import math

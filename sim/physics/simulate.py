@@ -1,4 +1,4 @@
-"""The paper's simulator: a recorded configuration -> height at the target plane -> outcome."""
+"""Simulator of the paper: recorded configuration -> height at the target plane -> outcome."""
 
 import math
 from collections.abc import Mapping

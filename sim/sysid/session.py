@@ -1,6 +1,6 @@
-"""Records to fit, an effort and the speed that it caused: from a session of `truearc sysid`, or from anybody's table.
+"""Records of effort and resulting speed for a fit, from a session of `truearc sysid` or from a table.
 
-The robot's base install reads sessions; only tables need pyarrow.
+The base installation on the robot can read sessions; only tables need pyarrow.
 """
 
 from collections.abc import Sequence

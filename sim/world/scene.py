@@ -1,4 +1,4 @@
-"""The balls, and one going through the wheels: a roller feeds it along a chute, and MuJoCo computes its contacts.
+"""Balls and their passage between the wheels: a roller feeds a ball along a chute, and MuJoCo computes its contacts.
 
 `scenes/` has the two MuJoCo models: the nip (a ball between two geared wheels) and free flight.
 """

@@ -1,9 +1,9 @@
-"""The concealed truth as a Plant (launcher, battery, balls and air), and a season of shots straight from it.
+"""Emulated world as a Plant (launcher, battery, balls and air), and seasons of shots played directly in it.
 
-A season is played on a launcher on the bench, without buses and images. The bench brings a world's wheels and hood to
-set points and feeds balls; it looks at the truth, not at sensors. Readings of the robot's sensors come from the world
-as the emulated devices read it (encoders with their errors); the camera's distance is the true one seen through a wrong
-focal length, with noise.
+A season is played on a launcher on the bench, without buses and images. The bench brings the wheels and hood of a world
+to set points and feeds balls; it uses true values, not sensors. Sensor readings come from the world as the emulated
+devices read it (encoders with their errors); the camera's distance is the true distance measured with a wrong focal
+length and noise.
 """
 
 import contextlib

@@ -1,4 +1,4 @@
-"""Follow the shots since a belief, and propose another where something has changed."""
+"""Monitor the shots since a belief, and propose another belief if something has changed."""
 
 import hashlib
 from collections.abc import Collection, Iterable
@@ -33,11 +33,11 @@ COLUMNS = ("shot", "e_value", "alarm")
 
 @dataclass(frozen=True, eq=False)
 class Following(Printed):
-    """The marked shots since a belief, in their order, and whether something changed.
+    """The marked shots since a belief, in order, and the test for a change.
 
-    dataset: the shots; belief: that they are tested against; test: e-values after each shot; false_alarm: probability
-    of an alarm in an endless session in which nothing changes, looked at after every shot; accept: plausibility checks
-    whose objections are accepted.
+    dataset: the shots; belief: the tested belief; test: e-values after each shot; false_alarm: probability of an alarm
+    in an endless session without changes, tested after every shot; accept: plausibility checks whose objections are
+    accepted.
     """
 
     dataset: Dataset
@@ -49,18 +49,18 @@ class Following(Printed):
 
     @property
     def e_values(self) -> tuple[float, ...]:
-        """After each shot, how much likelier its outcomes are if something changed."""
+        """E-value after each shot: how much more probable the outcomes are if something changed."""
         return tuple(map(float, self.test.e_value))
 
     @property
     def alarm(self) -> int | None:
-        """Number of the shot with the alarm, from 1; None where there is none."""
+        """Number of the shot with the alarm, from 1; None without an alarm."""
         place = self.test.alarm(self.false_alarm)
         return None if place is None else place + 1
 
     @cached_property
     def since(self) -> int | None:
-        """Number of the shot from which on the change is likeliest, from 1; None without an alarm."""
+        """Number of the most likely first shot after the change, from 1; None without an alarm."""
         return None if self.alarm is None else self.test.since(len(self.test.rows) - 1)[0] + 1
 
     def shot(self, number: int) -> str:
@@ -69,14 +69,14 @@ class Following(Printed):
 
     @property
     def can_be_named(self) -> bool:
-        """Whether there was an alarm, and enough shots have followed the change to say what it is."""
+        """Whether there was an alarm and enough shots have followed the change to identify it."""
         return self.since is not None and len(self.test.rows) - self.since + 1 >= FEWEST_SINCE
 
     def find(self, progress: Progress = lambda done, note: None) -> Finding:
-        """Discover what changed, in the shots since the change.
+        """Run discovery on the shots since the change.
 
         Raises:
-            InputError: there was no alarm, or too few shots have followed it; or as `discover` does.
+            InputError: there was no alarm, too few shots have followed it, or an error of `discover`.
         """
         if self.since is None:
             raise InputError(f"{self.dataset.name}: no alarm, so there is nothing to find")
@@ -93,7 +93,7 @@ class Following(Printed):
                                     for k, e_value in enumerate(self.e_values)))
 
     def lines(self) -> list[str]:
-        """Return how likely a change is after the last shot."""
+        """Return the e-value and alarm after the last shot as text."""
         e_value = self.test.e_value
         head = (f"{len(e_value)} shots: e-value {e_value[-1]:.3g}, largest {e_value.max():.3g}; alarm from "
                 f"{1.0 / self.false_alarm:g} on")
@@ -106,16 +106,16 @@ class Following(Printed):
 
 def follow(dataset: Dataset, belief: Belief, *, false_alarm: float = settings.FALSE_ALARM, seed: int = 0,
            accept: Collection[str] = ()) -> Following:
-    """Test the shots since a belief for a change, with an answer that is valid after every shot.
+    """Test the shots since a belief for a change, with a result that is valid after every shot.
 
-    Call it again as the dataset grows: however often it is looked at, the probability of an alarm is at most
-    `false_alarm` if the launcher is one of those that the belief holds possible.
+    Call it again as the dataset grows: the probability of an alarm is at most `false_alarm` in any number of calls if
+    the belief describes the launcher.
 
     Args:
-        dataset: Shots with outcomes or heights, of the rig that the belief is of.
+        dataset: Shots with outcomes or heights, of the belief's rig.
         belief: Coefficients, scatter and covariance, from an earlier session.
-        false_alarm: Probability of an alarm where nothing changes.
-        seed: Of the draws from the belief.
+        false_alarm: Probability of an alarm if nothing changes.
+        seed: Seed of the draws from the belief.
         accept: Names of plausibility checks whose objections are accepted.
 
     Raises:
@@ -131,7 +131,7 @@ def follow(dataset: Dataset, belief: Belief, *, false_alarm: float = settings.FA
 
 @dataclass(frozen=True, eq=False)
 class Proposed(Printed):
-    """A belief to accept or not: what changed, the set points by both beliefs, and the file's content."""
+    """Proposed belief: the change, the set points under both beliefs, and the content of the file."""
 
     proposal: settings.AimProposal
     belief: Belief
@@ -150,12 +150,12 @@ class Proposed(Printed):
 def propose(following: Following, finding: Finding, rig: Rig, files: tuple[settings.BeliefFile, str],
             distances_m: Iterable[float] | None = None,
             progress: Progress = lambda done, note: None) -> Proposed:
-    """Make a proposal of what was found since the change.
+    """Make a proposal from the finding on the shots since the change.
 
-    files: the file of the belief that was followed, and the name for that of the proposed one.
+    files: the file of the present belief, and the name for the file of the proposed one.
 
     Raises:
-        InputError: nothing was found that is worth adopting, with the reason; or as `aim` does.
+        InputError: no effect is worth adopting, with the reason, or an error of `aim`.
     """
     belief = finding.adopt()
     if why := _refused(following, finding, belief):
@@ -197,7 +197,7 @@ def _refused(following: Following, finding: Finding, belief: Belief) -> str:
 
 
 def sealed(proposed: Proposed, content: bytes, made_at: str | None = None) -> Proposed:
-    """The same with its id, the hash of the proposed belief's file, whose bytes are `content`, and the time (ISO)."""
+    """Return the proposal with its id (the hash of the belief's file, whose bytes are `content`) and ISO time."""
     after = settings.BeliefFile(proposed.proposal.after.file, hashlib.sha256(content).hexdigest())
     return replace(proposed, proposal=settings.with_id(structs.replace(proposed.proposal, after=after, t=made_at)))
 

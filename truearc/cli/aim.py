@@ -1,4 +1,4 @@
-"""The commands `aim`, tables of set points, and `follow`: shots as they come, and the aim proposed after a change."""
+"""The commands `aim`, which makes tables of set points, and `follow`, which proposes a new aim after a change."""
 
 import argparse
 import contextlib

@@ -1,7 +1,7 @@
-"""Common parts of commands: option values, refusals, shared options and files, progress, and the rule for outputs.
+"""Common parts of commands: option types, refusals, shared options and files, progress, and the rule for outputs.
 
-An output that exists is refused, and `--force` replaces it; the `type=` of an option says that it is an output.
-Recorded sessions and rounds of proof have rules of their own: they are never replaced.
+An existing output is refused unless `--force` is given, which replaces it; the `type=` of an option marks it as an
+output. Recorded sessions and rounds of proof are never replaced.
 """
 
 import argparse

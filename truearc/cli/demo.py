@@ -1,4 +1,4 @@
-"""The command `demo`: plays the acts, prints them, and writes the report."""
+"""The command `demo`, which plays the acts, prints them and writes the report."""
 
 import argparse
 import secrets

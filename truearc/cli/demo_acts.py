@@ -1,8 +1,8 @@
-"""What the demo plays and shows: a robot practises or meets a changed world, learns and aims again; and its page.
+"""Acts of the demo, in which a robot practises or meets a changed world, learns and aims again, and their page.
 
-Balls are shot by the season (truearc.sim.world.world): the emulated robot's world without buses and images. An act is
-a pure function of the robot, the seed and the effect; `truearc demo` tells it, and `python -m benchmarks.demo_seeds`
-repeats it over seeds. World seeds of one seed lie in its own thousand.
+Balls are shot in seasons (truearc.sim.world.world) of the emulated robot's world, without buses and images. An act is a
+pure function of the robot, the seed and the effect; `truearc demo` presents it, and `python -m benchmarks.demo_seeds`
+repeats it over seeds. The world seeds of each seed lie in a separate thousand.
 """
 
 import hashlib

@@ -1,4 +1,4 @@
-"""The command `deploy`: truearc as a service on the robot's computer."""
+"""The command `deploy`, which installs truearc as a service on the robot's computer."""
 
 import argparse
 import re

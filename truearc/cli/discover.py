@@ -1,4 +1,4 @@
-"""Commands from shots to physics: `fit`, `predict`, `discover`, `design`, `identifiability`."""
+"""Commands for inference from shots: `fit`, `predict`, `discover`, `design`, `identifiability`."""
 
 import argparse
 import math

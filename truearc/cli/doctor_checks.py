@@ -1,4 +1,4 @@
-"""The work of `truearc doctor`: opens each wire in turn and collects the findings; with --move also moves the robot."""
+"""Implementation of `truearc doctor`: opens each wire in turn, collects findings, and with --move moves the robot."""
 
 import argparse
 import os

@@ -1,6 +1,6 @@
-"""The command line: every command as data, its parser, completion; errors become messages and exit codes.
+"""Dispatch of the command line: the table of commands, parsers, completion, and errors as messages and exit codes.
 
-Listing the commands imports none of them: `commands.toml` has truearc's own.
+Listing the commands imports none of them: `commands.toml` describes truearc's own commands.
 """
 
 import argparse

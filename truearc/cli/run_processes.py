@@ -1,4 +1,4 @@
-"""What runs beside the control loop of `truearc run`: eyes and recorder, in its process or in ones of their own."""
+"""Companions of the control loop of `truearc run`: eyes and recorder, in its process or in processes of their own."""
 
 import socket
 from collections.abc import Callable, Mapping

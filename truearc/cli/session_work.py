@@ -1,4 +1,4 @@
-"""The work of `truearc session replay` and `truearc session convert`."""
+"""Implementation of `truearc session replay` and `truearc session convert`."""
 
 import argparse
 import sys

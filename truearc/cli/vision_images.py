@@ -1,4 +1,4 @@
-"""The work of `truearc vision`, distances in picture files, and of `truearc vision-calibrate`."""
+"""Implementation of `truearc vision`, which measures distances in picture files, and of `truearc vision-calibrate`."""
 
 import argparse
 import csv

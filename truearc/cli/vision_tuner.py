@@ -1,6 +1,6 @@
-"""The work of `truearc vision-tune`: a page that measures pictures, or the live camera, with changed settings.
+"""Implementation of `truearc vision-tune`, a page that measures pictures or the live camera with changed settings.
 
-All that the page loads comes from this machine.
+The page loads nothing from other machines.
 """
 
 import argparse

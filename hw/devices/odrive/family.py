@@ -1,8 +1,8 @@
-"""ODrive as a MotorFamily: its table, motor driver and bus rules, its doctor and its stored settings.
+"""ODrive as a MotorFamily: its table, motor driver, bus rules, doctor checks and stored settings.
 
-Settings that its cyclic frames do not show are asked for: its watchdog and its encoder's filter. A parameter's number
-differs between firmware versions, so the table of the axes' own version is needed: the maker's flat_endpoints.json,
-{"fw_version": "0.6.10", "endpoints": {name: {"id": number, "type": type}}}.
+The watchdog and encoder filter settings do not appear in the cyclic frames, so they are read on request. A parameter's
+number differs between firmware versions, so the table for the installed version is needed: the maker's
+flat_endpoints.json, {"fw_version": "0.6.10", "endpoints": {name: {"id": number, "type": type}}}.
 """
 
 import contextlib

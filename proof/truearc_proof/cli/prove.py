@@ -1,10 +1,10 @@
-"""Draw concealed worlds, seal their truth, discover in their data, open the seals and mark the claims.
+"""Draw concealed worlds, seal their truth, run discovery on their data, open the seals and mark the claims.
 
-Without a role all are played, the solver's in a process of its own that cannot read the seals; seal, solve, answer
-(shoot the shots that the solver asks for; then solve again) and grade are the roles apart. A round that was interrupted
-continues where it stopped. pack puts a marked round into one file, without its data; check makes the data of --worlds
-worlds again from the opened seals, compares every hash and mark, and, with --solve N, lets the solver repeat its claims
-about N of them.
+Without a role, all roles run, the solver in a process of its own that cannot read the seals. The single roles are seal,
+solve, answer (shoot the shots that the solver requests; then solve again) and grade. An interrupted round continues
+where it stopped. pack writes a marked round to one file without its data; check recreates the data of --worlds worlds
+from the opened seals, compares every hash and mark and, with --solve N, lets the solver repeat its claims about N of
+them.
 """
 
 import argparse

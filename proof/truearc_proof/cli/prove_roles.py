@@ -1,4 +1,4 @@
-"""The work of `truearc prove`, role by role."""
+"""Implementation of the roles of `truearc prove`."""
 
 import argparse
 import subprocess

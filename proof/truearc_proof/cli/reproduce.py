@@ -1,7 +1,7 @@
 """Print the paper's Table I, Table II and Figures 8 to 10 on recordings of the emulated robot.
 
-The paper's own numbers stand beside them, with intervals, baselines and our gate. Recordings are kept, and a run that
-was broken off goes on.
+The paper's numbers are printed beside them, with intervals, baselines and truearc's gate. Recordings are kept, and an
+interrupted run continues.
 """
 
 import argparse

@@ -1,6 +1,6 @@
-"""Throws of a ball-throwing robot, followed by motion capture (Jugglebot's Ball Butler) -> dataset.
+"""Importer of throws of a ball-throwing robot, tracked by motion capture (Jugglebot's Ball Butler).
 
-proof/IMPORTERS.md says what the columns are, where the files come from, and what is assumed.
+proof/IMPORTERS.md describes the columns, the origin of the files, and the assumptions.
 """
 
 import math

@@ -1,6 +1,6 @@
-"""Dropped balls: filmed from 47 m (de Silva et al. 2020), and timed (SEPIA's tutorial, lanl/SEPIA) -> datasets.
+"""Importers of dropped balls, filmed from 47 m (de Silva et al. 2020) or timed (SEPIA's tutorial, lanl/SEPIA).
 
-proof/IMPORTERS.md says what the columns are, where they come from, and what is assumed.
+proof/IMPORTERS.md describes the columns, their origin, and the assumptions.
 """
 
 import io

@@ -1,9 +1,9 @@
-"""Flights of a three-wheel table-tennis launcher (ball_prediction, MPI for Intelligent Systems) -> dataset.
+"""Importer of flights of a three-wheel table-tennis launcher (ball_prediction, MPI for Intelligent Systems).
 
-proof/IMPORTERS.md says what the columns are, where the files come from, and what is assumed.
+proof/IMPORTERS.md describes the columns, the origin of the files, and the assumptions.
 
-An HDF5 recording has a group `originals`, and in it one a launch: its parameters, time stamps and positions. Recordings
-with a robot have other names for them, and an id a sample, below 0 where no ball was seen.
+An HDF5 recording has a group `originals` with one group per launch: its parameters, timestamps and positions.
+Recordings with a robot use other names for them, and have an id per sample, below 0 if no ball was seen.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Reading public originals: numbers in program text, and parts of a file."""
+"""Readers of public originals: numbers in program text, and parts of a file."""
 
 import json
 import math

@@ -1,6 +1,6 @@
-"""Importers of particular public data sets, which this distribution registers with truearc.
+"""Registry of the importers of public data sets that this distribution adds to truearc.
 
-Their modules are imported when a file is read: `truearc import --help` lists them without.
+Their modules are imported only when a file is read, not for the list in `truearc import --help`.
 """
 
 from collections.abc import Callable

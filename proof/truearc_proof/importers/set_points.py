@@ -1,6 +1,6 @@
-"""What FRC teams published: set points, each taken as a shot through the middle of the goal, and exit speeds.
+"""Importers of set points published by FRC teams, each taken as a shot through the middle of the goal, and exit speeds.
 
-proof/IMPORTERS.md says what the columns are, where they come from, and what is assumed of each robot.
+proof/IMPORTERS.md describes the columns, their origin, and the assumptions about each robot.
 """
 
 import math

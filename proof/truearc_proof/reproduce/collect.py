@@ -1,11 +1,11 @@
-"""The recordings: practice, aimed configurations, simulated ones launched; and what each repetition draws from them.
+"""Recordings for a reproduction (practice, aimed and simulated configurations), and the draws of each repetition.
 
-Every session follows from the settings and from the sessions before it, so a collection that was broken off goes on
-where it stopped.
+Every session follows from the settings and the earlier sessions, so an interrupted collection continues where it
+stopped.
 
-The crew aims for hits, near misses and misses in similar numbers, learnt from their own marks. Speeds are vacuum
-ballistics' times a correction, a quadratic in distance and elevation fitted to the marks. No drag, lift or wheel slip
-is supposed, so the choice of configurations favours no simulator.
+The crew aims for hits, near misses and misses in similar numbers and learns from its own marks. Speeds are those of
+vacuum ballistics times a correction, a quadratic in distance and elevation fitted to the marks. No drag, lift or wheel
+slip is assumed, so the choice of configurations favours no simulator.
 """
 
 import json

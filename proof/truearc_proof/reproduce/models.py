@@ -1,7 +1,7 @@
-"""Repetitions and their figures: the paper's simulator fitted to a draw, baselines, our gate, and the paper's networks.
+"""Models of a repetition: the paper's simulator fitted to a draw, baselines, truearc's gate, and the paper's networks.
 
 Baselines predict from the recorded configurations alone, each tuned by cross-validation. All classify into miss, two
-and three and answer in the gate's terms: p_two = P(two or three), p_three = P(three).
+and three and return the gate's probabilities: p_two = P(two or three), p_three = P(three).
 """
 
 import warnings

@@ -1,4 +1,4 @@
-"""The page of a reproduction: the paper's tables and figures with ours beside them; and both as JSON and CSV."""
+"""Page of a reproduction, with the paper's tables and figures beside the reproduced ones; both also as JSON and CSV."""
 
 import json
 import math

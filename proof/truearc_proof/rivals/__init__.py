@@ -1,6 +1,6 @@
-"""What others would say of the same worlds, by the names on the command line.
+"""Rival methods on the same worlds, by their names on the command line.
 
-A rival's module is imported when it is asked for.
+A rival's module is imported when the rival is requested.
 """
 
 from collections.abc import Sequence

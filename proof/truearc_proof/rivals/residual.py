@@ -1,24 +1,24 @@
-"""What the simulator leaves: learners of the residual, and Kennedy and O'Hagan's calibration with a discrepancy.
+"""Rivals that model the simulator's residual: learners, and Kennedy and O'Hagan's calibration with a discrepancy.
 
-A shot's residual are three coordinates of its track's last sample less the forecast by the believed physics, fitted to
-the other folds, from the first 40 % of its samples. Covariates: every column that truearc itself asks about
-(configuration, launch state, circumstances, telemetry). Such a learner has no terms to name. It names what it can in
-honesty: where the covariate that it leans on most is one that terms of the catalogue follow from shot to shot (the
-air's density, the ball's age, the battery, ...), those terms, flight first, since the first samples determine the
-launch; on distance, elevation, speed or spin a dozen terms depend, and it names nothing.
+A shot's residual is the difference, in three coordinates, between its track's last sample and the forecast from the
+first 40 % of its samples by the believed physics, fitted to the other folds. Covariates are all columns that truearc
+tests (configuration, launch state, circumstances, telemetry). Such a learner has no terms of its own. If its most
+important covariate is one that terms of the catalogue follow from shot to shot (air density, age of the ball, battery,
+...), it names those terms, flight first, since the first samples determine the launch. A dozen terms depend on
+distance, elevation, speed or spin; for these covariates it names nothing.
 
-The calibration: an emulator of a simulator's runs, its parameters, and a discrepancy, sampled.
+The calibration samples the parameters of a simulator, an emulator of its runs, and a discrepancy.
 
 Measured y(x) = eta(x, theta) + delta(x) + noise (Kennedy & O'Hagan 2001; Higdon et al. 2004). eta and delta are
 Gaussian processes with squared-exponential correlations, inputs scaled to 0..1 and outputs standardised by the runs.
 Priors are those of SEPIA's ball drop (lanl/SEPIA): theta uniform over the runs; precisions of discrepancy and noise
 Gamma(1, 0.001); the correlation of the discrepancy at half an input's range Beta(1, 0.1).
 
-What differs from SEPIA: y is a number, whatever it is a function of is one more input, so there are no bases (its
-kernels of 1.5 m carry no information across drops 5 m apart); the emulator's numbers are at their most probable, as in
-Kennedy and O'Hagan's own paper, and sampled there. It has no terms to name: delta is a curve. SEPIA is on no package
-index. Of packages there, BAND's has no discrepancy, kohgpjax needs another JAX, and ACBICI a documentation builder at
-run time.
+Differences from SEPIA: y is a number and its arguments are further inputs, so there are no bases (SEPIA's kernels of
+1.5 m carry no information across drops 5 m apart); the emulator's numbers are fixed at their most probable values, as
+in Kennedy and O'Hagan's paper, and sampled in SEPIA. It cannot name terms, since delta is a curve. SEPIA is on no
+package index. Of the packages there, BAND's has no discrepancy, kohgpjax needs another JAX, and ACBICI a documentation
+builder at run time.
 """
 
 import warnings

@@ -1,36 +1,36 @@
-"""Sealed rounds on disk: layout, ledger, lock, and the documents that are committed to: seals and claims.
+"""Sealed rounds on disk: their layout, ledger, lock and committed documents (seals and claims).
 
-    ROUND/lock                    held by whoever writes
-    ROUND/half/                   data in the making; nothing in there is ever read
-    ROUND/ledger.jsonl            every step of every world, chained
-    ROUND/data/w0001/             a dataset, given away
-    ROUND/data/home/              MuJoCo's robot before anything was changed, where there are such worlds
-    ROUND/home.json               what its session leaves to be believed, worked out once for all claims
-    ROUND/claims/w0001.json       what the solver says of it, and what more it asks for
-    ROUND/more/w0001/             those shots, or measured.json, given away
-    ROUND/again/w0001.json        what the solver says once it has them
+    ROUND/lock                    held by the writing process
+    ROUND/half/                   unfinished data, which is never read
+    ROUND/ledger.jsonl            every step of every world, as a hash chain
+    ROUND/data/w0001/             a released dataset
+    ROUND/data/home/              MuJoCo's robot before any change, if there are such worlds
+    ROUND/home.json               the belief from its session, computed once for all claims
+    ROUND/claims/w0001.json       the solver's claims on it, and the shots that it requests
+    ROUND/more/w0001/             those shots, or measured.json, released
+    ROUND/again/w0001.json        the solver's claims with them
     ROUND/keeper/round.json       how the round was drawn; not for the solver
     ROUND/keeper/w0001.json       its seal; not for the solver
     ROUND/grades.jsonl            marks of opened worlds
-    ROUND/report.html             them all, in pictures and tables
+    ROUND/report.html             all of these, in pictures and tables
     ROUND/figures.json            the figures of those tables, with intervals
 
-The ledger has one JSON object a line, each with the SHA-256 of the line before it, so that no line can be changed, left
-out or put in without breaking the chain; lines are only ever added at the end, and are on the disk before whatever they
-are about is given away.
+The ledger has one JSON object per line, each with the SHA-256 of the preceding line, so that no line can be changed,
+removed or inserted without breaking the chain. Lines are only appended, and are on disk before their subject is
+released.
 
     {"number": 3, "what": "sealed", "world": "w0001", "sha256": "...", "before": "..."}
 
-The kernel takes the lock off whoever dies, however it dies. Each part of a round takes it for as long as it writes. So
-a solver whose parent was killed goes on holding it, and whoever takes the round up again is told to wait, rather than
-writing beside it.
+The kernel releases the lock when its holder dies. Each part of a round holds it while it writes. A solver whose parent
+was killed thus still holds the lock, and a process that resumes the round gets an error instead of writing at the same
+time.
 
-A seal is what is true of a world, and the hashes of its data, committed to before anybody has seen them. The commitment
-is the SHA-256 of the seal's canonical JSON (keys sorted, no spaces, floats as the shortest text that reads back
-exactly). A salt of 32 random bytes keeps anybody from guessing worlds until one fits.
+A seal contains the truth of a world and the hashes of its data, and is committed to before the data are released. The
+commitment is the SHA-256 of the seal's canonical JSON (sorted keys, no spaces, floats as the shortest text that reads
+back exactly). A salt of 32 random bytes prevents a search for worlds that match.
 
-Claims are `truearc.claims/2`: the keys that a grader reads (docs/how-to/challenge.md). Everything that is compared is
-an id: verdicts, names of terms, parameters, columns, stages, directions, instruments. Sentences are for people.
+Claims have the format `truearc.claims/2`, the keys that a grader reads (docs/how-to/challenge.md). All compared values
+are ids: verdicts, names of terms, parameters, columns, stages, directions, instruments. Sentences are for people.
 """
 
 import hashlib

@@ -1,13 +1,12 @@
-"""A finished round in one file, without its data: the opened seals say how to make them again, to the last byte.
+"""Archive of a finished round in one file, without its data, which the opened seals reproduce byte for byte.
 
-First claims are made again from the released data alone, which shows that they do not come from the truth. Only the
-very solver, by its hash, makes the same claims. Claims of rivals, follow-up requests and second claims are not made
-again.
+First claims are recomputed from the released data alone, which shows that they do not use the truth. Only the same
+solver, identified by its hash, makes the same claims. Claims of rivals, follow-up requests and second claims are not
+recomputed.
 
-Of two gradings of one world, claims, truth and correctness must be equal to the letter, and numbers that were worked
-out from the data as nearly as another machine can. The grader's own numbers come from the solver's fits (the ceiling
-that the data allow): with another state of the solver they may be any, and are reported but
-not counted as differences.
+In two gradings of one world, claims, truth and correctness must be identical, and numbers computed from the data must
+agree within the precision of different machines. The grader's own numbers come from the solver's fits (the ceiling that
+the data allow): with another state of the solver they may differ, which is reported but not counted as a difference.
 """
 
 import io

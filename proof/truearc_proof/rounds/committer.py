@@ -1,10 +1,10 @@
-"""The keeper's part: draw worlds, make and give away their data, and commit to what is true of them before.
+"""Keeper of a round: draws worlds, commits to their truth, and makes and releases their data.
 
-Seals are opened in this process alone: workers are handed what they need of them, and write into a directory of their
-own (Room.half), which is moved when it is whole. So a worker that outlives a killed keeper cannot corrupt the data that
-the next one makes.
+Only this process opens seals: workers receive the parts that they need, and write into a directory of their own
+(Room.half), which is moved when it is complete. A worker that outlives a killed keeper thus cannot corrupt the data of
+the next one.
 
-Of external worlds the truth that their makers state is sealed with their data, if it can be marked.
+For external worlds, the truth stated by their makers is sealed with their data if it can be marked.
 """
 
 import math

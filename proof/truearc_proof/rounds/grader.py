@@ -1,6 +1,6 @@
-"""The grader's part: open the seals of what has been claimed, find out whatever was changed, and mark the rest.
+"""Grader of a round: opens the seals of claimed worlds, detects changed files, and marks the other worlds.
 
-What a table is made of is what was entered into the ledger when the worlds were marked.
+Tables use only the entries made in the ledger when the worlds were marked.
 """
 
 from collections.abc import Mapping, Sequence

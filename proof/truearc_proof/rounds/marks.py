@@ -1,12 +1,12 @@
-"""Marks of one opened world: what was claimed against what was true, and what the data allowed.
+"""Marks of one opened world: the claims compared with the truth, and with the ceiling that the data allow.
 
-The name of a decoy, which changes much and does nothing, is false, whatever it resembles. Marks keep what the data
-cannot tell apart, the decoy's name with it; here it is put right, for older rounds too.
+The name of a decoy, which varies strongly without effect, is false regardless of its resemblances. Sets of names that
+the data cannot distinguish may contain the decoy's name; this module removes it, also for older rounds.
 
-For small effects the scores are normal; the best that anybody can do with them is worked out by drawing them.
+For small effects the scores are normal; the best achievable result is computed by drawing them.
 
-Sealed hold-out shots get to no solver. They follow from the sealed world alone (another season of the same robot, with
-balls and random effects of its own), so that the seal commits to them as well.
+Solvers never receive the sealed hold-out shots. These follow from the sealed world alone (another season of the same
+robot, with its own balls and random effects), so the seal commits to them as well.
 """
 
 from collections.abc import Mapping, Sequence

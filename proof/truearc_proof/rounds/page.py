@@ -1,4 +1,4 @@
-"""The one page of a round of proof: how often it was right, and every commitment in its ledger."""
+"""Page of a round of proof, with its rates of correct claims and every commitment in its ledger."""
 
 from collections.abc import Sequence
 from itertools import pairwise

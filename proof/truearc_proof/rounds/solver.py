@@ -1,11 +1,11 @@
-"""The solver's part: discovery on data whose truth is sealed. It opens no file of the keeper's.
+"""Solver of a round: discovery on data whose truth is sealed. It opens no file of the keeper.
 
-An audit hook of the interpreter, which cannot be taken off again, refuses them wherever it runs. That guards against
-accident, not against malice: a subprocess, ctypes, or a library that opens files by itself passes it. Whoever does not
-trust a solver gives it a copy of the round without keeper/, which is all that it needs (docs/how-to/challenge.md).
+A permanent audit hook of the interpreter refuses them. It guards against accidents, not against malice: a subprocess,
+ctypes, or a library that opens files itself can bypass it. To run an untrusted solver, give it a copy of the round
+without keeper/, which is all that it needs (docs/how-to/challenge.md).
 
-Claims come back from the workers by value and are written here, so that none that outlives a killed solver writes
-anything beside the next one.
+Workers return claims by value and this process writes them, so that a worker that outlives a killed solver cannot write
+at the same time as the next one.
 """
 
 import hashlib

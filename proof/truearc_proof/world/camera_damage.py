@@ -1,7 +1,7 @@
-"""An emulated camera with things wrong with it, before a target somewhere, and with distractors in view.
+"""Emulated camera with defects, in front of a target at any position, with distractors in view.
 
-Each kind is a function of the lens, the true target's outline in the image (or None) and random numbers, and gives
-patches for StagedCamera.clutter. Other targets are flat shapes in metres, seen by the same lens from anywhere.
+Each kind of defect is a function of the lens, the true target's outline in the image (or None) and random numbers that
+returns patches for StagedCamera.clutter. Other targets are flat shapes in metres, seen by the same lens from any pose.
 """
 
 import math

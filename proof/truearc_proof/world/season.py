@@ -1,4 +1,4 @@
-"""Seasons of the MuJoCo world with what a proof adds: practice, ball tracks, and marks and frames that go wrong.
+"""Seasons of the MuJoCo world with the additions of a proof: practice, ball tracks, wrong marks and lost frames.
 
 `python -m truearc_proof.world.season` prints measurements of that world as tables.
 """

@@ -1,14 +1,14 @@
-"""A test for change since a belief that may be looked at after every shot.
+"""Always-valid test for a change since a belief, which may be evaluated after every shot.
 
-After each shot the probability of all outcomes so far, if something changed at some shot, is divided by their
-probability if nothing did. If nothing did, this ratio (an e-value) exceeds 1 / alpha at any shot of an endless session
-with probability alpha at most (Ville 1939; Ramdas et al. 2023, "Game-theoretic statistics and safe anytime-valid
-inference"). So a session may be looked at, and stopped, after any shot.
+The statistic is an e-value: the probability of all outcomes so far if something changed at some shot, divided by their
+probability if nothing changed. If nothing changed, it exceeds 1 / alpha at any shot of an endless session with
+probability at most alpha (Ville 1939; Ramdas et al. 2023, "Game-theoretic statistics and safe anytime-valid
+inference"). A session may therefore be tested, and stopped, after any shot.
 
-Both probabilities are means over the same draws of the belief's numbers from its posterior, so that an error which the
-belief admits is not a change. The changed one is also a mean over directions (every candidate term, and launch,
-distance and push), sizes and first shots; each shot costs the same. Exact in these draws; heights are linear in all
-numbers, as in the score table. Settings may follow from earlier outcomes.
+Both probabilities are means over the same posterior draws of the belief's numbers, so that an error within the belief's
+uncertainty is not a change. The numerator is also a mean over directions (every candidate term, launch, distance and
+push), sizes and first shots; each shot costs the same. It is exact for these draws; heights are linear in all numbers,
+as in the score table. Settings may depend on earlier outcomes.
 """
 
 from collections.abc import Collection, Iterator

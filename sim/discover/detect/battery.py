@@ -1,32 +1,32 @@
-"""Every test of a session's data, alone or against an earlier session.
+"""Battery of tests on a session's data, alone or against an earlier session.
 
-Tests are in families: terms, free changes over covariates, any pattern at all.
+The tests form families: terms, free changes over covariates, and arbitrary patterns.
 
-A simulation adopted from one session ("home") is not perfect for it either, and tracks see that. In the next session
-the same misfit would be found again, as a change. So each test is made in both sessions: under no change its score at
-home, scaled by the ratio of the two sessions' informations, is the expected score here, within the chance variation of
-both (a difference of two samples, whose signs are flipped alike). Where home has no information, as along a covariate
-that was not recorded there, the test stands as it is.
+A simulation adopted from one session ("home") does not fit that session perfectly, and tracks reveal the misfit. In the
+next session it would be found again and look like a change. Each test is therefore made in both sessions. Under no
+change, the score at home scaled by the ratio of the sessions' informations is the expected score here, within the
+chance variation of both (a difference of two samples, whose signs are flipped alike). Where home has no information, as
+along a covariate that was not recorded there, the test is made without it.
 
-A change of the tracker's calibration no test can find, since every fit absorbs it: both sessions' estimates are
-compared. Their covariance is a sandwich over clusters of shots (White 1980), in which a prior of the calibration counts
-as one more observation. A change of some of the numbers is then a normal model with a closed form, averaged over which
-of them changed. A term that would draw the estimates away in the same manner (a head wind is much like a tilt) is added
-to the numbers, one at a time, and weighed against that.
+No test can find a change of the tracker's calibration, since every fit absorbs it; instead the estimates of both
+sessions are compared. Their covariance is a sandwich over clusters of shots (White 1980), in which a prior of the
+calibration counts as one more observation. A change of some of the numbers is then a normal model with a closed form,
+averaged over the subsets that may have changed. Terms that would shift the estimates in the same way (a head wind
+resembles a tilt) are added to the numbers one at a time and weighed against such a change.
 
-Does anything depend on anything? Efficient scores of the shots, and their largest, judged by flipping signs.
+The tests use efficient scores of the shots, and the largest of them is judged by flipping signs.
 
-Pure numpy. A test asks whether a channel's amplitude is w_i b with given weights w (a covariate's shape) and b not 0.
-Its score is freed of the shared parameters (Neyman's C(alpha): the part that they could explain is projected out),
-summed over the shots, and divided by the spread that the shots themselves show. Under the baseline model a shot's part
-is as likely to be negative as positive, whatever its variance and however correlated its samples are; so the same
-statistic under random signs is its null distribution, and the largest over all tests under the same signs gives the
-probability of so large a largest one (the score bootstrap: Kline and Santos 2012; max statistic: Westfall and Young
-1993). The spread is of the scores as they are, not of what an effect would leave of them: signs do not change the
-former, so that tests that rest on few shots have light tails, and do not raise the bar for all.
+A test's alternative is that a channel's amplitude is w_i b, with given weights w (a covariate's shape) and b not 0. The
+part of its score that the shared parameters could explain is projected out (Neyman's C(alpha)); the rest is summed over
+the shots and divided by their empirical spread. Under the baseline model a shot's contribution is as likely to be
+negative as positive, regardless of its variance and the correlation of its samples. The statistic under random signs
+therefore has the null distribution, and the maximum over all tests under the same signs gives the family-wise p-value
+(score bootstrap: Kline and Santos 2012; max statistic: Westfall and Young 1993). The spread is that of the scores
+themselves, not of their residuals after an effect: signs do not change it, so tests that rest on few shots have light
+tails and do not raise the threshold for all. Pure numpy.
 
-A prior of a shared parameter is one more observation of it, which errs like any other, and so has a sign of its own.
-Otherwise a test that leans on priors (one supplier's balls against another's, where each ball may differ at random)
+A prior of a shared parameter is one more observation of it, with an error like any other, and so has its own sign.
+Otherwise a test that depends on priors (one supplier's balls against another's, where each ball may differ at random)
 would mistake the priors' errors for a finding.
 """
 

@@ -1,8 +1,7 @@
-"""What residuals might depend on: every numeric column, what can be derived from it, and every text column.
+"""Covariates that residuals may depend on: every numeric column, quantities derived from it, and every text column.
 
-A test weighs shots by a shape: by what may depend on one covariate, on a group, on two covariates together. A shape is
-made from the session that is asked, in whose units and about whose middle it is; it can be laid over the shots of
-another session, which is looked at the same way.
+A test weights shots by a shape, a function of one covariate, of a group or of two covariates together. A shape is
+scaled and centred on the session under test; it can also be evaluated on the shots of another session.
 """
 
 import itertools

@@ -1,6 +1,6 @@
-"""Where the disagreement is: which free change carries it, in which stage, over what of covariate and flight.
+"""Localization of a mismatch: the free change, stage, covariate and part of the flight that carry it.
 
-A free smooth correction of one channel over one covariate says what that place gains on shots that it has not seen.
+Each place is scored by the gain of a smooth correction of one channel over one covariate on held-out shots.
 """
 
 from collections.abc import Sequence

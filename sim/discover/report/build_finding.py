@@ -1,4 +1,4 @@
-"""The investigation as an answer: truearc.finding/1."""
+"""Finding from an investigation, in the format truearc.finding/1."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""The verdict and its effects in sentences that a driver coach can act on."""
+"""Sentences on the verdict and its effects that a drive coach can act on."""
 
 import math
 import tomllib

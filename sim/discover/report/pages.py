@@ -1,4 +1,4 @@
-"""Reports as pages and as lines on the terminal: of a finding, of what data could tell, of a plan of further shots."""
+"""Reports, as pages and terminal text, of a finding, of identifiability, and of a plan of further shots."""
 
 import html
 from collections import Counter

@@ -1,8 +1,8 @@
-"""Pictures of the report: residuals with and without an effect, a free curve, along the flight, over the field.
+"""Plots of the report: residuals with and without an effect, along the flight and over the field, and free curves.
 
-Many shots' residual in one free number (launch speed, a push in flight) is the sum of their scores over the sum of
-their informations; in the height at the target it is the shift under which their outcomes are likeliest. All
-pictures are PHONE_IN wide, panels one below the other, so that a phone shows their letters at a legible size.
+The joint residual of many shots in one free number (launch speed, a push in flight) is the sum of their scores over the
+sum of their informations; in the height at the target it is the shift that makes their outcomes most likely. All plots
+are PHONE_IN wide with panels one below the other, so that text is legible on a phone.
 """
 
 from collections.abc import Iterator, Sequence

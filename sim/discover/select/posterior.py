@@ -1,16 +1,16 @@
-"""Hypotheses over what a simulation leaves out: one term, two, an unexplained change, or a term beside one.
+"""Posterior over hypotheses of a mismatch: one term, two terms, an unexplained change, or a term with one.
 
-Each hypothesis has a share of the prior and a log evidence: of single terms by true refits of the likely (name_terms),
-of what stands beside a likely term on the table linearised at that term's refit, of an unexplained change on the
-table of the fit, its size and smoothness averaged over. Of pairs and of unexplained changes that matter, true refits
-replace these.
+Each hypothesis has a prior probability and a log evidence. The evidence of single terms comes from true refits of the
+likely ones (name_terms), that of additions to a likely term from the table linearised at that term's refit, and that of
+an unexplained change from the table of the fit, averaged over its size and smoothness. True refits replace the values
+of important pairs and unexplained changes.
 
-A hypothesis adds parts to the shared numbers. A part is one column of the table, laid over the shots by shapes whose
-coefficients are normal a priori: one shape of ones is a term or a constant push; shapes of a Gaussian process over a
-covariate are an unexplained change that goes with it.
+A hypothesis adds parts to the shared numbers. A part is one column of the table multiplied by shapes over the shots,
+whose coefficients are normal a priori: a single shape of ones is a term or a constant push; shapes of a Gaussian
+process over a covariate are an unexplained change that depends on it.
 
-Scores at the fit guess what a large change is worth too high; a name's evidence comes from a true refit, and an
-unexplained change that rivals it is judged alike.
+Scores at the fit overestimate the gain of a large change. A name's evidence therefore comes from a true refit, and so
+does that of a competing unexplained change.
 """
 
 from collections.abc import Collection, Sequence

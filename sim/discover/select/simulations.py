@@ -1,22 +1,20 @@
-"""Simulations that may be adopted, and what their forecasts of hold-out shots are worth.
+"""Candidate simulations for adoption, and the value of their forecasts of hold-out shots.
 
-Averages: a name that is one of several likely ones forgoes what the others know, and is often the wrong one
-(Hoeting et al. 1999). An average of forecasts is not a simulation, and numbers averaged name by name were never fitted;
-but there is a simulation that forecasts nearly the same. An unexplained effect is held by a nameless term along its
-free curve.
+Averages: choosing one of several likely names discards the information of the others and is often wrong (Hoeting et al.
+1999). An average of forecasts is not a simulation, and numbers averaged over names were never fitted, but a single
+simulation can forecast nearly the same. An unexplained effect is represented by a nameless term along its free curve.
 
-Aim. A ball misses the height that a belief forecasts for it by some error. Had the motors run at the speed that the
-belief asks for from that place with that hood, it would have missed the centre by this very error, as long as the error
-does not change between the two speeds. So the error of a hold-out shot's forecast is the miss of the aimed ball, and
-the model serves for the difference of two neighbouring set points alone (as in doubly robust off-policy evaluation,
-Dudik et al. 2014). An outcome leaves the error open within its class: there it is spread as both beliefs have it, each
-a priori as likely.
+Aim: a ball misses its forecast height by some error. At the speed that the belief requires for that place and hood, it
+would have missed the centre by the same error, provided that the error does not change between the two speeds. The
+forecast error of a hold-out shot is therefore the miss of the aimed ball, and the model provides only the difference
+between two neighbouring set points (as in doubly robust off-policy evaluation, Dudik et al. 2014). An outcome does not
+determine the error within its class; there it is distributed as under both beliefs, with equal prior weights.
 
-Gate. It lets the aimed ball through where the belief's P(three) is high enough. A held ball is not lost: it counts what
-the threshold says that it is worth, three points times the least probability for which it would be fired. How the gate
-judges shots as they were made is reported, and does not count: it would speak for a belief that overrates them.
+Gate: it passes the aimed ball if the belief's P(three) is high enough. A held ball is not lost: it counts three points
+times the threshold, the lowest probability for which it would be fired. The gate's judgement of the shots as made is
+reported but does not count, since it would favour a belief that overrates them.
 
-Every shot is judged by fits to the other folds.
+Every shot is judged with fits to the other folds.
 """
 
 import math

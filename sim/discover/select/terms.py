@@ -1,11 +1,10 @@
-"""Terms ranked: one step for all, true refits of the likely, what is known of an amplitude beside the shots.
+"""Ranking of candidate terms: one step for all, true refits of the likely, and measurements of their amplitudes.
 
-Every term competes with a normal prior on its amplitude, of the size that such effects usually have: so a term that
-would have to be absurdly large to explain the data loses to one that need not, and beyond what the term allows it
-cannot win at all.
+Every term competes with a normal prior on its amplitude, of the usual size of such effects. A term that would have to
+be absurdly large to explain the data thus loses to a smaller one, and a term cannot win beyond its permitted range.
 
-The evidence of a term is worked out with a normal prior of its usual size. Its own prior has several sizes, and no
-place outside its range.
+The evidence of a term is computed with a normal prior of its usual size. Its own prior has several sizes and is zero
+outside its range.
 """
 
 from collections.abc import Mapping, Sequence

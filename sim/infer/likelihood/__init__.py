@@ -1,1 +1,1 @@
-"""The likelihood of shots: observations, launch inputs, heights, outcomes and tracks."""
+"""Likelihood of shots: observations, launch inputs, heights, outcomes and tracks."""

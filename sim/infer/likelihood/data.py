@@ -1,4 +1,4 @@
-"""A dataset as arrays for the chain and the likelihood: what was believed of each shot, and what was seen of it."""
+"""Arrays of a dataset for the forward model and the likelihood: the assumed configuration and the data of each shot."""
 
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple

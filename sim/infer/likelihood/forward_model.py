@@ -1,7 +1,7 @@
-"""From the sensors' readings of a shot to the height at the plane and the track, differentiable in everything that
-could be wrong (JAX): parameters of all terms, deviations of the single launch, free pushes.
+"""Forward model of a shot (JAX), from sensor readings to the height at the plane and the track.
 
-sensed configuration -> sensing terms -> launch terms -> the launch's own deviation -> flight -> arrival, watch terms
+Differentiable in the parameters of all terms, the deviations of the single launch, and free pushes. Stages: sensed
+configuration -> sensing terms -> launch terms -> launch deviation -> flight -> arrival, watch terms.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,7 @@
-"""The columns that are fitted and tested, for one dataset and belief, with their priors.
+"""Layout of the fitted and tested columns for one dataset and belief, with their priors.
 
-Columns are free changes, terms, and shared parameters. Priors are the catalogue's wide ones, the posterior of an
-earlier session, or what was measured without a shot, by a tape, a scale, an inclinometer:
+Columns are free changes, terms and shared parameters. Priors are the wide ones of the catalogue, the posterior of an
+earlier session, or measurements made without shots, by tape measure, scale or inclinometer:
 
     {"target_height.rise_m": Measurement(0.04, 0.01)}
 """

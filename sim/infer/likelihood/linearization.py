@@ -1,11 +1,11 @@
-"""The likelihood about a point: each shot's own unknowns integrated out, as slopes and curvatures in all columns.
+"""Likelihood linearised about a point: slopes and curvatures in all columns, with each shot's unknowns integrated out.
 
-A shot departs from its configuration by d ~ N(0, S). Near the point, measurements by the tracker and by the exit's
-instruments are linear in d and in the columns; so d is integrated out exactly, and given these measurements the height
-at the plane is normal. Only the outcome's likelihood is not Gaussian, and it is of one number.
+A shot deviates from its configuration by d ~ N(0, S). Near the point, measurements by the tracker and by instruments at
+the exit are linear in d and in the columns, so d is integrated out exactly, and given them the height at the plane is
+normal. Only the likelihood of the outcome is not Gaussian, and it depends on a single number.
 
-What tracks and measured exits say is made white and multiplied out once a flight: near the point all is linear, so that
-what they say anywhere else follows from these products alone, without samples.
+Tracks and exit measurements are whitened and multiplied out once per flight: near the point the model is linear, so
+their likelihood elsewhere follows from these products without the samples.
 """
 
 from dataclasses import dataclass, replace

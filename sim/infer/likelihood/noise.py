@@ -1,6 +1,6 @@
-"""Constants of the noise model: what is believed of instruments, operators and launches before any shot.
+"""Constants of the noise model: prior knowledge of instruments, operators and launches.
 
-All are standard deviations unless they say otherwise. What rig.toml states, [noise], is not here.
+All are standard deviations unless stated otherwise. The values of [noise] in rig.toml are not here.
 """
 
 LAPSE = 0.005                         # share of outcomes that mean nothing: a slip of the operator's finger

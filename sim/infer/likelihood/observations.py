@@ -1,8 +1,8 @@
-"""What is seen of a flight: how likely an outcome or height is, and how tracks and times scatter.
+"""Observation models of a flight: likelihoods of outcomes and heights, and the noise of tracks and times.
 
-The height at the plane is normal, cut into the classes that the operator can tell apart. A share LAPSE of outcomes and
-of measured heights are slips, so that no single one can rule the fit. Tracks are padded arrays; their noise has a size
-per axis and a memory from one sample to the next.
+The height at the plane is normal and divided into the classes that the operator can distinguish. A share LAPSE of
+outcomes and of measured heights are mistakes, so that no single one can dominate the fit. Tracks are padded arrays;
+their noise has a size per axis and a correlation from one sample to the next.
 """
 
 from dataclasses import dataclass, replace

@@ -1,12 +1,11 @@
-"""Slopes and curvatures of the log-likelihood in every way the simulation could be wrong, one row per shot.
+"""Score table: slopes and curvatures of the log-likelihood in every possible error of the simulation, one row per shot.
 
-A column is one number that the simulation could be wrong by: a parameter of a term, a deviation of the launch, a free
-push, or something fitted (a coefficient, a scatter) that all shots share. Each shot's own unknowns (how it left, its
-noise) are integrated out already. Everything after that (tests, place, names) needs no physics.
+A column is one number in which the simulation could be wrong: a parameter of a term, a deviation of the launch, a free
+push, or a fitted number that all shots share (a coefficient, a scatter). The unknowns of each shot (its initial
+conditions, its noise) are already integrated out. All later steps (tests, localization, names) need no physics.
 
-A random effect, such as a ball's, belongs to the shots of one group. So a shot's rows hold one column per effect, and
-which group's it is stands beside them (GroupedColumns): with many balls, most of a matrix over all columns would be
-zeros.
+A random effect, such as that of a ball, belongs to the shots of one group. A shot's rows therefore hold one column per
+effect, and GroupedColumns stores its group: with many balls, a matrix over all columns would be mostly zeros.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""Terms of the launch stage: how the wheels send the ball off."""
+"""Terms of the launch stage: the transfer of speed and spin from the wheels to the ball."""
 
 import jax.numpy as jnp
 

@@ -1,4 +1,4 @@
-"""Terms of the sensing stage: what hood, wheels and camera of the robot, and a tracker of the ball, get wrong."""
+"""Terms of the sensing stage: errors of the robot's hood, wheels and camera, and of a ball tracker."""
 
 import math
 from typing import Any, ClassVar
