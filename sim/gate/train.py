@@ -24,6 +24,7 @@ from truearc.sim.data.dataset import Shots
 from truearc.sim.gate import model
 from truearc.sim.gate.model import GateData, Physics, PhysicsGate
 from truearc.sim.infer.belief import Belief
+from truearc.sim.infer.likelihood.score_table import FOLDS
 from truearc.sim.paper.network import exact_in_float32, usable_rows
 from truearc.sim.physics.simulate import MISS, THREE, TWO
 from truearc.sim.printed import Progress
@@ -237,7 +238,6 @@ CELLS_OF = {(MISS, ""): (1, 0, 0, 0, 1), (TWO, ""): (0, 1, 0, 1, 0), (THREE, "")
             (MISS, "left"): UNKNOWN, (MISS, "right"): UNKNOWN}
 ASIDE = ("left", "right")
 LEVEL = {MISS: 0, TWO: 1, THREE: 2}
-FOLDS = 5
 MIN_CONFIGURATIONS = 15
 TEMPERATURES = np.exp(np.linspace(np.log(0.6), np.log(1.8), 23))
 TEMPERATURE_SPREAD = 0.15             # of its log, a priori: chance in a few shots does not move it far
