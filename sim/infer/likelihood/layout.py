@@ -164,6 +164,7 @@ OTHERS = "others"                     # balls of a later session that are not to
 STATED = {"track_scale": "scale_sd", "track_tilt": "tilt_sd_deg", "track_clock": "clock_sd"}
 
 # Deviations of single launches that may go with anything, and what each amounts to where it is at work.
+# Derived: as of exit_efficiency, of hood_offset, and of distance_scale at 6 m.
 FREE = (
     (0, Column("launch speed", "free", "launch", "along", "1", 0.2,
                ("the ball leaves faster", "the ball leaves slower"))),
