@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import stdtrit
+from scipy.special import ndtri, stdtrit
 
-Z90, Z95 = 1.6448536269514722, 1.959963984540054      # of a normal distribution, two-sided
+Z90, Z95 = (float(ndtri(0.5 + 0.5 * share)) for share in (0.90, 0.95))    # of a normal distribution, two-sided
 BINS = 10
 POINTS_TWO, POINTS_THREE = 2.0, 3.0   # that a ball scores through the outer and through the inner opening
 

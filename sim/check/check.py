@@ -22,34 +22,48 @@ from truearc.sim.physics.simulate import by_wheels, has_wheels, launch_state
 
 CHECKS = ("gravity", "axes", "bounce", "sample-interval", "track-length", "track-shots", "speed", "hood", "mass",
           "radius", "reach", "air", "target", "noise", "wheels", "height", "release", "balls", "spin")
-TOWER = 20.0                          # times as high as a launcher balls are dropped from
-LIGHTEST_KG_M3 = 3.0                  # of a ball: lighter is a balloon
+TOWER = 20.0                          # times as high as a launcher balls are dropped from; chosen: 100 m
+LIGHTEST_KG_M3 = 3.0                  # of a ball: lighter is a balloon; chosen: 2.5 times the air's
+# Derived: above the 6 to 10 that foam and table-tennis balls have whose radius is their diameter
 LIGHT_KG_M3 = 12.0                    # below this the radius may be the diameter
 HEAVY_KG_M3 = 1500.0                  # above this the mass may be in ounces; a bowling ball has 1400, a golf ball 1150
+# Derived: 1.05 to 1.7 for a foam ball of 7 inches (drag 0.5) at 2 to 9 m, times 1.15 to 1.5 of slip (team 971);
+# chosen: room of a half for lighter balls
 REACH = (0.9, 4.0)                    # launch speed of scoring shots, by the least that carries a ball so far in vacuum
+# Chosen: above TYPICAL and slip
 DOUBLED = 1.9                         # of it: a light ball, or the wheels' diameters for their radii
-TYPICAL = 1.3                         # of foam balls
+TYPICAL = 1.3                         # of foam balls; derived: 1.2 by air, and a little slip
+# Derived: as REACH, without slip
 MEASURED = (0.85, 2.0)                # of it where the speed itself was measured: slip does not add to drag
+# Chosen: beyond chance in a dozen shots, whose spread is known to a fifth
 STRAIGHTER = 0.65                     # spread of that ratio with the other angle, by its spread as recorded
-UNEVEN = 0.04                        # and the least spread as recorded that is judged
-SCORES = 6                            # fewest scoring shots that are judged
-FASTEST_RIM = 3.0                     # surface speed of a ball over its speed; hard topspin has 1.5
-LOWEST_M = 0.3                        # of a target's height in another unit
+UNEVEN = 0.04                         # and the least spread that is judged; chosen: above launches' scatter of 2 to 3 %
+SCORES = 6                            # fewest scoring shots that are judged; chosen: twice TRACKS
+FASTEST_RIM = 3.0                     # surface speed of a ball over its speed; hard topspin has 1.5; chosen: twice that
+LOWEST_M = 0.3                        # of a target's height in another unit; chosen: nobody aims at the floor
+# Chosen: above a basket's 3 m, and above a launcher's usual exit
 USUAL_TARGET_M, USUAL_RELEASE_M = 4.0, 1.2  # heights above these may be in another unit
-THIN_KG_M3 = 0.5                      # air at 8 km
+THIN_KG_M3 = 0.5                      # air at 8 km; source: standard atmosphere (ICAO 1993)
 SPEEDS = (("miles per hour", "exit_speed_mph", 0.44704), ("feet per second", "exit_speed_ft_s", 0.3048),
           ("kilometres per hour", "exit_speed_km_h", 1.0 / 3.6))
 MISSED = "miss_height_m"
-OUNCE_KG = 0.0283495
+OUNCE_KG = 0.0283495                  # definition
 OF_KEY = {"world.gravity_m_s2": "gravity", "launcher.wheel.clock_deg": "wheels",
           "launcher.free_speed_rad_s": "speed", "tracker.scale_sd": "noise", "tracker.tilt_sd_deg": "noise",
           "tracker.clock_sd": "noise"}                    # key of the rig -> its check
+# Source: the Moon's
 WEAKEST_M_S2 = 1.2                    # gravity below this may be a multiple of the Earth's; the Moon has 1.6
+# Chosen: as scales and calipers err
 ALIKE_BALLS = 0.02                    # share by which masses and radii may differ from the rig's
+# Chosen: feet and yards are farther off
 FROM_FLOOR = 0.25                     # share of the target's height to which those above the floor come near it
+# Chosen: slips are fewer
 IMPOSSIBLE = 0.2                      # share of heights that cannot be, above which their unit is another
+# Derived: 0.1 s too little of 1.5 s
 FASTEST = 1.15                        # acceleration of a fall from rest, by the rig's gravity: times err
+# Derived: a fall that takes seven times as long as without air
 SLOWEST = 0.02                        # of a shuttlecock's last metres: slower are times in another unit
+# Chosen: drag takes up to two thirds; an error of 5 %
 LIKELY = (0.3, 1.05)                  # of a ball's, in the unit that a message names
 
 
@@ -196,10 +210,11 @@ def _heights(rig: Rig, shots: Shots) -> Iterator[Flaw]:
         return
     centre_m, outcome, height_m = rig.target.centre_height_m, np.array(shots.text("outcome")), shots.number(MISSED)
     line_m = shots.number("distance_m") * np.tan(np.radians(shots.number("hood_deg")))
+    # chosen: half and 1 m beyond the line of launch, and a tape's slip below the floor
     above_m = max(rig.launcher.release_height_m - centre_m, 0.0) + 1.0
     least_m, most_m = np.full(len(shots), -centre_m - 0.5), np.nan_to_num(1.5 * line_m + above_m, nan=np.inf)
     for word, half_m in (("two", rig.target.two_half_height_m), ("three", rig.target.three_half_height_m)):
-        wide_m = np.where(outcome == word, 1.5 * half_m + 0.1, np.inf)
+        wide_m = np.where(outcome == word, 1.5 * half_m + 0.1, np.inf)       # chosen: a rim and a tape err by less
         least_m, most_m = np.maximum(least_m, -wide_m), np.minimum(most_m, wide_m)
 
     def beyond(metres: float, zero_m: float = 0.0) -> int:
@@ -227,6 +242,7 @@ def _hood(shots: Shots) -> Iterator[Flaw]:
     for name in ("hood_deg", "exit_deg"):
         angle_deg = shots.number(name)
         known = np.abs(angle_deg[np.isfinite(angle_deg)])
+        # radians: none is above a right angle; turns: a quarter; flat throws, of 3 degrees, are neither
         if len(known) >= TRACKS and known.max() <= math.pi / 2 and np.median(known) > 0.05:
             turns = "turns: multiply them by 360; or like " if known.max() <= 0.25 else ""
             yield Flaw("hood", f"{shots.source}: {name}", f"no shot exceeds {known.max():.2f} degrees; these look like "
@@ -372,7 +388,7 @@ def _uneven(ratio: Floats, path_m: Floats, least: float = 1.0) -> float:
 
 def _spread(values: Floats) -> float:
     """Standard deviation by what the middle 90 % take: one shot with a lucky bounce does not widen it."""
-    return float(np.ptp(np.quantile(values, (0.05, 0.95)))) / 3.29
+    return float(np.ptp(np.quantile(values, (0.05, 0.95)))) / 3.29             # 2 Z90
 
 
 def judge_times(dataset: Dataset, times: Times) -> Iterator[Flaw]:

@@ -22,20 +22,20 @@ from truearc.sim.discover.decide import Step
 from truearc.sim.discover.detect.battery import name_of
 from truearc.sim.discover.detect.covariates import IN_FLIGHT
 from truearc.sim.discover.finding import CONFIGURATIONS, PLANNED_SHOTS
-from truearc.sim.discover.identifiability import sight_of
+from truearc.sim.discover.identifiability import DRAWS, sight_of
 from truearc.sim.discover.select.terms import efficient, nats_for
 from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.term import Instrument, Term, WatchTerm
 
-LEAST_CHANCE = 1e-300                 # of a name that is out of the question, so that it has a logarithm
-DRAWS = 4000
+# Chosen: 1.7 and 3.3 of SPEED_SD, as far beside the centre as ASIDE, or farther
 PACES = (1.0, 0.94, 0.97, 1.03, 1.06)             # of the wheels, times the recorded one
 KEPT = 300                            # of the candidates, the best by themselves, that further blocks are chosen from
+# Chosen: above the 0.9 of a name, for a plan is itself a forecast
 SURE = 0.95                           # probability from which a name stands alone
 LEAST_PROBABILITY = 1e-6             # of a name: the logarithm of none has no end
-MOST_NAMES = 8
+MOST_NAMES = 8                        # bounds the work
 MOST_RANDOM = 64                      # times the present shots, up to which random ones are counted
 
 Option = tuple[int, float]            # row of the evidence's shots, pace
@@ -236,7 +236,7 @@ def _chance_measured(contest: Contest, count: int, mine: Mapping[int, float], se
     """
     rng = np.random.default_rng(seed)
     truth = rng.choice(count, DRAWS, p=contest.probability)
-    nats = np.tile(np.log(np.maximum(contest.probability, LEAST_CHANCE)), (DRAWS, 1))
+    nats = np.tile(np.log(contest.probability), (DRAWS, 1))
     for k, sd in mine.items():
         amplitude = contest.amplitude[k]
         seen = np.where(truth == k, amplitude, 0.0) + sd * rng.normal(size=DRAWS)
@@ -244,9 +244,9 @@ def _chance_measured(contest: Contest, count: int, mine: Mapping[int, float], se
     return _stands_alone(nats, truth)
 
 
-SHOTS = 20
+SHOTS = PLANNED_SHOTS // CONFIGURATIONS
 STAND_IN = "wind_z"                   # rising air pushes as lift does
-FEW = 3                               # measurements proposed at most
+FEW = 3                               # measurements proposed at most; chosen: a printed list
 
 
 def next_steps(dataset: Dataset, step: Step, chosen: tuple[str, ...] | None) -> tuple[dict[str, Any], ...]:
@@ -350,7 +350,7 @@ def parting_shot(dataset: Dataset, step: Step, pair: tuple[str, str]) -> dict[st
     changes = (np.tile(moved_by(evidence, step.naming.refits[name]), (len(evidence.rows), 1)) for name in pair)
     one, other = (evidence.heights(change)[1] for change in changes)
     apart = np.abs(one - other) / plane.spread_m
-    if apart.max() * SHOTS**0.5 < 1.0:
+    if apart.max() * SHOTS**0.5 < 1.0:          # standard errors of the mean of SHOTS heights
         return None
     shot = int(evidence.rows[plane.rows[int(apart.argmax())]])
     numbers = {name: dataset.shots.number(name)[shot] for name in ("distance_m", "hood_deg", "motor_ratio")}

@@ -39,10 +39,12 @@ from truearc.sim.infer.likelihood.noise import GATE_LAPSE, GATE_LAPSE_CELLS, GAT
 from truearc.sim.paper import network
 from truearc.sim.physics.simulate import opening_of
 
-FUNCTIONS = 10
+FUNCTIONS = 10                        # definition: of basis
 RESIDUAL = 2 * FUNCTIONS
 # (median, standard deviation of the log). The scale is of the propagated spread, which configurations labelled by
 # repeatability have next to nothing of; half-heights are those of rig.toml, which such labels make effectively smaller.
+# Chosen: the scale within a factor of two, a floor of 2 cm within three, half heights that a tape knows to a tenth,
+# of the small one to three
 PRIORS = {"scale": (1.0, 0.7), "floor_m": (0.02, 1.0), "two": (1.0, 0.1), "three": (1.0, 0.3), "lapse": GATE_LAPSE}
 SIZE = RESIDUAL + len(PRIORS)
 LAPSE_CELLS = np.array(GATE_LAPSE_CELLS)
@@ -50,7 +52,7 @@ LAPSE_CELLS = np.array(GATE_LAPSE_CELLS)
 SPEED_WIDTHS = (0.01, 0.015, 0.02, 0.03, 0.05, 0.08, 0.15)
 HEIGHT_WIDTHS_M = (0.001, 0.01, 0.03, 0.1)
 PAD = 64                              # rows are filled up to multiples of this: each size is compiled
-MAX_STEPS = 300
+MAX_STEPS = 300                       # of Newton's method at most
 
 
 class GateData(NamedTuple):
@@ -193,15 +195,18 @@ def _best(data: GateData, halves_m: tuple[float, float], tried: list[Widths], be
     return best
 
 
-NEIGHBOUR = 3                         # a single stray shot makes no domain; many would cut the cloud's edge off
-LARGEST_QUANTILE = 0.99
+NEIGHBOUR = 3                         # a single stray shot makes no domain; many would cut the cloud's edge off; chosen
+LARGEST_QUANTILE = 0.99               # chosen: one recorded shot in a hundred may be a slip
+# Chosen: below what sensors tell apart
 SAME_DISTANCE = 0.05                  # standard deviations: nearer than this is the same configuration again
+# Measured: so a decision takes under 50 us (python -m benchmarks.gate)
 MAX_LANDMARKS = 256                   # landmarks: what the exported graph measures from at every decision
 # Of a launcher whose scatter has not been fitted; the gate fits one number that scales it.
-TYPICAL_SCATTER = {"speed": 0.02, "elevation_deg": 0.5}
+TYPICAL_SCATTER = {"speed": 0.02, "elevation_deg": 0.5}  # chosen: as SCATTER_PRIOR has it, and a third more
 LOWEST_M = -40.0                      # where a ball that turns back before the plane is taken to pass
 STEEPEST_M = 30.0                     # per unit of log speed: beyond it a shot is far too weak to matter
-FAR = 1e3
+FAR = 1e3                             # stands for no bound
+# Chosen: over more a flight bends
 WIDEST_M = 1.5                        # first-order propagation of uncertainty does not hold for a larger spread
 MODEL_FILE = "physics.json"
 MODEL_SCHEMA = "truearc.physics-gate/1"

@@ -15,7 +15,8 @@ from truearc.sim.paper.network import Rows, accuracy, domain_of, save_weights, s
 from truearc.sim.paper.train_many import Job, Trained, batches_per_epoch, check_job, train_many
 from truearc.sim.printed import Printed, Progress
 
-CURVE_POINTS = 50
+CURVE_POINTS = 50                     # of a curve that is kept
+# Derived: a share is then not known to an eighth
 FEW_HELDOUT = 15                      # held-out shots, fewer than which are remarked on
 
 

@@ -24,6 +24,7 @@ from truearc.sim.data.dataset import Shots
 from truearc.sim.gate import model
 from truearc.sim.gate.model import GateData, Physics, PhysicsGate
 from truearc.sim.infer.belief import Belief
+from truearc.sim.infer.likelihood.score_table import FOLDS
 from truearc.sim.paper.network import exact_in_float32, usable_rows
 from truearc.sim.physics.simulate import MISS, THREE, TWO
 from truearc.sim.printed import Progress
@@ -32,24 +33,27 @@ from truearc.sim.statistics import Figures, figures_of, log_scores
 DEGREES = (9, 12, 15)                 # tried in this order until one is good enough
 OVERSAMPLED = 1.2                     # grid points along each feature for each degree
 NEAR_M = 0.8                          # where the weight of those beside the target's edges has fallen to a third
-MIN_WEIGHT = 1e-4
+MIN_WEIGHT = 1e-4                     # of those beside the edges
 BESIDE_EDGES = 1e-3                   # weight of a shot near the target whose probabilities hardly depend on its height
 EDGE_M = 0.05                         # a slope of one probability per so much has weight 1
 DRAWN_IN_M, BEYOND_M = 4.0, 2.0       # heights farther from the target than the first lie at most the second beyond it
 REWEIGHTED = 3                        # times that weights are raised where p is off
 OFF = 0.001                           # error of p at which a weight is doubled
 CUT = 0.1                             # of the range of a feature that is left out at once
-CUTS = 40
+CUTS = 40                             # at most
 RIDGE = 1e-12                         # of the normal equations, as a share of their mean diagonal
 CHECKED = 30000                       # random configurations of the box; those inside the domain count
 LEARNED = 20000                       # random configurations of the box; those inside the domain are fitted too: where
 #                                       the recorded ones lie on a thin sheet, few points of the grid do
 KNOWN_NOVELTY = 1.1                   # novelty up to which the fit cares
 UNKNOWN_WEIGHT = 1e-3                 # ... and how much it cares beyond
-NEAR_TARGET_M = 0.5
+NEAR_TARGET_M = 0.5                   # chosen: where hits are, and a little more
+# Chosen: as FLOOR_M, and p to less than a page shows. Measured: 50 seasons stay within these (TRUEARC_SEASONS=1 pytest
+# tests/model_export/test_doors.py)
 MAX_MEAN_ERROR_M = 0.005              # at most this at the 99th percentile of configurations that near the target
+# Measured likewise
 MAX_P_ERROR = 0.003                   # at most this anywhere; float32 and a denser check stay within 0.005
-SMALL_P_ERROR = 0.0006                # below it no higher degree is tried
+SMALL_P_ERROR = 0.0006                # below it no higher degree is tried; chosen: a fifth of the limit
 ON_FACES = 0.1                        # checks are drawn from a box so much wider on each side, and held to its faces
 
 
@@ -227,7 +231,7 @@ def as_cosines(surrogate: Surrogate) -> tuple[np.ndarray, np.ndarray]:
 
 
 # The plane from below to above: miss low, two low, three, two high, miss high.
-CELLS = 5
+CELLS = 5                             # definition
 UNKNOWN = (1,) * CELLS
 CELLS_OF = {(MISS, ""): (1, 0, 0, 0, 1), (TWO, ""): (0, 1, 0, 1, 0), (THREE, ""): (0, 0, 1, 0, 0),
             (MISS, "low"): (1, 0, 0, 0, 0), (MISS, "high"): (0, 0, 0, 0, 1),
@@ -237,12 +241,12 @@ CELLS_OF = {(MISS, ""): (1, 0, 0, 0, 1), (TWO, ""): (0, 1, 0, 1, 0), (THREE, "")
             (MISS, "left"): UNKNOWN, (MISS, "right"): UNKNOWN}
 ASIDE = ("left", "right")
 LEVEL = {MISS: 0, TWO: 1, THREE: 2}
-FOLDS = 5
-MIN_CONFIGURATIONS = 15
-TEMPERATURES = np.exp(np.linspace(np.log(0.6), np.log(1.8), 23))
+MIN_CONFIGURATIONS = 15               # chosen: three a fold
+TEMPERATURES = np.exp(np.linspace(np.log(0.6), np.log(1.8), 23))  # steps of 5 %
+# Derived: as 22 shots tell a spread, 1 / sqrt(2 n)
 TEMPERATURE_SPREAD = 0.15             # of its log, a priori: chance in a few shots does not move it far
-BEYOND = 0.1                          # of the recorded range: where z stops on either side
-SILENT_M = 0.02                       # a residual smaller than this is not worth a sentence
+BEYOND = 0.1                          # of the recorded range: where z stops on either side; chosen: a tenth of it
+SILENT_M = 0.02                       # a residual smaller than this is not worth a sentence; derived: as HEIGHT_M
 
 
 class OutcomeClasses(NamedTuple):

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from truearc.sim.infer.forecast import forecast
-from truearc.sim.infer.intervals import ProfileInterval
+from truearc.sim.infer.intervals import KNOWN, ProfileInterval
 from truearc.sim.infer.launcher import MapFit, Sought
 from truearc.sim.infer.likelihood.data import FEWEST_SHOTS, say_few
 from truearc.sim.infer.likelihood.noise import UNMEASURED_M
@@ -15,8 +15,8 @@ from truearc.sim.infer.likelihood.observations import class_chances
 from truearc.sim.infer.likelihood.score_table import FOLDS, fit_linear
 from truearc.sim.printed import Progress, left_out_lines
 
+# Chosen: only a fifth of either's variance is left by the other
 CORRELATED = 0.9                      # pairs from here on are named
-SILENT = 0.7                          # a parameter known to more than this share of its prior's sd is the prior's
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,9 @@ def slopes(fit: MapFit) -> Float[np.ndarray, " p"]:
     return np.array([one.sd * one.slope(float(fit.scores.point[one.column])) for one in fit.sought])
 
 
+# Chosen: below what sensors tell apart
 STEPS = {"distance_m": 0.1, "hood_deg": 1.0, "motor_ratio": 0.01}      # shots within one step are one configuration
+# Source: Laplace's rule of succession (1814)
 SMOOTH = 1.0                          # shots of each outcome added to the shares that the fit competes with
 
 
@@ -123,8 +125,9 @@ def _groups(fit: MapFit) -> Int[np.ndarray, " n"]:
 EVIDENCE = {"outcome": "outcomes", "side": "sides (high or low)", "miss_height_m": "measured heights",
             "exit_speed_m_s": "measured exit speeds", "exit_deg": "measured exit angles",
             "exit_spin_rev_s": "measured spins", "tracks": "tracks", "times": "times at heights"}
+# Chosen: their noise is known to a tenth or better
 MISFIT = 1.3                          # times their noise that tracks differ from a fit that lacks something
-NEAREST = 15                          # shots whose median stands for "at this distance"
+NEAREST = 15                          # shots whose median stands for "at this distance"; chosen: a printed figure
 
 
 def fit_lines(fit: MapFit, intervals: Sequence[ProfileInterval], holdout: CrossValidation | None) -> list[str]:
@@ -212,7 +215,7 @@ def say_scatter(fit: MapFit) -> Iterable[str]:
 def say_identified(fit: MapFit) -> Iterable[str]:
     """What these shots cannot tell apart, or on their own not at all."""
     pairs, share = aliased_pairs(fit), dict(zip(fit.names, np.sqrt(np.diag(fit.covariance)), strict=True))
-    silent = [name for name in fit.names if share[name] > SILENT]
+    silent = [name for name in fit.names if share[name] > KNOWN]
     for pair in pairs:
         sign = "+" if pair.factor >= 0.0 else "-"
         yield (f"{pair.a} and {pair.b} are hard to tell apart: correlation {pair.correlation:.2f}; this dataset fixes "

@@ -23,8 +23,12 @@ from truearc.sim.infer.likelihood.noise import LAPSE, SLIP_PER_M
 from truearc.sim.infer.likelihood.score_table import ScoreTable
 
 DRAWS = 256                           # of the belief's numbers; a power of 2, by a Sobol sequence
+# Chosen, as AT_ONCE and HAZARD: the promised rate holds for any (Ville 1939). What these cost in shots to the alarm:
+# docs/measured/README.md, python -m benchmarks.follow
 SIZES = np.array([0.15, 0.4, 1.0, 2.5])       # of a change, in usual ones, either way
+# Chosen: no preference
 AT_ONCE = 0.5                         # probability that a change was there at the first shot, if there is one
+# Chosen: once in a hundred shots, a session
 HAZARD = 0.01                         # that it comes with the next shot, if it was not
 Some = Float[np.ndarray, "..."]       # of draws alone, or of draws by changes
 TAIL_SD = 8.0                        # standard deviations: in a normal tail beyond, nothing is left of a double
@@ -146,7 +150,7 @@ class _Work:
         assert self.scores.plane is not None
         seen = self.scores.plane.seen
         if seen.measured[shot]:
-            off = np.clip((seen.height_m[shot] - mean_m) / spread_m, -38.0, 38.0)
+            off = np.clip((seen.height_m[shot] - mean_m) / spread_m, -38.0, 38.0)      # no underflow
             return np.asarray((1.0 - LAPSE) * np.exp(-0.5 * off**2) / (np.sqrt(2.0 * np.pi) * spread_m)
                               + LAPSE * SLIP_PER_M)
         inner_m = seen.borders[3] if seen.borders[3] > 0.0 else seen.borders[4]

@@ -47,9 +47,11 @@ from truearc.sim.infer.launcher import LauncherFit
 from truearc.sim.infer.likelihood.score_table import Array, Column, ScoreTable
 from truearc.sim.printed import Progress
 
-FEWEST_SIGNS = 8.0                    # a test that rests on fewer shots is not made: their signs can hardly say 1 %
+# Derived: to be seen as well, an effect would have to be a hundred times as large
 LEAST_SHARE = 1e-4                    # of the information of a test or term that must survive the projection
+# Bounds the stretch of a shot that decides its own fit (HC2: MacKinnon and White 1985)
 MOST_LEVERAGE = 0.9
+# Chosen: more signs than FEWEST by far, so that their sum is normal
 PIECES = 30                           # that what an earlier session found of one number is split into
 TINY = 1e-300                         # what is not known at all has a root, too
 CHUNK = 250                           # sign patterns at once
@@ -158,7 +160,7 @@ def _stretch(kappa: Float[Array, "G M"], drawn: Float[Array, "G M"]) -> Float[Ar
 def _usable(kappa: Float[Array, "G M"], raw: Float[Array, " M"]) -> Bool[Array, " M"]:
     total = kappa.sum(0)
     effective = total**2 / np.maximum((kappa**2).sum(0), 1e-300)
-    return np.asarray((total > LEAST_SHARE * raw) & (raw > 0.0) & (effective >= FEWEST_SIGNS))
+    return np.asarray((total > LEAST_SHARE * raw) & (raw > 0.0) & (effective >= functions.FEWEST))
 
 
 def judge(scores: Scores, family: Sequence[str], allowance: Mapping[str, float], draws: int, seed: int,
@@ -221,6 +223,7 @@ def _least(largest: Mapping[str, Float[Array, " draws"]], weights: Mapping[str, 
     return ranks, np.min([ranks[name] / weights[name] for name in largest], axis=0)
 
 
+# Derived: home's noise is then twice this session's
 MOST = 4.0                            # times home's information that a session may have: else home's noise drowns it
 
 
@@ -303,7 +306,7 @@ def _joined(here: Scores, home: Scores, share: Float[Array, " q"]) -> Scores:
 
 TERMS, FREE, PATTERN = "terms", "free", "pattern"
 # How the allowance for false alarms is shared out: a name is worth most, and most of what is left out has one.
-ALLOWANCE = {TERMS: 0.6, FREE: 0.3, PATTERN: 0.1}
+ALLOWANCE = {TERMS: 0.6, FREE: 0.3, PATTERN: 0.1}  # chosen: one of twenty terms needs 0.15 deviations more than alone
 
 
 @dataclass(frozen=True)
@@ -374,8 +377,9 @@ def _join(parts: list[Scores]) -> Scores:
                     for name in ("psi", "kappa", "stretch", "kept")))
 
 
+# Chosen: a tracker that was moved has changed in several numbers one time in ten
 ODDS = 0.1                            # a priori, of one more number that changed, or of another term instead
-LEAST = 0.05                          # probability from which a number or term is listed
+LEAST = 0.05                          # probability from which a number or term is listed; chosen: one in twenty
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from msgspec import UNSET, UnsetType, structs
 
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover import finding as parts
-from truearc.sim.discover.decide import Search, Step, verdict_of
+from truearc.sim.discover.decide import LIKELY, Search, Step, verdict_of
 from truearc.sim.discover.detect import battery
 from truearc.sim.discover.detect.battery import Asked, Judged, NumberChange, can_compare, compare_trackers, name_of
 from truearc.sim.discover.detect.covariates import Covariate, carried_by, followed_column
@@ -28,9 +28,8 @@ from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.term import STAGES
 from truearc.sim.statistics import Z90
 
-SHOWN = 40                            # lines of the tests that the answer lists
-RANKED = 12                           # names that it lists
-UNSURE = 0.5
+SHOWN = 40                            # lines of the tests that the answer lists; chosen: a page
+RANKED = 12                           # names that it lists; chosen: a page
 
 
 def silent(dataset: Dataset, intake: Intake, terms: tuple[str, ...], false_alarm: float,
@@ -161,7 +160,7 @@ def _where(step: Step, judged: Judged, search: Search, probability: dict[str, fl
     total = sum(mass.values())
     mass = {stage: value / total if total > 0.0 else 1.0 / len(mass) for stage, value in mass.items()}
     stage = max(mass, key=lambda name: mass[name])
-    reason = None if mass[stage] > UNSURE else "stage: these data cannot tell the likely stages apart"
+    reason = None if mass[stage] > LIKELY else "stage: these data cannot tell the likely stages apart"
     covariate, direction, others = _follows(step, judged, search)
     times = None
     if evidence.plane is None or step.fitted.model.data.samples is not None:

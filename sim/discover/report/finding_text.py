@@ -126,11 +126,14 @@ def _number(value: float) -> str:
 STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", "flight": "in flight",
                "arrival": "at the target"}
 SHOWN = 6
-STANDS_OUT = 0.2                      # probability of a name, from which its size is said
-RARE = 0.1                            # p up to which it is stated as one dataset in how many
+STANDS_OUT = 0.2                      # probability of a name, from which its size is said; chosen: one in five
+RARE = 0.1                            # p up to which it is stated as one dataset in how many; chosen: twice FALSE_ALARM
+# Derived: their mean square is 4, of ten by chance once in 10^5
 WIDE = 2.0                            # standard deviations by which times differ: chance hardly does that to ten
+# Measured: docs/measured/sealed.md
 TOO_SURE = 0.95                       # probability of a name by tracks, from which names were right less often
-LEAST_SHOWN = 0.005                   # probability of a name on the console: not 0 %
+LEAST_SHOWN = 0.005                   # probability of a name on the console: not 0 %; derived: rounding
+# Chosen: half of what makes it the verdict
 UNSURE = 0.25                       # probability of an unexplained effect, from which a sentence says so
 HEIGHTS = {"plane": "heights", "track end": "how high tracks end, from their first 40 %,"}
 SIDEWAYS = "how far to the side tracks end, from their first 40 %,"

@@ -15,7 +15,7 @@ from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.discover.decide import Step, form_of, gain_interval
 from truearc.sim.discover.detect.covariates import IN_FLIGHT, CovariatePair
 from truearc.sim.discover.finding import FindingRecord
-from truearc.sim.discover.identifiability import TAKEN, Fittable, Sight, TermIdentifiability, sight_of
+from truearc.sim.discover.identifiability import POWER, TAKEN, Fittable, Sight, TermIdentifiability, sight_of
 from truearc.sim.discover.investigate import Investigation
 from truearc.sim.discover.next_steps import MOST_RANDOM, Block, Design
 from truearc.sim.discover.report import finding_text as wording
@@ -30,7 +30,6 @@ from truearc.sim.statistics import POINTS_THREE
 
 MOST_SHOTS = 10_000                   # beyond which the number is no longer said
 NEXT = 4                              # effects beyond what is shown that a summary lists
-SURE = 0.8                            # power that counts as "would be seen"
 METHOD = (
     "Expected Fisher information: what is left of each effect's after the fitted coefficients, scatters and the random "
     "effects of balls (or sessions) have absorbed what they can. Seen means that truearc discover reports a mismatch "
@@ -53,8 +52,8 @@ def sight_lines(sight: Sight, among: Catalogue | None = None) -> list[str]:
 def sight_summary(sight: Sight, among: Catalogue | None = None) -> list[str]:
     """What these shots would show, and which effects the next few shots would add, in three lines at most."""
     possible = sorted((one.shots_needed, one.term, one.power) for one in sight.terms if one.shots_needed is not None)
-    shown = [plain(term, among) for _, term, power in possible if power >= SURE]
-    more = [f"{plain(term, among)} ({_shots(needed)})" for needed, term, power in possible if power < SURE]
+    shown = [plain(term, among) for _, term, power in possible if power >= POWER]
+    more = [f"{plain(term, among)} ({_shots(needed)})" for needed, term, power in possible if power < POWER]
     said = (("would be seen", shown), ("with more shots", more[:NEXT]))
     return [sight_sentence(sight), *(f"  {what}: {', '.join(names)}" for what, names in said if names)]
 
@@ -72,7 +71,7 @@ def _shots(needed: int) -> str:
 
 def sight_sentence(sight: Sight) -> str:
     """How many effects would be seen, and the one thing to keep in mind."""
-    shown = [one for one in sight.terms if one.power >= SURE]
+    shown = [one for one in sight.terms if one.power >= POWER]
     possible = [one for one in sight.terms if one.shots_needed is not None]
     more, never = len(possible) - len(shown), len(sight.terms) - len(possible)
     said = (f"{sight.shots} shots of this kind ({sight.level}) would show {len(shown)} of {len(sight.terms)} effects "
@@ -151,6 +150,7 @@ def _uncertainty(one: Fittable, sd: float) -> str:
 SCHEMA = "truearc.design/1"
 # How a shot must be like the one it is named after, where a name that competes follows a circumstance.
 AS_THEN: dict[str, str] = WORDING["as_then"]
+# Chosen: above the chance of its draws
 LEAST_GAIN = 0.01                     # probability by which a plan must raise that of one name that stands alone
 SETTINGS = ("distance_m", "hood_deg", "motor_ratio", "exit_speed_m_s", "exit_deg")
 
@@ -220,7 +220,7 @@ def _settings(shots: Shots, row: int, pace: float) -> dict[str, Any]:
 HERE = files("truearc.sim.discover.report")
 STYLE = (HERE / "finding.css").read_text(encoding="utf-8")
 FINE_PRINT = (HERE / "fine_print.txt").read_text(encoding="utf-8").split("\n\n")
-MOSTLY = 0.97                         # of the improvement: then a region tells nothing new
+MOSTLY = 0.97                         # of the improvement: then a region tells nothing new; derived: rounding
 BARS = ("A bar is the probability that this effect is among those left out. Several can be, so bars may add up to more "
         "than 100 %.")
 LEVELS = {"L0": "outcomes only", "L1": "outcomes with telemetry", "L2": "tracks of the flight, or times at heights"}

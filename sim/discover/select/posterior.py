@@ -33,9 +33,12 @@ from truearc.sim.infer.likelihood.score_table import Array, Column, PlaneScores,
 from truearc.sim.physics.catalogue import find_nameless
 from truearc.sim.statistics import invert
 
-KNOTS = 8
+KNOTS = 8                             # with the shortest length no bend is lost
+# Chosen: a bump in a part of the range, a bend, a slope
 LENGTHS = (0.15, 0.4, 1.0)            # of a Gaussian process, as shares of its covariate's range
+# Chosen: beyond lies one shot in fifty, which may be a slip
 EDGES = (2.0, 98.0)                   # percentiles: the range
+# Chosen: a factor of two either way
 SIZES = (0.5, 1.0, 2.0)               # of a process, by its column's usual amplitude
 JITTER = 1e-6
 
@@ -102,7 +105,7 @@ def process_shapes(values: Float[Array, " n"], length: float,
     size, turn = np.linalg.eigh(kernel(knots, knots) + JITTER * np.eye(KNOTS))
     def shapes(x: Float[Array, " n"]) -> Float[Array, "n q"]:
         place = np.clip((x - low) / max(high - low, 1e-12), 0.0, 1.0)
-        return np.asarray(kernel(place, knots) @ (turn * size**-0.5)[:, size > 1e-4])
+        return np.asarray(kernel(place, knots) @ (turn * size**-0.5)[:, size > 1e-4])      # the others are rounding
 
     return np.asarray(np.nan_to_num(shapes(values if at is None else at) - shapes(values[known]).mean(0)))
 
@@ -162,7 +165,7 @@ FREE_TERMS = {"launch speed": ("free_speed", {"share": 1.0}),
               "launch elevation": ("free_elevation", {"angle_rad": 1.0}),
               "distance": ("free_distance", {"bias_m": 1.0})}
 SIDES = {"along": "along", "vertical": "up", "lateral": "left"}
-LONGEST_S = 60.0
+LONGEST_S = 60.0                      # longer than any flight
 
 
 def term_of(column: Column, layout: Layout) -> tuple[str, dict[str, float]] | None:
@@ -211,11 +214,17 @@ def nats_flown(fitted: LauncherFit, part: Part) -> float | None:
     return fitted.nats_for(climb_with(fitted, *taken, Curve((0.0,) * KNOTS, 0.0), by)[1])
 
 
+# Chosen: two effects a third as likely as one, something unexplained in every fourth or fifth case. How often
+# probabilities so made are right: docs/measured/sealed.md, python -m benchmarks.proof
 SHARES = {"one": 0.55, "varies": 0.03, "two": 0.18, "unexplained": 0.22, "both": 0.05}
 LEADERS = 3                           # likeliest terms, beside which a second thing is looked for
+# Measured: at a closer limit wheel slip was no leader by half a nat, and a wrong pair won (git show b2405af2)
 WITHIN, SHARE = 8.0, 0.2              # nats of the likeliest, or share of its nats, beyond which none is a leader
+# Bounds the work
 SECONDS, FAMILIES = 10, 4             # of one step, beside a leader or alone, that are climbed to their top
+# Bounds the work; chosen: the guesses that were seen
 PAIRS, GUESS = 4, 0.04                # refitted; share of its nats by which a pair's guess may be too low
+# Bounds the work
 FLOWN, MINOR = 4, 0.05                # unexplained changes that are flown, and the probability from which one is
 BALLS = "ball_id"                     # balls differ; sessions may differ by chance alone
 Shapes = tuple[Float[Array, "n _"], Float[Array, "m _"] | None]     # here, and the same at home

@@ -43,6 +43,7 @@ from truearc.sim.infer.likelihood.score_table import Array, PlaneScores, ScoreTa
 from truearc.sim.physics.simulate import LAUNCH_STATE
 from truearc.sim.statistics import POINTS_THREE, POINTS_TWO, invert
 
+# Chosen: the rest is long enough for forces to show
 FORECAST = 0.4                        # of a track's samples: from these its end is forecast
 
 
@@ -103,7 +104,8 @@ def track_errors(fit: LauncherFit, change: Float[Array, "n P"], share: float = F
     return errors
 
 
-THRESHOLD = 0.3                       # of P(three), as launcher.toml ships it
+THRESHOLD = 0.3                       # of P(three), as launcher.toml ships it; source: gate.threshold there
+# Chosen: seven of each class
 FEWEST = 20                           # outcomes by which forecasts are compared with plain shares
 
 
@@ -238,9 +240,11 @@ def _within(half_m: float, one: HoldOut) -> Float[np.ndarray, " m"]:
     return np.asarray(ndtr((half_m - one.mean_m) / one.sd_m) - ndtr((-half_m - one.mean_m) / one.sd_m))
 
 
+# Chosen: moves the average by less than 2 % of an effect
 LEAST_SHARE = 0.02                          # share of the probability below which a name has no part
 AVERAGE_STEPS = 8
 ENOUGH = 1e-3                         # of what is left between both, that a step must take away
+# Chosen: a tenth of the prior, so that heights decide wherever they tell names apart
 FAITH = 0.1                           # weight of the prior about the averaged numbers: it decides between names alike
 
 
@@ -331,9 +335,8 @@ def _left(evidence: ScoreTable, wanted: PlaneScores, free: Int[Array, " free"], 
     return plane.by_column[kept][:, free] / wanted.spread_m[kept, None], missing, (start - evidence.point)[free]
 
 
-MOST_CURVES = 3                              # curves
+MOST_CURVES = 3                       # curves; bounds the work
 BEFORE = frozenset(("distance_m", "hood_deg", "motor_ratio", *LAUNCH_STATE))
-HALF = 0.5
 UNABLE = "no simulation of single shots can hold the unexplained effect"
 APART = ("scatter.", "curve.")        # columns that are not coefficients, beside those of a tracker's errors
 
@@ -426,7 +429,7 @@ def _foreseeable(fitted: LauncherFit, correction: Correction, search: Search) ->
     test = asked.tests[max(others, key=lambda k: gain[k])]
     assert isinstance(test.what, Covariate)
     other = correct(fitted.scores, replace(test, what=test.what.led_by(BEFORE)))
-    return other if other.gain.sum() >= HALF * correction.gain.sum() else correction
+    return other if other.gain.sum() >= 0.5 * correction.gain.sum() else correction
 
 
 def freed(fitted: LauncherFit, correction: Correction) -> Freed | None:

@@ -25,6 +25,8 @@ from truearc.sim.physics.catalogue import find_parameter, find_terms
 from truearc.sim.physics.term import Term
 from truearc.sim.printed import Progress
 
+# Measured at L1 (seed 701), with ranges and sides of the terms: wrong single names 1 of 16 instead of 3, truth in the
+# set .93 instead of .87 of 61 (git show archive-1:archive/measurements.md)
 TERM_SIZES = (0.5, 1.0, 2.0, 4.0)     # of a term's amplitude, by the usual one
 
 
@@ -129,18 +131,23 @@ def by_own_prior(fitted: LauncherFit, found: LauncherFit,
     return replace(again, sd=np.maximum(again.sd, found.sd))       # which has the uncertainty of the term's shape
 
 
-REFITTED = 8                          # of the likeliest terms
+REFITTED = 8                          # of the likeliest terms; bounds the work
+# Derived: a thousandth as likely
 WITHIN = 7.0                          # nats of the likeliest by one step, beyond which none is refitted,
-SHARE = 0.5                           # or this share of its nats: one step is a poor guide to large effects
+SHARE = 0.5                           # or this share of its nats: one step is a poor guide to large effects; chosen
+# Derived: either explains 0.95^2 = 90 % of what the other does
 ALIAS = 0.95                          # correlation of two efficient slopes from which only words part them
+# Derived: a likelihood interval of 95 % ends at 1.92 (Wilks 1938), rounded
 TOLD_APART = 2.0                      # nats by which one of two such fits the better, all the same
+# The promise; how often it is kept: docs/measured/sealed.md, python -m benchmarks.proof
 SURE = 0.9                            # probability of one name, or that a set holds of what is explained
 SCAN = (-3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 3.0)     # usual sizes that are flown where the fit is lost,
 FIRM = 100.0                          # and from which a refit starts, hardly drawn towards zero
 BUSY = 1e-12                          # information, below which nothing in the data depends on a term
+# Derived: 1.5 deviations of the largest of TERM_SIZES
 MOST_USUAL = 6.0                      # usual sizes beyond which an amplitude is not what its name says,
-SPARE_SD = 2.0                           # by more standard deviations than this
-NEVER = -1e3                          # nats
+SPARE_SD = 2.0                        # by more standard deviations than this; chosen: about 95 %
+NEVER = -1e3                          # nats; beside it nothing else is as unlikely
 
 
 @dataclass(frozen=True)
@@ -329,7 +336,8 @@ def is_possible(found: LauncherFit, *usual: float) -> bool:
 
 
 def tame(candidate: Candidate, evidence: ScoreTable) -> float:
-    """The one-step amplitude, drawn towards zero as its prior would, and no larger than three usual ones."""
+    """The one-step amplitude, drawn towards zero as its prior would, and no larger than three usual ones, the largest
+    that SCAN flies."""
     usual = evidence.columns[candidate.column].usual
     shrunk = candidate.amplitude * candidate.information / (candidate.information + usual**-2.0)
     return float(np.clip(shrunk, -3.0 * usual, 3.0 * usual))

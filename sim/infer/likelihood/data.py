@@ -21,7 +21,7 @@ from truearc.sim.physics import simulate
 from truearc.sim.physics.simulate import has_wheels, is_opposed, launch_of, launch_state, own_balls, require, roll
 from truearc.sim.physics.term import Exit
 
-FEWEST_SHOTS = 10                     # by which a simulation is judged
+FEWEST_SHOTS = 10                     # by which a simulation is judged; chosen: twice the numbers of a usual belief
 
 Which = Bool[np.ndarray, " n"]
 
@@ -137,7 +137,7 @@ def _energy_column(columns: dict[str, Each]) -> dict[str, Each]:
     return {ENERGY: np.sum(drops, axis=0)}
 
 
-SLOWEST_M_S = 0.1                     # a slower launch goes nowhere, whatever its uncertainty
+SLOWEST_M_S = 0.1                     # a slower launch goes nowhere, whatever its uncertainty; bounds 1 / speed
 
 
 class Given(NamedTuple):

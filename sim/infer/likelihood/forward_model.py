@@ -29,14 +29,14 @@ from truearc.sim.physics.term import DIRECTIONS, BallState, Exit, InFlight, Open
 # How one shot differs from its configuration. The last three are of flights whose launch is unknown.
 DEVIATES = ("log_speed", "elevation_rad", "azimuth_rad", "spin_share", "distance_m", "lead_s",
             "drag_share", "spin_ratio", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
-PLANE_DEVIATES, LAUNCHED_DEVIATES = 5, 11
+PLANE_DEVIATES, LAUNCHED_DEVIATES = 5, 11  # how many of them there are at the plane, and where the launch is known
 PLANE_STEPS = 16                      # Runge-Kutta over x: heights within 1e-4 m, far below any spread
 PAD = 32                              # lanes fly in multiples of this, since each size is compiled,
 BLOCK = 64                            # and at most this number at once: more do not fit the caches
 POINTS = 64                           # likewise, of parameters at which heights are asked for
-WIDTH = 12                            # slopes that are flown together
-LEAD_STEPS = 3                        # from the launch to the first sample of its track
-TINY_M_S = 1e-9                       # of a ball that falls straight down
+WIDTH = 12                            # slopes that are flown together; bounds memory and compilations
+LEAD_STEPS = 3                        # from the launch to the first sample of its track; Runge-Kutta
+TINY_M_S = 1e-9                       # of a ball that falls straight down; bounds 1 / speed
 LOWEST_M = -6.0                       # below the floor: no height there could be a hit
 
 Slot = tuple[str, str]                # term, parameter

@@ -151,9 +151,11 @@ def read_measured(words: Sequence[str], option: str, among: Catalogue | None = N
     return found
 
 
-BANDS = 6                             # of the flight's time, with tracks
+BANDS = 6                             # of the flight's time, with tracks; chosen: sixths of a second of a long flight
 LONGEST_STEP_S, MOST_DOUBLINGS = 0.02, 4          # of Runge-Kutta in a track
+# Derived: a third, and rounding
 MOST_GROUPED = 0.34                   # groups per shot: with fewer than three shots each nothing would be left to test
+# Chosen: clusters fewer than that make tests unreliable (Cameron, Gelbach and Miller 2008)
 MANY = 10.0                           # groups, counted by size, from which each has random effects
 
 OTHERS = "others"                     # balls of a later session that are not told apart
@@ -162,6 +164,7 @@ OTHERS = "others"                     # balls of a later session that are not to
 STATED = {"track_scale": "scale_sd", "track_tilt": "tilt_sd_deg", "track_clock": "clock_sd"}
 
 # Deviations of single launches that may go with anything, and what each amounts to where it is at work.
+# Derived: as of exit_efficiency, of hood_offset, and of distance_scale at 6 m.
 FREE = (
     (0, Column("launch speed", "free", "launch", "along", "1", 0.2,
                ("the ball leaves faster", "the ball leaves slower"))),
@@ -175,6 +178,7 @@ AZIMUTH = (2, Column("launch azimuth", "free", "launch", "lateral", "rad", 0.017
 PUSH_WORDS = {"along": ("the ball is driven along its flight", "the ball is held back along its flight"),
               "vertical": ("the ball is lifted across its flight", "the ball is pressed down across its flight"),
               "lateral": ("the ball is pushed to its left", "the ball is pushed to its right")}
+# Derived: three tenths of the 5 m/s2 of drag on a foam ball of 7 inches at 10 m/s
 PUSH_USUAL = 1.5                      # m/s2, as of a wrong drag law or a breeze of 1 m/s
 
 
@@ -307,7 +311,7 @@ def weak_prior(parameter: Parameter) -> tuple[float, float]:
     """(centre, standard deviation) in the parameter's own unit: its prior, WEAKER times as wide."""
     prior = parameter.prior
     if prior is None:
-        return parameter.default, 0.2 * (parameter.high - parameter.low)
+        return parameter.default, 0.2 * (parameter.high - parameter.low)       # chosen: the range is five deviations
     spread = {"linear": 1.0, "log": prior.centre, "left": 1.0 - prior.centre}[prior.scale]
     return prior.centre, noise.WEAKER * spread * prior.sd
 
@@ -405,7 +409,9 @@ def _substeps(intake: Intake) -> int:
 
 # Names of scatters here -> in a belief; the others are of sensors, not of the launch.
 SCATTER_NAMES = {"scatter.speed": "speed", "scatter.elevation_rad": "elevation_deg"}
+# Bounds a belief's precision
 SUREST = 1e-4                         # of the catalogue's deviation: a belief may have some combination as exact
+# Chosen: repairs and other balls move one rig's numbers by less than rigs differ; a tenth of the variance
 MOVES = 0.3                           # of a parameter's prior deviation, by which one and the same rig may have changed
 
 

@@ -293,9 +293,10 @@ def plane_terms(plane: PlaneScores, seen: OutcomeObservations, mean_m: Float[Arr
     return score, np.swapaxes(carry, 1, 2) @ (outcomes.information(seen, mean_m, spread_m) @ carry)
 
 
+# Source: five or ten are a good compromise of bias and variance (Hastie et al. 2009, 7.10)
 FOLDS = 5
-STEPS = 12
-HALVINGS = 6
+STEPS = 12                            # of Fisher scoring at most,
+HALVINGS = 6                          # each halved so often at most
 
 
 def by_folds(evidence: ScoreTable, fit: Callable[[Bool[Array, " n"]], Float[Array, "n P"]]) -> Float[Array, "n P"]:
