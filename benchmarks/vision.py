@@ -85,7 +85,7 @@ def shoot(config: Config, rng: np.random.Generator, distance_m: float, look: Loo
         look = _turned(look, believed, np.clip(rng.normal(size=2), -2, 2))
     lens = make_lens(believed)
     corners, _ = project(outline_m(make_tape(tape)), view.camera_from_target, lens)
-    camera = StagedCamera(Stage(NOTHING if absent else view), lens, make_tape(tape), 20.0, 0.0,
+    camera = StagedCamera(Stage(NOTHING if absent else view), lens, make_tape(tape),
                             int(rng.integers(1 << 31)), look=look)
     patches = {kind: kind(lens, corners, rng) for kind in kinds}
     camera.clutter(tuple(patch for some in patches.values() for patch in some))
