@@ -6,10 +6,10 @@ Each figure is the second run of its size, when all code is compiled. Detection:
 data in memory to the HTML page, of a world with an effect that is found and named (wheel droop).
 """
 
-import argparse
 import time
 from collections.abc import Callable
 
+from benchmarks.options import read_options
 from truearc.sim.compute import keep_compiled
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.investigate import detect, discover, make_search
@@ -51,11 +51,7 @@ def smaller(believed: tuple[str, ...], count: int) -> Catalogue:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--shots", default="100,300,1000")
-    parser.add_argument("--level", default="L1")
-    parser.add_argument("--seed", type=int, default=5)
-    args = parser.parse_args()
+    args = read_options(__doc__, shots="100,300,1000", level="L1", seed=5)
     keep_compiled()
     print("| shots | terms | detection, s (processor) | report, s (processor) |\n|---|---|---|---|", flush=True)
     for shots in map(int, args.shots.split(",")):

@@ -31,6 +31,7 @@ from truearc.robot.runtime import run
 from truearc.robot.types import Sent, Tick
 from truearc.sim.world.emulated_robot import emulated_rig
 from truearc.sim.world.options import Options
+from truearc_proof.parallel import append_line, lines_of
 
 NS = 1e-9
 SETTLE_S, FIRE_S, MARK_S = 1.0, 2.0, 1.2      # the driver arms, asks for a ball so often, and marks it so much later
@@ -180,8 +181,7 @@ def _judge(case: Case, result: Soaked) -> None:
 
 def main() -> int:
     args = _arguments()
-    there = [msgspec.json.decode(line, type=Soaked) for line in args.out.read_bytes().splitlines()] if (
-        args.out and args.out.exists()) else []
+    there = [msgspec.convert(line, Soaked) for line in lines_of(args.out)] if args.out else []
     done = {(one.case, one.launcher) for one in there if not one.wrong}
     wrong = 0
     for name, case in CASES.items():
@@ -193,8 +193,7 @@ def main() -> int:
                   f"{result.gaps_s[0]:.2f} and {result.gaps_s[1]:.2f} s; "
                   f"{'; '.join(result.wrong) or 'as it should be'}", flush=True)
             if args.out:
-                with args.out.open("ab") as file:
-                    file.write(msgspec.json.encode(result) + b"\n")
+                append_line(args.out, result)
     return int(wrong > 0)
 
 

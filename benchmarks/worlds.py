@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 from msgspec import Struct
 
+from benchmarks.options import add_options
 from truearc.cli.common import make_progress
 from truearc.errors import InputError
 from truearc_proof.parallel import fill, lines_of
@@ -96,14 +97,13 @@ def mark_job(job: Job, finding: dict[str, Any]) -> Mark:
     return mark(drawn_of(job), finding, Measured(strength=finding.get("strength")))
 
 
-def parser_of(text: str | None) -> argparse.ArgumentParser:
-    """A parser with where lines are kept and how many worlds run at a time; the benchmark adds its own arguments."""
+def read_args(text: str | None, **options: Any) -> argparse.Namespace:
+    """Where lines are kept, how many worlds run at a time, and the benchmark's own options."""
     parser = argparse.ArgumentParser(description=text, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--processes", type=int, help="at a time (one a core)")
     place = parser.add_mutually_exclusive_group(required=True)
     place.add_argument("--out", type=Path, metavar="FILE", help="a line a world; what is there is not run again")
     place.add_argument("--table", type=Path, metavar="FILE", help="print what is there (packed or not), run nothing")
-    return parser
+    return add_options(parser, processes=(int, "at a time (one a core)"), **options).parse_args()
 
 
 def fill_and_tell(args: argparse.Namespace, plan: Callable[[], Mapping[str, One]], run: Callable[[One], Line],

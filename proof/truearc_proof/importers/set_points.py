@@ -270,14 +270,11 @@ def import_971(speeds: str | Path) -> Dataset:
         need_columns(table, SPEEDS_971)
         speed_m_s, wheel_rad_s = (_positive(table, name, problems) for name in SPEEDS_971)
     wheels = tuple(Wheel(name, WHEEL_M, 1.0, clock_deg) for name, clock_deg in (("left", 270.0), ("right", 90.0)))
-    shots = Shots(_ids(table), {"hood_deg": np.full(len(speed_m_s), NO_ELEVATION_DEG), "wheel_left_rad_s": wheel_rad_s,
-                                "wheel_right_rad_s": wheel_rad_s, "exit_speed_m_s": speed_m_s}, {})
+    shots = Shots(tuple(f"{row:02d}" for row in range(1, len(speed_m_s) + 1)), {
+        "hood_deg": np.full(len(speed_m_s), NO_ELEVATION_DEG), "wheel_left_rad_s": wheel_rad_s,
+        "wheel_right_rad_s": wheel_rad_s, "exit_speed_m_s": speed_m_s}, {})
     return Dataset("frc-971", Rig(BALL, LauncherFacts(RELEASE_M, None, wheels), air=Air(1.2),
                                     believe=Believe(("gravity", "exit_efficiency"))), shots)
-
-
-def _ids(table: RawTable) -> tuple[str, ...]:
-    return tuple(f"{row + 1:02d}" for row in range(len(table.lines)))
 
 
 def _positive(table: RawTable, name: str, problems: Problems) -> np.ndarray:

@@ -130,7 +130,7 @@ PLAN = with_plan(CONFIG, (Prescribed(4.0, 0.5, 47.0),), 1)
 
 
 def record(folder, recordings):
-    return collect.make_record(folder, None, 1, lambda what: lambda done, note: None)(recordings, "test")
+    return collect.make_record(folder, 1, lambda what: lambda done, note: None)(recordings, "test")
 
 
 @pytest.fixture(scope="module")
@@ -171,7 +171,7 @@ def test_one_that_was_broken_off_is_recorded_anew(recorded):
 def test_sessions_recorded_by_other_processes_are_known_again(tmp_path):
     """Worker processes get configurations by pickle, in which a default is an equal value and another object."""
     recordings = [Recording(name, CONFIG, 1, seed) for name, seed in (("one", 7), ("two", 8))]
-    sessions = collect.make_record(tmp_path, None, 2, lambda what: lambda done, note: None)(recordings, "test")
+    sessions = collect.make_record(tmp_path, 2, lambda what: lambda done, note: None)(recordings, "test")
     assert [len(load_trials(session)) for session in sessions] == [1, 1]
 
 
