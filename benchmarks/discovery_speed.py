@@ -30,11 +30,6 @@ def detection(dataset: Dataset, catalogue: Catalogue = BUILT_IN) -> None:
     detect(fitted, make_search(dataset), lambda done, note: None)
 
 
-def report(dataset: Dataset) -> None:
-    """From data to page."""
-    make_report(dataset.name, discover(dataset))
-
-
 def second(run: Callable[[], None]) -> tuple[float, float]:
     """(wall, processor) seconds of the second of two runs."""
     run()
@@ -60,7 +55,7 @@ def main() -> None:
             catalogue = smaller(dataset.facts.believe.terms, count)
             found = second(lambda dataset=dataset, catalogue=catalogue: detection(dataset, catalogue))
             whole = "" if len(catalogue.terms) < len(TERMS) else "{:.1f} ({:.1f})".format(
-                *second(lambda dataset=dataset: report(dataset)))
+                *second(lambda dataset=dataset: make_report(dataset.name, discover(dataset))))
             print(f"| {shots} | {len(catalogue.terms)} | {found[0]:.2f} ({found[1]:.2f}) | {whole} |", flush=True)
 
 

@@ -91,10 +91,8 @@ def _run_all(args: Any, folder: Path) -> list[Result]:
         args.out.write_bytes(b"".join(msgspec.json.encode(result) + b"\n" for result in there))
     done = {(result.fault, result.bus) for result in there}
     buses = [bus for bus in args.bus.split(",") if bus != "socketcan" or VCAN.exists()]
-    for row in ROWS:
+    for row in (row for row in ROWS if re.search(args.only, row.name)):
         for bus in (bus for bus in buses if bus in row.buses and (row.name, bus) not in done):
-            if not re.search(args.only, row.name):
-                continue
             result = run_row(row, bus, folder)
             there.append(result)
             print(f"{bus:9} {row.name}: {'WRONG: ' + '; '.join(result.wrong) if result.wrong else result.outcome}",

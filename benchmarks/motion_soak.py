@@ -21,6 +21,7 @@ from msgspec.structs import replace
 from benchmarks.matrix.motion import FREE_RAD_S, GOOD_S, PLACE_M, SET_RAD_S, MovingWorld, ToldEyes, make_sick_nodes
 from benchmarks.matrix.rows import INTERLOCKS
 from benchmarks.matrix.run import with_launcher
+from benchmarks.options import add_options
 from truearc.cli.common import SHIPPED
 from truearc.hw.devices.button_box import open_button_box
 from truearc.hw.emulated.nodes import StepClock
@@ -180,7 +181,10 @@ def _judge(case: Case, result: Soaked) -> None:
 
 
 def main() -> int:
-    args = _arguments()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--launcher", default="odrive", choices=("odrive", "spark"))
+    args = add_options(parser, only=("", "a pattern: cases whose names match"), seconds=(800.0, "emulated, of each"),
+                       out=(Path, "a line a case; goes on where it ended")).parse_args()
     there = [msgspec.convert(line, Soaked) for line in lines_of(args.out)] if args.out else []
     done = {(one.case, one.launcher) for one in there if not one.wrong}
     wrong = 0
@@ -195,15 +199,6 @@ def main() -> int:
             if args.out:
                 append_line(args.out, result)
     return int(wrong > 0)
-
-
-def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", default="", metavar="PATTERN", help="cases whose names match")
-    parser.add_argument("--seconds", type=float, default=800.0, help="emulated, of each case (default 800)")
-    parser.add_argument("--launcher", default="odrive", choices=("odrive", "spark"))
-    parser.add_argument("--out", type=Path, metavar="FILE", help="a line a case; goes on where it ended")
-    return parser.parse_args()
 
 
 if __name__ == "__main__":

@@ -1,7 +1,6 @@
 """Options of a benchmark as a table: by name, each a default, or a default and what it is.
 
-A default that is a type stands for none, False for a flag. A file of its own: benchmarks that time a gate or a camera
-import nothing of the proof.
+A default that is a type stands for none, False for a flag. Nothing of the proof is imported here.
 """
 
 import argparse

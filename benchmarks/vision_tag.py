@@ -42,8 +42,8 @@ def main() -> None:
                   f"{np.sqrt(np.mean((off / true[there])**2)):.2%} | {np.abs(off / true[there]).max():.2%} | "
                   f"{np.mean(np.abs(off) <= sigma[there]):.2f} |")
     every = replace(CONFIG, apriltag=replace(TAG, ids=tuple(range(587))))
-    wrong = sum(find_target(distractor(rng), every).found for _ in range(args.distractors))
-    print(f"\nwrong tags in {args.distractors} pictures of distractors: {wrong}")
+    print(f"\nwrong tags in {args.distractors} pictures of distractors: "
+          f"{sum(find_target(distractor(rng), every).found for _ in range(args.distractors))}")
 
 
 if __name__ == "__main__":

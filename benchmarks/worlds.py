@@ -70,31 +70,20 @@ def plan_jobs(kinds: Sequence[str], levels: Sequence[str], shots: Sequence[int],
     return jobs
 
 
-def amount_of(job: Job) -> float:
-    """Amplitude of the hidden effect, its sign by the seed where nature leaves it open; 0 for nulls."""
-    if job.kind == "nulls":
-        return 0.0
-    effect = find_effect(job.name)
-    return effect.typical * job.scale * (-1.0 if effect.signed and job.index % 2 else 1.0)
-
-
 def world_of(job: Job) -> World:
-    """The world itself."""
-    dirt = DIRTS[job.name] if job.kind == "nulls" else ()
-    effects = {job.name: amount_of(job)} if job.kind in ("effects", "off") else {}
-    return make_world(effects, job.level, job.shots, job.seed, dirt)
-
-
-def drawn_of(job: Job) -> Drawn:
-    """The world as a round of proof would state it."""
-    kind = "clean" if job.name == "clean" else KINDS[job.kind]
-    world = world_of(job)
-    return Drawn(job.key, NUMPY, kind, job.level, job.shots, job.seed, dict(world.effects), tuple(world.dirt))
+    """The world itself; the sign of its effect is the seed's where nature leaves it open."""
+    if job.kind == "nulls":
+        return make_world({}, job.level, job.shots, job.seed, DIRTS[job.name])
+    effect = find_effect(job.name)
+    amount = effect.typical * job.scale * (-1.0 if effect.signed and job.index % 2 else 1.0)
+    return make_world({job.name: amount}, job.level, job.shots, job.seed)
 
 
 def mark_job(job: Job, finding: dict[str, Any]) -> Mark:
     """Marks of one finding, by the proof's own rules; `strength` of what is in no catalogue is in it."""
-    return mark(drawn_of(job), finding, Measured(strength=finding.get("strength")))
+    kind, world = "clean" if job.name == "clean" else KINDS[job.kind], world_of(job)
+    drawn = Drawn(job.key, NUMPY, kind, job.level, job.shots, job.seed, dict(world.effects), tuple(world.dirt))
+    return mark(drawn, finding, Measured(strength=finding.get("strength")))
 
 
 def read_args(text: str | None, **options: Any) -> argparse.Namespace:

@@ -232,27 +232,29 @@ Kind = Callable[[Lens, Array | None, np.random.Generator], tuple[Patch, ...]]
 KINDS: tuple[Kind, ...] = (lights, frames, floor_reflection, second_goal, other_target, in_the_way, glare)
 
 
+def _tape(level: float) -> tuple[float, float, float]:
+    """The tape's colour, so bright."""
+    blue, green, red = TAPE_BGR
+    return level * blue, level * green, level * red
+
+
 def _shine(random: np.random.Generator) -> tuple[float, float, float]:
     level = float(random.uniform(0.3, 1.2))
     if random.random() < 0.6:
-        blue, green, red = (level * part for part in TAPE_BGR)
-    else:
-        blue, green, red = (float(part) for part in random.uniform(20, 255, 3))
+        return _tape(level)
+    blue, green, red = random.uniform(20, 255, 3).tolist()
     return blue, green, red
 
 
 def _bar(begin: Array, end: Array, wide_px: float, level: float) -> Patch:
     along = (end - begin) / max(float(np.hypot(*(end - begin))), 1e-9)
     side = np.array([along[1], -along[0]]) * wide_px / 2
-    blue, green, red = (level * part for part in TAPE_BGR)
-    return Patch(np.array([begin + side, end + side, end - side, begin - side]), (blue, green, red))
+    return Patch(np.array([begin + side, end + side, end - side, begin - side]), _tape(level))
 
 
 def _outline_bars(outline: Array, level: float) -> tuple[Patch, ...]:
     """The tape's outline (8, 2) of truearc.hw.emulated.camera as three strips."""
-    blue, green, red = (level * part for part in TAPE_BGR)
-    return tuple(Patch(outline[list(corners)], (blue, green, red))
-                 for corners in ((0, 1, 5, 4), (1, 2, 6, 5), (3, 0, 4, 7)))
+    return tuple(Patch(outline[list(corners)], _tape(level)) for corners in ((0, 1, 5, 4), (1, 2, 6, 5), (3, 0, 4, 7)))
 
 
 def _shape(strips_m: tuple[Array, ...], lens: Lens, random: np.random.Generator,
