@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.matrix.fault import REARM, Motion, Row
 from benchmarks.matrix.judge import Result, judge
-from benchmarks.matrix.motion import COLUMNS, SET_RAD_S, STEP_S, Moved, judge_motion
+from benchmarks.matrix.motion import COLUMNS, SET_RAD_S, Moved, judge_motion
 from benchmarks.matrix.play import play
 from benchmarks.matrix.rows import MOTION_ROWS
 from benchmarks.motion_soak import CASES, soak
@@ -72,6 +72,9 @@ def test_what_moves_is_released_in_real_time(name: str, tmp_path: Path) -> None:
 def test_no_false_release_in_a_short_run(name: str) -> None:
     result = soak(name, CASES[name], "odrive", 40.0)
     assert not result.wrong, result
+
+
+STEP_S = 0.001                        # of the log
 
 
 def log_of(seconds: float, torque_until_s: float, wheel_rad_s: float = SET_RAD_S, hood_deg: float = 45.0) -> np.ndarray:

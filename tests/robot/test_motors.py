@@ -230,7 +230,7 @@ def test_frames_by_length_and_how_often_at_every_tick_rate() -> None:
                 for command, (length, most) in commands.items()}
     expected |= {(node << 5 | asked, False, True, 0): 5 for node in (1, 2, 3, 4) for asked in (0, ADDRESS)}
     expected |= {(node << 5 | LIMITS, False, False, 8): 5 for node in (1, 2, 3)}
-    assert limits_of(CONFIG) == expected | {(3 << 5 | 0x04, False, False, 8): 5, (ENCODER_SETTING, True, False, 8): 5,
+    assert limits_of(CONFIG) == expected | {(3 << 5 | 0x04, False, False, 8): 31, (ENCODER_SETTING, True, False, 8): 5,
                                             (ENCODER_ASKED, True, False, 8): 5}
     fast = allowed_of(replace(CONFIG, tick_hz=2 * CONFIG.tick_hz))
     assert max(kind.most for kind in fast) > 1.8 * max(kind.most for kind in allowed_of(CONFIG))

@@ -27,7 +27,8 @@ from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.protocols import NS_PER_MS, BadFrame, Frame, MotorReading, Order
 
 RETRY_NS = 100_000_000                # how often orders to come up or to let go are repeated: a frame may be lost
-ENDSTOP_NS = 50_000_000               # an answer about the limit switch is good for; then it is asked until it answers
+ENDSTOP_NS = 50_000_000               # between two questions about the limit switch ...
+ENDSTOP_LOST_NS = 250_000_000         # ... but each tick where an answer is overdue, and not missing for longer
 FEED_NS = 25_000_000                  # an unchanged torque is repeated this often: the watchdog wants to hear it
 
 
@@ -48,7 +49,7 @@ class OdriveMotor(drivers.AskedMotor):
         self._stop = (odrive.make_torque(axis, 0.0), odrive.make_state(axis, odrive.IDLE))
         self._wanted = self._driven = False
         self._asked_ns = -RETRY_NS
-        self._fed_ns = 0
+        self._endstop_ns = self._fed_ns = 0
         self._asked_nm = 0.0
 
     def take(self, frame: Frame) -> None:
@@ -64,7 +65,9 @@ class OdriveMotor(drivers.AskedMotor):
         self._wanted = wanted
         driven_nm = torque_nm if self._trip.is_timely else None
         frames += self._keep_state(driven_nm is not None, t_ns) + self._asked()
-        if self._axis.endstop_endpoint and t_ns - self.reading.endstop_t_ns >= ENDSTOP_NS:
+        overdue = ENDSTOP_NS <= t_ns - self.reading.endstop_t_ns <= ENDSTOP_LOST_NS
+        if self._axis.endstop_endpoint and (overdue or t_ns - self._endstop_ns >= ENDSTOP_NS):
+            self._endstop_ns = t_ns
             frames += (odrive.make_endstop_query(self._axis),)
         return Order(frames) if driven_nm is None else Order(frames + self._feed(driven_nm, t_ns), driven_nm)
 
