@@ -70,13 +70,16 @@ def plan_jobs(kinds: Sequence[str], levels: Sequence[str], shots: Sequence[int],
     return jobs
 
 
-def world_of(job: Job) -> World:
-    """The world itself; the sign of its effect is the seed's where nature leaves it open."""
-    if job.kind == "nulls":
-        return make_world({}, job.level, job.shots, job.seed, DIRTS[job.name])
+def amount_of(job: Job) -> float:
+    """Amplitude of the hidden effect, its sign by the seed where nature leaves it open."""
     effect = find_effect(job.name)
-    amount = effect.typical * job.scale * (-1.0 if effect.signed and job.index % 2 else 1.0)
-    return make_world({job.name: amount}, job.level, job.shots, job.seed)
+    return effect.typical * job.scale * (-1.0 if effect.signed and job.index % 2 else 1.0)
+
+
+def world_of(job: Job) -> World:
+    """The world itself."""
+    effects, dirt = ({}, DIRTS[job.name]) if job.kind == "nulls" else ({job.name: amount_of(job)}, ())
+    return make_world(effects, job.level, job.shots, job.seed, dirt)
 
 
 def mark_job(job: Job, finding: dict[str, Any]) -> Mark:

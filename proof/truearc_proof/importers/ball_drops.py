@@ -83,7 +83,7 @@ def import_ball_drops(*files: str | Path) -> Dataset:
     """
     with gathered() as problems:
         drops, *balls = map(Path, files)
-        tables = load_sheets(drops, *balls, problems) if balls else [load_table(drops, problems)]
+        tables = load_sheets(drops, balls[0], problems) if balls else [load_table(drops, problems)]
         found = [drop for table in tables for drop in _drops(table, problems)]
     kept = [drop for drop in found if len(drop.samples) >= SHORTEST]
     left_out = tuple(f"{drop.name}: fewer than {SHORTEST} samples" for drop in found if len(drop.samples) < SHORTEST)
