@@ -145,9 +145,8 @@ def in_short(tables: Sequence[Table]) -> list[Table]:
 def differences_table(analysis: Analysis) -> Table:
     rows = []
     for found in analysis.differences:
-        gap = found.difference
-        told = _twice(gap, "+.4f") if found.metric in figures.LOW_IS_GOOD else _twice(
-            Interval(*(100 * one for one in gap[:-1]), gap.n), "+.1f", " points")
+        told = (_twice(found.difference, "+.4f") if found.metric in figures.LOW_IS_GOOD
+                else _twice(found.difference, "+.1f", " points", 100.0))
         setting = f" ({found.setting})" if found.setting else ""
         rows.append((found.where, NAMES[found.metric], found.other + setting, f"{found.ours:.3f}",
                      f"{found.theirs:.3f}", told, "yes" if found.better else "no"))
@@ -171,9 +170,9 @@ def _told(found: Interval, form: str, unit: str = "") -> str:
     return f"{found.mean:{form}}{unit} ({found.low:{form}} to {found.high:{form}})"
 
 
-def _twice(found: Interval, form: str, unit: str = "") -> str:
-    return (f"{found.mean:{form}}{unit} ({found.low:{form}} to {found.high:{form}}; "
-            f"{found.boot_low:{form}} to {found.boot_high:{form}})")
+def _twice(found: Interval, form: str, unit: str = "", factor: float = 1.0) -> str:
+    mean, *ends = (format(factor * one, form) for one in found[:5])
+    return "{}{} ({} to {}; {} to {})".format(mean, unit, *ends)
 
 
 def draw_deviations(repetitions: Sequence[Repetition], three_m: float, two_m: float) -> Figure:
